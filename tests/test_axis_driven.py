@@ -96,3 +96,32 @@ def test_speeds_of_a_direction_are_those_of_nine_rows_in_ten():
     faster = driven(segment != 0, velocity, segment, force)
     assert [one.slowest for one in faster] == [0.4, 0.1]
     assert driven(segment == 2, velocity, segment, force)[0].direction == "backwards"
+
+
+def arm(late, friction, seed=0):
+    """A pendulum arm of 3.3 N m moved to and fro, its torque `late` [s] after the motion."""
+    random = np.random.default_rng(seed)
+    time = np.arange(0, 24, 1 / RATE)
+    angle = 1.2 * np.sin(1.1 * time) + 0.5 * np.sin(2.7 * time + 1) + 0.2 * np.sin(5.3 * time)
+    rate, inertia = np.gradient(angle, time), 0.06 * np.gradient(np.gradient(angle, time), time)
+    own = friction * (np.tanh(rate / 1e-3) + 0.3 * rate + inertia)
+    torque = np.interp(time - late, time, 3.3 * np.sin(angle) + own)
+    torque += 0.02 * random.standard_normal(len(time))
+    angle = angle + 1e-4 * random.standard_normal(len(time))
+    return axis_from_arrays(time, torque, position=angle, coordinate="rotary", force_unit="N m")
+
+
+@pytest.mark.parametrize(("late", "friction", "fed_back"), [(0.04, 0.0, True), (0.0, 1.0, False)])
+def test_a_torque_that_follows_the_position_is_feedback(late, friction, fed_back):
+    """A hand moves the arm, and its motor carries the weight: nothing is claimed of the axis."""
+    offered = {"gravity", "sensor_delay", "sensor_lag"}
+    loop = jf.close_axis_loop(arm(late, friction), without=sorted(set(AXIS_CATALOGUE) - offered))
+    assert bool(loop.details.feedback) is fed_back
+    assert ("feedback" in loop.sentence) is fed_back
+    assert loop.verdict == ("ambiguous" if fed_back else "effects")
+    if fed_back:
+        assert loop.details.gains.claim.kind == "open"
+        assert "40 ms" in loop.details.feedback
+    else:
+        assert loop.after.parameters["gravity.a"].value == pytest.approx(3.3, abs=0.1)
+        assert loop.effects == ("gravity",) and loop.after.parameters["F_c"].determined

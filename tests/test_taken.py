@@ -32,6 +32,7 @@ def both(name, before, after):
         ("M", (14.5, 0.1), (3.1, 0.2), True),
         ("M", (14.5, 0.1), (4.6, 0.2), False),
         ("F_c", (11.2, 0.3), (1.4, 7.2), True),
+        ("F_c", (-0.3, 0.01), (0.1, 0.2), False),  # there was none to take
         ("F_v", (200.0, 3.0), (10.0, 90.0), False),  # a curve of velocity stands for it
         ("F_v", (200.0, 3.0), (-90.0, 30.0), True),
         ("F_0", (5.0, 0.1), (-5.0, 0.1), False),  # an offset has no sign

@@ -129,6 +129,10 @@ class AbstractBench(abc.ABC):
         """K/K_cr of the base; None where there is no critical stiffness."""
 
     @abc.abstractmethod
+    def withheld(self, engine: Engine, found: Search) -> str:
+        """Why nothing at all may be said of what is missing, in words; '' as a rule."""
+
+    @abc.abstractmethod
     def warnings(self, engine: Engine, found: Search) -> tuple[str, ...]:
         """Warnings for the user about the record, its preparation and the fits."""
 
@@ -213,6 +217,7 @@ def run(
         located=where,
         curve=curve,
         moved=_moved(before, after),
+        withheld=bench.withheld(engine, found),
     )
     alone = dataclasses.replace(after.noise, sigma=floor.sigma)  # everything smooth taken out
     return Loop(

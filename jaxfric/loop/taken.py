@@ -16,6 +16,8 @@ import numpy as np
 from ..fitting import Estimate
 
 _ONE_SIGN = ("A", "B", "L", "M", "F_c", "F_v")
+_EITHER = ("B",)
+"""Parameters of which clays have negative ones; of others a negative value is no loss."""
 _SHARED = ("F_v",)
 """Friction that another curve of velocity may well take over: it may be lost, not turn its sign."""
 _WHOLE = ("M", "F_c")
@@ -34,7 +36,8 @@ def taken(
 
 
 def _is_taken(name: str, before: Estimate, after: Estimate) -> bool:
-    if not (before.determined and abs(before.value) > _KNOWN * before.std):
+    possible = before.value > 0 or name in _EITHER
+    if not (before.determined and possible and abs(before.value) > _KNOWN * before.std):
         return False
     margin = _LOST * after.std
     if not (after.determined and np.isfinite(margin)):

@@ -185,13 +185,17 @@ def conclude(
     located: str,
     curve: CurveFamily | None = None,
     moved: str = "",
+    withheld: str = "",
 ) -> Conclusion:
     """The conclusion. `edge` is K/K_cr of the base fit, `located` a sentence of the location map,
     `curve` the shapes that fit in place of the steady curve that the search found, `moved` which
-    headline parameters move by many of their errors, in words."""
+    headline parameters move by many of their errors, in words, `withheld` why nothing may be
+    said."""
     final, base = search.final, search.base
     groups = _groups(search)
     separations = {id: effect_of_engine(engine, id).separated_by for g in groups for id in g}
+    if withheld:
+        return _withheld(f"No verdict: {withheld}.", withheld, floor)
     if base.failed and edge is None:
         text = (
             "No verdict: where its fit ended, the base model cannot be simulated, so nothing can be"

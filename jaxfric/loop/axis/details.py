@@ -24,7 +24,7 @@ from ..search import Search
 from .driven import driven
 from .reading import Reading
 from .result import AxisDetails, AxisRows
-from .seen import Seen, seen
+from .seen import Seen, seen, words_of_feedback
 
 
 def as_published(problem: AxisProblem, prepared: Prepared, rows: AxisRows) -> AxisProblem:
@@ -46,10 +46,12 @@ def details_of(
     problem: AxisProblem,
     engine: Engine[AxisProblem],
     found: Search,
+    feedback: float | None,
     progress: Callable[[str], None],
 ) -> AxisDetails:
     """Both fits of the base and of the final model, over all rows; `told` are the parameters that
-    the loop ends with (`Estimate` by name), which stand beside them."""
+    the loop ends with (`Estimate` by name), which stand beside them;
+    `feedback` as by `seen.follows`."""
     prepared, rows = reading.prepared, reading.rows
     usual_force = as_published(problem, prepared, rows)
     fits: list[tuple[str, AxisFit]] = []
@@ -69,7 +71,7 @@ def details_of(
     unit = "rad" if record.coordinate == "rotary" else "m"
     force = np.asarray(prepared.force)[: len(rows.time)]
     directions = driven(rows.used, rows.velocity, rows.segment, force)
-    known = seen(engine, found, rows, prepared, unit, directions)
+    known = seen(engine, found, rows, prepared, unit, directions, feedback)
     place = float(np.median(rows.position))
     gains = _gains(rig, place, known, record.drive)
     return AxisDetails(
@@ -85,6 +87,7 @@ def details_of(
         estimates(engine, found.final, record.force_unit)[2],
         _borne(rig, place, gains.worst_velocity, record.drive),
         directions,
+        "" if feedback is None else words_of_feedback(feedback),
     )
 
 

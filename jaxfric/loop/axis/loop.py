@@ -7,6 +7,7 @@ evidence, tests and verdict are those of `jaxfric.loop`.
 import dataclasses
 import time
 from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import Self
 
@@ -39,7 +40,7 @@ from .nonlinear import axis_sensitivities, friction_bumps
 from .reading import Reading, read_rows
 from .result import AxisBase, AxisDetails, AxisRows, PreparedRecord
 from .rows import scales_of
-from .seen import doubts, held_command
+from .seen import doubts, follows, held_command, words_of_feedback
 
 # What a controller makes of encoder noise lasts about as long as a row; what lasts longer is
 # structure.
@@ -148,6 +149,11 @@ class AxisBench(AbstractBench):
             bounds=NoiseBounds(longest, either_sign=True, by_step=False),
         )
 
+    @cached_property
+    def feedback(self) -> float | None:
+        """By how much the force follows the position, as by `follows`."""
+        return follows(self.problem, self.reading.rows, self.record.coordinate == "rotary")
+
     def _one_speed(self) -> bool:
         """Whether each direction was driven at one speed."""
         rows = self.reading.rows
@@ -222,10 +228,14 @@ class AxisBench(AbstractBench):
     def edge(self) -> None:
         """None: an axis moves as measured, so that no stiffness is near its critical value."""
 
+    def withheld(self, engine: Engine[AxisProblem], found: Search) -> str:
+        """That the force is feedback, where it is."""
+        return "" if self.feedback is None else words_of_feedback(self.feedback)
+
     def warnings(self, engine: Engine[AxisProblem], found: Search) -> tuple[str, ...]:
         """Warnings of the record, of its rows, and of what was seen at low speed."""
         final = found.final
-        seen = doubts(engine, found, self.counted)
+        seen = doubts(engine, found, self.counted, self.feedback)
         if not self.held:
             interval = float(np.median(np.diff(self.record.time)))
             seen += held_command(engine.values(final.z), final.effects, interval)
@@ -250,7 +260,14 @@ class AxisBench(AbstractBench):
     ) -> AxisDetails:
         """Fits over all rows, and gains."""
         return details_of(
-            self.record, self.reading, after.parameters, self.problem, engine, found, progress
+            self.record,
+            self.reading,
+            after.parameters,
+            self.problem,
+            engine,
+            found,
+            self.feedback,
+            progress,
         )
 
 

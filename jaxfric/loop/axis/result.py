@@ -125,6 +125,8 @@ class AxisDetails:
     its worst velocity; negative: not even at once; None where they or M are not known."""
     driven: tuple[Driven, ...] = ()
     """The speeds of each direction, and friction there."""
+    feedback: str = ""
+    """That the force is the answer of a controller, in words; '' where it moves the axis."""
 
     def tables(self) -> list[TextTable]:
         """Parameters and errors of the fits, side by side."""
@@ -165,10 +167,10 @@ class AxisDetails:
         return f"stick-slip: {self.gains.short(*self._units())}"
 
     def found(self) -> str:
-        """What is known of friction where one speed a direction leaves its parameters open; ''
-        elsewhere."""
-        if not at_one_speed(self.driven):
-            return ""
+        """What is known where one speed a direction leaves the parameters of friction open, or the
+        force is feedback; '' elsewhere."""
+        if self.feedback or not at_one_speed(self.driven):
+            return self.feedback
         unit = "m" if self.record.coordinate == "linear" else "rad"
         said = words_of_driven(self.driven, self.record.force_unit, f"{unit}/s")
         return f"{said}; {listed(UNKNOWN)} are not known, as {ONE_SPEED}"

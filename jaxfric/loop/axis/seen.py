@@ -28,6 +28,10 @@ _BINS, _FEWEST_ROWS = 12, 8
 _STAIRS = 4.0
 """The low-pass took motion away where it took more than this many noises of the encoder."""
 _QUANTILE = 0.02
+_LATEST, _LAGS = 0.2, 101
+"""The latest answer of a controller that is looked for [s], and how many are."""
+_PLACE = 0.05
+"""Share of the force that the position leaves where there is neither inertia nor friction."""
 _UNEXPLAINED = 0.5
 """A fit explains too little that leaves more than this share of the force's deviation."""
 
@@ -49,9 +53,11 @@ def seen(
     prepared: Prepared,
     unit: str,
     directions: Sequence[Driven],
+    feedback: float | None,
 ) -> Seen:
     """What supports the slope of the last fit of a `search`; `unit` is that of the position, for
-    texts. Of speeds at which only one of the `directions` was driven nothing is told."""
+    texts. Of speeds at which only one of the `directions` was driven nothing is told, nor
+    where the force is `feedback` (`follows`)."""
     found = search.final
     speed = np.abs(rows.velocity[rows.used])
     ways = [speed[np.sign(rows.velocity[rows.used]) == one.sign] for one in directions] or [speed]
@@ -78,7 +84,7 @@ def seen(
         unseen.append(Unseen("the two directions were driven at no speed in common", np.inf))
         slowest, fastest = (float(np.quantile(speed, _QUANTILE)), float(speed.max()))
     unseen = [Unseen(why, np.nextafter(slowest, 0.0)), *unseen]
-    unseen += [Unseen(why, np.inf) for why in doubts(engine, search, rows)]
+    unseen += [Unseen(why, np.inf) for why in doubts(engine, search, rows, feedback)]
     error = slope_error(engine, found, float(np.median(rows.position)))
     return Seen(slowest, fastest, error, _above(engine, found, rows), tuple(unseen))
 
@@ -108,9 +114,14 @@ def slowest_told(
     return max(limits)
 
 
-def doubts(engine: Engine[AxisProblem], search: Search, rows: AxisRows) -> list[str]:
-    """Why the last fit of a search describes no friction at all, in words."""
+def doubts(
+    engine: Engine[AxisProblem], search: Search, rows: AxisRows, feedback: float | None = None
+) -> list[str]:
+    """Why the last fit of a search describes no friction at all, in words; `feedback` as by
+    `follows`."""
     why, found = [], search.final
+    if feedback is not None:
+        why.append(words_of_feedback(feedback))
     if not engine.problem.possible(jnp.asarray(found.z)):
         why.append("the fitted friction would drive the axis, so that the model is wrong")
     force = np.asarray(engine.problem.friction)[: len(rows.time)][rows.used]
@@ -126,6 +137,42 @@ def doubts(engine: Engine[AxisProblem], search: Search, rows: AxisRows) -> list[
             f" without, by {100 * (after / before - 1):.0f} %"
         )
     return why
+
+
+def follows(problem: AxisProblem, rows: AxisRows, rotary: bool) -> float | None:
+    """By how much the force follows the position [s], where it is that of the position alone.
+
+    What moves an axis moves its mass and meets friction; a controller that carries a weight answers
+    to where the axis is. None where the position of up to 0.2 s before leaves more than a twentieth
+    of the force: for inertia and friction.
+    """
+    here, n = rows.used, len(rows.time)
+    force = np.asarray(problem.friction)[:n][here]
+    motion = problem.motion
+    position = np.asarray(motion.position)
+    of_place = [np.ones_like(position), position, position**2]
+    of_place += [np.sin(position), np.cos(position)] if rotary else []
+    fine = np.arange(len(position)) * float(problem.interval)
+
+    def left(late: float) -> float:
+        """Root mean square of what the position leaves of the force."""
+        moved = (jnp.asarray(np.interp(fine - late, fine, column)) for column in of_place)
+        matrix = np.stack([np.asarray(problem.sampler(one))[:n][here] for one in moved], axis=1)
+        return float(np.std(force - matrix @ np.linalg.lstsq(matrix, force, rcond=None)[0]))
+
+    lags = np.linspace(0.0, _LATEST, _LAGS)
+    alone = [left(late) for late in lags.tolist()]
+    best = int(np.argmin(alone))
+    return float(lags[best]) if alone[best] < _PLACE * np.std(force) else None
+
+
+def words_of_feedback(late: float) -> str:
+    """That a force is that of the position, `late` by so much [s]."""
+    after = f" {1e3 * late:.2g} ms before" if late else ""
+    return (
+        f"the force is that of the position{after} alone, without inertia and friction: it is"
+        " feedback, the answer of a controller that carries a weight, and not what moves the axis"
+    )
 
 
 def held_command(values: Mapping[str, float], effects: Sequence[str], interval: float) -> list[str]:
