@@ -180,6 +180,14 @@ def test_an_error_is_compared_with_what_was_recorded():
     assert axis._compared("fit", "m", error, recorded, "N", None).in_sigma is None
 
 
+@pytest.mark.parametrize(("used", "told"), [(51, False), (34, True)])
+def test_how_many_rows_a_prediction_rests_on_is_told_where_they_are_few(used, told):
+    rows = SimpleNamespace(velocity=np.resize([0.2, -0.2], 100), used=np.arange(100) < used)
+    record = type("Made", (), {"coordinate": "linear", "__len__": lambda self: 1170})()
+    texts = axis._warnings(SimpleNamespace(saved=saved([0.3]), rows=rows, record=record))
+    assert any("34 of 100 rows count (1170 in the file" in text for text in texts) is told
+
+
 @pytest.mark.parametrize("count", [1e-6, 4e-6])
 def test_the_noise_of_a_position_is_no_less_than_that_of_a_count(count):
     """An encoder that moves by one count a row in steps: a count is uniform over sqrt(12)."""
@@ -216,7 +224,8 @@ def test_the_force_that_the_model_predicts_better_is_taken(monkeypatch, inside):
 
 
 def test_the_error_of_an_axis_shift_is_that_of_both_fits(monkeypatch):
-    fit = SimpleNamespace(values={"f0": 1.5, "A": 2.0}, std={"f0": 0.3, "A": np.nan}, rms=0.7)
+    fit = SimpleNamespace(values={"f0": 1.5, "A": 2.0}, std={"f0": 0.3, "A": 0.1}, rms=0.7)
+    fit.loose = ("A",)  # whose value means nothing
     monkeypatch.setattr(axis, "inverse_dynamics", lambda problem, z, free: fit)
     monkeypatch.setattr(axis, "_free", lambda problem, values: np.zeros(2))
     problem = SimpleNamespace(model=SimpleNamespace(names=lambda: ("f0", "A")))

@@ -59,7 +59,8 @@ def draw_gain_map(axis: Axes, result: Gains) -> None:
             mew=1.5, clip_on=False, zorder=6, label=_of(one),
         )  # fmt: skip
     here = "".join(f", {_of(b)}" for b in result.optima if _is_recommended(b, result))
-    recommended = f"recommended{here}{_simulated(result)}"
+    used = "NOT recommended" if result.unsafe else "recommended"
+    recommended = f"{used}{here}{_simulated(result)}"
     star(axis, sizes[0] * result.kp, sizes[1] * result.kv, recommended)
     axis.set_xlim(0, x[-1])
     axis.set_ylim(0, y[-1])

@@ -212,7 +212,7 @@ def draw_end_map(
         where = f" at {speed(float(point.velocity))}, {mass_text(mass)}"
         _linear_boundary(axis, point, mass, np.linspace(k_v[0], k_v[-1], 200), sizes)
     if optimum is not None:
-        star(axis, sizes[0] * optimum[0], sizes[1] * optimum[1], "recommended")
+        star(axis, sizes[0] * optimum[0], sizes[1] * optimum[1], "gains found")
     axis.set_xlim(sizes[0] * k_p[0], sizes[0] * k_p[-1])
     axis.set_ylim(sizes[1] * k_v[0], sizes[1] * k_v[-1])
     axis.set_xlabel(f"position gain k_p [{units[0]}]")

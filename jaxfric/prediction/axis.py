@@ -17,7 +17,7 @@ from jaxtyping import Array, Float
 
 from ..effects import effect_of
 from ..errors import InputError
-from ..fitting.axis_fit import inverse_dynamics
+from ..fitting.axis_fit import AxisFit, inverse_dynamics
 from ..fitting.axis_preparation import prepare, usual
 from ..fitting.axis_problem import AxisProblem, make_problem
 from ..fitting.encompassing import EncompassingModel
@@ -38,6 +38,8 @@ POSITION = "closed loop: position"
 FORCE = "closed loop: motor force"
 _BEYOND = 1.2
 _UNSEEN = 0.05
+_FEW = 0.5
+"""Share of the rows that count below which their number is told."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -277,10 +279,15 @@ def _refit(setting: _AxisSetting, name: str) -> tuple[float, tuple[Shift, ...]]:
     fit = inverse_dynamics(problem, np.asarray(_free(problem, values)), free)
     stds = {n: table["parameters"][n].get("std") or 0.0 for n in table["free"]}
     shifts = tuple(
-        Shift(n, values[n], fit.values[n], float(np.hypot(stds[n], fit.std[n])))
+        Shift(n, values[n], fit.values[n], float(np.hypot(stds[n], _error(fit, n))))
         for n in (names[i] for i in free)
     )
     return fit.rms, shifts
+
+
+def _error(fit: AxisFit, name: str) -> float:
+    """The standard error of a fit's parameter; nan of one that it does not fix."""
+    return np.nan if name in fit.loose else fit.std[name]
 
 
 def _notes(setting: _AxisSetting) -> tuple[str, ...]:
@@ -305,6 +312,12 @@ def _warnings(setting: _AxisSetting) -> tuple[str, ...]:
     ]
     fastest = max([fastest, *centres])
     speed = np.abs(rows.velocity[rows.used])
+    if np.mean(rows.used) < _FEW:
+        told.append(
+            f"{np.sum(rows.used)} of {len(rows.used)} rows count ({len(setting.record)} in the file"
+            " before they were averaged): the others are at rest, turn, or have no neighbours, and"
+            " nothing is said of them"
+        )
     beyond = float(np.mean(speed > _BEYOND * fastest))
     if beyond > _UNSEEN:
         unit = "rad/s" if setting.record.coordinate == "rotary" else "m/s"

@@ -62,7 +62,7 @@ def _parameters(found: Prediction) -> list[TextTable]:
             (
                 shift.name,
                 f"{shift.model:.5g}",
-                f"{shift.here:.5g}",
+                f"{shift.here:.5g}" if known else "",
                 f"{shift.error:.2g}" if known else "undetermined",
                 f"{shift.in_sigma:+.1f}".replace("-", "−") if known else "",
             )

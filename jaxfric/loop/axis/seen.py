@@ -97,7 +97,7 @@ def slowest_told(
     speed : of the rows that count. width : of the smoothed sign of the velocity. unseen : speeds up
     to which no steady motion was seen.
     """
-    rare = f"only {100 * _QUANTILE:g} % of the rows"
+    rare = f"only {100 * _QUANTILE:g} % of the rows that count"
     limits = [
         (
             4 * width,
