@@ -170,8 +170,8 @@ def words_of_feedback(late: float) -> str:
     """That a force is that of the position, `late` by so much [s]."""
     after = f" {1e3 * late:.2g} ms before" if late else ""
     return (
-        f"the force is that of the position{after} alone, without inertia and friction: feedback, as"
-        " of a controller that carries a weight, or the spring of an axis that never slid"
+        f"the force is that of the position{after} alone, without inertia and friction: feedback,"
+        " as of a controller that carries a weight, or the spring of an axis that never slid"
     )
 
 
