@@ -4,6 +4,7 @@ Motor forces of an axis whose friction is known at every row, from motions made 
 """
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +12,12 @@ from scipy.ndimage import gaussian_filter1d
 
 import jaxfric as jf
 from jaxfric.effects import AXIS_CATALOGUE
+from jaxfric.fitting import Estimate
+from jaxfric.fitting.axis_fit import AxisFit
+from jaxfric.fitting.axis_preparation import Preparation
+from jaxfric.gains.axis_result import AxisGains
 from jaxfric.loop.axis.driven import at_one_speed, driven
+from jaxfric.loop.axis.result import AxisDetails
 from jaxfric.records import axis_from_arrays
 from jaxfric.stability.claims import curve_claim
 
@@ -125,3 +131,19 @@ def test_a_torque_that_follows_the_position_is_feedback(late, friction, fed_back
     else:
         assert loop.after.parameters["gravity.a"].value == pytest.approx(3.3, abs=0.1)
         assert loop.effects == ("gravity",) and loop.after.parameters["F_c"].determined
+
+
+@pytest.mark.parametrize(
+    ("mass", "std", "told"), [(3.1, 0.2, True), (12.0, 0.2, False), (3.1, 3.0, False)]
+)
+def test_a_mass_that_two_fits_have_otherwise_is_said_first(mass, std, told):
+    """14.5(1) kg m^2 by least squares; the loop's by the noise that it found."""
+    fit = AxisFit("inverse dynamics", {"M": 14.5}, {"M": 0.1}, 0.1, 1.0, True)
+    own = Estimate(mass, std, mass - 2 * std, mass + 2 * std, "kg m^2")
+    record = SimpleNamespace(force_unit="N m", drive=None, coordinate="rotary")
+    gains = AxisGains(1.0, 2.0, 0.0, None)
+    details = AxisDetails(
+        (("after", fit),), Preparation(50.0, 1), 1e-3, record, gains, loop={"M": own}
+    )
+    assert bool(details.doubt()) is told
+    assert not told or ("3.1 ± 0.2" in details.doubt() and "14.5" in details.doubt())

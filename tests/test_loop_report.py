@@ -363,6 +363,7 @@ def in_axis_words(loop: Loop, doubted: bool = False) -> Loop:
         tables=list,
         doubted=lambda: doubted,
         found=str,
+        doubt=str,
     )
     words = loop.words._replace(base=AXIS.base)
     return dataclasses.replace(loop, details=details, words=words)

@@ -162,6 +162,10 @@ class LoopDetails(typing.Protocol):
         """What is known in place of the parameters; '' where these are."""
         ...
 
+    def doubt(self) -> str:
+        """Which parameters two fits of the model have otherwise, in words; '' where none."""
+        ...
+
     def doubted(self) -> bool:
         """Whether the fitted model is known to describe no friction."""
         ...

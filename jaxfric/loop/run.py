@@ -252,6 +252,10 @@ class RunDetails:
         """'': the parameters say it."""
         return ""
 
+    def doubt(self) -> str:
+        """'': there is one fit."""
+        return ""
+
     def short(self) -> str:
         """Nothing: a run's motion is that of the press."""
         return ""

@@ -102,8 +102,10 @@ def answer(loop: Loop) -> list[str]:
         found = f"{base} do not describe it: {headline(loop)[0].lower()}{headline(loop)[1:]}"
     models = (loop.before, loop.after) if loop.effects else (loop.before,)
     error = " -> ".join(f"{loop.test_error(model):.3g}" for model in models)
+    doubt = "" if loop.details is None else loop.details.doubt()
     return [
         f"friction: {found}",
+        *([f"not sure: {doubt}"] if doubt else []),
         means,
         f"test error: {error} sigma (of the report block alone; noise alone gives 1)",
     ]

@@ -17,7 +17,8 @@ from ..family import listed
 from ..result import TextTable
 from .driven import ONE_SPEED, UNKNOWN, Driven, at_one_speed, words_of_driven
 
-_APART = 4.0
+_APART, _FACTOR = 4.0, 1.5
+_MEASURED = ("M", "F_c", "F_v")
 _PAGE = "of the documentation's page 'theory'"
 
 
@@ -175,6 +176,18 @@ class AxisDetails:
         said = words_of_driven(self.driven, self.record.force_unit, f"{unit}/s")
         return f"{said}; {listed(UNKNOWN)} are not known, as {ONE_SPEED}"
 
+    def doubt(self) -> str:
+        """Mass and friction that least squares over all rows has otherwise than the loop, by more
+        than their errors and a factor of 1.5; '' where none."""
+        fit = self.fits[-1][1] if self.fits else None
+        told = [
+            f"{name} is {_shown(own.value, own.std)} by the loop and"
+            f" {_shown(fit.values[name], fit.std[name])} by least squares over all rows"
+            for name, own in self.loop.items()
+            if fit is not None and name in _MEASURED and _far_apart(fit, name, own)
+        ]
+        return f"{'; '.join(told)}: neither is a measurement" if told else ""
+
     def doubted(self) -> bool:
         """Whether a reason against its slope concerns all speeds."""
         curve = self.gains.curve
@@ -327,6 +340,12 @@ def _apart(fit: AxisFit, name: str, own: Estimate) -> bool:
         return False
     error = float(np.hypot(fit.std[name], own.std))
     return abs(fit.values[name] - own.value) > _APART * error
+
+
+def _far_apart(fit: AxisFit, name: str, own: Estimate) -> bool:
+    """Whether two fits have a parameter otherwise by more than their errors and a factor."""
+    values = sorted((abs(own.value), abs(fit.values.get(name, own.value))))
+    return _apart(fit, name, own) and values[1] > _FACTOR * values[0]
 
 
 def _of(fit: AxisFit, name: str) -> str:
