@@ -347,7 +347,7 @@ class _Told:
     def gain(self):
         return self.delta_bic
 
-    def heldout(self, error):
+    def test_error(self, error):
         return error if error == self.before else error.size
 
 

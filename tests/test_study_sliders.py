@@ -351,7 +351,7 @@ def test_gains_and_fits_one_by_one(tmp_path):
     [axes]
     B = { values = ["0.5 N", "3 N"] }
     [gains]
-    margin = { stiffness = 1.5 }
+    margin = { stiffness = 1.5, modulus = 0 }
     max_k_v = "1e-3 N*s/m"
     """
     found = run_study(written(tmp_path / "g.toml", text), tmp_path / "g")
@@ -381,7 +381,9 @@ def test_gains_and_fits_one_by_one(tmp_path):
 def test_wrong_parameters_are_no_answer(tmp_path):
     """A member whose L or k_p is negative is an error: not one without gains or a record."""
     law = {"A": 1.0, "B": 3.0, "V0": 2e-3}
-    gains = LeastGains("slip", 1, law, {"stiffness": 1.5}, (1e3, 500.0), (None, None))
+    gains = LeastGains(
+        "slip", 1, law, {"modulus": 0.0, "stiffness": 1.5}, (1e3, 500.0), (None,) * 2
+    )
     outputs = [study.Output(n) for n in ("least_k_p", "least_k_v", "norm")]
     outputs.append(study.Output("gains", codes=GAINS_CODES))
     grid = study.Grid((study.values("L", [1e-3, -1e-3, 0.1], unit="m"),))
