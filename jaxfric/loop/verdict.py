@@ -211,7 +211,8 @@ def conclude(
         )
         return _withheld(text, why, floor)
     reasons = _reasons(final, floor, tests)
-    rivals = sorted({*_rivals(search), *_unfitted(search)})
+    unfitted = _unfitted(search)
+    rivals = sorted({*_rivals(search), *unfitted})
     families = () if curve is None or not curve.untold else (curve,)
     told = Told(
         search.base.rms["report"] / floor.later,
@@ -225,7 +226,7 @@ def conclude(
     if verdict == "ambiguous":
         reasons += [
             f"{other} could not be fitted in place of {id}: it is not ruled out"
-            for id, other in _unfitted(search)
+            for id, other in unfitted
         ]
     families = families if verdict == "ambiguous" else ()
     sentence = sentence_of(verdict, search, told, rivals, located, families)

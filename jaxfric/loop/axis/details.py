@@ -21,7 +21,7 @@ from ...stability.margins import margin
 from ..engine import Engine
 from ..estimates import estimates
 from ..search import Search
-from .driven import driven
+from .driven import Driven
 from .reading import Reading
 from .result import AxisDetails, AxisRows
 from .seen import Seen, seen, words_of_feedback
@@ -46,12 +46,13 @@ def details_of(
     problem: AxisProblem,
     engine: Engine[AxisProblem],
     found: Search,
+    directions: tuple[Driven, ...],
     feedback: float | None,
     progress: Callable[[str], None],
 ) -> AxisDetails:
     """Both fits of the base and of the final model, over all rows; `told` are the parameters that
     the loop ends with (`Estimate` by name), which stand beside them;
-    `feedback` as by `seen.follows`."""
+    `directions` as by `driven`, `feedback` as by `seen.follows`."""
     prepared, rows = reading.prepared, reading.rows
     usual_force = as_published(problem, prepared, rows)
     fits: list[tuple[str, AxisFit]] = []
@@ -69,8 +70,6 @@ def details_of(
     # the slope and its error are those of one model: the loop's, in the rows that count
     rig = problem.rig(jnp.asarray(found.final.z))
     unit = "rad" if record.coordinate == "rotary" else "m"
-    force = np.asarray(prepared.force)[: len(rows.time)]
-    directions = driven(rows.used, rows.velocity, rows.segment, force)
     known = seen(engine, found, rows, prepared, unit, directions, feedback)
     place = float(np.median(rows.position))
     gains = _gains(rig, place, known, record.drive)

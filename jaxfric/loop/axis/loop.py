@@ -35,7 +35,7 @@ from ..search import MOST, Search
 from ..words import AXIS, LoopWords
 from .curves import axis_curves
 from .details import details_of
-from .driven import OF_SPEED, UNKNOWN, at_one_speed, driven
+from .driven import OF_SPEED, UNKNOWN, Driven, at_one_speed, driven
 from .nonlinear import axis_sensitivities, friction_bumps
 from .reading import Reading, read_rows
 from .result import AxisBase, AxisDetails, AxisRows, PreparedRecord
@@ -154,15 +154,17 @@ class AxisBench(AbstractBench):
         """By how much the force follows the position, as by `follows`."""
         return follows(self.problem, self.reading.rows, self.record.coordinate == "rotary")
 
-    def _one_speed(self) -> bool:
-        """Whether each direction was driven at one speed."""
+    @cached_property
+    def driven(self) -> tuple[Driven, ...]:
+        """The speeds of each direction, and friction there."""
         rows = self.reading.rows
         force = np.asarray(self.reading.prepared.force)[: len(rows.time)]
-        return at_one_speed(driven(rows.used, rows.velocity, rows.segment, force))
+        return driven(rows.used, rows.velocity, rows.segment, force)
 
     def _unseen(self, with_: tuple[str, ...] | None) -> tuple[str, ...]:
         """Effects that the record cannot show, but for those asked for."""
-        return tuple(id for id in OF_SPEED if id not in (with_ or ())) if self._one_speed() else ()
+        single = at_one_speed(self.driven)
+        return tuple(id for id in OF_SPEED if id not in (with_ or ())) if single else ()
 
     def start(self, engine: Engine[AxisProblem]) -> np.ndarray:
         """Parameters of the base by least squares."""
@@ -215,7 +217,7 @@ class AxisBench(AbstractBench):
         """The parameters, in the units of the axis."""
         force, length = self.record.force_unit, length_of(self.record)
         units = {name: own_unit(one.unit, force, length) for name, one in parameters.items()}
-        open_ = UNKNOWN if self._one_speed() else ()
+        open_ = UNKNOWN if at_one_speed(self.driven) else ()
         return {
             n: dataclasses.replace(e, unit=units[n], determined=e.determined and n not in open_)
             for n, e in parameters.items()
@@ -266,6 +268,7 @@ class AxisBench(AbstractBench):
             self.problem,
             engine,
             found,
+            self.driven,
             self.feedback,
             progress,
         )
