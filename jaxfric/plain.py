@@ -10,8 +10,8 @@ import numpy as np
 def plain(table: Mapping[str, object]) -> dict[str, object]:
     """A table whose values, at any depth, are what JSON has.
 
-    Tuples and arrays become lists, a dataclass its fields by name, numbers those of Python; a
-    number that is not finite is null.
+    Tuples and arrays become lists, a dataclass or a named tuple its fields by name, numbers those
+    of Python; a number that is not finite is null.
     """
     return {name: _plain(value) for name, value in table.items()}
 
@@ -23,6 +23,8 @@ def _plain(value: object) -> object:
         return plain(value)
     if dataclasses.is_dataclass(value):
         return plain(vars(value))
+    if isinstance(value, tuple) and hasattr(value, "_asdict"):
+        return plain(value._asdict())  # ty: ignore[not-callable]
     if isinstance(value, Sequence):
         return [_plain(one) for one in value]
     if not isinstance(value, float):

@@ -27,6 +27,7 @@ FLOORS = {
     "quantity": 0,
     "units": 0,
     "pairs": 1,
+    "findings": 0,
     "plain": 0,
     "motion": 1,
     "rig": 1,

@@ -9,8 +9,8 @@ from scipy import stats
 
 from jaxfric.loop.location import _profile, _ripples, share_of
 from jaxfric.loop.pace import Pace, Stopwatch, now_and_then, span
+from jaxfric.loop.refusal import Fault, Refusal
 from jaxfric.loop.result import LocationProfile
-from jaxfric.loop.unfixed import NOT_FIXED
 from jaxfric.loop.verdict import Told, sentence_of
 from jaxfric.loop.where import where_it_sits
 
@@ -59,17 +59,15 @@ TRIED = [
     ([("thermal", 80.0), ("thermal", 85.0)], [20]),
     ([("gain thermal", 70.0), ("thermal", 85.0)], [15]),
     ([("thermal", 91.0)], []),
-    ([("thermal", 80.0, "too little evidence")], []),
-    ([("thermal", 80.0, NOT_FIXED, {"failed": True})], []),
-    ([("thermal", 80.0, NOT_FIXED, {"physical": False})], []),
+    ([("thermal", 80.0, Fault.WEAK)], []),
+    ([("thermal", 80.0, Fault.NOT_FIXED, {"failed": True})], []),
+    ([("thermal", 80.0, Fault.NOT_FIXED, {"physical": False})], []),
 ]
 
 
-def refused(effects, bic, why=NOT_FIXED, other=()):
-    default = {"physical": True, "failed": False, "takes": ""}
-    return SimpleNamespace(
-        effects=tuple(effects.split()), bic=bic, refused=f"x{why}", **(default | dict(other))
-    )
+def refused(effects, bic, fault=Fault.NOT_FIXED, other=()):
+    default = {"physical": True, "failed": False, "refused": Refusal(fault, ("x",))}
+    return SimpleNamespace(effects=tuple(effects.split()), bic=bic, **(default | dict(other)))
 
 
 def test_what_fits_better_but_is_not_fixed_is_not_said_to_be_outside(snapshot):

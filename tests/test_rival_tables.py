@@ -6,16 +6,23 @@ import numpy as np
 import pytest
 
 from jaxfric.loop.estimates import disagreement
+from jaxfric.loop.refusal import Fault, Refusal
 from jaxfric.loop.rivals import all_rivals, rival_fits
 
+TAKES = Refusal(Fault.TAKES, ("B",))
 INDEX = np.array([0, 1, 2])
 COLUMNS = {"viscous": 2, "damping": 3, "ageing": 4}
 
 
-def candidate(effects, bic, z, *, physical=True, failed=False, takes=""):
+def candidate(effects, bic, z, *, physical=True, failed=False, takes=False):
     z = np.asarray(z, float)
     return SimpleNamespace(
-        effects=effects, bic=bic, z=z, physical=physical, failed=failed, takes=takes
+        effects=effects,
+        bic=bic,
+        z=z,
+        physical=physical,
+        failed=failed,
+        refused=TAKES if takes else None,
     )
 
 
@@ -32,7 +39,7 @@ FINAL = candidate(("viscous",), 100.0, [1.0, 2.0, 3.0, 0.0, 0.0])
         (candidate(("damping",), 110.0, np.zeros(5)), False),  # evidence against it
         (candidate(("damping",), 99.0, np.zeros(5), physical=False), False),
         (candidate(("damping",), 99.0, np.zeros(5), failed=True), False),
-        (candidate(("damping",), 99.0, np.zeros(5), takes="takes B"), False),
+        (candidate(("damping",), 99.0, np.zeros(5), takes=True), False),
         (candidate(("viscous", "damping"), 101.0, np.zeros(5)), False),  # beside, not in place
         (candidate((), 101.0, np.zeros(5)), False),
     ],

@@ -5,11 +5,16 @@ import math
 import pytest
 
 from jaxfric.fitting import Estimate
-from jaxfric.loop.taken import taken, unsupported, words_of_taken
+from jaxfric.loop.refusal import takes_refusal
+from jaxfric.loop.taken import moves_far, taken
 
 
 def estimate(value, std, *, determined=True):
     return Estimate(value, std, value - 2 * std, value + 2 * std, "1", determined=determined)
+
+
+def names(moves):
+    return tuple(move.name for move in moves)
 
 
 def both(name, before, after):
@@ -40,26 +45,25 @@ def both(name, before, after):
 )
 def test_what_is_taken_of_a_base(name, before, after, is_taken):
     pair = both(name, before, after)
-    assert taken(*pair) == ((name,) if is_taken else ())
-    assert bool(words_of_taken(*pair)) is is_taken
+    assert names(taken(*pair)) == ((name,) if is_taken else ())
+    assert (takes_refusal(taken(*pair)) is not None) is is_taken
 
 
 def test_what_is_not_determined_is_lost():
     before, after = both("A", (1.8e-3, 2e-5), (1.8e-3, 2e-5))
     for lost in (estimate(1.8e-3, 2e-5, determined=False), estimate(1.8e-3, math.inf)):
-        assert taken(before, after | {"A": lost}) == ("A",)
-        assert "undetermined" in words_of_taken(before, after | {"A": lost})
+        found = taken(before, after | {"A": lost})
+        assert names(found) == ("A",) and "undetermined" in takes_refusal(found).words
     assert taken(before | {"A": estimate(1e-3, 1e-5, determined=False)}, after) == ()
 
 
 def test_a_weight_may_take_the_mass_that_stood_for_it():
     pair = both("M", (96.0, 0.5), (14.5, 0.1))
-    assert taken(*pair) == ("M",)
+    assert names(taken(*pair)) == ("M",)
     assert taken(*pair, of_place=True) == () == taken(*both("A", (1, 0.1), (1, 0.1)), of_place=True)
-    assert taken(*both("B", (2.0, 0.1), (-2.0, 0.1)), of_place=True) == ("B",)
+    assert names(taken(*both("B", (2.0, 0.1), (-2.0, 0.1)), of_place=True)) == ("B",)
 
 
 @pytest.mark.parametrize(("after", "said"), [(-1.1e-3, False), (1.6e-3, True), (-0.8e-3, True)])
 def test_a_headline_parameter_that_moves_by_many_of_its_errors(after, said):
-    text = unsupported("A-B", estimate(-1.11e-3, 5e-5), estimate(after, 1e-3))
-    assert bool(text) is said and ("A-B" in text) is said
+    assert moves_far("A-B", estimate(-1.11e-3, 5e-5), estimate(after, 1e-3)) is said

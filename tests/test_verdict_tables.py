@@ -9,10 +9,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jaxfric.fitting import Estimate
 from jaxfric.loop import search as search_module
 from jaxfric.loop.engine import Engine, Rows
 from jaxfric.loop.family import CurveFamily, Decisive, OtherShape
 from jaxfric.loop.pace import Stopwatch
+from jaxfric.loop.refusal import Fault, Move, Refusal
 from jaxfric.loop.screen import Screened
 from jaxfric.loop.search import fault, search
 from jaxfric.loop.split import NAMES
@@ -21,9 +23,12 @@ from jaxfric.threads import one_by_one
 
 SIGMA = 2e-3
 BLOCKS = SimpleNamespace(
-    train=np.arange(100) < 60, select=(np.arange(100) >= 60) & (np.arange(100) < 80),
-    report=np.arange(100) >= 80, step=np.zeros(100, int),
-)  # fmt: skip
+    train=np.arange(100) < 60,
+    select=(np.arange(100) >= 60) & (np.arange(100) < 80),
+    report=np.arange(100) >= 80,
+    step=np.zeros(100, int),
+)
+BLOCKS.of = lambda name: getattr(BLOCKS, name)  # fmt: skip
 
 
 def candidate(effects=(), bic=0.0, *, train=1.0, select=1.0, report=1.0, **more):
@@ -32,9 +37,17 @@ def candidate(effects=(), bic=0.0, *, train=1.0, select=1.0, report=1.0, **more)
     residual = sum(size * getattr(BLOCKS, name) for name, size in sizes.items())
     noise = SimpleNamespace(log_likelihood=0.0)
     common = {"z": np.ones(4), "noise": noise, "physical": True, "failed": False}
-    common |= {"refused": "", "takes": ""}
+    common |= {"refused": None}
     rms = {name: SIGMA * size for name, size in sizes.items()}
     return Made(effects=tuple(effects), bic=bic, rms=rms, residual=residual, **{**common, **more})
+
+
+def estimate(value, std):
+    return Estimate(value, std, value - 2 * std, value + 2 * std, "1")
+
+
+def code_of(refusal):
+    return None if refusal is None else refusal.fault
 
 
 class Made(SimpleNamespace):
@@ -80,35 +93,33 @@ def test_a_simulation_whose_derivatives_are_no_numbers_has_failed(residual, slop
 
 
 @pytest.mark.parametrize(
-    ("altered", "words"),
+    ("altered", "code"),
     [
-        ({}, ""),
-        ({"bic": -10.01}, ""),
-        ({"bic": -9.99}, "too little evidence"),
-        ({"bic": 0.0}, "too little evidence"),
-        ({"bic": np.nan}, "too little evidence"),
-        ({"train": 1.0049}, ""),
-        ({"train": 1.0051}, "fits the train block worse"),
-        ({"select": 1.019}, ""),
-        ({"select": 1.021}, "predicts the select block worse"),
-        ({"select": np.nan}, "predicts the select block worse"),
-        ({"physical": False}, "impossible parameters"),
-        ({"failed": True}, "did not converge"),
+        ({}, None),
+        ({"bic": -10.01}, None),
+        ({"bic": -9.99}, Fault.WEAK),
+        ({"bic": 0.0}, Fault.WEAK),
+        ({"bic": np.nan}, Fault.WEAK),
+        ({"train": 1.0049}, None),
+        ({"train": 1.0051}, Fault.TRAIN),
+        ({"select": 1.019}, None),
+        ({"select": 1.021}, Fault.SELECT),
+        ({"select": np.nan}, Fault.SELECT),
+        ({"physical": False}, Fault.IMPOSSIBLE),
+        ({"failed": True}, Fault.FAILED),
     ],
 )
-def test_what_keeps_a_candidate_from_being_taken(altered, words):
+def test_what_keeps_a_candidate_from_being_taken(altered, code):
     """Beside a base of rms 1 sigma everywhere, where chance leaves no room at all."""
-    assert fault(candidate(), candidate("a", **{"bic": -50.0, **altered}), 0.0) == words
+    assert code_of(fault(candidate(), candidate("a", **{"bic": -50.0, **altered}), 0.0)) is code
 
 
-@pytest.mark.parametrize(
-    ("select", "words"), [(1.19, ""), (1.21, "predicts the select block worse")]
-)
-def test_chance_on_the_select_block_is_two_standard_errors(select, words):
-    assert fault(candidate(), candidate("a", -50.0, select=select), 0.1) == words
+@pytest.mark.parametrize(("select", "code"), [(1.19, None), (1.21, Fault.SELECT)])
+def test_chance_on_the_select_block_is_two_standard_errors(select, code):
+    assert code_of(fault(candidate(), candidate("a", -50.0, select=select), 0.1)) is code
 
 
-def searched(monkeypatch, *screened, loose=(), takes="", **fitted):
+def searched(monkeypatch, *screened, loose=(), takes=(), **fitted):
     """A search that offers a and b; `fitted`: what a refit of each gives."""
     ids = ("a", "b")
     engine = SimpleNamespace(
@@ -136,17 +147,24 @@ def searched(monkeypatch, *screened, loose=(), takes="", **fitted):
 
 
 GOOD = {"bic": -50.0}
+LOST = Move("B", estimate(1.8e-3, 2e-5), estimate(-1.4e-3, 7e-4))
+FAR = (Move("A-B", estimate(-1e-3, 5e-5), estimate(1e-3, 1e-3)),)
 
 
 @pytest.mark.parametrize(
     ("p_value", "more", "found", "refused"),
     [
         (0.0099, {"a": GOOD}, ("a",), {}),
-        (0.0101, {"a": GOOD}, (), {("a",): "may be chance"}),
-        (0.0, {"a": GOOD, "loose": ("a.x", "a.y")}, (), {("a",): "a.x, a.y not fixed"}),
-        (0.0, {"a": {"bic": -9.0}}, (), {("a",): "too little evidence"}),
-        (0.0, {"a": GOOD, "takes": "takes B"}, (), {("a",): "takes B"}),
-        (0.0, {"a": {**GOOD, "select": 1.03}}, (), {("a",): "predicts the select block worse"}),
+        (0.0101, {"a": GOOD}, (), {("a",): Refusal(Fault.CHANCE)}),
+        (
+            0.0,
+            {"a": GOOD, "loose": ("a.x", "a.y")},
+            (),
+            {("a",): Refusal(Fault.NOT_FIXED, ("a.x", "a.y"))},
+        ),
+        (0.0, {"a": {"bic": -9.0}}, (), {("a",): Refusal(Fault.WEAK)}),
+        (0.0, {"a": GOOD, "takes": (LOST,)}, (), {("a",): Refusal(Fault.TAKES, ("B",), (LOST,))}),
+        (0.0, {"a": {**GOOD, "select": 1.03}}, (), {("a",): Refusal(Fault.SELECT)}),
     ],
 )
 def test_what_a_search_takes(monkeypatch, p_value, more, found, refused):
@@ -201,10 +219,10 @@ def found(*effects, base=1.0, tried=()):
     ],
 )
 def test_the_verdict(search, reasons, rivals, verdict):
-    assert _verdict(search, reasons, rivals, FLOOR, None) == verdict
+    assert _verdict(search, reasons, rivals, FLOOR) == verdict
 
 
-def concluded(search, *, edge=None, tests=None, floor=None, curve=None, moved=""):
+def concluded(search, *, edge=None, tests=None, floor=None, curve=None, moved=()):
     engine = SimpleNamespace(
         blocks=BLOCKS,
         problem=SimpleNamespace(noise_scale=SIGMA),
@@ -283,7 +301,7 @@ def test_an_alias_that_could_not_be_fitted_is_not_ruled_out(others, verdict):
 
 @pytest.mark.parametrize(
     ("report", "moved", "verdict"),
-    [(1.03, "A-B moves", "ambiguous"), (1.01, "A-B moves", "effects"), (1.03, "", "effects")],
+    [(1.03, FAR, "ambiguous"), (1.01, FAR, "effects"), (1.03, (), "effects")],
 )
 def test_what_moves_a_headline_and_predicts_no_better_is_not_confirmed(report, moved, verdict):
     search = found("a")

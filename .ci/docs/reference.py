@@ -56,7 +56,10 @@ PAGES: dict[str, tuple[str, tuple[str, ...]]] = {
             "plot.study",
         ),
     ),
-    "basics": ("Errors, units, quantities, cache", ("errors", "cache", "units", "quantity")),
+    "basics": (
+        "Findings, errors, units, quantities, cache",
+        ("findings", "errors", "cache", "units", "quantity"),
+    ),
 }
 """Pages of the reference: title, and the modules whose names each has."""
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from ..effects import effect_of
 from ..errors import InputError
+from ..findings import Finding, read_findings
 from ..laws.loop_source import verdict_words
 from ..laws.saved import (
     LOOP,
@@ -28,6 +29,7 @@ from ..laws.saved import (
 )
 from ..loop import Loop
 from ..loop.axis.driven import ONE_SPEED, Driven, at_one_speed, words_of_driven
+from ..loop.findings import LoopCode
 from ..loop.steady.loop import SteadyLoop, steady_gains
 from ..loop.steady.model import curve_covariance
 from ..quantity import Quantity, quantities
@@ -91,6 +93,8 @@ class Identified:
     """Root mean square of what the model leaves of the report block, and the noise [F]; None
     where the file has none."""
     warnings: tuple[str, ...] = ()
+    claims: tuple[Finding, ...] = ()
+    """Friction by direction, with the rows that support it; none of a file that does not tell."""
 
     @property
     def length(self) -> str:
@@ -197,6 +201,7 @@ def _of_axis(content: Content, source: str) -> Identified:
         refuse_damage(path, LOOP, problem and f"axis: {problem}")
     _refuse_unconverged(content, effects, source)
     _refuse_one_speed(about, source, content["friction_unit"])
+    claims = _claims(content, source)
     gains = about.get("gains") or {}
     width = float(about.get("width") or 0.0)
     speeds = np.abs([float(v) for _, v in content["steps"] if float(v)])
@@ -225,6 +230,7 @@ def _of_axis(content: Content, source: str) -> Identified:
         str(gains.get("sentence") or ""),
         _left(content),
         (*own_warnings(content), *verdict_words(content), *own),
+        claims,
     )
 
 
@@ -308,6 +314,29 @@ def _refuse_one_speed(about: Content, source: str, force: str) -> None:
             f"{source}: {ONE_SPEED}, so that friction is known there alone ({said}); record several"
             " speeds in both directions"
         )
+
+
+def _claims(content: Content, source: str) -> tuple[Finding, ...]:
+    """The friction that the file claims, by direction; none of a file without findings.
+
+    Raises `NothingToCompensate` where its rows support friction at no speed.
+    """
+    told = content.get("findings")
+    if told is None:
+        return ()
+    try:
+        rows = int(content["record"]["rows"])
+        found = read_findings(told, LoopCode.FRICTION, rows=rows)
+    except (TypeError, KeyError, ValueError):
+        refuse_damage(Path(source), LOOP, "the findings are no list of claims with their rows")
+        return ()
+    if not found:
+        gains = (content.get("axis") or {}).get("gains") or {}
+        said = str(gains.get("sentence") or "").strip() or "nothing is said of its friction."
+        raise NothingToCompensate(
+            f"{source}: no rows support its friction, so nothing may be compensated by it. {said}"
+        )
+    return found
 
 
 def _profile(content: Content, variable: str) -> list[float]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..described import Described, Drawable, Tabular
+from ..findings import Finding, ranges
 from ..fitting.uncertainty import QUANTILE
 from ..plain import plain
 from .code import c_code
@@ -46,6 +47,11 @@ class Feedforward(Described, Drawable, Tabular):
     least_damping: float
     """k_v that a measured velocity in place of the reference would ask for [F s/m]."""
     warnings: tuple[str, ...]
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """The friction that it rests on, by direction, with the rows of the record."""
+        return self.about.claims
 
     @property
     def formula(self) -> str:
@@ -145,6 +151,10 @@ class Feedforward(Described, Drawable, Tabular):
                 "rows_count_from": about.slowest_row,
                 "below": low_speeds(about, self.fade),
             },
+            "findings": [
+                {"code": one.code, "values": one.values, "rows": ranges(one.rows)}
+                for one in self.findings
+            ],
             "middle_of_travel": about.middle,
             "at": [here.to_json() for here in asked],
             "at_the_slowest": self.at(self.about.slowest).to_json(),

@@ -15,12 +15,15 @@ import numpy as np
 
 from ..effects import AbstractEffect, RecordScales
 from ..errors import InputError
+from ..findings import Finding
 from ..fitting.noise_estimate import noise_estimate, noise_words
 from ..fitting.result import Estimate
 from .curves import CurveRig, curve_family
 from .engine import Candidate, Engine
 from .estimates import estimates
+from .findings import effect_findings
 from .location import Bumps, locate
+from .refusal import Move
 from .result import (
     CandidateScore,
     Loop,
@@ -34,7 +37,7 @@ from .rivals import all_rivals
 from .screen import screen
 from .search import MOST, Search, refit_safely, search
 from .split import NAMES
-from .taken import unsupported
+from .taken import moves_far
 from .verdict import conclude, noise_floor, questions
 from .where import where_it_sits
 from .words import LoopWords
@@ -74,6 +77,8 @@ class ScoredRows(NamedTuple):
     """Index of the velocity or stroke of every row."""
     parts: int
     """Number of velocities or strokes."""
+    velocity: np.ndarray
+    """Velocity of the load point or of the axis at every row [m/s or rad/s]."""
 
 
 class AbstractBench(abc.ABC):
@@ -129,8 +134,8 @@ class AbstractBench(abc.ABC):
         """K/K_cr of the base; None where there is no critical stiffness."""
 
     @abc.abstractmethod
-    def withheld(self, engine: Engine, found: Search) -> str:
-        """Why nothing at all may be said of what is missing, in words; '' as a rule."""
+    def withheld(self, engine: Engine, found: Search) -> Finding | None:
+        """Why nothing at all may be said of what is missing; None as a rule."""
 
     @abc.abstractmethod
     def warnings(self, engine: Engine, found: Search) -> tuple[str, ...]:
@@ -220,6 +225,8 @@ def run(
         withheld=bench.withheld(engine, found),
     )
     alone = dataclasses.replace(after.noise, sigma=floor.sigma)  # everything smooth taken out
+    rows, details = bench.rows(engine), bench.details(engine, found, after, progress)
+    effects = effect_findings(engine, found, told.verdict, rows.used)
     return Loop(
         record=record,
         base_fit=base_fit,
@@ -240,7 +247,9 @@ def run(
         alias_ids=found.ids,
         alias_cosines=found.cosines,
         warnings=(*noise_words(alone, record), *bench.warnings(engine, found)),
-        details=bench.details(engine, found, after, progress),
+        details=details,
+        findings=(*effects, *(() if details is None else details.claims), *told.findings),
+        velocity=rows.velocity,
         families=told.families,
         sigma_held_out=told.sigma_held_out,
         most_held_out=told.most_held_out,
@@ -296,17 +305,17 @@ def _score(
     )
 
 
-def _moved(before: Score, after: Score) -> str:
-    """Which headline parameter moves by many of its errors, in words: A-B of a slider, mass and
-    Coulomb friction of an axis."""
-    pairs: list[tuple[str, Estimate, Estimate]] = []
+def _moved(before: Score, after: Score) -> tuple[Move, ...]:
+    """The headline parameters that move by many of their errors: A-B of a slider, mass and Coulomb
+    friction of an axis."""
+    moves = []
     first, last = before.A_minus_B, after.A_minus_B
     if first is not None and last is not None:
-        pairs.append(("A-B", first, last))
+        moves.append(Move("A-B", first, last))
     for name in ("M", "F_c"):
         if name in before.parameters and name in after.parameters:
-            pairs.append((name, before.parameters[name], after.parameters[name]))
-    return " and ".join(filter(None, (unsupported(*pair) for pair in pairs)))
+            moves.append(Move(name, before.parameters[name], after.parameters[name]))
+    return tuple(move for move in moves if moves_far(*move))
 
 
 def _apart(engine: Engine, used: np.ndarray) -> np.ndarray:
@@ -337,7 +346,6 @@ def candidate_scores(engine: Engine, found: Search) -> tuple[CandidateScore, ...
                 converged=not c.failed,
                 accepted=c.effects in found.accepted,
                 refused=c.refused,
-                takes=c.takes,
             )
         )
     return tuple(sorted(out, key=lambda c: -c.delta_bic))

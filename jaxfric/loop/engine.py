@@ -40,6 +40,7 @@ from ..threads import cores, go_on, one_by_one, side_by_side
 from ..traced import traced
 from .lately import Lately
 from .pace import Stopwatch
+from .refusal import Refusal
 from .shared import SharedShifts
 from .smooth import smooth_columns
 from .split import NAMES, Blocks
@@ -74,10 +75,8 @@ class Candidate(NamedTuple):
     """Root mean square of the residual by block, in the unit of the record."""
     physical: bool
     failed: bool
-    refused: str = ""
-    """Why a search did not take it, in words; empty where it could have."""
-    takes: str = ""
-    """The parameters of the base that its effects take (`taken`), in words; empty where none."""
+    refused: Refusal | None = None
+    """Why a search did not take it; None where it could have."""
 
 
 class Rows(NamedTuple):

@@ -155,7 +155,10 @@ class SliderBench(AbstractSliderBench):
     def rows(self, engine: Engine[Problem]) -> ScoredRows:
         """All rows, by velocity."""
         used = np.ones(len(self.record.relative_time), bool)
-        return ScoredRows(used, engine.blocks.step, len(self.base_fit.steps))
+        steps = self.base_fit.steps
+        return ScoredRows(
+            used, engine.blocks.step, len(steps), steps.velocities[engine.blocks.step]
+        )
 
     def shown(self) -> tuple[LoopRecord, LoopBase]:
         """The record as read and its base fit."""

@@ -8,11 +8,13 @@ from typing import NamedTuple
 import numpy as np
 
 from ..described import Described, Drawable, Gridded, Tabular
+from ..findings import Finding
 from ..fitting import Estimate, NoiseEstimate
 from ..fitting.derived import amplitudes, rate_dependence
 from ..plain import plain
 from ..records import Provenance, Sampling, VelocitySteps
 from .family import CurveFamily
+from .refusal import Refusal
 from .split import NAMES, Blocks
 from .unfixed import Unfixed, unfixed
 from .words import LoopWords
@@ -75,10 +77,8 @@ class CandidateScore:
     physical: bool
     converged: bool
     accepted: bool
-    refused: str = ""
-    """Why it was not taken, in words; empty where another was better, or it was taken."""
-    takes: str = ""
-    """What it takes of the base (`taken`), in words."""
+    refused: Refusal | None = None
+    """Why it was not taken; None where another was better, or it was taken."""
 
 
 @dataclass(frozen=True)
@@ -154,6 +154,11 @@ class TextTable(NamedTuple):
 class LoopDetails(typing.Protocol):
     """Results of one kind of rig only: further tables, and further entries of `loop.json`."""
 
+    @property
+    def claims(self) -> tuple[Finding, ...]:
+        """What is claimed beside the effects, with the rows that support it."""
+        ...
+
     def short(self) -> str:
         """What the result means for the motion, in a sentence; '' where that is not asked."""
         ...
@@ -212,6 +217,10 @@ class Loop(Described, Drawable, Gridded, Tabular):
     out."""
     warnings: tuple[str, ...]
     seconds: float
+    findings: tuple[Finding, ...]
+    """What is claimed and what speaks against more, each with the rows that it rests on."""
+    velocity: np.ndarray
+    """Velocity of the load point or of the axis at every row [m/s or rad/s]."""
     details: "LoopDetails | None" = None
     """Results of this kind of rig only."""
     families: tuple[CurveFamily, ...] = ()
@@ -339,6 +348,7 @@ class Loop(Described, Drawable, Gridded, Tabular):
             "verdict": self.verdict,
             "sentence": self.sentence,
             "reasons": self.reasons,
+            "findings": [one.to_json(self.velocity) for one in self.findings],
             "effects": self.effects,
             "alias_groups": self.alias_groups,
             "separations": self.separations,

@@ -1,6 +1,7 @@
 """Fits as good as the one that was found, with another effect in place of one of its own."""
 
 from .engine import Candidate
+from .refusal import takes
 from .search import Search
 from .thresholds import ACCEPT
 
@@ -11,7 +12,9 @@ def rival_fits(search: Search, id: str) -> dict[str, Candidate]:
     found: dict[str, Candidate] = {}
     for c in sorted(search.tried, key=lambda c: c.bic):
         new = set(c.effects) - kept
-        close = c.bic - search.final.bic < ACCEPT and c.physical and not (c.failed or c.takes)
+        close = (
+            c.bic - search.final.bic < ACCEPT and c.physical and not (c.failed or takes(c.refused))
+        )
         if close and kept < set(c.effects) and len(new) == 1 and id not in new:
             found.setdefault(new.pop(), c)
     return found

@@ -12,6 +12,7 @@ import jax
 import numpy as np
 
 from ..errors import InputError
+from ..findings import Finding
 from ..fitting import Fit, fit
 from ..fitting.fit import few_rows
 from ..fitting.padding import bucket, filled
@@ -228,7 +229,8 @@ class RunBench(AbstractSliderBench):
     def rows(self, engine: Engine[Problem]) -> ScoredRows:
         """All rows, by phase."""
         used = np.ones(len(self.record), bool)
-        return ScoredRows(used, engine.blocks.step, len(self.joined.phases))
+        velocity = self.joined.shown_steps().velocities[engine.blocks.step]
+        return ScoredRows(used, engine.blocks.step, len(self.joined.phases), velocity)
 
     def shown(self) -> tuple[LoopRecord, LoopBase]:
         """The rows that count, in the time of the run, and the base with its phases."""
@@ -247,6 +249,11 @@ class RunDetails:
 
     joined: Joined
     after: Score
+
+    @property
+    def claims(self) -> tuple[Finding, ...]:
+        """None beside the effects."""
+        return ()
 
     def found(self) -> str:
         """'': the parameters say it."""

@@ -17,10 +17,10 @@ from .engine import Candidate, Engine
 from .estimates import estimates
 from .fixed import not_fixed
 from .pace import Pace, now_and_then
+from .refusal import Fault, Move, Refusal, not_fixed_refusal, takes_refusal
 from .screen import Screened, aliases, screen
-from .taken import words_of_taken
+from .taken import taken
 from .thresholds import ACCEPT, ALIAS, SIGNIFICANT, TIE
-from .unfixed import NOT_FIXED
 
 MOST = 8
 """Largest number of effects that a search adds: evidence ends it before, as a rule."""
@@ -97,7 +97,8 @@ def search(
         ids, cosines = aliases(engine, current, scales)
     for k, c in enumerate(tried):  # a rival that takes what the base had is none
         if c.effects and not c.failed and c.physical and 0 < c.bic - current.bic < ACCEPT:
-            tried[k] = c._replace(takes=what_it_takes(engine, _without_one(tried, c), c))
+            why = takes_refusal(what_it_takes(engine, _without_one(tried, c), c))
+            tried[k] = c if why is None else c._replace(refused=why)
     return Search(base, current, tuple(tried), tuple(accepted), tuple(rounds), ids, cosines, agree)
 
 
@@ -157,11 +158,12 @@ def _refits(
     for one, candidate in zip(asked, engine.each(fitted, range(len(asked)), asked), strict=True):
         chance = engine.rms_error(engine.blocks.select, candidate.noise)
         why = fault(current, candidate, chance)
-        if not why and one.p_value > SIGNIFICANT and one.id not in laws:
-            why = "may be chance"
+        if why is None and one.p_value > SIGNIFICANT and one.id not in laws:
+            why = Refusal(Fault.CHANCE)
         loose = () if why else not_fixed(engine, candidate, scales)
-        takes = "" if why or loose else what_it_takes(engine, current, candidate)
-        tried.append(candidate._replace(refused=why or _said(loose) or takes, takes=takes))
+        takes = () if why or loose else what_it_takes(engine, current, candidate)
+        refused = why or not_fixed_refusal(loose) or takes_refusal(takes)
+        tried.append(candidate._replace(refused=refused))
         if loose:
             candidate = _without(engine, candidate, loose, one.id, tried)
             if candidate is None or fault(current, candidate, chance):
@@ -175,11 +177,6 @@ def _refits(
     tied = [c for c in accepted if c.bic - least < TIE]
     order = [e.id for e in engine.model.effects]
     return min(tied, key=lambda c: order.index(c.effects[-1]))
-
-
-def _said(loose: Sequence[str]) -> str:
-    """The parameters that the record does not fix, in words; empty where it fixes all."""
-    return f"{', '.join(loose)} {NOT_FIXED}" if loose else ""
 
 
 def _without(
@@ -248,9 +245,9 @@ def refit_safely(
     return best
 
 
-def fault(current: Candidate, candidate: Candidate, chance: float) -> str:
-    """The reasons why a candidate is not taken, in words; empty where it is better by more than 10
-    of BIC, possible, and not worse on the select block than chance.
+def fault(current: Candidate, candidate: Candidate, chance: float) -> Refusal | None:
+    """The first reason why a candidate is not taken; None where it is better by more than 10 of
+    BIC, possible, and not worse on the select block than chance.
 
     `chance` is the relative standard error of the rms of noise there: few rows, or correlated
     ones, may differ much. Where the train block is fitted worse, only the noise has become
@@ -260,24 +257,23 @@ def fault(current: Candidate, candidate: Candidate, chance: float) -> str:
     gain = current.bic - candidate.bic
     fitted = 2 * float(candidate.noise.log_likelihood - current.noise.log_likelihood)
     faults = {
-        "did not converge": candidate.failed,
-        "impossible parameters": not candidate.physical,
-        "fits better than it predicts": gain < 0 and fitted > 2 * ACCEPT,
-        "too little evidence": not gain > ACCEPT,
-        "fits the train block worse": not candidate.rms["train"]
-        <= _TRAIN_WORSE * current.rms["train"],
-        "predicts the select block worse": not candidate.rms["select"] <= limit,
+        Fault.FAILED: candidate.failed,
+        Fault.IMPOSSIBLE: not candidate.physical,
+        Fault.OVERFITTED: gain < 0 and fitted > 2 * ACCEPT,
+        Fault.WEAK: not gain > ACCEPT,
+        Fault.TRAIN: not candidate.rms["train"] <= _TRAIN_WORSE * current.rms["train"],
+        Fault.SELECT: not candidate.rms["select"] <= limit,
     }
-    return next((words for words, is_so in faults.items() if is_so), "")
+    return next((Refusal(code) for code, is_so in faults.items() if is_so), None)
 
 
-def what_it_takes(engine: Engine, without: Candidate, candidate: Candidate) -> str:
-    """The parameters of the base that an effect of a candidate takes, in words; `without` is the
-    fit without that effect."""
+def what_it_takes(engine: Engine, without: Candidate, candidate: Candidate) -> tuple[Move, ...]:
+    """The parameters of the base that an effect of a candidate takes; `without` is the fit without
+    that effect."""
     new = [e for e in engine.model.effects if e.id in {*candidate.effects} - {*without.effects}]
     of_place = any(issubclass(effect, AbstractPlaceEffect) for effect in new)
     before, after = (estimates(engine, c, "F")[0] for c in (without, candidate))
-    return words_of_taken(before, after, of_place=of_place)
+    return taken(before, after, of_place=of_place)
 
 
 def _without_one(tried: Sequence[Candidate], candidate: Candidate) -> Candidate:
@@ -353,8 +349,9 @@ def _swapped(
         better = possible and best.bic - candidate.bic > TIE
         loose = not_fixed(engine, candidate, scales) if better else ()
         close = possible and best.bic - candidate.bic > -ACCEPT
-        takes = what_it_takes(engine, _without_one(tried, candidate), candidate) if close else ""
-        tried.append(candidate._replace(refused=_said(loose) or takes, takes=takes))
+        takes = what_it_takes(engine, _without_one(tried, candidate), candidate) if close else ()
+        refused = not_fixed_refusal(loose) or takes_refusal(takes)
+        tried.append(candidate._replace(refused=refused))
         if loose:
             candidate = _without(engine, candidate, loose, other, tried)
             if candidate is None or not best.bic - candidate.bic > TIE:

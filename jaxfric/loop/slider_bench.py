@@ -102,10 +102,9 @@ class AbstractSliderBench(AbstractBench):
             return None
         return base.values()["K"] / base.critical_stiffness()
 
-    def withheld(self, engine: Engine[Problem], found: Search) -> str:
-        """'': see `edge`."""
+    def withheld(self, engine: Engine[Problem], found: Search) -> None:
+        """None: see `edge`."""
         del engine, found
-        return ""
 
     def warnings(self, engine: Engine[Problem], found: Search) -> tuple[str, ...]:
         """Warnings of the base fit except on its noise and on what the loop asks itself, and those

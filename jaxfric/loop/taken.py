@@ -14,6 +14,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..fitting import Estimate
+from .refusal import Move
 
 _ONE_SIGN = ("A", "B", "L", "M", "F_c", "F_v")
 _EITHER = ("B",)
@@ -27,12 +28,11 @@ _MANY = 5.0
 
 def taken(
     before: Mapping[str, Estimate], after: Mapping[str, Estimate], *, of_place: bool = False
-) -> tuple[str, ...]:
-    """Names of the parameters of the base that are known `before` an effect is added and not what
-    they were `after`; `of_place`: the effect depends on the place."""
-    both = [name for name in _ONE_SIGN if name in before and name in after]
-    found = [name for name in both if _is_taken(name, before[name], after[name])]
-    return tuple(name for name in found if not (of_place and name in _WHOLE))
+) -> tuple[Move, ...]:
+    """The parameters of the base that are known `before` an effect is added and not what they were
+    `after`; `of_place`: the effect depends on the place."""
+    both = [Move(n, before[n], after[n]) for n in _ONE_SIGN if n in before and n in after]
+    return tuple(m for m in both if _is_taken(*m) and not (of_place and m.name in _WHOLE))
 
 
 def _is_taken(name: str, before: Estimate, after: Estimate) -> bool:
@@ -49,24 +49,6 @@ def _is_taken(name: str, before: Estimate, after: Estimate) -> bool:
     return name in _WHOLE and abs(after.value) + margin < _LEAST * abs(before.value)
 
 
-def words_of_taken(
-    before: Mapping[str, Estimate], after: Mapping[str, Estimate], *, of_place: bool = False
-) -> str:
-    """What becomes of such parameters, "takes B: 0.00176 ± 2e-05 -> -0.0014 ± 0.0007"; empty where
-    none is taken."""
-    names = taken(before, after, of_place=of_place)
-    told = (f"{name}: {_text(before[name])} -> {_text(after[name])}" for name in names)
-    return "takes " + "; ".join(told) if names else ""
-
-
-def unsupported(name: str, before: Estimate, after: Estimate) -> str:
-    """That a headline parameter moves by many of the errors that it had, in words; or ''."""
-    if not (before.std > 0 and abs(after.value - before.value) > _MANY * before.std):
-        return ""
-    return f"{name} moves from {_text(before)} to {_text(after)}"
-
-
-def _text(estimate: Estimate) -> str:
-    if not (estimate.determined and np.isfinite(estimate.std)):
-        return "undetermined"
-    return f"{estimate.value:.3g} ± {estimate.std:.2g}"
+def moves_far(name: str, before: Estimate, after: Estimate) -> bool:
+    """Whether a headline parameter moves by many of the errors that it had."""
+    return before.std > 0 and abs(after.value - before.value) > _MANY * before.std

@@ -7,11 +7,11 @@ from collections.abc import Iterable, Sequence
 from typing import NamedTuple, Protocol
 
 from .family import listed
+from .refusal import Fault, Refusal, takes
 from .thresholds import ACCEPT
 
-NOT_FIXED = "not fixed"
-"""How the words end that refuse a model whose parameters the record does not fix."""
 _MOST = 3
+_OPEN = (Fault.NOT_FIXED, Fault.TAKES)
 
 
 class Unfixed(NamedTuple):
@@ -19,9 +19,9 @@ class Unfixed(NamedTuple):
 
     effects: tuple[str, ...]
     lower: float
-    takes: str = ""
-    """The parameters of the base that it takes, in words; of such a model the record may fix all
-    others."""
+    refused: Refusal
+    """That its parameters are not fixed, or what it takes of the base: of such a model the record
+    may fix all others."""
 
 
 class _Refused(Protocol):
@@ -30,9 +30,7 @@ class _Refused(Protocol):
     @property
     def effects(self) -> Sequence[str]: ...
     @property
-    def refused(self) -> str: ...
-    @property
-    def takes(self) -> str: ...
+    def refused(self) -> Refusal | None: ...
 
 
 def unfixed(models: Iterable[tuple[_Refused, float]], taken: float) -> list[Unfixed]:
@@ -45,8 +43,9 @@ def unfixed(models: Iterable[tuple[_Refused, float]], taken: float) -> list[Unfi
     """
     found: dict[frozenset[str], Unfixed] = {}
     for model, gain in models:
-        if (model.refused.endswith(NOT_FIXED) or model.takes) and gain - taken > ACCEPT:
-            one, key = Unfixed(tuple(model.effects), gain - taken, model.takes), {*model.effects}
+        why = model.refused
+        if why is not None and why.fault in _OPEN and gain - taken > ACCEPT:
+            one, key = Unfixed(tuple(model.effects), gain - taken, why), {*model.effects}
             found[frozenset(key)] = max(one, found.get(frozenset(key), one), key=_lower)
     least = [one for key, one in found.items() if not any(other < key for other in found)]
     order = sorted(least, key=_lower, reverse=True)
@@ -58,11 +57,11 @@ def words_of_unfixed(found: Sequence[Unfixed], named: str) -> str:
     than = f" than that of {named}" if named else ""
     told = [
         f"{' + '.join(one.effects)} would explain most (BIC {one.lower:.0f} lower{than}), but"
-        f" {one.takes}: it is not confirmed."
+        f" {one.refused.words}: it is not confirmed."
         for one in found
-        if one.takes
+        if takes(one.refused)
     ]
-    if open_ := [one for one in found if not one.takes]:
+    if open_ := [one for one in found if not takes(one.refused)]:
         names = listed([" + ".join(one.effects) for one in open_], "or")
         lower = listed(list(dict.fromkeys(f"{one.lower:.0f}" for one in open_)), "or")
         told.append(

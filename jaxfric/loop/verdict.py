@@ -6,14 +6,17 @@ from typing import NamedTuple
 import numpy as np
 
 from ..effects import effect_of
+from ..findings import Finding, Severity
 from ..fitting.noise import Noise, sandwich
 from ..fitting.noise_search import Found
 from ..fitting.padding import WIDE, padded_columns
 from ..fitting.uncertainty import inverse_root
 from .engine import Candidate, Engine, Rows
 from .family import CurveFamily, listed
+from .findings import BLOCK_NAMES, WITHHELD, LoopCode, left_over, words_of
 from .location import Left
-from .residual_tests import QUESTIONS, p_text, structure
+from .refusal import Move
+from .residual_tests import p_text, structure
 from .rivals import rival_fits
 from .screen import orthonormal
 from .search import Search
@@ -69,12 +72,18 @@ class Conclusion(NamedTuple):
 
     verdict: str
     sentence: str
-    reasons: tuple[str, ...]
+    findings: tuple[Finding, ...]
+    """What speaks against more."""
     alias_groups: tuple[tuple[str, ...], ...]
     separations: dict[str, str]
     families: tuple[CurveFamily, ...] = ()
     sigma_held_out: float = float("nan")
     most_held_out: float = float("nan")
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why not more is said, a line each."""
+        return tuple(words_of(one) for one in self.findings if one.code is not LoopCode.MOVED)
 
 
 def noise_floor(engine: Engine, current: Candidate) -> Floor:
@@ -184,33 +193,36 @@ def conclude(
     edge: float | None,
     located: str,
     curve: CurveFamily | None = None,
-    moved: str = "",
-    withheld: str = "",
+    moved: Sequence[Move] = (),
+    withheld: Finding | None = None,
 ) -> Conclusion:
     """The conclusion. `edge` is K/K_cr of the base fit, `located` a sentence of the location map,
-    `curve` the shapes that fit in place of the steady curve that the search found, `moved` which
-    headline parameters move by many of their errors, in words, `withheld` why nothing may be
-    said."""
-    final, base = search.final, search.base
+    `curve` the shapes that fit in place of the steady curve that the search found, `moved` the
+    headline parameters that move by many of their errors, `withheld` why nothing may be said."""
+    final, base, blocks = search.final, search.base, engine.blocks
     groups = _groups(search)
     separations = {id: effect_of_engine(engine, id).separated_by for g in groups for id in g}
-    if withheld:
-        return _withheld(f"No verdict: {withheld}.", withheld, floor)
+    if withheld is not None:
+        why = words_of(withheld).removesuffix(WITHHELD)
+        return _withheld(f"No verdict: {why}.", withheld, floor)
     if base.failed and edge is None:
         text = (
             "No verdict: where its fit ended, the base model cannot be simulated, so nothing can be"
             " said of what it lacks. Check the units and signs of the columns, and of a slider its"
             " stiffness."
         )
-        return _withheld(text, "the fit runs away", floor)
+        away = Finding(LoopCode.RUNS_AWAY, Severity.WITHHELD, {}, blocks.train)
+        return _withheld(text, away, floor)
     if edge is not None and (base.failed or edge < _EDGE):
-        why = f"K/K_cr is {edge:.2f}"
         text = (
-            f"No verdict: the base fit sits at the edge of stability ({why}), where a small misfit"
-            " of the law looks like a large effect; use a stiffer machine, or check --stiffness."
+            f"No verdict: the base fit sits at the edge of stability (K/K_cr is {edge:.2f}), where"
+            " a small misfit of the law looks like a large effect; use a stiffer machine, or check"
+            " --stiffness."
         )
-        return _withheld(text, why, floor)
-    reasons = _reasons(final, floor, tests)
+        near = Finding(LoopCode.EDGE, Severity.WITHHELD, {"ratio": edge}, blocks.train)
+        return _withheld(text, near, floor)
+    errors = [(b, final.rms[b] / floor.level(b), floor.most[b]) for b in BLOCK_NAMES]
+    against = left_over(tests, errors, blocks, SIGNIFICANT)
     unfitted = _unfitted(search)
     rivals = sorted({*_rivals(search), *unfitted})
     families = () if curve is None or not curve.untold else (curve,)
@@ -220,33 +232,39 @@ def conclude(
         floor.most["report"],
         min(tests.values(), default=1.0),
     )
-    doubt = moved if search.final.effects and not _helped(told) else ""
-    doubts = [*rivals, *families, *([doubt] if doubt else [])]
-    verdict = _verdict(search, reasons, doubts, floor, engine)
-    if verdict == "ambiguous":
-        reasons += [
-            f"{other} could not be fitted in place of {id}: it is not ruled out"
-            for id, other in unfitted
-        ]
-    families = families if verdict == "ambiguous" else ()
+    doubts = [
+        Finding(LoopCode.UNFITTED, Severity.CAUTION, {"effect": id, "rival": other}, blocks.train)
+        for id, other in unfitted
+    ]
+    if moved and final.effects and not _helped(told):
+        doubts.append(Finding(LoopCode.MOVED, Severity.CAUTION, {"moves": moved}, blocks.report))
+    verdict = _verdict(search, against, [*rivals, *families, *doubts], floor)
+    if verdict != "ambiguous":
+        doubts, families = [], ()
     sentence = sentence_of(verdict, search, told, rivals, located, families)
-    if verdict == "ambiguous" and doubt:
-        named = listed(search.final.effects)
-        sentence = (
-            f"{named} {_verb(search, 'fits', 'fit')} the train block, but {doubt}, and the test"
-            f" block is predicted no better ({told.change()}): {named}"
-            f" {_verb(search, 'is', 'are')} not confirmed, and this record leaves both open."
-        )
-    told = sentence, tuple(reasons), groups, separations, families
+    for one in doubts:
+        if one.code is LoopCode.MOVED:
+            named = listed(final.effects)
+            sentence = (
+                f"{named} {_verb(search, 'fits', 'fit')} the train block, but {words_of(one)}, and"
+                f" the test block is predicted no better ({told.change()}): {named}"
+                f" {_verb(search, 'is', 'are')} not confirmed, and this record leaves both open."
+            )
     return Conclusion(
-        verdict, *told, sigma_held_out=floor.later, most_held_out=floor.most["report"]
+        verdict,
+        sentence,
+        (*against, *doubts),
+        groups,
+        separations,
+        families,
+        sigma_held_out=floor.later,
+        most_held_out=floor.most["report"],
     )
 
 
-def _withheld(sentence: str, why: str, floor: Floor) -> Conclusion:
+def _withheld(sentence: str, why: Finding, floor: Floor) -> Conclusion:
     """A conclusion without a verdict, with the reason why."""
-    reasons = (f"{why}: the verdict is withheld",)
-    return Conclusion("ambiguous", sentence, reasons, (), {}, sigma_held_out=floor.later)
+    return Conclusion("ambiguous", sentence, (why,), (), {}, sigma_held_out=floor.later)
 
 
 def effect_of_engine(engine: Engine, id: str):
@@ -255,33 +273,18 @@ def effect_of_engine(engine: Engine, id: str):
     return own[0] if own else effect_of(id)
 
 
-def _reasons(final: Candidate, floor: Floor, tests: Mapping[str, float]) -> list[str]:
-    reasons = []
-    left = [f"{QUESTIONS.get(n, n)}, {p_text(p)}" for n, p in tests.items() if p < SIGNIFICANT]
-    if left:
-        reasons.append("structure is left in the residual: " + "; ".join(left))
-    for block, named in (("report", "test"), ("select", "validation"), ("train", "train")):
-        value, most = final.rms[block] / floor.level(block), floor.most[block]
-        if not value <= most:
-            reasons.append(
-                f"the {named} error is {value:.3f} sigma; noise alone gives up to {most:.2f}"
-            )
-    return reasons
-
-
 def _verdict(
     search: Search,
-    reasons: Sequence[str],
-    rivals: Sequence[object],
+    against: Sequence[Finding],
+    doubts: Sequence[object],
     floor: Floor,
-    engine: Engine,
 ) -> str:
     final, base = search.final, search.base
     if final.effects:
-        if reasons:
+        if against:
             return "outside_catalogue"
-        return "ambiguous" if rivals else "effects"
-    if not reasons:
+        return "ambiguous" if doubts else "effects"
+    if not against:
         return "no_missing_effect"
     gains = [base.bic - c.bic for c in search.tried if c.effects and not c.failed]
     strong = base.rms["train"] / floor.sigma > HELD_OUT

@@ -15,6 +15,7 @@ from .loop_text import (
     by_velocity,
     candidates,
     headline,
+    rests_on,
     splitting,
     tables,
 )
@@ -127,6 +128,7 @@ def page(loop: Loop, figures: Mapping[str, bytes], *, version: str, command: str
         folded("Errors by block and by " + loop.words.part, blocks),
         f"<h2>What the model is now</h2>{_added(loop)}{html_table(parameters)}{html_table(tests)}"
         + "".join(html_table(table) for table in more),
+        _rests_on(loop),
         _figure(
             loop,
             "location",
@@ -205,6 +207,12 @@ def _added(loop: Loop) -> str:
     if loop.effects:
         return ""
     return paragraph("No effect was added: the parameters are those of the base model.", "note")
+
+
+def _rests_on(loop: Loop) -> str:
+    """The rows of each claim, folded; nothing where nothing is claimed."""
+    table = rests_on(loop)
+    return folded(table.title, html_table(table)) if table.rows else ""
 
 
 def _figure(loop: Loop, name: str, figures: Mapping[str, bytes], more: str = "") -> str:

@@ -9,9 +9,9 @@ import numpy as np
 from ..effects import CATALOGUE
 from ..laws.loop_source import CERTAIN
 from ..loop.family import listed
+from ..loop.refusal import Fault, Refusal
 from ..loop.result import CandidateScore, Loop
 from ..loop.thresholds import ACCEPT
-from ..loop.unfixed import NOT_FIXED
 from ..loop.where import grow_together
 from ..loop.words import AXIS
 from ..units import factor, read_as
@@ -268,7 +268,7 @@ def _beside_compare(loop: Loop, run: PlannedRun | None = None) -> list[NextStep]
     refused, alike, told = _refused_second(loop), _like_second(loop), []
     if refused is not None:
         gain, why = refused
-        told.append(f"does not take one (BIC {gain:.0f} lower, but {why})")
+        told.append(f"does not take one (BIC {gain:.0f} lower, but {why.words})")
     if alike:
         told.append(f"cannot tell one from {listed(alike, 'or')}")
     if not told:
@@ -293,10 +293,10 @@ def _asks_for_second(loop: Loop) -> bool:
     """Whether another run would say if there is a second state."""
     refused = _refused_second(loop)
     open_ = refused is not None or bool(_like_second(loop))
-    return open_ and (refused is None or refused[1].endswith(NOT_FIXED))
+    return open_ and (refused is None or refused[1].fault is Fault.NOT_FIXED)
 
 
-def _refused_second(loop: Loop) -> tuple[float, str] | None:
+def _refused_second(loop: Loop) -> tuple[float, Refusal] | None:
     """Of a second state that BIC asks for and the loop does not take: by how much BIC is lower than
     without it, and why it is refused."""
     known: dict[frozenset[str], CandidateScore] = {frozenset(c.effects): c for c in loop.ranked()}

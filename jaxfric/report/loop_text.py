@@ -7,13 +7,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..effects import parameters
+from ..findings import Severity, support
 from ..fitting import Estimate
 from ..fitting.table import CORRELATED, DIFFERENCE, decimals, noise_text, shown_name
 from ..loop.family import CurveFamily, listed
+from ..loop.findings import words_of
 from ..loop.residual_tests import QUESTIONS, p_text
 from ..loop.result import ROLES, CandidateScore, Loop, TextTable
 from ..loop.split import NAMES
-from ..loop.thresholds import ALIAS, FAR, SIGNIFICANT, TIE
+from ..loop.thresholds import ACCEPT, ALIAS, FAR, SIGNIFICANT, TIE
 from ..units import factor, format_si, read_as
 from .tables import print_tables
 
@@ -386,13 +388,35 @@ def _role(loop: Loop, candidate: CandidateScore) -> str:
     """
     role = loop.role(candidate)
     text = ROLES[role]
-    if role != "tried" or candidate.refused:
-        return f"{text}: {candidate.refused}" if role == "tried" else text
+    if role != "tried":
+        return text
+    if candidate.refused is not None:
+        return f"{text}: {candidate.refused.words}"
     gain = loop.gain()
     worse = math.nan if gain is None else gain - candidate.delta_bic
     if abs(worse) <= TIE:
         return f"{text}: as good, BIC within {TIE:g} of the model"
     return f"{text}: BIC {worse:.0f} worse than the model" if worse > TIE else text
+
+
+def rests_on(loop: Loop) -> TextTable:
+    """What is claimed, and the rows that it rests on, by direction and speed."""
+    rows, unit = [], f"{loop.length_unit}/s"
+    shown = f"{_length(loop)}/s"
+    for one in loop.findings:
+        if one.severity not in (Severity.CLAIM, Severity.OPEN):
+            continue
+        for k, part in enumerate(support(one.rows, loop.velocity)):
+            ends = (read_as(format_si(v, unit, shown, 4)) for v in (part.slowest, part.fastest))
+            told = words_of(one) if not k else ""
+            rows.append((told, f"{part.rows}", part.direction, " to ".join(dict.fromkeys(ends))))
+    head = ("statement", "rows", "direction", "speeds")
+    note = (
+        "Without these rows it would not be said. Of an effect they are the fewest beside which the"
+        f" models with it and without it differ by less than a BIC of {ACCEPT:g}; directions and"
+        " speeds are those commanded, or those of the axis"
+    )
+    return TextTable("What each statement rests on", head, rows, note)
 
 
 # ---- aliases -------------------------------------------------------------------------------

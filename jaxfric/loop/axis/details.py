@@ -20,11 +20,12 @@ from ...stability.linear import linearise
 from ...stability.margins import margin
 from ..engine import Engine
 from ..estimates import estimates
+from ..findings import words_of_feedback
 from ..search import Search
 from .driven import Driven
 from .reading import Reading
 from .result import AxisDetails, AxisRows
-from .seen import Seen, seen, words_of_feedback
+from .seen import Seen, seen
 
 
 def as_published(problem: AxisProblem, prepared: Prepared, rows: AxisRows) -> AxisProblem:

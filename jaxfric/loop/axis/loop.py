@@ -16,6 +16,7 @@ import numpy as np
 
 from ...effects import AXIS_CATALOGUE, AbstractEffect, RecordScales, effect_of, ids_of
 from ...effects.axis import ANGLE, IN_TIME
+from ...findings import Finding, Severity
 from ...fitting import Estimate
 from ...fitting.axis_preparation import Preparation
 from ...fitting.axis_problem import AxisProblem, make_problem
@@ -29,6 +30,7 @@ from ...silent import silent
 from ..curves import CurveRig
 from ..driver import AbstractBench, Offered, ScoredRows, offered, run
 from ..engine import Candidate, Choice, Engine, NoiseBounds
+from ..findings import LoopCode
 from ..location import Bumps
 from ..result import Loop, Score
 from ..search import MOST, Search
@@ -36,11 +38,12 @@ from ..words import AXIS, LoopWords
 from .curves import axis_curves
 from .details import details_of
 from .driven import OF_SPEED, UNKNOWN, Driven, at_one_speed, driven
+from .findings import axis_claims
 from .nonlinear import axis_sensitivities, friction_bumps
 from .reading import Reading, read_rows
 from .result import AxisBase, AxisDetails, AxisRows, PreparedRecord
 from .rows import scales_of
-from .seen import doubts, follows, held_command, words_of_feedback
+from .seen import doubts, follows, held_command
 
 # What a controller makes of encoder noise lasts about as long as a row; what lasts longer is
 # structure.
@@ -211,7 +214,8 @@ class AxisBench(AbstractBench):
     def rows(self, engine: Engine[AxisProblem]) -> ScoredRows:
         """The rows that errors are reported of, by motion segment."""
         segment = self.counted.segment
-        return ScoredRows(self.counted.used, segment, int(segment.max()) + 1)
+        rows = self.counted
+        return ScoredRows(rows.used, segment, int(segment.max()) + 1, rows.velocity)
 
     def named(self, parameters: Mapping[str, Estimate]) -> dict[str, Estimate]:
         """The parameters, in the units of the axis."""
@@ -230,9 +234,12 @@ class AxisBench(AbstractBench):
     def edge(self) -> None:
         """None: an axis moves as measured, so that no stiffness is near its critical value."""
 
-    def withheld(self, engine: Engine[AxisProblem], found: Search) -> str:
+    def withheld(self, engine: Engine[AxisProblem], found: Search) -> Finding | None:
         """That the force is feedback, where it is."""
-        return "" if self.feedback is None else words_of_feedback(self.feedback)
+        if self.feedback is None:
+            return None
+        values = {"late": self.feedback}
+        return Finding(LoopCode.FEEDBACK, Severity.WITHHELD, values, self.counted.used)
 
     def warnings(self, engine: Engine[AxisProblem], found: Search) -> tuple[str, ...]:
         """Warnings of the record, of its rows, and of what was seen at low speed."""
@@ -260,8 +267,8 @@ class AxisBench(AbstractBench):
         after: Score,
         progress: Callable[[str], None],
     ) -> AxisDetails:
-        """Fits over all rows, and gains."""
-        return details_of(
+        """Fits over all rows, gains, and friction and stability as far as rows support them."""
+        details = details_of(
             self.record,
             self.reading,
             after.parameters,
@@ -272,6 +279,8 @@ class AxisBench(AbstractBench):
             self.feedback,
             progress,
         )
+        claims = axis_claims(self.counted, self.driven, details)
+        return dataclasses.replace(details, claims=claims)
 
 
 def unit_of_residuals(force: np.ndarray) -> float:

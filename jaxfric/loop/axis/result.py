@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ...findings import Finding
 from ...fitting import Estimate
 from ...fitting.axis_fit import AxisFit
 from ...fitting.axis_preparation import Preparation
@@ -128,6 +129,8 @@ class AxisDetails:
     """The speeds of each direction, and friction there."""
     feedback: str = ""
     """That the force is the answer of a controller, in words; '' where it moves the axis."""
+    claims: tuple[Finding, ...] = ()
+    """Friction in each direction and stability, with the rows that support them."""
 
     def tables(self) -> list[TextTable]:
         """Parameters and errors of the fits, side by side."""

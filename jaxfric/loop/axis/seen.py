@@ -19,6 +19,7 @@ from ...fitting.uncertainty import normal_inverse
 from ...stability.claims import Above, Unseen, above_curve
 from ..engine import Candidate, Engine
 from ..family import listed
+from ..findings import words_of_feedback
 from ..search import Search
 from ..thresholds import HELD_OUT
 from .driven import ONE_SPEED, Driven, at_one_speed
@@ -164,15 +165,6 @@ def follows(problem: AxisProblem, rows: AxisRows, rotary: bool) -> float | None:
     alone = [left(late) for late in lags.tolist()]
     best = int(np.argmin(alone))
     return float(lags[best]) if alone[best] < _PLACE * np.std(force) else None
-
-
-def words_of_feedback(late: float) -> str:
-    """That a force is that of the position, `late` by so much [s]."""
-    after = f" {1e3 * late:.2g} ms before" if late else ""
-    return (
-        f"the force is that of the position{after} alone, without inertia and friction: feedback,"
-        " as of a controller that carries a weight, or the spring of an axis that never slid"
-    )
 
 
 def held_command(values: Mapping[str, float], effects: Sequence[str], interval: float) -> list[str]:

@@ -1,0 +1,95 @@
+"""Statements of results as data: a code, values, and the rows of the record that they rest on.
+
+What is claimed holds for the speeds and directions of its rows. Without those rows it is not
+claimed: a record from which they are taken out does not have the finding.
+"""
+
+import typing
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import NamedTuple
+
+import numpy as np
+
+
+class Severity(StrEnum):
+    """How a finding is meant."""
+
+    CLAIM = "claim"
+    """The rows support it."""
+    OPEN = "open"
+    """The rows are explained by it, and as well by something else."""
+    CAUTION = "caution"
+    """Something speaks against more."""
+    WITHHELD = "withheld"
+    """Because of it nothing is claimed."""
+
+
+@dataclass(frozen=True, eq=False)
+class Finding:
+    """One statement of a result. Values are in SI."""
+
+    code: StrEnum
+    severity: Severity
+    values: Mapping[str, object]
+    rows: np.ndarray
+    """Mask of the rows of the record that it rests on (n)."""
+
+    def to_json(self, velocity: np.ndarray) -> dict[str, object]:
+        """Code, severity and values; rows as ranges [first, last + 1], and the directions and
+        speeds that they cover, by the `velocity` of every row (n)."""
+        return {
+            "code": self.code.value,
+            "severity": self.severity.value,
+            "values": self.values,
+            "rows": ranges(self.rows),
+            "support": support(self.rows, velocity),
+        }
+
+
+def read_findings(told: object, code: StrEnum, *, rows: int) -> tuple[Finding, ...]:
+    """The findings of a code in a list as `Finding.to_json` makes it; `rows` of the record.
+
+    Raises `ValueError` where the list is damaged.
+    """
+    found = []
+    try:
+        for one in typing.cast("list[dict]", told):
+            if one["code"] == code.value:
+                mask = np.zeros(rows, bool)
+                for start, stop in one["rows"]:
+                    mask[start:stop] = True
+                found.append(Finding(code, Severity(one["severity"]), dict(one["values"]), mask))
+    except (TypeError, KeyError, AttributeError) as error:
+        raise ValueError(str(error)) from None
+    return tuple(found)
+
+
+class Support(NamedTuple):
+    """Rows of one direction: how many, and between which speeds [m/s or rad/s]."""
+
+    direction: str
+    """"forwards", "backwards" or "at rest"."""
+    rows: int
+    slowest: float
+    fastest: float
+
+
+_DIRECTIONS = (("forwards", 1), ("backwards", -1), ("at rest", 0))
+
+
+def support(rows: np.ndarray, velocity: np.ndarray) -> tuple[Support, ...]:
+    """What a mask of rows covers, by direction; `velocity` is signed, of every row (n)."""
+    found = []
+    for direction, sign in _DIRECTIONS:
+        speed = np.abs(velocity[rows & (np.sign(velocity) == sign)])
+        if len(speed):
+            found.append(Support(direction, len(speed), float(speed.min()), float(speed.max())))
+    return tuple(found)
+
+
+def ranges(rows: np.ndarray) -> list[list[int]]:
+    """A mask as pairs of its first rows and the rows after its last ones."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], rows.astype(int), [0]])))
+    return edges.reshape(-1, 2).tolist()

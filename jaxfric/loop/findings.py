@@ -1,0 +1,164 @@
+"""What a loop finds, each with the rows that it rests on, and its words."""
+
+import typing
+from collections.abc import Sequence
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..findings import Finding, Severity
+from .refusal import Move
+from .residual_tests import QUESTIONS, p_text
+from .split import Blocks
+from .thresholds import ACCEPT
+
+if TYPE_CHECKING:
+    from .engine import Candidate, Engine
+    from .search import Search
+
+
+class LoopCode(StrEnum):
+    """Codes of the findings of a loop."""
+
+    EFFECT = "effect"
+    """An effect that the base lacks; values: its id, the fall of BIC."""
+    FRICTION = "friction"
+    """Friction of an axis in one direction; values: direction, slowest and fastest speed."""
+    STABILITY = "stability"
+    """What friction means for the motion of an axis; values: kind, slowest and fastest speed."""
+    STRUCTURE = "structure_left"
+    """What is left is not noise; values: p-value by test."""
+    BLOCK = "error_left"
+    """A block is missed by more than noise explains; values: block, error and most [sigma]."""
+    UNFITTED = "rival_not_fitted"
+    """No fit of an alias converged; values: the effect found, the alias."""
+    MOVED = "headline_moved"
+    """A headline parameter moves by many errors and nothing is predicted better; values: moves."""
+    EDGE = "edge_of_stability"
+    """The base sits where small misfits look like effects; values: K/K_cr."""
+    RUNS_AWAY = "base_runs_away"
+    """The base cannot be simulated where its fit ended."""
+    FEEDBACK = "force_follows_position"
+    """The force is that of the position of `late` seconds before alone."""
+
+
+_PART = 20
+WITHHELD = ": the verdict is withheld"
+BLOCK_NAMES = {"report": "test", "select": "validation", "train": "train"}
+"""Blocks as sentences name them, the one that is told first ahead."""
+
+
+def effect_findings(
+    engine: "Engine", search: "Search", verdict: str, used: np.ndarray
+) -> list[Finding]:
+    """A finding for each effect of a model, with the rows that decide for it; `used` (n) count.
+
+    Severity: claimed where the verdict is "effects", else open.
+    """
+    severity = Severity.CLAIM if verdict == "effects" else Severity.OPEN
+    found, final, n = [], search.final, len(used)
+    noise = float(final.noise.sigma) * np.ravel(final.noise.scale)[:n]
+    for id in final.effects:
+        without = _without(search, id)
+        values = {"effect": id, "delta_bic": float(without.bic - final.bic)}
+        difference = (without.residual[:n] - final.residual[:n]) / noise
+        jacobian = engine.evaluate(without.z, engine.free(without.effects)).jacobian[:n]
+        rows = deciding_rows(difference, jacobian / noise[:, None], used)
+        found.append(Finding(LoopCode.EFFECT, severity, values, rows))
+    return found
+
+
+def _without(search: "Search", id: str) -> "Candidate":
+    """The best fit that was tried of the model without one of its effects; where there is none,
+    of those without it that of the most effects."""
+    own = set(search.final.effects) - {id}
+    known = [c for c in search.tried if set(c.effects) <= own and not c.failed]
+    return min(known, key=lambda c: (-len(c.effects), c.bic), default=search.base)
+
+
+def deciding_rows(difference: np.ndarray, jacobian: np.ndarray, used: np.ndarray) -> np.ndarray:
+    """Mask of few rows without which two models are not told from each other.
+
+    difference : d, of their predictions [sigma] (n). jacobian : J, of the model without the effect
+    by its parameters [sigma] (n, p). used : rows that count (n).
+
+    Without some rows that model is fitted anew, and takes up what it can of d in the others: what
+    decides is left, min_b sum (d - J b)^2. Rows with most of it are taken away, a twentieth at a
+    time, until no more is left than the BIC that an effect must bring.
+    """
+    kept = used & np.isfinite(difference)
+    while kept.any():
+        shift, *_ = np.linalg.lstsq(jacobian[kept], difference[kept], rcond=None)
+        square = (difference - jacobian @ shift) ** 2
+        if square[kept].sum() <= ACCEPT:
+            break
+        rows = np.flatnonzero(kept)
+        most = max(1, len(rows) // _PART)
+        kept[rows[np.argsort(square[rows])[-most:]]] = False
+    return used & ~kept
+
+
+def left_over(
+    tests: dict[str, float],
+    errors: Sequence[tuple[str, float, float]],
+    blocks: Blocks,
+    least: float,
+) -> list[Finding]:
+    """Findings against a model: structure that is left (p below `least`), and blocks that it misses
+    by more than noise explains; `errors` are (block, error, most) in sigma."""
+    found = []
+    structure = {name: p for name, p in tests.items() if p < least}
+    if structure:
+        found.append(Finding(LoopCode.STRUCTURE, Severity.CAUTION, structure, blocks.train))
+    for block, value, most in errors:
+        if not value <= most:
+            values = {"block": block, "error": value, "most": most}
+            found.append(Finding(LoopCode.BLOCK, Severity.CAUTION, values, blocks.of(block)))
+    return found
+
+
+def words_of(finding: Finding) -> str:
+    """A finding as a line of a report."""
+    v = finding.values
+    match finding.code:
+        case LoopCode.STRUCTURE:
+            left = (f"{QUESTIONS.get(n, n)}, {p_text(float(str(p)))}" for n, p in v.items())
+            return "structure is left in the residual: " + "; ".join(left)
+        case LoopCode.BLOCK:
+            return (
+                f"the {BLOCK_NAMES[str(v['block'])]} error is {v['error']:.3f} sigma; noise alone"
+                f" gives up to {v['most']:.2f}"
+            )
+        case LoopCode.UNFITTED:
+            return (
+                f"{v['rival']} could not be fitted in place of {v['effect']}: it is not ruled out"
+            )
+        case LoopCode.MOVED:
+            moves = typing.cast("tuple[Move, ...]", v["moves"])
+            each = (f"{move.name} moves from {move.text(' to ')}" for move in moves)
+            return " and ".join(each)
+        case LoopCode.EDGE:
+            return f"K/K_cr is {v['ratio']:.2f}{WITHHELD}"
+        case LoopCode.RUNS_AWAY:
+            return f"the fit runs away{WITHHELD}"
+        case LoopCode.FEEDBACK:
+            return f"{words_of_feedback(float(str(v['late'])))}{WITHHELD}"
+        case LoopCode.EFFECT:
+            sure = "" if finding.severity is Severity.CLAIM else ", or what looks like it"
+            return f"{v['effect']}{sure}"
+        case LoopCode.FRICTION:
+            return f"friction {v['direction']}"
+        case LoopCode.STABILITY:
+            return f"friction {'grows' if v['kind'] == 'free' else 'falls'} with speed"
+        case _:
+            return finding.code.value.replace("_", " ")
+
+
+def words_of_feedback(late: float) -> str:
+    """That a force is that of the position, `late` by so much [s]."""
+    after = f" {1e3 * late:.2g} ms before" if late else ""
+    return (
+        f"the force is that of the position{after} alone, without inertia and friction: feedback,"
+        " as of a controller that carries a weight, or the spring of an axis that never slid"
+    )

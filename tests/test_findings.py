@@ -1,0 +1,148 @@
+"""What is claimed has its rows; taken out of the record, it is claimed no more."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.ndimage import gaussian_filter1d
+
+import jaxfric as jf
+from jaxfric.effects import AXIS_CATALOGUE, CATALOGUE
+from jaxfric.findings import Severity, ranges, support
+from jaxfric.records import axis_from_arrays, from_arrays
+
+UM = 1e-6
+A, B, L, B2, L2, K, V0 = 0.01, 0.012, 3 * UM, 0.006, 20 * UM, 1e4, 1 * UM
+NOISE = 2e-4
+
+
+def slider(velocities, hold=400 * UM, rows=200):
+    """Time, load-point displacement and friction of a slip law with two states."""
+    u, theta, time, load, friction = 0.0, np.zeros(2), [], [], []
+    at = np.array([0.0, 0.0])  # time, displacement
+
+    def rates(_, y, speed):
+        u, one, two = y
+        v = V0 * np.exp(u)
+        d_one, d_two = -v / L * (one + B * u), -v / L2 * (two + B2 * u)
+        return [(K * (speed - v) - d_one - d_two) / A, d_one, d_two]
+
+    for speed in velocities:
+        end = hold / speed
+        t = np.linspace(0, end, rows, endpoint=False)
+        found = solve_ivp(
+            rates, (0, end), [u, *theta], "LSODA", t, args=(speed,), rtol=1e-8, atol=1e-10
+        )
+        time.append(at[0] + t)
+        load.append(at[1] + speed * t)
+        friction.append(0.6 + A * found.y[0] + found.y[1] + found.y[2])
+        u, theta = found.y[0, -1], found.y[1:, -1]
+        at += np.array([end, hold])
+    return tuple(map(np.concatenate, (time, load, friction)))
+
+
+@pytest.fixture(scope="module")
+def run():
+    time, load, friction = slider(V0 * np.array([1, 10, 1, 10, 3, 10, 1.0]))
+    noise = NOISE * np.random.default_rng(3).standard_normal(len(time))
+    return time, load, friction + noise
+
+
+def looped(run, rows):
+    time, load, friction = (column[rows] for column in run)
+    record = from_arrays(time, friction, load_point_displacement=load)
+    offered = sorted(set(CATALOGUE) - {"second_state", "viscous"})
+    return jf.close_loop(record, stiffness=K, without=offered)
+
+
+def test_an_effect_is_claimed_by_its_rows(run):
+    """Rows after the steps, at all speeds: before the first of them slip is steady."""
+    loop = looped(run, np.ones(len(run[0]), bool))
+    (effect,) = (one for one in loop.findings if one.code == "effect")
+    assert effect.severity is Severity.CLAIM and effect.values["effect"] == "second_state"
+    assert effect.values["delta_bic"] > 10
+    assert effect.rows[:200].mean() < 0.2 < effect.rows[200:].mean() < 0.95
+    told = loop.to_json()["findings"][0]
+    assert sum(stop - start for start, stop in told["rows"]) == effect.rows.sum()
+    assert {one["direction"] for one in told["support"]} == {"forwards"}
+    assert looped(run, ~effect.rows).effects == ()
+    # as many others may be missed
+    others = np.flatnonzero(~effect.rows & (np.arange(len(run[0])) >= 200))
+    kept = np.ones(len(run[0]), bool)
+    kept[np.random.default_rng(0).permutation(others)[: effect.rows.sum()]] = False
+    assert looped(run, kept).effects == ("second_state",)
+
+
+RATE, M, FC = 200.0, 4.0, 9.0
+
+
+def axis(speeds, back=None, strokes=3, length=0.05):
+    """Motor force of an axis whose friction falls up to 10 mm/s and then grows, and which of the
+    rows are of strokes at each speed, there and back; `back` has the speeds of the way back."""
+    pieces, marks = [np.zeros(20)], [np.zeros(20)]
+    for speed, other in zip(speeds, speeds if back is None else back, strict=True):
+        for _ in range(strokes):
+            for v in (speed, -other):
+                n = int(RATE * length / abs(v))
+                pieces += [np.full(n, v), np.zeros(20)]
+                marks += [np.full(n, v), np.full(20, v)]
+    v = gaussian_filter1d(np.concatenate(pieces), 4.0)
+    random = np.random.default_rng(0)
+    time = np.arange(len(v)) / RATE
+    friction = FC + 5.0 * np.exp(-np.abs(v) / 4e-3) + 80.0 * np.abs(v)
+    force = M * np.gradient(v, 1 / RATE) + friction * np.tanh(v / 1e-4)
+    force += 0.05 * random.standard_normal(len(v))
+    position = np.cumsum(v) / RATE + 2e-7 * random.standard_normal(len(v))
+    record = axis_from_arrays(time, force, position=position)
+    offered = sorted(set(AXIS_CATALOGUE) - {"stribeck"})
+    return jf.close_axis_loop(record, without=offered)
+
+
+SPEEDS = (2e-3, 4e-3, 7e-3, 1.2e-2, 2e-2, 3.5e-2, 6e-2)
+
+
+def claims(loop):
+    return {f"{one.code}": one for one in loop.findings if one.severity is Severity.CLAIM}
+
+
+@pytest.fixture(scope="module")
+def both_ways():
+    return axis(SPEEDS)
+
+
+def test_falling_friction_is_claimed_by_the_slow_strokes_of_both_directions(both_ways):
+    stability = claims(both_ways)["stability"]
+    assert stability.values["kind"] == "damped"
+    ways = support(stability.rows, both_ways.velocity)
+    assert [one.direction for one in ways] == ["forwards", "backwards"]
+    for one in ways:
+        assert one.slowest < 4e-3 and one.fastest > 5e-2 and one.rows > 100
+
+
+@pytest.mark.parametrize("back", [None, (3e-2, 3.5e-2, 4e-2, 4.5e-2, 5e-2, 5.5e-2, 6e-2)])
+def test_without_the_slow_strokes_falling_friction_is_not_claimed(back):
+    """Of both directions; or of one: then nothing is said of stability where only the other was
+    driven."""
+    loop = axis((2e-2, 2.5e-2, 3e-2, 3.5e-2, 4e-2, 5e-2, 6e-2) if back is None else SPEEDS, back)
+    found = claims(loop).get("stability")
+    assert found is None or found.values["slowest"] > 1.2e-2
+    assert found is None or found.values["kind"] == "free"
+
+
+def test_friction_is_claimed_in_the_directions_and_at_the_speeds_that_were_driven(both_ways):
+    named = [one for one in both_ways.findings if one.code == "friction"]
+    assert [one.values["direction"] for one in named] == ["forwards", "backwards"]
+    for one in named:
+        (way,) = support(one.rows, both_ways.velocity)
+        assert way.direction == one.values["direction"]
+        assert way.slowest >= one.values["slowest"] and way.fastest <= one.values["fastest"]
+    made = jf.feedforward(both_ways)
+    assert [one.values for one in made.findings] == [one.values for one in named]
+
+
+def test_rows_are_told_by_direction_and_as_ranges():
+    velocity = np.array([0.0, 1.0, 2.0, -3.0, -1.0, 4.0])
+    rows = np.array([True, True, True, False, True, False])
+    assert support(rows, velocity) == (
+        ("forwards", 2, 1.0, 2.0), ("backwards", 1, 1.0, 1.0), ("at rest", 1, 0.0, 0.0)
+    )  # fmt: skip
+    assert ranges(rows) == [[0, 3], [4, 5]] and ranges(~rows[:1]) == []
