@@ -30,11 +30,13 @@ from jaxfric.cli import options
 from jaxfric.cli.app import app
 from jaxfric.cli.call import in_new_words
 from jaxfric.effects import AXIS_CATALOGUE, CATALOGUE
+from jaxfric.findings import Finding, Severity
 from jaxfric.fitting import Estimate, Fit, NoiseEstimate, NoisePart
 from jaxfric.fitting.axis_preparation import Preparation
 from jaxfric.fitting.problem import Model
 from jaxfric.fitting.table import noise_text, summary
 from jaxfric.gains.axis_result import AxisGains
+from jaxfric.loop import LoopCode
 from jaxfric.loop.axis.result import AxisDetails
 from jaxfric.loop.family import CurveFamily, Decisive, OtherShape
 from jaxfric.loop.refusal import Fault, Refusal
@@ -1208,6 +1210,16 @@ def test_a_refit_tells_effects_that_look_alike(snapshot):
         texts[f"BIC {delta_bic}, converged: {converged}"] = "\n".join(lines)
         assert (re.search("slip_trend.*time_drift", lines[-1]) is not None) == alike
     snapshot("alike", texts)
+
+
+def test_an_effect_is_told_from_all_others_only_where_noise_is_left() -> None:
+    """Beside structure that is left it may stand for another one in part."""
+    loop = make_loop("effects")
+    alone = dataclasses.replace(loop, alias_groups=(loop.effects,))
+    rows = np.ones(len(loop.record), bool)
+    left = Finding(LoopCode.STRUCTURE, Severity.CAUTION, {"block_means": 1e-4}, rows)
+    told, not_told = (apart(dataclasses.replace(alone, findings=f))[0] for f in ((), (left,)))
+    assert "every other effect" in told and "every other effect" not in not_told
 
 
 @pytest.mark.parametrize(

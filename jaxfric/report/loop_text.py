@@ -11,7 +11,7 @@ from ..findings import Severity, support
 from ..fitting import Estimate
 from ..fitting.table import CORRELATED, DIFFERENCE, decimals, noise_text, shown_name
 from ..loop.family import CurveFamily, listed
-from ..loop.findings import words_of
+from ..loop.findings import LoopCode, words_of
 from ..loop.residual_tests import QUESTIONS, p_text
 from ..loop.result import ROLES, CandidateScore, Loop, TextTable
 from ..loop.split import NAMES
@@ -35,6 +35,7 @@ BLOCKS = {
     "report": "scored once",
 }
 _TOLD = 10.0
+_NOT_NOISE = (LoopCode.STRUCTURE, LoopCode.BLOCK)
 _MOST_CANDIDATES = 10
 _MOST_STEPS = 40
 """Velocities or segments that a terminal shows."""
@@ -426,9 +427,11 @@ def apart(loop: Loop) -> list[str]:
     """Sentences on every effect added: its likely confusions, and what would separate them.
 
     Effects that look alike to first order are told apart where a refit with the other in place of
-    the one was tried and is worse by more than 10 of BIC.
+    the one was tried and is worse by more than 10 of BIC. Where more than noise is left, no effect
+    is told from all others: what is left may be of another one, which it stands for in part.
     """
     out, open_ = [], dict(confused(loop))
+    noise = not any(one.code in _NOT_NOISE for one in loop.findings)
     for id, *others in loop.alias_groups:
         alike = open_.get(id, [])
         refits = [f"{o} (BIC {_worse(loop, id, o):.0f} worse)" for o in others if o not in alike]
@@ -443,6 +446,8 @@ def apart(loop: Loop) -> list[str]:
         if alike or family is not None:
             continue
         text = f"{id}: this record tells it from every other effect"
+        if not noise:
+            text = f"{id}: more than noise is left, so that it may stand for another effect in part"
         near, value = _nearest(loop, id)
         text += f" (most alike: {near}, cosine {value:.2f})" if near and not told else ""
         out.append(text + told)
