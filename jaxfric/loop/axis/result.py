@@ -157,14 +157,18 @@ class AxisDetails:
         fitted = TextTable(f"{both}, over all rows", ("parameter", *heads), rows, note)
         return [fitted, self._gains(unit)]
 
-    def _least(self, damping: str, unit: str) -> tuple[str, str, str]:
-        """The least k_v, two errors included; nothing where nothing may be said."""
-        claim, drive = self.gains.claim, self.record.drive
-        if claim.kind == "open":
-            return ("least k_v", "nothing is said", "")
-        gain = claim.damping / drive.gain if drive is not None and drive.gain else None
+    def _least(self, force: str, unit: str) -> list[tuple[str, str, str]]:
+        """The least slope, the k_v that covers it and two of its errors, the other optimum."""
+        gains, drive, damping = self.gains, self.record.drive, f"{force} s/{unit}"
+        k_v = gains.claim.damping
+        gain = k_v / drive.gain if drive is not None and drive.gain else None
         own = _drive(gain, "V" if drive is None else drive.signal, unit)
-        return ("least k_v", f"{claim.damping:.4g} {damping}", own)
+        return [
+            ("worst velocity", f"{gains.worst_velocity:.4g} {unit}/s", ""),
+            ("slope of friction there", f"{gains.slope:.4g} {damping}", ""),
+            ("least k_v", f"{k_v:.4g} {damping}", own),
+            *_stiff_rows(gains, force, unit),
+        ]
 
     def short(self) -> str:
         """Whether the axis stick-slips, and what holds it."""
@@ -233,12 +237,9 @@ class AxisDetails:
         """Gains in force, and the least damping that friction asks for, in both units."""
         force, drive, gains = self.record.force_unit, self.record.drive, self.gains
         damping = f"{force} s/{unit}"
-        rows = [
-            ("worst velocity", f"{gains.worst_velocity:.4g} {unit}/s", ""),
-            ("slope of friction there", f"{gains.slope:.4g} {damping}", ""),
-            self._least(damping, unit),
-            *_stiff_rows(gains, force, unit),
-        ]
+        rows = [("least k_v", "nothing is said", "")]
+        if gains.claim.kind != "open":
+            rows = self._least(force, unit)
         if drive is not None and drive.K_d is not None:
             rows.append(
                 (
@@ -254,13 +255,14 @@ class AxisDetails:
         if self.bears is not None:
             held = f"{1e3 * self.bears:.3g} ms" if self.bears > 0 else "none: they do not hold it"
             rows.append(("delay they bear", held, ""))
-        note = f"{self._said()} By equation (13)"
-        if gains.stiff is None:
-            note += f" {_PAGE}"
-        else:
+        note = self._said()
+        if gains.claim.kind != "open" and gains.stiff is None:
+            note += f" By equation (13) {_PAGE}"
+        elif gains.claim.kind != "open":
             note += (
-                f", (18)-(20) and (25) {_PAGE}: linear, and of an ideal drive; lags and sampling"
-                " ask for more. The critical k_p at the drive is in 1/s at its k_v"
+                f" By equation (13), (18)-(20) and (25) {_PAGE}: linear, and of an ideal drive;"
+                " lags and sampling ask for more. The critical k_p at the drive is in 1/s at its"
+                " k_v"
             )
         head = ("", "in force", "at the drive")
         if not any(row[-1] for row in rows):  # a drive of which nothing is known
@@ -269,7 +271,16 @@ class AxisDetails:
 
     def to_json(self) -> dict:
         """The entry "axis" of `loop.json`: preparation, gains and fits; `drive` is in force."""
-        drive = self.record.drive
+        drive, gains = self.record.drive, self.gains
+        least = {
+            "worst_velocity": gains.worst_velocity,
+            "slope": gains.slope,
+            "least_damping": gains.least_damping,
+            "velocity_gain": gains.velocity_gain,
+            "stiff": _stiff_json(gains.stiff),
+        }
+        if gains.claim.kind == "open":
+            least = dict.fromkeys(least)
         return {
             "axis": {
                 "coordinate": self.record.coordinate,
@@ -284,15 +295,11 @@ class AxisDetails:
                 "driven": [one._asdict() for one in self.driven],
                 "covariance": self.covariance,
                 "gains": {
-                    "worst_velocity": self.gains.worst_velocity,
-                    "slope": self.gains.slope,
-                    "least_damping": self.gains.least_damping,
-                    "velocity_gain": self.gains.velocity_gain,
-                    "claim": self.gains.claim.kind,
-                    "slowest": None if self.gains.curve is None else self.gains.curve.slowest,
-                    "fastest": None if self.gains.curve is None else self.gains.curve.fastest,
+                    **least,
+                    "claim": gains.claim.kind,
+                    "slowest": None if gains.curve is None else gains.curve.slowest,
+                    "fastest": None if gains.curve is None else gains.curve.fastest,
                     "sentence": self._said(),
-                    "stiff": _stiff_json(self.gains.stiff),
                 },
                 "fits": [
                     {
