@@ -17,15 +17,6 @@ rows in units of the memory that each velocity step shows."""
 ROTARY_CLOCKS = ("time", "angle", "rows", "pace")
 """The clocks of an axis that turns: its path is an angle [rad]."""
 _UNITS = {"time": "s", "path": "m", "angle": "rad", "rows": "rows", "pace": "memory of a step"}
-_ORIGINS = {
-    "pace": "a recorder set anew at every velocity",
-    "time": "amplifier, filter or servo",
-    "path": "roughness or gouge",
-    "angle": "what turns: screw, bearing, gear or motor",
-    "rows": "the recorder's filter",
-}
-_SLOW, _DRIFT = 10.0, "temperature or creep"
-"""Memory [s] from which noise over time is not due to electronics."""
 _WHITE = 0.05
 _ALIKE = 0.2
 """Correlation of neighbouring rows from which a part of a noise is not white: less the rows do not
@@ -88,14 +79,6 @@ class NoisePart:
             return f"{length} of load-point motion"
         return f"{size:.3g} s"
 
-    @property
-    def origin(self) -> str:
-        """The usual cause of such noise."""
-        if self.over == "time" and self.swings:
-            return "servo or resonance of the machine"
-        slow = self.over == "time" and self.memory > _SLOW
-        return _DRIFT if slow else _ORIGINS[self.over]
-
 
 def _plain(size: float) -> str:
     """Two digits, and no power of ten."""
@@ -142,12 +125,6 @@ class NoiseEstimate:
             if abs(part.correlation(apart[self.clocks.index(part.over)])) >= _ALIKE
         )
         return dataclasses.replace(self, parts=parts)
-
-    def origins(self) -> tuple[str, ...]:
-        """The usual causes of such noise, those of its correlated parts first."""
-        found = [part.origin for part in self.parts if part.share > _WHITE]
-        found += [f"the recorder's steps of {self.steps:.2g}"] * self.written
-        return tuple(dict.fromkeys(found))
 
     @property
     def kind(self) -> str:

@@ -135,10 +135,11 @@ def noise_text(noise: NoiseEstimate) -> str:
 
 
 def noise_lines(noise: NoiseEstimate, of: str = "the record") -> list[str]:
-    """Lines on the noise of `of`: its size, its usual cause, and the bound of its memory."""
+    """Lines on the noise of `of`: its size, any steps of the recorder in it, and the bound of its
+    memory."""
     lines = [f"noise of {of}: {noise_text(noise)}"]
-    if origins := noise.origins():
-        lines.append(f"such noise comes from {', and from '.join(origins)}")
+    if noise.written:
+        lines.append(f"its white part is mostly the recorder's steps of {noise.steps:.2g}")
     if noise.longest:
         lines.append(f"what lasts longer than {noise.bound()} is not taken for noise")
     return lines

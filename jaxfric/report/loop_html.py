@@ -32,10 +32,10 @@ FIGURES = {
     "noise": (
         "The noise of the record",
         "How alike rows are, by their distance: what the model leaves, and the noise that was found"
-        " in it, with the band that such noise stays in. Short correlation comes from the"
-        " recorder, the servo or the surfaces and is no missing friction; what lasts longer than"
-        " the bound above the figure would be. Where the record leaves the band, the noise model is"
-        " not quite that of the record, and errors are a little less sure.",
+        " in it, with the band that such noise stays in. Short correlation is taken for noise and"
+        " no missing friction; what lasts longer than the bound above the figure would be. Where"
+        " the record leaves the band, the noise model is not quite that of the record, and errors"
+        " are a little less sure.",
     ),
     "location": (
         "Where the structure sits",
