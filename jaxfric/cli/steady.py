@@ -65,7 +65,8 @@ def steady(
         print(content)
     else:
         _print(result, noise, folder)
-    return folder.close()
+    code = folder.close()
+    return 1 if result.verdict == "ambiguous" else code
 
 
 def _print(result: "SteadyLoop", noise: "SteadyNoise | None", folder: Folder) -> None:

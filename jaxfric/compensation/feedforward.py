@@ -16,6 +16,8 @@ from .units import drive_gain as parse_gain
 from .units import positive
 
 _ROWS, _FINE = 33, 801
+_NEGLIGIBLE = 0.02
+"""Share of the friction below which a negative Coulomb friction is taken for zero."""
 _SLOWEST = 0.05
 """Slowest speed of the table besides 0, in fade speeds."""
 
@@ -58,7 +60,8 @@ def feedforward(
     ------
     InputError : no file of an axis, a damaged one; an argument that is no positive quantity; an
         effect that has no formula.
-    NothingToCompensate : a model that did not converge, or whose friction would drive the axis.
+    NothingToCompensate : a model that did not converge, whose friction would drive the axis, or
+        is not known better than itself.
 
     Not tried: play, a soft transmission, several axes that load each other.
     """
@@ -133,12 +136,13 @@ def _supported(about: Identified) -> np.ndarray:
 def _sound_level(curve: FrictionCurve) -> float:
     """The friction that changes sign, at the slowest speed that the record supports [F].
 
-    Friction takes energy: a model in which it gives some at a supported speed is wrong there, and
-    gives nothing.
+    Friction takes energy: a model in which it gives some at a supported speed, or at rest, is wrong
+    there, and gives nothing. Nor does one whose standard error there is as large.
     """
     about = curve.about
     speed = _supported(about)
-    mean, level = curve.mean(speed).force, float(curve.level(speed[:1])[0])
+    found = curve.mean(speed)
+    mean, level = found.force, float(curve.level(speed[:1])[0])
     worst = int(np.argmin(mean))
     if not (np.isfinite(mean).all() and mean[worst] > 0 and level > 0):
         least = min(float(mean[worst]), level)
@@ -146,6 +150,21 @@ def _sound_level(curve: FrictionCurve) -> float:
             f"{about.source}: its friction would drive the axis ({least:.3g} {about.force_unit}"
             f" against motion, at {float(speed[worst]):.3g} {about.length}/s), so the model is"
             " wrong and nothing may be compensated by it"
+        )
+    coulomb = about.values["F_c"]
+    if coulomb < -_NEGLIGIBLE * level:
+        raise NothingToCompensate(
+            f"{about.source}: its Coulomb friction is {coulomb:.3g} {about.force_unit}: it would"
+            " drive the axis, so the model is wrong and nothing may be compensated by it"
+        )
+    share = np.where(np.isfinite(found.std), found.std, 0.0) / mean
+    worst = int(np.argmax(share))
+    if share[worst] >= 1.0:
+        raise NothingToCompensate(
+            f"{about.source}: its friction is not known better than itself ({mean[worst]:.3g} ±"
+            f" {found.std[worst]:.2g} {about.force_unit} at {float(speed[worst]):.3g}"
+            f" {about.length}/s), so nothing may be compensated by it; record more, or slower and"
+            " faster speeds"
         )
     return level
 

@@ -33,6 +33,7 @@ from ..loop.findings import LoopCode
 from ..loop.steady.loop import SteadyLoop, steady_gains
 from ..loop.steady.model import curve_covariance
 from ..quantity import Quantity, quantities
+from ..records.steady_load import Load
 from ..rig.axis import LAW, AxisRig, BaseLaw
 from .units import amplitude, unit_of
 
@@ -357,11 +358,18 @@ def _middle(content: Content) -> float:
 
 
 class _Fitted(NamedTuple):
-    """A model of a steady curve: its effects, its values by name, and tau."""
+    """A model of a steady curve: its effects, its values by name, and tau; the runs it rests on,
+    and what the force has along the travel."""
 
     effects: tuple[str, ...]
     values: Mapping[str, float]
     spread: float
+    points: np.ndarray
+    """Speed, force and its error of every run (n, 3)."""
+    used: np.ndarray
+    """Mask (n,) of the runs that were fitted."""
+    shared: np.ndarray | None
+    load: Load | None
 
 
 def _of_curve(content: Content, source: str) -> Identified:
@@ -374,53 +382,118 @@ def _of_curve(content: Content, source: str) -> Identified:
     problem = problem or missing_key(after, ("parameters", "spread"), "after.")
     problem = problem or missing_key(gains, ("slowest", "fastest"), "gains.")
     refuse_damage(path, STEADY, problem)
+    if content.get("withheld"):
+        raise NothingToCompensate(f"{source}: {'; '.join(map(str, content['withheld']))}")
     try:
         points = np.stack([np.asarray(curve[k], float) for k in ("speed", "force", "error")], 1)
         values = values_of(after)
         spread, ends = float(after["spread"]), (float(gains["slowest"]), float(gains["fastest"]))
-        if not (np.isfinite(points).all() and all(map(math.isfinite, (*values.values(), *ends)))):
+        used = np.asarray(curve.get("fitted", np.ones(len(points))), bool)
+        shared, load = curve.get("shared_error"), content.get("load")
+        shared = None if shared is None else np.asarray(shared, float).reshape(len(points), -1)
+        load = None if load is None else _load(load)
+        numbers = (*values.values(), *ends)
+        if not (np.isfinite(points).all() and all(map(math.isfinite, numbers)) and used.any()):
             raise ValueError
     except (TypeError, ValueError, KeyError):
         problem = f"{path}: damaged: a number of the curve is missing or no number; make it again"
         raise InputError(f"{problem} with: jaxfric steady") from None
     about = str(curve["force_unit"]), str(curve["coordinate"])
-    fitted = _Fitted(tuple(content["effects"]), values, spread)
-    return _curve(source, about, points, fitted, ends, str(gains.get("sentence") or ""))
+    fitted = _Fitted(tuple(content["effects"]), values, spread, points, used, shared, load)
+    return _curve(source, about, fitted, ends, str(gains.get("sentence") or ""))
+
+
+def _load(content: Content) -> Load:
+    """What the force has along the travel, of a steady.json."""
+    names = tuple(content["parameters"])
+    values = [content["parameters"][name]["value"] for name in names]
+    arrays = [np.asarray(x, float) for x in (values, content["covariance"], content["centre"])]
+    if arrays[1].shape != (len(names), len(names)) or not all(np.isfinite(x).all() for x in arrays):
+        raise ValueError
+    return Load(str(content["effect"]), names, *arrays)
 
 
 def _of_steady(loop: SteadyLoop) -> Identified:
+    if loop.withheld:
+        raise NothingToCompensate(f"this curve: {'; '.join(loop.withheld)}")
     curve, model, gains = loop.curve, loop.final, steady_gains(loop)
     assert gains.curve is not None
     points = np.stack([curve.speed, curve.force, curve.error], axis=1)
     about, ends = (curve.force_unit, curve.coordinate), (gains.curve.slowest, gains.curve.fastest)
-    fitted = _Fitted(model.effects, model.values, model.spread)
-    return _curve("this curve", about, points, fitted, ends, gains.sentence())
+    fitted = _Fitted(
+        model.effects, model.values, model.spread, points, loop.used, curve.shared, curve.load
+    )
+    return _curve("this curve", about, fitted, ends, gains.sentence())
 
 
 def _curve(
     source: str,
     about: tuple[str, str],
-    points: np.ndarray,
     fitted: _Fitted,
     ends: tuple[float, float],
     claim: str,
 ) -> Identified:
     """The friction of steady runs; `about` is the force's unit and the coordinate."""
-    speed, _, error = points.T
-    effects, values, spread = fitted
-    names, covariance = curve_covariance(speed, error, spread, effects, values)
-    return Identified(
+    speed, _, error = fitted.points[fitted.used].T
+    shared = None if fitted.shared is None else fitted.shared[fitted.used]
+    names, covariance = curve_covariance(
+        speed, error, fitted.spread, fitted.effects, fitted.values, shared
+    )
+    found = Identified(
         source,
         *about,
-        {_OF_CURVE.get(name, name): value for name, value in values.items()},
+        {_OF_CURVE.get(name, name): value for name, value in fitted.values.items()},
         tuple(_OF_CURVE.get(name, name) for name in names),
         covariance,
         (),
-        effects,
+        fitted.effects,
         0.0,
         ends[0],
         *ends,
         "the slowest run that moved evenly",
-        points=points,
+        points=fitted.points,
         claim=claim,
+    )
+    return found if fitted.load is None else _with_load(found, fitted.load)
+
+
+def _with_load(about: Identified, load: Load) -> Identified:
+    """The same with the load along the travel, whose columns are no longer less their mean.
+
+    Friction that changes along the travel is that of its middle where the effect has no term for
+    it, as of a joint.
+    """
+    told = ("a", "b") if load.effect == "gravity" else ("k", "m")
+    size, p = len(about.free), len(load.names)
+    whole = np.zeros((size + p, size + p))
+    whole[:size, :size], whole[size:, size:] = about.covariance, load.covariance
+    back = np.eye(size + p)
+    values = dict(about.values)
+    for k, name in enumerate(load.names):
+        if name in told:
+            base = "F_c" if name == "m" else "F_0"
+            values[base] -= load.values[k] * load.centre[k % load.both_ways]
+            back[about.free.index(base), size + k] = -load.centre[k % load.both_ways]
+    values |= {f"{load.effect}.{name}": 0.0 for name in told}
+    values |= {
+        f"{load.effect}.{name}": float(value)
+        for name, value in zip(load.names, load.values, strict=True)
+        if name in told
+    }
+    kept = [*range(size), *(size + k for k, name in enumerate(load.names) if name in told)]
+    free = (*about.free, *(f"{load.effect}.{name}" for name in load.names if name in told))
+    points = np.array(about.points)
+    if load.effect == "gravity":  # the static map leaves the weight out
+        points[:, 1] -= load.values[: load.both_ways] @ load.centre
+    return dataclasses.replace(
+        about,
+        points=points,
+        values=values,
+        free=free,
+        covariance=(back @ whole @ back.T)[np.ix_(kept, kept)],
+        effects=(*about.effects, load.effect),
+        middle=float(load.centre[0]) if load.effect == "position_dependence" else 0.0,
+        warnings=about.warnings
+        if set(load.names) <= set(told)
+        else (*about.warnings, "friction changes along the travel: its middle is compensated"),
     )

@@ -5,6 +5,7 @@ import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +15,8 @@ from .axis_record import AxisRecord
 from .formats import suffixes
 from .read_axis import read_axis
 from .record import Provenance
+from .rests import Rests
+from .steady_load import Load, load_of, without_load
 from .steady_run import Run, SteadyRows, steady_run
 from .turns import WITHIN_A_TURN
 from .window import Bound
@@ -21,8 +24,27 @@ from .window import Bound
 MIN_RUNS = 4
 """Least number of runs of a curve."""
 
+_FEWEST_SAMPLES = 10.0
+"""Independent samples of a run below which its error is not known: a correlation time comes out too
+small in runs shorter than some 20 of it (see `effective_samples`)."""
+_CONSTANT = 1e-9
+"""Spread of a force that is rounding alone, over the largest force."""
 _MOST_LISTED = 5
 """Files that cannot be read are listed up to this number."""
+
+
+class StickSlipRun(NamedTuple):
+    """A run at one commanded speed that rested and moved in turn. SI."""
+
+    run: str
+    speed: float
+    """Mean speed over whole cycles, signed [m/s or rad/s]."""
+    at_rest: float
+    """Share of the time at rest."""
+    moving_speed: float
+    """Mean speed between the stops, signed [m/s or rad/s]."""
+    stops: int
+    """Times that it came to rest and went on."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,13 +52,19 @@ class SteadyCurve:
     """One row for each run at a steady speed, sorted by speed; arrays are read-only, in SI.
 
     - `speed`: mean, signed [m/s or rad/s]; `speed_std`: spread of its samples.
-    - `force`: mean; `std`: spread of its samples, in `force_unit` ("N", "N m" or "%").
+    - `force`: mean, less the `load` along the travel; `std`: spread of its samples, in `force_unit`
+      ("N", "N m" or "%").
     - `samples`: rows used; `outliers`: rows left out because they do not belong to the others of
       their run (None: not told); `effective`: independent samples that those used are worth
-      (`effective_samples` of the force); `error` = std / sqrt(effective), of `force`.
+      (`effective_samples` of the force).
+    - `error`: standard error of `force`, sqrt(std^2 / effective + the part of `shared`); `shared`
+      [R, p]: that part, of p independent errors of the load that all runs share.
     - `names`: the runs, by their path below the folder; `uneven`: those that moved unevenly, or
       whose speed is recorded too coarsely to tell; `stuck`: slower ones that are left out because
-      they stood still, turned back or were not steady.
+      they stood still, turned back or were not steady; `stick_slip`: those that rested and moved in
+      turn at one commanded speed. They are uneven, and means of theirs are of whole cycles.
+    - `load`: what the force has along the travel, taken out of `force` and `rows`; None where none
+      is seen, or where positions are not recorded.
     - `rows`: of every run those that its means are of (empty: not kept).
     - `coordinate` and `units` as for `AxisRecord`; `provenance.notes`: what was left out, and why.
     """
@@ -57,10 +85,35 @@ class SteadyCurve:
     units: Mapping[str, str] = field(default_factory=dict)
     provenance: Provenance = field(default_factory=Provenance)
     rows: tuple[SteadyRows, ...] = ()
+    stick_slip: tuple[StickSlipRun, ...] = ()
+    load: Load | None = None
+    shared: np.ndarray | None = None
 
     def __len__(self) -> int:
         """Number of runs."""
         return len(self.names)
+
+    def covariance(self) -> np.ndarray:
+        """Covariance (R, R) of the errors of `force`."""
+        return force_covariance(self.error, self.shared)
+
+    @property
+    def wanders(self) -> bool:
+        """Whether the force changes so slowly within the runs that the errors of their means are
+        not known: of the runs whose force is not constant half have fewer than 10 samples."""
+        noisy = self.std > _CONSTANT * np.max(np.abs(self.force))
+        return bool(noisy.any() and np.median(self.effective[noisy]) < _FEWEST_SAMPLES)
+
+    def slipping(self) -> np.ndarray:
+        """Mask (R,) of the runs that stick and slip."""
+        return np.isin(self.names, [one.run for one in self.stick_slip])
+
+
+def force_covariance(error: np.ndarray, shared: np.ndarray | None) -> np.ndarray:
+    """Covariance (R, R) of errors (R,) of which a part `shared` (R, p) is of p common ones."""
+    if shared is None:
+        return np.diag(error**2)
+    return np.diag(error**2 - np.sum(shared**2, axis=1)) + shared @ shared.T
 
 
 def read_steady(
@@ -75,12 +128,14 @@ def read_steady(
 ) -> SteadyCurve:
     """Read a folder of runs at steady speeds, at any depth, as one curve.
 
-    Cells that do not belong to the others of a run (`outliers`) are left out of its means, and
-    told. A run is steady where the mean speeds of its ten parts differ from its mean by less than a
-    tenth (and the noise of such means). Rows of a start-up or a stop, whose speed is not yet or
-    no longer that of the middle of the run, are left out. Runs that are not steady, stand still,
-    or whose direction is not determined are left out with a note. The speed is that of the
-    velocity, else that of the position.
+    What the force has along the travel, the same both ways (`Load`: the weight of a joint, a
+    spring), is taken out where positions are recorded, and told. Cells that do not belong to the
+    others of a run (`outliers`) are left out of its means, and told. Of a run that sticks and slips
+    (`rests`) whole cycles count. A run is steady where the mean speeds of its ten parts differ from
+    its mean by less than a tenth (and the noise of such means). Rows of a start-up or a stop, whose
+    speed is not yet or no longer that of the middle of the run, are left out. Runs that are not
+    steady, stand still, or whose direction is not determined are left out with a note. The speed is
+    that of the velocity, else that of the position.
 
     **Arguments:** as for `read_axis`; of every run only the rows of the `window` count, from a
     time since its first row to another (seconds, or "0.6 s"; None: its beginning or end), as where
@@ -103,13 +158,20 @@ def read_steady(
     used = sorted((run for run in runs if not run.refused), key=lambda run: (run.speed, run.name))
     _check_runs(folder, runs, used, records)
     first = records[used[0].name]
+    load, shared = load_of(used, first.coordinate), None
+    if load is not None:
+        freed = [without_load(load, run, first.coordinate) for run in used]
+        used = [run for run, _ in freed]
+        shared = _frozen(np.stack([by for _, by in freed]) @ load.root())
+    own = np.array([run.std / np.sqrt(run.effective) for run in used])
+    common = np.zeros(len(used)) if shared is None else np.sum(shared**2, axis=1)
     return SteadyCurve(
         speed=_frozen([run.speed for run in used]),
         force=_frozen([run.force for run in used]),
         std=_frozen([run.std for run in used]),
         samples=_frozen([run.samples for run in used], np.int64),
         effective=_frozen([run.effective for run in used]),
-        error=_frozen([run.std / np.sqrt(run.effective) for run in used]),
+        error=_frozen(np.sqrt(own**2 + common)),
         speed_std=_frozen([run.speed_std for run in used]),
         names=tuple(run.name for run in used),
         uneven=tuple(run.name for run in used if run.uneven),
@@ -120,7 +182,14 @@ def read_steady(
         units=first.units,
         provenance=_provenance(folder, runs, used, records),
         rows=tuple(run.rows for run in used if run.rows is not None),
+        stick_slip=tuple(_slipped(run, run.rests) for run in used if run.rests is not None),
+        load=load,
+        shared=shared,
     )
+
+
+def _slipped(run: Run, slips: Rests) -> StickSlipRun:
+    return StickSlipRun(run.name, run.speed, slips.at_rest, slips.fast, slips.stops)
 
 
 def _read_all(folder: Path, one: Callable[[Path], AxisRecord]) -> dict[str, AxisRecord]:

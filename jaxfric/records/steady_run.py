@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .axis_record import AxisRecord
+from .rests import Rests, rests
 from .rows import MIN_ROWS
 from .steady_mean import effective_samples, outliers
 
@@ -29,7 +30,9 @@ class SteadyRows(NamedTuple):
     time: np.ndarray
     """Since the first row of the record [s]."""
     force: np.ndarray
-    """[unit of the force of the curve]"""
+    """[unit of the force of the curve], less the load that the curve found along the travel"""
+    position: np.ndarray | None = None
+    """[m or rad]; None where it is not recorded"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +55,8 @@ class Run:
     """Rows that are left out because they do not belong to the others."""
     rows: SteadyRows | None = None
     """The rows of the steady part; None for a run that is refused."""
+    rests: Rests | None = None
+    """The stick-slip of the run, whose means are then of whole cycles; None where it has none."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +69,7 @@ class _Rows:
     speed: np.ndarray
     force: np.ndarray
     position: np.ndarray | None
-    """Position of the rows; None where the speed does not come from the position."""
+    """Position of the rows; None where it is not recorded."""
 
     def part(self, rows: slice | np.ndarray) -> "_Rows":
         """A slice or selection of these rows."""
@@ -79,24 +84,29 @@ def steady_run(name: str, record: AxisRecord) -> Run:
     if not np.any(whole.speed):
         return Run(name, refused="the axis stands still")
     size = float(np.sqrt(np.mean(whole.speed**2)))
-    start, stop = steady_rows(whole.speed)
+    slips = _rests(whole, record)
+    start, stop = steady_rows(whole.speed) if slips is None else (slips.first, slips.stop)
     part = whole.part(slice(start, stop))
-    part = part.part(~(outliers(part.speed) | outliers(part.force)))
-    why = _refusal(part.speed, whole.speed, record)
-    if why:
-        return Run(name, size, refused=why)
+    if slips is None:
+        part = part.part(~(outliers(part.speed) | outliers(part.force)))
+        why = _refusal(part.speed, whole.speed, record)
+        if why:
+            return Run(name, size, refused=why)
     mean = float(part.speed.mean())
-    if part.position is not None:
+    if part.position is not None and _of_position(record):
         mean = float(np.polyfit(part.time, part.position, 1)[0])
     cut = len(whole.speed) - (stop - start)
     first, last = whole.number[[start, stop - 1]]
     wild = np.setdiff1d(np.arange(first, last + 1), part.number)
-    uneven = _unevenness(part.speed, float(part.speed.mean()), record)
+    if slips is None:
+        uneven = _unevenness(part.speed, float(part.speed.mean()), record)
+    else:
+        uneven = _stick_slip(slips, record)
     notes = [uneven] if uneven else []
     if cut:
-        notes.insert(
-            0, f"{start} rows of start-up and {cut - start} of stop are left out of {len(record)}"
-        )
+        what = "start-up and {} of stop" if slips is None else "the first cycle and {} of the last"
+        ends = f"{start} rows of {what.format(cut - start)}"
+        notes.insert(0, f"{ends} are left out of {len(record)}")
     if len(wild):
         notes.insert(0, _told(wild, part, record))
     return Run(
@@ -111,37 +121,68 @@ def steady_run(name: str, record: AxisRecord) -> Run:
         uneven=bool(uneven),
         outliers=len(wild),
         rows=_kept(part),
+        rests=slips,
     )
+
+
+def _rests(whole: _Rows, record: AxisRecord) -> Rests | None:
+    """The stick-slip of a run, by the velocity or the position, whichever tells rest better."""
+    speeds = [whole.speed]
+    if whole.position is not None and not _of_position(record):
+        speeds.append(np.gradient(whole.position, whole.time))
+    commanded = _commanded(record, whole.number)
+    found = [one for speed in speeds if (one := rests(speed, whole.force, commanded))]
+    return min(found, key=lambda one: one.level, default=None)
+
+
+def _stick_slip(slips: Rests, record: AxisRecord) -> str:
+    """A sentence on the stick-slip of a run."""
+    return (
+        f"stick-slip: at rest {100 * slips.at_rest:.0f} % of the time, in {slips.stops} stops, and"
+        f" at {shown_speed(slips.fast, record)} between"
+    )
+
+
+def _commanded(record: AxisRecord, rows: np.ndarray) -> np.ndarray | None:
+    """The velocity of the reference at some rows; None where it is not recorded."""
+    reference = record.reference_position
+    return None if reference is None else np.gradient(reference, record.relative_time)[rows]
 
 
 def _kept(part: _Rows) -> SteadyRows:
     """Copies of the rows, read-only."""
-    kept = SteadyRows(*(np.array(x) for x in (part.number, part.time, part.force)))
+    kept = [np.array(x) for x in (part.number, part.time, part.force)]
+    kept += [] if part.position is None else [np.array(part.position)]
     for values in kept:
         values.setflags(write=False)
-    return kept
+    return SteadyRows(*kept)
+
+
+def _of_position(record: AxisRecord) -> bool:
+    """Whether the speed of a record is that of its position."""
+    return record.position is not None and (record.velocity is None or not np.any(record.velocity))
 
 
 def _rows(record: AxisRecord) -> _Rows:
     """Time, speed and force; of the position where there is no velocity."""
-    time, speed, position = record.relative_time, record.velocity, None
-    rows = np.arange(len(time))
-    if record.position is not None and (speed is None or not np.any(speed)):
+    time, speed = record.relative_time, record.velocity
+    rows, position = np.arange(len(time)), record.position
+    if position is not None and _of_position(record):
         from scipy.ndimage import median_filter  # only here: reading is quick without SciPy
 
         # a wrong cell stands out from the two before and after it
-        rows = np.flatnonzero(~outliers(record.position - median_filter(record.position, 5)))
-        position = record.position[rows]
+        rows = np.flatnonzero(~outliers(position - median_filter(position, 5)))
+        position = position[rows]
         speed = np.gradient(position, time[rows])
     speed = np.zeros(len(rows)) if speed is None else speed
     found = _Rows(rows, time[rows], speed, record.motor_force[rows], position)
-    return found if position is not None else found.part(~outliers(speed))
+    return found if _of_position(record) else found.part(~outliers(speed))
 
 
 def _told(wild: np.ndarray, part: _Rows, record: AxisRecord) -> str:
     """A sentence on the rows that are left out, with the worst of them."""
     channels = {"motor_force": (record.motor_force, part.force)}
-    if part.position is None and record.velocity is not None:
+    if not _of_position(record) and record.velocity is not None:
         channels["velocity"] = (record.velocity, part.speed)
     worst = (0.0, "")
     for name, (values, kept) in channels.items():

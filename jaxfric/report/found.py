@@ -237,7 +237,9 @@ def _loop(content: Mapping) -> _Told:
 
 
 def _steady(content: Mapping) -> _Told:
-    return _Told("friction at steady speeds", str(content["sentence"]), _table([]), ("curve.png",))
+    withheld = tuple(str(line) for line in content.get("withheld", ()))
+    what = "friction at steady speeds"
+    return _Told(what, str(content["sentence"]), _table([]), ("curve.png",), warnings=withheld)
 
 
 def _gains(content: Mapping) -> _Told:

@@ -12,6 +12,7 @@ from ..loop.steady.loop import SteadyLoop, steady_gains
 from ..loop.steady.model import SteadyModel
 from ..loop.steady.noise import SteadyNoise
 from ..records.steady import SteadyCurve
+from ..records.steady_load import Load
 
 SCHEMA = "jaxfric.steady/1"
 
@@ -51,7 +52,7 @@ def tables(loop: SteadyLoop) -> list[TextTable]:
         (
             " + ".join(m.effects) or "base",
             f"{m.rms / size:.4g}",
-            f"{m.heldout / size:.4g}",
+            f"{m.heldout / size:.4g}" if np.isfinite(m.heldout) else "–",
             f"{m.spread / size:.3g}",
             f"{loop.base.bic - m.bic:+.1f}".replace("-", "−"),
             "taken" if m is loop.final else "base" if m is loop.base else "",
@@ -74,6 +75,11 @@ def tables(loop: SteadyLoop) -> list[TextTable]:
         )
         for name in names
     ]
+    if (load := loop.curve.load) is not None:
+        per = "" if load.effect == "gravity" else f"/{speed.removesuffix('/s')}"
+        for name, value, std in zip(load.names, load.values, load.std, strict=True):
+            text = f"{value / size:.4g} ± {std / size:.2g}"
+            shown.append((f"{load.effect}.{name}", text, text, f"{unit}{per}"))
     return [TextTable("Parameters", ("name", "before", "after", "unit"), shown), *models]
 
 
@@ -103,7 +109,7 @@ def to_json(loop: SteadyLoop, noise: SteadyNoise | None = None) -> dict:
             "effects": list(m.effects),
             "parameters": {k: {"value": v, "std": m.std.get(k)} for k, v in m.values.items()},
             "rms": m.rms,
-            "heldout_rms": m.heldout,
+            "heldout_rms": m.heldout if np.isfinite(m.heldout) else None,
             "spread": m.spread,
             "delta_bic": loop.base.bic - m.bic,
         }
@@ -118,12 +124,17 @@ def to_json(loop: SteadyLoop, noise: SteadyNoise | None = None) -> dict:
             "speed": curve.speed.tolist(),
             "force": curve.force.tolist(),
             "error": curve.error.tolist(),
+            "fitted": loop.used.tolist(),
+            "shared_error": None if curve.shared is None else curve.shared.tolist(),
             "effective_samples": curve.effective.tolist(),
             "outliers": None if curve.outliers is None else curve.outliers.tolist(),
             "notes": list(curve.provenance.notes),
         },
         "verdict": loop.verdict,
         "sentence": loop.sentence,
+        "withheld": list(loop.withheld),
+        "stick_slip": [one._asdict() for one in curve.stick_slip],
+        "load": None if curve.load is None else _load_json(curve.load),
         "effects": list(loop.final.effects),
         "before": model(loop.base),
         "after": model(loop.final),
@@ -136,6 +147,17 @@ def to_json(loop: SteadyLoop, noise: SteadyNoise | None = None) -> dict:
             "sentence": sentence(loop),
         },
         "noise": None if noise is None else _noise_json(noise, curve),
+    }
+
+
+def _load_json(load: Load) -> dict:
+    """What the force has along the travel, as JSON values."""
+    pairs = zip(load.names, load.values.tolist(), load.std.tolist(), strict=True)
+    return {
+        "effect": load.effect,
+        "parameters": {name: {"value": value, "std": std} for name, value, std in pairs},
+        "covariance": load.covariance.tolist(),
+        "centre": load.centre.tolist(),
     }
 
 

@@ -1,12 +1,17 @@
-"""One model of the friction of steady speeds, and its fit by weighted least squares."""
+"""One model of the friction of steady speeds, and its fit by generalised least squares.
+
+The errors of the runs have the covariance C of their means and a spread tau of their own:
+V = C + tau^2 I. In the frame of the eigenvectors of C, V is diagonal for every tau.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from ...records.steady import SteadyCurve
+from ...records.steady import SteadyCurve, force_covariance
 
 _SPEEDS = 60
 _POWERS = (1.0, 2.0)
@@ -24,20 +29,28 @@ class SteadyModel:
     std: dict[str, float]
     covariance: np.ndarray
     """Covariance of F_c, F_v, F_0, the amplitudes of `effects` in their order, and any vs."""
-    predicted: np.ndarray
-    """Force predicted at the runs."""
     rms: float
-    """Root mean square of the runs' means about the model, each run once."""
+    """Root mean square of the fitted runs' means about the model, each run once."""
     spread: float
     """Standard deviation of runs beyond the error of their means (tau)."""
     bic: float
     heldout: float
-    """rms of every run about the model fitted without it and its neighbours in speed."""
+    """rms of every run about the model fitted without it and its neighbours in speed; nan of so few
+    runs that a model cannot be fitted without three."""
 
     def force(self, speed: np.ndarray) -> np.ndarray:
         """Force at any speed."""
         values = np.asarray([self.values[name] for name in _names(self.effects)])
         return _matrix(np.asarray(speed, float), self.effects, self.shape) @ values
+
+    def friction(self, speed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(F(v) - F(-v))/2 at speeds (m,), and its standard error; n is taken as known."""
+        v = np.abs(np.asarray(speed, float))
+        force = 0.5 * (self.force(v) - self.force(-v))
+        fs = self.values.get("fs", 0.0)
+        ends = [_jacobian(one, self.effects, self.shape, fs) for one in (v, -v)]
+        rows = 0.5 * (ends[0] - ends[1])
+        return force, np.sqrt(np.maximum(np.sum((rows @ self.covariance) * rows, axis=1), 0.0))
 
     @property
     def shape(self) -> "_Shape":
@@ -84,29 +97,52 @@ def _jacobian(speed: np.ndarray, effects: Sequence[str], shape: _Shape, fs: floa
     return np.column_stack([matrix, fs * (high - low) / (2 * _NEAR * vs)])
 
 
-def fit_model(curve: SteadyCurve, effects: tuple[str, ...]) -> SteadyModel:
-    """The likeliest model of a curve with `effects` of `steady.STEADY_EFFECTS`."""
-    speed, force, error = (np.asarray(x) for x in (curve.speed, curve.force, curve.error))
-    shape = _likeliest_shape(speed, force, error, effects) if "stribeck" in effects else None
+class _Frame(NamedTuple):
+    """The runs in the frame of the eigenvectors of the covariance of their errors."""
+
+    force: np.ndarray
+    variance: np.ndarray
+    """Eigenvalues of the covariance."""
+    axes: np.ndarray
+    """Eigenvectors, as rows."""
+
+    @classmethod
+    def of(cls, force: np.ndarray, covariance: np.ndarray) -> "_Frame":
+        variance, vectors = np.linalg.eigh(covariance)
+        return cls(vectors.T @ force, np.maximum(variance, 0.0), vectors.T)
+
+
+def fit_model(
+    curve: SteadyCurve, effects: tuple[str, ...], used: np.ndarray | None = None
+) -> SteadyModel:
+    """The likeliest model of a curve with `effects` of `steady.STEADY_EFFECTS`.
+
+    used : mask of the runs that count; None: all. Values and errors are by restricted likelihood,
+    which counts the parameters of few runs; BIC is by likelihood.
+    """
+    here = np.ones(len(curve), bool) if used is None else used
+    speed, force = np.asarray(curve.speed)[here], np.asarray(curve.force)[here]
+    covariance = curve.covariance()[np.ix_(here, here)]
+    frame = _Frame.of(force, covariance)
+    shape = _likeliest_shape(speed, frame, effects) if "stribeck" in effects else None
     matrix = _matrix(speed, effects, shape)
-    values, spread, deviance = _weighted(matrix, force, error)
-    predicted = matrix @ values
-    names, count = _names(effects), len(values) + 1 + (0 if shape is None else 2)
-    shown = dict(zip(names, values.tolist(), strict=True))
+    count = matrix.shape[1] + 1 + (0 if shape is None else 2)
+    _, _, deviance = _weighted(matrix, frame)
+    values, spread, _ = _weighted(matrix, frame, restricted=True)
+    shown = dict(zip(_names(effects), values.tolist(), strict=True))
     if shape is not None:
         shown |= {"vs": shape[0], "n": shape[1]}
-    names, covariance = curve_covariance(speed, error, spread, effects, shown)
-    std = dict(zip(names, np.sqrt(np.diag(covariance)).tolist(), strict=True))
+    names, errors = _parameter_covariance(speed, covariance, spread, effects, shown)
+    std = dict(zip(names, np.sqrt(np.diag(errors)).tolist(), strict=True))
     return SteadyModel(
         effects=effects,
         values=shown,
         std=std,
-        covariance=covariance,
-        predicted=predicted,
-        rms=float(np.sqrt(np.mean((force - predicted) ** 2))),
+        covariance=errors,
+        rms=float(np.sqrt(np.mean((force - matrix @ values) ** 2))),
         spread=spread,
         bic=float(deviance + count * np.log(len(force))),
-        heldout=_heldout(speed, force, error, effects, shape),
+        heldout=_heldout(speed, force, covariance, effects, shape),
     )
 
 
@@ -116,16 +152,30 @@ def curve_covariance(
     spread: float,
     effects: Sequence[str],
     values: Mapping[str, float],
+    shared: np.ndarray | None = None,
 ) -> tuple[list[str], np.ndarray]:
     """Names and covariance (p, p) of the parameters of a curve with `values` (SI), by its runs.
 
-    speed, error : of the runs [n]. spread : tau, by which runs differ beyond their errors. n of a
-    Stribeck term is taken as known.
+    speed, error, shared : of the runs [n], as in `SteadyCurve`. spread : tau, by which runs differ
+    beyond their errors. n of a Stribeck term is taken as known.
     """
+    covariance = force_covariance(np.asarray(error), shared)
+    return _parameter_covariance(speed, covariance, spread, effects, values)
+
+
+def _parameter_covariance(
+    speed: np.ndarray,
+    covariance: np.ndarray,
+    spread: float,
+    effects: Sequence[str],
+    values: Mapping[str, float],
+) -> tuple[list[str], np.ndarray]:
+    """Names and covariance of the parameters, by the `covariance` (n, n) of the runs' means."""
     shape = (values["vs"], values["n"]) if "stribeck" in effects else None
-    rows = _jacobian(speed, effects, shape, values.get("fs", 0.0))
+    frame = _Frame.of(np.zeros(len(speed)), covariance)
+    rows = frame.axes @ _jacobian(speed, effects, shape, values.get("fs", 0.0))
     names = [*_names(effects), *(["vs"] if shape is not None else [])]
-    return names, _covariance(rows / np.sqrt(error**2 + spread**2)[:, None])
+    return names, _covariance(rows / np.sqrt(frame.variance + spread**2)[:, None])
 
 
 def _covariance(rows: np.ndarray) -> np.ndarray:
@@ -136,13 +186,13 @@ def _covariance(rows: np.ndarray) -> np.ndarray:
 
 
 def _likeliest_shape(
-    speed: np.ndarray, force: np.ndarray, error: np.ndarray, effects: Sequence[str]
+    speed: np.ndarray, frame: _Frame, effects: Sequence[str]
 ) -> tuple[float, float]:
     """vs and n of the likeliest Stribeck term that adds friction at low speed."""
     place = _names(effects).index("fs")
 
     def deviance(log_vs: float, n: float) -> float:
-        found = _weighted(_matrix(speed, effects, (float(np.exp(log_vs)), n)), force, error)
+        found = _weighted(_matrix(speed, effects, (float(np.exp(log_vs)), n)), frame)
         return found[2] if found[0][place] > 0 else np.inf
 
     slow, fast = np.min(np.abs(speed)), np.max(np.abs(speed))
@@ -162,18 +212,26 @@ def _likeliest_shape(
 
 
 def _weighted(
-    matrix: np.ndarray, force: np.ndarray, error: np.ndarray
+    matrix: np.ndarray, frame: _Frame, *, restricted: bool = False
 ) -> tuple[np.ndarray, float, float]:
-    """Least squares with variances error^2 + tau^2, tau by likelihood: values, tau, -2 ln L."""
+    """Least squares with the covariance C + tau^2 I, tau by likelihood: values, tau, -2 ln L.
+
+    The restricted likelihood takes the parameters of `matrix` out of it.
+    """
+    rows = frame.axes @ matrix
 
     def at(log_tau: float):
-        variance = error**2 + np.exp(2 * log_tau)
+        variance = frame.variance + np.exp(2 * log_tau)
         root = np.sqrt(variance)
-        values, *_ = np.linalg.lstsq(matrix / root[:, None], force / root, rcond=None)
-        left = (force - matrix @ values) / root
-        return values, float(left @ left + np.sum(np.log(variance)))
+        values, *_ = np.linalg.lstsq(rows / root[:, None], frame.force / root, rcond=None)
+        left = (frame.force - rows @ values) / root
+        deviance = float(left @ left + np.sum(np.log(variance)))
+        if restricted:
+            own = np.linalg.svd(rows / root[:, None], compute_uv=False)
+            deviance += 2 * float(np.sum(np.log(np.maximum(own, 1e-300))))
+        return values, deviance
 
-    scale = max(float(np.std(force)), 1e-300)
+    scale = max(float(np.std(frame.axes.T @ frame.force)), 1e-300)
     low, high = np.log(1e-6 * scale), np.log(2 * scale)
     found = minimize_scalar(lambda u: at(u)[1], bounds=(low, high), method="bounded")
     log_tau = float(found.x)
@@ -182,7 +240,11 @@ def _weighted(
 
 
 def _heldout(
-    speed: np.ndarray, force: np.ndarray, error: np.ndarray, effects: Sequence[str], shape: _Shape
+    speed: np.ndarray,
+    force: np.ndarray,
+    covariance: np.ndarray,
+    effects: Sequence[str],
+    shape: _Shape,
 ) -> float:
     """Leave out every run with its neighbours in speed; the shape stays as fitted."""
     order = np.argsort(speed)
@@ -191,6 +253,8 @@ def _heldout(
     for place, k in enumerate(order):
         out = order[max(0, place - 1) : place + 2]
         rest = np.setdiff1d(np.arange(len(speed)), out)
-        values, *_ = _weighted(matrix[rest], force[rest], error[rest])
+        if len(rest) <= matrix.shape[1] or np.linalg.matrix_rank(matrix[rest]) < matrix.shape[1]:
+            return float("nan")
+        values, *_ = _weighted(matrix[rest], _Frame.of(force[rest], covariance[np.ix_(rest, rest)]))
         left[k] = force[k] - matrix[k] @ values
     return float(np.sqrt(np.mean(left**2)))

@@ -5,6 +5,7 @@ of the family of `fitting.noise`. Its clocks are time, path (mean speed times ti
 at other speeds and sampling rates tell over which of them it forgets. Runs follow each other so
 far apart on every clock that nothing is remembered from one to the next, and each loses the
 direction of its mean (restricted likelihood), without which a long memory comes out too short.
+Runs that stick and slip are left out, if there are others.
 
 What turns makes noise that swings once a turn. From white noise on, part by part, it is not found:
 what neighbouring rows share is taken first. So of a rotary axis it is one of the starts. Not tried:
@@ -92,7 +93,10 @@ def steady_noise(curve: SteadyCurve) -> SteadyNoise | None:
     clocks = [_clock(curve, k) for k in range(len(curve))]
     left = [np.asarray(rows.force) - np.mean(rows.force) for rows in curve.rows]
     scale = np.array([np.sqrt(np.sum(x**2) / max(len(x) - 1, 1)) for x in left])
-    moving = np.flatnonzero(scale > 0)
+    slipping = curve.slipping()
+    moving = np.flatnonzero((scale > 0) & ~slipping)
+    if not len(moving):
+        moving = np.flatnonzero(scale > 0)
     if not len(moving):
         return None
     left = [x / (s if s > 0 else 1.0) for x, s in zip(left, scale, strict=True)]

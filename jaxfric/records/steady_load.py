@@ -1,0 +1,161 @@
+"""The force along the travel of runs at steady speeds: the weight of a joint, a spring, a slope.
+
+    F = f(run) + w(q) + sgn v u(q) + r sgn v t
+
+Every run has a level f of its own, so that only what changes within a run tells of the position q.
+w is the same both ways, the half sum of both directions at one place; u is friction that changes
+along the travel, their half difference; r is friction that changes with time. Of a joint w is
+a sin q + b cos q, of a linear axis k q, and u alike. Columns are less their mean over the travel:
+the weight there stays in the offset of the curve.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .steady_mean import effective_samples
+from .steady_run import Run
+
+_ACCEPT = 10.0
+"""Fall of BIC for which a dependence on the position is taken, as for an effect of a loop: "very
+strong" evidence (Kass and Raftery 1995, doi:10.1080/01621459.1995.10476572)."""
+_ROUNDS = 3
+"""Times that the rows of every run are weighed anew by what is left of them."""
+_SINGULAR = 1e-10
+"""Least eigenvalue of the scaled normal matrix, over the largest, of columns that are told apart"""
+_NAMES = {"rotary": ("a", "b"), "linear": ("k",)}
+_FRICTION_NAMES = {"rotary": ("a_friction", "b_friction"), "linear": ("m",)}
+_EFFECTS = {"rotary": "gravity", "linear": "position_dependence"}
+
+
+@dataclass(frozen=True, eq=False)
+class Load:
+    """What the force of steady runs has along the travel; arrays are read-only, in SI.
+
+    - `effect`: "gravity", a sin q + b cos q of a joint, or "position_dependence", k q of a linear
+      axis; `names`, `values` and `covariance` of its parameters, those of friction that changes
+      along the travel among them (m of a linear axis; of a joint a_friction sin q + b_friction
+      cos q) where it was found.
+    - `centre`: mean of every column over the travel, at which the offset of the curve holds it.
+    """
+
+    effect: str
+    names: tuple[str, ...]
+    values: np.ndarray
+    covariance: np.ndarray
+    centre: np.ndarray
+
+    @property
+    def std(self) -> np.ndarray:
+        """Standard errors of `values`."""
+        return np.sqrt(np.diag(self.covariance))
+
+    def root(self) -> np.ndarray:
+        """R (p, p) with R R' = `covariance`."""
+        variance, vectors = np.linalg.eigh(self.covariance)
+        return vectors * np.sqrt(np.maximum(variance, 0.0))
+
+    @property
+    def both_ways(self) -> int:
+        """Number of parameters of what is the same both ways; they come first."""
+        return len(_NAMES["rotary" if self.effect == "gravity" else "linear"])
+
+    def size(self) -> tuple[float, float]:
+        """Amplitude of the part that is the same both ways, and its standard error."""
+        p = self.both_ways
+        found = float(np.linalg.norm(self.values[:p]))
+        along = self.values[:p] / found
+        return found, float(np.sqrt(along @ self.covariance[:p, :p] @ along))
+
+
+def load_of(runs: Sequence[Run], coordinate: str) -> Load | None:
+    """What the force has along the travel; None where positions are not recorded in all runs,
+    where one direction is not, or where nothing of the kind is seen."""
+    rows = [run.rows for run in runs if run.rows is not None]
+    placed = [(own, own.position) for own in rows if own.position is not None]
+    signs = np.sign([run.speed for run in runs])
+    if len(placed) < len(runs) or len(np.unique(signs)) < 2:
+        return None
+    columns = [_columns(position, coordinate) for _, position in placed]
+    forces, p = [own.force for own in rows], columns[0].shape[1]
+    plain, turned = [], []
+    for sign, own, column in zip(signs, rows, columns, strict=True):
+        plain.append(np.concatenate([column, sign * own.time[:, None]], axis=1))
+        turned.append(np.concatenate([plain[-1], sign * column], axis=1))
+    found, kept = _regressed(turned, forces), [*range(p), *range(p + 1, 2 * p + 1)]
+    if found is None or not _seen(*found, kept[p:]):
+        found, kept = _regressed(plain, forces), kept[:p]
+    if found is None or not _seen(*found, kept[:p]):
+        return None
+    names = _NAMES[coordinate] + (_FRICTION_NAMES[coordinate] if len(kept) > p else ())
+    values, covariance = found[0][kept], found[1][np.ix_(kept, kept)]
+    centre = np.mean([own.mean(axis=0) for own in columns], axis=0)
+    for array in (values, covariance, centre):
+        array.setflags(write=False)
+    return Load(_EFFECTS[coordinate], names, values, covariance, centre)
+
+
+def without_load(load: Load, run: Run, coordinate: str) -> tuple[Run, np.ndarray]:
+    """A run less the load, its means and errors anew; and the derivative (p,) of its mean force by
+    the parameters of the load, with its sign turned."""
+    assert run.rows is not None and run.rows.position is not None
+    columns = _columns(run.rows.position, coordinate) - load.centre
+    if len(load.names) > columns.shape[1]:
+        columns = np.concatenate([columns, np.sign(run.speed) * columns], axis=1)
+    force = run.rows.force - columns @ load.values
+    force.setflags(write=False)
+    changed = dataclasses.replace(
+        run,
+        force=float(force.mean()),
+        std=float(force.std(ddof=1)),
+        effective=effective_samples(force),
+        rows=run.rows._replace(force=force),
+    )
+    return changed, columns.mean(axis=0)
+
+
+def _columns(position: np.ndarray, coordinate: str) -> np.ndarray:
+    """sin q and cos q of a joint, q of a linear axis (n, p)."""
+    if coordinate == "rotary":
+        return np.stack([np.sin(position), np.cos(position)], axis=1)
+    return position[:, None]
+
+
+_Regressed = tuple[np.ndarray, np.ndarray, float]
+"""Values, their covariance, and how many independent samples they rest on."""
+
+
+def _regressed(columns: list[np.ndarray], forces: list[np.ndarray]) -> _Regressed | None:
+    """Least squares of the forces on columns, each run with a level and a noise of its own.
+
+    The noise of a run is that of what is left of it: its rows count as many as the independent
+    samples that they are worth. None where the columns are not told apart.
+    """
+    matrix = np.concatenate([x - x.mean(axis=0) for x in columns])
+    force = np.concatenate([f - f.mean() for f in forces])
+    sizes = [len(f) for f in forces]
+    ends = np.cumsum(sizes)[:-1]
+    least = (1e-12 * float(np.ptp(force))) ** 2 + 1e-300  # of a force without noise
+    size = np.sqrt(np.sum(matrix**2, axis=0))
+    size = np.where(size > 0, size, 1.0)
+    values, normal, samples = np.zeros(len(size)), np.eye(len(size)), 0.0
+    for _ in range(_ROUNDS):
+        left = np.split(force - matrix @ values, ends)
+        worth = np.array([effective_samples(x) for x in left])
+        each = worth / (np.array(sizes) * [max(float(np.var(x)), least) for x in left])
+        rows = matrix / size * np.repeat(each, sizes)[:, None]
+        normal, samples = rows.T @ (matrix / size), float(worth.sum())
+        eigenvalues = np.linalg.eigvalsh(normal)
+        if eigenvalues[0] < _SINGULAR * eigenvalues[-1]:
+            return None
+        values = np.linalg.solve(normal, rows.T @ force) / size
+    return values, np.linalg.inv(normal) / np.outer(size, size), samples
+
+
+def _seen(values: np.ndarray, covariance: np.ndarray, samples: float, part: list[int]) -> bool:
+    """Whether a part of the values is worth more than what BIC asks for its number."""
+    own = values[part]
+    gain = float(own @ np.linalg.solve(covariance[np.ix_(part, part)], own))
+    return gain > len(own) * np.log(samples) + _ACCEPT
