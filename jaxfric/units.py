@@ -24,6 +24,8 @@ _NEWTON_PER_AMPERE = "N/A"
 _MACHINE = {"bit", "bits", "count", "counts", "cts", "ticks", "lsb", "adu", "raw"}
 _MICRO = re.compile(r"\bum\b")
 _ANGLE = re.compile(r"rad|deg|rev|turn|rpm")
+_TORQUE = re.compile(r"(?<![A-Za-z])([mkuµμ]?N)\s?[-.* ]?\s?([cm]?m)(?![A-Za-z])")
+_DAMPER = re.compile(r"(?<![A-Za-z])([mkuµμ]?N)-?m-?s(?![A-Za-z])")
 _EXAMPLES = {"s": "10 s", "m": "20 um", "m/s": "2 um/s", "1/m": "1.6e-3/um", "N": "5 N"}
 _EXAMPLES |= {"Pa": "25 MPa", "N/m": "1e6 N/m", "N*s/m": "10 N*s/m", "kg": "2 kg", "Hz": "100 Hz"}
 _KNOWN = ["s", "ms", "us", "min", "hour", "m", "mm", "um", "nm", "cm", "micron", "N", "mN", "kN"]
@@ -68,8 +70,10 @@ def parse_quantity(text: str, si_unit: str, what: str) -> float:
     return value
 
 
-def speed_text(V: float, digits: int = 3) -> str:
-    """A velocity [m/s] in a readable unit."""
+def speed_text(V: float, digits: int = 3, *, rotary: bool = False) -> str:
+    """A velocity [m/s], or of a rotation [rad/s], in a readable unit."""
+    if rotary:
+        return f"{V:.{digits}g} rad/s" if V >= 0.1 else f"{1e3 * V:.{digits}g} mrad/s"
     unit = next((u for u, size in (("um/s", 3e-4), ("mm/s", 0.3)) if size > V), "m/s")
     return format_si(float(f"{V:.{digits - 1}e}"), "m/s", unit, digits + 1)
 
@@ -124,6 +128,16 @@ def scale(values: _Values, size: float) -> _Values:
     return values / whole if exact else values * size  # ty: ignore[invalid-explicit-return]
 
 
+def unit_in(text: str) -> str:
+    """The unit of a quantity, a list or a range; "" where there is none."""
+    return _split(re.split(r",|\.\.", text)[-1])[1]
+
+
+def is_angle(unit: str) -> bool:
+    """Whether a unit names an angle, which has no dimension: "rad/s" does, "1/s" does not."""
+    return _ANGLE.search(unit) is not None
+
+
 def is_unit(text: str) -> bool:
     """Whether `text` is a unit: a known one, a machine unit, or a sign for none."""
     number, unit = _split(text)
@@ -174,7 +188,15 @@ def _spelling(unit: str) -> str:
     if unit.lower() in _NO_UNIT and unit != _NEWTON_PER_AMPERE:
         return ""
     unit = re.sub(r"\b(microns|mic)\b", "micron", unit)
+    unit = turning(unit)
     return re.sub(r"(?<=[A-Za-z])(-?\d)\b", r"^\1", unit)
+
+
+def turning(unit: str) -> str:
+    """Torques and rotations in pint's spelling: mNm and N-m are torques, Nms/rad, rev a turn."""
+    unit = _DAMPER.sub(r"\1*m*s", unit)
+    unit = _TORQUE.sub(r"\1*\2", unit)
+    return re.sub(r"\b(rev|rot)\b", "turn", unit)
 
 
 @functools.lru_cache(maxsize=256)

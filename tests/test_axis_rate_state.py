@@ -363,6 +363,16 @@ def test_what_is_left_out_of_the_law_of_a_loop(tmp_path):
     assert steady_face(found.law, 5e-3) == pytest.approx(plain, rel=1e-12)
 
 
+def test_the_law_of_a_joint_is_in_radians(tmp_path):
+    """The same numbers as of a line; a spring beside k_p has the unit N m/rad."""
+    joint = {"axis": {"coordinate": "rotary"}, "friction_unit": "N m"}
+    found = axis_source(tmp_path, "position_dependence", **joint)
+    assert (found.coordinate, axis_source(tmp_path).coordinate) == ("rotary", "linear")
+    assert "add 30 N m/rad to k_p" in found.warnings[0]
+    line = steady_face(axis_source(tmp_path).law, 5e-3)
+    assert steady_face(found.law, 5e-3) == pytest.approx(line, rel=1e-12)
+
+
 def without(name):
     after = axis_loop("rate_and_state")["after"]
     del after["parameters"][name]
@@ -372,7 +382,6 @@ def without(name):
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"axis": {"coordinate": "rotary"}, "friction_unit": "N m"}, "of a rotary axis, and gains"),
         ({"friction_unit": "%"}, "an axis whose forces are in %, and gains"),
         ({"force": 5.0}, "normal_force is not wanted"),
         ({"after": without("F_c")}, "parameter F_c is missing"),

@@ -15,6 +15,7 @@ from .told import told as told
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from ..coordinate import Coordinate
     from ..laws.source import LawSource
     from ..records import AxisRecord, Record
     from ..stability.analysis import Law
@@ -189,24 +190,81 @@ def read_samples(fit: Path | None, normal_force: str | None, number: int = 256) 
         return None
 
 
-def read_masses(text: str | None, *, count: int = 5) -> list[float] | None:
-    """Masses [kg]; a number alone is in kilograms. None where none is given."""
-    from ..units import parse_values
-
-    if text is None:
-        return None
-    try:
-        float(text)
-    except ValueError:
-        return parse_values(text, "kg", "--mass", count=count)
-    return parse_values(f"{text} kg", "kg", "--mass", count=count)
-
-
 def optional_quantity(text: str | None, unit: str, option: str) -> float | None:
     """A quantity [`unit`] or None."""
     from ..units import parse_quantity
 
     return None if text is None else parse_quantity(text, unit, option)
+
+
+class OfMotion:
+    """Options whose units are of a line, or of a rotation: all of them, and the law, must agree.
+
+    **Arguments:** the options with the SI unit of each on a line, and the law's coordinate.
+
+    Raises `InputError` where they disagree.
+    """
+
+    def __init__(
+        self, options: Mapping[str, tuple[str | None, str]], law: "Coordinate | None" = None
+    ):
+        from ..coordinate import agreed
+
+        self._options = options
+        self.coordinate = agreed(options, law)
+
+    def unit(self, option: str) -> str:
+        """The SI unit of an option."""
+        from ..coordinate import unit_of
+
+        return unit_of(self._options[option][1], self.coordinate)
+
+    def read(self, option: str) -> float | None:
+        """The quantity in SI, or None."""
+        return optional_quantity(self._options[option][0], self.unit(option), option)
+
+    def positive(self, option: str) -> float | None:
+        """A quantity above 0, or None."""
+        value = self.read(option)
+        if value is not None and not value > 0:
+            raise InputError(f"{option}: '{self._options[option][0]}' is not positive")
+        return value
+
+    def damping(self, option: str) -> float:
+        """A damping, 0 where none is given."""
+        value = self.read(option)
+        if value is not None and value < 0:
+            text = self._options[option][0]
+            raise InputError(f"{option}: '{text}' is negative; damping is 0 or more")
+        return value or 0.0
+
+    def values(self, option: str, *, count: int = 25) -> list[float]:
+        """One or several positive values (`parse_values`)."""
+        from ..units import parse_values
+
+        text, _ = self._options[option]
+        assert text is not None
+        return parse_values(text, self.unit(option), option, count=count)
+
+    def masses(self) -> list[float] | None:
+        """Masses of --mass; a number alone is in kg, or kg m^2. None where none is given."""
+        from ..units import parse_values
+
+        text, _ = self._options["--mass"]
+        if text is None:
+            return None
+        with contextlib.suppress(ValueError):
+            float(text)
+            text = f"{text} {self.unit('--mass')}"
+        return parse_values(text, self.unit("--mass"), "--mass", count=5)
+
+    def mass(self) -> float | None:
+        """One mass, or None."""
+        masses = self.masses()
+        if masses is not None and len(masses) > 1:
+            text = self._options["--mass"][0]
+            raise InputError(f"--mass: '{text}' is more than one mass; give one, as in '2 kg'")
+        return None if masses is None else masses[0]
 
 
 def effect_ids(texts: list[str] | None, option: str) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ from cyclopts import Parameter
 from ..errors import InputError
 from ..stability.margin_table import named_with_units
 from . import options
-from .common import optional_quantity, prepare_jax, read_law, read_masses, told, warn
+from .common import OfMotion, optional_quantity, prepare_jax, read_law, told, warn
 from .folder import choose_law_folder
 
 if TYPE_CHECKING:
@@ -27,7 +27,8 @@ def gains(
         str | None,
         Parameter(
             allow_leading_hyphen=True,
-            help="Velocities: '5 um/s', '1, 2 um/s', or a range to cover, '1e-6..1e-3 m/s'.",
+            help="Velocities: '5 um/s', '1, 2 um/s', or a range to cover, '1e-6..1e-3 m/s'; of a"
+            " joint '1..5 rad/s', and all other options in rad and N m.",
         ),
     ] = None,
     margin: Annotated[
@@ -90,7 +91,6 @@ def gains(
     import numpy as np
 
     from ..gains.requirement import Requirement
-    from ..units import parse_values
 
     if velocity is None:
         raise InputError("--velocity is missing; give the velocities of the machine: '1..100 um/s'")
@@ -99,8 +99,19 @@ def gains(
     if samples < 0:
         raise InputError(f"--samples is {samples}; it must be 0 or more")
     source = read_law(from_, law, parameters, normal_force, samples=samples, seed=seed)
-    velocities = np.asarray(parse_values(velocity, "m/s", "--velocity"))
-    masses = read_masses(mass)
+    given = OfMotion(
+        {
+            "--velocity": (velocity, "m/s"),
+            "--mass": (mass, "kg"),
+            "--min-kp": (min_kp, "N/m"),
+            "--max-kp": (max_kp, "N/m"),
+            "--max-kv": (max_kv, "N*s/m"),
+            "--scale-kp": (scale_kp, "N/m"),
+            "--scale-kv": (scale_kv, "N*s/m"),
+        },
+        source.coordinate,
+    )
+    velocities, masses = np.asarray(given.values("--velocity")), given.masses()
     sampled = optional_quantity(sample_time, "s", "--sample-time")
     late = optional_quantity(delay, "s", "--delay")
     from ..gains import check_gains, find_gains
@@ -115,15 +126,9 @@ def gains(
             mass=None if masses is None else np.asarray(masses),
             margin=required,
             confidence=confidence,
-            scale=(
-                optional_quantity(scale_kp, "N/m", "--scale-kp"),
-                optional_quantity(scale_kv, "N*s/m", "--scale-kv"),
-            ),
-            lower=(optional_quantity(min_kp, "N/m", "--min-kp"), None),
-            upper=(
-                optional_quantity(max_kp, "N/m", "--max-kp"),
-                optional_quantity(max_kv, "N*s/m", "--max-kv"),
-            ),
+            scale=(given.read("--scale-kp"), given.read("--scale-kv")),
+            lower=(given.read("--min-kp"), None),
+            upper=(given.read("--max-kp"), given.read("--max-kv")),
             sample_time=sampled,
             delay=late,
             progress=lambda text: progress(f"{text} (1 of 3)"),
@@ -163,4 +168,5 @@ def _draw_map(result: "Gains", folder: Path, progress: Callable[[str], None]) ->
         point=steady_point(scenarios.law(k), jnp.asarray(scenarios.velocity[k])),
         mass=None if scenarios.mass is None else float(scenarios.mass[k]),
         optimum=(result.kp, result.kv),
+        coordinate=result.coordinate,
     )

@@ -1,5 +1,6 @@
 """`jaxfric simulate`: the nonlinear motion of a slider in time, with pictures."""
 
+import dataclasses
 import functools
 import math
 import re
@@ -10,14 +11,14 @@ from cyclopts import Parameter
 
 from ..errors import InputError
 from . import options
-from .common import prepare_jax, read_law, told, warn
+from .common import OfMotion, prepare_jax, read_law, told, warn
 from .folder import Folder, choose_law_folder, json_text
-from .stability import read_damping, read_one_mass, read_positive
 from .stamp import made_by
 
 if TYPE_CHECKING:
     import numpy as np
 
+    from ..coordinate import Coordinate
     from ..plot.cycle import Motion
     from ..rig import Rig
     from ..simulation import RESULTS, Start, Trajectory
@@ -81,31 +82,43 @@ def simulate(
     output folder, by default ./NAME-simulate/ with the options that differ from their default;
     NAME is the law's, or the folder's of the fit.
     """
-    from ..units import parse_quantity
-
-    times, velocities = _command(velocity, steps)
-    k_p = read_positive(kp, "N/m", "--kp")
-    if k_p is None:
+    if (velocity is None) == (steps is None):
+        raise InputError("give one of --velocity '2 um/s' and --steps '0 s: 1 um/s, 10 s: 10 um/s'")
+    if kp is None:
         raise InputError("--kp is missing; give stiffness or position gain, as in --kp '3 kN/m'")
-    k_v, one_mass = read_damping(kv), read_one_mass(mass)
-    length = read_positive(duration, "s", "--duration")
-    jumped = None if jump is None else parse_quantity(jump, "m", "--jump")
-    if jumped is not None and at_rest:
+    if jump is not None and at_rest:
         raise InputError("--jump and --at-rest exclude each other; give one")
     prepare_jax()
     source = read_law(from_, law, parameters, normal_force)
+    given = OfMotion(
+        {
+            "--velocity": (velocity, "m/s"),
+            "--kp": (kp, "N/m"),
+            "--kv": (kv, "N*s/m"),
+            "--mass": (mass, "kg"),
+            "--duration": (duration, "s"),
+            "--jump": (jump, "m"),
+        },
+        source.coordinate,
+    )
+    times, velocities = _command(given, velocity, steps)
+    k_p = given.positive("--kp")
+    assert k_p is not None
+    k_v, one_mass = given.damping("--kv"), given.mass()
+    length, jumped = given.positive("--duration"), given.read("--jump")
     one_mass = source.mass if one_mass is None else one_mass
     unseen = source.unseen(velocities)
     warn(unseen)
     folder = choose_law_folder(out, from_, law)
-    rig, notes = _rig(source.law, one_mass, k_p, k_v, velocities)
+    rig, notes = _rig(source.law, one_mass, k_p, k_v, velocities, given.unit("--velocity"))
     with told(quiet=True) as progress:
-        shown = _length_shown(velocity or steps or "")
+        shown = _length_shown(velocity or steps or "", given.coordinate)
         run, lines = _run(rig, (times, velocities), length, at_rest, jumped, shown, progress)
         progress("drawing figures")
         from ..plot.cycle import DRAWERS
 
-        heading = [source.text, _machine(k_p, k_v, one_mass), *notes]
+        run = dataclasses.replace(run, coordinate=given.coordinate)
+        heading = [source.text, _machine(run), *notes]
         with folder.results() as to:
             warned = [f"warning: {line}" for line in (*source.warnings, *unseen)]
             (to / "trajectory.csv").write_text(_table(run, [*heading, *lines, *warned]))
@@ -130,6 +143,7 @@ def _content(
         "mass": run.mass,
         "kp": run.k_p,
         "kv": run.k_v,
+        "units": {"kp": run.unit("N/m"), "kv": run.unit("N s/m"), "slip": run.unit("m")},
         "course": dict(line.split(": ", 1) for line in lines),
         "notes": notes,
         "rows": len(run.time),
@@ -141,36 +155,37 @@ def _content(
     }
 
 
-def _command(velocity: str | None, steps: str | None) -> tuple[list[float], list[float]]:
+def _command(
+    given: OfMotion, velocity: str | None, steps: str | None
+) -> tuple[list[float], list[float]]:
     """Times [s] and velocities [m/s] of the command."""
-    from ..units import parse_values
-
-    if (velocity is None) == (steps is None):
-        raise InputError("give one of --velocity '2 um/s' and --steps '0 s: 1 um/s, 10 s: 10 um/s'")
     if steps is not None:
+        if given.coordinate == "rotary":
+            raise InputError("--steps are in m/s; of a joint give one --velocity, as in '2 rad/s'")
         from ..records import VelocitySteps
 
         found = VelocitySteps.parse(steps)
         if not found.velocities[0] != 0:
             raise InputError("--steps: the first velocity is 0; steady sliding needs another")
         return found.times.tolist(), found.velocities.tolist()
-    assert velocity is not None
-    values = parse_values(velocity, "m/s", "--velocity")
+    values = given.values("--velocity")
     if len(values) > 1:
         raise InputError(f"--velocity: '{velocity}' is more than one; give one, or --steps")
     return [0.0], values
 
 
-def _length_shown(command: str) -> str:
-    """The unit of length of the commanded velocity, in which slip is told, else um."""
+def _length_shown(command: str, coordinate: "Coordinate") -> str:
+    """The unit of length of the commanded velocity, in which slip is told, else um; rad."""
+    if coordinate == "rotary":
+        return "rad"
     found = re.search(r"([nuµμmc]?m|microns?)\s*/\s*s", command)
     return found[1].replace("µ", "u").replace("μ", "u") if found else "um"
 
 
 def _rig(
-    law: "Law", mass: float | None, k_p: float, k_v: float, velocities: list[float]
+    law: "Law", mass: float | None, k_p: float, k_v: float, velocities: list[float], speed: str
 ) -> "tuple[Rig, list[str]]":
-    """The rig, and what was assumed."""
+    """The rig, and what was assumed; `speed` is the unit of the velocities."""
     import equinox as eqx
     import jax.numpy as jnp
 
@@ -189,7 +204,7 @@ def _rig(
         law = eqx.tree_at(
             lambda law: law.width, law, jnp.asarray(width), is_leaf=lambda x: x is None
         )
-        notes.append(f"the sign of friction turns over {width:.3g} m/s (parameter width)")
+        notes.append(f"the sign of friction turns over {width:.3g} {speed} (parameter width)")
     machine = QuasiStatic(k_p, damping) if mass is None else Inertial(mass, k_p, damping)
     return Rig(machine, law), notes
 
@@ -221,7 +236,11 @@ def _run(
         if jump is None:
             jump = _SEED * float(rig.friction.force_scale()) / float(rig.machine.stiffness)
         start = _jumped(rig, V, jump, delayed)
-        lines.append(f"start: steady sliding; then the load point jumps by {1e6 * jump:.4g} um")
+        size = 1.0 if shown == "rad" else 1e-6
+        unit = "rad" if shown == "rad" else "um"
+        lines.append(
+            f"start: steady sliding; then the load point jumps by {jump / size:.4g} {unit}"
+        )
     whole = length or _default_duration(rig, times, velocities, lead)
     tries = 1 if length or not constant else _TRIES
     k = 1
@@ -363,11 +382,12 @@ def _ending(
         return "end: steady sliding, or ever closer to it", True
     if bool(end.code == ENDS.limit_cycle):
         swing, slip = float(end.velocity_amplitude), float(end.slip_amplitude)
-        size, least = factor(shown, "m", "length"), float(end.least_velocity)
+        unit = "rad" if shown == "rad" else "m"
+        size, least = factor(shown, unit, "length"), float(end.least_velocity)
         period = _period(run.time, run.friction) or float(end.period)
         return (
             f"end: oscillation (stick-slip limit cycle, or still growing), period"
-            f" {period:.5g} s, slip amplitude {format_si(slip, 'm', shown, 5)} (half the range of"
+            f" {period:.5g} s, slip amplitude {format_si(slip, unit, shown, 5)} (half the range of"
             f" slip about steady sliding), velocity {least / size:.4g} to"
             f" {(least + 2 * swing) / size:.4g} {shown}/s"
         ), True
@@ -390,18 +410,23 @@ def _period(time: "np.ndarray", friction: "np.ndarray") -> float | None:
     return (rises[-1] - rises[0]) / (len(rises) - 1) if len(rises) > 1 else None
 
 
-def _machine(k_p: float, k_v: float, mass: float | None) -> str:
-    text = "no mass (quasi-static)" if mass is None else f"mass {mass:g} kg"
-    return f"k_p = {k_p:g} N/m, k_v = {k_v:g} N s/m, {text}"
+def _machine(run: "Motion") -> str:
+    k_p, k_v, mass = (run.unit(unit) for unit in ("N/m", "N s/m", "kg"))
+    text = "no mass (quasi-static)" if run.mass is None else f"mass {run.mass:g} {mass}"
+    return f"k_p = {run.k_p:g} {k_p}, k_v = {run.k_v:g} {k_v}, {text}"
 
 
 def _table(run: "Motion", notes: list[str]) -> str:
     """trajectory.csv: comments, a line of names with units, numbers."""
     made = [f"{name}: {text}" for name, text in made_by().items()]
-    names = ("time [s]", "load_point_displacement [um]", "friction [N]", "slip [um]")
+    rotary = run.coordinate == "rotary"
+    length, size = ("rad", 1.0) if rotary else ("um", 1e6)
+    names = ["time [s]", f"load_point_displacement [{length}]", f"friction [{run.unit('N')}]"]
+    names += [f"slip [{length}]", f"slider_velocity [{length}/s]"]
     lines = [f"# {' '.join(note.split())}" for note in ("simulated by jaxfric", *made, *notes)]
-    lines.append(",".join([*names, "slider_velocity [um/s]"]))
-    columns = (run.time, 1e6 * run.load_point, run.friction, 1e6 * run.slip, 1e6 * run.velocity)
+    lines.append(",".join(names))
+    moved, slip, velocity = (size * x for x in (run.load_point, run.slip, run.velocity))
+    columns = (run.time, moved, run.friction, slip, velocity)
     lines += [
         f"{t:.12g},{x:.10g},{f:.10g},{s:.10g},{v:.6g}"
         for t, x, f, s, v in zip(*columns, strict=True)

@@ -1,20 +1,13 @@
 """`jaxfric stability`: what the linear theory says of a friction law, with pictures."""
 
+import dataclasses
 from typing import Annotated
 
 from cyclopts import Parameter
 
 from ..errors import InputError
 from . import options
-from .common import (
-    optional_quantity,
-    prepare_jax,
-    read_law,
-    read_masses,
-    read_samples,
-    told,
-    warn,
-)
+from .common import OfMotion, optional_quantity, prepare_jax, read_law, read_samples, told, warn
 from .folder import choose_law_folder
 
 
@@ -48,18 +41,16 @@ def stability(
     Writes stability.json and figures to the output folder, by default ./NAME-stability/;
     NAME is the law's, or the folder's of the fit.
     """
-    from ..units import parse_values
-
     if velocity is None:
         raise InputError("--velocity is missing; give one, '5 um/s', or a range, '1..100 um/s'")
-    velocities = parse_values(velocity, "m/s", "--velocity")
-    one_mass = read_one_mass(mass)
-    k_p = read_positive(kp, "N/m", "--kp")
-    k_v = read_damping(kv)
     sampled = optional_quantity(sample_time, "s", "--sample-time")
     told_late = optional_quantity(delay, "s", "--delay")
     prepare_jax()
     source = read_law(from_, law, parameters, normal_force)
+    options = {"--velocity": (velocity, "m/s"), "--mass": (mass, "kg")}
+    given = OfMotion(options | {"--kp": (kp, "N/m"), "--kv": (kv, "N*s/m")}, source.coordinate)
+    velocities, one_mass = given.values("--velocity"), given.mass()
+    k_p, k_v = given.positive("--kp"), given.damping("--kv")
     one_mass = source.mass if one_mass is None else one_mass
     unseen = source.unseen(velocities)
     warn(unseen)
@@ -71,6 +62,7 @@ def stability(
     with told(quiet=True) as progress:
         progress("linear theory (1 of 2; then figures)")
         found = study(source.law, velocities, mass=one_mass, k_p=k_p, k_v=k_v, delay=late)
+        found = dataclasses.replace(found, coordinate=given.coordinate)
         if (samples := read_samples(from_, normal_force)) is not None:
             found = with_samples(found, samples)
         from ..plot.delay import draw_delay
@@ -92,29 +84,3 @@ def stability(
             print(line)
         print(folder.written)
     return folder.close()
-
-
-def read_one_mass(text: str | None) -> float | None:
-    """One mass [kg], or None."""
-    masses = read_masses(text)
-    if masses is None:
-        return None
-    if len(masses) > 1:
-        raise InputError(f"--mass: '{text}' is more than one mass; give one, as in '2 kg'")
-    return masses[0]
-
-
-def read_positive(text: str | None, unit: str, option: str) -> float | None:
-    """A positive quantity [`unit`], or None."""
-    value = optional_quantity(text, unit, option)
-    if value is not None and not value > 0:
-        raise InputError(f"{option}: '{text}' is not positive")
-    return value
-
-
-def read_damping(text: str | None) -> float:
-    """k_v [N s/m], 0 where none is given."""
-    value = optional_quantity(text, "N*s/m", "--kv")
-    if value is not None and value < 0:
-        raise InputError(f"--kv: '{text}' is negative; damping is 0 or more")
-    return value or 0.0

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import ArrayLike
 
+from ..coordinate import Coordinate
 from ..rig.friction import AbstractLaw
 from .natural import NaturalSizes, natural_units, sizes
 from .requirement import Requirement
@@ -29,6 +30,8 @@ class Region(NamedTuple):
     scale: np.ndarray
     lower: np.ndarray
     upper: np.ndarray
+    coordinate: Coordinate = "linear"
+    """Whether these are of a line, in m and N, or of a rotation, in rad and N m."""
 
     def norm(self, gains: ArrayLike) -> np.ndarray:
         """Norm sqrt((k_p/s_p)^2 + (k_v/s_v)^2) of pairs of gains along the last axis."""

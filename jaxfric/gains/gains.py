@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import ArrayLike
 
+from ..coordinate import agreed, unit_of
 from ..errors import InputError
 from ..laws import LawSource
 from ..laws.file import Result, law_source
@@ -62,7 +63,8 @@ def find_gains(
     normal_force : [N] or "500 N", of a Fit, a Posterior or a Loop of a friction coefficient.
     velocity : [m/s], one or several, or text, "1..10 mm/s"; a range is best given log-spaced.
     mass : [kg], one or several, or text, "1..3 kg"; None without mass, or with that of the axis
-        that the law is of.
+        that the law is of. Of a rotation, "1..5 rad/s" and "0.1 kg m^2"; k_p and k_v are then in
+        N m/rad and N m s/rad.
     margin : what is required, by name (`MARGINS` has them, with units), or text, "modulus=0.5";
         modulus=0.5 is required beside what is named, unless modulus is: modulus=0 asks for none.
     confidence : share of the samples of the law in which the requirement must hold; the
@@ -126,10 +128,15 @@ def seek_gains(
     source = law_source(law, None)
     velocity = machine.velocity
     mass = source.mass if machine.mass is None else machine.mass
+    told = {
+        "velocity": (velocity if isinstance(velocity, str) else None, "m/s"),
+        "mass": (mass if isinstance(mass, str) else None, "kg"),
+    }
+    coordinate = agreed(told, source.coordinate)
     if isinstance(velocity, str):
-        velocity = np.asarray(parse_values(velocity, "m/s", "velocity"))
+        velocity = np.asarray(parse_values(velocity, unit_of("m/s", coordinate), "velocity"))
     if isinstance(mass, str):
-        mass = np.asarray(parse_values(mass, "kg", "mass", count=_MASSES))
+        mass = np.asarray(parse_values(mass, unit_of("kg", coordinate), "mass", count=_MASSES))
     if isinstance(margin, str):
         margin = Requirement.parse(margin.split(","))
     requirement = margin if isinstance(margin, Requirement) else Requirement.with_default(margin)
@@ -138,7 +145,7 @@ def seek_gains(
     _check_pairs(*measure)
     delay = _checked_delay(machine, mass, requirement, source.law)
     scenarios = Scenarios.product(source.samples, velocity, mass, delay)
-    region = make_region(scenarios, *measure)
+    region = make_region(scenarios, *measure, coordinate)
     tell = progress or silent
     tell(f"searching over {len(scenarios)} scenarios")
     samples = np.unique(scenarios.sample)

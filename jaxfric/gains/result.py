@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..coordinate import Coordinate, unit_of
 from ..described import Described, Drawable, Tabular
 from .frontier import Alone, Region
 from .requirement import FRAGILE, Requirement
@@ -64,7 +65,10 @@ class Certificate:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Gains(Described, Drawable, Tabular):
-    """Minimum-norm PD gains. SI units throughout; `kp` and `kv` are the recommended ones."""
+    """Minimum-norm PD gains, in SI; `kp` and `kv` are the recommended ones.
+
+    Units are written for a line below; on a rotation they are those of `unit`.
+    """
 
     kp: float
     kv: float
@@ -91,6 +95,15 @@ class Gains(Described, Drawable, Tabular):
     k_v with the least k_p, up to which the requirement is met. inf: up to all that were tried."""
     sample_time: float | None = None
     """That of the controller [s], where `delay` was told by it."""
+
+    @property
+    def coordinate(self) -> Coordinate:
+        """Whether the numbers are of a line, in m and N, or of a rotation, in rad and N m."""
+        return self.region.coordinate
+
+    def unit(self, si_unit: str) -> str:
+        """The unit here of a quantity that has `si_unit` on a line."""
+        return unit_of(si_unit, self.coordinate)
 
     @property
     def basins(self) -> tuple[LocalOptimum, ...]:
@@ -152,7 +165,12 @@ class Gains(Described, Drawable, Tabular):
             "fragile": self.fragile,
             "kp": self.kp,
             "kv": self.kv,
-            "units": {"kp": "N/m", "kv": "N s/m"},
+            "units": {
+                "kp": self.unit("N/m"),
+                "kv": self.unit("N s/m"),
+                "velocity": self.unit("m/s"),
+                "mass": self.unit("kg"),
+            },
             "norm": self.norm,
             "scales": {"kp": float(self.region.scale[0]), "kv": float(self.region.scale[1])},
             "limits": {

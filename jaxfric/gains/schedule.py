@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import ArrayLike
 
+from ..coordinate import Coordinate
 from ..described import Described, Tabular
 from ..errors import InputError
 from ..laws import LawSource
@@ -52,6 +53,8 @@ class Schedule(Described, Tabular):
     """The first two velocities between which the chain breaks [m/s]."""
     warnings: tuple[str, ...] = ()
     """Warnings of the law, and one where it is asked for velocities beyond its record."""
+    coordinate: Coordinate = "linear"
+    """Whether the numbers are of a line, in m and N, or of a rotation, in rad and N m."""
 
     def gains(self, velocity: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """Gains (k_p, k_v) for a velocity: those of the nearest set point, by ratio."""
@@ -113,7 +116,8 @@ def schedule(
         if not broken or fine or len(places) + len(broken) > _MOST:
             gap = None if not broken else (places[broken[0]], places[broken[0] + 1])
             warnings = (*law.warnings, *law.unseen([low, high]))
-            return Schedule(tuple(points), not broken, gap, warnings)
+            coordinate = law.coordinate or "linear"
+            return Schedule(tuple(points), not broken, gap, warnings, coordinate)
         for i in reversed(broken):
             places.insert(i + 1, math.sqrt(places[i] * places[i + 1]))
 

@@ -21,6 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from ..coordinate import Coordinate, unit_of
 from ..errors import InputError
 from ..stability.kernel import AbstractRationalKernel
 from .frontier import FrontierPoint, Region, alone, minima, region_units, zoom
@@ -83,7 +84,13 @@ class Optima(NamedTuple):
     smaller_found: int
 
 
-def make_region(scenarios: Scenarios, scale: Pair, lower: Pair, upper: Pair) -> Region:
+def make_region(
+    scenarios: Scenarios,
+    scale: Pair,
+    lower: Pair,
+    upper: Pair,
+    coordinate: Coordinate = "linear",
+) -> Region:
     """Natural units, and scales and limits in SI with None for the defaults.
 
     Scales default to the natural units; k_p has the lower limit 1e-9 K0: any positive stiffness.
@@ -95,7 +102,7 @@ def make_region(scenarios: Scenarios, scale: Pair, lower: Pair, upper: Pair) -> 
     for name, low, high in zip(("k_p", "k_v"), least, most, strict=True):
         if not low < high:
             raise InputError(f"limits of {name}: {low:g} to {high:g} leave nothing between them")
-    return Region(unit, chosen, np.asarray(least), np.asarray(most))
+    return Region(unit, chosen, np.asarray(least), np.asarray(most), coordinate)
 
 
 def solve(requirement: Requirement, scenarios: Scenarios, region: Region) -> Optima | Infeasible:
@@ -305,17 +312,19 @@ def _infeasible(requirement: Requirement, scenarios: Scenarios, region: Region) 
     worst = int(np.argmin(slack[best]))
     name, required, reached = _missed(requirement, scenarios.take([worst]), region, grid[best])
     where = scenarios.describe(worst)
-    mass = "" if where["mass"] is None else f", mass {where['mass']:g} kg"
+    units = ("N/m", "N s/m", "m/s", "kg")
+    k_p, k_v, speed, inertia = (unit_of(unit, region.coordinate) for unit in units)
+    mass = "" if where["mass"] is None else f", mass {where['mass']:g} {inertia}"
     sample = f" (sample {where['sample']})" if number_of_samples(scenarios.laws) > 1 else ""
     limited = bool(np.any(np.isfinite(region.upper)))
-    limits = f"k_p up to {region.upper[0]:g} N/m, k_v up to {region.upper[1]:g} N s/m"
+    limits = f"k_p up to {region.upper[0]:g} {k_p}, k_v up to {region.upper[1]:g} {k_v}"
     which = f"within the limits ({limits})" if limited else "of any size"
     advice = ["lower the margin", *(["widen the limits"] if limited else [])]
     advice += [] if scenarios.delay is None else ["let the controller answer sooner"]
     return Infeasible(
         f"no gains {which} meet the requirement: {name}={required:g} is missed"
-        f" at velocity {where['velocity']:.3g} m/s{mass}{sample}, where the best"
-        f" compromise, k_p = {grid[best][0]:.3g} N/m and k_v = {grid[best][1]:.3g} N s/m, reaches"
+        f" at velocity {where['velocity']:.3g} {speed}{mass}{sample}, where the best"
+        f" compromise, k_p = {grid[best][0]:.3g} {k_p} and k_v = {grid[best][1]:.3g} {k_v}, reaches"
         f" {reached:.3g}; {', '.join(advice)} or leave that scenario out"
     )
 

@@ -21,6 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from ..coordinate import Coordinate, unit_of
 from ..effects import AbstractEffect, AbstractPlaceEffect, made
 from ..effects.axis import AxisTimeDrift, DirectionAsymmetry, RateAndState
 from ..errors import InputError
@@ -51,6 +52,11 @@ _NARROWER = 0.05
 _NO_WIDTH = 1e-6
 
 
+def _coordinate(content: Mapping) -> Coordinate:
+    rotary = (content.get("axis") or {}).get("coordinate", "linear") != "linear"
+    return "rotary" if rotary else "linear"
+
+
 def is_of_axis(content: Mapping) -> bool:
     """Whether the content of a loop.json is of a servo axis."""
     return content.get("law") == LAW
@@ -59,7 +65,7 @@ def is_of_axis(content: Mapping) -> bool:
 def law_from_axis_loop(
     source: Saved, *, normal_force: float | None = None, samples: int = 64, seed: int = 0
 ) -> LawSource:
-    """The law after the loop of an axis in newtons, and samples of its parameters.
+    """The law after the loop of an axis in N or N m, and samples of its parameters.
 
         f = F_v v + F_c + terms(v) + A ln(1 + v/v_c) + theta,
         theta' = (v/L)(-B ln(1 + v/v_c) - theta),   v > 0
@@ -77,7 +83,7 @@ def law_from_axis_loop(
     Raises
     ------
     InputError : file missing, damaged or of another schema; no rate_and_state in its last model;
-        a rotary axis, or forces that are not in newtons; a parameter out of bounds or undetermined.
+        forces in per cent of an unknown torque; a parameter out of bounds or undetermined.
 
     Not tried: the lags and the sampling of the drive, which ask for more.
     """
@@ -93,16 +99,22 @@ def law_from_axis_loop(
     width, reach = (float(about.get(key) or 0.0) for key in ("width", "reach"))
     build = _builder(inside, tuple(columns), values["M"], width or _NO_WIDTH, reach)
     laws = eqx.filter_jit(eqx.filter_vmap(build))(jnp.asarray(np.stack([*columns.values()], -1)))
-    steps = content.get("steps", [])
+    steps, coordinate = content.get("steps", []), _coordinate(content)
     return LawSource(
         first_of(laws),
         laws,
         f"friction of an axis with {', '.join(e.id for e in inside)}, from the loop"
         f" ({content['verdict']}): {path}",
         None,
-        (*own_warnings(content), *verdict_words(content), *_claim(about), *_told(effects, values)),
+        (
+            *own_warnings(content),
+            *verdict_words(content),
+            *_claim(about),
+            *_told(effects, values, coordinate),
+        ),
         seen_velocities([step[-1] for step in steps if isinstance(step, list) and step]),
         values["M"],
+        coordinate,
     )
 
 
@@ -150,15 +162,13 @@ def _damage(content: dict) -> str | None:
 
 
 def _refuse_other(path: Path, content: Mapping, effects: Effects) -> None:
-    """Raise `InputError` for an axis of which gains in N/m have no meaning, or need no search."""
+    """Raise `InputError` for an axis whose forces have no SI unit, or that needs no search."""
     unit = content["friction_unit"]
-    rotary = (content.get("axis") or {}).get("coordinate", "linear") != "linear"
-    if rotary or unit != "N":
-        kind = "a rotary axis" if rotary else f"an axis whose forces are in {unit}"
+    if unit != unit_of("N", _coordinate(content)):
         raise InputError(
-            f"{path}: it is of {kind}, and gains, margins and motions are computed in newtons and"
-            " metres only; what it asks for in its own units stands under Gains in its loop.html"
-            " and loop.json"
+            f"{path}: it is of an axis whose forces are in {unit}, and gains, margins and motions"
+            " are computed in newtons or newton metres only; what it asks for in its own units"
+            " stands under Gains in its loop.html and loop.json"
         )
     if RateAndState not in effects:
         raise InputError(
@@ -179,7 +189,7 @@ def _positive(path: Path, effects: Effects, values: Mapping[str, float]) -> dict
         quantity.check(values[name], f"{path}: parameter {name}")
     if not values[_DIRECT] > 0:
         raise InputError(
-            f"{path}: parameter {_DIRECT}: the direct effect is {values[_DIRECT]:g} N; without one"
+            f"{path}: parameter {_DIRECT}: the direct effect is {values[_DIRECT]:g}; without one"
             " above 0 sliding with a memory is ill-posed"
         )
     return {name: q.lower >= 0.0 or name == _DIRECT for name, q in about.items()}
@@ -194,7 +204,7 @@ def _claim(about: Mapping) -> list[str]:
     return [f"of the axis itself: {sentence}"]
 
 
-def _told(effects: Effects, values: Mapping[str, float]) -> list[str]:
+def _told(effects: Effects, values: Mapping[str, float], coordinate: Coordinate) -> list[str]:
     """Warnings of effects that are not in the law, and of one that depends on direction."""
     lines = []
     for effect in effects:
@@ -202,7 +212,7 @@ def _told(effects: Effects, values: Mapping[str, float]) -> list[str]:
         if issubclass(effect, AbstractPlaceEffect):
             own = {name: values[f"{id}.{name}"] for name in quantities(effect)}
             spring = float(made(effect, own).softest_spring())
-            lines.append(left_out_words(id, spring, moves="axis", motion="motion"))
+            lines.append(left_out_words(id, spring, "axis", coordinate))
         elif id == AxisTimeDrift.id:
             lines.append(f"{id} is left out of the law: it is of the time of the record")
         elif effect.room != "friction":

@@ -77,4 +77,8 @@ def law_source(law: LawSource | Law | Result, normal_force: float | str | None) 
             "--normal-force would not be used: this law is in newtons already; it goes with a Fit,"
             " a Posterior or a Loop"
         )
-    return law if isinstance(law, LawSource) else LawSource(law, stack([law]), "law", None)
+    return (
+        law
+        if isinstance(law, LawSource)
+        else LawSource(law, stack([law]), "law", None, coordinate=None)
+    )

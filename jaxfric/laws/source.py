@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..coordinate import Coordinate, agreed, unit_of
 from ..effects.effect import id_of
 from ..errors import InputError
 from ..pairs import read_pairs
@@ -47,7 +48,7 @@ _F0 = 50.0
 
 @dataclass(frozen=True, eq=False)
 class LawSource:
-    """A law, and samples of it that its uncertainty allows; forces in newtons."""
+    """A law, and samples of it that its uncertainty allows; in SI, of a line or of a rotation."""
 
     law: Law
     """The law at the estimated parameters."""
@@ -63,6 +64,8 @@ class LawSource:
     """Slowest and fastest velocity of the record [m/s]; None where there is none."""
     mass: float | None = None
     """Moving mass of the axis that the law is of [kg], for where none is given; None: of none."""
+    coordinate: Coordinate | None = "linear"
+    """Whether the law is in m and N or in rad and N m; None: a law of numbers, which fits both."""
 
     def unseen(self, velocities: Sequence[float] | np.ndarray) -> tuple[str, ...]:
         """A line where some of the `velocities` [m/s] lie more than twice beyond the record's."""
@@ -132,13 +135,17 @@ def trend_words(trend: float | None, scale: float) -> tuple[str, ...]:
 
 
 def left_out_words(
-    id: str, stiffness: float, *, moves: str = "slider", motion: str = "sliding"
+    id: str, stiffness: float, moves: str = "slider", coordinate: Coordinate = "linear"
 ) -> str:
     """That the law is without an effect that acts as a spring [N/m] beside k_p, and what to do."""
+    motion = "sliding" if moves == "slider" else "motion"
+    unit = unit_of("N/m", coordinate)
     why = f"it depends on where the {moves} is, so no steady {motion} exists with it"
     acts = "It acts as a spring that stiffens k_p, so leaving it out is safe"
     if stiffness < 0:
-        acts = f"It acts as a spring of {stiffness:.3g} N/m beside k_p: add {-stiffness:.3g} N/m"
+        acts = (
+            f"It acts as a spring of {stiffness:.3g} {unit} beside k_p: add {-stiffness:.3g} {unit}"
+        )
         acts += " to k_p"
     return f"{id} is left out of the law: {why}. {acts}"
 
@@ -175,8 +182,8 @@ def law_from_parameters(kind: str, text: str) -> LawSource:
     """A law by its name and its parameters, "A=1 N, B=3 N, L=1 mm, V0=2 mm/s".
 
     Rate-and-state laws: A, B, L (B2, L2, ... for more states), V0, and f0, which matters only for
-    a start at rest (default 50 A, told in `text`). Other laws: their own fields. Forces in
-    newtons.
+    a start at rest (default 50 A, told in `text`). Other laws: their own fields. Of a joint all
+    are in rad and N m: "A=10 mN m, B=30 mN m, L=1 mrad, V0=2 mrad/s".
 
     Raises
     ------
@@ -186,17 +193,21 @@ def law_from_parameters(kind: str, text: str) -> LawSource:
     if kind not in REGISTRY:
         raise InputError(f"law '{kind}' does not exist; there are: {', '.join(names_of_laws())}")
     pairs = read_pairs(text, "parameters", "'A=1 N, L=1 mm'")
+    coordinate = agreed({f"parameter {n}": (x, _unit(kind, n)) for n, x in pairs.items()})
     unsaid = is_rate_state(kind) and "f0" not in pairs
-    law = (_rate_state_of if is_rate_state(kind) else _other)(kind, pairs)
+    law = (_rate_state_of if is_rate_state(kind) else _other)(kind, pairs, coordinate)
     V0 = getattr(law, "V0", None)
     name = f"{kind} law: {text}"
     if unsaid and isinstance(law, AbstractRateState):
+        force = unit_of("N", coordinate)
         name += (
-            f"; f0, the steady friction at V0, is not given: {float(law.f0):.4g} N"
+            f"; f0, the steady friction at V0, is not given: {float(law.f0):.4g} {force}"
             f" ({_F0:g} times A) is assumed, which matters to rest and stick-slip and hardly to"
             " linear stability"
         )
-    return LawSource(law, stack([law]), name, None if V0 is None else float(V0))
+    return LawSource(
+        law, stack([law]), name, None if V0 is None else float(V0), coordinate=coordinate
+    )
 
 
 def force_of_unit(unit: str, normal_force: float | None, path: Path) -> float:
@@ -253,26 +264,46 @@ def first_of(laws: Law) -> Law:
     return eqx.combine(jax.tree.map(lambda leaf: leaf[0], arrays), rest)
 
 
-def _value(pairs: dict[str, str], name: str, about: Quantity) -> float:
-    unit = about.unit_for("N").removeprefix("1 ")
-    value = parse_quantity(pairs.pop(name), unit.replace(" ", "*"), f"parameter {name}")
+def _unit(kind: str, name: str) -> str:
+    """The SI unit of a law's parameter on a line; "1" where it has none of this name."""
+    if is_rate_state(kind):
+        known = {n: law_quantity(n) for n in ("f0", "A", "B", "L", "V0")}
+        name = name.rstrip("0123456789") if name not in known else name
+    else:
+        law = REGISTRY[kind]
+        assert isinstance(law, type)
+        known = {q.symbol: q for q in quantities(law).values()} | quantities(law)
+    return _si(known[name]) if name in known else "1"
+
+
+def _si(about: Quantity) -> str:
+    return about.unit_for("N").removeprefix("1 ").replace(" ", "*")
+
+
+def _value(pairs: dict[str, str], name: str, about: Quantity, coordinate: Coordinate) -> float:
+    unit = unit_of(_si(about), coordinate)
+    value = parse_quantity(pairs.pop(name), unit, f"parameter {name}")
     return about.check(value, "parameters")
 
 
-def _rate_state_of(kind: str, pairs: dict[str, str]) -> AbstractRateState:
+def _rate_state_of(kind: str, pairs: dict[str, str], coordinate: Coordinate) -> AbstractRateState:
     states = count_states(kind, pairs)
     names = numbered_names(states)
     for name in ("A", *names, "V0"):
         if name not in pairs:
             needed = ", ".join(("A", *numbered_names(fixed_states(kind) or 1), "V0"))
             raise InputError(f"parameters: {name} is missing; the {kind} law needs {needed}")
-    values = {name: _value(pairs, name, law_quantity(name)) for name in ("A", *names, "V0")}
-    values["f0"] = _value(pairs, "f0", law_quantity("f0")) if "f0" in pairs else _F0 * values["A"]
+    values = {
+        name: _value(pairs, name, law_quantity(name), coordinate) for name in ("A", *names, "V0")
+    }
+    values["f0"] = _F0 * values["A"]
+    if "f0" in pairs:
+        values["f0"] = _value(pairs, "f0", law_quantity("f0"), coordinate)
     _refuse_rest(pairs, kind, "A, B, L, V0, f0")
     return rate_state(kind, values, states)
 
 
-def _other(kind: str, pairs: dict[str, str]) -> Law:
+def _other(kind: str, pairs: dict[str, str], coordinate: Coordinate) -> Law:
     law = REGISTRY[kind]
     assert isinstance(law, type)
     known = quantities(law)
@@ -284,7 +315,7 @@ def _other(kind: str, pairs: dict[str, str]) -> Law:
         if name not in pairs and name not in optional:
             needed = ", ".join(n for n in known if n not in optional)
             raise InputError(f"parameters: {name} is missing; the {kind} law needs {needed}")
-    values = {name: _value(pairs, name, known[name]) for name in known if name in pairs}
+    values = {name: _value(pairs, name, known[name], coordinate) for name in known if name in pairs}
     _refuse_rest(pairs, kind, ", ".join(known))
     return _built(law, values)
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 
+from ..coordinate import Coordinate, unit_of
 from ..motion import PiecewiseVelocity
 from ..rig import Inertial, Rig
 from ..simulation import Trajectory
@@ -35,6 +36,12 @@ class Motion:
     friction: np.ndarray
     slip: np.ndarray
     velocity: np.ndarray
+    coordinate: Coordinate = "linear"
+    """Whether the numbers are of a line, in m and N, or of a rotation, in rad and N m."""
+
+    def unit(self, si_unit: str) -> str:
+        """The unit here of a quantity that has `si_unit` on a line."""
+        return unit_of(si_unit, self.coordinate)
 
     @staticmethod
     def of(found: Trajectory, rig: Rig, motion: PiecewiseVelocity, rows: np.ndarray) -> "Motion":
@@ -54,10 +61,10 @@ class Motion:
 
 def _save_series(motion: Motion, folder: Path) -> list[str]:
     t_size, t_unit = prefixed(min(float(motion.time[-1]), 1.0), "s")
-    f_size, f_unit = prefixed(float(np.max(np.abs(motion.friction))), "N")
-    v_size, v_unit = prefixed(float(np.max(np.abs(motion.command))), "m/s")
+    f_size, f_unit = prefixed(float(np.max(np.abs(motion.friction))), motion.unit("N"))
+    v_size, v_unit = prefixed(float(np.max(np.abs(motion.command))), motion.unit("m/s"))
     far = max(np.max(np.abs(motion.slip)), np.max(np.abs(motion.load_point)))
-    x_size, x_unit = prefixed(float(far), "m")
+    x_size, x_unit = prefixed(float(far), motion.unit("m"))
     figure = new_figure(9.0, 7.2)
     axes = figure.subplots(3, 1, sharex=True, height_ratios=[1.3, 1.3, 1])
     time = t_size * motion.time
@@ -89,8 +96,8 @@ def _save_series(motion: Motion, folder: Path) -> list[str]:
 def _save_plane(motion: Motion, folder: Path) -> list[str]:
     """Friction against velocity, with the steady curve behind."""
     drawn, slow = _drawn(motion), _slowest(motion)
-    f_size, f_unit = prefixed(float(np.max(np.abs(motion.friction))), "N")
-    v_size, v_unit = prefixed(float(np.max(np.abs(motion.command))), "m/s")
+    f_size, f_unit = prefixed(float(np.max(np.abs(motion.friction))), motion.unit("N"))
+    v_size, v_unit = prefixed(float(np.max(np.abs(motion.command))), motion.unit("m/s"))
     figure = new_figure(7.6, 5.6)
     axis = figure.subplots()
     low, high = _velocity_limits(motion, drawn, slow)
@@ -183,9 +190,10 @@ def _velocity_scale(axis: Axes, which: str, values: np.ndarray, slow: float) -> 
 
 
 def _heading(motion: Motion) -> str:
-    k_size, k_unit = prefixed(motion.k_p, "N/m")
+    k_size, k_unit = prefixed(motion.k_p, motion.unit("N/m"))
     text = f"{law_name(motion.law)}, k_p = {k_size * motion.k_p:.4g} {k_unit}, "
-    return text + f"k_v = {motion.k_v:g} N s/m, {mass_text(motion.mass)}"
+    text += f"k_v = {motion.k_v:g} {motion.unit('N s/m')}, "
+    return text + mass_text(motion.mass, motion.coordinate)
 
 
 DRAWERS: dict[str, Callable[[Motion, Path], list[str]]] = {

@@ -38,12 +38,12 @@ def draw_delay(found: Study, folder: Path) -> list[str]:
     """Write the charts over (k_p, k_v) and over (k_p, alpha); the names written."""
     strength, delay = (float(x) for x in delay_numbers(found)[2:])
     k_p = from_zero(delay_stiffness(found), 2 * _CHART)
-    size, unit = prefixed(float(k_p[-1]), "N/m")
+    size, unit = prefixed(float(k_p[-1]), found.unit("N/m"))
     figure = new_figure(8.4, 8.4)
     axes = figure.subplots(2, 1)
     heights = _over_damping(axes[0], found, k_p, size), _over_delay(axes[1], found, k_p, size)
     tidy(axes[0], f"Delay α = {delay:.4g} s: no critical stiffness")
-    tidy(axes[1], f"Damping k_v = {found.k_v:g} N s/m")
+    tidy(axes[1], f"Damping k_v = {found.k_v:g} {found.unit('N s/m')}")
     for axis, height in zip(axes, heights, strict=True):
         axis.grid(False)
         axis.set_xlim(0, size * k_p[-1])
@@ -52,8 +52,9 @@ def draw_delay(found: Study, folder: Path) -> list[str]:
             axis.plot(size * found.k_p, height, "o", **at, label="gains asked for")
     axes[1].set_xlabel(f"stiffness or position gain k_p [{unit}]")
     legend_below(axes[1], columns=3)
-    where = f"Delay law at {speed(float(found.here.velocity))}: k_f = {strength:.4g} N s/m, "
-    figure.suptitle(where + mass_text(found.mass), x=0.01, ha="left", fontsize=11)
+    where = f"Delay law at {speed(float(found.here.velocity), found.coordinate)}: "
+    where += f"k_f = {strength:.4g} {found.unit('N s/m')}, "
+    figure.suptitle(where + mass_text(found.mass, found.coordinate), x=0.01, ha="left", fontsize=11)
     return save(figure, folder, "delay_chart")
 
 
@@ -63,7 +64,7 @@ def _over_damping(axis: Axes, found: Study, k_p: np.ndarray, size: float) -> flo
     own = float(found.here.slope)
     enough = abs(float(strength)) - own
     most = 1.3 * max(enough, found.k_v, 1e-12)
-    scale, unit = prefixed(most, "N s/m")
+    scale, unit = prefixed(most, found.unit("N s/m"))
     k_v = np.linspace(0, most, _CHART)
     dampings = jnp.asarray(k_v + own)
     chart = jax.jit(stiffness_damping_chart)(mass, jnp.asarray(k_p), dampings, strength, delay)

@@ -35,7 +35,7 @@ def draw_gain_map(axis: Axes, result: Gains) -> None:
     pairs = _deciding_pairs(result, gains)
     slack, stable = (x.reshape(_GRID, _GRID) for x in _over_scenarios(result, gains, pairs))
     level = np.where(slack >= 0, 2, np.where(stable, 1, 0))
-    sizes, units = gain_units(k_p, k_v)
+    sizes, units = gain_units(k_p, k_v, result.coordinate)
     x, y = sizes[0] * k_p, sizes[1] * k_v
     finer = _finer(result, (k_p, k_v), stable, pairs)
     shade(axis, _centres(x), _centres(y), finer.astype(int), [UNSTABLE, STABLE])

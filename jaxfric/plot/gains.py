@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 
+from ..coordinate import Coordinate
 from ..gains.ends import ENDS, EndState
 from ..gains.margins import several_margins
 from ..gains.result import Gains
@@ -64,7 +65,8 @@ def gains_figure(result: Gains) -> Figure:
     )
     draw_gain_map(whole, result)
     _margins(top, result)
-    draw_curve(bottom, result.scenarios.law(0), result.scenarios.velocity, title="Friction law")
+    law, V = result.scenarios.law(0), result.scenarios.velocity
+    draw_curve(bottom, law, V, title="Friction law", coordinate=result.coordinate)
     legend_beside(bottom)
     figure.suptitle(
         f"{_title(result)}: {_stiffness(result)}, {_damping(result)}   ({_required(result)})",
@@ -85,12 +87,12 @@ def _title(result: Gains) -> str:
 def _stiffness(result: Gains) -> str:
     if result.any_stiffness:
         return result.smallest_kp
-    size, unit = prefixed(result.kp, "N/m")
+    size, unit = prefixed(result.kp, result.unit("N/m"))
     return f"k_p = {size * result.kp:.4g} {unit}"
 
 
 def _damping(result: Gains) -> str:
-    size, unit = prefixed(result.kv, "N s/m")
+    size, unit = prefixed(result.kv, result.unit("N s/m"))
     return f"k_v = {size * result.kv:.4g} {unit}"
 
 
@@ -106,7 +108,7 @@ def _margins(axis: Axes, result: Gains) -> None:
     names: tuple[str, ...] = result.requirement.names
     low, high = (float(f(result.scenarios.velocity)) for f in (np.min, np.max))
     velocities, values = _least_margins(result, names, low / 3, 3 * high)
-    size, unit = prefixed(float(np.sqrt(low * high)), "m/s")
+    size, unit = prefixed(float(np.sqrt(low * high)), result.unit("m/s"))
     several = len(names) > 1
     for i, (name, required) in enumerate(zip(names, result.requirement.values, strict=True)):
         least = values[name]
@@ -189,6 +191,7 @@ def draw_end_map(
     point: SteadyPoint | None = None,
     mass: float | None = None,
     optimum: tuple[float, float] | None = None,
+    coordinate: Coordinate = "linear",
 ) -> list[str]:
     """Write the map of ends from a stuck start over the gains; the names written.
 
@@ -201,15 +204,16 @@ def draw_end_map(
     point : steady sliding (`stability.analysis.steady_point`), whose linear boundaries are drawn
         with `mass`.
     optimum : recommended (k_p, k_v).
+    coordinate : whose units are shown.
     """
     k_p, k_v = np.asarray(k_p, float), np.asarray(k_v, float)
-    sizes, units = gain_units(k_p, k_v)
+    sizes, units = gain_units(k_p, k_v, coordinate)
     figure = new_figure(7.6, 5.8)
     axis = figure.subplots()
     _shade_ends(axis, ends, sizes[0] * k_p, sizes[1] * k_v)
     where = ""
     if point is not None:
-        where = f" at {speed(float(point.velocity))}, {mass_text(mass)}"
+        where = f" at {speed(float(point.velocity), coordinate)}, {mass_text(mass, coordinate)}"
         _linear_boundary(axis, point, mass, np.linspace(k_v[0], k_v[-1], 200), sizes)
     if optimum is not None:
         star(axis, sizes[0] * optimum[0], sizes[1] * optimum[1], "gains found")

@@ -13,6 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import ListedColormap, LogNorm
 from matplotlib.figure import Figure
 
+from ..coordinate import Coordinate, unit_of
 from ..laws.registry import name_of
 from ..rig.friction import (
     AbstractRateState,
@@ -115,19 +116,26 @@ def _save_friction(found: Study, folder: Path) -> list[str]:
     figure = new_figure(7.2, 4.8)
     axis = figure.subplots()
     velocities = np.asarray(found.points.velocity)
-    draw_curve(axis, found.law, velocities)
+    draw_curve(axis, found.law, velocities, coordinate=found.coordinate)
     legend_below(axis, columns=3)
     return save(figure, folder, "friction")
 
 
-def draw_curve(axis: Axes, law: Law, velocities: np.ndarray, *, title: str | None = None) -> None:
+def draw_curve(
+    axis: Axes,
+    law: Law,
+    velocities: np.ndarray,
+    *,
+    title: str | None = None,
+    coordinate: Coordinate = "linear",
+) -> None:
     """Steady friction against velocity (Fig. 1b): falling part marked, operating range shaded."""
     low, high = float(np.min(velocities)), float(np.max(velocities))
     V = np.geomspace(*_curve_range(law, low, high), _CURVE)
     points = steady_points(logarithmic(law), V)
     force, slope = np.asarray(points.force), np.asarray(points.steady_slope)
-    size, unit = prefixed(math.sqrt(low * high), "m/s")
-    f_size, f_unit = prefixed(float(np.max(np.abs(force))), "N")
+    size, unit = prefixed(math.sqrt(low * high), unit_of("m/s", coordinate))
+    f_size, f_unit = prefixed(float(np.max(np.abs(force))), unit_of("N", coordinate))
     falling = slope < 0
     axis.plot(size * V, f_size * force, color=BLUE, lw=1.8, label="steady friction")
     if falling.any():
@@ -191,7 +199,7 @@ def _save_map(found: Study, folder: Path) -> list[str]:
     k_p, k_v = gain_axes(found)
     stable = np.asarray(stability_map(at.friction, found.mass, k_p, k_v, found.late))
     k_cr = np.asarray(theorem_over_damping(at.friction, k_v, found.mass).critical_stiffness)
-    sizes, units = gain_units(k_p, k_v)
+    sizes, units = gain_units(k_p, k_v, found.coordinate)
     figure = new_figure(7.2, 5.6)
     axis = figure.subplots()
     shade(axis, sizes[0] * k_p, sizes[1] * k_v, stable, [UNSTABLE, STABLE])
@@ -215,7 +223,10 @@ def _save_map(found: Study, folder: Path) -> list[str]:
     axis.set_ylabel(f"damping or velocity gain k_v [{units[1]}]")
     axis.set_xlim(0, sizes[0] * k_p[-1])
     axis.set_ylim(0, sizes[1] * k_v[-1])
-    tidy(axis, f"Linear stability at {speed(float(at.velocity))}, {_rig_text(found)}")
+    tidy(
+        axis,
+        f"Linear stability at {speed(float(at.velocity), found.coordinate)}, {_rig_text(found)}",
+    )
     axis.grid(False)
     legend_below(axis, columns=3)
     return save(figure, folder, "gain_map")
@@ -250,15 +261,18 @@ def own_stiffness(found: Study) -> float:
     return 4 * need**2 / found.mass
 
 
-def gain_units(k_p: np.ndarray, k_v: np.ndarray) -> tuple[tuple[float, float], tuple[str, str]]:
+def gain_units(
+    k_p: np.ndarray, k_v: np.ndarray, coordinate: Coordinate
+) -> tuple[tuple[float, float], tuple[str, str]]:
     """Factors and units of both axes of a map."""
-    first, second = prefixed(float(k_p[-1]), "N/m"), prefixed(float(k_v[-1]), "N s/m")
+    first = prefixed(float(k_p[-1]), unit_of("N/m", coordinate))
+    second = prefixed(float(k_v[-1]), unit_of("N s/m", coordinate))
     return (first[0], second[0]), (first[1], second[1])
 
 
-def speed(velocity: float) -> str:
+def speed(velocity: float, coordinate: Coordinate = "linear") -> str:
     """A velocity with a prefix, as text."""
-    size, unit = prefixed(velocity, "m/s")
+    size, unit = prefixed(velocity, unit_of("m/s", coordinate))
     return f"{size * velocity:.4g} {unit}"
 
 
@@ -273,17 +287,19 @@ def law_name(law: Law) -> str:
     return names.get(name, "Stribeck curve" if isinstance(law, AbstractStribeck) else name)
 
 
-def mass_text(mass: float | None) -> str:
+def mass_text(mass: float | None, coordinate: Coordinate = "linear") -> str:
     """The mass in words, or that there is none."""
-    return "no mass" if mass is None else f"m = {mass:g} kg"
+    return "no mass" if mass is None else f"m = {mass:g} {unit_of('kg', coordinate)}"
 
 
 def _rig_text(found: Study) -> str:
     """The mass, and how late the controller answers, in words."""
     if found.late is None:
-        return mass_text(found.mass)
+        return mass_text(found.mass, found.coordinate)
     size, unit = prefixed(found.late, "s")
-    return f"{mass_text(found.mass)}, controller {size * found.late:.4g} {unit} late"
+    return (
+        f"{mass_text(found.mass, found.coordinate)}, controller {size * found.late:.4g} {unit} late"
+    )
 
 
 def _save_sweep(found: Study, folder: Path) -> list[str]:
@@ -293,12 +309,14 @@ def _save_sweep(found: Study, folder: Path) -> list[str]:
     V = np.geomspace(*_curve_range(found.law, low, high), _CURVE)
     points = steady_points(found.law, V)
     k_cr = np.asarray(theorem_over_velocity(points, found.k_v, found.mass).critical_stiffness)
-    size, unit = prefixed(math.sqrt(low * high), "m/s")
+    size, unit = prefixed(math.sqrt(low * high), found.unit("m/s"))
     figure = new_figure(7.2, 5.8)
     axes = figure.subplots(2, 1, sharex=True)
-    _sweep(axes[0], size * V, k_cr, "N/m", "critical stiffness k_cr", "any k_p is stable")
+    _sweep(
+        axes[0], size * V, k_cr, found.unit("N/m"), "critical stiffness k_cr", "any k_p is stable"
+    )
     needed = np.asarray(points.needed_damping)
-    _sweep(axes[1], size * V, needed, "N s/m", "damping needed k_v", "none needed")
+    _sweep(axes[1], size * V, needed, found.unit("N s/m"), "damping needed k_v", "none needed")
     for axis in axes:
         if high > low:
             axis.axvspan(size * low, size * high, color=BAND, lw=0, zorder=0)
@@ -308,7 +326,7 @@ def _save_sweep(found: Study, folder: Path) -> list[str]:
     plain_log(axes[0], "x")
     what = "shaded: operating range" if high > low else "dotted: operating velocity"
     axes[1].set_xlabel(f"velocity [{unit}]   ({what})")
-    where = f"k_v = {found.k_v:g} N s/m, {mass_text(found.mass)}"
+    where = f"k_v = {found.k_v:g} {found.unit('N s/m')}, {mass_text(found.mass, found.coordinate)}"
     tidy(axes[0], f"Stiffness that steady sliding needs with {where}")
     tidy(axes[1], "Damping with which every stiffness is stable")
     figure.align_ylabels(list(axes))
@@ -372,7 +390,7 @@ def _save_locus(found: Study, folder: Path) -> list[str]:
     locus = np.where(np.abs(np.imag(locus)) <= 1e-9 * np.abs(locus), np.real(locus), locus)
     figure = new_figure(10.5, 5.0)
     axes = figure.subplots(1, 2, width_ratios=[1.25, 1])
-    size, unit = prefixed(float(k_p[-1]) / 30, "N/m")
+    size, unit = prefixed(float(k_p[-1]) / 30, found.unit("N/m"))
     hidden = _plane(axes[0], locus, k_p, size)
     bar = figure.colorbar(axes[0].collections[0], ax=axes[0], pad=0.01)
     bar.set_label(f"k_p [{unit}]")
@@ -393,8 +411,10 @@ def _save_locus(found: Study, folder: Path) -> list[str]:
     tidy(axes[0], f"Root locus in k_p: poles near the axis{rest}")
     legend_below(axes[0])
     legend_below(axes[1])
-    where = f"{speed(float(found.here.velocity))}, {_rig_text(found)}"
-    figure.suptitle(f"{where}, k_v = {found.k_v:g} N s/m", x=0.01, ha="left", fontsize=10)
+    where = f"{speed(float(found.here.velocity), found.coordinate)}, {_rig_text(found)}"
+    figure.suptitle(
+        f"{where}, k_v = {found.k_v:g} {found.unit('N s/m')}", x=0.01, ha="left", fontsize=10
+    )
     return save(figure, folder, "root_locus")
 
 

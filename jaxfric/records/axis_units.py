@@ -4,7 +4,7 @@ import re
 from collections.abc import Mapping
 
 from ..errors import InputError
-from ..units import parse_quantity
+from ..units import parse_quantity, turning
 from .roles import AXIS
 
 FORCE_UNITS = {"linear": "N", "rotary": "N m"}
@@ -41,10 +41,10 @@ def spelling(unit: str) -> str:
     `mNm`, `N-m` and `N·m` are torques; `1/min`, `min-1` and `U/min` revolutions per minute.
     """
     unit = unit.strip().replace("°", "deg").replace("·", "*").replace("−", "-")
-    unit = re.sub(r"(?<![A-Za-z])([mkuµμ]?N)\s?[-.* ]?\s?([cm]?m)(?![A-Za-z])", r"\1*\2", unit)
+    unit = turning(unit)
     if re.fullmatch(r"(1|r|U|rev|rot)?/min|min\s?\^?-1|r\.?p\.?m\.?", unit, re.IGNORECASE):
         return "rpm"
-    return re.sub(r"\b(rev|rot)\b", "turn", unit)
+    return unit
 
 
 def quantity_of(text: str, si_unit: str, what: str) -> float:

@@ -249,8 +249,8 @@ def _gains(content: Mapping) -> _Told:
         any_ = ("k_p", "any small k_p", "")
     is_any = content["kp"] <= 1.000001 * low <= 1e-8 * content["scales"]["kp"]
     rows = [
-        any_ if is_any else ("k_p", _number(content["kp"]), "N/m"),
-        ("k_v", _number(content["kv"]), "N s/m"),
+        any_ if is_any else ("k_p", _number(content["kp"]), content["units"]["kp"]),
+        ("k_v", _number(content["kv"]), content["units"]["kv"]),
     ]
     for name, margin in content["margins"].items():
         unit = margin["unit"]

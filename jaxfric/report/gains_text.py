@@ -9,7 +9,7 @@ from ..stability.margin_table import MARGINS
 from ..units import between, read_as, speed_text
 
 _UNITS = ("N/m", "N s/m")
-"""Of stiffness and of damping."""
+"""Of stiffness and of damping, on a line."""
 _ANY = {"gain": 1e6, "delay": 1e4}
 """Margins above which a loop has as much as anybody asks for: a factor, and seconds."""
 
@@ -25,11 +25,12 @@ def describe(gains: Gains) -> list[str]:
     if gains.delay is not None:
         lines.append(f"controller: {late_text(gains.delay, gains.sample_time)}, in all margins")
     lines.append("")
-    kp = gains.smallest_kp if gains.any_stiffness else f"k_p = {gains.kp:.6g} N/m"
-    lines.append(f"{kp}, k_v = {gains.kv:.6g} N s/m   (norm {norm_text(gains.norm)})")
+    k_p, k_v = (gains.unit(unit) for unit in _UNITS)
+    kp = gains.smallest_kp if gains.any_stiffness else f"k_p = {gains.kp:.6g} {k_p}"
+    lines.append(f"{kp}, k_v = {gains.kv:.6g} {k_v}   (norm {norm_text(gains.norm)})")
     lines.append("of a controller with force = k_p (x_ref - x) + k_v (v_ref - v)")
     scale = gains.region.scale
-    lines.append(f"norm in units of k_p: {scale[0]:.5g} N/m, of k_v: {scale[1]:.5g} N s/m")
+    lines.append(f"norm in units of k_p: {scale[0]:.5g} {k_p}, of k_v: {scale[1]:.5g} {k_v}")
     lines += [f"  {_optimum(optimum, gains)}" for optimum in gains.optima]
     lines += [f"  {text}" for text in (*_neither(gains), *_largest(gains))]
     lines += ["", "margins at these gains, worst scenario:"]
@@ -70,19 +71,19 @@ def required(what: Requirement) -> str:
     return ", ".join(told)
 
 
-def _speed(velocity: float) -> str:
-    return read_as(speed_text(velocity))
+def _speed(gains: Gains, velocity: float) -> str:
+    return read_as(speed_text(velocity, rotary=gains.coordinate == "rotary"))
 
 
 def _scenarios(gains: Gains) -> str:
     scenarios = gains.scenarios
     low, high = scenarios.velocity.min(), scenarios.velocity.max()
-    ends = dict.fromkeys(_speed(v) for v in (low, high))
+    ends = dict.fromkeys(_speed(gains, v) for v in (low, high))
     text = f"{len(scenarios)}, velocity {' to '.join(ends)}"
     if scenarios.mass is None:
         text += ", no mass"
     else:
-        text += f", mass {between(scenarios.mass.min(), scenarios.mass.max(), 'kg')}"
+        text += f", mass {between(scenarios.mass.min(), scenarios.mass.max(), gains.unit('kg'))}"
     count = len(set(scenarios.sample.tolist()))
     text += f", {count} samples of the law" if count > 1 else ""
     if gains.confidence < 1:
@@ -100,10 +101,11 @@ def _optimum(optimum: LocalOptimum, gains: Gains) -> str:
         edge = _edge(gains, 0 if optimum.name == "stiff" else 1)
         how = "held by friction itself" if tiny and optimum.kv == 0 else f"{how} alone{more}"
         how += f"; {edge}" if edge else ""
-    kp = gains.smallest_kp if tiny else f"k_p = {optimum.kp:.6g} N/m"
+    k_p, k_v = (gains.unit(unit) for unit in _UNITS)
+    kp = gains.smallest_kp if tiny else f"k_p = {optimum.kp:.6g} {k_p}"
     name = optimum.name if optimum.minimum else "alone"
     norm = norm_text(optimum.norm)
-    return f"{name:<7} {kp}, k_v = {optimum.kv:.6g} N s/m, norm {norm}: {how}"
+    return f"{name:<7} {kp}, k_v = {optimum.kv:.6g} {k_v}, norm {norm}: {how}"
 
 
 def _edge(gains: Gains, which: int) -> str:
@@ -117,7 +119,7 @@ def _edge(gains: Gains, which: int) -> str:
         return "without margins none does either"
     if edge == 0:
         return f"without margins{late} any does"
-    return f"without margins{late} {edge:.6g} {_UNITS[which]} is enough"
+    return f"without margins{late} {edge:.6g} {gains.unit(_UNITS[which])} is enough"
 
 
 def _neither(gains: Gains) -> list[str]:
@@ -127,7 +129,7 @@ def _neither(gains: Gains) -> list[str]:
     lines = []
     for which, how in enumerate(("stiffness", "damping")):
         if not gains.alone.meets[which]:
-            most = f"{gains.alone.tried[which]:.3g} {_UNITS[which]}"
+            most = f"{gains.alone.tried[which]:.3g} {gains.unit(_UNITS[which])}"
             late = "" if gains.delay is None else ", with the controller's delay"
             edge = _edge(gains, which)
             lines.append(
@@ -143,7 +145,7 @@ def _largest(gains: Gains) -> list[str]:
         return []
     others = ("k_v = 0", "k_p near 0")
     parts = [
-        f"k_{'pv'[i]} up to {most:.3g} {_UNITS[i]} with {other}"
+        f"k_{'pv'[i]} up to {most:.3g} {gains.unit(_UNITS[i])} with {other}"
         for i, (most, other) in enumerate(zip(gains.largest, others, strict=True))
         if math.isfinite(most)
     ]
@@ -161,11 +163,11 @@ def _margin(gains: Gains, name: str) -> str:
         return "towards 0 1/s as k_p is"
     unit = "" if worst.unit == "1" else f" {worst.unit}"
     where = worst.scenario
-    mass = "" if where["mass"] is None else f", {where['mass']:.3g} kg"
+    mass = "" if where["mass"] is None else f", {where['mass']:.3g} {gains.unit('kg')}"
     more = " more" if name == "delay" and gains.delay is not None else ""
     sampled = number_of_samples(gains.scenarios.laws) > 1
     sample = f", sample {where['sample']}" if sampled else ""
-    return f"{worst.value:.5g}{unit}{more}  at {_speed(where['velocity'])}{mass}{sample}"
+    return f"{worst.value:.5g}{unit}{more}  at {_speed(gains, where['velocity'])}{mass}{sample}"
 
 
 def late_text(delay: float, sample_time: float | None = None) -> str:
@@ -193,7 +195,7 @@ def _simulation(gains: Gains) -> list[str]:
             text += f", {count} {name}"
     lines = [text]
     lines += [
-        f"  {start.start} at {_speed(start.scenario['velocity'])}: {start.end}"
+        f"  {start.start} at {_speed(gains, start.scenario['velocity'])}: {start.end}"
         for start in checked.starts
         if start.end != "steady"
     ]

@@ -28,6 +28,13 @@ def content(study: Study, law: str, warnings: Sequence[str] = ()) -> dict:
         "mass": study.mass,
         "kp": study.k_p,
         "kv": study.k_v,
+        "units": {
+            "kp": study.unit("N/m"),
+            "kv": study.unit("N s/m"),
+            "velocity": study.unit("m/s"),
+            "mass": study.unit("kg"),
+            "force": study.unit("N"),
+        },
         "controller_delay": study.late,
         "velocity": here.velocity,
         "friction": {

@@ -1,7 +1,7 @@
 """A stability study as lines of text."""
 
 import math
-from typing import SupportsFloat
+from typing import NamedTuple, SupportsFloat
 
 import numpy as np
 
@@ -15,20 +15,35 @@ from .stability_json import INTERVALS, intervals, solutions
 _ROWS = 9
 
 
+class _Units(NamedTuple):
+    """Units of a line, or of a rotation."""
+
+    force: str
+    stiffness: str
+    damping: str
+    speed: str
+    mass: str
+
+
+def _units(study: Study) -> _Units:
+    return _Units(*map(study.unit, ("N", "N/m", "N s/m", "m/s", "kg")))
+
+
 def describe(study: Study, law: str) -> list[str]:
     """The results of linear theory, for a reader who knows friction or control."""
-    mass = "none (quasi-static limit)" if study.mass is None else f"{study.mass:g} kg"
-    lines = [law, f"mass: {mass}; damping k_v: {study.k_v:g} N s/m"]
+    u = _units(study)
+    mass = "none (quasi-static limit)" if study.mass is None else f"{study.mass:g} {u.mass}"
+    lines = [law, f"mass: {mass}; damping k_v: {study.k_v:g} {u.damping}"]
     if len(study.points.velocity) > 1:
         lines += ["", *_table(study)]
         why = "" if study.late is None else " (the least modulus margin)"
-        lines += ["", f"hardest velocity{why}: {_number(study.here.velocity)} m/s; there"]
+        lines += ["", f"hardest velocity{why}: {_number(study.here.velocity)} {u.speed}; there"]
     else:
-        lines += ["", f"steady sliding at {_number(study.here.velocity)} m/s:"]
+        lines += ["", f"steady sliding at {_number(study.here.velocity)} {u.speed}:"]
     lines += [f"  {line}" for line in _friction(study)]
     lines += ["", *(_delay(study) if study.delayed else _theorem(study))]
     if isinstance(study.law, AbstractStribeck):
-        lines += _memoryless(study.law)
+        lines += _memoryless(study.law, _units(study))
     if isinstance(study.law, Dahl):
         lines.append(
             "Dahl's steady curve has no falling part and no memory of velocity: friction is no"
@@ -39,21 +54,21 @@ def describe(study: Study, law: str) -> list[str]:
 
 
 def _friction(study: Study) -> list[str]:
-    at = study.here
+    at, u = study.here, _units(study)
     lines = [
-        f"steady friction            {_number(at.force)} N",
-        f"f_v, instantaneous slope   {_number(at.slope)} N s/m",
-        f"G(0) = int g dt, memory    {_number(at.memory)} N s/m",
-        f"steady slope f_v - G(0)    {_number(at.steady_slope)} N s/m",
+        f"steady friction            {_number(at.force)} {u.force}",
+        f"f_v, instantaneous slope   {_number(at.slope)} {u.damping}",
+        f"G(0) = int g dt, memory    {_number(at.memory)} {u.damping}",
+        f"steady slope f_v - G(0)    {_number(at.steady_slope)} {u.damping}",
     ]
     if float(at.friction.trend):
         trend = _number(at.friction.trend)
-        lines.append(f"slope with slip f_x        {trend} N/m (adds to k_p below)")
+        lines.append(f"slope with slip f_x        {trend} {u.stiffness} (adds to k_p below)")
     if not float(at.force) > 0:
         lines[0] += "   (not positive: f0 is too small for this velocity)"
     needed = float(at.needed_damping)
     text = (
-        f"k_v >= {needed:.6g} N s/m, {_without(study)}"
+        f"k_v >= {needed:.6g} {u.damping}, {_without(study)}"
         if needed > 0
         else "none needed (k_v > 0 keeps it so)"
     )
@@ -66,15 +81,17 @@ def _without(study: Study) -> str:
 
 
 def _theorem(study: Study) -> list[str]:
-    found = study.theorem
+    found, u = study.theorem, _units(study)
     *checks, conclusion = found.describe()
     at_once = "" if study.late is None else ", of a controller that answers at once"
     lines = [f"theorem of Rice and Ruina, (18)-(20){at_once}:", *(f"  {line}" for line in checks)]
     for w, k in solutions(study):
-        lines.append(f"  w_n = {w:.8g} rad/s ({w / (2 * math.pi):.4g} Hz): k(w_n) = {k:.8g} N/m")
+        lines.append(
+            f"  w_n = {w:.8g} rad/s ({w / (2 * math.pi):.4g} Hz): k(w_n) = {k:.8g} {u.stiffness}"
+        )
     k_cr, w_cr = float(found.critical_stiffness), float(found.critical_frequency)
     if 0 < k_cr < math.inf:
-        at = f"k_cr = {k_cr:.10g} N/m, w_cr = {w_cr:.10g} rad/s"
+        at = f"k_cr = {k_cr:.10g} {u.stiffness}, w_cr = {w_cr:.10g} rad/s"
         conclusion = f"{at}: stable for k_p above k_cr, {_without(study)}"
     elif k_cr == 0 and study.late is not None:
         conclusion += "; late as it is, it bounds k_p and k_v"
@@ -86,30 +103,32 @@ def _spread(study: Study) -> list[str]:
     ends = study.critical_interval
     if ends is None or study.sampled is None:
         return []
-    upper = f"{ends[1]:.4g} N/m" if math.isfinite(ends[1]) else "infinity"
+    u = _units(study)
+    upper = f"{ends[1]:.4g} {u.stiffness}" if math.isfinite(ends[1]) else "infinity"
     return [
         f"k_cr lies from {ends[0]:.4g} to {upper} with 95 % (of {len(study.sampled)} samples of the"
         " fit's covariance)"
     ]
 
 
-def _memoryless(law: AbstractStribeck) -> list[str]:
+def _memoryless(law: AbstractStribeck, u: _Units) -> list[str]:
     V, slope = float(critical_velocity(law)), float(worst_slope(law))
     if not math.isfinite(slope):
         return ["no memory: the curve falls without bound towards V = 0; no k_v suffices there"]
-    need = f"k_v > {-slope:.10g} N s/m" if slope < 0 else "any k_v > 0"
+    need = f"k_v > {-slope:.10g} {u.damping}" if slope < 0 else "any k_v > 0"
     return [
-        f"no memory, (16)-(17): hardest of all velocities V_cr = {V:.10g} m/s, where"
-        f" f_v = {slope:.10g} N s/m; {need} and k_p > 0 are stable at every velocity"
+        f"no memory, (16)-(17): hardest of all velocities V_cr = {V:.10g} {u.speed}, where"
+        f" f_v = {slope:.10g} {u.damping}; {need} and k_p > 0 are stable at every velocity"
     ]
 
 
 def _delay(study: Study) -> list[str]:
-    numbers = delay_numbers(study)
+    numbers, u = delay_numbers(study), _units(study)
     k_v, k_f, alpha = (float(x) for x in numbers[1:])
     lines = ["delay law: no critical stiffness; stability alternates with k_p, (26)-(31)"]
     lines.append(
-        f"  k_f = {k_f:.6g} N s/m, alpha = {alpha:.6g} s, damping k_v + f_v = {k_v:.6g} N s/m"
+        f"  k_f = {k_f:.6g} {u.damping}, alpha = {alpha:.6g} s, damping k_v + f_v ="
+        f" {k_v:.6g} {u.damping}"
     )
     known = delay_summary(study, number=INTERVALS)
     exists = bool(known.exists)
@@ -122,12 +141,12 @@ def _delay(study: Study) -> list[str]:
         what = "infinitely many stable intervals" if exists else "no stable k_p at all"
         lines.append(
             f"  existence: m (2 pi - 2 beta)/alpha = {gap:.6g} {sign} sqrt(k_f^2 - k_v^2) ="
-            f" {root:.6g} N s/m: {what}"
+            f" {root:.6g} {u.damping}: {what}"
         )
     for low, high, w_low, w_high in intervals(study):
         lines.append(
-            f"  stable: {low:.10g} < k_p < {high:.10g} N/m   (crossings at {w_low:.6g} and"
-            f" {w_high:.6g} rad/s)"
+            f"  stable: {low:.10g} < k_p < {high:.10g} {u.stiffness}   (crossings at"
+            f" {w_low:.6g} and {w_high:.6g} rad/s)"
         )
     lines.append(
         "  the 1994 paper's list (30) is short of these: it leaves out n = 0, the first threshold,"
@@ -135,9 +154,8 @@ def _delay(study: Study) -> list[str]:
     )
     if study.k_p is not None:
         count = int(known.unstable)
-        lines.append(
-            f"  at k_p = {study.k_p:g} N/m: {count} unstable root{'' if count == 1 else 's'}"
-        )
+        roots = f"unstable root{'' if count == 1 else 's'}"
+        lines.append(f"  at k_p = {study.k_p:g} {u.stiffness}: {count} {roots}")
     return lines
 
 
@@ -147,9 +165,13 @@ def _gains(study: Study) -> list[str]:
             "",
             "give --kp for poles and margins; 'jaxfric gains' finds the gains that have margins",
         ]
+    u = _units(study)
     word = "STABLE" if bool(study.stable) else "UNSTABLE"
     late = "" if study.late is None else f", a controller that {late_text(study.late)}"
-    lines = ["", f"k_p = {study.k_p:g} N/m, k_v = {study.k_v:g} N s/m{late}: {word}"]
+    lines = [
+        "",
+        f"k_p = {study.k_p:g} {u.stiffness}, k_v = {study.k_v:g} {u.damping}{late}: {word}",
+    ]
     what = "rightmost pole" if study.delayed else "poles"
     if study.late is not None:
         what += f", with Pade's approximant of the delay: rough beyond |s| = {3 / study.late:.3g}"
@@ -188,24 +210,25 @@ def _margin(name: str, value: float) -> str:
 
 def _table(study: Study) -> list[str]:
     """A table at some of the velocities: the ends, and evenly between."""
-    number = len(study.points.velocity)
+    number, u = len(study.points.velocity), _units(study)
     rows = np.unique(np.linspace(0, number - 1, min(number, _ROWS)).round().astype(int))
     V, needed = np.asarray(study.points.velocity), np.asarray(study.points.needed_damping)
+    speed, damping = f"velocity [{u.speed}]", f"k_v for all k_p [{u.damping}]"
+    wide = max(26, len(damping) + 2)
     if study.delayed:
         low, high = (x[:, 0] for x in _first_interval(study))
-        head = (
-            f"{'velocity [m/s]':>16}{'k_v for all k_p [N s/m]':>26}{'first stable k_p [N/m]':>34}"
-        )
+        first = f"first stable k_p [{u.stiffness}]"
+        head = f"{speed:>16}{damping:>{wide}}{first:>34}"
         body = [
-            f"{V[i]:>16.4g}{needed[i]:>26.5g}{_interval(float(low[i]), float(high[i])):>34}"
+            f"{V[i]:>16.4g}{needed[i]:>{wide}.5g}{_interval(float(low[i]), float(high[i])):>34}"
             for i in rows
         ]
         return [head, *body]
     k_cr = np.asarray(study.theorems.critical_stiffness)
     w_cr = np.asarray(study.theorems.critical_frequency)
-    columns = ("velocity [m/s]", "k_cr [N/m]", "w_cr [rad/s]")
-    head = "".join(f"{name:>16}" for name in columns) + f"{'k_v for all k_p [N s/m]':>26}"
-    body = [f"{V[i]:>16.4g}{k_cr[i]:>16.6g}{w_cr[i]:>16.6g}{needed[i]:>26.6g}" for i in rows]
+    columns = (speed, f"k_cr [{u.stiffness}]", "w_cr [rad/s]")
+    head = "".join(f"{name:>16}" for name in columns) + f"{damping:>{wide}}"
+    body = [f"{V[i]:>16.4g}{k_cr[i]:>16.6g}{w_cr[i]:>16.6g}{needed[i]:>{wide}.6g}" for i in rows]
     notes = []
     if np.any(np.isinf(k_cr)):
         notes.append("k_cr inf: no stiffness suffices, f_v + k_v is not positive there")

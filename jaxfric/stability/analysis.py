@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Complex, Float
 
+from ..coordinate import Coordinate, unit_of
 from ..errors import InputError
 from ..rig.friction import AbstractDelayLaw, AbstractLaw, AbstractRateState, LogarithmicEffect
 from ..rig.friction.law import Conditions
@@ -204,6 +205,12 @@ class Study(eqx.Module):
     late: float | None = eqx.field(static=True, default=None)
     """By which the controller answers late [s], in poles, margins and `stable` and nothing else;
     None: it does not."""
+    coordinate: Coordinate = eqx.field(static=True, default="linear")
+    """Whether the numbers are of a line, in m and N, or of a rotation, in rad and N m."""
+
+    def unit(self, si_unit: str) -> str:
+        """The unit here of a quantity that has `si_unit` on a line."""
+        return unit_of(si_unit, self.coordinate)
 
     @property
     def critical_interval(self) -> tuple[float, float] | None:

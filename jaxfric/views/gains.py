@@ -7,7 +7,11 @@ from .view import Frame, Page, View, number
 
 def line(gains: Gains) -> str:
     """The recommended gains, what holds the slider, and in how many scenarios."""
-    kp = gains.smallest_kp if gains.any_stiffness else f"k_p = {number(gains.kp)} N/m"
+    kp = (
+        gains.smallest_kp
+        if gains.any_stiffness
+        else f"k_p = {number(gains.kp)} {gains.unit('N/m')}"
+    )
     how = {"stiff": "held by stiffness", "damped": "held by damping"}
     held = how.get(gains.optima[0].name, gains.optima[0].name) if gains.optima else "no optimum"
     required = ", ".join(
@@ -15,7 +19,7 @@ def line(gains: Gains) -> str:
         for name, value in zip(gains.requirement.names, gains.requirement.values, strict=True)
     )
     return (
-        f"Gains({kp}, k_v = {number(gains.kv)} N s/m: {held}; {required} in"
+        f"Gains({kp}, k_v = {number(gains.kv)} {gains.unit('N s/m')}: {held}; {required} in"
         f" {len(gains.scenarios)} scenarios)"
     )
 
@@ -30,8 +34,8 @@ def frame(gains: Gains) -> Frame:
     rows: list[dict[str, object]] = [
         {
             "name": o.name,
-            "kp [N/m]": o.kp,
-            "kv [N s/m]": o.kv,
+            f"kp [{gains.unit('N/m')}]": o.kp,
+            f"kv [{gains.unit('N s/m')}]": o.kv,
             "norm": o.norm,
             "minimum": o.minimum,
             "at_limit": o.at_limit,

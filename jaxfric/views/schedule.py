@@ -2,6 +2,7 @@
 
 import dataclasses
 
+from ..coordinate import unit_of
 from ..gains.schedule import Schedule
 from ..loop.result import TextTable
 from .view import Frame, Page, View, number
@@ -9,20 +10,23 @@ from .view import Frame, Page, View, number
 
 def line(schedule: Schedule) -> str:
     """How many set points, over which velocities, and whether they chain."""
+    speed = unit_of("m/s", schedule.coordinate)
     slow, fast = schedule.points[0].velocity, schedule.points[-1].velocity
     if schedule.gap is None:
         chained = "chained" if schedule.covered else "not chained"
     else:
-        chained = "broken between {:.3g} and {:.3g} m/s".format(*schedule.gap)
+        chained = "broken between {:.3g} and {:.3g} {}".format(*schedule.gap, speed)
     return (
-        f"Schedule({len(schedule.points)} set points, {number(slow)} to {number(fast)} m/s;"
+        f"Schedule({len(schedule.points)} set points, {number(slow)} to {number(fast)} {speed};"
         f" {chained})"
     )
 
 
 def page(schedule: Schedule) -> Page:
     """A table of the set points: gains, and the jumps of velocity that they survive."""
-    head = ("velocity [m/s]", "k_p [N/m]", "k_v [N s/m]", "jump up", "jump down")
+    units = [unit_of(unit, schedule.coordinate) for unit in ("m/s", "N/m", "N s/m")]
+    pairs = zip(("velocity", "k_p", "k_v"), units, strict=True)
+    head = (*(f"{name} [{unit}]" for name, unit in pairs), "jump up", "jump down")
     rows = [tuple(number(x) for x in dataclasses.astuple(point)) for point in schedule.points]
     note = "jump: factor by which velocity may change at once for the slider to settle here"
     table = TextTable("Set points", head, rows, note)
