@@ -22,6 +22,7 @@ FLOORS = {
     "described": 0,
     "silent": 0,
     "cache": 1,
+    "coordinate": 1,
     "threads": 0,
     "traced": 0,
     "quantity": 0,

@@ -59,6 +59,13 @@ def gains(
     scale_kv: Annotated[
         options.Text, Parameter(help="Unit of k_v in the norm, '10 N*s/m'.")
     ] = None,
+    integral: Annotated[
+        options.Text,
+        Parameter(
+            help="Integral gain k_i of a PID controller, '500 N/(m s)' or '5 N m/(rad s)': k_p and"
+            " k_v are then the smallest with this k_i in the loop."
+        ),
+    ] = None,
     sample_time: options.SampleTime = None,
     delay: options.Delay = None,
     basin: Annotated[
@@ -96,6 +103,12 @@ def gains(
         raise InputError("--velocity is missing; give the velocities of the machine: '1..100 um/s'")
     prepare_jax()
     required = Requirement.parse(margin or ())
+    if basin is not None and not check:
+        raise InputError("--basin needs the simulations that --no-check leaves out")
+    if integral is not None and (basin is not None or map_):
+        raise InputError(
+            "--basin and --map rest on simulations without integral action; leave out --integral"
+        )
     if samples < 0:
         raise InputError(f"--samples is {samples}; it must be 0 or more")
     source = read_law(from_, law, parameters, normal_force, samples=samples, seed=seed)
@@ -108,6 +121,7 @@ def gains(
             "--max-kv": (max_kv, "N*s/m"),
             "--scale-kp": (scale_kp, "N/m"),
             "--scale-kv": (scale_kv, "N*s/m"),
+            "--integral": (integral, "N/(m*s)"),
         },
         source.coordinate,
     )
@@ -131,14 +145,13 @@ def gains(
             upper=(given.read("--max-kp"), given.read("--max-kv")),
             sample_time=sampled,
             delay=late,
+            integral_gain=given.read("--integral") or 0.0,
             progress=lambda text: progress(f"{text} (1 of 3)"),
         )
         if check:
             result = check_gains(
                 result, basin=basin, progress=lambda text: progress(f"{text} (2 of 3)")
             )
-        elif basin is not None:
-            raise InputError("--basin needs the simulations that --no-check leaves out")
         progress("drawing figures (3 of 3)")
         content = folder.save_json("gains.json", result.to_json())
         folder.draw("gains", lambda to: draw_gains(result, to))

@@ -30,6 +30,10 @@ def stability(
         Parameter(help="Stiffness or position gain, '3 kN/m': gives poles and margins."),
     ] = None,
     kv: options.Damping = None,
+    ki: Annotated[
+        options.Text,
+        Parameter(help="Integral gain of a PID controller, '500 N/(m s)', in poles and margins."),
+    ] = None,
     sample_time: options.SampleTime = None,
     delay: options.Delay = None,
     out: options.Out = None,
@@ -48,7 +52,10 @@ def stability(
     prepare_jax()
     source = read_law(from_, law, parameters, normal_force)
     options = {"--velocity": (velocity, "m/s"), "--mass": (mass, "kg")}
-    given = OfMotion(options | {"--kp": (kp, "N/m"), "--kv": (kv, "N*s/m")}, source.coordinate)
+    given = OfMotion(
+        options | {"--kp": (kp, "N/m"), "--kv": (kv, "N*s/m"), "--ki": (ki, "N/(m*s)")},
+        source.coordinate,
+    )
     velocities, one_mass = given.values("--velocity"), given.mass()
     k_p, k_v = given.positive("--kp"), given.damping("--kv")
     one_mass = source.mass if one_mass is None else one_mass
@@ -61,7 +68,15 @@ def stability(
     late = controller_delay(sampled, told_late)
     with told(quiet=True) as progress:
         progress("linear theory (1 of 2; then figures)")
-        found = study(source.law, velocities, mass=one_mass, k_p=k_p, k_v=k_v, delay=late)
+        found = study(
+            source.law,
+            velocities,
+            mass=one_mass,
+            k_p=k_p,
+            k_v=k_v,
+            delay=late,
+            k_i=given.read("--ki") or 0.0,
+        )
         found = dataclasses.replace(found, coordinate=given.coordinate)
         if (samples := read_samples(from_, normal_force)) is not None:
             found = with_samples(found, samples)

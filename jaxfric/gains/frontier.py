@@ -152,14 +152,15 @@ class Alone(NamedTuple):
     """The largest k_p and k_v of that search."""
     edge: tuple[float, float] | None
     """k_p and k_v at which steady sliding becomes stable: without margins, without a delay of the
-    controller, in every scenario. inf where none is, 0 where none is needed; None: a delay law."""
+    controller, in every scenario. inf where none is, 0 where none is needed; None: a delay law, or
+    a controller with integral action."""
 
 
 def alone_of(meets: tuple[bool, bool], scenarios: Scenarios, region: Region) -> Alone:
     """What is known of stiffness and of damping alone."""
     most = [float(axis[-1] * unit) for axis, unit in zip(axes(region), region.unit, strict=True)]
     edge = None
-    if isinstance(scenarios.law(0), AbstractLaw):
+    if isinstance(scenarios.law(0), AbstractLaw) and scenarios.integral is None:
         critical, fall, slope, *_ = _sizes(scenarios)
         edge = float(np.max(critical)), max(0.0, float(np.max(fall - slope)))
     return Alone(meets, (most[0], most[1]), edge)

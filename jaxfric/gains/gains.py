@@ -14,8 +14,8 @@ from ..laws.file import Result, law_source
 from ..laws.registry import Law
 from ..rig.friction import AbstractDelayLaw, AbstractLaw
 from ..silent import silent
-from ..stability.linear import controller_delay
-from ..stability.margin_table import MARGINS
+from ..stability.linear import controller_delay, integral_gain
+from ..stability.margin_table import MARGINS, meaningless
 from ..units import parse_values
 from .frontier import FrontierPoint, Region, alone_of, largest_alone
 from .margins import several_margins
@@ -46,6 +46,7 @@ def find_gains(
     upper: Pair = (None, None),
     sample_time: float | None = None,
     delay: float | None = None,
+    integral_gain: float = 0.0,
     progress: Callable[[str], None] | None = None,
 ) -> Gains:
     """Smallest gains (k_p, k_v) whose margins hold in every scenario.
@@ -77,6 +78,8 @@ def find_gains(
         zero-order hold and one of computing), in all margins, in the search and in its certificate,
         but not in the simulations of `check_gains`. None: a controller without delay.
     delay : instead, the whole delay of the controller [s], where it is known.
+    integral_gain : k_i [N/(m s)] of a controller force = k_p e + k_v de/dt + k_i int e dt; it is
+        then in all margins, of which `stiffness` has no meaning. 0: no integral action.
     progress : told what is being done.
 
     Raises
@@ -84,7 +87,7 @@ def find_gains(
     InputError : a bad argument; of the kind `NoGains` where no gains within the limits meet the
         requirement.
     """
-    machine = Machine(velocity, mass, sample_time, delay)
+    machine = Machine(velocity, mass, sample_time, delay, integral_gain)
     measure = Measure(scale, lower, upper)
     source = law_source(law, normal_force)
     found = seek_gains(source, machine, margin, measure, confidence=confidence, progress=progress)
@@ -100,6 +103,7 @@ class Machine(NamedTuple):
     mass: ArrayLike | str | None
     sample_time: float | None = None
     delay: float | None = None
+    integral_gain: float | None = None
 
 
 class Measure(NamedTuple):
@@ -143,8 +147,10 @@ def seek_gains(
     if not 0 < confidence <= 1:
         raise InputError(f"confidence is {confidence:g}; it must be above 0 and at most 1")
     _check_pairs(*measure)
-    delay = _checked_delay(machine, mass, requirement, source.law)
-    scenarios = Scenarios.product(source.samples, velocity, mass, delay)
+    delay = controller_delay(machine.sample_time, machine.delay)
+    k_i = integral_gain(machine.integral_gain)
+    _check_controller(requirement, source.law, mass, delay, k_i)
+    scenarios = Scenarios.product(source.samples, velocity, mass, delay, k_i)
     region = make_region(scenarios, *measure, coordinate)
     tell = progress or silent
     tell(f"searching over {len(scenarios)} scenarios")
@@ -168,25 +174,30 @@ def seek_gains(
     return replace(found, sample_time=machine.sample_time)
 
 
-def _checked_delay(
-    machine: Machine, mass: ArrayLike | None, requirement: Requirement, law: Law
-) -> float | None:
-    """The delay of the controller [s]."""
-    delay = controller_delay(machine.sample_time, machine.delay)
-    if delay is None:
-        return None
-    what = "a sample time" if machine.delay is None else "a delay of the controller"
-    if mass is None:
-        raise InputError(f"{what} needs a mass: without one no delay of the controller is survived")
+def _check_controller(
+    requirement: Requirement,
+    law: Law,
+    mass: ArrayLike | None,
+    delay: float | None,
+    k_i: float | None,
+) -> None:
+    """Raise `InputError` for a controller that the law or a required margin does not go with."""
+    if delay is None and k_i is None:
+        return
+    if delay is not None and mass is None:
+        raise InputError(
+            "a sample time or delay of the controller needs a mass: without one no delay of the"
+            " controller is survived"
+        )
     for name in requirement.names:
-        if MARGINS[name].unless_late:
+        if reason := meaningless(name, late=delay is not None, integral=k_i is not None):
             raise InputError(
-                f"margin {name} has no meaning with {what}: {MARGINS[name].unless_late}."
+                f"margin {name} has no meaning with {reason}."
                 " Require modulus=0.5, gain, phase or delay"
             )
     if isinstance(law, AbstractDelayLaw):
+        what = "integral action" if delay is None else "a controller that answers late"
         raise InputError(f"{what} under a delay law is not analysed; take another law")
-    return delay
 
 
 def _check_pairs(scale: Pair, lower: Pair, upper: Pair) -> None:
@@ -256,8 +267,8 @@ def _bounded(found: Gains) -> Gains:
 def _worst(scenarios: Scenarios, gains: np.ndarray) -> dict[str, WorstCase]:
     """Every margin in the scenario where it is least."""
     worst = {}
-    late = scenarios.delay is not None
-    names = [name for name, one in MARGINS.items() if not (one.unless_late and late)]
+    late, integral = scenarios.delay is not None, scenarios.integral is not None
+    names = [name for name in MARGINS if not meaningless(name, late=late, integral=integral)]
     for name, values in several_margins(names, scenarios, gains).items():
         at = int(np.argmin(values))
         worst[name] = WorstCase(float(values[at]), MARGINS[name].unit, scenarios.describe(at))
@@ -321,7 +332,8 @@ def check_gains(
     """A copy of these gains, checked by nonlinear simulation in the `number` hardest scenarios.
 
     With `basin` both gains are raised by one factor, in steps of 2 %, until velocity may jump by
-    that factor either way in all of them; the margins are then those of the raised gains.
+    that factor either way in all of them; the margins are then those of the raised gains. Gains
+    with integral action are not simulated; a warning says it.
 
     Raises
     ------
@@ -333,6 +345,9 @@ def check_gains(
         return replace(
             gains, warnings=(*gains.warnings, "gains under a delay law are not simulated")
         )
+    if gains.integral is not None:
+        text = "gains with integral action are not simulated: only their margins are known"
+        return replace(gains, warnings=(*gains.warnings, text))
     if gains.any_stiffness:
         text = "not simulated: k_p stands for any positive stiffness; give a lower limit of k_p"
         return replace(gains, warnings=(*gains.warnings, text))

@@ -8,10 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..stability.linear import LinearFriction, LinearSlider
+from ..stability.linear import LinearFriction, Setting
 from ..stability.margins import several
 from .scenarios import Scenarios, tiles
-from .settle import traced
 
 
 def margin_values(name: str, scenarios: Scenarios, gains: np.ndarray) -> np.ndarray:
@@ -28,7 +27,7 @@ def several_margins(
     found = {name: np.empty(len(scenarios)) for name in names}
     for rows, used in tiles(len(scenarios), _size(scenarios)):
         some = scenarios.take(rows)
-        values = _values(names, some.friction, traced(some.mass), traced(some.delay), at)
+        values = _values(names, some.friction, some.setting, at)
         for name in names:
             found[name][rows[:used]] = np.asarray(values[name])[:used]
     return found
@@ -42,13 +41,10 @@ def _size(scenarios: Scenarios) -> int:
 def _values(
     names: tuple[str, ...],
     friction: LinearFriction,
-    mass: Array | None,
-    delay: Array | None,
+    setting: Setting,
     gains: Array,
 ) -> dict[str, Float[Array, " n"]]:
-    def one(friction: LinearFriction, mass: Array | None, delay: Array | None) -> dict[str, Array]:
-        slider = LinearSlider(mass, gains[0], gains[1], friction, delay)
-        return several(names, slider)
+    def one(friction: LinearFriction, setting: Setting) -> dict[str, Array]:
+        return several(names, setting.slider(gains, friction))
 
-    axes = (0, *(None if x is None else 0 for x in (mass, delay)))
-    return jax.vmap(one, in_axes=axes)(friction, mass, delay)
+    return jax.vmap(one)(friction, setting)

@@ -31,11 +31,12 @@ from ..laws.registry import Law
 from ..rig.friction import AbstractDelayLaw
 from ..stability.linear import (
     LinearFriction,
+    Setting,
     linear_friction,
     refuse_no_law,
     refuse_without_steady_state,
 )
-from ..stability.margin_table import MARGINS
+from ..stability.margin_table import meaningless
 from ..stability.undefined import undefined
 from .kkt import DERIVATIVE, POSITIVE, WEAK, carried, derivative, kkt_of
 from .natural import natural_units, sizes
@@ -109,6 +110,7 @@ def minimum_gains(
     lower: ArrayLike | Pair = (0.0, 0.0),
     upper: ArrayLike | Pair = (np.inf, np.inf),
     delay: ArrayLike | None = None,
+    integral_gain: ArrayLike | None = None,
 ) -> MinimumGains:
     """The gains (k_p, k_v) of least norm whose margins hold in all scenarios. Pure JAX.
 
@@ -139,6 +141,7 @@ def minimum_gains(
         law, the velocities and the masses.
     lower, upper : limits of (k_p, k_v). k_p always has the lower limit 1e-9 in natural units.
     delay : delay of the controller [s], shape (n,) or a scalar; None: none.
+    integral_gain : k_i > 0 of a PID controller [N/(m s)], shape (n,) or a scalar; None: none.
 
     Raises
     ------
@@ -146,20 +149,22 @@ def minimum_gains(
         margin that does not exist, limits that leave nothing between them.
     """
     refuse_no_law(law)
-    requirement = _requirement(requirement, mass, delay, law)
-    given = [jnp.asarray(x, float) for x in (velocity, mass, delay) if x is not None]
+    requirement = _requirement(requirement, mass, delay, integral_gain, law)
+    settings = (velocity, mass, delay, integral_gain)
+    given = [jnp.asarray(x, float) for x in settings if x is not None]
     if sample is not None:
         given.append(jnp.asarray(sample))
     V, *rest = jnp.broadcast_arrays(*map(jnp.atleast_1d, given))
     if V.ndim != 1:
         raise InputError(
-            f"minimum_gains: the scenarios have shape {V.shape}; give velocity, mass and delay one"
-            " axis, and use jax.vmap for more"
+            f"minimum_gains: the scenarios have shape {V.shape}; give velocity, mass, delay and"
+            " integral_gain one axis, and use jax.vmap for more"
         )
     m = None if mass is None else rest.pop(0)
     late = None if delay is None else rest.pop(0)
+    k_i = None if integral_gain is None else rest.pop(0)
     pairs = [jnp.broadcast_to(jnp.asarray(x, float), (2,)) for x in (lower, upper)]
-    _refuse(V, m, late, *pairs, scale)
+    _refuse(V, Setting(m, late, k_i), *pairs, scale)
     possible = jnp.all(jnp.isfinite(V) & (V > 0))
     V = jnp.where(possible, V, 1.0)
     if m is not None:
@@ -178,46 +183,50 @@ def minimum_gains(
     high = jnp.where(possible, pairs[1], jnp.inf)
     low = jnp.where(possible, low, jnp.asarray([POSITIVE, 0.0]) * unit)
     unit = jax.lax.stop_gradient(unit)  # slacks are zero in all units
-    return _solve(GainProblem(friction, m, late, requirement, unit, chosen, low, high), possible)
+    setting = Setting(m, late, k_i)
+    return _solve(GainProblem(friction, setting, requirement, unit, chosen, low, high), possible)
 
 
 def _requirement(
     given: Requirement | Mapping[str, float | Array],
     mass: ArrayLike | None,
     delay: ArrayLike | None,
+    integral: ArrayLike | None,
     law: Law,
 ) -> Requirement:
-    """The requirement; refuses margins and delays that have no meaning together."""
+    """The requirement; refuses margins and controllers that have no meaning together."""
     requirement = given if isinstance(given, Requirement) else Requirement.with_default(given)
-    if delay is None:
+    if delay is None and integral is None:
         return requirement
-    if mass is None:
+    if delay is not None and mass is None:
         raise InputError("minimum_gains: a delay needs a mass; without one no delay is survived")
     if isinstance(law, AbstractDelayLaw):
-        raise InputError("minimum_gains: a late controller under a delay law is not analysed")
+        what = "integral action" if delay is None else "a late controller"
+        raise InputError(f"minimum_gains: {what} under a delay law is not analysed")
     for name in requirement.names:
-        if MARGINS[name].unless_late:
+        if reason := meaningless(name, late=delay is not None, integral=integral is not None):
             raise InputError(
-                f"minimum_gains: margin {name} has no meaning with a delay:"
-                f" {MARGINS[name].unless_late}; require modulus, gain, phase or delay"
+                f"minimum_gains: margin {name} has no meaning with {reason}; require modulus,"
+                " gain, phase or delay"
             )
     return requirement
 
 
 def _refuse(
     V: Array,
-    mass: Array | None,
-    delay: Array | None,
+    setting: Setting,
     lower: Array,
     upper: Array,
     scale: ArrayLike | Pair | None,
 ) -> None:
     """Raise `InputError` for numbers that are wrong, where their values are known."""
     checks = [("velocity", V, "m/s", 0.0, False), ("lower limit", lower, "(SI)", 0.0, True)]
-    if mass is not None:
-        checks.append(("mass", mass, "kg", 0.0, True))
-    if delay is not None:
-        checks.append(("delay", delay, "s", 0.0, False))
+    if setting.mass is not None:
+        checks.append(("mass", setting.mass, "kg", 0.0, True))
+    if setting.delay is not None:
+        checks.append(("delay", setting.delay, "s", 0.0, False))
+    if setting.integral is not None:
+        checks.append(("integral gain", setting.integral, "N/(m s)", 0.0, False))
     if scale is not None:
         checks.append(("scale", jnp.asarray(scale, float), "(SI)", 0.0, False))
     for what, values, unit, least, included in checks:

@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 from ..errors import InputError
 from ..pairs import read_pairs
 from ..stability.kernel import DelayKernel
-from ..stability.linear import LinearFriction, LinearSlider
+from ..stability.linear import LinearSlider
 from ..stability.margin_table import known_margin
 from ..stability.margins import several
 from ..stability.theorem import apply_theorem
@@ -83,20 +83,12 @@ class Requirement(eqx.Module):
         off = not isinstance(margins[name], Tracer) and float(margins[name]) == 0
         return Requirement({n: x for n, x in margins.items() if not (off and n == name)})
 
-    def slack(
-        self,
-        gains: Float[Array, " 2"],
-        friction: LinearFriction,
-        mass: Float[Array, ""] | None,
-        unit: Float[Array, " 2"],
-        delay: Float[Array, ""] | None = None,
-    ) -> Float[Array, ""]:
+    def slack(self, slider: LinearSlider, unit: Float[Array, " 2"]) -> Float[Array, ""]:
         """How far the margins exceed their requirements, relative to these; the least of all.
 
-        Zero at the requirement, negative where it is missed, at most 9. `delay` [s] is that by
-        which the controller answers late. For stiffness see `constraints`.
+        Zero at the requirement, negative where it is missed, at most 9. `unit` are the natural
+        units of (k_p, k_v). For stiffness see `constraints`.
         """
-        slider = LinearSlider(mass, gains[0], gains[1], friction, delay)
         values = several([name for name in self.names if name != "stiffness"], slider)
         slacks = [
             jnp.min(_stiffness_slack(slider, required, unit))
@@ -106,14 +98,7 @@ class Requirement(eqx.Module):
         ]
         return jnp.min(jnp.stack(slacks))
 
-    def constraints(
-        self,
-        gains: Float[Array, " 2"],
-        friction: LinearFriction,
-        mass: Float[Array, ""] | None,
-        unit: Float[Array, " 2"],
-        delay: Float[Array, ""] | None = None,
-    ) -> Float[Array, " n"]:
+    def constraints(self, slider: LinearSlider, unit: Float[Array, " 2"]) -> Float[Array, " n"]:
         """Smooth functions that are at least 0 where the margins are met (`branches`).
 
         Most are branches of `slack`. The margin of stiffness has entries k_p + f_x less the
@@ -121,7 +106,6 @@ class Requirement(eqx.Module):
         theorem's hypothesis f_v + k_v > 0, over `unit[1]`, the only limit of friction without
         memory. For a delay law, of which the theorem does not hold, it is f_v + k_v > |k_f|.
         """
-        slider = LinearSlider(mass, gains[0], gains[1], friction, delay)
         found = []
         for name, required in zip(self.names, self.values, strict=True):
             if name == "stiffness":

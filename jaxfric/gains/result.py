@@ -121,6 +121,17 @@ class Gains(Described, Drawable, Tabular):
         return "any k_p > 0" if self.delay is None else "any small k_p"
 
     @property
+    def integral(self) -> float | None:
+        """Integral gain k_i of the controller [N/(m s)]; None: it has none."""
+        k_i = self.scenarios.integral
+        return None if k_i is None else float(k_i[0])
+
+    @property
+    def is_spring(self) -> bool:
+        """Whether the controller is one of spring and damper: neither late nor with integral."""
+        return self.delay is None and self.integral is None
+
+    @property
     def none_needed(self) -> bool:
         """Whether friction itself meets the requirement, so that the least gains are none."""
         return self.any_stiffness and self.kv == 0
@@ -165,9 +176,11 @@ class Gains(Described, Drawable, Tabular):
             "fragile": self.fragile,
             "kp": self.kp,
             "kv": self.kv,
+            "ki": self.integral or 0.0,
             "units": {
                 "kp": self.unit("N/m"),
                 "kv": self.unit("N s/m"),
+                "ki": self.unit("N/(m s)"),
                 "velocity": self.unit("m/s"),
                 "mass": self.unit("kg"),
             },

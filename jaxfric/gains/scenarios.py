@@ -12,7 +12,7 @@ from jaxtyping import Array, ArrayLike
 from ..errors import InputError
 from ..laws.registry import Law
 from ..stability.kernel import AbstractRationalKernel
-from ..stability.linear import LinearFriction, linear_friction, refuse_without_steady_state
+from ..stability.linear import LinearFriction, Setting, linear_friction, refuse_without_steady_state
 
 _TILE = 2048
 # Margins of kernels that are not rational hold thousands of frequencies for every pair.
@@ -34,9 +34,17 @@ class Scenarios:
     friction: LinearFriction
     delay: np.ndarray | None = None
     """Delay of the controller in every scenario [s]; None: it has none."""
+    integral: np.ndarray | None = None
+    """Integral gain in every scenario [force/(m s)]; None: it has none."""
 
     def __len__(self) -> int:
         return self.velocity.shape[0]
+
+    @property
+    def setting(self) -> Setting:
+        """Mass, delay and integral gain of every scenario, as arrays of JAX."""
+        known = (self.mass, self.delay, self.integral)
+        return Setting(*(None if x is None else jnp.asarray(x, float) for x in known))
 
     @property
     def tile(self) -> int:
@@ -45,9 +53,14 @@ class Scenarios:
 
     @staticmethod
     def product(
-        laws: Law, velocities: ArrayLike, masses: ArrayLike | None, delay: float | None = None
+        laws: Law,
+        velocities: ArrayLike,
+        masses: ArrayLike | None,
+        delay: float | None = None,
+        integral: float | None = None,
     ) -> "Scenarios":
-        """All combinations. `masses` None means a slider without mass; `delay` [s] is of all.
+        """All combinations. `masses` None means a slider without mass; `delay` [s] and `integral`
+        [force/(m s)] are of all.
 
         Raises
         ------
@@ -59,8 +72,8 @@ class Scenarios:
         samples = np.arange(number_of_samples(laws))
         grid = np.meshgrid(samples, V, np.zeros(1) if m is None else m, indexing="ij")
         sample, velocity, mass = (axis.reshape(-1) for axis in grid)
-        late = None if delay is None else np.full(len(velocity), float(delay))
-        return Scenarios.at(laws, velocity, None if m is None else mass, sample, late)
+        of_all = (None if x is None else np.full(len(velocity), x) for x in (delay, integral))
+        return Scenarios.at(laws, velocity, None if m is None else mass, sample, *of_all)
 
     @staticmethod
     def at(
@@ -69,6 +82,7 @@ class Scenarios:
         mass: np.ndarray | None,
         sample: ArrayLike,
         delay: np.ndarray | None = None,
+        integral: np.ndarray | None = None,
     ) -> "Scenarios":
         """Scenarios listed one by one."""
         velocity, sample = np.asarray(velocity, float), np.asarray(sample)
@@ -78,14 +92,22 @@ class Scenarios:
             parts.append(jax.tree.map(lambda leaf, used=used: np.asarray(leaf)[:used], part))
         friction = jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
         refuse_without_steady_state(velocity, friction)
-        return Scenarios(laws, velocity, mass, sample, friction, delay)
+        return Scenarios(laws, velocity, mass, sample, friction, delay, integral)
 
     def take(self, index: ArrayLike | Sequence[int]) -> "Scenarios":
         """The scenarios at some indices."""
         index = np.asarray(index)
         friction = jax.tree.map(lambda leaf: leaf[index], self.friction)
-        mass, delay = (None if x is None else x[index] for x in (self.mass, self.delay))
-        return Scenarios(self.laws, self.velocity[index], mass, self.sample[index], friction, delay)
+        known = (self.mass, self.delay, self.integral)
+        mass, *rest = (None if x is None else x[index] for x in known)
+        return Scenarios(self.laws, self.velocity[index], mass, self.sample[index], friction, *rest)
+
+    def at_velocities(self, index: ArrayLike, velocity: np.ndarray) -> "Scenarios":
+        """Scenarios that differ from those at `index` in velocity only."""
+        rows = np.broadcast_to(np.asarray(index), velocity.shape)
+        known = (self.mass, self.delay, self.integral)
+        mass, *rest = (None if x is None else x[rows] for x in known)
+        return Scenarios.at(self.laws, velocity, mass, self.sample[rows], *rest)
 
     def join(self, other: "Scenarios") -> "Scenarios":
         """These scenarios followed by the others."""
@@ -94,10 +116,13 @@ class Scenarios:
             return np.concatenate([np.asarray(a), np.asarray(b)])
 
         friction = jax.tree.map(both, self.friction, other.friction)
-        mass = None if self.mass is None else both(self.mass, other.mass)
-        delay = None if self.delay is None else both(self.delay, other.delay)
+        mass, *rest = (
+            None if mine is None else both(mine, getattr(other, name))
+            for name in ("mass", "delay", "integral")
+            for mine in [getattr(self, name)]
+        )
         velocity, sample = both(self.velocity, other.velocity), both(self.sample, other.sample)
-        return Scenarios(self.laws, velocity, mass, sample, friction, delay)
+        return Scenarios(self.laws, velocity, mass, sample, friction, *rest)
 
     def law(self, index: int) -> Law:
         """The law of one scenario."""

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from ..stability.linear import LinearFriction
+from ..stability.linear import LinearFriction, Setting
 from .natural import sizes
 from .newton import Local, NewtonStep, sqp_step
 from .requirement import Requirement
@@ -35,8 +35,7 @@ class GainProblem(eqx.Module):
     """Scenarios (leading axis n), requirement, and pairs (k_p, k_v) of units, scales and limits."""
 
     friction: LinearFriction
-    mass: Float[Array, " n"] | None
-    delay: Float[Array, " n"] | None
+    setting: Setting
     requirement: Requirement
     unit: Float[Array, " 2"]
     scale: Float[Array, " 2"]
@@ -51,14 +50,13 @@ class GainProblem(eqx.Module):
     @property
     def masses(self) -> Float[Array, " n"]:
         """The masses; 0 without mass."""
-        return jnp.zeros(self.number) if self.mass is None else self.mass
+        mass = self.setting.mass
+        return jnp.zeros(self.number) if mass is None else mass
 
     def at(self, index: Int[Array, " k"]) -> "GainProblem":
         """The problem of some of the scenarios."""
-        rows = jax.tree.map(lambda x: x[index], (self.friction, self.mass, self.delay))
-        return eqx.tree_at(
-            lambda p: (p.friction, p.mass, p.delay), self, rows, is_leaf=lambda x: x is None
-        )
+        rows = jax.tree.map(lambda x: x[index], (self.friction, self.setting))
+        return eqx.tree_at(lambda p: (p.friction, p.setting), self, rows)
 
     def slacks(self, y: Float[Array, " 2"]) -> Float[Array, " n"]:
         """Least slack of every scenario at y."""
@@ -71,11 +69,10 @@ class GainProblem(eqx.Module):
     def _each(self, function: Callable[..., Array], y: Array) -> Array:
         gains = y * self.scale
 
-        def one(friction: LinearFriction, mass: Array | None, delay: Array | None) -> Array:
-            return function(gains, friction, mass, self.unit, delay)
+        def one(friction: LinearFriction, setting: Setting) -> Array:
+            return function(setting.slider(gains, friction), self.unit)
 
-        axes = (0, *(None if x is None else 0 for x in (self.mass, self.delay)))
-        return jax.vmap(one, in_axes=axes)(self.friction, self.mass, self.delay)
+        return jax.vmap(one)(self.friction, self.setting)
 
     def limits(self, y: Float[Array, " 2"]) -> Float[Array, " 4"]:
         """Distances of y to its lower and upper limits."""

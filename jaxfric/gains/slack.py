@@ -10,10 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..stability.linear import LinearFriction
+from ..stability.linear import LinearFriction, Setting
 from .requirement import Requirement
 from .scenarios import Scenarios, tiles
-from .settle import traced
 
 
 def slacks(
@@ -37,9 +36,8 @@ def paired_slacks(
     found = np.empty(len(index))
     for pairs, used in tiles(len(index), scenarios.tile):
         some = scenarios.take(index[pairs])
-        late = traced(some.mass), traced(some.delay)
         at = jnp.asarray(unit), jnp.asarray(gains[pairs])
-        value = _tile(requirement, some.friction, *late, *at)
+        value = _tile(requirement, some.friction, some.setting, *at)
         found[pairs[:used]] = np.asarray(value)[:used]
     return found
 
@@ -48,15 +46,11 @@ def paired_slacks(
 def _tile(
     requirement: Requirement,
     friction: LinearFriction,
-    mass: Array | None,
-    delay: Array | None,
+    setting: Setting,
     unit: Array,
     gains: Array,
 ) -> Float[Array, " n"]:
-    def one(
-        friction: LinearFriction, mass: Array | None, delay: Array | None, gains: Array
-    ) -> Array:
-        return requirement.slack(gains, friction, mass, unit, delay)
+    def one(friction: LinearFriction, setting: Setting, gains: Array) -> Array:
+        return requirement.slack(setting.slider(gains, friction), unit)
 
-    axes = (0, *(None if x is None else 0 for x in (mass, delay)), 0)
-    return jax.vmap(one, in_axes=axes)(friction, mass, delay, gains)
+    return jax.vmap(one)(friction, setting, gains)

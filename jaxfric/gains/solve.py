@@ -30,7 +30,6 @@ from .margins import margin_values
 from .requirement import Requirement
 from .scenarios import Scenarios, number_of_samples, padded
 from .search import CARRIED, ROUNDS, TRUST, GainProblem, Steps, steps
-from .settle import traced
 from .slack import slacks
 
 Pair = tuple[float | None, float | None]
@@ -168,8 +167,7 @@ def optimum(
         some = dict.fromkeys([*worst[:half], *decided[:half], *worst[half:]])
         worst = padded(np.array(list(some)[:CARRIED]), size=CARRIED)
         few = scenarios.take(worst)
-        late = traced(few.mass), traced(few.delay)
-        problem = GainProblem(few.friction, *late, requirement, *pairs)
+        problem = GainProblem(few.friction, few.setting, requirement, *pairs)
         found = steps(problem, jnp.asarray(worst), y, size)
         y, size = found.y, found.size
         residual, ones, limited = (np.asarray(x) for x in _judged(found))
@@ -246,7 +244,7 @@ def _between(
         for index in np.argsort(slack)[:_REFINED]:
             at = np.searchsorted(velocities, scenarios.velocity[index])
             low, high = velocities[max(at - 1, 0)], velocities[min(at + 1, velocities.size - 1)]
-            fine = _same_but(scenarios, index, np.geomspace(low, high, _FINE))
+            fine = scenarios.at_velocities(index, np.geomspace(low, high, _FINE))
             value = slacks(requirement, fine, region.unit, optimum.gains)[0]
             if np.min(value) < -_VIOLATED:
                 found.append(fine.take([int(np.argmin(value))]))
@@ -256,14 +254,6 @@ def _between(
     for one in found[1:]:
         extra = extra.join(one)
     return extra
-
-
-def _same_but(scenarios: Scenarios, index: int, velocity: np.ndarray) -> Scenarios:
-    """Scenarios that differ from one scenario in velocity only."""
-    mass = None if scenarios.mass is None else np.full(velocity.size, scenarios.mass[index])
-    delay = None if scenarios.delay is None else np.full(velocity.size, scenarios.delay[index])
-    sample = np.full(velocity.size, scenarios.sample[index])
-    return Scenarios.at(scenarios.laws, velocity, mass, sample, delay)
 
 
 def _dense(

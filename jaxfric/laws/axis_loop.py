@@ -94,12 +94,13 @@ def law_from_axis_loop(
     effects = effects_in(path, content["effects"], values, AxisRig)
     _refuse_other(path, content, effects)
     force_of_unit(content["friction_unit"], normal_force, path)
+    coordinate = _coordinate(content)
     inside = [effect for effect in effects if _in_law(effect)]
-    columns = sampled(after, _positive(path, inside, values), samples, seed, path)
+    columns = sampled(after, _positive(path, inside, values, coordinate), samples, seed, path)
     width, reach = (float(about.get(key) or 0.0) for key in ("width", "reach"))
     build = _builder(inside, tuple(columns), values["M"], width or _NO_WIDTH, reach)
     laws = eqx.filter_jit(eqx.filter_vmap(build))(jnp.asarray(np.stack([*columns.values()], -1)))
-    steps, coordinate = content.get("steps", []), _coordinate(content)
+    steps = content.get("steps", [])
     return LawSource(
         first_of(laws),
         laws,
@@ -179,7 +180,9 @@ def _refuse_other(path: Path, content: Mapping, effects: Effects) -> None:
         )
 
 
-def _positive(path: Path, effects: Effects, values: Mapping[str, float]) -> dict[str, bool]:
+def _positive(
+    path: Path, effects: Effects, values: Mapping[str, float], coordinate: Coordinate
+) -> dict[str, bool]:
     """The parameters of the law, and which of them are positive; all are checked."""
     base = quantities(AxisRig)
     about = {q.symbol: q for q in base.values() if q.symbol in _CURVE}
@@ -189,7 +192,8 @@ def _positive(path: Path, effects: Effects, values: Mapping[str, float]) -> dict
         quantity.check(values[name], f"{path}: parameter {name}")
     if not values[_DIRECT] > 0:
         raise InputError(
-            f"{path}: parameter {_DIRECT}: the direct effect is {values[_DIRECT]:g}; without one"
+            f"{path}: parameter {_DIRECT}: the direct effect is {values[_DIRECT]:g}"
+            f" {unit_of('N', coordinate)}; without one"
             " above 0 sliding with a memory is ill-posed"
         )
     return {name: q.lower >= 0.0 or name == _DIRECT for name, q in about.items()}

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from ..gains.result import Gains, LocalOptimum, norm_text
 from ..gains.scenarios import Scenarios
 from ..gains.slack import paired_slacks
-from ..stability.linear import LinearFriction, LinearSlider
+from ..stability.linear import LinearFriction
 from ..stability.margins import is_stable
 from ..stability.theorem import theorem
 from .palette import BLACK, MEETS, STABLE, UNSTABLE
@@ -48,7 +48,7 @@ def draw_gain_map(axis: Axes, result: Gains) -> None:
     ):
         if (level == code).any():
             axis.plot([], [], "s", color=colour, ms=9, label=text)
-    if result.delay is None:  # the theorem's boundaries are of a spring, which answers at once
+    if result.is_spring:
         draw_boundaries(axis, k_v, k_cr_at(k_v), needed, sizes)
     _iso_norm(axis, result, sizes)
     for one in result.optima:
@@ -135,7 +135,7 @@ def _map_axes(
     that answers at once; of a late one as much damping as leaves the optima stable."""
     k_v = [1.3 * b.kv for b in result.optima] + [1.3 * result.kv]
     k_p = [1.4 * b.kp for b in result.optima] + [1.4 * result.kp]
-    if result.delay is None:
+    if result.is_spring:
         k_v.append(1.25 * needed)
         k_cr = k_cr_at(np.asarray([0.02, 0.25]) * needed) if needed > 0 else np.zeros(0)
         finite = k_cr[np.isfinite(k_cr) & (k_cr > 0)]
@@ -263,9 +263,7 @@ def _least(result: Gains, gains: np.ndarray, asked: np.ndarray) -> np.ndarray:
 
 def _stable(scenarios: Scenarios, gains: np.ndarray) -> np.ndarray:
     """Whether each scenario is stable at its pair of gains."""
-    mass, delay = (None if x is None else jnp.asarray(x) for x in (scenarios.mass, scenarios.delay))
-    k_p, k_v = jnp.asarray(gains).T
-    sliders = LinearSlider(mass, k_p, k_v, scenarios.friction, delay)
+    sliders = scenarios.setting.slider(jnp.asarray(gains).T, scenarios.friction)
     return np.asarray(eqx.filter_jit(eqx.filter_vmap(is_stable))(sliders))
 
 

@@ -173,8 +173,9 @@ def _at(scenarios: Scenarios, velocities: np.ndarray) -> Scenarios:
     sample, mass = (np.repeat(x, len(velocities)) for x in pairs.T)
     V = np.tile(velocities, len(pairs))
     masses = None if scenarios.mass is None else mass
-    delay = None if scenarios.delay is None else np.full(len(V), scenarios.delay[0])
-    return Scenarios.at(scenarios.laws, V, masses, sample.astype(int), delay)
+    known = (scenarios.delay, scenarios.integral)
+    of_all = (None if x is None else np.full(len(V), x[0]) for x in known)
+    return Scenarios.at(scenarios.laws, V, masses, sample.astype(int), *of_all)
 
 
 def _bracket(name: str) -> str:

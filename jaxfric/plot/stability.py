@@ -197,7 +197,7 @@ def draw_boundaries(
 def _save_map(found: Study, folder: Path) -> list[str]:
     at, needed = found.here, float(found.here.needed_damping)
     k_p, k_v = gain_axes(found)
-    stable = np.asarray(stability_map(at.friction, found.mass, k_p, k_v, found.late))
+    stable = np.asarray(stability_map(at.friction, found.mass, k_p, k_v, found.late, found.k_i))
     k_cr = np.asarray(theorem_over_damping(at.friction, k_v, found.mass).critical_stiffness)
     sizes, units = gain_units(k_p, k_v, found.coordinate)
     figure = new_figure(7.2, 5.6)
@@ -206,7 +206,7 @@ def _save_map(found: Study, folder: Path) -> list[str]:
     axis.plot([], [], "s", color=STABLE, ms=9, label="stable")
     if not stable.all():
         axis.plot([], [], "s", color=UNSTABLE, ms=9, label="unstable")
-    if found.late is None:  # the theorem's boundaries are of a spring, which answers at once
+    if found.is_spring:
         draw_boundaries(axis, k_v, k_cr, needed, sizes)
     if found.k_p is not None:
         axis.plot(
@@ -385,7 +385,7 @@ def _save_locus(found: Study, folder: Path) -> list[str]:
     """Poles in the complex plane, coloured by k_p, and the rightmost one's real part."""
     k_p, centre = _locus_stiffness(found)
     both = k_p if centre is None else np.append(k_p, centre)
-    locus = np.asarray(root_locus(found.here.friction, found.mass, both, found.k_v, found.late))
+    locus = _locus(found, both)
     critical, locus = locus[len(k_p) :], locus[: len(k_p)]
     locus = np.where(np.abs(np.imag(locus)) <= 1e-9 * np.abs(locus), np.real(locus), locus)
     figure = new_figure(10.5, 5.0)
@@ -418,6 +418,11 @@ def _save_locus(found: Study, folder: Path) -> list[str]:
     return save(figure, folder, "root_locus")
 
 
+def _locus(found: Study, k_p: np.ndarray) -> np.ndarray:
+    own = found.here.friction, found.mass, k_p, found.k_v
+    return np.asarray(root_locus(*own, found.late, found.k_i))
+
+
 def _growth(axis: Axes, k_p: np.ndarray, rightmost: np.ndarray) -> None:
     """The real part of the rightmost pole against k_p, shaded where it is negative."""
     axis.plot(k_p, rightmost, color=BLUE, lw=2)
@@ -437,7 +442,7 @@ def _locus_stiffness(found: Study) -> tuple[np.ndarray, float | None]:
     """Values of k_p, and k_cr where there is one to mark: of a controller that is not late."""
     k_cr = float(found.theorem.critical_stiffness)
     if not found.delayed and 0 < k_cr < math.inf:
-        return np.geomspace(k_cr / 30, k_cr * 30, _LOCUS), k_cr if found.late is None else None
+        return np.geomspace(k_cr / 30, k_cr * 30, _LOCUS), k_cr if found.is_spring else None
     if found.delayed:
         most = delay_stiffness(found)
         return np.geomspace(most / 1e3, most, _LOCUS), None

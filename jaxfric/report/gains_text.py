@@ -28,7 +28,10 @@ def describe(gains: Gains) -> list[str]:
     k_p, k_v = (gains.unit(unit) for unit in _UNITS)
     kp = gains.smallest_kp if gains.any_stiffness else f"k_p = {gains.kp:.6g} {k_p}"
     lines.append(f"{kp}, k_v = {gains.kv:.6g} {k_v}   (norm {norm_text(gains.norm)})")
-    lines.append("of a controller with force = k_p (x_ref - x) + k_v (v_ref - v)")
+    law = "of a controller with force = k_p (x_ref - x) + k_v (v_ref - v)"
+    if gains.integral is not None:
+        law += f" + k_i int (x_ref - x) dt, k_i = {gains.integral:.6g} {gains.unit('N/(m s)')}"
+    lines.append(law)
     scale = gains.region.scale
     lines.append(f"norm in units of k_p: {scale[0]:.5g} {k_p}, of k_v: {scale[1]:.5g} {k_v}")
     lines += [f"  {_optimum(optimum, gains)}" for optimum in gains.optima]

@@ -28,9 +28,11 @@ def content(study: Study, law: str, warnings: Sequence[str] = ()) -> dict:
         "mass": study.mass,
         "kp": study.k_p,
         "kv": study.k_v,
+        "ki": study.k_i or 0.0,
         "units": {
             "kp": study.unit("N/m"),
             "kv": study.unit("N s/m"),
+            "ki": study.unit("N/(m s)"),
             "velocity": study.unit("m/s"),
             "mass": study.unit("kg"),
             "force": study.unit("N"),

@@ -36,7 +36,7 @@ def describe(study: Study, law: str) -> list[str]:
     lines = [law, f"mass: {mass}; damping k_v: {study.k_v:g} {u.damping}"]
     if len(study.points.velocity) > 1:
         lines += ["", *_table(study)]
-        why = "" if study.late is None else " (the least modulus margin)"
+        why = "" if study.is_spring else " (the least modulus margin)"
         lines += ["", f"hardest velocity{why}: {_number(study.here.velocity)} {u.speed}; there"]
     else:
         lines += ["", f"steady sliding at {_number(study.here.velocity)} {u.speed}:"]
@@ -77,13 +77,17 @@ def _friction(study: Study) -> list[str]:
 
 def _without(study: Study) -> str:
     """What is not in the numbers of the theorem."""
-    return "without margins" if study.late is None else "without margins and delay"
+    missing = ["margins"]
+    missing += [] if study.late is None else ["delay"]
+    missing += [] if study.k_i is None else ["integral action"]
+    return f"without {' and '.join(missing)}"
 
 
 def _theorem(study: Study) -> list[str]:
     found, u = study.theorem, _units(study)
     *checks, conclusion = found.describe()
     at_once = "" if study.late is None else ", of a controller that answers at once"
+    at_once += "" if study.k_i is None else ", without integral action"
     lines = [f"theorem of Rice and Ruina, (18)-(20){at_once}:", *(f"  {line}" for line in checks)]
     for w, k in solutions(study):
         lines.append(
@@ -167,7 +171,8 @@ def _gains(study: Study) -> list[str]:
         ]
     u = _units(study)
     word = "STABLE" if bool(study.stable) else "UNSTABLE"
-    late = "" if study.late is None else f", a controller that {late_text(study.late)}"
+    late = "" if study.k_i is None else f", k_i = {study.k_i:g} {study.unit('N/(m s)')}"
+    late += "" if study.late is None else f", a controller that {late_text(study.late)}"
     lines = [
         "",
         f"k_p = {study.k_p:g} {u.stiffness}, k_v = {study.k_v:g} {u.damping}{late}: {word}",

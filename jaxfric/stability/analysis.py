@@ -22,6 +22,8 @@ from .kernel import AbstractKernel, DelayKernel, kernel_total
 from .linear import (
     LinearFriction,
     LinearSlider,
+    Setting,
+    integral_gain,
     linear_friction,
     refuse_no_law,
     refuse_without_steady_state,
@@ -130,12 +132,13 @@ def stability_map(
     stiffness: Float[ArrayLike, " p"],
     damping: Float[ArrayLike, " v"],
     delay: float | None = None,
+    k_i: float | None = None,
 ) -> Bool[Array, "v p"]:
     """Mask of stable steady sliding: rows are the values of k_v, columns those of k_p; with a
-    controller that answers late by `delay` [s]."""
+    controller that answers late by `delay` [s] and has the integral gain `k_i` [force/(m s)]."""
 
     def one(k_v: Float[Array, ""], k_p: Float[Array, ""]):
-        return is_stable(_slider(friction, mass, k_p, k_v, delay))
+        return is_stable(_slider(friction, mass, k_p, k_v, delay, k_i))
 
     return jax.vmap(jax.vmap(one, (None, 0)), (0, None))(
         jnp.asarray(damping), jnp.asarray(stiffness)
@@ -149,12 +152,13 @@ def root_locus(
     stiffness: Float[ArrayLike, " p"],
     damping: Float[ArrayLike, ""],
     late: float | None = None,
+    k_i: float | None = None,
 ) -> Complex[Array, "p n"]:
     """Poles of the slider [1/s] at every k_p [force/m]; of a delay law the rightmost ones, of a
     controller that is `late` [s] those with Pade's approximant."""
 
     def one(k_p: Float[Array, ""]):
-        slider = _slider(friction, mass, k_p, damping, late)
+        slider = _slider(friction, mass, k_p, damping, late, k_i)
         kernel = friction.kernel
         if not isinstance(kernel, DelayKernel):
             return poles(slider)
@@ -176,9 +180,10 @@ def _slider(
     k_p: Float[ArrayLike, ""],
     k_v: Float[ArrayLike, ""],
     delay: float | None = None,
+    k_i: float | None = None,
 ) -> LinearSlider:
-    inertia, late = (None if x is None else jnp.asarray(x) for x in (mass, delay))
-    return LinearSlider(inertia, jnp.asarray(k_p), jnp.asarray(k_v), friction, late)
+    setting = Setting(*(None if x is None else jnp.asarray(x) for x in (mass, delay, k_i)))
+    return setting.slider(jnp.asarray([k_p, k_v]), friction)
 
 
 class Study(eqx.Module):
@@ -205,6 +210,8 @@ class Study(eqx.Module):
     late: float | None = eqx.field(static=True, default=None)
     """By which the controller answers late [s], in poles, margins and `stable` and nothing else;
     None: it does not."""
+    k_i: float | None = eqx.field(static=True, default=None)
+    """k_i [N/(m s)], in poles, margins and `stable` and nothing else; None: no integral action."""
     coordinate: Coordinate = eqx.field(static=True, default="linear")
     """Whether the numbers are of a line, in m and N, or of a rotation, in rad and N m."""
 
@@ -231,6 +238,11 @@ class Study(eqx.Module):
         return jax.tree.map(lambda leaf: leaf[self.worst], self.theorems)
 
     @property
+    def is_spring(self) -> bool:
+        """Whether the controller is one of spring and damper: neither late nor with integral."""
+        return self.late is None and self.k_i is None
+
+    @property
     def delayed(self) -> bool:
         """Whether the law is a delay law, which has no critical stiffness."""
         return isinstance(self.law, AbstractDelayLaw)
@@ -244,12 +256,13 @@ def study(
     k_p: float | None = None,
     k_v: float = 0.0,
     delay: float | None = None,
+    k_i: float = 0.0,
 ) -> Study:
     """Everything that the linear theory says of a law at `velocities` [m/s]. SI units.
 
     A regularised direct effect is replaced by ln(V/V0), equation (3): the two differ near rest,
     and where steady friction is no more than a few A. `delay` [s] is that by which the controller
-    with the gains (k_p, k_v) answers late.
+    with the gains (k_p, k_v) answers late, and `k_i` [N/(m s)] its integral gain.
 
     Raises
     ------
@@ -270,6 +283,12 @@ def study(
         raise InputError(
             "a delay law has no stability theory without mass; give one: --mass '2 kg'"
         )
+    integral = integral_gain(k_i)
+    if integral is not None and k_p is None:
+        raise InputError(
+            "the integral gain of a controller is looked at with its others: give --kp and --kv"
+            " ('jaxfric gains' finds gains with that integral in the loop)"
+        )
     refuse_no_law(law)
     law = logarithmic(law)
     points = steady_points(law, jnp.atleast_1d(jnp.asarray(velocities, float)))
@@ -278,11 +297,12 @@ def study(
     worst = _hardest(points, theorems, isinstance(law, AbstractDelayLaw))
     if k_p is None:
         return Study(law, points, theorems, mass, k_p, k_v, worst, None, None, None)
-    if delay is not None:
-        every = _late_numbers(points.friction, mass, k_p, k_v, delay)
+    if delay is not None or integral is not None:
+        every = _numbers_of_each(points.friction, mass, k_p, k_v, delay, integral)
         worst = int(jnp.argmin(every[1]["modulus"]))
         found = jax.tree.map(lambda leaf: leaf[worst], every)
-        return Study(law, points, theorems, mass, k_p, k_v, worst, *found, late=delay)
+        settings = {"late": delay, "k_i": integral}
+        return Study(law, points, theorems, mass, k_p, k_v, worst, *found, **settings)
     slider = _slider(at_index(points, worst).friction, mass, k_p, k_v)
     return Study(law, points, theorems, mass, k_p, k_v, worst, *_numbers(slider, available(slider)))
 
@@ -320,13 +340,18 @@ def _numbers(slider: LinearSlider, names: tuple[str, ...]) -> _Numbers:
 
 
 @eqx.filter_jit
-def _late_numbers(
-    friction: LinearFriction, mass: float | None, k_p: float, k_v: float, delay: float
+def _numbers_of_each(
+    friction: LinearFriction,
+    mass: float | None,
+    k_p: float,
+    k_v: float,
+    delay: float | None,
+    k_i: float | None,
 ) -> _Numbers:
-    """At every velocity, with a controller that answers late."""
+    """At every velocity, with a controller that answers late or has integral action."""
 
     def one(friction: LinearFriction) -> _Numbers:
-        slider = _slider(friction, mass, k_p, k_v, delay)
+        slider = _slider(friction, mass, k_p, k_v, delay, k_i)
         return _numbers(slider, available(slider))
 
     return jax.vmap(one)(friction)

@@ -9,6 +9,10 @@ of one sample h delays by h/2 and computing by h, so T = 1.5 h (`sampling_delay`
 are needed exp(-T s) is Pade's approximant of order 4, whose phase is right to 3e-6 rad at w T = 1.6
 and to 8e-4 rad at w T = 3 (J. E. Marshall, Control of Time-Delay Systems, 1979).
 
+A PID controller has k_v s + k_p + k_i/s, and the characteristic equation one order more:
+
+    m s^3 + (k_v + f_v) s^2 + k_p s + k_i - s^2 G(s) = 0
+
 For a law with states, df = f_v dV + f_z dz + f_x dx and dz/dt = r_z dz + r_V dV, all by automatic
 differentiation of the law's own `force` and `rate`. So g(t) = -f_z exp(r_z t) r_V, whatever the
 states. A slope f_x of friction with slip acts like a spring and is added to k_p. A delay law gives
@@ -53,7 +57,7 @@ class LinearFriction(eqx.Module):
 
 
 class LinearSlider(eqx.Module):
-    """A slider with PD gains (or spring and dashpot) under linearised friction."""
+    """A slider with PD or PID gains (or spring and dashpot) under linearised friction."""
 
     mass: Float[Array, ""] | None
     """m [force s^2/m]; None for the quasi-static limit, in which the order is one less."""
@@ -64,10 +68,13 @@ class LinearSlider(eqx.Module):
     friction: LinearFriction
     delay: Float[Array, ""] | None = None
     """T, by which the controller answers late [s]; None: it does not."""
+    integral: Float[Array, ""] | None = None
+    """k_i > 0, the integral gain [force/(m s)]; None: a controller without integral action."""
 
     def controller(self, s: Complex[Array, ""]) -> Complex[Array, ""]:
-        """(k_v s + k_p) exp(-T s) [force/m]."""
+        """(k_v s + k_p + k_i/s) exp(-T s) [force/m]."""
         found = self.damping * s + self.stiffness
+        found = found if self.integral is None else found + self.integral / s
         return found if self.delay is None else found * jnp.exp(-self.delay * s)
 
     def plant(self, s: Complex[Array, ""]) -> Complex[Array, ""]:
@@ -75,13 +82,13 @@ class LinearSlider(eqx.Module):
         return s / (self.inertia() * s**2 + self.controller(s))
 
     def characteristic(self, s: Complex[Array, ""]) -> Complex[Array, ""]:
-        """m s^2 + (k_v + f_v) s + k_p + f_x - s G(s) [force/m]: zero at the poles of the slider."""
+        """m s^2 + (k_v + f_v) s + k_p + f_x + k_i/s - s G(s) [force/m]: zero at the poles."""
         friction = self.friction
         rest = self.inertia() * s**2 + self.controller(s) + friction.trend
         return rest + s * friction.transfer(s)
 
     def loop(self, s: Complex[Array, ""]) -> Complex[Array, ""]:
-        """The loop opened at the actuator: (k_v s + k_p)/(m s^2 + s F(s) + f_x)."""
+        """The loop opened at the actuator: (k_v s + k_p + k_i/s)/(m s^2 + s F(s) + f_x)."""
         friction = self.friction
         load = self.inertia() * s**2 + s * friction.transfer(s) + friction.trend
         return self.controller(s) / load
@@ -94,7 +101,8 @@ class LinearSlider(eqx.Module):
         """(characteristic, controller, load) times D(s), ascending: loop = controller/load.
 
         For rational kernels only; the degree is the number of states plus 2, or 1 without mass, and
-        4 more where the controller answers late.
+        4 more where the controller answers late. With integral action controller and load are
+        both times s, and the degree is one more.
         """
         kernel = self.friction.kernel
         if not isinstance(kernel, AbstractRationalKernel):
@@ -104,13 +112,43 @@ class LinearSlider(eqx.Module):
         load = [jnp.asarray(self.friction.trend), f_v]
         if self.mass is not None:
             load.append(jnp.asarray(self.mass))
-        controller = jnp.stack(jnp.broadcast_arrays(self.stiffness, self.damping))
+        own = [self.stiffness, self.damping]
+        own = own if self.integral is None else [self.integral, *own]
+        controller = jnp.stack(jnp.broadcast_arrays(*own))
         load = poly.total(poly.product(jnp.stack(jnp.broadcast_arrays(*load)), D), -poly.shifted(N))
+        load = load if self.integral is None else poly.shifted(load)
         controller = poly.product(controller, D)
         if self.delay is not None:
             late, ahead = _pade(self.delay)
             controller, load = poly.product(controller, late), poly.product(load, ahead)
         return poly.total(load, controller), controller, load
+
+
+class Setting(eqx.Module):
+    """What a slider has beside its gains (k_p, k_v) and friction. Arrays of one shape."""
+
+    mass: Float[Array, " *n"] | None
+    """m [force s^2/m]; None without mass."""
+    delay: Float[Array, " *n"] | None = None
+    """T, by which the controller answers late [s]; None: it does not."""
+    integral: Float[Array, " *n"] | None = None
+    """k_i > 0, the integral gain [force/(m s)]; None: no integral action."""
+
+    def slider(self, gains: Float[Array, " 2"], friction: LinearFriction) -> LinearSlider:
+        """The slider with these gains (k_p, k_v)."""
+        return LinearSlider(self.mass, gains[0], gains[1], friction, self.delay, self.integral)
+
+
+def integral_gain(value: float | None) -> float | None:
+    """k_i of a controller: None for 0, which is no integral action.
+
+    Raises
+    ------
+    InputError : it is negative.
+    """
+    if value is not None and not 0 <= value < math.inf:
+        raise InputError(f"integral gain is {value:g}; it must be 0 or more")
+    return value or None
 
 
 def sampling_delay(sample_time: ArrayLike) -> Float[Array, ""]:

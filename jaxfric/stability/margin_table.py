@@ -30,6 +30,8 @@ class Margin:
     """Whether it needs the poles, which a slider whose kernel is only a table lacks."""
     unless_late: str = ""
     """Reason why it has no meaning where the controller answers late; empty where it has one."""
+    unless_integral: str = ""
+    """Reason why it has no meaning where the controller has integral action, or empty."""
     unlimited: str = "no crossing"
     """Reason why it is inf, where it is."""
 
@@ -48,6 +50,7 @@ MARGINS: dict[str, Margin] = {
         "stiffness margin, k_p over the critical stiffness",
         _HERE + "stiffness",
         unless_late="it has no critical stiffness, as a spring answers at once",
+        unless_integral="the critical stiffness is that of a spring, which does not integrate",
         unlimited="no critical stiffness: damping suffices",
     ),
     "decay": Margin(
@@ -90,6 +93,16 @@ def known_margin(name: str) -> Margin:
     if name not in MARGINS:
         raise InputError(f"margin '{name}' does not exist; there are: {', '.join(MARGINS)}")
     return MARGINS[name]
+
+
+def meaningless(name: str, *, late: bool, integral: bool) -> str:
+    """Why a margin has no meaning with such a controller, in words; empty where it has one."""
+    one = MARGINS[name]
+    if late and one.unless_late:
+        return f"a controller that answers late: {one.unless_late}"
+    if integral and one.unless_integral:
+        return f"integral action: {one.unless_integral}"
+    return ""
 
 
 def named_with_units() -> str:

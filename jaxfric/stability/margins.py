@@ -1,8 +1,8 @@
 """Stability margins of a linearised slider, vmappable and differentiable; `MARGINS` lists them.
 
-L is the loop opened at the actuator, (k_v s + k_p)/(m s^2 + s F(s) + f_x): what the PD controller
-sees, from w = 0 to infinity, both included. Where L never comes to -1 in that way the margin
-is inf.
+L is the loop opened at the actuator, (k_v s + k_p)/(m s^2 + s F(s) + f_x), of a PID controller
+with k_i/s beside k_p: what the controller sees, from w = 0 to infinity, both included. Where L
+never comes to -1 in that way the margin is inf.
 
 Of an unstable slider every margin is on the other side of its limit: decay and damping are
 negative, stiffness is below 1 (that of a stable one may be too, where (19) has several solutions),
@@ -41,7 +41,7 @@ from .delay_roots import rightmost_roots
 from .frequency import crossings, encirclements, smallest
 from .kernel import AbstractKernel, AbstractRationalKernel, DelayKernel
 from .linear import LinearSlider
-from .margin_table import MARGINS, known_margin
+from .margin_table import MARGINS, known_margin, meaningless
 from .theorem import apply_theorem
 
 UNITS = {name: one.unit for name, one in MARGINS.items()}
@@ -83,22 +83,26 @@ def margins(slider: LinearSlider) -> dict[str, Float[Array, ""]]:
 def available(slider: LinearSlider) -> tuple[str, ...]:
     """Names of the margins that have a meaning for the slider's kernel and controller."""
     has_poles = isinstance(slider.friction.kernel, AbstractRationalKernel | DelayKernel)
-    late = slider.delay is not None
+    late, integral = slider.delay is not None, _integrates(slider)
     return tuple(
         name
         for name, one in MARGINS.items()
-        if not (one.needs_poles and not has_poles) and not (one.unless_late and late)
+        if not (one.needs_poles and not has_poles)
+        and not meaningless(name, late=late, integral=integral)
     )
+
+
+def _integrates(slider: LinearSlider) -> bool:
+    return slider.integral is not None
 
 
 def several(names: Iterable[str], slider: LinearSlider) -> dict[str, Float[Array, ""]]:
     """Some margins by their names, from one analysis; raises as `margin` does."""
     analysis, asked = Analysis(slider), tuple(names)
-    for name in asked if slider.delay is not None else ():
-        if reason := MARGINS[name].unless_late:
+    for name in asked:
+        if reason := meaningless(name, late=slider.delay is not None, integral=_integrates(slider)):
             raise InputError(
-                f"margin {name} has no meaning with a controller that answers late: {reason};"
-                " require modulus, gain, phase or delay"
+                f"margin {name} has no meaning with {reason}; require modulus, gain, phase or delay"
             )
     return {name: _function(name)(analysis) for name in asked}
 
@@ -144,6 +148,11 @@ def _kernel(slider: LinearSlider) -> AbstractKernel:
         )
     if slider.delay is not None and isinstance(kernel, DelayKernel):
         raise InputError("a late controller under a delay law is not analysed; take another law")
+    if _integrates(slider) and not isinstance(kernel, AbstractRationalKernel):
+        raise InputError(
+            "integral action is analysed under laws with states or without memory only: not under"
+            " a delay law, nor with the table of a kernel"
+        )
     return kernel
 
 
@@ -238,7 +247,8 @@ def squared_distances(of: Analysis) -> Float[Array, " n"]:
             slope = slope[:-1]  # the leading terms cancel
         y = jnp.abs(poly.roots(slope))  # its derivative counts from the second order on
         y = jnp.where(y < poly.LARGEST, y, 0.0)
-        square = _square(whole, y) / _nonzero(_square(load, y))
+        place = jnp.where(y > 0, y, 1.0)  # of integral action y = 0 is a root, where L is infinite
+        square = _square(whole, place) / _nonzero(_square(load, place))
         square = jnp.where(y > 0, square, jnp.inf)
     L, some = _ends(of.slider)
     return jnp.append(square, jnp.where(some, (1 + L) ** 2, jnp.inf))
@@ -306,8 +316,9 @@ def _ends(slider: LinearSlider) -> tuple[Float[Array, " 2"], Bool[Array, " 2"]]:
     """L, real there, at w = 0 and at infinity, and whether it is finite."""
     friction, zero = slider.friction, jnp.zeros(())
     last = (zero, zero + 1) if slider.mass is not None else (slider.damping, friction.slope)
-    above = jnp.stack(jnp.broadcast_arrays(slider.stiffness, last[0]))
-    below = jnp.stack(jnp.broadcast_arrays(friction.trend, last[1]))
+    first = (slider.stiffness, friction.trend) if not _integrates(slider) else (zero + 1, zero)
+    above = jnp.stack(jnp.broadcast_arrays(first[0], last[0]))
+    below = jnp.stack(jnp.broadcast_arrays(first[1], last[1]))
     some = below != 0
     return above / jnp.where(some, below, 1.0), some
 
