@@ -66,6 +66,13 @@ def gains(
             " k_v are then the smallest with this k_i in the loop."
         ),
     ] = None,
+    accuracy: Annotated[
+        options.Text,
+        Parameter(
+            help="How near its target it must stop, '10 um': k_p is then at least the static"
+            " friction over it."
+        ),
+    ] = None,
     sample_time: options.SampleTime = None,
     delay: options.Delay = None,
     basin: Annotated[
@@ -122,6 +129,7 @@ def gains(
             "--scale-kp": (scale_kp, "N/m"),
             "--scale-kv": (scale_kv, "N*s/m"),
             "--integral": (integral, "N/(m*s)"),
+            "--accuracy": (accuracy, "m"),
         },
         source.coordinate,
     )
@@ -145,6 +153,7 @@ def gains(
             upper=(given.read("--max-kp"), given.read("--max-kv")),
             sample_time=sampled,
             delay=late,
+            accuracy=given.positive("--accuracy"),
             integral_gain=given.read("--integral") or 0.0,
             progress=lambda text: progress(f"{text} (1 of 3)"),
         )

@@ -33,6 +33,10 @@ class Region(NamedTuple):
     coordinate: Coordinate = "linear"
     """Whether these are of a line, in m and N, or of a rotation, in rad and N m."""
 
+    def any_stiffness(self, kp: float) -> bool:
+        """Whether k_p is at its default lower limit, which stands for any positive stiffness."""
+        return bool(kp <= 1.000001 * self.lower[0] <= 1e-8 * self.unit[0])
+
     def norm(self, gains: ArrayLike) -> np.ndarray:
         """Norm sqrt((k_p/s_p)^2 + (k_v/s_v)^2) of pairs of gains along the last axis."""
         return np.sqrt(np.sum(np.square(np.asarray(gains) / self.scale), axis=-1))

@@ -20,6 +20,7 @@ from ..units import parse_values
 from .frontier import FrontierPoint, Region, alone_of, largest_alone
 from .margins import several_margins
 from .requirement import DEFAULT, Requirement
+from .rest import friction_at_rest
 from .result import SHORTEST_DELAY, Certificate, Gains, LocalOptimum, WorstCase
 from .scenarios import Scenarios
 from .slack import slacks
@@ -47,6 +48,7 @@ def find_gains(
     sample_time: float | None = None,
     delay: float | None = None,
     integral_gain: float = 0.0,
+    accuracy: float | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Gains:
     """Smallest gains (k_p, k_v) whose margins hold in every scenario.
@@ -80,6 +82,8 @@ def find_gains(
     delay : instead, the whole delay of the controller [s], where it is known.
     integral_gain : k_i [N/(m s)] of a controller force = k_p e + k_v de/dt + k_i int e dt; it is
         then in all margins, of which `stiffness` has no meaning. 0: no integral action.
+    accuracy : how near its target the slider must stop at rest [m]: k_p is then at least
+        F_s/accuracy, F_s the static friction. None: any.
     progress : told what is being done.
 
     Raises
@@ -88,7 +92,7 @@ def find_gains(
         requirement.
     """
     machine = Machine(velocity, mass, sample_time, delay, integral_gain)
-    measure = Measure(scale, lower, upper)
+    measure = Measure(scale, lower, upper, accuracy)
     source = law_source(law, normal_force)
     found = seek_gains(source, machine, margin, measure, confidence=confidence, progress=progress)
     if isinstance(found, Infeasible):
@@ -112,6 +116,7 @@ class Measure(NamedTuple):
     scale: Pair = (None, None)
     lower: Pair = (None, None)
     upper: Pair = (None, None)
+    accuracy: float | None = None
 
 
 def seek_gains(
@@ -146,12 +151,14 @@ def seek_gains(
     requirement = margin if isinstance(margin, Requirement) else Requirement.with_default(margin)
     if not 0 < confidence <= 1:
         raise InputError(f"confidence is {confidence:g}; it must be above 0 and at most 1")
-    _check_pairs(*measure)
+    _check_pairs(*measure[:3])
     delay = controller_delay(machine.sample_time, machine.delay)
     k_i = integral_gain(machine.integral_gain)
     _check_controller(requirement, source.law, mass, delay, k_i)
     scenarios = Scenarios.product(source.samples, velocity, mass, delay, k_i)
-    region = make_region(scenarios, *measure, coordinate)
+    resting = friction_at_rest(scenarios) if source.level_known else None
+    measure = _accurate(measure, resting, k_i)
+    region = make_region(scenarios, *measure[:3], coordinate)
     tell = progress or silent
     tell(f"searching over {len(scenarios)} scenarios")
     samples = np.unique(scenarios.sample)
@@ -171,7 +178,33 @@ def seek_gains(
     if isinstance(solution, Infeasible):
         return solution
     found = _result(source, requirement, solution, confidence, kept.size)
-    return replace(found, sample_time=machine.sample_time)
+    known = {"rest_friction": resting, "accuracy": measure.accuracy}
+    return replace(found, sample_time=machine.sample_time, **known)
+
+
+def _accurate(measure: Measure, resting: float | None, k_i: float | None) -> Measure:
+    """The measure with k_p >= F_s/accuracy among its limits, where an accuracy is asked for."""
+    accuracy = measure.accuracy
+    if accuracy is None:
+        return measure
+    if not accuracy > 0:
+        raise InputError(f"accuracy is {accuracy:g}; it must be positive")
+    if k_i is not None:
+        raise InputError(
+            "accuracy bounds the dead band of a controller without integral action; leave one out"
+        )
+    if resting is None:
+        raise InputError(
+            "accuracy needs the static friction, and this law does not tell it; give the level of"
+            " friction (f0 of slip and ageing), or a lower limit of k_p"
+        )
+    low = max(measure.lower[0] or 0.0, resting / accuracy)
+    if measure.upper[0] is not None and not low < measure.upper[0]:
+        raise InputError(
+            f"accuracy {accuracy:g} asks for k_p >= {low:.4g} (static friction {resting:.4g}), and"
+            f" the upper limit of k_p is {measure.upper[0]:g}; allow more of one of them"
+        )
+    return measure._replace(lower=(low, measure.lower[1]))
 
 
 def _check_controller(
@@ -313,7 +346,7 @@ def _warnings(
             " kHz). Say how often yours samples, and find gains with that delay in the loop:"
             " --sample-time '1 ms' (in Python sample_time=1e-3), or --delay where it is known"
         )
-    if best.kp <= region.lower[0] * (1 + 1e-6):
+    if region.any_stiffness(best.kp):
         which = "any positive" if delay is None else "any small"
         texts.append(
             f"k_p is at its lower limit: {which} stiffness meets the requirement; give a"

@@ -95,6 +95,10 @@ class Gains(Described, Drawable, Tabular):
     k_v with the least k_p, up to which the requirement is met. inf: up to all that were tried."""
     sample_time: float | None = None
     """That of the controller [s], where `delay` was told by it."""
+    rest_friction: float | None = None
+    """Static friction F_s [N] (`rest.friction_at_rest`); None where it is not known."""
+    accuracy: float | None = None
+    """How near its target the slider must stop [m], so that k_p >= F_s/accuracy; None: any."""
 
     @property
     def coordinate(self) -> Coordinate:
@@ -113,7 +117,7 @@ class Gains(Described, Drawable, Tabular):
     @property
     def any_stiffness(self) -> bool:
         """Whether k_p is at its default lower limit, which stands for any positive stiffness."""
-        return self.kp <= 1.000001 * self.region.lower[0] <= 1e-8 * self.region.unit[0]
+        return self.region.any_stiffness(self.kp)
 
     @property
     def smallest_kp(self) -> str:
@@ -125,6 +129,14 @@ class Gains(Described, Drawable, Tabular):
         """Integral gain k_i of the controller [N/(m s)]; None: it has none."""
         k_i = self.scenarios.integral
         return None if k_i is None else float(k_i[0])
+
+    @property
+    def dead_band(self) -> float | None:
+        """F_s/k_p [m]: the slider stops anywhere within it of the target. None where friction at
+        rest is not known, k_p stands for any, or integral action leaves no band."""
+        if self.rest_friction is None or self.any_stiffness or self.integral is not None:
+            return None
+        return self.rest_friction / self.kp
 
     @property
     def is_spring(self) -> bool:
@@ -205,6 +217,12 @@ class Gains(Described, Drawable, Tabular):
                 }
                 for optimum in self.optima
             ],
+            "at_rest": {
+                "friction": self.rest_friction,
+                "dead_band": self.dead_band,
+                "accuracy": self.accuracy,
+                "units": {"friction": self.unit("N"), "dead_band": self.unit("m")},
+            },
             "alone": self._alone(),
             "largest": self.largest
             and dict(zip(("kp", "kv"), map(_number, self.largest), strict=True)),

@@ -66,6 +66,8 @@ class LawSource:
     """Moving mass of the axis that the law is of [kg], for where none is given; None: of none."""
     coordinate: Coordinate | None = "linear"
     """Whether the law is in m and N or in rad and N m; None: a law of numbers, which fits both."""
+    level_known: bool = True
+    """Whether the level of friction is known, not only how it changes (f0 may be assumed)."""
 
     def unseen(self, velocities: Sequence[float] | np.ndarray) -> tuple[str, ...]:
         """A line where some of the `velocities` [m/s] lie more than twice beyond the record's."""
@@ -206,7 +208,12 @@ def law_from_parameters(kind: str, text: str) -> LawSource:
             " linear stability"
         )
     return LawSource(
-        law, stack([law]), name, None if V0 is None else float(V0), coordinate=coordinate
+        law,
+        stack([law]),
+        name,
+        None if V0 is None else float(V0),
+        coordinate=coordinate,
+        level_known=not unsaid,
     )
 
 

@@ -252,6 +252,10 @@ def _gains(content: Mapping) -> _Told:
         any_ if is_any else ("k_p", _number(content["kp"]), content["units"]["kp"]),
         ("k_v", _number(content["kv"]), content["units"]["kv"]),
     ]
+    resting = content.get("at_rest") or {}
+    if resting.get("dead_band") is not None:
+        unit = resting["units"]["dead_band"]
+        rows.append(("stops within", _number(resting["dead_band"]), unit))
     for name, margin in content["margins"].items():
         unit = margin["unit"]
         rows.append(

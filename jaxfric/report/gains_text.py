@@ -6,10 +6,12 @@ from ..gains.requirement import FRAGILE, Requirement
 from ..gains.result import NOTHING, SHOWN, Certificate, Gains, LocalOptimum, norm_text
 from ..gains.scenarios import number_of_samples
 from ..stability.margin_table import MARGINS
-from ..units import between, read_as, speed_text
+from ..units import between, factor, read_as, speed_text
 
 _UNITS = ("N/m", "N s/m")
 """Of stiffness and of damping, on a line."""
+_LENGTHS = (("m", 0.1), ("mm", 1e-4), ("um", 0.0))
+"""Units of length, and from which length on [m] each is used."""
 _ANY = {"gain": 1e6, "delay": 1e4}
 """Margins above which a loop has as much as anybody asks for: a factor, and seconds."""
 
@@ -19,7 +21,7 @@ def describe(gains: Gains) -> list[str]:
     lines = [
         *_doubts(gains),
         gains.law,
-        f"required: {required(gains.requirement)}",
+        f"required: {required(gains.requirement)}{_accuracy(gains)}",
         f"scenarios: {_scenarios(gains)}",
     ]
     if gains.delay is not None:
@@ -36,6 +38,7 @@ def describe(gains: Gains) -> list[str]:
     lines.append(f"norm in units of k_p: {scale[0]:.5g} {k_p}, of k_v: {scale[1]:.5g} {k_v}")
     lines += [f"  {_optimum(optimum, gains)}" for optimum in gains.optima]
     lines += [f"  {text}" for text in (*_neither(gains), *_largest(gains))]
+    lines += _at_rest(gains)
     lines += ["", "margins at these gains, worst scenario:"]
     lines += [f"  {name:<10}{_margin(gains, name)}" for name in gains.margins]
     return [*lines, "", certified(gains.certificate), *_simulation(gains)]
@@ -63,6 +66,31 @@ def certified(known: Certificate) -> str:
     found = str(known.smaller_found) if known.smaller_found else "none"
     verb = "meet" if known.smaller_found > 1 else "meets"
     return f"{text}of {known.grid_points} smaller gains tried, {found} {verb} the requirement"
+
+
+def _accuracy(gains: Gains) -> str:
+    """The accuracy that is required at rest, and the stiffness that it asks for."""
+    if gains.accuracy is None or gains.rest_friction is None:
+        return ""
+    least = f"{gains.rest_friction / gains.accuracy:.4g} {gains.unit('N/m')}"
+    return f", {_length(gains, gains.accuracy)} accuracy at rest (k_p >= {least})"
+
+
+def _at_rest(gains: Gains) -> list[str]:
+    """How near its target the slider stops."""
+    if gains.dead_band is None:
+        return []
+    force = f"{gains.rest_friction:.4g} {gains.unit('N')}"
+    return [
+        f"at rest it stops within {_length(gains, gains.dead_band)} of the target (static friction"
+        f" {force} over k_p; --accuracy bounds it)"
+    ]
+
+
+def _length(gains: Gains, length: float) -> str:
+    units = (("rad", 0.1), ("mrad", 0.0)) if gains.coordinate == "rotary" else _LENGTHS
+    size, unit = next((factor(u, units[0][0], "length"), u) for u, low in units if length >= low)
+    return read_as(f"{length / size:.4g} {unit}")
 
 
 def required(what: Requirement) -> str:
