@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from .gains import schedule as schedule
     from .laws import law_from_fit as law_from_fit
     from .laws import law_from_parameters as law_from_parameters
+    from .laws import law_from_table as law_from_table
     from .loop import Loop as Loop
     from .loop import close_loop as close_loop
     from .loop import compare_laws as compare_laws
@@ -113,6 +114,7 @@ _HOMES = {
     "minimum_gains": "gains",
     "law_from_fit": "laws",
     "law_from_parameters": "laws",
+    "law_from_table": "laws",
     "schedule": "gains",
     "Loop": "loop",
     "close_loop": "loop",

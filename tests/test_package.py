@@ -61,6 +61,7 @@ NAMES = [
     "jump_start",
     "law_from_fit",
     "law_from_parameters",
+    "law_from_table",
     "linearise",
     "margin",
     "minimum_gains",

@@ -155,6 +155,7 @@ def read_law(
     *,
     samples: int = 0,
     seed: int = 0,
+    memory: str | None = None,
 ) -> "LawSource":
     """The law that the options name, as a `LawSource`."""
     from ..laws.file import law_from_fit
@@ -163,9 +164,13 @@ def read_law(
     if fit is not None:
         if law is not None or parameters is not None:
             raise InputError("--from and --law with --parameters exclude each other; give one")
-        source = law_from_fit(fit, normal_force=normal_force, samples=samples, seed=seed)
+        source = law_from_fit(
+            fit, normal_force=normal_force, samples=samples, seed=seed, memory=memory
+        )
         warn(source.warnings)
         return source
+    if memory is not None:
+        raise InputError("--memory goes with --from and a table of friction against speed")
     if law is None or parameters is None:
         raise InputError(
             "no friction law: give a fit with --from fit.json, or --law slip with --parameters"

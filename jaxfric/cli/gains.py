@@ -22,6 +22,7 @@ def gains(
     law: options.LawName = None,
     parameters: options.LawParameters = None,
     normal_force: options.NormalForce = None,
+    memory: options.Memory = None,
     mass: options.Mass = None,
     velocity: Annotated[
         str | None,
@@ -118,7 +119,9 @@ def gains(
         )
     if samples < 0:
         raise InputError(f"--samples is {samples}; it must be 0 or more")
-    source = read_law(from_, law, parameters, normal_force, samples=samples, seed=seed)
+    source = read_law(
+        from_, law, parameters, normal_force, samples=samples, seed=seed, memory=memory
+    )
     given = OfMotion(
         {
             "--velocity": (velocity, "m/s"),

@@ -175,7 +175,15 @@ From = Annotated[
         name="--from",
         help="A fit.json of 'jaxfric fit' (or posterior.nc of its --prior), or a loop.json of"
         " 'jaxfric loop' or 'jaxfric axis', from which the law is taken; of a loop with the effects"
-        " that it found, of a posterior with its draws as samples.",
+        " that it found, of a posterior with its draws as samples. Or a table of friction against"
+        " speed: two columns with units, 'speed [mm/s],friction [N]'.",
+    ),
+]
+Memory = Annotated[
+    str | None,
+    Parameter(
+        help="Of a table of friction against speed: the distance over which friction follows it,"
+        " '1 mm'. Without it friction has no memory, and only damping holds the slider."
     ),
 ]
 LawName = Annotated[

@@ -17,6 +17,7 @@ def stability(
     law: options.LawName = None,
     parameters: options.LawParameters = None,
     normal_force: options.NormalForce = None,
+    memory: options.Memory = None,
     mass: options.Mass = None,
     velocity: Annotated[
         str | None,
@@ -50,7 +51,7 @@ def stability(
     sampled = optional_quantity(sample_time, "s", "--sample-time")
     told_late = optional_quantity(delay, "s", "--delay")
     prepare_jax()
-    source = read_law(from_, law, parameters, normal_force)
+    source = read_law(from_, law, parameters, normal_force, memory=memory)
     options = {"--velocity": (velocity, "m/s"), "--mass": (mass, "kg")}
     given = OfMotion(
         options | {"--kp": (kp, "N/m"), "--kv": (kv, "N*s/m"), "--ki": (ki, "N/(m*s)")},

@@ -12,13 +12,19 @@ from .posterior_file import Posterior, PosteriorResult, is_posterior, law_from_p
 from .registry import Law
 from .saved import FIT, LOOP, Saved, SavedResult, content_of
 from .source import LawSource, law_of_fit, stack
+from .table import ENDINGS, law_from_table
 
 Result = Saved | Posterior
 """A Fit, a Loop or a Posterior, or the path of its file."""
 
 
 def law_from_fit(
-    source: Result, *, normal_force: float | str | None = None, samples: int = 64, seed: int = 0
+    source: Result,
+    *,
+    normal_force: float | str | None = None,
+    samples: int = 64,
+    seed: int = 0,
+    memory: str | None = None,
 ) -> LawSource:
     """The law of a fit, a posterior or a loop in newtons, and samples that its uncertainty allows.
 
@@ -28,10 +34,12 @@ def law_from_fit(
 
     Parameters
     ----------
-    source : a Fit, a Posterior or a Loop, or the path of a fit.json, posterior.nc or loop.json.
+    source : a Fit, a Posterior or a Loop, or the path of a fit.json, posterior.nc or loop.json, or
+        of a table of friction against speed (`law_from_table`), which has no samples.
     normal_force : [N] or "500 N", by which a friction coefficient is multiplied; must be given for
         a coefficient and not for a force.
     samples : number besides the estimate. seed : of their choice.
+    memory : of a table, the distance over which friction follows it, "1 mm" (`law_from_table`).
 
     Raises
     ------
@@ -50,7 +58,16 @@ def law_from_fit(
             " a fit.json, posterior.nc or loop.json, jaxfric.law_from_parameters(...), or (to"
             " find_gains) a law itself, as RateState(...)"
         )
+    if isinstance(source, str | Path) and is_table(Path(source)):
+        return law_from_table(Path(source), memory=memory, normal_force=force)
+    if memory is not None:
+        raise InputError("--memory goes with a table of friction against speed; leave it out")
     return _loader(source)(source, normal_force=force, samples=samples, seed=seed)
+
+
+def is_table(path: Path) -> bool:
+    """Whether a file is a table by its ending, and no result of another verb."""
+    return path.suffix.lower() in ENDINGS
 
 
 def _loader(source: Result) -> Callable[..., LawSource]:

@@ -19,6 +19,7 @@ from ..rig.friction import (
     AbstractRateState,
     AbstractStribeck,
     HessSoom,
+    TabulatedFriction,
     critical_velocity,
 )
 from ..stability.analysis import (
@@ -168,6 +169,9 @@ def _curve_range(law: Law, low: float, high: float) -> tuple[float, float]:
     if isinstance(law, AbstractStribeck):
         turn = max(float(critical_velocity(law)), 0.1 * float(law.c3))
         ends += [turn / 20, turn * 8]
+    if isinstance(law, TabulatedFriction):  # nothing is known beyond the table
+        first, *_, last = np.asarray(law.speed).tolist()
+        ends = [min(low, first), max(high, last)]
     if isinstance(law, HessSoom):
         turn = 1 / math.sqrt(float(law.c2))
         ends += [turn / 20, turn * 8]
@@ -283,6 +287,7 @@ def law_name(law: Law) -> str:
         states = law.B.shape[-1]
         return f"{kind} law" + (f", {states} states" if states > 1 else "")
     names = {"HessSoom": "delay law", "Dahl": "Dahl's law", "GaussianStribeck": "Gaussian Stribeck"}
+    names["TabulatedFriction"] = "table of friction"
     name = type(law).__name__
     return names.get(name, "Stribeck curve" if isinstance(law, AbstractStribeck) else name)
 

@@ -1,0 +1,134 @@
+"""The friction law of a table of steady friction against speed: the only data of many reports."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..coordinate import Coordinate, unit_of
+from ..errors import InputError
+from ..rig.friction.tabulated import TabulatedFriction
+from ..units import factor, has_dimension, is_angle, parse_quantity, scale
+from .source import LawSource, force_of_unit, stack
+
+ENDINGS = (".csv", ".tsv", ".txt", ".dat")
+"""Endings of files that hold a table, and no result of another verb."""
+_EXAMPLE = "'speed [mm/s],friction [N]'"
+
+
+def law_from_table(
+    source: str | Path | tuple[ArrayLike, ArrayLike],
+    *,
+    memory: float | str | None = None,
+    normal_force: float | None = None,
+    coordinate: Coordinate = "linear",
+) -> LawSource:
+    """The law of a table of steady friction against speed (`TabulatedFriction`).
+
+    Parameters
+    ----------
+    source : a file of two columns with their units in its header, "speed [rad/s],torque [N m]", or
+        two arrays (speed, friction) in SI. Rows of one speed are averaged; speeds are of one
+        direction, and where all are negative both columns change sign.
+    memory : distance L over which friction follows the curve [m] or "1 mm"; None: no memory.
+    normal_force : [N], of a table of a friction coefficient.
+    coordinate : of arrays, whether they are in m/s and N or in rad/s and N m.
+
+    Raises
+    ------
+    InputError : a file that is no such table; speeds of both directions, or 0; fewer than two.
+    """
+    if isinstance(source, tuple):
+        speed, friction = (np.asarray(x, float) for x in source)
+        where, unit = "table of friction", "N"
+    else:
+        where = str(source)
+        speed, friction, unit, coordinate = _read(Path(source))
+        friction = friction * force_of_unit(unit, normal_force, Path(source))
+    if isinstance(memory, str):
+        memory = parse_quantity(memory, unit_of("m", coordinate), "--memory")
+    speed, friction = _one_direction(speed, friction, where)
+    law = TabulatedFriction(speed, friction, memory)
+    return LawSource(
+        law,
+        stack([law]),
+        f"table of friction at {len(speed)} speeds: {where}",
+        None,
+        _warnings(memory is not None),
+        (float(speed[0]), float(speed[-1])),
+        coordinate=coordinate,
+    )
+
+
+def _warnings(memory: bool) -> tuple[str, ...]:
+    slopes = "slopes are those between neighbouring rows of the table, their scatter included"
+    if memory:
+        return (slopes, "the table says nothing of a direct effect: none is assumed")
+    return (
+        slopes,
+        "a table of steady friction has no memory: only damping can hold what it makes unstable,"
+        " and what stiffness would do cannot be said; give the length of a memory if it is known,"
+        " --memory '1 mm' (in Python law_from_table(..., memory=1e-3))",
+    )
+
+
+def _read(path: Path) -> tuple[np.ndarray, np.ndarray, str, Coordinate]:
+    """Speed and friction in SI, the unit of friction ("1" or a force), and the coordinate."""
+    from ..records.columns import spelt
+    from ..records.formats import read_table
+
+    table = read_table(path)
+    found: dict[str, list[tuple[int, float, Coordinate | None]]] = {"speed": [], "friction": []}
+    for index, unit in enumerate(table.units):
+        kind = None if unit is None else _kind(spelt(unit))
+        if kind is not None:
+            found[kind[0]].append((index, kind[1], kind[2]))
+    for what, columns in found.items():
+        if len(columns) != 1:
+            number = "no column" if not columns else f"{len(columns)} columns"
+            raise InputError(
+                f"{path}: {number} of {what} (columns: {table.describe()}); a table of friction has"
+                f" two columns with their units, {_EXAMPLE} or 'speed [rad/s],torque [N m]'"
+            )
+    (v, v_size, coordinate), (f, f_size, of_force) = found["speed"][0], found["friction"][0]
+    assert coordinate is not None
+    if of_force not in (None, coordinate):
+        raise InputError(
+            f"{path}: units of a line and of a rotation: {table.describe()}; give m/s with N, or"
+            " rad/s with N m"
+        )
+    speed, friction = scale(table.columns[v], v_size), scale(table.columns[f], f_size)
+    whole = np.isfinite(speed) & np.isfinite(friction)
+    if not whole.all():
+        row = int(np.argmin(whole))
+        raise InputError(f"{path}: line {table.lines[row]}: a cell is no number")
+    return speed, friction, "1" if of_force is None else unit_of("N", coordinate), coordinate
+
+
+def _kind(unit: str) -> tuple[str, float, Coordinate | None] | None:
+    """What a column of this unit is, one of it in SI, and of which motion; None: neither."""
+    for coordinate in ("linear", "rotary"):
+        for what, si_unit in (("speed", "m/s"), ("friction", "N")):
+            si = unit_of(si_unit, coordinate)
+            if has_dimension(unit, si) and (is_angle(unit) or si != "rad/s"):
+                return what, factor(unit, si, "unit"), coordinate
+    return ("friction", 1.0, None) if unit in ("1", "-", "") else None
+
+
+def _one_direction(
+    speed: np.ndarray, friction: np.ndarray, where: str
+) -> tuple[np.ndarray, np.ndarray]:
+    """Ascending speeds above 0, each once, and the mean friction at each."""
+    if speed.shape != friction.shape or speed.ndim != 1 or not len(speed):
+        raise InputError(f"{where}: speed and friction must be two columns of one length")
+    if np.all(speed < 0):
+        speed, friction = -speed, -friction
+    if not np.all(speed > 0):
+        raise InputError(
+            f"{where}: speeds are of both directions, or 0; give a table of one direction, without"
+            " the row at rest"
+        )
+    once, place = np.unique(speed, return_inverse=True)
+    if len(once) < 2:
+        raise InputError(f"{where}: one speed has no slope; give friction at two speeds or more")
+    return once, np.bincount(place, friction) / np.bincount(place)
