@@ -154,7 +154,8 @@ def seek_gains(
     _check_pairs(*measure[:3])
     delay = controller_delay(machine.sample_time, machine.delay)
     k_i = integral_gain(machine.integral_gain)
-    _check_controller(requirement, source.law, mass, delay, k_i)
+    told_late = "a sample time" if machine.delay is None else "a delay of the controller"
+    _check_controller(requirement, source.law, mass, delay, k_i, told_late)
     scenarios = Scenarios.product(source.samples, velocity, mass, delay, k_i)
     resting = friction_at_rest(scenarios) if source.level_known else None
     measure = _accurate(measure, resting, k_i)
@@ -213,15 +214,14 @@ def _check_controller(
     mass: ArrayLike | None,
     delay: float | None,
     k_i: float | None,
+    told: str,
 ) -> None:
-    """Raise `InputError` for a controller that the law or a required margin does not go with."""
+    """Raise `InputError` for a controller that the law or a required margin does not go with;
+    `told` names how its delay was given."""
     if delay is None and k_i is None:
         return
     if delay is not None and mass is None:
-        raise InputError(
-            "a sample time or delay of the controller needs a mass: without one no delay of the"
-            " controller is survived"
-        )
+        raise InputError(f"{told} needs a mass: without one no delay of the controller is survived")
     for name in requirement.names:
         if reason := meaningless(name, late=delay is not None, integral=k_i is not None):
             raise InputError(
