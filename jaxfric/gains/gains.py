@@ -18,6 +18,7 @@ from ..stability.linear import controller_delay, integral_gain
 from ..stability.margin_table import MARGINS, meaningless
 from ..units import parse_values
 from .frontier import FrontierPoint, Region, alone_of, largest_alone
+from .hunting import Hunting, hunting
 from .margins import several_margins
 from .requirement import DEFAULT, Requirement
 from .rest import friction_at_rest
@@ -366,7 +367,7 @@ def check_gains(
 
     With `basin` both gains are raised by one factor, in steps of 2 %, until velocity may jump by
     that factor either way in all of them; the margins are then those of the raised gains. Gains
-    with integral action are not simulated; a warning says it.
+    with integral action are simulated at rest only (`hunting`); a warning says it.
 
     Raises
     ------
@@ -379,8 +380,11 @@ def check_gains(
             gains, warnings=(*gains.warnings, "gains under a delay law are not simulated")
         )
     if gains.integral is not None:
+        found = _hunting(gains, gains.integral, progress or silent)
         text = "gains with integral action are not simulated: only their margins are known"
-        return replace(gains, warnings=(*gains.warnings, text))
+        if found is not None:
+            text = "gains with integral action are simulated at rest only, not in motion"
+        return replace(gains, hunting=found, warnings=(*gains.warnings, text))
     if gains.any_stiffness:
         text = "not simulated: k_p stands for any positive stiffness; give a lower limit of k_p"
         return replace(gains, warnings=(*gains.warnings, text))
@@ -413,6 +417,17 @@ def check_gains(
         simulation=report,
         warnings=tuple(warnings),
     )
+
+
+def _hunting(gains: Gains, k_i: float, tell: Callable[[str], None]) -> Hunting | None:
+    """Whether the slider hunts at rest: of the first sample of the law and the largest mass."""
+    law, masses = gains.scenarios.law(0), gains.scenarios.mass
+    if gains.rest_friction is None or masses is None or not isinstance(law, AbstractLaw):
+        return None
+    tell("simulating the slider at rest")
+    fastest = float(np.max(gains.scenarios.velocity))
+    own = gains.kp, gains.kv, k_i
+    return hunting(law, float(np.max(masses)), own, gains.rest_friction, fastest)
 
 
 def unresolved_warnings(report: CheckReport) -> tuple[str, ...]:

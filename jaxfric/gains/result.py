@@ -8,6 +8,7 @@ import numpy as np
 from ..coordinate import Coordinate, unit_of
 from ..described import Described, Drawable, Tabular
 from .frontier import Alone, Region
+from .hunting import Hunting
 from .requirement import FRAGILE, Requirement
 from .scenarios import Scenarios
 from .verify import CheckReport
@@ -97,6 +98,8 @@ class Gains(Described, Drawable, Tabular):
     """That of the controller [s], where `delay` was told by it."""
     rest_friction: float | None = None
     """Static friction F_s [N] (`rest.friction_at_rest`); None where it is not known."""
+    hunting: Hunting | None = None
+    """Whether integral action makes it hunt about its target at rest; None: not simulated."""
     accuracy: float | None = None
     """How near its target the slider must stop [m], so that k_p >= F_s/accuracy; None: any."""
 
@@ -221,6 +224,7 @@ class Gains(Described, Drawable, Tabular):
                 "friction": self.rest_friction,
                 "dead_band": self.dead_band,
                 "accuracy": self.accuracy,
+                "hunting": self.hunting and self.hunting.to_json(),
                 "units": {"friction": self.unit("N"), "dead_band": self.unit("m")},
             },
             "alone": self._alone(),

@@ -2,6 +2,7 @@
 
 import math
 
+from ..gains.hunting import Hunting
 from ..gains.requirement import FRAGILE, Requirement
 from ..gains.result import NOTHING, SHOWN, Certificate, Gains, LocalOptimum, norm_text
 from ..gains.scenarios import number_of_samples
@@ -78,6 +79,8 @@ def _accuracy(gains: Gains) -> str:
 
 def _at_rest(gains: Gains) -> list[str]:
     """How near its target the slider stops."""
+    if gains.hunting is not None:
+        return [_hunts(gains, gains.hunting)]
     if gains.dead_band is None:
         return []
     force = f"{gains.rest_friction:.4g} {gains.unit('N')}"
@@ -85,6 +88,20 @@ def _at_rest(gains: Gains) -> list[str]:
         f"at rest it stops within {_length(gains, gains.dead_band)} of the target (static friction"
         f" {force} over k_p; --accuracy bounds it)"
     ]
+
+
+def _hunts(gains: Gains, found: Hunting) -> str:
+    """Whether integral action makes the slider hunt about its target."""
+    if found.amplitude is None:
+        return f"at rest: no hunting about the target seen within {found.duration:.3g} s, simulated"
+    if found.period is None:
+        return "at rest: simulated from rest its motion grows; lower k_i"
+    size = _length(gains, found.amplitude)
+    return (
+        f"at rest it hunts about the target, by ±{size} with a period of {found.period:.3g} s"
+        " (simulated): integral action, and kinetic friction below static friction; lower k_i, or"
+        " give the integral a dead zone as large"
+    )
 
 
 def _length(gains: Gains, length: float) -> str:

@@ -1,0 +1,148 @@
+"""Whether integral action makes a slider hunt about its target at rest, by simulation.
+
+    m x'' = k_p e + k_v e' + k_i int e dt - f(x', z),   e = x_ref - x,   x_ref constant
+
+A stuck slider is off its target; the integral grows until the force exceeds static friction. Where
+kinetic friction is less, the slider then slips past the target, sticks on the other side, and so
+on. The controller answers at once here, and its integral has no limit.
+"""
+
+from typing import NamedTuple
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Bool, Float
+
+from ..rig.friction import AbstractLaw, AbstractStribeck
+from ..rig.friction.law import Conditions
+
+_OFFSETS = (2.0, 3.3, 5.7)
+"""Distances to the target at the start, in F_s/k_p: the slider moves at once. Several, as from one
+of them it may happen to stop so near its target that it comes loose only much later."""
+_STICKS = 30.0
+"""Time that is simulated, in times that a stuck slider needs to come loose."""
+_LEAST_DROP = 0.05
+"""Share of F_s that counts as the drop where friction hardly falls: it bounds the time."""
+_CREEP = 1e-4
+"""Share of F_s/k_p by which the smoothed sign may let a stuck slider creep before it is loose."""
+_STILL = 1e-3
+"""Half the range of x, in F_s/k_p, below which the slider rests."""
+_DECAYED = 0.5
+"""Range of the last quarter over that of the third below which a motion dies out."""
+_GROWN = 10.0
+"""Range of x, in units of the largest offset, that no slider has which stays about its target."""
+_QUARTERS = ((0.5, 0.75), (0.75, 1.0))
+_SAMPLES, _MAX_STEPS, _RTOL = 8001, 200_000, 1e-6
+_SPEEDS = 401
+
+
+class Hunting(NamedTuple):
+    """How a slider with integral action behaves about its target. SI."""
+
+    amplitude: float | None
+    """Half the range of its position [m]; None where no hunting was seen, inf where it grows."""
+    period: float | None
+    """[s]; None where no hunting was seen, or where it grows."""
+    duration: float
+    """Time that was simulated [s]."""
+
+    def to_json(self) -> dict:
+        """The entry `hunting` of gains.json: grows, or amplitude and period, null for none."""
+        grows = self.amplitude is not None and not np.isfinite(self.amplitude)
+        amplitude = None if grows else self.amplitude
+        return {**self._asdict(), "amplitude": amplitude, "grows": grows}
+
+
+def hunting(
+    law: AbstractLaw, mass: float, gains: tuple[float, float, float], static: float, fastest: float
+) -> Hunting | None:
+    """Simulate the slider from rest, off its target; None where the solver gives up.
+
+    **Arguments:** `gains` are (k_p, k_v, k_i); `static` is F_s [force]; `fastest` [m/s] the speed
+    up to which kinetic friction is looked at.
+    """
+    k_p, _, k_i = gains
+    band = static / k_p
+    drop = max(static - _least_friction(law, fastest), _LEAST_DROP * static)
+    loose = k_p / k_i * static / drop
+    law = _smoothed(law, _CREEP * band / loose)
+    duration = _STICKS * loose
+    time = jnp.linspace(0.0, duration, _SAMPLES)
+    x, ended = _positions(law, jnp.asarray([mass, *gains]), jnp.asarray(band), time)
+    if not np.all(ended):
+        return None
+    found = [_described(np.asarray(time), one, band) for one in np.asarray(x)]
+    return max(found, key=lambda one: one.amplitude or 0.0)
+
+
+def _least_friction(law: AbstractLaw, fastest: float) -> float:
+    """The least steady friction from the speed at which it is largest up to another."""
+    speeds = fastest * jnp.geomspace(1e-6, 1.0, _SPEEDS)
+    zero = Conditions(jnp.zeros(()), jnp.zeros(()))
+    force = np.asarray(jax.vmap(lambda V: law.force(V, law.steady_state(V), zero))(speeds))
+    return float(np.min(force[np.argmax(force) :]))
+
+
+def _smoothed(law: AbstractLaw, width: float) -> AbstractLaw:
+    """The law with a sign smooth enough to be simulated through rest, and no smoother."""
+    if isinstance(law, AbstractStribeck) and law.width is None:
+        new = jnp.asarray(width)
+        return eqx.tree_at(lambda one: one.width, law, new, is_leaf=lambda x: x is None)
+    return law
+
+
+@eqx.filter_jit
+def _positions(
+    law: AbstractLaw, known: Float[Array, " 4"], band: Array, time: Float[Array, " n"]
+) -> tuple[Float[Array, "starts n"], Bool[Array, " starts"]]:
+    """x at the times from every start, and whether the solver came to the end."""
+    mass, k_p, k_v, k_i = known
+    force, zero = k_p * band, jnp.zeros(())
+    states = law.steady_state(zero + 1).shape[0]
+    unit = jnp.stack([band, band * jnp.sqrt(k_p / mass), force / k_i, *[force] * states])
+    at = Conditions(zero, zero)
+
+    def slope(t: ArrayLike, y: Array, target: Array) -> Array:
+        (x, v, integral), state = (unit * y)[:3], (unit * y)[3:]
+        push = k_p * (target - x) - k_v * v + k_i * integral
+        faster = (push - law.force(v, state, at)) / mass
+        return jnp.concatenate([jnp.stack([v, faster, target - x]), law.rate(v, state, at)]) / unit
+
+    def one(target: Array) -> tuple[Array, Array]:
+        found = diffrax.diffeqsolve(
+            diffrax.ODETerm(slope),
+            diffrax.Kvaerno5(),
+            time[0],
+            time[-1],
+            None,
+            jnp.zeros_like(unit),
+            target,
+            saveat=diffrax.SaveAt(ts=time),
+            stepsize_controller=diffrax.PIDController(rtol=_RTOL, atol=1e-2 * _RTOL),
+            max_steps=_MAX_STEPS,
+            throw=False,
+        )
+        assert found.ys is not None
+        return band * found.ys[:, 0], found.result == diffrax.RESULTS.successful
+
+    return jax.vmap(one)(band * jnp.asarray(_OFFSETS))
+
+
+def _described(time: np.ndarray, x: np.ndarray, band: float) -> Hunting:
+    """Amplitude and period over the last half, where the motion goes on there."""
+    duration = float(time[-1])
+    third, last = (x[(time >= a * duration) & (time <= b * duration)] for a, b in _QUARTERS)
+    still = np.ptp(last) < 2 * _STILL * band or np.ptp(last) < _DECAYED * np.ptp(third)
+    if np.ptp(last) > _GROWN * max(_OFFSETS) * band:
+        return Hunting(float("inf"), None, duration)
+    half = time >= 0.5 * duration
+    t, y = time[half], x[half] - 0.5 * (x[half].min() + x[half].max())
+    up = np.flatnonzero((y[:-1] < 0) & (y[1:] >= 0))
+    if still or len(up) < 3:
+        return Hunting(None, None, duration)
+    crossed = t[up] - y[up] * (t[up + 1] - t[up]) / (y[up + 1] - y[up])
+    period = float(crossed[-1] - crossed[0]) / (len(crossed) - 1)
+    return Hunting(float(np.ptp(x[half])) / 2, period, duration)
