@@ -655,7 +655,11 @@ def test_gains_are_offered_where_they_are_taken() -> None:
     assert takes_gains(axis)
     text = next(s for s in next_steps(axis) if "gains" in s.command).command
     assert "--normal-force" not in text and '--velocity "0.001..0.01 mm/s"' in text
-    feedforwards = [s for s in next_steps(axis) if "feedforward loop.json" in s.command]
+    # friction that no row supports is not compensated
+    assert not any("feedforward" in s.command for s in next_steps(axis))
+    friction = Finding(LoopCode.FRICTION, Severity.CLAIM, {}, np.ones(len(loop.record), bool))
+    known = dataclasses.replace(axis, findings=(friction,))
+    feedforwards = [s for s in next_steps(known) if "feedforward loop.json" in s.command]
     assert len(feedforwards) == 1 and parsed(shlex.split(feedforwards[0].command)[1:])
     assert not any("feedforward" in s.command for s in next_steps(loop))
     own = dataclasses.replace(loop.after, effects=("mine",))

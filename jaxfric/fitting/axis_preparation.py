@@ -262,8 +262,8 @@ def _refuse_unusable(chosen: Preparation, time: np.ndarray, interval: float) -> 
         )
     if time[-1] < 4 * chosen.edge or len(time) < 100:
         raise InputError(
-            f"the record lasts {time[-1]:.3g} s in {len(time)} rows; {4 * chosen.edge:g} s and 100"
-            " rows are needed"
+            f"the record lasts {time[-1]:.3g} s, a row each {interval:.3g} s; {4 * chosen.edge:g} s"
+            " and 100 rows are needed"
         )
     if len(time) < _FEWEST_ROWS * chosen.decimation:
         raise InputError(

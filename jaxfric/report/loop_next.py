@@ -9,6 +9,7 @@ import numpy as np
 from ..effects import CATALOGUE
 from ..laws.loop_source import CERTAIN
 from ..loop.family import listed
+from ..loop.findings import LoopCode
 from ..loop.refusal import Fault, Refusal
 from ..loop.result import CandidateScore, Loop
 from ..loop.thresholds import ACCEPT
@@ -78,7 +79,8 @@ def _with_model(loop: Loop, file: str) -> list[NextStep]:
             own = "--mass and --normal-force are yours to state"
         text = f"Find the smallest gains that hold it steady with this model ({own}):"
         steps.append(NextStep(text, _gains_line(loop, file)))
-    if loop.words is AXIS and loop.verdict in CERTAIN:
+    known = any(one.code is LoopCode.FRICTION for one in loop.findings)
+    if known and loop.verdict in CERTAIN:
         text = "Compensate its friction in the controller (formula, C function, table):"
         steps.append(NextStep(text, f"jaxfric feedforward {file}"))
     if loop.verdict in CERTAIN:
