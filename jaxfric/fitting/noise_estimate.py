@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .glitches import NO_GLITCHES, Glitches, ToldRecord, glitch_words
+from .hum import Hum
 from .noise import EXPONENTIAL, Noise
 from .quantisation import least_noise, step_words
 
@@ -104,6 +105,8 @@ class NoiseEstimate:
     """Steps in which friction is recorded [unit of friction]; 0 where it is continuous."""
     clocks: tuple[str, ...] = CLOCKS
     """Names of the record's clocks: `CLOCKS` or `ROTARY_CLOCKS`."""
+    hum: tuple[Hum, ...] = ()
+    """Lines of one frequency in time that a loop took out of the record: no part of `sigma`."""
 
     @property
     def correlated_share(self) -> float:
@@ -195,10 +198,12 @@ def noise_estimate(
     glitches: Glitches = NO_GLITCHES,
     steps: float = 0.0,
     clocks: tuple[str, ...] = CLOCKS,
+    hum: tuple[Hum, ...] = (),
 ) -> NoiseEstimate:
     """The estimate of a residual's noise in units of `scale`; `longest` memory searched over every
     clock, pace and scale `by_step` of velocity where they differ, `glitches` that are passed over,
-    the `steps` of the recorder [unit of friction], and names of the `clocks`."""
+    the `steps` of the recorder [unit of friction], names of the `clocks`, and the `hum` that was
+    taken out."""
     parts = []
     rows = zip(np.asarray(noise.share), np.asarray(noise.rates), strict=True)
     for k, (share, rates) in enumerate(rows):
@@ -211,7 +216,7 @@ def noise_estimate(
     most = tuple(float(x) for x in np.ravel(longest))
     size = scale * float(noise.sigma)
     pace, scales = map(tuple, by_step)
-    return NoiseEstimate(size, tuple(parts), most, pace, scales, glitches, steps, clocks)
+    return NoiseEstimate(size, tuple(parts), most, pace, scales, glitches, steps, clocks, hum)
 
 
 def noise_words(noise: NoiseEstimate, record: ToldRecord) -> tuple[str, ...]:

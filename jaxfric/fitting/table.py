@@ -118,7 +118,13 @@ def summary(fit: Fit) -> list[str]:
 
 
 def noise_text(noise: NoiseEstimate) -> str:
-    """`NoiseEstimate.text` with the parts that it leaves out as small, down to half a percent."""
+    """`NoiseEstimate.text` with the parts that it leaves out as small, down to half a percent, and
+    the hum that was taken out."""
+    lines = " and ".join(one.text() for one in noise.hum)
+    return _of_rows(noise) + (f"; {lines} is taken out" if lines else "")
+
+
+def _of_rows(noise: NoiseEstimate) -> str:
     told, small = noise.text(), []
     for part in noise.parts:
         if -_SMALL < part.share <= -_LEAST:

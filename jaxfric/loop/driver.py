@@ -300,6 +300,7 @@ def _score(
             by_step=(() if engine.pace is None else engine.pace.tolist(), engine.scale_by_step()),
             glitches=engine.glitches,
             steps=engine.steps,
+            hum=engine.hum,
         ).resolved(_apart(engine, rows.used)),
         tests=tests,
     )

@@ -19,6 +19,7 @@ from ..effects.effect import AbstractEffect, beyond
 from ..fitting.abstract_problem import FAILED_MISFIT, AbstractProblem
 from ..fitting.encompassing import EncompassingModel
 from ..fitting.glitches import NO_GLITCHES, ROUNDS, find_glitches
+from ..fitting.hum import Hum, find_hum
 from ..fitting.marquardt import levenberg_marquardt
 from ..fitting.noise import Noise, neighbours, noise_of, rms_error
 from ..fitting.noise_search import (
@@ -152,7 +153,7 @@ class NoiseBounds(NamedTuple):
     either_sign: bool = False
     """Whether neighbouring rows may also be correlated negatively."""
     by_step: bool = True
-    """Whether noise may differ from step to step in scale and in pace."""
+    """Whether noise may differ from step to step: in scale, in pace, and in its hum."""
 
 
 _EVERYTHING, _USUAL = Choice(), NoiseBounds()
@@ -201,6 +202,7 @@ class Engine(Generic[P]):
         self.by_step, self.pace = bounds.by_step, None
         self.problem = problem
         self.glitches = NO_GLITCHES
+        self.hum: tuple[Hum, ...] = ()
         self.steps = recorded_steps(np.asarray(problem.friction)[: self.rows])
         self.least = least_noise(self.steps) / float(problem.noise_scale)
         self._weigh(blocks)
@@ -340,8 +342,11 @@ class Engine(Generic[P]):
         Until then it has the parts that the first residual showed. All later ones have the parts
         found here, their sizes, memories and periods found anew. A pace and a scale for every
         velocity step are taken where the likelihood rises by what they cost. Glitches are passed
-        over from here on, in all blocks: then the candidate is fitted and its noise found anew.
+        over from here on, in all blocks, and hum is taken out of the record: then the candidate is
+        fitted and its noise found anew.
         """
+        if self.by_step and self._take_hum_out(candidate):
+            candidate = self.refit(candidate.effects, candidate.z, exact=True)
         found, rows = self._learned(candidate)
         for _ in range(ROUNDS):
             if rows.failed or not self._pass_over(rows):
@@ -350,6 +355,28 @@ class Engine(Generic[P]):
             self._forget()
             found, rows = self._learned(found)
         return found
+
+    def _take_hum_out(self, candidate: Candidate) -> bool:
+        """Take the hum that a candidate leaves out of the record; whether there is any."""
+        rows = self.evaluate(candidate.z, self.free(candidate.effects))
+        if rows.failed:
+            return False
+        columns = np.concatenate([rows.residual[:, None], rows.jacobian, self.smooth], axis=1)
+        clock, scale = np.asarray(self.problem.clock), float(self.problem.noise_scale)
+        on = self.blocks.train | self.blocks.select | self.blocks.report
+        time, path = clock[: self.rows, 0], clock[: self.rows, 1]
+        found, wave = find_hum(time, path, self.blocks.step, on, columns[: self.rows])
+        if not found:
+            return False
+        self.hum += tuple(one.scaled(scale) for one in found)
+        friction = np.array(self.problem.friction)
+        friction[: self.rows] += scale * wave  # the residual is predicted less recorded
+        both, friction = (self.problem, self.everywhere), jax.device_put(friction)
+        where = lambda pair: tuple(p.friction for p in pair)  # noqa: E731
+        self.problem, self.everywhere = eqx.tree_at(where, both, (friction, friction))
+        self._lately = Lately()
+        self.family, self.noises = None, ()
+        return True
 
     def _pass_over(self, rows: "Rows") -> bool:
         """Leave rows out of the blocks that stand out of the noise; whether there are any."""

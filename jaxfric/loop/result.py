@@ -363,6 +363,7 @@ class Loop(Described, Drawable, Gridded, Tabular):
                 "sigma_held_out": self.sigma_held_out,
                 "most_held_out": self.most_held_out,
                 **self.after.noise.to_json(),
+                "hum": [line.to_json() for line in self.after.noise.hum],
             },
             "tests": {
                 name: {"before": p, "after": self.after.tests[name]}

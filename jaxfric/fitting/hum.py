@@ -1,0 +1,321 @@
+"""Hum: lines of one frequency in time, as of the mains, in the residual of a record.
+
+A wave along the path has a frequency that goes with velocity; hum has one frequency at every
+velocity. So the residual is cut into pieces of one velocity, each has its periodogram over the
+noise around (cosines of its logarithm), and the pieces are added at equal frequency. A line
+is hum where it stands out in all of them together,
+
+    P = sum_i |sum_j r_j exp(2 pi i f t_j)|^2/(n_i S_i(f)),   under noise alone Gamma(pieces, 1),
+
+goes on through both halves of a piece, as what rings after a step does not, and stands out at two
+velocities, while no wave along the path explains as much. What stands out at one velocity only is
+a wave along the path as well as hum: it is hum where it has a frequency of the mains. Every piece
+has an amplitude and a phase of its own, by least squares; a frequency that the rows of a piece do
+not resolve is not sought there.
+
+Source: Lomb 1976 (doi:10.1007/BF00648343) and Scargle 1982 (doi:10.1086/160554) for rows that are
+uneven; here they are put into cells of a quarter of their interval, which costs 5 % of P at most.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from .whitened import taken_out
+
+MAINS = (50.0, 60.0, 100.0, 120.0)
+"""Frequencies of the mains and of their rectified current [Hz]."""
+_MAINS_OFF = 0.2
+"""How far the mains may be off [Hz]: the steady deviation that the grid of Europe allows itself."""
+_SURE = 3.0
+"""Errors by which a frequency may be off that of the mains."""
+_CHANCE = 1e-4
+"""Chance that noise alone shows a line in a record, were the noise around it known; of 400 records
+of noise alone (`fits/hum`) none had one, of 300 at ten times the chance two."""
+_ALONE = 1e-3
+"""Chance that noise has as much at a given frequency in any piece: a line stands out there."""
+_SAME = 0.9
+"""Two velocities are one from this ratio on, as where the steps are split."""
+_LONGEST, _ROWS = 10.0, 1000
+"""Pieces last so long [s] and have so many rows at least, where a step has: the mains stay in
+phase for some ten seconds."""
+_LOWEST = 1.0
+"""Lowest frequency of a line [Hz]: slower are servos, which swing, and temperature, which is no
+noise."""
+_FEWEST, _CYCLES, _FITTED = 80, 10, 4
+"""Rows of a piece in which lines are sought, and cycles in it: below, friction has what it does
+after a step. Cycles in a piece from which a line that is known is fitted to it."""
+_SINGULAR = _EVEN = 1e-6
+"""Determinant over that of many cycles, and how far rows may be off half a cycle, where a cosine
+and a sine are one."""
+_GOES_ON = 0.7
+"""Share of both halves' lines that is in phase: 1 of hum, 0.5 of what is in one half only."""
+_CELLS, _FINER, _REFINED = 4, 4, 41
+"""Cells of a row, frequencies of a cycle in a piece, and those that are tried around the best."""
+_BURST = 4
+"""The mean interval of rows over the median at most, as far as frequencies are sought."""
+_SLOW, _EACH, _ORDERS = 3, 20, (2, 24)
+"""Cycles of a piece below which noise around is not asked; frequencies for each of its cosines, and
+how many of them."""
+_TRIES, _MOST = 8, 6
+"""Lines that are looked at, and taken, at most."""
+
+
+class Hum(NamedTuple):
+    """A line of one frequency in time."""
+
+    frequency: float
+    """[Hz]"""
+    error: float
+    """Its standard error [Hz]."""
+    sizes: tuple[float, ...]
+    """Its rms at every velocity step [unit of friction]; 0 where the rows do not resolve it."""
+
+    def scaled(self, unit: float) -> "Hum":
+        """The line with its sizes in another unit."""
+        return self._replace(sizes=tuple(unit * size for size in self.sizes))
+
+    def to_json(self) -> dict:
+        """The fields as JSON values."""
+        return {"frequency": self.frequency, "std": self.error, "rms_by_step": list(self.sizes)}
+
+    def text(self) -> str:
+        """The line in words: "hum at 100.0 Hz", with its error where it is not known to 0.1 Hz."""
+        known = f"{self.frequency:.1f}" + (f" ± {self.error:.1f}" if self.error >= 0.1 else "")
+        return f"hum at {known} Hz"
+
+
+class _Piece(NamedTuple):
+    """Neighbouring rows of one velocity, and the periodogram of what they have left."""
+
+    rows: Int[np.ndarray, " n"]
+    time: Float[np.ndarray, " n"]
+    speed: float
+    frequency: Float[np.ndarray, " m"]
+    power: Float[np.ndarray, " m"]
+    """Over the noise around: 1 on average."""
+    around: Float[np.ndarray, " m"]
+
+    @property
+    def width(self) -> float:
+        """Resolution in frequency [Hz]."""
+        return 1 / float(np.ptp(self.time))
+
+    def resolves(self, f: float) -> bool:
+        """Whether such a frequency is sought here."""
+        return bool(self.frequency[0] <= f <= self.frequency[-1])
+
+    def at(self, f: np.ndarray) -> np.ndarray:
+        """The power at some frequencies, 0 beyond those that are sought."""
+        return np.interp(f, self.frequency, self.power, left=0.0, right=0.0)
+
+    def near(self, f: float) -> float:
+        """The largest power within half the resolution."""
+        here = np.abs(self.frequency - f) <= 0.5 * self.width
+        return float(np.max(self.power, where=here, initial=0.0))
+
+    def exact(self, left: np.ndarray, f: np.ndarray, part: slice = slice(None)) -> np.ndarray:
+        """The power at some frequencies, by least squares of the rows of a part."""
+        time, values = self.time[part], left[self.rows[part]]
+        angle = 2 * np.pi * np.outer(f, time - time[0])
+        c, s = np.cos(angle), np.sin(angle)
+        a, b, cc, cs, ss = (
+            c @ values,
+            s @ values,
+            *(np.sum(x, axis=1) for x in (c * c, c * s, s * s)),
+        )
+        both = cc * ss - cs**2
+        # where there are two rows a cycle only one of both is seen
+        alone = both < _SINGULAR * len(time) ** 2
+        power = 0.5 * (ss * a**2 - 2 * cs * a * b + cc * b**2) / np.where(alone, 1.0, both)
+        power = np.where(alone, (a**2 + b**2) / len(time), power)
+        return power / np.interp(f, self.frequency, self.around)
+
+
+def find_hum(
+    time: Float[np.ndarray, " n"],
+    path: Float[np.ndarray, " n"],
+    step: Int[np.ndarray, " n"],
+    on: Bool[np.ndarray, " n"],
+    columns: Float[np.ndarray, "n m"],
+) -> tuple[tuple[Hum, ...], Float[np.ndarray, " n"]]:
+    """The hum in a residual, in its unit, and what it adds to every row.
+
+    Column 0 of `columns` is the residual, the others are what a model may still explain of it.
+    `step` is the velocity step of each row; rows not `on` are passed over.
+    """
+    wave, used = np.zeros(len(time)), np.flatnonzero(on)
+    left = np.zeros(len(time))
+    left[used] = taken_out(columns[used])[0]
+    cut = _cut(time, step, used)
+    found: list[tuple[float, float]] = []
+    barred: list[tuple[float, float]] = []
+    rest = left
+    for _ in range(_TRIES):
+        pieces = [p for p in (_piece(rest, time, path, rows) for rows in cut) if p is not None]
+        f = _likeliest(pieces, rest, barred)
+        if f is None or len(found) == _MOST:
+            break
+        resolving = [p for p in pieces if p.resolves(f)]
+        power = np.array([p.exact(rest, np.array([f]))[0] for p in resolving])
+        error = _error(resolving, power)
+        if _is_hum(pieces, resolving, power, rest, f):
+            found.append((f, error))
+            wave = _wave(cut, time, left, [f for f, _ in found])
+            rest = left - wave
+        barred.append((f, 1.5 * max(p.width for p in resolving)))
+    count, hum = np.maximum(np.bincount(step), 1), []
+    for f, error in sorted(found):
+        squares = np.bincount(step, _wave(cut, time, left, [f]) ** 2)
+        hum.append(Hum(f, error, tuple(np.sqrt(squares / count).tolist())))
+    return tuple(hum), wave
+
+
+def _error(pieces: list[_Piece], power: np.ndarray) -> float:
+    """Standard error of a frequency that pieces show with such powers, at least: each gives
+    sqrt(6/P)/(2 pi T) (Rife and Boorstyn 1974, doi:10.1109/TIT.1974.1055282)."""
+    known = sum(x / p.width**2 for x, p in zip(power, pieces, strict=True))
+    return float(np.sqrt(6 / max(known, 1e-300))) / (2 * np.pi)
+
+
+def _cut(time: np.ndarray, step: np.ndarray, used: np.ndarray) -> list[np.ndarray]:
+    """The rows of every piece."""
+    found = []
+    for k in np.unique(step[used]):
+        own = used[step[used] == k]
+        lasting, rows = float(np.ptp(time[own])), len(own)
+        number = max(1, min(int(lasting / _LONGEST), rows // _ROWS))
+        found += np.array_split(own, number)
+    return found
+
+
+def _piece(left: np.ndarray, time: np.ndarray, path: np.ndarray, rows: np.ndarray) -> _Piece | None:
+    """A piece with its periodogram; None where it is too short for one."""
+    if len(rows) < _FEWEST:
+        return None
+    when = time[rows]
+    lasting = float(when[-1] - when[0]) * len(rows) / (len(rows) - 1)
+    # of rows that come in bursts the cells are a part of their mean interval
+    cell = max(float(np.median(np.diff(when))), lasting / (_BURST * len(rows))) / _CELLS
+    size = int(np.ceil(lasting / cell)) * _FINER
+    place = np.round((when - when[0]) / cell).astype(int)
+    values = np.bincount(place, left[rows] - np.mean(left[rows]), size)
+    last = size // (2 * _CELLS)  # half a cycle a row
+    power = np.abs(np.fft.rfft(values)[: last + 1]) ** 2 / len(rows)
+    angle = np.pi * np.arange(last + 1) / last
+    frequency = angle / (2 * np.pi * _CELLS * cell)
+    first = max(_CYCLES * _FINER, int(np.searchsorted(frequency, _LOWEST)))
+    if first > last:
+        return None
+    around = _smooth(power, angle)
+    around[last + 1 - _FINER :] *= 2  # a sine is 0 there: half as many numbers, as large
+    frequency, power, around = (x[first:] for x in (frequency, power, around))
+    speed = float(np.ptp(path[rows])) / lasting
+    return _Piece(rows, when, speed, frequency, power / around, around)
+
+
+def _smooth(power: np.ndarray, angle: np.ndarray) -> np.ndarray:
+    """Mean power of the noise: the logarithm of independent ones by a few cosines of the angle, as
+    of a noise that forgets within a few rows, a line having little weight in it."""
+    own = slice(_SLOW * _FINER, None, _FINER)
+    number = len(power[own])
+    order = np.arange(1 + int(np.clip(number // _EACH, *_ORDERS)))
+    basis = np.cos(np.outer(angle, order))
+    logs = np.log(np.maximum(power[own], 1e-300))
+    found = np.linalg.lstsq(basis[own], logs, rcond=None)[0]
+    return np.exp(basis @ found + np.euler_gamma)
+
+
+def _likeliest(
+    pieces: list[_Piece], left: np.ndarray, barred: list[tuple[float, float]]
+) -> float | None:
+    """The frequency of the line that stands out most; None where none does."""
+    from scipy.special import gammaincc
+
+    if not pieces:
+        return None
+    apart = min(p.frequency[1] - p.frequency[0] for p in pieces)
+    most = max(p.frequency[-1] for p in pieces)
+    f = apart * np.arange(int(most / apart) + 2)
+    total = np.sum([p.at(f) for p in pieces], axis=0)
+    within = [(f >= p.frequency[0]) & (f <= p.frequency[-1]) for p in pieces]
+    count = np.sum(within, axis=0)
+    for centre, reach in barred:
+        count = np.where(np.abs(f - centre) <= reach, 0, count)
+    seen = np.flatnonzero(count)
+    if not len(seen):
+        return None
+    chance = gammaincc(count[seen], total[seen])
+    # of lines beyond what a double holds the largest
+    best = seen[np.lexsort((-total[seen], chance))[0]]
+    resolving = [p for p in pieces if p.resolves(f[best])]
+    ends = [min(p.frequency[0] for p in resolving), max(p.frequency[-1] for p in resolving)]
+    around = np.clip(f[best] + apart * np.linspace(-1, 1, _REFINED), *ends)
+    exact = np.sum([p.exact(left, around) for p in resolving], axis=0)
+    independent = len(seen) / _FINER
+    if gammaincc(count[best], float(np.max(exact))) * independent > _CHANCE:
+        return None
+    return float(around[np.argmax(exact)])
+
+
+def _is_hum(
+    pieces: list[_Piece], resolving: list[_Piece], power: np.ndarray, left: np.ndarray, f: float
+) -> bool:
+    """Whether a line, of such a power in the pieces resolving it, is fixed in time: see above."""
+    speed = np.array([p.speed for p in resolving])
+    stands = power > -np.log(_ALONE / len(power))
+    for k in np.flatnonzero(stands):
+        half = len(resolving[k].rows) // 2
+        parts = (slice(None, half), slice(half, None))
+        both = sum(resolving[k].exact(left, np.array([f]), part)[0] for part in parts)
+        stands[k] = power[k] > _GOES_ON * both
+    if not stands.any():
+        return False
+    if _along_path(pieces, resolving, power, stands, f):
+        return False
+    if not _alike(speed[stands].min(), speed[stands].max()):
+        return True
+    known = [p for p, on in zip(resolving, stands, strict=True) if on]
+    off = _MAINS_OFF + _SURE * _error(known, power[stands])
+    return any(abs(f - mains) <= off for mains in MAINS)
+
+
+def _along_path(
+    pieces: list[_Piece], resolving: list[_Piece], power: np.ndarray, stands: np.ndarray, f: float
+) -> bool:
+    """Whether a wave along the path, of a length that a piece gives, stands out at the other
+    velocities, and by more than a line in time does."""
+    from scipy.special import gammaincc
+
+    speed = np.array([p.speed for p in resolving])
+    for k in np.flatnonzero(stands):
+        other = ~_alike(speed, speed[k])
+        in_time = float(np.sum(power[other]))
+        far = [(p, f * p.speed / speed[k]) for p in pieces if not _alike(p.speed, speed[k])]
+        seen = [p.near(g) for p, g in far if p.resolves(g)]
+        if seen and sum(seen) > in_time and gammaincc(len(seen), 0.5 * sum(seen)) < _ALONE:
+            return True
+    return False
+
+
+def _alike(one: np.ndarray | float, other: float) -> np.ndarray:
+    """Whether velocities are one."""
+    return np.minimum(one, other) > _SAME * np.maximum(one, other)
+
+
+def _wave(
+    cut: list[np.ndarray], time: np.ndarray, left: np.ndarray, frequencies: list[float]
+) -> np.ndarray:
+    """What lines of some frequencies add to every row, by least squares in every piece."""
+    wave = np.zeros(len(time))
+    for rows in cut:
+        when = time[rows] - time[rows[0]]
+        apart = float(np.median(np.diff(when))) if len(rows) > 1 else np.inf
+        lowest, highest = _FITTED / max(when[-1] + apart, 1e-300), 0.5 * (1 + _EVEN) / apart
+        own = [f for f in frequencies if lowest <= f <= highest]
+        if own:
+            angle = 2 * np.pi * np.outer(when, own)
+            columns = np.concatenate([np.cos(angle), np.sin(angle)], axis=1)
+            wave[rows] = columns @ np.linalg.lstsq(columns, left[rows], rcond=_EVEN)[0]
+    return wave
