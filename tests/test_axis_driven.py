@@ -11,13 +11,16 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 
 import jaxfric as jf
+from jaxfric.compensation import NothingToCompensate
 from jaxfric.effects import AXIS_CATALOGUE
 from jaxfric.fitting import Estimate
 from jaxfric.fitting.axis_fit import AxisFit
 from jaxfric.fitting.axis_preparation import Preparation
 from jaxfric.gains.axis_result import AxisGains
 from jaxfric.loop.axis.driven import at_one_speed, driven
+from jaxfric.loop.axis.reading import read_rows
 from jaxfric.loop.axis.result import AxisDetails
+from jaxfric.loop.axis.seen import spring_of
 from jaxfric.records import axis_from_arrays
 from jaxfric.stability.claims import curve_claim
 
@@ -131,6 +134,60 @@ def test_a_torque_that_follows_the_position_is_feedback(late, friction, fed_back
     else:
         assert loop.after.parameters["gravity.a"].value == pytest.approx(3.3, abs=0.1)
         assert loop.effects == ("gravity",) and loop.after.parameters["F_c"].determined
+
+
+def bristle(angle, stiffness, most):
+    """Dahl's bristle, dF/dq = k (1 - F/F_c sgn dq), exact over every row."""
+    force = np.zeros(len(angle))
+    for k, step in enumerate(np.diff(angle)):
+        end = np.sign(step) * most
+        force[k + 1] = end + (force[k] - end) * np.exp(-stiffness * abs(step) / most)
+    return force
+
+
+def trembling(law, seed=0):
+    """A joint moved by +-2e-4 rad on two frequencies; `law`: torque of its angle and its rate."""
+    random, time = np.random.default_rng(seed), np.arange(0, 20, 2e-3)
+    angle = 1.5e-4 * np.sin(np.pi * time) + 0.45e-4 * np.sin(2 * np.pi * 0.31 * time)
+    torque = law(angle, np.gradient(angle, time)) + random.normal(0, 0.02, len(time))
+    position = angle + random.normal(0, 2e-8, len(time))
+    return axis_from_arrays(time, torque, position=position, coordinate="rotary")
+
+
+@pytest.mark.parametrize(
+    ("law", "slid"),
+    [
+        (lambda q, v: bristle(q, 4e4, 200.0), False),
+        (lambda q, v: bristle(q, 4e4, 60.0), False),
+        (lambda q, v: bristle(q, 4e4, 20.0), False),
+        (lambda q, v: bristle(q, 4e4, 4.0), True),
+        (lambda q, v: 4e4 * q + 0.8 * np.sign(v), True),
+        (lambda q, v: 4e4 * q + 2e3 * v, True),
+        (lambda q, v: 5 * np.sign(v) + 2e3 * v, True),
+    ],
+)
+def test_a_force_that_never_saturates_is_the_spring_of_presliding(law, slid):
+    """Two to sixteen per cent of hysteresis; a spring beside friction is an axis that slides."""
+    reading = read_rows(trembling(law), preparation=None, width=None, held=False)
+    found = spring_of(SimpleNamespace(friction=reading.prepared.force), reading.rows)
+    assert (found is None) is slid
+    if found is not None:
+        assert found.stiffness == pytest.approx(4e4, rel=0.06)
+        assert abs(found.stiffness - 4e4) < 4 * found.std
+
+
+def test_an_axis_that_never_slid_has_a_stiffness_alone(tmp_path):
+    record = trembling(lambda q, v: bristle(q, 4e4, 60.0))
+    loop = jf.close_axis_loop(record, without=tuple(AXIS_CATALOGUE))
+    assert loop.verdict == "ambiguous" and "never slid" in loop.sentence
+    assert not any(one.determined for one in loop.after.parameters.values())
+    assert loop.details.gains.claim.kind == "open"
+    assert loop.details.spring.stiffness == pytest.approx(4e4, rel=0.03)
+    path = tmp_path / "loop.json"
+    path.write_text(json.dumps(loop.to_json()))
+    assert json.loads(path.read_text())["axis"]["spring"]["stiffness"] > 3.8e4
+    with pytest.raises(NothingToCompensate, match="never slid"):
+        jf.feedforward(path)
 
 
 @pytest.mark.parametrize(

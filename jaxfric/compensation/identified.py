@@ -201,6 +201,8 @@ def _of_axis(content: Content, source: str) -> Identified:
         problem = table_damage({**after, "covariance": about["covariance"]}, ())
         refuse_damage(path, LOOP, problem and f"axis: {problem}")
     _refuse_unconverged(content, effects, source)
+    if about.get("withheld"):
+        raise NothingToCompensate(f"{source}: {about['withheld']}")
     _refuse_one_speed(about, source, content["friction_unit"])
     claims = _claims(content, source)
     gains = about.get("gains") or {}

@@ -1,7 +1,7 @@
 """What a loop finds, each with the rows that it rests on, and its words."""
 
 import typing
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
@@ -41,6 +41,8 @@ class LoopCode(StrEnum):
     """The base cannot be simulated where its fit ended."""
     FEEDBACK = "force_follows_position"
     """The force is that of the position of `late` seconds before alone."""
+    SPRING = "never_slid"
+    """The force of an axis is that of a spring; values: stiffness, std, hysteresis, unit."""
 
 
 _PART = 20
@@ -120,10 +122,10 @@ def left_over(
 
 def words_of(finding: Finding) -> str:
     """A finding as a line of a report."""
-    v = finding.values
+    v: Mapping[str, typing.Any] = finding.values
     match finding.code:
         case LoopCode.STRUCTURE:
-            left = (f"{QUESTIONS.get(n, n)}, {p_text(float(str(p)))}" for n, p in v.items())
+            left = (f"{QUESTIONS.get(n, n)}, {p_text(p)}" for n, p in v.items())
             return "structure is left in the residual: " + "; ".join(left)
         case LoopCode.BLOCK:
             return (
@@ -135,15 +137,27 @@ def words_of(finding: Finding) -> str:
                 f"{v['rival']} could not be fitted in place of {v['effect']}: it is not ruled out"
             )
         case LoopCode.MOVED:
-            moves = typing.cast("tuple[Move, ...]", v["moves"])
-            each = (f"{move.name} moves from {move.text(' to ')}" for move in moves)
-            return " and ".join(each)
+            moves: Sequence[Move] = v["moves"]
+            return " and ".join(f"{m.name} moves from {m.text(' to ')}" for m in moves)
         case LoopCode.EDGE:
             return f"K/K_cr is {v['ratio']:.2f}{WITHHELD}"
         case LoopCode.RUNS_AWAY:
             return f"the fit runs away{WITHHELD}"
         case LoopCode.FEEDBACK:
-            return f"{words_of_feedback(float(str(v['late'])))}{WITHHELD}"
+            late = v["late"]
+            after = f" {1e3 * late:.2g} ms before" if late else ""
+            return (
+                f"the force is that of the position{after} alone, without inertia and friction:"
+                f" feedback, as of a controller that carries a weight{WITHHELD}"
+            )
+        case LoopCode.SPRING:
+            return (
+                "the axis never slid: its force goes with the position and with no more than"
+                f" {100 * v['hysteresis']:.2g} % of hysteresis, which comes back over the whole"
+                f" stroke as in presliding. Its stiffness is {v['stiffness']:.4g} ±"
+                f" {v['std']:.2g} {v['unit']}; Coulomb and viscous friction, inertia, stability and"
+                f" a feedforward are not in such a record: move it farther{WITHHELD}"
+            )
         case LoopCode.EFFECT:
             sure = "" if finding.severity is Severity.CLAIM else ", or what looks like it"
             return f"{v['effect']}{sure}"
@@ -153,12 +167,3 @@ def words_of(finding: Finding) -> str:
             return f"friction {'grows' if v['kind'] == 'free' else 'falls'} with speed"
         case _:
             return finding.code.value.replace("_", " ")
-
-
-def words_of_feedback(late: float) -> str:
-    """That a force is that of the position, `late` by so much [s]."""
-    after = f" {1e3 * late:.2g} ms before" if late else ""
-    return (
-        f"the force is that of the position{after} alone, without inertia and friction: feedback,"
-        " as of a controller that carries a weight, or the spring of an axis that never slid"
-    )

@@ -20,11 +20,10 @@ from ...stability.linear import linearise
 from ...stability.margins import margin
 from ..engine import Engine
 from ..estimates import estimates
-from ..findings import words_of_feedback
 from ..search import Search
 from .driven import Driven
 from .reading import Reading
-from .result import AxisDetails, AxisRows
+from .result import AxisDetails, AxisRows, Spring
 from .seen import Seen, seen
 
 
@@ -48,12 +47,14 @@ def details_of(
     engine: Engine[AxisProblem],
     found: Search,
     directions: tuple[Driven, ...],
-    feedback: float | None,
+    withheld: str,
+    spring: Spring | None,
     progress: Callable[[str], None],
 ) -> AxisDetails:
     """Both fits of the base and of the final model, over all rows; `told` are the parameters that
     the loop ends with (`Estimate` by name), which stand beside them;
-    `directions` as by `driven`, `feedback` as by `seen.follows`."""
+    `directions` as by `driven`; `withheld`: why there is no
+    verdict; `spring` as by `spring_of`."""
     prepared, rows = reading.prepared, reading.rows
     usual_force = as_published(problem, prepared, rows)
     fits: list[tuple[str, AxisFit]] = []
@@ -71,7 +72,7 @@ def details_of(
     # the slope and its error are those of one model: the loop's, in the rows that count
     rig = problem.rig(jnp.asarray(found.final.z))
     unit = "rad" if record.coordinate == "rotary" else "m"
-    known = seen(engine, found, rows, prepared, unit, directions, feedback)
+    known = seen(engine, found, rows, prepared, unit, directions, withheld)
     place = float(np.median(rows.position))
     gains = _gains(rig, place, known, record.drive)
     return AxisDetails(
@@ -87,7 +88,8 @@ def details_of(
         estimates(engine, found.final, record.force_unit)[2],
         None if gains.claim.kind == "open" else _borne(rig, place, gains, record.drive),
         directions,
-        "" if feedback is None else words_of_feedback(feedback),
+        withheld,
+        spring,
     )
 
 

@@ -30,7 +30,7 @@ from ...silent import silent
 from ..curves import CurveRig
 from ..driver import AbstractBench, Offered, ScoredRows, offered, run
 from ..engine import Candidate, Choice, Engine, NoiseBounds
-from ..findings import LoopCode
+from ..findings import WITHHELD, LoopCode, words_of
 from ..location import Bumps
 from ..result import Loop, Score
 from ..search import MOST, Search
@@ -41,9 +41,9 @@ from .driven import OF_SPEED, UNKNOWN, Driven, at_one_speed, driven
 from .findings import axis_claims
 from .nonlinear import axis_sensitivities, friction_bumps
 from .reading import Reading, read_rows
-from .result import AxisBase, AxisDetails, AxisRows, PreparedRecord
+from .result import AxisBase, AxisDetails, AxisRows, PreparedRecord, Spring
 from .rows import scales_of
-from .seen import doubts, follows, held_command
+from .seen import doubts, follows, held_command, spring_of
 
 # What a controller makes of encoder noise lasts about as long as a row; what lasts longer is
 # structure.
@@ -153,9 +153,27 @@ class AxisBench(AbstractBench):
         )
 
     @cached_property
-    def feedback(self) -> float | None:
-        """By how much the force follows the position, as by `follows`."""
-        return follows(self.problem, self.reading.rows, self.record.coordinate == "rotary")
+    def spring(self) -> Spring | None:
+        """The spring that the force is of an axis that never slid, as by `spring_of`."""
+        return spring_of(self.problem, self.reading.rows)
+
+    @cached_property
+    def stopped(self) -> Finding | None:
+        """Why there is no verdict: the axis never slid, or its force is feedback; else None."""
+        used = self.reading.rows.used
+        if self.spring is not None:
+            unit = f"{self.record.force_unit}/{length_of(self.record)}"
+            values = {**self.spring._asdict(), "unit": unit}
+            return Finding(LoopCode.SPRING, Severity.WITHHELD, values, used)
+        late = follows(self.problem, self.reading.rows, self.record.coordinate == "rotary")
+        if late is None:
+            return None
+        return Finding(LoopCode.FEEDBACK, Severity.WITHHELD, {"late": late}, used)
+
+    @cached_property
+    def reason(self) -> str:
+        """The same in words; '' where there is a verdict."""
+        return "" if self.stopped is None else words_of(self.stopped).removesuffix(WITHHELD)
 
     @cached_property
     def driven(self) -> tuple[Driven, ...]:
@@ -222,6 +240,7 @@ class AxisBench(AbstractBench):
         force, length = self.record.force_unit, length_of(self.record)
         units = {name: own_unit(one.unit, force, length) for name, one in parameters.items()}
         open_ = UNKNOWN if at_one_speed(self.driven) else ()
+        open_ = tuple(parameters) if self.spring is not None else open_
         return {
             n: dataclasses.replace(e, unit=units[n], determined=e.determined and n not in open_)
             for n, e in parameters.items()
@@ -235,16 +254,13 @@ class AxisBench(AbstractBench):
         """None: an axis moves as measured, so that no stiffness is near its critical value."""
 
     def withheld(self, engine: Engine[AxisProblem], found: Search) -> Finding | None:
-        """That the force is feedback, where it is."""
-        if self.feedback is None:
-            return None
-        values = {"late": self.feedback}
-        return Finding(LoopCode.FEEDBACK, Severity.WITHHELD, values, self.counted.used)
+        """That the axis never slid, or that the force is feedback, where it is."""
+        return self.stopped
 
     def warnings(self, engine: Engine[AxisProblem], found: Search) -> tuple[str, ...]:
         """Warnings of the record, of its rows, and of what was seen at low speed."""
         final = found.final
-        seen = doubts(engine, found, self.counted, self.feedback)
+        seen = doubts(engine, found, self.counted, self.reason)
         if not self.held:
             interval = float(np.median(np.diff(self.record.time)))
             seen += held_command(engine.values(final.z), final.effects, interval)
@@ -276,7 +292,8 @@ class AxisBench(AbstractBench):
             engine,
             found,
             self.driven,
-            self.feedback,
+            self.reason,
+            self.spring,
             progress,
         )
         claims = axis_claims(self.counted, self.driven, details)

@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -99,6 +100,16 @@ class AxisBase:
         return {"width": self.width}
 
 
+class Spring(NamedTuple):
+    """The force of an axis that never slid: that of a spring, of presliding or of a flexure."""
+
+    stiffness: float
+    """[F/m or F/rad]"""
+    std: float
+    hysteresis: float
+    """Share of the force's deviation that the position leaves."""
+
+
 @dataclass(frozen=True, eq=False)
 class AxisDetails:
     """The two fits of base and final model, over all rows that move."""
@@ -128,7 +139,10 @@ class AxisDetails:
     driven: tuple[Driven, ...] = ()
     """The speeds of each direction, and friction there."""
     feedback: str = ""
-    """That the force is the answer of a controller, in words; '' where it moves the axis."""
+    """That the force is the answer of a controller, or the spring of an axis that never slid, in
+    words; '' where it moves the axis."""
+    spring: Spring | None = None
+    """The spring that an axis is which never slid; None where it slides."""
     claims: tuple[Finding, ...] = ()
     """Friction in each direction and stability, with the rows that support them."""
 
@@ -293,6 +307,8 @@ class AxisDetails:
                 "drive": None if drive is None else {"k_p": drive.K_p, "k_v": drive.K_d},
                 "bears": self.bears,
                 "driven": [one._asdict() for one in self.driven],
+                "withheld": self.feedback,
+                "spring": None if self.spring is None else self.spring._asdict(),
                 "covariance": self.covariance,
                 "gains": {
                     **least,

@@ -16,14 +16,14 @@ from jaxtyping import Array
 from ...fitting.axis_preparation import Prepared
 from ...fitting.axis_problem import AxisProblem
 from ...fitting.uncertainty import normal_inverse
+from ...records.steady_mean import effective_samples
 from ...stability.claims import Above, Unseen, above_curve
 from ..engine import Candidate, Engine
 from ..family import listed
-from ..findings import words_of_feedback
 from ..search import Search
 from ..thresholds import HELD_OUT
 from .driven import ONE_SPEED, Driven, at_one_speed
-from .result import AxisRows
+from .result import AxisRows, Spring
 
 _BINS, _FEWEST_ROWS = 12, 8
 _STAIRS = 4.0
@@ -33,6 +33,10 @@ _LATEST, _LAGS = 0.2, 101
 """The latest answer of a controller that is looked for [s], and how many are."""
 _PLACE = 0.05
 """Share of the force that the position leaves where there is neither inertia nor friction."""
+_HYSTERESIS, _BEGUN, _ANEW, _STEPS = 0.2, 0.15, 0.6, 0.1
+"""Largest share of the force that the position leaves where an axis never slid; the first part of a
+stroke; what is left there over its mean where it begins anew; and over its deviation where it is
+none."""
 _UNEXPLAINED = 0.5
 """A fit explains too little that leaves more than this share of the force's deviation."""
 
@@ -54,11 +58,11 @@ def seen(
     prepared: Prepared,
     unit: str,
     directions: Sequence[Driven],
-    feedback: float | None,
+    withheld: str,
 ) -> Seen:
     """What supports the slope of the last fit of a `search`; `unit` is that of the position, for
     texts. Of speeds at which only one of the `directions` was driven nothing is told, nor
-    where the force is `feedback` (`follows`)."""
+    where the whole verdict is `withheld`, for this reason."""
     found = search.final
     speed = np.abs(rows.velocity[rows.used])
     ways = [speed[np.sign(rows.velocity[rows.used]) == one.sign] for one in directions] or [speed]
@@ -85,7 +89,7 @@ def seen(
         unseen.append(Unseen("the two directions were driven at no speed in common", np.inf))
         slowest, fastest = (float(np.quantile(speed, _QUANTILE)), float(speed.max()))
     unseen = [Unseen(why, np.nextafter(slowest, 0.0)), *unseen]
-    unseen += [Unseen(why, np.inf) for why in doubts(engine, search, rows, feedback)]
+    unseen += [Unseen(why, np.inf) for why in doubts(engine, search, rows, withheld)]
     error = slope_error(engine, found, float(np.median(rows.position)))
     return Seen(slowest, fastest, error, _above(engine, found, rows), tuple(unseen))
 
@@ -116,13 +120,11 @@ def slowest_told(
 
 
 def doubts(
-    engine: Engine[AxisProblem], search: Search, rows: AxisRows, feedback: float | None = None
+    engine: Engine[AxisProblem], search: Search, rows: AxisRows, withheld: str = ""
 ) -> list[str]:
-    """Why the last fit of a search describes no friction at all, in words; `feedback` as by
-    `follows`."""
-    why, found = [], search.final
-    if feedback is not None:
-        why.append(words_of_feedback(feedback))
+    """Why the last fit of a search describes no friction at all, in words: first `withheld`, if
+    there is such a reason."""
+    why, found = [withheld] if withheld else [], search.final
     if not engine.problem.possible(jnp.asarray(found.z)):
         why.append("the fitted friction would drive the axis, so that the model is wrong")
     force = np.asarray(engine.problem.friction)[: len(rows.time)][rows.used]
@@ -165,6 +167,40 @@ def follows(problem: AxisProblem, rows: AxisRows, rotary: bool) -> float | None:
     alone = [left(late) for late in lags.tolist()]
     best = int(np.argmin(alone))
     return float(lags[best]) if alone[best] < _PLACE * np.std(force) else None
+
+
+def spring_of(problem: AxisProblem, rows: AxisRows) -> Spring | None:
+    """The spring that the force of an axis is which never slid; None where it slides.
+
+    The force is a straight line over the position but for a fifth of its deviation, and what is
+    left of it begins anew at a reversal: just after one it is less than 0.6 of its mean against the
+    motion. Of Coulomb friction it is all of it, of viscous friction along a sine 0.64, of a bristle
+    that bends within its stroke 0.4 and less.
+    """
+    force = np.asarray(problem.friction)[: len(rows.time)]
+    line = np.stack([np.ones_like(rows.position), rows.position - rows.position.mean()], axis=1)
+    values = np.linalg.lstsq(line, force, rcond=None)[0]
+    left = force - line @ values
+    share = float(np.std(left) / max(np.std(force), 1e-300))
+    if not (values[1] > 0 and share < _HYSTERESIS):
+        return None
+    begun, against = [], []
+    for k in np.unique(rows.segment):
+        here = np.flatnonzero(rows.segment == k)
+        way = rows.position[here] - rows.position[here[0]]
+        if len(here) < _FEWEST_ROWS or way[-1] == 0:
+            continue
+        own = np.sign(way[-1]) * left[here]
+        against.append(own)
+        begun.append(own[np.abs(way) < _BEGUN * abs(way[-1])])
+    if not against:
+        return None
+    after, mean = (float(np.mean(np.concatenate(x))) for x in (begun, against))
+    if after > _ANEW * max(mean, 0.0) and after > _STEPS * share * float(np.std(force)):
+        return None
+    worth = effective_samples(left)
+    std = float(np.std(left) / (np.std(rows.position) * np.sqrt(worth)))
+    return Spring(float(values[1]), std, share)
 
 
 def held_command(values: Mapping[str, float], effects: Sequence[str], interval: float) -> list[str]:
