@@ -48,13 +48,14 @@ def steady_figure(loop: SteadyLoop) -> Figure:
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=[2, 1.2])
     x, y, error = factor * curve.speed, curve.force / size, curve.error / size
     top.errorbar(x, y, error, fmt="o", color=BLACK, ms=4, capsize=2, label="runs: mean ± its error")
-    for names, label in (
-        (curve.uneven, "moved unevenly: nothing is said of stability there"),
-        (_with_outliers(curve), "rows that do not belong are left out"),
-    ):
-        some = np.isin(curve.names, names)
+    slipping = curve.slipping()
+    for some, marker, label in (
+        (np.isin(curve.names, curve.uneven) & ~slipping, "o",
+         "moved unevenly: nothing is said of stability there"),
+        (slipping, "s", "stick-slip: no steady friction"),
+        (np.isin(curve.names, _with_outliers(curve)), "x", "rows that do not belong are left out"),
+    ):  # fmt: skip
         if some.any():
-            marker = "o" if names is curve.uneven else "x"
             top.plot(
                 x[some], y[some], marker, color=BLACK, mfc="white", ms=7, zorder=5, label=label
             )
