@@ -99,6 +99,8 @@ def _damping(result: Gains) -> str:
 def _required(result: Gains) -> str:
     pairs = zip(result.requirement.names, result.requirement.values, strict=True)
     text = ", ".join(f"{name} ≥ {value:g}{MARGINS[name].suffix}" for name, value in pairs)
+    if result.integral is not None:
+        text += f", with k_i = {result.integral:.4g} {result.unit('N/(m s)')}"
     late = result.delay
     return text if late is None else f"{text}, controller {1e3 * late:.3g} ms late"
 

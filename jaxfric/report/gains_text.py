@@ -230,7 +230,8 @@ def _time(seconds: float) -> str:
 def _simulation(gains: Gains) -> list[str]:
     checked = gains.simulation
     if checked is None:
-        return ["not checked by simulation"]
+        motion = "" if gains.hunting is None else " in motion"
+        return [f"not checked by simulation{motion}"]
     text = f"simulated from {checked.checked} starts: {checked.steady} end steady"
     if gains.delay is not None:
         text = text.replace("simulated", "simulated without the controller's delay", 1)
