@@ -17,6 +17,7 @@ from jaxfric.gains import solve as solve_module
 from jaxfric.gains.frontier import FrontierPoint, Region, alone, largest_alone, lowest
 from jaxfric.gains.frontier import minima as on_frontier
 from jaxfric.gains.solve import Optimum, _dense, optimum, solve
+from jaxfric.stability.linear import Setting
 
 ONES = np.ones(2)
 FREE = Region(ONES, ONES, np.asarray([1e-9, 0.0]), np.full(2, np.inf))
@@ -50,7 +51,8 @@ class Scenario:
     """A set of some scenarios, all alike."""
 
     velocity = np.ones(1)
-    mass = delay = None
+    mass = delay = integral = None
+    setting = Setting(None)
 
     def __init__(self, number=1):
         self.friction = Friction(np.zeros(number))
@@ -80,7 +82,8 @@ class Needed(eqx.Module):
     def __init__(self, *functions):
         self.functions = functions
 
-    def constraints(self, gains, *others):
+    def constraints(self, slider, unit):
+        gains = slider.stiffness, slider.damping
         return jnp.stack([function(*gains) for function in self.functions])
 
 
