@@ -4,9 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import jaxfric as jf
 from fits.runs.generate import generate
+from jaxfric.records import record_steps
 from jaxfric.records.teeth import find_spikes, find_teeth, turns
 from jaxfric.runs import KINDS, Event, find_events
 from jaxfric.runs.cautions import cautions
@@ -210,14 +212,74 @@ def test_kinds_of_constructed_runs(record, expected):
     assert kinds(record) == expected
 
 
-@pytest.mark.parametrize(("after", "answer", "expected"), [
-    (4.5e-6, 0.0, []),  # by half, and friction as before: the encoder
-    (4.5e-6, 2e-3, ["step"]),
-    (3e-5, 0.0, ["step"]),  # tenfold: no encoder does that
-])  # fmt: skip
-def test_a_small_step_counts_where_friction_answers(after, answer, expected):
-    made = run([(0, 3e-6), (200, after)], friction=lambda t: 0.6 + answer * (t > 200))
-    assert kinds(made) == expected
+def pushed(phases, *, end, A=0.006, B=0.006, L=1e-5, K=2e3, rate=20.0, noise=1e-4, climb=0.0):
+    """A quasi-static slider of the slip law (SciPy) on a spring K [1/m], steady at first.
+
+    `phases` (begin [s], velocity [m/s]) of the load point; `climb` [1/m]: friction rises with slip.
+    """
+    t, (begins, speeds) = np.arange(0, end, 1 / rate), np.array(phases, float).T
+    v0, f, y = speeds[0], np.empty(int(end * rate)), [0.6, 0.0]
+    edges = np.append(begins, end)
+    for v, low, high in zip(speeds, edges[:-1], edges[1:], strict=True):
+
+        def slope(_, y, v=v):
+            u = (y[0] - 0.6 - y[1]) / A
+            return [K * (v - v0 * np.exp(u)), -v0 * np.exp(u) / L * (y[1] + B * u)]
+
+        here = (t >= low) & (t < high)
+        stops = np.append(t[here], high)
+        y = solve_ivp(slope, (low, high), y, "LSODA", stops, rtol=1e-8, atol=1e-11).y
+        f[here], y = y[0, :-1], y[:, -1]
+    way = np.concatenate([[0.0], np.cumsum(np.diff(begins) * speeds[:-1])])
+    k = np.searchsorted(begins, t, side="right") - 1
+    x, rng = way[k] + (t - begins[k]) * speeds[k], np.random.default_rng(21)
+    return jf.from_arrays(
+        t,
+        f + climb * x + noise * rng.standard_normal(len(t)),
+        load_point_displacement=x + 0.1 * v0 / rate * rng.standard_normal(len(t)),
+    )
+
+
+RATIOS = (1.3, 1.5, 2, 1 / 2, 1 / 1.5, 1 / 1.3)
+
+
+@pytest.mark.parametrize(
+    ("v0", "lasts", "more"),
+    [
+        (1e-5, 60, {"A": 0.008, "B": 0.005}),
+        (1e-5, 60, {"A": 0.005, "B": 0.008}),
+        # a slider as fast as this answers within a row or two, and its friction is then the same
+        (0.225, 1.0, {"L": 1e-4, "K": 200.0, "rate": 1000.0}),
+        (1e-5, 60, {"noise": 1e-3, "A": 1e-3, "B": 1e-3}),
+    ],
+)
+def test_a_run_has_the_steps_of_its_record(v0, lasts, more):
+    """Ratios of 1.3 to 2, up and down, some that friction does not show."""
+    speeds = v0 * np.cumprod((1.0, *RATIOS))
+    phases = [(k * lasts, v) for k, v in enumerate(speeds)]
+    record = pushed(phases, end=lasts * len(phases), **more)
+    shown, events = record_steps(record), find_events(record).events
+    steps = [e for e in events if e.kind == "step"]
+    assert len(steps) == len(RATIOS) and all(e.fitted for e in steps)
+    assert [e.time for e in steps] == pytest.approx(shown.times[1:].tolist(), abs=1e-12)
+    assert [e.time for e in steps] == pytest.approx([p[0] for p in phases[1:]], abs=1e-3 * lasts)
+    for k, step in enumerate(steps):
+        assert (step.before, step.after) == (shown.velocities[k], shown.velocities[k + 1])
+        assert (step.before, step.after) == pytest.approx(speeds[k : k + 2], rel=0.01)
+
+
+@pytest.mark.parametrize("stiffness", [None, MachineStiffness(2e3)])
+def test_a_step_down_is_no_reload(stiffness):
+    """While friction still rises, by a third of what the spring would take: a step, not fitted. So
+    is a step up that follows on sliding."""
+    phases = [(0, 1e-5), (60, 1.5e-5), (120, 1e-5), (180, 2e-5)]
+    found = find_events(pushed(phases, end=240, climb=600.0), stiffness=stiffness).events
+    assert [e.kind for e in found] == ["reload", "step", "step"]
+    assert not any(e.fitted or e.steady for e in found[1:])
+    down = find_events(pushed([(0, 1e-5), (60, 5e-6)], end=180, climb=600.0), stiffness=stiffness)
+    assert [e.kind for e in down.events] == ["step"]
+    steady = find_events(pushed([(0, 1e-5), (60, 5e-6)], end=180), stiffness=stiffness).events
+    assert [(e.kind, e.fitted, e.steady) for e in steady] == [("step", True, True)]
 
 
 def test_a_stiffness_tells_sliding_from_loading():
@@ -272,10 +334,12 @@ def test_generated_runs(rates):
 def test_decisions_come_back_as_they_were(tmp_path):
     record = run([(0, 3e-6), (100, 3e-5), (200, 0), (300, 3e-5)], stress=ramp(250, 255, 5e7, 6e7))
     found = find_events(record).events
+    found = (found[0], replace(found[0], fitted=False, steady=False), *found[1:])
     file = tmp_path / "events.toml"
     file.write_text(decisions_text(found, "mine.csv"))
     back = read_decisions(file, 400.0)
-    assert [(e.kind, e.fitted, e.why) for e in back] == [(e.kind, e.fitted, e.why) for e in found]
+    decided = lambda e: (e.kind, e.fitted, e.steady, e.why)  # noqa: E731
+    assert list(map(decided, back)) == list(map(decided, found))
     for a, b in zip(back, found, strict=True):
         assert (a.time, a.before, a.after) == pytest.approx((b.time, b.before, b.after), rel=1e-6)
         assert a.time_error == pytest.approx(b.time_error, rel=1e-6)
@@ -319,6 +383,7 @@ FIT = STEP + 'fit = true\nfrom = "50 s"\nto = "200 s"\n'
         ("[[event]]\n" + TEETH.replace('"200 s"', '"90 s"'), "it lasts from 100 to 90 s"),
         ("[[event]]\n" + TEETH.replace('"200 s"', '"401 s"'), "it lasts from 100 to 401 s"),
         ("[[event]]\n" + FIT.replace("true", "1"), "fit is true or false"),
+        ("[[event]]\n" + STEP + "steady = 1", "steady is true or false"),
         ("[[event]", "is no TOML"),
         ("colour = 3\n[[event]]\n" + STEP, "'colour' is not understood"),
     ],

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+from jaxfric.records import find_steps
+from jaxfric.records.joints import blocks, fit_broken_line
 from jaxfric.records.lines import Sums
-from jaxfric.records.run_motion import blocks, find_run_steps, run_line, without_resets
+from jaxfric.records.run_motion import without_resets
 from jaxfric.records.segments import join
 
 
@@ -47,7 +49,7 @@ def test_steps_and_a_hold_among_hours_of_slow_sampling():
     phases = [(0, 2e-6), (1500, 0), (1657, 2e-6), (2010, 2e-5), (2045, 2e-4), (2055, 2e-6)]
     rng = np.random.default_rng(1)
     y = moved(t, *phases) + 0.3e-6 * rng.standard_normal(len(t))
-    found = find_run_steps(t, y, 0.6 + 1e-4 * rng.standard_normal(len(t)))
+    found = find_steps(t, y, 0.6 + 1e-4 * rng.standard_normal(len(t)))
     np.testing.assert_allclose(found.times, [p[0] for p in phases], atol=0.3)
     np.testing.assert_allclose(found.velocities, [p[1] for p in phases], rtol=0.01)
 
@@ -59,7 +61,7 @@ def test_a_weak_joint_counts_where_friction_answers(answers):
     rng = np.random.default_rng(2)
     y = moved(t, (0, 2e-6), (20, 2.8e-6)) + 2.5e-6 * rng.standard_normal(len(t))
     friction = 0.6 + 1e-4 * rng.standard_normal(len(t)) + answers * 2e-3 * (t > 20)
-    found = find_run_steps(t, y, friction)
+    found = find_steps(t, y, friction)
     assert len(found) == (2 if answers else 1)
     if answers:
         assert found.times[1] == pytest.approx(20, abs=1.0)
@@ -71,7 +73,7 @@ def test_a_hold_that_the_recorder_left_out(noise):
     t = rows((1000, 0.1), (1, 50.0), (1000, 0.1))
     y = moved(t, (0, 2e-6), (100, 0), (149.9, 2e-6))
     y += noise * np.random.default_rng(3).standard_normal(len(t))
-    found = find_run_steps(t, y, np.full(len(t), 0.6))
+    found = find_steps(t, y, np.full(len(t), 0.6))
     np.testing.assert_allclose(found.times, [0, 100, 149.9], atol=2.0)
     np.testing.assert_allclose(found.velocities, [2e-6, 0, 2e-6], atol=6e-8)
 
@@ -88,7 +90,7 @@ def test_a_line_that_leads_nowhere_is_taken_out():
 def test_a_gap_in_steady_motion_is_no_hold():
     t = rows((1000, 0.1), (1, 150.0), (1000, 0.1))
     y = 2e-6 * t + 0.1e-6 * np.random.default_rng(4).standard_normal(len(t))
-    assert len(find_run_steps(t, y, np.full(len(t), 0.6))) == 1
+    assert len(find_steps(t, y, np.full(len(t), 0.6))) == 1
 
 
 def test_a_brief_jump_back_of_a_noisy_encoder_is_no_velocity():
@@ -97,7 +99,7 @@ def test_a_brief_jump_back_of_a_noisy_encoder_is_no_velocity():
     rng = np.random.default_rng(5)
     y = moved(t, (0, 2e-4), (10, 2e-5)) + 5e-6 * rng.standard_normal(len(t))
     y[(t > 10.01) & (t < 10.05)] -= 2e-5
-    line = run_line(t, y)
+    line = fit_broken_line(t, y)
     assert len(line.joints) == 1 and line.joints[0] == pytest.approx(10, abs=0.2)
 
 
@@ -143,7 +145,7 @@ def test_what_an_encoder_did_not_count_while_the_recorder_paused(counted, answer
         assert resets[0].size == pytest.approx(-20e-6 * (1 - counted), abs=0.4e-6)
         assert "not counted in 10.1 s without rows before 60 s" in resets[0].told()
         np.testing.assert_allclose(clean, y, atol=0.4e-6)
-        steps = find_run_steps(t, clean, friction)
+        steps = find_steps(t, clean, friction)
         assert steps.velocities == pytest.approx([2e-6], rel=0.02)
 
 
@@ -167,5 +169,5 @@ def test_a_long_interval_is_no_reset(jump):
     if jump:  # half a second at 30 um/s may have been the motion
         assert 0.6 * jump < resets[0].size <= jump + 1e-7
     else:
-        steps = find_run_steps(t, clean, np.full(len(t), 0.6))
+        steps = find_steps(t, clean, np.full(len(t), 0.6))
         assert steps.times[-1] == pytest.approx(5.4, abs=0.01) and len(steps.times) == 2

@@ -252,7 +252,7 @@ def test_a_whole_run_of_the_recorder() -> None:
     table = read_table(public_record("p655intact100l"))
     columns = dict(zip(table.names, table.columns, strict=True))
     steps = find_steps(columns["Time"], 0.076472 * UM * columns["Vert_Disp"])
-    for start, velocity in ((756, 2.24), (3058.4, 22.86), (3082.2, 228.5), (3875.4, 228.6)):
+    for start, velocity in ((756, 2.286), (3058.4, 22.86), (3082.2, 228.5), (3875.4, 228.6)):
         near = np.argmin(np.abs(steps.times - start))
         assert steps.times[near] + 1 == pytest.approx(start, abs=8)  # the resets blur one by 5 s
         assert steps.velocities[near] == pytest.approx(velocity * UM, rel=0.01)
@@ -334,7 +334,7 @@ def test_the_error_of_a_step_s_time_rests_on_the_noise_of_its_whole_lines() -> N
     rng, sigma = np.random.default_rng(3), 0.02e-6
     t = np.concatenate([np.arange(300) * 0.1, 30 + np.arange(400) * 0.0125])
     exact = np.where(t < 30, t * 1e-6, 30e-6 + (t - 30) * 1e-5)
-    lines = [fit_broken_line(t, exact + rng.normal(0, sigma, len(t)), 0.07) for _ in range(60)]
+    lines = [fit_broken_line(t, exact + rng.normal(0, sigma, len(t))) for _ in range(60)]
     z = np.asarray([(line.joints[0] - 30) / line.joint_errors[0] for line in lines])
     errors = np.asarray([line.joint_errors[0] for line in lines])
     assert 0.75 < np.sqrt(np.mean(z**2)) < 1.25

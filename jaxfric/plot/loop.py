@@ -16,7 +16,7 @@ from ..fitting.table import noise_lines
 from ..loop.result import CandidateScore, Loop
 from ..loop.split import NAMES
 from ..loop.thresholds import ACCEPT, ALIAS
-from ..records.run_motion import gaps
+from ..records.joints import gaps
 from .label import printable
 from .location import save_location, save_profiles
 from .noise import clocks, draw_autocorrelation, error_of_mean, mark_glitches

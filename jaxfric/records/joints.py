@@ -1,12 +1,32 @@
-"""Finds the joints of a broken line, its slopes, and the standard errors of both."""
+"""Finds the joints of a broken line, its slopes, and the standard errors of both.
+
+A recorder whose sampling rate is changed with the velocity has few rows of slow sampling beside
+those of fast sampling, and a hold of minutes among hours has none of the candidates that
+`find_lines` spreads. So lines are found in every block of one sampling interval, then again within
+every part that was found; the joints of all are then judged together, on all rows.
+"""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from .lines import Lines, Sums
-from .segments import find_lines, settle
+from .segments import LEAST_CHANGE, MIN_ROWS, find_lines, join, settle
 
+_RATE, _UNEVEN, _BLOCK = 1.5, 3.0, 100
+"""Sampling intervals whose medians differ by this factor, and by so many times their spread, are of
+two blocks, of at least so many rows."""
+_MEANS, _FEWEST, _WEAK = 400, 20, 8.0
+"""A part is looked at again by so many means; a joint that lifts the line by so many of their
+scatters is one where friction answers."""
+_GAP, _AROUND, _FILLED = 10.0, 11, 40
+"""A gap lasts so many times any interval of so many rows on either side; rows put into it. A clock
+whose intervals differ tenfold has no gap in each long one."""
+_PLACES = 8
+"""A part is at least so many times as long as what is compared on either side of a joint."""
+_ANSWER = 5.0
+"""Friction answers a joint where it changes by so many times its own scatter."""
 _LOCAL_HEIGHT = 20.0
 """The time of a joint rests on the rows near it: as many as lift it by this many scatters."""
 
@@ -26,13 +46,131 @@ class BrokenLine:
     lengths: np.ndarray
 
 
-def fit_broken_line(t: np.ndarray, y: np.ndarray, least_change: float) -> BrokenLine:
-    """The broken line through y(t) with as many joints as the data support.
+def fit_broken_line(
+    time: np.ndarray, values: np.ndarray, felt_by: np.ndarray | None = None
+) -> BrokenLine:
+    """The broken line through values (n,) over time [s] with as many joints as the data support.
 
-    **Arguments:** as `find_lines`. Standard errors are widened for the correlation of the
-    residual; they hold for a load point that is at constant velocity between the joints.
+    `felt_by` is what answers at weaker joints, friction; None: only strong ones count. Standard
+    errors are widened for the correlation of the residual; they hold for a load point that is at
+    constant velocity between the joints.
     """
-    return broken_line(*find_lines(t, y, least_change))
+    time, values, felt = _without_gaps(time, values, values if felt_by is None else felt_by)
+    kept, first, doubtful = [], [], []
+    for start, stop in pairwise(blocks(time)):
+        here = slice(start, stop)
+        rows, joints = _joints(time[here], values[here], None if felt_by is None else felt[here])
+        kept.append(start + rows)
+        first.append(start + joints)
+        doubtful.append(np.arange(len(joints)) == 0)
+    rows = np.concatenate(kept)
+    lines = np.append(np.searchsorted(rows, np.concatenate(first)), len(rows))
+    wide = np.append(np.diff(lines) >= MIN_ROWS, True)
+    if not wide[0]:  # the first rows go with the line after them
+        wide[:2] = True, len(wide) == 2
+    doubts = np.append(np.concatenate(doubtful), False)
+    sums = Sums(time[rows], values[rows])
+    return broken_line(sums, join(sums, lines[wide], doubts[wide], LEAST_CHANGE))
+
+
+def gaps(time: np.ndarray) -> np.ndarray:
+    """Rows after which a recorder paused: the interval is more than ten times any of the eleven on
+    either side."""
+    steps = np.diff(time)
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(steps, _AROUND), 2 * _AROUND + 1)
+    others = np.delete(around, _AROUND, axis=1).max(axis=1)
+    return np.flatnonzero(steps > _GAP * others)
+
+
+def _without_gaps(time: np.ndarray, *columns: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Rows with straight lines of rows in the gaps, where a recorder paused."""
+    share, rows = np.arange(1, _FILLED + 1) / (_FILLED + 1), gaps(time)
+    at = np.repeat(rows + 1, _FILLED)
+    filled = ((x[rows, None] + share * np.diff(x)[rows, None]).ravel() for x in (time, *columns))
+    return tuple(np.insert(x, at, new) for x, new in zip((time, *columns), filled, strict=True))
+
+
+def _joints(t: np.ndarray, y: np.ndarray, felt: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of a block without lone glitches, and of these the first ones of all lines."""
+    sums, first = find_lines(t, y, LEAST_CHANGE)
+    rows = np.searchsorted(t, sums.t)
+    edges = first if len(first) == 2 else _again(sums.t, y[rows], first)
+    if felt is None:
+        return rows, rows[edges[:-1]]
+    parts = [slice(a, b) for a, b in pairwise(edges)]
+    starts = [p.start + _felt_joints(sums.t[p], y[rows[p]], felt[rows[p]]) for p in parts]
+    return rows, rows[np.concatenate(starts)]
+
+
+def _again(t: np.ndarray, y: np.ndarray, first: np.ndarray) -> np.ndarray:
+    """First rows of the lines that are found within every one of some lines, the last row's end."""
+    parts = [i + find_lines(t[i:j], y[i:j], LEAST_CHANGE)[1][:-1] for i, j in pairwise(first)]
+    return np.concatenate([*parts, first[-1:]])
+
+
+def _felt_joints(t: np.ndarray, y: np.ndarray, friction: np.ndarray) -> np.ndarray:
+    """First rows of the lines of a part whose joints are weaker, but felt by friction."""
+    size = int(np.ceil(len(t) / _MEANS))
+    count = len(t) // size
+    if count < 2 * _FEWEST:
+        return np.array([0])
+    mean = lambda x: x[: size * count].reshape(count, size).mean(axis=1)  # noqa: E731
+    at, moved, felt = mean(t), mean(y), mean(friction)
+    sums, first = find_lines(at, moved, LEAST_CHANGE, height=_WEAK)
+    edges = np.append(sums.t[first[:-1]], at[-1])
+    kept = [0]
+    for k in range(1, len(edges) - 1):
+        reach = min(edges[k] - edges[k - 1], edges[k + 1] - edges[k], (at[-1] - at[0]) / _PLACES)
+        if _is_felt(at, felt, edges[k], reach):
+            kept.append(int(np.searchsorted(t, edges[k])))
+    return np.array(kept)
+
+
+def _is_felt(t: np.ndarray, friction: np.ndarray, at: float, reach: float) -> bool:
+    """Whether friction changes at a time as it does nowhere else in its part."""
+    total = np.concatenate([[0.0], np.cumsum(friction - friction[0])])
+
+    def change(times: np.ndarray, wide: float) -> np.ndarray:
+        low, here, high = (np.searchsorted(t, times + s * wide) for s in (-1, 0, 1))
+        before, after = np.maximum(here - low, 1), np.maximum(high - here, 1)
+        return (total[high] - total[here]) / after - (total[here] - total[low]) / before
+
+    inside = t[(t > t[0] + reach) & (t < t[-1] - reach)]
+    away = inside[np.abs(inside - at) > reach]
+    if len(away) < _FEWEST:
+        return False
+    for wide in (reach, reach / 3):
+        around = np.array([at - wide / 4, at, at + wide / 4])
+        elsewhere = change(away, wide)
+        usual = float(np.median(elsewhere))
+        if np.abs(change(around, wide) - usual).max() <= _ANSWER * 1.4826 * np.median(
+            np.abs(elsewhere - usual)
+        ):
+            return False
+    return True
+
+
+def blocks(time: np.ndarray) -> np.ndarray:
+    """First rows of the blocks of one sampling interval, and the number of rows.
+
+    A block of fewer than 100 rows goes with the one before it.
+    """
+    from scipy.ndimage import median_filter  # only here: reading is quick without SciPy
+
+    logs, wide = np.log(np.diff(time)), _BLOCK | 1
+    usual = median_filter(logs, wide, mode="nearest")
+    before = median_filter(logs, wide, origin=wide // 2, mode="nearest")
+    after = median_filter(logs, wide, origin=-(wide // 2), mode="nearest")
+    spread = median_filter(np.abs(logs - usual), wide, mode="nearest")
+    least = np.maximum(np.log(_RATE), _UNEVEN * np.maximum(spread[1:], spread[:-1]))
+    changed = np.abs(after[1:] - before[:-1]) > least
+    ends = np.flatnonzero(np.diff(np.concatenate([[0], changed.astype(int), [0]])))
+    edges = ends.reshape(-1, 2).sum(axis=1) // 2 + 1
+    out = [0]
+    for edge in edges:
+        if min(edge - out[-1], len(time) - edge) >= _BLOCK:
+            out.append(int(edge))
+    return np.array([*out, len(time)])
 
 
 def broken_line(sums: Sums, rows: np.ndarray) -> BrokenLine:

@@ -32,6 +32,9 @@ records one in 40 rows up to 300."""
 MIN_ROWS = 5
 """Least number of rows of a line."""
 
+LEAST_CHANGE = 0.07
+"""A step changes the velocity by at least this fraction of the larger of the two."""
+
 _ROWS_FOR_GLITCHES = 25
 """Lines of this many rows are stiff enough not to follow a glitch."""
 
@@ -109,15 +112,27 @@ def join(sums: Sums, rows: np.ndarray, doubtful: np.ndarray, least_change: float
 
 def _lifts(sums: Sums, rows: np.ndarray) -> np.ndarray:
     """How far every line but the outer two leads away from where its neighbours at its beginning
-    and at its end would have led, over what it must (m - 2, 2)."""
-    lines = sums.lines(rows[:-1], rows[1:])
+    and at its end would have led, over what it must (m - 2, 2).
+
+    A neighbour scatters as all of it does, or as the part that is no longer than the line, if that
+    is less: a run-in that fits no line must not take the steps after it away.
+    """
+    t, lines = sums.t, sums.lines(rows[:-1], rows[1:])
     common = float(np.median(lines.sum_squares / np.maximum(lines.count - 2, 1)))
     around = _scatter(lines, common, sums.floor)
-    turn = np.abs(np.diff(lines.slope))
-    length = np.diff(sums.t[rows[1:-1]])
-    away = np.stack([turn[:-1], turn[1:]], axis=1) * length[:, None]
+    start, stop = rows[1:-2], rows[2:-1]
+    turn, length = np.abs(np.diff(lines.slope)), np.diff(t[rows[1:-1]])
+    first = np.minimum(np.searchsorted(t, t[start] - length), start - _ROWS_FOR_GLITCHES)
+    end = np.maximum(np.searchsorted(t, t[stop] + length), stop + _ROWS_FOR_GLITCHES)
+    near = (
+        sums.lines(np.maximum(first, rows[:-3]), start),
+        sums.lines(stop, np.minimum(end, rows[3:])),
+    )
+    before, after = (_scatter(part, common, sums.floor) for part in near)
+    most = np.maximum(np.minimum(around[:-2], before), np.minimum(around[2:], after))
     least = np.maximum(_LIFT, _LIFT_ERRORS * np.sqrt(12 / lines.count[1:-1]))
-    return away / (least * np.maximum(around[:-2], around[2:]))[:, None]
+    away = np.stack([turn[:-1], turn[1:]], axis=1) * length[:, None]
+    return away / (least * most)[:, None]
 
 
 def _weed(sums: Sums, rows: np.ndarray, least_change: float, height: float) -> np.ndarray:

@@ -11,8 +11,9 @@ from .joints import BrokenLine, fit_broken_line
 from .record import Record
 from .sizes import SIZES
 
-LEAST_CHANGE = 0.07
-"""A step changes the velocity by at least this fraction of the larger of the two."""
+_BEFORE = 1e-9
+"""How long [s] the velocity before the first row lasts in a record that begins at a step: less than
+any sampling interval, and more than rounding errors of a time near 0."""
 
 _ROUNDING = 1e-9
 """Moves below this share of the whole path are no motion, but rounding errors of sums."""
@@ -52,10 +53,12 @@ class VelocitySteps:
     def parse(cls, text: str) -> "VelocitySteps":
         """Steps from text such as "0 s: 2.289 um/s, 73.2 s: 22.86 um/s".
 
+        "before: 2 um/s, 0 s: 20 um/s" are those of a record that begins at a step.
+
         Raises `InputError` for text that is not of this form, units that are missing or
         wrong, a first time that is not 0, and times that do not increase.
         """
-        times, velocities = [], []
+        times, velocities, before = [], [], False
         for part in filter(None, (piece.strip() for piece in text.replace(";", ",").split(","))):
             time, colon, velocity = part.partition(":")
             if not colon:
@@ -63,10 +66,16 @@ class VelocitySteps:
                     f"steps: '{part}' is not 'time: velocity'; write steps as in"
                     " '0 s: 2 um/s, 60 s: 20 um/s'"
                 )
-            times.append(parse_quantity(time, "s", f"time of step {len(times) + 1}"))
-            velocities.append(_velocity(velocity, f"velocity of step {len(times)}"))
+            number = len(velocities) + 1
+            if number == 1 and time.strip() == "before":
+                before = True
+            else:
+                times.append(parse_quantity(time, "s", f"time of step {number}"))
+            velocities.append(_velocity(velocity, f"velocity of step {number}"))
         if not times:
             raise InputError("steps: nothing given; write them as in '0 s: 2 um/s, 60 s: 20 um/s'")
+        if before:
+            times = [0.0, max(times[0], _BEFORE), *times[1:]]
         return cls(np.array(times), np.array(velocities))
 
     def refuse_end(self, end: float) -> None:
@@ -78,9 +87,12 @@ class VelocitySteps:
 
     def text(self, unit: str = "um/s", digits: int = 6) -> str:
         """The steps as text that `parse` reads back."""
+        names = [format_si(time, "s", "s", digits) for time in self.times]
+        if len(self) > 1 and self.times[1] == _BEFORE:
+            names[:2] = "before", "0 s"
         return ", ".join(
-            f"{format_si(time, 's', 's', digits)}: {format_si(velocity, 'm/s', unit, digits)}"
-            for time, velocity in zip(self.times, self.velocities, strict=True)
+            f"{name}: {format_si(velocity, 'm/s', unit, digits)}"
+            for name, velocity in zip(names, self.velocities, strict=True)
         )
 
     def velocity(self, time: ArrayLike) -> np.ndarray:
@@ -96,17 +108,21 @@ class VelocitySteps:
         return travelled[index] + (at - self.times[index]) * self.velocities[index]
 
 
-def find_steps(time: ArrayLike, displacement: ArrayLike) -> VelocitySteps:
+def find_steps(
+    time: ArrayLike, displacement: ArrayLike, friction: ArrayLike | None = None
+) -> VelocitySteps:
     """The velocity steps of a load point, from its measured displacement.
 
     A continuous broken line is fitted to the displacement; the velocity is never
     differenced from it. A step is named where it lifts the line by 25 times the scatter about it,
     |v2 - v1| T1 T2 / (T1 + T2) for velocities held for T1 and T2, and where it changes the
-    velocity by 7 % of the larger one. Ripple, drift and lone glitches are not named. Sampling may
-    be uneven, noise correlated. A velocity that moves the load point by less than twice
+    velocity by 7 % of the larger one; a third of that lift is enough where `friction` answers.
+    Ripple, drift and lone glitches are not named. Sampling may be uneven, and change with the
+    velocity; noise may be correlated. A velocity that moves the load point by less than twice
     the scatter over its whole length is a hold, and exactly 0.
 
-    **Arguments:** `time` [s], increasing; `displacement` [m], at least 20 rows.
+    **Arguments:** `time` [s], increasing; `displacement` [m], at least 20 rows; `friction` of the
+    same rows, in any unit, where it is known.
 
     **Returns:** steps with standard errors; a single velocity where there is no step.
 
@@ -118,11 +134,8 @@ def find_steps(time: ArrayLike, displacement: ArrayLike) -> VelocitySteps:
         raise InputError("find_steps needs two arrays of equal length, of at least 20 rows")
     if not (np.isfinite(t).all() and np.isfinite(y).all() and (np.diff(t) > 0).all()):
         raise InputError("find_steps needs finite values and a time that increases")
-    return steps_of_line(fit_broken_line(t - t[0], y, LEAST_CHANGE))
-
-
-def steps_of_line(line: BrokenLine) -> VelocitySteps:
-    """The velocity steps of a broken line whose time begins at 0."""
+    felt = None if friction is None else np.asarray(friction, np.float64)
+    line = fit_broken_line(t - t[0], y, felt)
     return VelocitySteps(
         times=np.concatenate([[0.0], line.joints]),
         velocities=_without_creep(line),

@@ -12,12 +12,13 @@ _HEAD = """\
 # What was decided about {name}, an event an entry, by time.
 # Change what is wrong, and give this file back: jaxfric run ... --events {file}
 # kind: {kinds}
-# Events with fit = true are fitted from `from` to `to`, as one step at `time` of two velocities.
+# Events with fit = true are fitted from `from` to `to`, as one step at `time` of two velocities;
+# steady = false: friction still rises before it.
 # An entry may be taken out, or added: time, kind and velocities are all that it needs, and `to`
 # where stick-slip ends.
 """
 _NEEDED = {"time", "kind", "velocities"}
-_KNOWN = {*_NEEDED, "fit", "from", "to", "time_error", "normal_stress", "why"}
+_KNOWN = {*_NEEDED, "fit", "from", "to", "time_error", "normal_stress", "steady", "why"}
 
 
 def decisions_text(events: tuple[Event, ...], name: str, file: str = "events.toml") -> str:
@@ -37,6 +38,7 @@ def decisions_text(events: tuple[Event, ...], name: str, file: str = "events.tom
         if event.kind == "step":
             lines += [f"fit = {'true' if event.fitted else 'false'}"]
             lines += [f"from = {seconds(event.start)}", f"to = {seconds(event.stop)}"]
+            lines += ["steady = false"] * (not event.steady)
         elif event.before == event.after and event.stop > event.time:
             lines += [f"to = {seconds(event.stop)}"]
         if event.time_error > 0:
@@ -87,9 +89,10 @@ def _event(entry: dict, where: str, end: float) -> Event:
     if not isinstance(speeds, list) or len(speeds) != 2:
         raise InputError(f'{where}: velocities are two, as in ["3 um/s", "30 um/s"]')
     before, after = (_quantity(v, "m/s", f"{where}: velocities") for v in speeds)
-    fitted = entry.get("fit", False)
-    if not isinstance(fitted, bool):
-        raise InputError(f"{where}: fit is true or false, not '{fitted}'")
+    fitted, steady = entry.get("fit", False), entry.get("steady", True)
+    for name, value in (("fit", fitted), ("steady", steady)):
+        if not isinstance(value, bool):
+            raise InputError(f"{where}: {name} is true or false, not '{value}'")
     start = _quantity(entry["from"], "s", f"{where}: from") if "from" in entry else time
     stop = _quantity(entry["to"], "s", f"{where}: to") if "to" in entry else time
     if fitted and (kind != "step" or before == after or before == 0):
@@ -123,6 +126,7 @@ def _event(entry: dict, where: str, end: float) -> Event:
         else _quantity(stress, "Pa", f"{where}: normal_stress"),
         why=str(entry.get("why", "")),
         fitted=fitted,
+        steady=steady,
     )
 
 

@@ -8,12 +8,13 @@ is an event of one kind:
     stress      the normal stress changes, alone or so near to a velocity step that no window of
                 constant stress is left around it
     hold        the load point stops
-    reload      it moves on after a hold, after unloading, or friction still rises with it
+    reload      it moves on after a hold or after unloading, or faster while the load comes on
     unload      it moves back
     stick_slip  friction has saw teeth, or a velocity step lies in or next to them
     glitch      of the recorder: rows that stand out, an encoder that jumps
 
-A step is fitted in a window that no other event reaches into: it begins half way through the
+A step before which friction still rises is none from steady sliding, and is not fitted. The others
+are fitted in a window that no other event reaches into: it begins half way through the
 velocity before, or where the load point has half the way after the step still before it, and it
 ends with the velocity after. What is decided, and why, is a line that can be changed by hand.
 """
@@ -27,7 +28,6 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from ..records import Record
-from ..records.differences import noise_from_differences
 from ..records.run_motion import RunMotion, run_motion
 from ..records.teeth import Teeth, find_spikes, find_teeth
 from ..units import format_si
@@ -50,9 +50,6 @@ _RISING_ALONE, _SLOWER = 0.02, 0.2
 of it, and at its end by so much of the fastest rise."""
 _PARTS = 8
 """Parts of a velocity whose medians of friction are compared."""
-_SMALL, _GROUPS, _ANSWER = 2.0, 10, 4.0
-"""A step by less than this factor counts if a mean of rows after it, of so many, is off the rows
-before it by so many of their standard deviations."""
 _NEAR = 0.15
 """What begins within this share of the shorter way beside a step belongs to the step."""
 _ROWS, _LEAST = 10, 3
@@ -65,7 +62,8 @@ class Event:
 
     `before` and `after` are velocities of the load point [m/s]. A step that is to be fitted has a
     window from `start` to `stop` [s]; `time_error` is the standard error of its time. `why` says
-    in words what was decided; `fitted`: whether it is to be fitted.
+    in words what was decided; `fitted`: whether it is to be fitted. `steady` is False for a step
+    before which friction still rises.
     """
 
     kind: str
@@ -78,6 +76,7 @@ class Event:
     normal_stress: float | None = None
     why: str = ""
     fitted: bool = False
+    steady: bool = True
 
     def told(self) -> str:
         """The event on one line."""
@@ -129,13 +128,13 @@ def find_events(record: Record, *, stiffness: MachineStiffness | None = None) ->
     """
     motion = run_motion(record)
     t = record.relative_time
-    phases = _answered(record.friction, _phases(t, motion))
+    phases = _phases(t, motion)
     stresses = find_stress_changes(t, record.normal_stress)
     teeth = [found for p in phases if p.velocity for found in _teeth(t, record.friction, p)]
-    events = [
-        _at_joint(record, motion, phases, k, stresses, teeth, stiffness)
-        for k in range(1, len(phases))
-    ]
+    events: list[Event] = []
+    for k in range(1, len(phases)):
+        slid = bool(events) and events[-1].kind == "step"
+        events.append(_at_joint(record, motion, phases, k, stresses, teeth, stiffness, slid=slid))
     events += _stress_events(phases, stresses, events)
     events += [_teeth_event(found, phases, record.friction_unit) for found in teeth]
     events += _glitches(record, motion, phases, [*teeth, *stresses])
@@ -171,38 +170,6 @@ def _phases(t: np.ndarray, motion: RunMotion) -> list[_Phase]:
     ]
 
 
-def _answered(friction: np.ndarray, phases: list[_Phase]) -> list[_Phase]:
-    """Phases, those as one that differ by less than a factor of two if friction does not answer."""
-    out = phases[:1]
-    for phase in phases[1:]:
-        last = out[-1]
-        if last.velocity * phase.velocity > 0:
-            ratio = phase.velocity / last.velocity
-            if 1 / _SMALL < ratio < _SMALL and not _answers(friction, last.rows, phase.rows):
-                way = sum(p.velocity * (p.stop - p.start) for p in (last, phase))
-                rows = slice(last.rows.start, phase.rows.stop)
-                speed = way / (phase.stop - last.start)
-                out[-1] = _Phase(rows, last.start, phase.stop, speed, last.error)
-                continue
-        out.append(phase)
-    return out
-
-
-def _answers(friction: np.ndarray, before: slice, after: slice) -> bool:
-    """Whether friction is another just after a joint, in means of rows, than it is before it."""
-    wide = min(before.stop - before.start, after.stop - after.start) // 2
-    if wide < 2 * _GROUPS:
-        return True
-    size = wide // _GROUPS
-
-    def means(start: int) -> np.ndarray:
-        return friction[start : start + size * _GROUPS].reshape(_GROUPS, size).mean(axis=1)
-
-    level, here = means(before.stop - size * _GROUPS), means(after.start)
-    usual = max(float(np.std(level)), noise_from_differences(friction) / np.sqrt(size))
-    return bool(np.abs(here - level.mean()).max() > _ANSWER * usual)
-
-
 def _at_joint(
     record: Record,
     motion: RunMotion,
@@ -211,8 +178,11 @@ def _at_joint(
     stresses: Sequence[StressChange],
     teeth: Sequence[Teeth],
     stiffness: MachineStiffness | None,
+    *,
+    slid: bool,
 ) -> Event:
-    """The event where the velocity of phase k - 1 becomes that of phase k."""
+    """The event where the velocity of phase k - 1 becomes that of phase k; `slid`: phase k - 1
+    followed on steady sliding, so that the load was on."""
     a, b = phases[k - 1], phases[k]
     make = lambda kind, why="": Event(  # noqa: E731
         kind,
@@ -240,9 +210,10 @@ def _at_joint(
         return make("stress", _told_stress(changes[0]))
     ends = [c.stop for c in stresses] + [found.stop for found in teeth]
     since = max((end for end in ends if a.start < end < b.start), default=a.start)
-    if why := _loading(record, motion, a._replace(start=since), stiffness):
+    why = _loading(record, motion, a._replace(start=since), stiffness)
+    if why and not slid and abs(b.velocity) > abs(a.velocity):
         return make("reload", why)
-    return make("step")
+    return replace(make("step", why), steady=not why)
 
 
 def _beside(a: _Phase, b: _Phase, lasting: Sequence[Lasting]) -> list[Lasting]:
@@ -369,7 +340,7 @@ def _lies_in(time: float, found: Teeth | StressChange) -> bool:
 
 def _windowed(record: Record, event: Event, events: Sequence[Event]) -> Event:
     """A step with the window in which it is fitted; another kind, where there is none."""
-    if event.kind != "step":
+    if event.kind != "step" or not event.steady:
         return event
     t = record.relative_time
     others = [other for other in events if other is not event and other.kind != "glitch"]

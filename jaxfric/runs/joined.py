@@ -206,7 +206,8 @@ def _windows(record: Record, events: Sequence[Event]) -> list[_Span]:
             )
             found.append(_Span(start, stop, event.before, joints, event.normal_stress))
     for e in events:
-        if e.kind != "reload" or min(e.before, e.after) <= 0:
+        loading = e.kind == "reload" or (e.kind == "step" and not (e.steady or e.fitted))
+        if not loading or min(e.before, e.after) <= 0:
             continue
         rows, stress = slice(*np.searchsorted(t, [e.time, e.stop])), record.normal_stress
         if rows.stop - rows.start < _FEWEST:
