@@ -560,3 +560,26 @@ def test_a_stiffness_below_or_near_the_critical_one_is_said(ratio, words):
 
 def test_a_law_without_a_critical_stiffness_has_no_edge():
     assert edge_warnings(1e-9, 0.0) == edge_warnings(1e-9, -3.0) == []
+
+
+def test_a_record_that_begins_at_its_step():
+    """No row of the velocity before it: refused with what to write, and fitted where it is said."""
+    made = random_record(11, law="slip", pattern="up", white=1e-4)
+    truth, begin = made.truth, int(np.searchsorted(made.time, made.truth.starts[1]))
+    record = jaxfric.from_arrays(
+        np.append(truth.starts[1], made.time[begin + 1 :]),
+        np.append(made.friction[begin - 1], made.friction[begin + 1 :]),
+        load_point_displacement=np.append(
+            truth.starts[1] * truth.velocities[0], made.load_point_displacement[begin + 1 :]
+        ),
+    )
+    with pytest.raises(jaxfric.InputError, match=r'no velocity step.*"before: '):
+        jaxfric.fit(record, stiffness=made.stiffness)
+    before, after = truth.velocities
+    found = jaxfric.fit(
+        record, stiffness=made.stiffness, steps=f"before: {before!r} m/s, 0 s: {after!r} m/s"
+    )
+    assert found.converged
+    for name in "ABL":
+        one = found.parameters[name]
+        assert abs(one.value - getattr(truth, name)) < 4 * one.std < 0.2 * one.value

@@ -790,3 +790,24 @@ def test_as_many_linearisations_are_kept_as_there_is_room_for(size, kept, monkey
         lately.keep(np.array([float(k)]), index, np.zeros(size), np.zeros((size, 10)))
     found = [lately.of(np.array([float(k)]), index) is not None for k in range(6)]
     assert found == [False] * (6 - kept) + [True] * kept
+
+
+@pytest.mark.parametrize(
+    ("speeds", "of_select", "of_report"),
+    [
+        ([1, 0, 1], {2}, {2}),  # the tail
+        ([1, 10, 0, 10], {1}, {2, 3}),
+        ([1, 10, 1, 0, 1, 10, 3, 10, 3], {7}, {8}),
+        ([1, 10, 1, 10, 3, 0, 3, 0, 3], {4}, {7, 8}),  # the longest hold trains
+    ],
+)
+def test_a_hold_is_of_one_block_with_what_follows_it(speeds, of_select, of_report):
+    """20 s a velocity, and the first hold a second longer; no row of a hold counts on its own."""
+    times = np.arange(len(speeds)) * 20.0
+    if 0 in speeds:
+        times[speeds.index(0) + 1 :] += 1
+    time = np.arange(0, times[-1] + 20, 0.1)
+    blocks = split(time, jf.VelocitySteps(times, np.array(speeds) * 1e-6))
+    assert set(blocks.step[blocks.select]) == of_select
+    assert set(blocks.step[blocks.report]) == of_report
+    assert np.array_equal(blocks.step, np.searchsorted(times, time, side="right") - 1)

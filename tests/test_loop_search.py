@@ -372,20 +372,23 @@ def test_constant_friction_is_refused():
     assert "friction" in refused(still, up)
 
 
-@pytest.mark.parametrize(("after", "what"), [(-10 * UM, "moves backwards"), (0.0, "stops")])
-def test_a_load_point_that_stops_or_turns_is_refused_before_anything_is_fitted(
-    after, what, monkeypatch
-):
+@pytest.mark.parametrize("after", [-10 * UM, 0.0])
+def test_a_load_point_that_turns_is_refused_and_one_that_holds_is_fitted(after, monkeypatch):
+    """The hold has no rows: a recorder that paused."""
+
     def fit(*arguments, **options):
-        raise AssertionError("fitted first")
+        raise jf.InputError("fitted first")
 
     monkeypatch.setattr("jaxfric.loop.loop.fit", fit)
-    text = refused(plain([UM, 10 * UM, UM]), [UM, after, 10 * UM])
-    assert (
-        f"{what} at 60 s" in text
-        and "record.window()" in text
-        and "'jaxfric fit' takes holds" in text
-    )
+    record = plain([UM, 10 * UM, UM])
+    paused = (record.time > 61) & (record.time < 119)
+    columns = record.time, record.load_point_displacement, record.friction
+    record = record_of(*(column[~paused] for column in columns))
+    text = refused(record, [UM, after, 10 * UM])
+    if after:
+        assert "moves backwards at 60 s" in text and "record.window()" in text
+    else:
+        assert text == "fitted first"
 
 
 @pytest.mark.parametrize(("rows", "size"), [(None, 1), (400, 2), (399, 3)])

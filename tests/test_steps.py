@@ -283,6 +283,10 @@ def test_steps_as_text() -> None:
     assert steps.text() == "0 s: 2.289 um/s, 73.2 s: 22.86 um/s"
     assert VelocitySteps.parse(steps.text("mm/s")).velocities == pytest.approx(steps.velocities)
     assert VelocitySteps.parse("0 min: 1 mm/min; 2 min: 0 um/s").times[1] == 120
+    begins = VelocitySteps.parse("before: 2 um/s, 0 s: 20 um/s, 9 s: 2 um/s")
+    assert begins.times == pytest.approx([0, 0, 9], abs=1e-8) and begins.times[1] > 0
+    assert begins.velocities == pytest.approx([2e-6, 2e-5, 2e-6])
+    assert begins.text() == "before: 2 um/s, 0 s: 20 um/s, 9 s: 2 um/s"
     assert steps.velocity([0, 73.1, 73.2, 99]) == pytest.approx(
         np.array([2.289, 2.289, 22.86, 22.86]) * UM
     )
@@ -293,6 +297,8 @@ def test_steps_as_text() -> None:
     ("text", "words"),
     [
         ("", "nothing given"),
+        ("before: 2 um/s", "nothing given"),
+        ("0 s: 2 um/s, before: 20 um/s", "time of step 2: 'before' has no number"),
         ("2 um/s", "is not 'time: velocity'"),
         ("0 s: 2", "velocity of step 1: '2' has no unit"),
         ("0: 2 um/s", "time of step 1: '0' has no unit"),

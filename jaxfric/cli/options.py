@@ -41,7 +41,10 @@ Reduce = Annotated[
 ]
 Steps = Annotated[
     str | None,
-    Parameter(help="Velocity steps, '0 s: 2 um/s, 60 s: 20 um/s', instead of those found."),
+    Parameter(
+        help="Velocity steps, '0 s: 2 um/s, 60 s: 20 um/s', instead of those found; of a record"
+        " that begins at the step: 'before: 2 um/s, 0 s: 20 um/s'."
+    ),
 ]
 
 

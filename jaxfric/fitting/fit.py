@@ -276,7 +276,8 @@ def steps_of(record: Record, steps: VelocitySteps | str | None) -> VelocitySteps
         why = speeds_without_steps(record, steps) if found else None
         advice = (found and slips_told(record, steps)) or (
             "A, B and L need at least one change of velocity. Give the steps, as in --steps"
-            " '0 s: 2 um/s, 60 s: 20 um/s'"
+            " '0 s: 2 um/s, 60 s: 20 um/s', or of a record that begins at the step the velocity"
+            " before it, as in --steps 'before: 2 um/s, 0 s: 20 um/s'"
         )
         raise InputError(f"{record.provenance.path}: no velocity step: {why or how}; {advice}")
     if steps.velocities[0] == 0:

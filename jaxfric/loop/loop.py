@@ -108,7 +108,7 @@ def _step_bench(
     stress = _stress(record)
     asked = with_channels(record, law, asked, stress=stress is not None)
     progress("base fit of the whole record")
-    _refuse_stops(record, found_steps)
+    _refuse_turns(record, found_steps)
     say = lambda text: progress(f"base fit of the whole record: {text}")  # noqa: E731
 
     def problem_with(values: Mapping[str, float], blocks: Blocks) -> tuple[Problem, np.ndarray]:
@@ -183,16 +183,14 @@ def _stress(record: Record) -> NormalStress | None:
     return stress.padded(bucket(len(stress.knots), 256))  # a few lengths are compiled
 
 
-def _refuse_stops(record: Record, steps: VelocitySteps) -> None:
-    """Refuse a record whose load point stops or moves backwards, before anything is fitted."""
-    stops = np.flatnonzero(steps.velocities <= 0)
-    if len(stops) == 0:
+def _refuse_turns(record: Record, steps: VelocitySteps) -> None:
+    """Refuse a record whose load point moves backwards, before anything is fitted."""
+    turns = np.flatnonzero(steps.velocities < 0)
+    if len(turns) == 0:
         return
-    k = int(stops[0])
-    what = "stops" if steps.velocities[k] == 0 else "moves backwards"
+    k = int(turns[0])
     moving = f" It moves forwards before that: --to '{steps.times[k]:.4g} s'" if k > 1 else ""
     raise InputError(
-        f"{record.provenance.path}: the load point {what} at {steps.times[k]:.4g} s; the loop takes"
-        " forward motion without holds ('jaxfric fit' takes holds). Cut the record with --from and"
-        f" --to.{moving}"
+        f"{record.provenance.path}: the load point moves backwards at {steps.times[k]:.4g} s; the"
+        f" loop takes forward motion. Cut the record with --from and --to.{moving}"
     )

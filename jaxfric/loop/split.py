@@ -45,7 +45,8 @@ def split(time: np.ndarray, steps: VelocitySteps) -> Blocks:
     before it the select block; where there are steps enough, the first at the fastest and the
     first at the slowest velocity train. With two, the second is the report block and the last
     quarter of the first, by displacement, the select block. A single step is cut into before and
-    transient (the first 60 %), which train, and tail, whose halves select and report.
+    transient (the first 60 %), which train, and tail, whose halves select and report. A hold and
+    what follows it are one step; where there are three or more, that of the longest hold trains.
 
     Raises
     ------
@@ -53,17 +54,21 @@ def split(time: np.ndarray, steps: VelocitySteps) -> Blocks:
     """
     segment = np.searchsorted(np.asarray(steps.times), time, side="right") - 1
     segment = np.maximum(segment, 0)
-    last = len(steps) - 1
+    first = np.flatnonzero(np.append(True, steps.velocities[:-1] != 0))
+    unit = np.searchsorted(first, segment, side="right") - 1
+    last = len(first) - 1
     if last >= 3:
-        size, held = _size(last), _held_out(steps.velocities)
-        report, select = np.isin(segment, held[-size:]), np.isin(segment, held[:-size])
+        speeds = np.maximum.reduceat(np.abs(steps.velocities), first)
+        size, held = _size(last), _held_out(speeds, _longest_hold(time, steps, first))
+        report, select = np.isin(unit, held[-size:]), np.isin(unit, held[:-size])
         blocks = Blocks(~(select | report), select, report, segment, True)
     elif last == 2:
-        select = (segment == 1) & (_share(time, steps, 1) >= _QUARTER)
-        report = segment == 2
+        select = (unit == 1) & (_share(time, steps, *first[1:]) >= _QUARTER)
+        report = unit == 2
         blocks = Blocks(~(select | report), select, report, segment, True)
     else:
-        share = np.where(segment == last, _share(time, steps, last), 0.0)
+        end = len(steps) - 1
+        share = np.where(segment == end, _share(time, steps, end, end + 1), 0.0)
         report, select = share >= _TAIL[1], (share >= _TAIL[0]) & (share < _TAIL[1])
         blocks = Blocks(~(select | report), select, report, segment, False)
     refuse_short(blocks)
@@ -201,12 +206,20 @@ def _size(last: int) -> int:
     return max(1, round(last / 6))
 
 
-def _held_out(speeds: Sequence[float] | np.ndarray) -> np.ndarray:
+def _held_out(speeds: Sequence[float] | np.ndarray, hold: Sequence[int] = ()) -> np.ndarray:
     """The last of three steps or more that lie within velocities which train, in order: those that
-    select and those that report; velocity 0 begins the record."""
+    select and those that report; velocity 0 begins the record, and the step of a `hold` trains."""
     speed, number = np.abs(np.asarray(speeds)), 2 * _size(len(speeds) - 1)
-    within = np.setdiff1d(np.arange(1, len(speed)), list(_ends(speed)))
-    return within[-number:] if len(within) >= number else np.arange(len(speed))[-number:]
+    others = np.setdiff1d(np.arange(len(speed)), hold)
+    within = np.setdiff1d(others[others > 0], list(_ends(speed)))
+    return within[-number:] if len(within) >= number else others[-number:]
+
+
+def _longest_hold(time: np.ndarray, steps: VelocitySteps, first: np.ndarray) -> list[int]:
+    """The step with the longest hold, if there is one; steps begin with the velocities `first`."""
+    rests = np.where(steps.velocities == 0, np.diff(np.append(steps.times, time[-1])), 0.0)
+    longest = [int(np.searchsorted(first, np.argmax(rests), side="right")) - 1]
+    return longest if rests.max() > 0 else []
 
 
 def _ends(speed: np.ndarray) -> set[int]:
@@ -216,9 +229,10 @@ def _ends(speed: np.ndarray) -> set[int]:
     return {fastest, int(np.argmax(speed <= speed.min() / _SAME))}
 
 
-def _share(time: np.ndarray, steps: VelocitySteps, k: int) -> np.ndarray:
-    """Share of the displacement of the k-th velocity that lies behind every row (n,)."""
-    last = steps.times[k + 1] if k + 1 < len(steps) else time[-1]
-    begin, end = np.asarray(steps.displacement(np.asarray([steps.times[k], last])))
+def _share(time: np.ndarray, steps: VelocitySteps, k: int, end: int) -> np.ndarray:
+    """Share of the displacement from velocity k up to velocity `end` that lies behind every row
+    (n,)."""
+    last = steps.times[end] if end < len(steps) else time[-1]
+    begin, stop = np.asarray(steps.displacement(np.asarray([steps.times[k], last])))
     x = np.asarray(steps.displacement(time)) - begin
-    return x / (end - begin) if end != begin else np.zeros_like(x)
+    return x / (stop - begin) if stop != begin else np.zeros_like(x)

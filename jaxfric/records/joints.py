@@ -20,9 +20,10 @@ two blocks, of at least so many rows."""
 _MEANS, _FEWEST, _WEAK = 400, 20, 8.0
 """A part is looked at again by so many means; a joint that lifts the line by so many of their
 scatters is one where friction answers."""
-_GAP, _AROUND, _FILLED = 10.0, 11, 40
-"""A gap lasts so many times any interval of so many rows on either side; rows put into it. A clock
-whose intervals differ tenfold has no gap in each long one."""
+_GAP, _AROUND, _FILLED = 5.0, 11, 40
+"""A gap lasts so many times any interval of so many rows on either side; rows put into it. Any: a
+clock whose intervals differ tenfold by chance has no gap in each long one. Beside the pauses of
+p655 as its script reduces it, the longest of them is a tenth of the pause."""
 _PLACES = 8
 """A part is at least so many times as long as what is compared on either side of a joint."""
 _ANSWER = 5.0
@@ -74,8 +75,8 @@ def fit_broken_line(
 
 
 def gaps(time: np.ndarray) -> np.ndarray:
-    """Rows after which a recorder paused: the interval is more than ten times any of the eleven on
-    either side."""
+    """Rows after which a recorder paused: the interval is more than five times any of the eleven
+    on either side."""
     steps = np.diff(time)
     around = np.lib.stride_tricks.sliding_window_view(np.pad(steps, _AROUND), 2 * _AROUND + 1)
     others = np.delete(around, _AROUND, axis=1).max(axis=1)
