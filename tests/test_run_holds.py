@@ -77,7 +77,7 @@ def test_hold_or_law_that_follows_another(time, velocity, stop, same):
 def leaves(times, *warnings):
     """A fit that leaves so many times the scatter of its record; A is known, B and L are not."""
     record = SimpleNamespace(friction=np.random.default_rng(0).standard_normal(4000))
-    known = {n: SimpleNamespace(value=1.0, determined=n == "A") for n in "ABL"}
+    known = {n: SimpleNamespace(value=1.0, std=0.1, determined=n == "A") for n in "ABL"}
     rms = times * noise_from_differences(record.friction)
     return SimpleNamespace(record=record, rms=rms, warnings=warnings, parameters=known)
 
@@ -166,6 +166,8 @@ def test_hold_or_law_is_not_told_by_a_fit_that_leaves_many_times_the_scatter(
     assert row["ln L slip - ageing"] == (None if law is None else preference)
     withheld = "no law is told, the" in text and "times the scatter" in text
     assert withheld == ("times the scatter" in row["result"]) == (law is None)
+    line = f"hold at 2636.46 s, {law} law: A 1.00(10), B -, L -"
+    assert (line in told(made)) == (law is not None)
     good = hold(10.0, 0.01, preference=-4.0, fits={"slip": leaves(3), "ageing": leaves(1)}, group=2)
     # +5 and -4 together tell nothing, and what has no say takes nothing from the other
     assert preferred([*made, good])[0] == (None if law == "slip" else "ageing")

@@ -391,6 +391,24 @@ def told(holds: Sequence[Hold], unit: str = "1", others: Sequence[LeftOut] = ())
             )
         else:
             lines.append(f"through the holds the {law} law fits better ({by})")
+            lines += _parameters_told(compared, law, force)
+    return lines
+
+
+def _parameters_told(holds: Sequence[Hold], law: str, force: str) -> list[str]:
+    """A line on A, B and L of a law for every group of holds that it was fitted to."""
+    lines = []
+    for group in dict.fromkeys(hold.group for hold in holds if law in hold.fits):
+        of = [hold for hold in holds if hold.group == group]
+        p = of[0].fits[law].parameters
+        values = [
+            f"{name} {measured(scale * p[name].value, scale * p[name].std)}{unit}"
+            if p[name].determined
+            else f"{name} -"
+            for name, scale, unit in (("A", 1.0, force), ("B", 1.0, force), ("L", 1e6, " um"))
+        ]
+        times = ", ".join(f"{hold.time:.6g}" for hold in of)
+        lines.append(f"hold at {times} s, {law} law: {', '.join(values)}")
     return lines
 
 
