@@ -268,6 +268,25 @@ def test_stick_slip_is_the_answer(noise, tmp_path):
     assert content["gains"]["slowest"] > 0.09 and "stick and slip" in sentence(loop)
 
 
+def test_what_runs_claim_goes_with_them(tmp_path):
+    """Stick-slip with the runs that rest; friction and stability with those of one direction."""
+    slow_joint(tmp_path / "runs")
+    _, content = told(tmp_path / "runs")
+    found = {one["code"]: one for one in content["findings"]}
+    assert set(found) == {"stick_slip", "friction", "stability"}
+    names = content["curve"]["runs"]
+
+    def without(code):
+        """The codes that are left without the runs of a claim, of friction that backwards."""
+        for start, stop in found[code]["rows"]:
+            for name in names[start:stop]:
+                (tmp_path / "runs" / name).rename(tmp_path / f"{code}{name}")
+        return {one["code"] for one in told(tmp_path / "runs")[1]["findings"]}
+
+    assert without("stick_slip") == set(found)  # of the run the other way
+    assert without("friction") == {"stick_slip"}
+
+
 @pytest.mark.parametrize("noise", [0.002, 0.02, 0.08])
 def test_even_runs_do_not_stick_and_slip(noise, tmp_path):
     slow_joint(tmp_path / "runs", slipping=(), noise=noise)

@@ -27,6 +27,8 @@ class LoopCode(StrEnum):
     """Friction of an axis in one direction; values: direction, slowest and fastest speed."""
     STABILITY = "stability"
     """What friction means for the motion of an axis; values: kind, slowest and fastest speed."""
+    STICK_SLIP = "stick_slip"
+    """A run at steady speed rests and slips in turn; values: speed, share of the time at rest."""
     STRUCTURE = "structure_left"
     """What is left is not noise; values: p-value by test."""
     BLOCK = "error_left"

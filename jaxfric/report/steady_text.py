@@ -8,6 +8,7 @@ from ..fitting.quantisation import step_words
 from ..fitting.table import noise_lines
 from ..gains.axis_result import AxisGains, Shown
 from ..loop.result import TextTable
+from ..loop.steady.findings import steady_findings
 from ..loop.steady.loop import SteadyLoop, steady_gains
 from ..loop.steady.model import SteadyModel
 from ..loop.steady.noise import SteadyNoise
@@ -133,6 +134,7 @@ def to_json(loop: SteadyLoop, noise: SteadyNoise | None = None) -> dict:
         "verdict": loop.verdict,
         "sentence": loop.sentence,
         "withheld": list(loop.withheld),
+        "findings": [one.to_json(curve.speed) for one in steady_findings(loop)],
         "stick_slip": [one._asdict() for one in curve.stick_slip],
         "load": None if curve.load is None else _load_json(curve.load),
         "effects": list(loop.final.effects),

@@ -1,0 +1,47 @@
+"""What a curve of steady speeds claims, and the runs that each claim rests on."""
+
+import numpy as np
+
+from ...findings import Finding, Severity
+from ..findings import LoopCode, deciding_rows
+from .loop import SteadyLoop, steady_gains
+
+
+def steady_findings(loop: SteadyLoop) -> tuple[Finding, ...]:
+    """Stick-slip, effects, friction by direction and stability; masks are of the runs of the curve.
+
+    Where the fit is withheld only stick-slip is claimed: it is seen in the runs themselves.
+    """
+    curve, gains = loop.curve, steady_gains(loop)
+    signed, names = np.asarray(curve.speed), np.asarray(curve.names)
+    speed, found = np.abs(signed), []
+    for one in curve.stick_slip:
+        values = {"speed": one.speed, "at_rest": one.at_rest}
+        found.append(_claim(LoopCode.STICK_SLIP, values, names == one.run))
+    if loop.withheld or gains.curve is None:
+        return tuple(found)
+    found += [_effect(loop, id) for id in loop.final.effects if id not in loop.base.effects]
+    ends = {"slowest": gains.curve.slowest, "fastest": gains.curve.fastest}
+    within = loop.used & (ends["slowest"] <= speed) & (speed <= ends["fastest"])
+    for direction, sign in (("forwards", 1), ("backwards", -1)):
+        values = {"direction": direction, **ends}
+        found.append(_claim(LoopCode.FRICTION, values, within & (sign * signed > 0)))
+    if gains.claim.kind != "open":
+        found.append(_claim(LoopCode.STABILITY, {"kind": gains.claim.kind, **ends}, within))
+    return tuple(found)
+
+
+def _claim(code: LoopCode, values: dict, runs: np.ndarray) -> Finding:
+    return Finding(code, Severity.CLAIM, values, runs)
+
+
+def _effect(loop: SteadyLoop, id: str) -> Finding:
+    """The runs that decide for an effect: against the base, fitted anew to the others."""
+    curve, final = loop.curve, loop.final
+    speed = np.asarray(curve.speed)
+    error = np.hypot(np.asarray(curve.error), final.spread)
+    line = np.stack([np.sign(speed), speed, np.ones_like(speed)], axis=1)
+    difference = (loop.base.force(speed) - final.force(speed)) / error
+    runs = deciding_rows(difference, line / error[:, None], loop.used)
+    values = {"effect": id, "delta_bic": loop.base.bic - final.bic}
+    return _claim(LoopCode.EFFECT, values, runs)
