@@ -29,6 +29,7 @@ from rich.console import Console
 from jaxfric.cli import options
 from jaxfric.cli.app import app
 from jaxfric.cli.call import in_new_words
+from jaxfric.cli.looped import tell_loop
 from jaxfric.effects import AXIS_CATALOGUE, CATALOGUE
 from jaxfric.findings import Finding, Severity
 from jaxfric.fitting import Estimate, Fit, NoiseEstimate, NoisePart
@@ -1214,6 +1215,14 @@ def test_a_refit_tells_effects_that_look_alike(snapshot):
         texts[f"BIC {delta_bic}, converged: {converged}"] = "\n".join(lines)
         assert (re.search("slip_trend.*time_drift", lines[-1]) is not None) == alike
     snapshot("alike", texts)
+
+
+@pytest.mark.parametrize(("severity", "code"), [(Severity.WITHHELD, 1), (Severity.CAUTION, 0)])
+def test_a_verdict_that_is_withheld_is_no_result_to_rely_on(severity, code, capsys) -> None:
+    loop = make_loop("ambiguous")
+    why = Finding(LoopCode.EDGE, severity, {"ratio": 1.02}, loop.blocks.train)
+    folder: Any = SimpleNamespace(close=lambda: 0)
+    assert tell_loop(dataclasses.replace(loop, findings=(why,)), "{}", folder) == code
 
 
 def test_an_effect_is_told_from_all_others_only_where_noise_is_left() -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import InputError
+from ..findings import Severity
 from .call import current_call
 from .common import stdout_console, warn
 from .folder import Folder
@@ -42,13 +43,15 @@ def save_loop(result: "Loop", folder: Folder, progress: Callable[[str], None]) -
 
 
 def tell_loop(result: "Loop", content: str, folder: Folder) -> int:
-    """Print the JSON's text where there is one, else the tables; warn; the verb's exit code."""
+    """Print the JSON's text where there is one, else the tables; warn; the verb's exit code, 1
+    where the verdict is withheld."""
     if content:
         print(content)
     else:
         _print(result, folder)
     warn(result.warnings)
-    return folder.close()
+    withheld = any(one.severity is Severity.WITHHELD for one in result.findings)
+    return folder.close() or int(withheld)
 
 
 def _print(result: "Loop", folder: Folder) -> None:
