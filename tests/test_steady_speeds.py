@@ -12,6 +12,7 @@ from command import run
 import jaxfric as jf
 from jaxfric.compensation import NothingToCompensate
 from jaxfric.loop.steady.model import fit_model
+from jaxfric.records.rests import rests
 from jaxfric.records.steady import SteadyCurve
 from jaxfric.report.steady_text import sentence, to_json
 
@@ -292,6 +293,14 @@ def test_even_runs_do_not_stick_and_slip(noise, tmp_path):
     slow_joint(tmp_path / "runs", slipping=(), noise=noise)
     _, content = told(tmp_path / "runs")
     assert content["stick_slip"] == [] and content["verdict"] == "no_missing_effect"
+
+
+def test_an_axis_that_trembles_at_the_end_of_its_way_does_not_stick_and_slip():
+    """Two seconds at 1.5 rad/s, then rest with a few jumps of a three-hundredth of that."""
+    row, random = np.arange(1000), np.random.default_rng(1)
+    v = np.where(row < 400, 1.5, np.where(row % 100 < 3, 5e-3, 0.0))
+    v += random.normal(0, np.where(row < 400, 0.05, 1e-4))
+    assert rests(v, 9.0 + random.normal(0, 0.1, 1000)) is None
 
 
 def test_stops_of_the_drive_are_no_stick_slip(tmp_path):

@@ -81,6 +81,11 @@ def rests(
         or -along[along < -level].sum() > _BACK * way
     ):
         return None
+    if (
+        along[edges[0][1] : edges[-1][1]].mean()
+        < _OF_THE_WAY * along[moving[0] : moving[-1]].mean()
+    ):
+        return None  # it went its way before, and trembles at the end of it
     rows = [slice(start * size, stop * size) for start, stop in edges]
     if _on_purpose(rows, sign * force, reference, abs(float(velocity.mean()))):
         return None
