@@ -38,13 +38,13 @@ def motion(forwards, backwards, strokes=4, length=0.06):
     return gaussian_filter1d(np.concatenate([*pieces, np.zeros(20)]), 4.0)
 
 
-def record_of(velocity, seed=0):
-    """A record with Coulomb and viscous friction and an offset."""
+def record_of(velocity, seed=0, load=0.0):
+    """A record with Coulomb and viscous friction, an offset, and a load that swings on its own."""
     random = np.random.default_rng(seed)
     time = np.arange(len(velocity)) / RATE
     position = np.cumsum(velocity) / RATE
     force = M * np.gradient(velocity, 1 / RATE) + FC * np.tanh(velocity / 1e-4) + FV * velocity + F0
-    force += NOISE * random.standard_normal(len(time))
+    force += NOISE * random.standard_normal(len(time)) + load * np.sin(2.4 * time)
     position += 2e-7 * random.standard_normal(len(time))
     return axis_from_arrays(time, force, position=position)
 
@@ -90,6 +90,18 @@ def test_with_several_speeds_the_parameters_are_those_of_the_axis():
     assert curve.fastest == pytest.approx(2e-2, rel=0.05) and not at_one_speed(loop.details.driven)
     assert loop.details.found() == ""
     assert curve_claim(curve).kind == "free"
+
+
+@pytest.mark.parametrize(("load", "claimed"), [(12.0, False), (1.0, True)])
+def test_a_load_as_large_as_friction_leaves_nothing_to_claim(load, claimed):
+    """That of another joint: what it does not explain a model may not sell as known friction."""
+    strokes = motion((5e-3, 2e-2, 5e-2, 1e-2), (5e-3, 1e-2, 2e-2, 5e-2), strokes=2)
+    loop = jf.close_axis_loop(record_of(strokes, load=load), without=tuple(AXIS_CATALOGUE))
+    assert any(one.code == "friction" for one in loop.findings) is claimed
+    if not claimed:
+        assert loop.details.gains.claim.kind == "open"
+        with pytest.raises(jf.InputError, match="no rows support"):
+            jf.feedforward(loop)
 
 
 def test_speeds_of_a_direction_are_those_of_nine_rows_in_ten():

@@ -151,9 +151,15 @@ class AbstractBench(abc.ABC):
 
     @abc.abstractmethod
     def details(
-        self, engine: Engine, found: Search, after: Score, progress: Callable[[str], None]
+        self,
+        engine: Engine,
+        found: Search,
+        after: Score,
+        missed: float,
+        progress: Callable[[str], None],
     ) -> LoopDetails | None:
-        """Further results of this kind of rig; None where it has none."""
+        """Further results of this kind of rig; None where it has none. `missed`: root mean square
+        of what the model leaves of the report block beyond its noise, in the unit of friction."""
 
 
 def offered(
@@ -225,7 +231,8 @@ def run(
         withheld=bench.withheld(engine, found),
     )
     alone = dataclasses.replace(after.noise, sigma=floor.sigma)  # everything smooth taken out
-    rows, details = bench.rows(engine), bench.details(engine, found, after, progress)
+    missed = np.sqrt(max(after.rms["report"] ** 2 - (floor.most["report"] * floor.later) ** 2, 0.0))
+    rows, details = bench.rows(engine), bench.details(engine, found, after, missed, progress)
     effects = effect_findings(engine, found, told.verdict, rows.used)
     return Loop(
         record=record,

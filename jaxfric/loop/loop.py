@@ -165,7 +165,12 @@ class SliderBench(AbstractSliderBench):
         return self.record, self.base_fit
 
     def details(
-        self, engine: Engine[Problem], found: Search, after: Score, progress: Callable[[str], None]
+        self,
+        engine: Engine[Problem],
+        found: Search,
+        after: Score,
+        missed: float,
+        progress: Callable[[str], None],
     ) -> LoopDetails | None:
         """None: a slider has no further results."""
         return None

@@ -237,7 +237,12 @@ class RunBench(AbstractSliderBench):
         return self.joined.rows, RunBase(self.base_fit, self.joined.shown_steps())
 
     def details(
-        self, engine: Engine[Problem], found: Search, after: Score, progress: Callable[[str], None]
+        self,
+        engine: Engine[Problem],
+        found: Search,
+        after: Score,
+        missed: float,
+        progress: Callable[[str], None],
     ) -> "RunDetails":
         """The stretches of the run and their levels."""
         return RunDetails(self.joined, after)

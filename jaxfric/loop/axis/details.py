@@ -15,7 +15,7 @@ from ...records.axis_record import AxisRecord, Drive
 from ...rig import Inertial, Rig
 from ...rig.axis import AxisRig
 from ...rig.axis_law import axis_law
-from ...stability.claims import Curve
+from ...stability.claims import Curve, Unseen
 from ...stability.linear import linearise
 from ...stability.margins import margin
 from ..engine import Engine
@@ -25,6 +25,9 @@ from .driven import Driven
 from .reading import Reading
 from .result import AxisDetails, AxisRows, Spring
 from .seen import Seen, seen
+
+_LARGEST = 0.5
+"""Share of the friction that a model may miss of the force where it still tells the friction."""
 
 
 def as_published(problem: AxisProblem, prepared: Prepared, rows: AxisRows) -> AxisProblem:
@@ -49,12 +52,13 @@ def details_of(
     directions: tuple[Driven, ...],
     withheld: str,
     spring: Spring | None,
+    missed: float,
     progress: Callable[[str], None],
 ) -> AxisDetails:
     """Both fits of the base and of the final model, over all rows; `told` are the parameters that
-    the loop ends with (`Estimate` by name), which stand beside them;
-    `directions` as by `driven`; `withheld`: why there is no
-    verdict; `spring` as by `spring_of`."""
+    the loop ends with (`Estimate` by name), which stand beside them; `directions` as by `driven`;
+    `withheld`: why there is no verdict; `spring` as by `spring_of`; `missed`: what the model leaves
+    of the report block beyond its noise [F]."""
     prepared, rows = reading.prepared, reading.rows
     usual_force = as_published(problem, prepared, rows)
     fits: list[tuple[str, AxisFit]] = []
@@ -74,6 +78,12 @@ def details_of(
     unit = "rad" if record.coordinate == "rotary" else "m"
     known = seen(engine, found, rows, prepared, unit, directions, withheld)
     place = float(np.median(rows.position))
+    own = friction_of(rig, place, float(np.median(np.abs(rows.velocity[rows.used]))))
+    if missed > _LARGEST * own:
+        unit_of = record.force_unit
+        what = f"the model misses the test block by {missed:.2g} {unit_of} beyond noise"
+        why = f"{what}, where friction is {own:.2g} {unit_of}"
+        known = known._replace(unseen=(*known.unseen, Unseen(why, np.inf)))
     gains = _gains(rig, place, known, record.drive)
     return AxisDetails(
         tuple(fits),
@@ -91,6 +101,13 @@ def details_of(
         withheld,
         spring,
     )
+
+
+def friction_of(rig: AxisRig, position: float, speed: float) -> float:
+    """|F(v) - F(-v)|/2 [F] at a position and a speed: what turns with the direction."""
+    v = jnp.asarray([speed, -speed])
+    force = rig.friction(jnp.asarray(position), v, jnp.zeros_like(v), rig.steady(v))
+    return 0.5 * abs(float(force[0] - force[1]))
 
 
 def turning_acceleration(rows: AxisRows, acceleration: np.ndarray) -> float:

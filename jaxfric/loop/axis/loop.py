@@ -281,6 +281,7 @@ class AxisBench(AbstractBench):
         engine: Engine[AxisProblem],
         found: Search,
         after: Score,
+        missed: float,
         progress: Callable[[str], None],
     ) -> AxisDetails:
         """Fits over all rows, gains, and friction and stability as far as rows support them."""
@@ -294,6 +295,7 @@ class AxisBench(AbstractBench):
             self.driven,
             self.reason,
             self.spring,
+            missed,
             progress,
         )
         claims = axis_claims(self.counted, self.driven, details)
