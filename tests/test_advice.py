@@ -137,7 +137,7 @@ PARSERS: dict[str, Callable[[str], object]] = {
     "--steps": VelocitySteps.parse,
     "--stiffness": one_of("1/m", "N/m"),
     "--to": values("s", "m"),
-    "--velocity": values("m/s"),
+    "--velocity": values("rad/s", "m/s"),
     "--velocity-gain": one_of("N*s/m", "N*m*s/rad", "V*s/m", "V*s/rad", "A*s/m", "A*s/rad"),
 }
 """How the value of an option is read. Others are choices and counts, which cyclopts reads."""

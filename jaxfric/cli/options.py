@@ -179,7 +179,7 @@ From = Annotated[
         help="A fit.json of 'jaxfric fit' (or posterior.nc of its --prior), or a loop.json of"
         " 'jaxfric loop' or 'jaxfric axis', from which the law is taken; of a loop with the effects"
         " that it found, of a posterior with its draws as samples. Or a table of friction against"
-        " speed: two columns with units, 'speed [mm/s],friction [N]'.",
+        " speed: two columns with units, speed [mm/s] and friction [N] say.",
     ),
 ]
 Memory = Annotated[
