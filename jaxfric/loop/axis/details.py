@@ -96,7 +96,9 @@ def details_of(
         float(rig.reach),
         turning_acceleration(rows, np.asarray(prepared.means(prepared.motion.acceleration))),
         estimates(engine, found.final, record.force_unit)[2],
-        None if gains.claim.kind == "open" else _borne(rig, place, gains, record.drive),
+        None
+        if gains.claim.kind == "open"
+        else _borne(rig, place, gains.worst_velocity, record.drive),
         directions,
         withheld,
         spring,
@@ -139,10 +141,8 @@ def _gains(rig: AxisRig, position: float, known: Seen, drive: Drive | None) -> A
     )
 
 
-def _borne(rig: AxisRig, position: float, gains: AxisGains, drive: Drive | None) -> float | None:
-    """Smallest delay [s] by which the drive's own gains no longer hold the axis at its worst
-    velocity."""
-    velocity = gains.worst_velocity
+def _borne(rig: AxisRig, position: float, velocity: float, drive: Drive | None) -> float | None:
+    """Smallest delay [s] by which the drive's own gains no longer hold the axis at a velocity."""
     mass = float(rig.mass)  # 0: not fixed by a record
     if drive is None or not drive.K_p or not drive.K_d or not mass > 0:
         return None
