@@ -23,6 +23,8 @@ JOINT = ("--law", "slip", "--parameters", "A=1 N m, B=3000 mNm, L=1 mrad, V0=2 m
 JOINT += ("--mass", "2 kg m^2", "--velocity", f"{np.degrees(2e-3):.17g} deg/s")
 REQUIRED = ("--margin", "stiffness=2", "--margin", "modulus=0", "--no-check", "--json")
 
+UNITS = {"kp": "N/m", "kv": "N s/m", "ki": "N/(m s)", "velocity": "m/s", "mass": "kg"}
+
 
 @pytest.fixture(autouse=True)
 def elsewhere(tmp_path, monkeypatch):
@@ -63,7 +65,7 @@ def test_gains_of_a_joint_are_those_of_a_slider_of_the_same_numbers():
     slider, joint = (run("gains", *options, *REQUIRED) for options in (SLIDER, JOINT))
     assert slider.code == joint.code == 0, joint.err
     known, found = json.loads(slider.out), json.loads(joint.out)
-    assert known["units"] == {"kp": "N/m", "kv": "N s/m", "velocity": "m/s", "mass": "kg"}
+    assert known["units"] == UNITS
     assert found["units"] == {
         "kp": "N m/rad",
         "kv": "N m s/rad",

@@ -25,6 +25,7 @@ from jaxfric.loop.evidence import evidence
 from jaxfric.loop.fixed import Part, inseparable, loose
 from jaxfric.loop.lately import Lately
 from jaxfric.loop.pace import Stopwatch
+from jaxfric.loop.refusal import Fault, Refusal
 from jaxfric.loop.residual_tests import (
     QUESTIONS,
     chi_square_tail,
@@ -498,7 +499,7 @@ def searched(found, cosines, *tried):
 
     def candidate(effects, bic, **more):
         return SimpleNamespace(
-            effects=effects, bic=bic, **{"physical": True, "failed": False, "takes": "", **more}
+            effects=effects, bic=bic, **{"physical": True, "failed": False, "refused": None, **more}
         )
 
     final = candidate(found, 100.0)
@@ -522,7 +523,7 @@ def test_what_cannot_be_told_apart():
     )
     assert _groups(search) == (("a", "c", "b"),)  # c looks alike, b fits as well
     assert _rivals(search) == [("a", "b")]  # c was refitted, and is worse
-    for bad in ({"physical": False}, {"failed": True}, {"takes": "takes B"}):
+    for bad in ({"physical": False}, {"failed": True}, {"refused": Refusal(Fault.TAKES, ("B",))}):
         assert _rivals(searched(("a",), cosines, (("b",), 1.0, bad))) == []
 
 
@@ -596,7 +597,7 @@ def end_of_search(monkeypatch, bic, loose=lambda effects: ()):
         lambda engine, candidate, scales: tuple(loose(candidate.effects)),
     )
     monkeypatch.setattr(search_module, "aliases", lambda *_: (tuple(Fitted.ids), cosines))
-    monkeypatch.setattr(search_module, "what_it_takes", lambda *_: "")
+    monkeypatch.setattr(search_module, "what_it_takes", lambda *_: ())
     engine, told = Fitted(bic), []
     return search_module.search(engine, [np.zeros(4)], None, most=3, progress=told.append)
 
@@ -617,7 +618,7 @@ def test_what_is_not_fixed_takes_no_place_and_says_why(monkeypatch):
     assert set(found.final.effects) == set("abd")
     (swapped,) = (c for c in found.tried if set(c.effects) == set("bcd"))
     assert swapped.bic < found.final.bic
-    assert swapped.refused == "c not fixed"
+    assert swapped.refused == Refusal(Fault.NOT_FIXED, ("c",))
 
 
 @pytest.mark.parametrize(("alone", "kept"), [(-111.0, "c"), (-109.0, "a")])
@@ -653,23 +654,24 @@ def scored(bic=0.0, train=1.0, select=1.0, physical=True, failed=False, likelier
 @pytest.mark.parametrize(
     ("candidate", "fault"),
     [
-        (scored(-10.1), ""),
-        (scored(-9.9), "too little evidence"),
-        (scored(-200.0, train=1.004), ""),
-        (scored(-200.0, train=1.006), "fits the train block worse"),  # its noise is likelier
-        (scored(-200.0, select=1.15), ""),
-        (scored(-200.0, select=1.25), "predicts the select block worse"),
-        (scored(-200.0, physical=False), "impossible parameters"),
-        (scored(-200.0, failed=True), "did not converge"),
-        (scored(np.nan), "too little evidence"),
-        (scored(0.1, likelier=10.1), "fits better than it predicts"),
-        (scored(0.1, likelier=9.9), "too little evidence"),
-        (scored(-0.1, likelier=100.0), "too little evidence"),
-        (scored(-200.0, train=np.nan), "fits the train block worse"),
+        (scored(-10.1), None),
+        (scored(-9.9), Fault.WEAK),
+        (scored(-200.0, train=1.004), None),
+        (scored(-200.0, train=1.006), Fault.TRAIN),  # its noise is likelier
+        (scored(-200.0, select=1.15), None),
+        (scored(-200.0, select=1.25), Fault.SELECT),
+        (scored(-200.0, physical=False), Fault.IMPOSSIBLE),
+        (scored(-200.0, failed=True), Fault.FAILED),
+        (scored(np.nan), Fault.WEAK),
+        (scored(0.1, likelier=10.1), Fault.OVERFITTED),
+        (scored(0.1, likelier=9.9), Fault.WEAK),
+        (scored(-0.1, likelier=100.0), Fault.WEAK),
+        (scored(-200.0, train=np.nan), Fault.TRAIN),
     ],
 )
 def test_what_keeps_a_candidate_from_being_taken(candidate, fault):
-    assert search_module.fault(scored(), candidate, 0.1) == fault
+    found = search_module.fault(scored(), candidate, 0.1)
+    assert (None if found is None else found.fault) is fault
 
 
 SIZE = RecordScales(1e-5, 1e-4, 1e-3, 1e-6, 1e-4, 0.1, 500.0)

@@ -187,6 +187,7 @@ def test_a_plan_says_whether_it_tells_effects_apart(tmp_path: Path) -> None:
 def test_gains_of_any_stiffness_are_told_as_the_command_does(tmp_path: Path, kp, delay, row):
     content = {"kp": kp, "kv": 1.0, "limits": {"kp": [2.035e-4, None]}, "controller_delay": delay}
     content |= {"scales": {"kp": 2.035e5}, "margins": {}, "required": {}, "law": "slip"}
+    content |= {"units": {"kp": "N/m", "kv": "N s/m"}}
     assert saved(tmp_path / "gains", **content).numbers.rows[0] == row
 
 
