@@ -15,7 +15,7 @@ A, B, L, B2, L2, K, V0 = 0.01, 0.012, 3 * UM, 0.006, 20 * UM, 1e4, 1 * UM
 NOISE = 2e-4
 
 
-def slider(velocities, hold=400 * UM, rows=200):
+def slider(velocities, hold=200 * UM, rows=100):
     """Time, load-point displacement and friction of a slip law with two states."""
     u, theta, time, load, friction = 0.0, np.zeros(2), [], [], []
     at = np.array([0.0, 0.0])  # time, displacement
@@ -60,13 +60,13 @@ def test_an_effect_is_claimed_by_its_rows(run):
     (effect,) = (one for one in loop.findings if one.code == "effect")
     assert effect.severity is Severity.CLAIM and effect.values["effect"] == "second_state"
     assert effect.values["delta_bic"] > 10
-    assert effect.rows[:200].mean() < 0.2 < effect.rows[200:].mean() < 0.95
+    assert effect.rows[:100].mean() < 0.2 < effect.rows[100:].mean() < 0.95
     told = loop.to_json()["findings"][0]
     assert sum(stop - start for start, stop in told["rows"]) == effect.rows.sum()
     assert {one["direction"] for one in told["support"]} == {"forwards"}
     assert looped(run, ~effect.rows).effects == ()
     # as many others may be missed
-    others = np.flatnonzero(~effect.rows & (np.arange(len(run[0])) >= 200))
+    others = np.flatnonzero(~effect.rows & (np.arange(len(run[0])) >= 100))
     kept = np.ones(len(run[0]), bool)
     kept[np.random.default_rng(0).permutation(others)[: effect.rows.sum()]] = False
     assert looped(run, kept).effects == ("second_state",)

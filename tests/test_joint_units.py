@@ -71,6 +71,7 @@ def test_gains_of_a_joint_are_those_of_a_slider_of_the_same_numbers():
         "kv": "N m s/rad",
         "velocity": "rad/s",
         "mass": "kg m^2",
+        "ki": "N m/(rad s)",
     }
     assert [found["kp"], found["kv"]] == pytest.approx([known["kp"], known["kv"]], rel=1e-9)
 
