@@ -413,7 +413,7 @@ def rests_on(loop: Loop) -> TextTable:
             rows.append((told, f"{part.rows}", part.direction, " to ".join(dict.fromkeys(ends))))
     head = ("statement", "rows", "direction", "speeds")
     note = (
-        "Without these rows it would not be said. Of an effect they are the fewest beside which the"
+        "Without these rows it would not be said. Of an effect they are few beside which the"
         f" models with it and without it differ by less than a BIC of {ACCEPT:g}; directions and"
         " speeds are those commanded, or those of the axis"
     )
