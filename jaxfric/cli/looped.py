@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import InputError
-from ..findings import Severity
 from .call import current_call
 from .common import stdout_console, warn
 from .folder import Folder
@@ -45,6 +44,8 @@ def save_loop(result: "Loop", folder: Folder, progress: Callable[[str], None]) -
 def tell_loop(result: "Loop", content: str, folder: Folder) -> int:
     """Print the JSON's text where there is one, else the tables; warn; the verb's exit code, 1
     where the verdict is withheld."""
+    from ..findings import Severity  # only here: the command begins without NumPy
+
     if content:
         print(content)
     else:
