@@ -143,7 +143,7 @@ class Feedforward(Described, Drawable, Tabular):
             "fade": {
                 "speed": self.fade.speed,
                 "decided_by": self.fade.decided_by,
-                "reasons": [one._asdict() for one in self.fade.reasons],
+                "reasons": self.fade.reasons,
             },
             "supported": {
                 "slowest": about.slowest,

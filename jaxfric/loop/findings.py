@@ -103,6 +103,26 @@ def deciding_rows(difference: np.ndarray, jacobian: np.ndarray, used: np.ndarray
     return used & ~kept
 
 
+def claim_between(
+    code: LoopCode,
+    told: Mapping[str, object],
+    velocity: np.ndarray,
+    used: np.ndarray,
+    ends: tuple[float, float],
+    *,
+    sign: float = 0.0,
+) -> Finding:
+    """A claim on friction between two speeds: its rows are those `used` (n) whose `velocity` (n) is
+    there; of one direction where it has a `sign`. Values: what is `told`, and the speeds."""
+    slowest, fastest = ends
+    speed = np.abs(velocity)
+    rows = used & (slowest <= speed) & (speed <= fastest)
+    if sign:
+        rows &= sign * velocity > 0
+    values = {**told, "slowest": slowest, "fastest": fastest}
+    return Finding(code, Severity.CLAIM, values, rows)
+
+
 def left_over(
     tests: dict[str, float],
     errors: Sequence[tuple[str, float, float]],

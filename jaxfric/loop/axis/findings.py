@@ -2,10 +2,8 @@
 
 from collections.abc import Sequence
 
-import numpy as np
-
-from ...findings import Finding, Severity
-from ..findings import LoopCode
+from ...findings import Finding
+from ..findings import LoopCode, claim_between
 from .driven import Driven, at_one_speed
 from .result import AxisDetails, AxisRows
 
@@ -21,18 +19,13 @@ def axis_claims(
     curve, single = details.gains.curve, at_one_speed(directions)
     if details.feedback or curve is None or (details.doubted() and not single):
         return ()
-    found, speed = [], np.abs(rows.velocity)
+    whole, found = (curve.slowest, curve.fastest), []
     for one in directions:
-        slowest, fastest = curve.slowest, curve.fastest
-        if single:
-            slowest, fastest = one.slowest, one.fastest
-        here = rows.used & (one.sign * rows.velocity > 0)
-        values = {"direction": one.direction, "slowest": slowest, "fastest": fastest}
-        here &= (slowest <= speed) & (speed <= fastest)
-        found.append(Finding(LoopCode.FRICTION, Severity.CLAIM, values, here))
-    claim = details.gains.claim
-    if claim.kind != "open":
-        here = rows.used & (curve.slowest <= speed) & (speed <= curve.fastest)
-        values = {"kind": claim.kind, "slowest": curve.slowest, "fastest": curve.fastest}
-        found.append(Finding(LoopCode.STABILITY, Severity.CLAIM, values, here))
+        ends = (one.slowest, one.fastest) if single else whole
+        told, way = {"direction": one.direction}, one.sign
+        friction = LoopCode.FRICTION
+        found.append(claim_between(friction, told, rows.velocity, rows.used, ends, sign=way))
+    if (kind := details.gains.claim.kind) != "open":
+        stability = LoopCode.STABILITY
+        found.append(claim_between(stability, {"kind": kind}, rows.velocity, rows.used, whole))
     return tuple(found)

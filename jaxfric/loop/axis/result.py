@@ -306,9 +306,9 @@ class AxisDetails:
                 "acceleration": self.acceleration,
                 "drive": None if drive is None else {"k_p": drive.K_p, "k_v": drive.K_d},
                 "bears": self.bears,
-                "driven": [one._asdict() for one in self.driven],
+                "driven": self.driven,
                 "withheld": self.feedback,
-                "spring": None if self.spring is None else self.spring._asdict(),
+                "spring": self.spring,
                 "covariance": self.covariance,
                 "gains": {
                     **least,

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ...findings import Finding, Severity
-from ..findings import LoopCode, deciding_rows
+from ..findings import LoopCode, claim_between, deciding_rows
 from .loop import SteadyLoop, steady_gains
 
 
@@ -14,20 +14,19 @@ def steady_findings(loop: SteadyLoop) -> tuple[Finding, ...]:
     """
     curve, gains = loop.curve, steady_gains(loop)
     signed, names = np.asarray(curve.speed), np.asarray(curve.names)
-    speed, found = np.abs(signed), []
+    found = []
     for one in curve.stick_slip:
         values = {"speed": one.speed, "at_rest": one.at_rest}
         found.append(_claim(LoopCode.STICK_SLIP, values, names == one.run))
     if loop.withheld or gains.curve is None:
         return tuple(found)
     found += [_effect(loop, id) for id in loop.final.effects if id not in loop.base.effects]
-    ends = {"slowest": gains.curve.slowest, "fastest": gains.curve.fastest}
-    within = loop.used & (ends["slowest"] <= speed) & (speed <= ends["fastest"])
+    ends, used = (gains.curve.slowest, gains.curve.fastest), loop.used
     for direction, sign in (("forwards", 1), ("backwards", -1)):
-        values = {"direction": direction, **ends}
-        found.append(_claim(LoopCode.FRICTION, values, within & (sign * signed > 0)))
-    if gains.claim.kind != "open":
-        found.append(_claim(LoopCode.STABILITY, {"kind": gains.claim.kind, **ends}, within))
+        told = {"direction": direction}
+        found.append(claim_between(LoopCode.FRICTION, told, signed, used, ends, sign=sign))
+    if (kind := gains.claim.kind) != "open":
+        found.append(claim_between(LoopCode.STABILITY, {"kind": kind}, signed, used, ends))
     return tuple(found)
 
 
