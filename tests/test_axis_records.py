@@ -1,6 +1,7 @@
 """Servo axes: MATLAB files, EPOS exports, the project's own CSV, and folders of steady runs."""
 
 import contextlib
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -721,7 +722,12 @@ def test_a_folder_of_steady_runs(tmp_path: Path) -> None:
     assert np.mean(1 / curve.effective) == pytest.approx(1 / expected, rel=0.4)
     notes = "\n".join(curve.provenance.notes)
     assert "6 steady runs of 10 files, from steady" in notes
-    assert "ramp.csv is left out: its speed is not steady, from 5 rpm to 200 rpm" in notes
+    (ramp,) = (note for note in notes.splitlines() if "ramp.csv" in note)
+    assert "is left out: its speed is not steady" in ramp and "--from and --to" in ramp
+    told = re.search(r"tenths are ([\d.]+) rpm to ([\d.]+) rpm", ramp)
+    assert told is not None
+    means = np.linspace(5, 200, 300).reshape(10, 30).mean(axis=1)
+    assert [float(x) for x in told.groups()] == pytest.approx(means[[0, -1]], rel=1e-2)
     assert "swing.csv is left out" in notes
     assert "rest.csv is left out: the axis stands still" in notes
     assert "trembles.csv is left out: the direction of its mean speed" in notes
@@ -730,6 +736,22 @@ def test_a_folder_of_steady_runs(tmp_path: Path) -> None:
     flipped = read_steady(tmp_path, flip=True, rated_torque=RATED)
     np.testing.assert_allclose(flipped.force, -curve.force[::-1] * 9.84e-5, rtol=1e-12)
     np.testing.assert_allclose(flipped.error, curve.error[::-1] * 9.84e-5, rtol=1e-9)
+
+
+@pytest.mark.parametrize("backwards", [False, True], ids=["start-up", "stop"])
+def test_a_start_up_below_its_noise_is_left_out(tmp_path: Path, backwards: bool) -> None:
+    """Speed whose scatter hides that it rises within the first seventh: the rest is kept."""
+    steady_folder(tmp_path)
+    random = np.random.default_rng(11)
+    rising = np.minimum(np.arange(3000) / 400, 1) * 20
+    v = (rising[::-1] if backwards else rising) + random.normal(0, 15, 3000)
+    written(tmp_path / "steady/slow.csv", epos_text(np.round(v), 21 + ar1(0.5, 3000, random)))
+    curve = read_steady(tmp_path)
+    at = curve.names.index("steady/slow.csv")
+    rows = curve.rows[at].number
+    steady = (rows < 2600) if backwards else (rows >= 400)
+    assert len(rows) >= 2400 and steady.mean() > 0.95
+    assert curve.speed[at] / RPM == pytest.approx(20, abs=1)
 
 
 def test_cells_typed_over_do_not_move_the_means(tmp_path: Path) -> None:

@@ -14,6 +14,8 @@ _BATCH = 5
 """Rows that are averaged before a start-up is looked for."""
 _BLOCKS = 10
 """Parts of a run whose mean speeds are compared."""
+_MOST_CUT = 4
+"""Parts that may be left out at the ends of a run because their speed differs."""
 _CHANGE = 0.1
 """The mean speed of a part differs from that of the run by less than this fraction."""
 _BACKWARD = 0.25
@@ -85,7 +87,7 @@ def steady_run(name: str, record: AxisRecord) -> Run:
         return Run(name, refused="the axis stands still")
     size = float(np.sqrt(np.mean(whole.speed**2)))
     slips = _rests(whole, record)
-    start, stop = steady_rows(whole.speed) if slips is None else (slips.first, slips.stop)
+    start, stop = _settled_rows(whole.speed) if slips is None else (slips.first, slips.stop)
     part = whole.part(slice(start, stop))
     if slips is None:
         part = part.part(~(outliers(part.speed) | outliers(part.force)))
@@ -200,7 +202,12 @@ def _refusal(speed: np.ndarray, whole: np.ndarray, record: AxisRecord) -> str:
     if len(speed) < MIN_ROWS:
         return _range(whole, record) + ", no steady part of 20 rows"
     if not _is_steady(speed):
-        return _range(whole, record)
+        means = [part.mean() for part in np.array_split(whole, _BLOCKS)]
+        low, high = (shown_speed(float(x), record) for x in (min(means), max(means)))
+        return (
+            f"its speed is not steady: means of its tenths are {low} to {high}, and no"
+            f" {_BLOCKS - _MOST_CUT} of them in a row agree (--from and --to choose the rows)"
+        )
     mean, spread = float(speed.mean()), float(speed.std(ddof=1))
     if abs(mean) <= 3 * spread / np.sqrt(effective_samples(speed)):
         shown = shown_speed(mean, record)
@@ -249,6 +256,24 @@ def steady_rows(speed: np.ndarray) -> tuple[int, int]:
     head, tail = _leading(inside), _leading(inside[::-1])
     stop = len(speed) if tail == 0 else (count - tail) * _BATCH
     return head * _BATCH, max(stop, 0)
+
+
+def _settled_rows(speed: np.ndarray) -> tuple[int, int]:
+    """`steady_rows`; where these are not steady, the most tenths of the run in a row that are.
+
+    Scatter that is larger than the speed hides a start-up from means of five rows; means of tenths
+    still show it. Of as many tenths the later ones are taken: a start-up is commoner than a stop.
+    """
+    start, stop = steady_rows(speed)
+    if stop - start < MIN_ROWS or _is_steady(speed[start:stop]):
+        return start, stop
+    ends = np.linspace(0, len(speed), _BLOCKS + 1).astype(int)
+    for cut in range(1, _MOST_CUT + 1):
+        for last in range(cut + 1):
+            part = int(ends[cut - last]), int(ends[_BLOCKS - last])
+            if part[1] - part[0] >= MIN_ROWS and _is_steady(speed[slice(*part)]):
+                return part
+    return start, stop
 
 
 def _leading(inside: np.ndarray) -> int:
