@@ -738,6 +738,24 @@ def test_a_folder_of_steady_runs(tmp_path: Path) -> None:
     np.testing.assert_allclose(flipped.error, curve.error[::-1] * 9.84e-5, rtol=1e-9)
 
 
+def test_other_joints_that_move_are_known_by_their_names(tmp_path: Path) -> None:
+    """Of seven joints the third is read: the first moves, the second trembles, the fourth is read
+    by a second encoder of the same shaft; columns of other quantities are none."""
+    t = np.arange(400) / 100
+    own = np.sin(t)
+    columns = {"time [s]": t, "q1 [rad]": np.cos(3 * t), "q2 [rad]": 0.01 * np.cos(t)}
+    columns |= {"q3 [rad]": own, "q4 [rad]": 2 * own, "tau1 [N m]": np.cos(t), "tau3 [N m]": own}
+    file = tmp_path / "arm.csv"
+    rows = np.stack(list(columns.values()), axis=1)
+    np.savetxt(file, rows, delimiter=",", header=",".join(columns), comments="")
+    asked = {"position": "q3", "motor_force": "tau3"}
+    assert read_axis(file, columns=asked).others == ("q1",)
+    assert read_axis(file, columns={**asked, "position": "q4"}).others == ("q1",)
+    without = file.read_text().replace("q1 [rad]", "phase [rad]")
+    file.write_text(without)
+    assert read_axis(file, columns=asked).others == ()
+
+
 @pytest.mark.parametrize("backwards", [False, True], ids=["start-up", "stop"])
 def test_a_start_up_below_its_noise_is_left_out(tmp_path: Path, backwards: bool) -> None:
     """Speed whose scatter hides that it rises within the first seventh: the rest is kept."""

@@ -1,5 +1,7 @@
 """What is claimed has its rows; taken out of the record, it is claimed no more."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -75,7 +77,7 @@ def test_an_effect_is_claimed_by_its_rows(run):
 RATE, M, FC = 200.0, 4.0, 9.0
 
 
-def axis(speeds, back=None, strokes=3, length=0.05):
+def axis(speeds, back=None, strokes=3, length=0.05, others=()):
     """Motor force of an axis whose friction falls up to 10 mm/s and then grows, and which of the
     rows are of strokes at each speed, there and back; `back` has the speeds of the way back."""
     pieces, marks = [np.zeros(20)], [np.zeros(20)]
@@ -93,6 +95,7 @@ def axis(speeds, back=None, strokes=3, length=0.05):
     force += 0.05 * random.standard_normal(len(v))
     position = np.cumsum(v) / RATE + 2e-7 * random.standard_normal(len(v))
     record = axis_from_arrays(time, force, position=position)
+    record = dataclasses.replace(record, others=others)
     offered = sorted(set(AXIS_CATALOGUE) - {"stribeck"})
     return jf.close_axis_loop(record, without=offered)
 
@@ -106,7 +109,7 @@ def claims(loop):
 
 @pytest.fixture(scope="module")
 def both_ways():
-    return axis(SPEEDS)
+    return axis(SPEEDS, others=("q2", "q3"))
 
 
 def test_falling_friction_is_claimed_by_the_slow_strokes_of_both_directions(both_ways):
@@ -126,6 +129,14 @@ def test_without_the_slow_strokes_falling_friction_is_not_claimed(back):
     found = claims(loop).get("stability")
     assert found is None or found.values["slowest"] > 1.2e-2
     assert found is None or found.values["kind"] == "free"
+    assert not [one for one in loop.findings if one.code == "other_joints_move"]
+
+
+def test_effects_of_a_joint_among_moving_ones_are_not_told_from_all_others(both_ways):
+    (found,) = (one for one in both_ways.findings if one.code == "other_joints_move")
+    assert found.severity is Severity.CAUTION and found.values["columns"] == ("q2", "q3")
+    assert any("q2, q3" in text for text in both_ways.warnings)
+    assert both_ways.effects and "from every other effect" not in both_ways.summary()
 
 
 def test_friction_is_claimed_in_the_directions_and_at_the_speeds_that_were_driven(both_ways):

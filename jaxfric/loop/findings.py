@@ -43,11 +43,14 @@ class LoopCode(StrEnum):
     """The base cannot be simulated where its fit ended."""
     FEEDBACK = "force_follows_position"
     """The force is that of the position of `late` seconds before alone."""
+    OTHERS = "other_joints_move"
+    """Other joints move in the record of an axis; values: their columns."""
     SPRING = "never_slid"
     """The force of an axis is that of a spring; values: stiffness, std, hysteresis, unit."""
 
 
 _PART = 20
+_MOST_NAMED = 6
 WITHHELD = ": the verdict is withheld"
 BLOCK_NAMES = {"report": "test", "select": "validation", "train": "train"}
 """Blocks as sentences name them, the one that is told first ahead."""
@@ -179,6 +182,15 @@ def words_of(finding: Finding) -> str:
                 f" stroke as in presliding. Its stiffness is {v['stiffness']:.4g} ±"
                 f" {v['std']:.2g} {v['unit']}; Coulomb and viscous friction, inertia, stability and"
                 f" a feedforward are not in such a record: move it farther{WITHHELD}"
+            )
+        case LoopCode.OTHERS:
+            columns = v["columns"]
+            shown = ", ".join(columns[:_MOST_NAMED]) + (
+                f" and {len(columns) - _MOST_NAMED} more" if len(columns) > _MOST_NAMED else ""
+            )
+            return (
+                f"other joints move in this record (columns {shown}): their weight and inertia act"
+                " here, the model has neither, and an effect may stand for them; hold them still"
             )
         case LoopCode.EFFECT:
             sure = "" if finding.severity is Severity.CLAIM else ", or what looks like it"

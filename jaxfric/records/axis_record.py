@@ -90,6 +90,7 @@ class AxisRecord(Described, Drawable, Gridded, Tabular):
     - `coordinate`: "linear" (m, N) or "rotary" (rad, N m).
     - `drive`: the gains of the controller, where they are known.
     - `units`: the unit of each role in the file.
+    - `others`: columns of the file that are the motion of other joints, which move as well.
     """
 
     time: np.ndarray
@@ -103,6 +104,7 @@ class AxisRecord(Described, Drawable, Gridded, Tabular):
     drive: Drive | None = None
     units: Mapping[str, str] = field(default_factory=dict)
     provenance: Provenance = field(default_factory=Provenance)
+    others: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.time)

@@ -1,5 +1,6 @@
 """Read a record of a servo axis from a file."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +11,7 @@ import numpy as np
 from ..errors import InputError
 from .axis_force import Forces, ToldOfDrive
 from .axis_record import AxisKind, AxisRecord, build
-from .columns import Found, fits, spelt, understand
+from .columns import Found, Understood, fits, spelt, understand
 from .formats import read_table
 from .registers import with_signs
 from .roles import AXIS
@@ -18,6 +19,10 @@ from .table import Table
 
 _MOTION = ("position", "velocity", "reference_position")
 _FORCE = ("motor_force", "disturbance_force")
+_NUMBER = re.compile(r"\d+")
+_MOVES, _SAME = 0.05, 0.999
+"""Another joint moves by this share of the joint's own range; two encoders of one joint, whose
+columns are correlated more than this, are no two joints."""
 FLIPS = {"force": _FORCE, "motion": _MOTION, "both": (*_MOTION, *_FORCE)}
 """Columns that change their sign together, by what they are called."""
 
@@ -87,7 +92,31 @@ def _to_record(
     if "disturbance" in uses:
         units["disturbance_force"] = uses["disturbance"].unit
     kind = AxisKind(forces.coordinate, force_unit, drive)
-    return build(found.values, kind, units, origin, found.rows, drop_bad)
+    record = build(found.values, kind, units, origin, found.rows, drop_bad)
+    return replace(record, others=_other_joints(found))
+
+
+def _other_joints(found: Understood) -> tuple[str, ...]:
+    """Columns whose name is that of the motion with another number, and that move on their own:
+    by a twentieth of its range or more, and not as it does."""
+    use = found.uses.get("position") or found.uses["velocity"]
+    table = found.table
+    pattern = _NUMBER.sub("#", table.names[use.column])
+    if pattern in ("#", table.names[use.column]):
+        return ()
+    own = table.columns[use.column]
+    alike = (j for j, name in enumerate(table.names) if _NUMBER.sub("#", name) == pattern)
+    return tuple(table.names[j] for j in alike if _moves_apart(table.columns[j], own))
+
+
+def _moves_apart(values: np.ndarray, own: np.ndarray) -> bool:
+    """Whether a column moves, and not as `own` does; arrays (n,)."""
+    if len(values) != len(own):
+        return False
+    rows = np.isfinite(values) & np.isfinite(own)
+    if rows.sum() < 2 or not np.ptp(values[rows]) > _MOVES * np.ptp(own[rows]) > 0:
+        return False
+    return abs(float(np.corrcoef(values[rows], own[rows])[0, 1])) < _SAME
 
 
 def _not_needed(table: Table, found: Found, named: set[str]) -> list[str]:

@@ -431,7 +431,9 @@ def apart(loop: Loop) -> list[str]:
     is told from all others: what is left may be of another one, which it stands for in part.
     """
     out, open_ = [], dict(confused(loop))
-    noise = not any(one.code in _NOT_NOISE for one in loop.findings)
+    codes = {one.code for one in loop.findings}
+    why = "more than noise is left" if codes.intersection(_NOT_NOISE) else ""
+    why = "other joints move" if LoopCode.OTHERS in codes else why
     for id, *others in loop.alias_groups:
         alike = open_.get(id, [])
         refits = [f"{o} (BIC {_worse(loop, id, o):.0f} worse)" for o in others if o not in alike]
@@ -446,8 +448,8 @@ def apart(loop: Loop) -> list[str]:
         if alike or family is not None:
             continue
         text = f"{id}: this record tells it from every other effect"
-        if not noise:
-            text = f"{id}: more than noise is left, so that it may stand for another effect in part"
+        if why:
+            text = f"{id}: {why}, so that it may stand for another effect in part"
         near, value = _nearest(loop, id)
         text += f" (most alike: {near}, cosine {value:.2f})" if near and not told else ""
         out.append(text + told)

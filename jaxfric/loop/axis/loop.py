@@ -176,6 +176,14 @@ class AxisBench(AbstractBench):
         return "" if self.stopped is None else words_of(self.stopped).removesuffix(WITHHELD)
 
     @cached_property
+    def others(self) -> tuple[Finding, ...]:
+        """That other joints move in the record, where they do."""
+        if not self.record.others:
+            return ()
+        values, used = {"columns": self.record.others}, self.reading.rows.used
+        return (Finding(LoopCode.OTHERS, Severity.CAUTION, values, used),)
+
+    @cached_property
     def driven(self) -> tuple[Driven, ...]:
         """The speeds of each direction, and friction there."""
         rows = self.reading.rows
@@ -264,6 +272,7 @@ class AxisBench(AbstractBench):
         if not self.held:
             interval = float(np.median(np.diff(self.record.time)))
             seen += held_command(engine.values(final.z), final.effects, interval)
+        seen += tuple(words_of(one) for one in self.others)
         return (*self.reading.warnings, *self.counted.warnings(length_of(self.record)), *seen)
 
     def words(self) -> LoopWords:
@@ -299,7 +308,7 @@ class AxisBench(AbstractBench):
             progress,
         )
         claims = axis_claims(self.counted, self.driven, details)
-        return dataclasses.replace(details, claims=claims)
+        return dataclasses.replace(details, claims=(*claims, *self.others))
 
 
 def unit_of_residuals(force: np.ndarray) -> float:
