@@ -233,11 +233,11 @@ def fitted(*, converged=True, **undetermined):
 
 
 def test_a_fit_gives_the_rule_the_error_of_its_difference():
-    claim = Fit.stability(fitted())
+    claim = Fit.claim(fitted())
     assert claim.kind == "open" and "0.004 ± 0.002" in claim.reasons[0]
     correlated = fitted()
     a, b = correlated.free.index("A"), correlated.free.index("B")
     correlated.covariance[a, b] = correlated.covariance[b, a] = 1.4e-6
-    assert Fit.stability(correlated).kind == "free"
-    assert Fit.stability(fitted(B2=True)).reasons == ("A, B or L is not determined",)
-    assert Fit.stability(fitted(converged=False)).reasons == ("the fit did not converge",)
+    assert Fit.claim(correlated).kind == "free"
+    assert Fit.claim(fitted(B2=True)).reasons == ("A, B or L is not determined",)
+    assert Fit.claim(fitted(converged=False)).reasons == ("the fit did not converge",)

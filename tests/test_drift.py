@@ -6,10 +6,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 from scipy.stats import linregress
 from test_derived import VALUES, covariance_of, fit_of
 
+import jaxfric as jf
 from jaxfric import VelocitySteps, from_arrays
 from jaxfric.fitting.drift import drift_before, drift_warning, drift_warning_of
 from jaxfric.fitting.misfit import misfit_warning, scatter
@@ -149,3 +151,49 @@ def test_a_loop_repeats_what_a_fit_warns_of_with_its_own_option():
     (line,) = repeated([*drift, *asked])
     assert line == drift[0].removesuffix("(--slip-trend)") + "(--with slip_trend)" != drift[0]
     assert len(asked) == 2
+
+
+def hardening(seed, *, per_mm, A=0.008, B=0.0081, noise=5e-4):
+    """A step from 1 to 3 um/s under the slip law, 100 s before and 200 s after, as SciPy has it,
+    on friction that hardens with slip."""
+    L, K, V0, f0 = 10e-6, 2e3, 1e-6, 0.6
+    t = np.arange(0, 300, 0.5)
+    point = np.where(t < 100, V0 * t, V0 * 100 + 3 * V0 * (t - 100))
+
+    def rate(time, y):
+        x, state = y
+        pulled = (V0 * time if time < 100 else V0 * (100 + 3 * (time - 100))) - x
+        V = V0 * np.exp((K * pulled - state - 1e3 * per_mm * x) / A)
+        return [V, -V / L * (state + B * np.log(V / V0))]
+
+    found = solve_ivp(rate, (0, 300), [0.0, 0.0], "LSODA", t, rtol=1e-8, atol=1e-12, max_step=1.0)
+    friction = f0 + K * (point - found.y[0]) + noise * np.random.default_rng(seed).normal(size=600)
+    return from_arrays(t, friction, load_point_displacement=point), K
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_hardening_with_slip_is_no_velocity_strengthening(seed):
+    """Friction weakens with velocity and hardens with slip; before the step the noise hides it. The
+    fit without a trend has A > B by two errors, and says nothing of stability."""
+    record, K = hardening(seed, per_mm=0.003)
+    fit = jf.fit(record, stiffness=K)
+    assert fit.A_minus_B.value > 2 * fit.A_minus_B.std and drift_warning(fit) == ()
+    told = fit.stability()
+    assert told.kind == "open" and "trend of friction over slip" in told.reasons[0]
+    refit = jf.fit(record, stiffness=K, slip_trend=True).A_minus_B
+    value, error = fit.with_trend
+    assert value == pytest.approx(refit.value, abs=0.3 * refit.std)
+    assert error > 0.7 * refit.std  # what the fit lacks counts as noise of its own
+    assert fit.to_json()["A_minus_B_with_trend"] == [value, error]
+    warnings = jf.law_from_fit(fit, normal_force=1.0).warnings
+    assert any("trend of friction over slip" in text for text in warnings)
+
+
+def test_strengthening_that_a_trend_leaves_is_told():
+    record, K = hardening(0, per_mm=0.0, A=0.012, noise=2e-4)
+    fit = jf.fit(record, stiffness=K)
+    refit = jf.fit(record, stiffness=K, slip_trend=True).A_minus_B
+    assert fit.stability().kind == "free"
+    assert fit.with_trend == pytest.approx((refit.value, refit.std), rel=0.1)
+    record, K = hardening(0, per_mm=0.0, A=0.006, noise=2e-4)
+    assert jf.fit(record, stiffness=K).stability().kind == "critical"

@@ -53,9 +53,14 @@ def amplitudes(fit: Estimated) -> list[str]:
     return names if any(letters[n] == "A" for n in names) else []
 
 
+def signs(fit: Estimated) -> dict[str, int]:
+    """+1 of A and -1 of every B, by name."""
+    return {n: (1 if n.rpartition(".")[2] == "A" else -1) for n in amplitudes(fit)}
+
+
 def difference(fit: Estimated) -> tuple[float, float]:
     """A less the sum of all B, the rate dependence of steady friction, and its standard error."""
-    sign = {n: (1 if n.rpartition(".")[2] == "A" else -1) for n in amplitudes(fit)}
+    sign = signs(fit)
     value = sum(fit.parameters[n].value * sign[n] for n in sign)
     weight = np.array([sign.get(n, 0) for n in fit.free], float)
     return value, float(np.sqrt(max(weight @ fit.covariance @ weight, 0.0)))

@@ -11,14 +11,22 @@ from ..described import Described, Drawable, Gridded, Tabular
 from ..motion import PiecewiseVelocity
 from ..records import Record, VelocitySteps
 from ..rig import Rig
-from ..stability.claims import Claim, rate_state_claim
-from .derived import Critical, amplitudes, critical_of, critical_stiffness_at, rate_dependence
+from ..stability.claims import Claim, held_with_trend, rate_state_claim
+from .derived import (
+    Critical,
+    amplitudes,
+    critical_of,
+    critical_stiffness_at,
+    rate_dependence,
+    signs,
+)
 from .derived import critical_stiffness_of as critical_stiffness_of
 from .derived import difference as difference
 from .estimate import Estimate as Estimate
 from .noise_estimate import NoiseEstimate
 from .problem import Model, build_rig, quantity_of
 from .solved import Solved
+from .trend import shift_with_trend
 
 SCHEMA = "jaxfric.fit/1"
 
@@ -100,8 +108,23 @@ class Fit(Described, Drawable, Gridded, Tabular):
         value = self.critical_stiffness() if self.converged else np.nan
         return critical_of(self, self.model, value, known=known)
 
+    @functools.cached_property
+    def with_trend(self) -> tuple[float, float] | None:
+        """A less all B, and its standard error, were a trend of friction over slip free as well, to
+        first order; None where it is, and of a fit that did not converge."""
+        if self.solved is None or not self.converged or self.model.slip_trend:
+            return None
+        way = self.steps.displacement(self.record.relative_time)
+        moved, error = shift_with_trend(self.solved, signs(self), way)
+        return difference(self)[0] + moved, error
+
     def stability(self) -> Claim:
-        """The claim on stability that A, all B and, for a critical stiffness, L allow."""
+        """The claim on stability that A, all B and, for a critical stiffness, L allow, and that a
+        trend of friction over slip would leave as it is."""
+        return held_with_trend(self.claim(), self.with_trend)
+
+    def claim(self) -> Claim:
+        """The claim that the fitted model alone allows, whatever trend it may lack."""
         if not self.converged:
             return Claim("open", ("the fit did not converge",))
         lengths = [n for n in self.parameters if n.rstrip("0123456789") == "L"]
@@ -122,7 +145,7 @@ class Fit(Described, Drawable, Gridded, Tabular):
     def to_json(self) -> dict:
         """The content of `fit.json`, schema "jaxfric.fit/1"; SI, null for what is not known."""
         origin = self.record.provenance
-        kcr = self.critical()
+        kcr, trend = self.critical(), self.with_trend
         return {
             "schema": SCHEMA,
             "record": {"path": origin.path, "sha256": origin.sha256, "rows": len(self.record)},
@@ -131,6 +154,7 @@ class Fit(Described, Drawable, Gridded, Tabular):
             "friction_unit": self.record.friction_unit,
             "A_minus_B": _plain(self.A_minus_B),
             "parameters": {name: _plain(e) for name, e in self.parameters.items()},
+            "A_minus_B_with_trend": trend and [_number(x) for x in trend],
             "free": list(self.free),
             "covariance": _numbers(self.covariance),
             "correlation": _numbers(self.correlation),

@@ -17,7 +17,7 @@ from ..errors import InputError
 from ..pairs import read_pairs
 from ..quantity import Quantity, numbered_names, quantities
 from ..rig.friction import AbstractRateState
-from ..stability.claims import rate_state_claim
+from ..stability.claims import held_with_trend, rate_state_claim
 from ..units import between, parse_quantity
 from .registry import (
     REGISTRY,
@@ -172,6 +172,7 @@ def _doubts(content: Mapping, states: int) -> tuple[str, ...]:
         math.sqrt(variance) if variance >= 0 else math.nan,
         determined=all(table[n].get("determined", True) for n in ("A", *numbered_names(states))),
     )
+    claim = held_with_trend(claim, content.get("A_minus_B_with_trend"))
     if claim.kind != "open":
         return ()
     return (

@@ -98,7 +98,7 @@ class AbstractSliderBench(AbstractBench):
     def edge(self) -> float | None:
         """K/K_cr of the base fit; None where the record shows no critical stiffness."""
         base = self.base_fit
-        if base.stability().kind != "critical":
+        if base.claim().kind != "critical":
             return None
         return base.values()["K"] / base.critical_stiffness()
 

@@ -130,6 +130,27 @@ def rate_state_claim(
     return Claim("free" if difference > 0 else "critical")
 
 
+def held_with_trend(claim: Claim, with_trend: Sequence[float] | None) -> Claim:
+    """A claim on stability, where A - sum B keeps its sign beyond two errors when a trend of
+    friction over slip is fitted too.
+
+    with_trend : A - sum B and its standard error then; None: not asked.
+    """
+    if with_trend is None or claim.kind == "open":
+        return claim
+    value, error = with_trend
+    sign = 1.0 if claim.kind == "free" else -1.0
+    if sign * value > SURE * error:
+        return claim
+    return Claim(
+        "open",
+        (
+            f"with a trend of friction over slip A - B is {value:.2g} ± {error:.1g}, so that its"
+            " sign is not determined (--slip-trend fits one)",
+        ),
+    )
+
+
 def above_curve(
     speed: ArrayLike, excess: ArrayLike, error: ArrayLike, *, fewest: int = 1
 ) -> Above | None:
