@@ -375,7 +375,7 @@ def test_no_legend_of_a_steady_curve_lies_on_a_panel(monkeypatch, tmp_path) -> N
     figure.draw_without_rendering()
     legends = [*figure.legends, *(a.get_legend() for a in figure.axes if a.get_legend())]
     assert {t.get_text() for one in legends for t in one.get_texts()} >= {
-        "runs: mean ± its error", "error of the means", "base: Coulomb and viscous",
+        "runs: mean ± its error", "base: Coulomb and viscous",
     }  # fmt: skip
     for legend in legends:
         for axis in figure.axes:

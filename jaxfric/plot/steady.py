@@ -72,9 +72,10 @@ def steady_figure(loop: SteadyLoop) -> Figure:
                 factor * v, model.force(v) / size, color=colour, lw=1.6,
                 label=label if sign > 0 else None,
             )  # fmt: skip
-        left = (curve.force - model.force(curve.speed)) / size
-        bottom.plot(x, left, "o-", color=colour, ms=3.5, lw=0.9, label=label)
-    bottom.fill_between(x, -error, error, color=GREY, alpha=0.3, lw=0, label="error of the means")
+        left, fitted = (curve.force - model.force(curve.speed)) / size, ~slipping
+        bottom.errorbar(
+            x[fitted], left[fitted], error[fitted], fmt="o", color=colour, ms=3.5, lw=0.9, capsize=2
+        )
     bottom.axhline(0, color=BLACK, lw=0.8)
     top.set_ylabel(f"friction [{unit}]")
     bottom.set_ylabel(f"run − model [{unit}]")
