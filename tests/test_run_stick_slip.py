@@ -356,15 +356,35 @@ def test_drops_fall_with_velocity():
     assert drop_by_velocity(near) is None
 
 
-@pytest.mark.parametrize(("fall", "words"), [(0.03, ""), (0.06, "it is 0.0927")])
+@pytest.mark.parametrize(("fall", "words"), [(0.03, ""), (0.06, "a drop is 0.0927")])
 def test_a_drop_that_may_be_of_running_means_says_so(fall, words):
     """`teeth` rise by .09 in 2 s at first: .0027 in .06 s is 3 %, twice the error and more."""
     one = replace(teeth(1e-5, 0.09), row=1e-3, fall=fall)
     scale = 0.09 / (one.loading.mean() * one.velocity * 2.0)
     (line,) = told(StickSlip((replace(one, means=scale * one.means),), {}, None, {}))
-    assert line.endswith(f"running means over as long, {words}" if words else "every 2 s")
+    assert f"a drop lasts {fall:.2g} s: inertial" in line
+    assert line.endswith(f"running means over as long, {words}" if words else f"{one.swing:.2g} s")
     (unresolved,) = told(StickSlip((replace(one, row=0.5),), {}, None, {}))
     assert unresolved.endswith("every 2 s")
+
+
+def test_a_slider_that_swings_freely_is_inertial():
+    """A mass that sticks up to .4 of its weight and slips at .3: half a swing about .3 takes it to
+    .2, where it sticks again. Its swing has the period 2 pi sqrt(1/(g K)), friction as force over
+    weight on a spring of K per weight."""
+    K, V, row = 580.0, 1.1e-3, 5e-4
+    w = np.sqrt(9.81 * K)
+    time = np.arange(0.0, 4.0, row)
+    cycle = 0.2 / (K * V) + np.pi / w
+    since = time % cycle - 0.2 / (K * V)  # the tip
+    swings = 0.3 + 0.1 * np.cos(w * since)
+    friction = np.where(since < 0, 0.4 + K * V * since, swings)
+    friction += 5e-4 * np.random.default_rng(0).normal(size=len(time))
+    record = jf.from_arrays(time, friction, load_point_displacement=V * time)
+    (found,) = find_rises(record, [Event("stick_slip", 0.0, V, V, 0.0, 4.0)])
+    assert found.swing == pytest.approx(2 * np.pi / w, rel=0.05)
+    (line,) = told(StickSlip((found,), {}, None, {}))
+    assert f"inertial, where that is half of a free swing of {found.swing:.2g} s" in line
 
 
 def test_lines_tell_what_counts():

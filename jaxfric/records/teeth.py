@@ -74,7 +74,7 @@ def find_teeth(time: np.ndarray, friction: np.ndarray) -> list[Teeth]:
     A tooth is a rise and a drop of like height, three times as fast (after the first one more than
     twice). Noise that wanders is as fast down as up. What a drop takes away the next rise makes
     good: where friction goes on rising from tip to tip by half of a drop or more, it is noise on
-    the flank of a larger tooth, which is then looked for.
+    the flank of a larger tooth. Larger teeth are looked for then, and where none is found.
     """
     if len(time) < 4 * _TEETH:
         return []
@@ -84,7 +84,7 @@ def find_teeth(time: np.ndarray, friction: np.ndarray) -> list[Teeth]:
     while True:
         here, of_flanks = _stretches(time, friction, least)
         found = here or found
-        if not of_flanks or least > largest:
+        if (here and not of_flanks) or least > largest:
             return found
         least *= _LARGER
 

@@ -253,6 +253,7 @@ def to_json(found: StickSlip | None) -> dict[str, object] | None:
                 "normal_stress": one.normal_stress,
                 "drops": one.drops.tolist(),
                 "periods": one.periods.tolist(),
+                "swing": one.swing if one.resolved else None,
                 "why": one.why,
             }
             for one in found.stretches
@@ -287,10 +288,15 @@ def told(found: StickSlip | None) -> list[str]:
         drop, error = float(one.drops.mean()), _error(one.drops)
         every = measured(float(one.periods.mean()), _error(one.periods))
         line += f"{one.count} teeth, drop {measured(drop, error)}{force} every {every} s"
+        if one.resolved:
+            line += (
+                f"; a drop lasts {one.fall:.2g} s: inertial, where that is half of a free swing of"
+                f" {one.swing:.2g} s"
+            )
         if one.averaged > max(error, _AVERAGED * drop):
             line += (
-                f"; a drop lasts {one.fall:.2g} s: if rows are running means over as long, it is"
-                f" {drop + one.averaged:.3g}{force}"
+                f"; if rows are running means over as long, a drop is {drop + one.averaged:.3g}"
+                f"{force}"
             )
         lines.append(line)
     if line := drop_by_velocity(found):
