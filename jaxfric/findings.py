@@ -76,6 +76,8 @@ class Support(NamedTuple):
     fastest: float
 
 
+_PART = 20
+"""A twentieth of the rows that are left is taken away at a time."""
 _DIRECTIONS = (("forwards", 1), ("backwards", -1), ("at rest", 0))
 
 
@@ -87,6 +89,31 @@ def support(rows: np.ndarray, velocity: np.ndarray) -> tuple[Support, ...]:
         if len(speed):
             found.append(Support(direction, len(speed), float(speed.min()), float(speed.max())))
     return tuple(found)
+
+
+def deciding_rows(
+    difference: np.ndarray, jacobian: np.ndarray, used: np.ndarray, least: float
+) -> np.ndarray:
+    """Mask of few rows without which two models are not told from each other.
+
+    difference : d, of their predictions [sigma] (n). jacobian : J, of the model without the claim
+    by its parameters [sigma] (n, p). used : rows that count (n). least : the fall of the misfit
+    that a claim needs.
+
+    Without some rows that model is fitted anew, and takes up what it can of d in the others: what
+    decides is left, min_b sum (d - J b)^2. Rows with most of it are taken away, a twentieth at a
+    time, until no more is left than `least`.
+    """
+    kept = used & np.isfinite(difference)
+    while kept.any():
+        shift, *_ = np.linalg.lstsq(jacobian[kept], difference[kept], rcond=None)
+        square = (difference - jacobian @ shift) ** 2
+        if square[kept].sum() <= least:
+            break
+        rows = np.flatnonzero(kept)
+        most = max(1, len(rows) // _PART)
+        kept[rows[np.argsort(square[rows])[-most:]]] = False
+    return used & ~kept
 
 
 def ranges(rows: np.ndarray) -> list[list[int]]:

@@ -197,3 +197,25 @@ def test_strengthening_that_a_trend_leaves_is_told():
     assert fit.with_trend == pytest.approx((refit.value, refit.std), rel=0.1)
     record, K = hardening(0, per_mm=0.0, A=0.006, noise=2e-4)
     assert jf.fit(record, stiffness=K).stability().kind == "critical"
+
+
+def test_a_claim_on_stability_is_gone_without_its_rows():
+    """Without as many others it stays."""
+    record, K = hardening(0, per_mm=0.0, A=0.007, noise=5e-4)
+    fit = jf.fit(record, stiffness=K)
+    (found,) = fit.findings
+    assert found.values["kind"] == "critical" == fit.stability().kind
+    assert 0.02 < found.rows.mean() < 0.7
+
+    def kept(rows):
+        t, x, f = record.time, record.load_point_displacement, record.friction
+        part = from_arrays(t[rows], f[rows], load_point_displacement=x[rows])
+        return jf.fit(part, stiffness=K, steps=fit.steps).stability().kind
+
+    assert kept(~found.rows) == "open"
+    others = np.random.default_rng(0).permutation(np.flatnonzero(~found.rows))
+    without = np.ones(len(found.rows), bool)
+    without[others[: found.rows.sum()]] = False
+    assert kept(without) == "critical"
+    (told,) = fit.to_json()["findings"]
+    assert told["code"] == "stability" and sum(b - a for a, b in told["rows"]) == found.rows.sum()

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..described import Described, Drawable, Gridded, Tabular
+from ..findings import Finding
 from ..motion import PiecewiseVelocity
 from ..records import Record, VelocitySteps
 from ..rig import Rig
@@ -23,6 +24,7 @@ from .derived import (
 from .derived import critical_stiffness_of as critical_stiffness_of
 from .derived import difference as difference
 from .estimate import Estimate as Estimate
+from .findings import stability_finding
 from .noise_estimate import NoiseEstimate
 from .problem import Model, build_rig, quantity_of
 from .solved import Solved
@@ -123,6 +125,17 @@ class Fit(Described, Drawable, Gridded, Tabular):
         trend of friction over slip would leave as it is."""
         return held_with_trend(self.claim(), self.with_trend)
 
+    @functools.cached_property
+    def findings(self) -> tuple[Finding, ...]:
+        """What the fit claims, each with the rows of the record that support it."""
+        return stability_finding(self.stability(), self, self.solved, len(self.record))
+
+    def velocity(self) -> np.ndarray:
+        """Velocity of the load point at every row, by the steps [m/s] (n,)."""
+        t = self.record.relative_time
+        at = np.searchsorted(self.steps.times, t, side="right") - 1
+        return np.asarray(self.steps.velocities)[np.maximum(at, 0)]
+
     def claim(self) -> Claim:
         """The claim that the fitted model alone allows, whatever trend it may lack."""
         if not self.converged:
@@ -155,6 +168,7 @@ class Fit(Described, Drawable, Gridded, Tabular):
             "A_minus_B": _plain(self.A_minus_B),
             "parameters": {name: _plain(e) for name, e in self.parameters.items()},
             "A_minus_B_with_trend": trend and [_number(x) for x in trend],
+            "findings": [one.to_json(self.velocity()) for one in self.findings],
             "free": list(self.free),
             "covariance": _numbers(self.covariance),
             "correlation": _numbers(self.correlation),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..findings import Finding, Severity
+from ..findings import Finding, Severity, deciding_rows
 from .refusal import Move
 from .residual_tests import QUESTIONS, p_text
 from .split import Blocks
@@ -49,7 +49,6 @@ class LoopCode(StrEnum):
     """The force of an axis is that of a spring; values: stiffness, std, hysteresis, unit."""
 
 
-_PART = 20
 _MOST_NAMED = 6
 WITHHELD = ": the verdict is withheld"
 BLOCK_NAMES = {"report": "test", "select": "validation", "train": "train"}
@@ -71,7 +70,7 @@ def effect_findings(
         values = {"effect": id, "delta_bic": float(without.bic - final.bic)}
         difference = (without.residual[:n] - final.residual[:n]) / noise
         jacobian = engine.evaluate(without.z, engine.free(without.effects)).jacobian[:n]
-        rows = deciding_rows(difference, jacobian / noise[:, None], used)
+        rows = deciding_rows(difference, jacobian / noise[:, None], used, ACCEPT)
         found.append(Finding(LoopCode.EFFECT, severity, values, rows))
     return found
 
@@ -82,28 +81,6 @@ def _without(search: "Search", id: str) -> "Candidate":
     own = set(search.final.effects) - {id}
     known = [c for c in search.tried if set(c.effects) <= own and not c.failed]
     return min(known, key=lambda c: (-len(c.effects), c.bic), default=search.base)
-
-
-def deciding_rows(difference: np.ndarray, jacobian: np.ndarray, used: np.ndarray) -> np.ndarray:
-    """Mask of few rows without which two models are not told from each other.
-
-    difference : d, of their predictions [sigma] (n). jacobian : J, of the model without the effect
-    by its parameters [sigma] (n, p). used : rows that count (n).
-
-    Without some rows that model is fitted anew, and takes up what it can of d in the others: what
-    decides is left, min_b sum (d - J b)^2. Rows with most of it are taken away, a twentieth at a
-    time, until no more is left than the BIC that an effect must bring.
-    """
-    kept = used & np.isfinite(difference)
-    while kept.any():
-        shift, *_ = np.linalg.lstsq(jacobian[kept], difference[kept], rcond=None)
-        square = (difference - jacobian @ shift) ** 2
-        if square[kept].sum() <= ACCEPT:
-            break
-        rows = np.flatnonzero(kept)
-        most = max(1, len(rows) // _PART)
-        kept[rows[np.argsort(square[rows])[-most:]]] = False
-    return used & ~kept
 
 
 def claim_between(

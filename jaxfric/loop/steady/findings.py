@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from ...findings import Finding, Severity
-from ..findings import LoopCode, claim_between, deciding_rows
+from ...findings import Finding, Severity, deciding_rows
+from ..findings import LoopCode, claim_between
+from ..thresholds import ACCEPT
 from .loop import SteadyLoop, steady_gains
 
 
@@ -41,6 +42,6 @@ def _effect(loop: SteadyLoop, id: str) -> Finding:
     error = np.hypot(np.asarray(curve.error), final.spread)
     line = np.stack([np.sign(speed), speed, np.ones_like(speed)], axis=1)
     difference = (loop.base.force(speed) - final.force(speed)) / error
-    runs = deciding_rows(difference, line / error[:, None], loop.used)
+    runs = deciding_rows(difference, line / error[:, None], loop.used, ACCEPT)
     values = {"effect": id, "delta_bic": loop.base.bic - final.bic}
     return _claim(LoopCode.EFFECT, values, runs)
