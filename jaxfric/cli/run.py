@@ -77,10 +77,10 @@ def run(
     stick_slip_laws.csv, and figures, to the output folder, by default ./NAME-run/ with the options
     that differ from their default.
     """
-    from ..runs.findings import findings_of, ramps_stiffness_of
+    from ..runs.findings import findings_of
     from ..runs.fits import HowFitted, contradictions, decided_events
     from ..runs.holds import fit_holds, warnings_of
-    from ..runs.ramps import RAMPS
+    from ..runs.ramps import RAMPS, stiffness_from_ramps
     from ..runs.stiffness import MachineStiffness
 
     how = HowFitted(None, law, int(states), fit_stiffness, slip_trend, rows)
@@ -90,7 +90,8 @@ def run(
         inputs = (file,) if events is None else (file, events)
         folder = choose_folder(out, file.stem, *inputs, unnamed=("events",))
         if stiffness == RAMPS:
-            how = replace(how, stiffness=ramps_stiffness_of(record))
+            ramps = stiffness_from_ramps(*decided_events(record, events, None))
+            how = replace(how, stiffness=ramps.machine())
         elif stiffness is not None:
             how = replace(how, stiffness=MachineStiffness.parse(stiffness, record.friction_unit))
         progress(f"what happens in {len(record)} rows")
