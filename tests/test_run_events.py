@@ -144,6 +144,25 @@ def test_polyline_keeps_its_tolerance():
             np.interp(T, [0, 100, 110, 111, 120, 400], [5e7, 5e7, 7e7, 7e7, 9e7, 9e7]),
             [(100, 120, 5e7, 9e7)],
         ),
+        # a valve is opened by hand: strokes, long and short, with rests that are shorter
+        (
+            np.interp(
+                T,
+                [0, 100, 106, 106.8, 107.4, 108.2, 114, 115, 115.6, 116.4, 122, 400],
+                [9e7, 9e7, 7.4e7, 7.38e7, 7e7, 6.98e7, 5e7, 4.98e7, 4.6e7, 4.58e7, 2e7, 2e7],
+            ),
+            [(100, 122, 9e7, 2e7)],
+        ),
+        # a press that overshoots by 3 % of its change and comes back
+        (
+            np.interp(T, [0, 100, 120, 121, 124, 400], [5e7, 5e7, 1.015e8, 1.015e8, 1e8, 1e8]),
+            [(100, 124, 5e7, 1e8)],
+        ),
+        # a rest of 40 s is a stress of its own, however long the change before it took
+        (
+            np.interp(T, [0, 100, 160, 200, 201, 400], [9e7, 9e7, 5e7, 5e7, 3e7, 3e7]),
+            [(100, 160, 9e7, 5e7), (200, 201, 5e7, 3e7)],
+        ),
     ],
 )
 def test_changes_of_the_normal_stress(stress, changes):
