@@ -195,6 +195,24 @@ def test_the_stiffness_that_is_taken_from_ramps_is_that_of_the_report(tmp_path, 
     assert code == 2 and not out and "moves back nowhere" in err
 
 
+def test_the_numbers_are_told_before_the_first_figure_is_drawn(tmp_path, monkeypatch):
+    """A run of many steps draws for minutes: who stops it then has the result, and its files."""
+    monkeypatch.chdir(tmp_path)
+    written(generate(23, law="slip", events=1, kinds={"step": 1.0}), tmp_path / "mine.csv")
+
+    seen = {}
+
+    def stopped(*_):
+        seen.update(out=sys.stdout.getvalue(), files={p.name for p in Path("o").iterdir()})
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("jaxfric.plot.run.draw_events", stopped)
+    with pytest.raises(SystemExit, match="130"):
+        run("run", "mine.csv", "--fit-stiffness", "--rows", "256", "--out", "o")
+    assert "1 step" in seen["out"] and "A-B" in seen["out"]
+    assert {"run.json", "table.csv", "events.toml"} <= seen["files"]
+
+
 # ---- tables -----------------------------------------------------------------------------------
 
 

@@ -1,5 +1,6 @@
 """`jaxfric run`: a whole run of a press, from its file to the table of its steps."""
 
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -108,19 +109,22 @@ def run(
             _write_events(record, found, to)
             _write_tables(result, holds, others, to)
             (to / "run.json").write_text(content + "\n", encoding="utf-8")
-        progress("drawing figures")
-        _draw_events(record, found, folder)
-        _draw(result, holds, folder)
-        _draw_others(others, folder)
-        warnings = [*_warnings(result, how), *warnings_of(holds), *others.warnings]
-        _write_page(result, holds, others, warnings, folder)
     if json:
         print(content)
     else:
         _tell(result, holds, others)
-        print(folder.written)
+    sys.stdout.flush()  # figures of many steps take minutes: who stops them has the numbers
+    warnings = [*_warnings(result, how), *warnings_of(holds), *others.warnings]
     heads = {_head(line) for line in early}
     warn(line for line in warnings if _head(line) not in heads)
+    with told(quiet=json) as progress:
+        progress("drawing figures")
+        _draw_events(record, found, folder)
+        _draw(result, holds, folder)
+        _draw_others(others, folder)
+        _write_page(result, holds, others, warnings, folder)
+    if not json:
+        print(folder.written)
     return folder.close()
 
 
