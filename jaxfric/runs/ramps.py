@@ -94,7 +94,9 @@ class _RampRows(NamedTuple):
 def find_ramps(record: Record, events: Sequence[Event]) -> tuple[Ramp, ...]:
     """The ramps of a run whose record has no resets of its encoder.
 
-    Where `events` were found with a stiffness or without makes no difference.
+    Whether `events` were found with a stiffness makes no difference: a velocity that follows on
+    another one, be it called a step or a reload, begins at the level of its own last rows, and so
+    begins no ramp.
     """
     t = record.relative_time
     joints = [e for e in events if e.before != e.after or e.kind == "stress"]
@@ -108,11 +110,9 @@ def find_ramps(record: Record, events: Sequence[Event]) -> tuple[Ramp, ...]:
     out, level = [], None
     for k, event in enumerate(joints):
         rows = slice(*np.searchsorted(t, [event.time, _end(joints, k, float(t[-1]))]))
-        forwards = event.before * ahead > 0
-        if forwards and rows.start >= _LEVEL:
+        if event.before * ahead > 0 and rows.start >= _LEVEL:
             level = float(np.median(record.friction[rows.start - _LEVEL : rows.start]))
-        begins = event.kind == "unload" or (event.kind == "reload" and not forwards)
-        if begins and event.after and rows.stop - rows.start > _FEWEST:
+        if event.kind in ("unload", "reload") and event.after and rows.stop - rows.start > _FEWEST:
             out.append(_ramp(record, event, rows, level))
     return tuple(ramp for ramp in out if ramp is not None)
 
