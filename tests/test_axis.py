@@ -24,7 +24,7 @@ import jaxfric
 from jaxfric.axis import AXIS_CATALOGUE, close_axis_loop
 from jaxfric.effects import parameters
 from jaxfric.fitting.axis_fit import inverse_dynamics, output_error
-from jaxfric.fitting.axis_preparation import prepare, shifted
+from jaxfric.fitting.axis_preparation import prepare, shifted, usual
 from jaxfric.fitting.axis_problem import make_problem
 from jaxfric.fitting.encompassing import EncompassingModel
 from jaxfric.gains.axis import axis_gains
@@ -84,6 +84,22 @@ def start(problem, M=80.0, Fv=100.0, Fc=10.0, offset=0.0):
 
 
 # ---- preparation -----------------------------------------------------------------------------
+
+
+def test_a_record_that_is_too_short_is_told_by_its_own_rows():
+    """Not by those of the even grid that it is taken to."""
+    rng = np.random.default_rng(2)
+    t = np.cumsum(np.where(np.arange(262) % 5 == 0, 4e-3, 2e-3))
+    t -= t[0]
+    q = rng.standard_normal(len(t))
+    words = rf"lasts {t[-1]:.3g} s in 262 rows \(\d+ at their usual interval\); 0.8 s .* any cutoff"
+    for cutoff in (None, 100.0):
+        chosen = None if cutoff is None else usual(2e-3, cutoff)
+        with pytest.raises(jaxfric.InputError, match=words):
+            prepare(t, q, None, q, preparation=chosen)
+    even = np.arange(262) * 2e-3
+    with pytest.raises(jaxfric.InputError, match=r"in 262 rows; 0.8 s"):
+        prepare(even, q, None, q)
 
 
 def test_the_usual_preparation_is_scipy_s():

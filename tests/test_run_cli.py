@@ -155,6 +155,64 @@ def test_a_run_of_ramps_alone_tells_their_stiffness(tmp_path, monkeypatch):
     assert known["stiffness_from_ramps"]["value"] == pytest.approx(5e3, rel=0.02)
 
 
+def written_two_ramps(path):
+    """A run of force over two steps, an unloading and a reload that starts at a lower speed."""
+    rng = np.random.default_rng(5)
+    t = np.arange(0, 700, 0.2)
+    corners = [0, 150, 300, 450, 480, 500, 530, 700]
+    way = np.cumsum([0, 1500, 450, 1500, -60, 0, 90, 510]) * 1e-6
+    x, v = np.interp(t, corners, way), np.gradient(np.interp(t, corners, way), t)
+    f, log = np.full(len(t), 0.6), np.log(1e5)
+    for i in range(1, len(t)):  # sliding friction falls from one speed to the next, at once
+        log = np.log(max(v[i], 1e-6) / 1e-5) if v[i] > 0 else log
+        f[i] = min(f[i - 1] + 4e3 * (x[i] - x[i - 1]), 0.6 - 0.003 * log)
+    columns = (t, 1e6 * x, f + 2e-4 * rng.standard_normal(len(t)))
+    head = "time [s],load_point_displacement [um],friction [1]"
+    np.savetxt(path, np.transpose(columns), "%.7g", ",", header=head, comments="")
+
+
+def test_the_stiffness_that_is_taken_from_ramps_is_that_of_the_report(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    written_two_ramps("two.csv")
+    values = []
+    for k, how in enumerate((("--stiffness", "ramps"), ("--stiffness", "4e-3/um"))):
+        code, _, err = run("run", "two.csv", *how, "--out", f"o{k}")
+        assert code == 0, err
+        known = json.loads((tmp_path / f"o{k}" / "run.json").read_text())
+        values.append(known["stiffness_from_ramps"]["value"])
+        if k == 0:
+            fits = [step["fit"] for step in known["steps"] if step["fit"]]
+            assert fits
+            for fit in fits:
+                assert fit["parameters"]["K"]["value"] == pytest.approx(values[0], rel=1e-9)
+            events = tmp_path / "o0" / "events.toml"
+    assert values[0] == values[1] == pytest.approx(4e3, rel=0.03)
+    # with events of a file, too: here without the unloading and the reload
+    text = events.read_text().replace('"unload"', '"hold"').replace('"reload"', '"hold"')
+    Path("mine.toml").write_text(text)
+    asked = ("--stiffness", "ramps", "--events", "mine.toml", "--out", "o3")
+    code, out, err = run("run", "two.csv", *asked)
+    assert code == 2 and not out and "moves back nowhere" in err
+
+
+def test_the_numbers_are_told_before_the_first_figure_is_drawn(tmp_path, monkeypatch):
+    """A run of many steps draws for minutes: who stops it then has the result, and its files."""
+    monkeypatch.chdir(tmp_path)
+    written(generate(23, law="slip", events=1, kinds={"step": 1.0}), tmp_path / "mine.csv")
+
+    seen = {}
+
+    def stopped(*_):
+        seen.update(out=sys.stdout.getvalue(), files={p.name for p in Path("o").iterdir()})
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("jaxfric.plot.run.draw_events", stopped)
+    with pytest.raises(SystemExit, match="130"):
+        run("run", "mine.csv", "--fit-stiffness", "--rows", "256", "--out", "o")
+    assert "1 step" in seen["out"] and "A-B" in seen["out"]
+    assert {"run.json", "table.csv", "events.toml"} <= seen["files"]
+
+
 # ---- tables -----------------------------------------------------------------------------------
 
 

@@ -144,6 +144,25 @@ def test_polyline_keeps_its_tolerance():
             np.interp(T, [0, 100, 110, 111, 120, 400], [5e7, 5e7, 7e7, 7e7, 9e7, 9e7]),
             [(100, 120, 5e7, 9e7)],
         ),
+        # a valve is opened by hand: strokes, long and short, with rests that are shorter
+        (
+            np.interp(
+                T,
+                [0, 100, 106, 106.8, 107.4, 108.2, 114, 115, 115.6, 116.4, 122, 400],
+                [9e7, 9e7, 7.4e7, 7.38e7, 7e7, 6.98e7, 5e7, 4.98e7, 4.6e7, 4.58e7, 2e7, 2e7],
+            ),
+            [(100, 122, 9e7, 2e7)],
+        ),
+        # a press that overshoots by 3 % of its change and comes back
+        (
+            np.interp(T, [0, 100, 120, 121, 124, 400], [5e7, 5e7, 1.015e8, 1.015e8, 1e8, 1e8]),
+            [(100, 124, 5e7, 1e8)],
+        ),
+        # a rest of 40 s is a stress of its own, however long the change before it took
+        (
+            np.interp(T, [0, 100, 160, 200, 201, 400], [9e7, 9e7, 5e7, 5e7, 3e7, 3e7]),
+            [(100, 160, 9e7, 5e7), (200, 201, 5e7, 3e7)],
+        ),
     ],
 )
 def test_changes_of_the_normal_stress(stress, changes):
@@ -509,3 +528,44 @@ def test_one_stiffness_in_friction_at_several_stresses_is_doubted():
     assert MachineStiffness.parse("1.6e-3/um", "1").doubt([0.99e8, 1e8]) is None
     assert MachineStiffness.parse("0.16 MPa/um", "1").doubt([0.75e8, 1e8]) is None
     assert MachineStiffness.parse("1.6e-3/um", "1").doubt([]) is None
+
+
+def sledge(turns, *, dt=0.02, end=4.0, phase=0.0, level=0.6, sized=True):
+    """Friction of a sledge that turns at these times: a tanh of its velocity, whose size is
+    recorded; the load point is stated to move at one velocity."""
+    t = np.arange(phase, end, dt)
+    f = np.full(len(t), level)
+    for turn in turns:
+        f *= np.tanh((t - turn) / 0.03)
+    f = (np.abs(f) if sized else f) * (1 + 0.01 * np.random.default_rng(4).standard_normal(len(t)))
+    return jf.from_arrays(t, f, load_point_velocity=np.full(len(t), 0.24))
+
+
+@pytest.mark.parametrize("phase", [0.0, 0.005, 0.01])
+@pytest.mark.parametrize("turns", [[1.0], [1.0, 2.0, 3.0]])
+def test_a_load_point_that_may_have_turned_is_said_once(turns, phase):
+    record = sledge(turns, phase=phase)
+    _, events = find_events(record)
+    assert not [event for event in events if event.kind == "glitch"]
+    [said] = cautions(record, events)
+    assert (
+        said.startswith("friction falls to ") and " rows, at " in said and "may have turned" in said
+    )
+    times = [float(x) for x in said.partition(" at ")[2].partition(" s")[0].split(", ")]
+    assert times == pytest.approx(turns, abs=0.03)
+
+
+def test_what_is_no_turn_of_the_load_point():
+    assert cautions(sledge([]), ()) == ()
+    assert cautions(sledge([2.0], sized=False), ()) == ()  # it changes its sign: all can see it
+    for rows in (1, 2, 3):  # lost cells have no flanks
+        f = np.full(200, 0.6) + 1e-3 * RNG.standard_normal(200)
+        f[80 : 80 + rows] = 0.01
+        v = np.full(200, 1e-5)
+        record = jf.from_arrays(np.arange(200.0), f, load_point_velocity=v)
+        _, events = find_events(record)
+        assert cautions(record, events) == ()
+        assert [event.kind for event in events] == ["glitch"]
+    # an unloading that is seen says why
+    seen = (Event("unload", 0.99, 0.24, -0.24, 0.0, 2.0),)
+    assert cautions(sledge([1.0]), seen) == ()

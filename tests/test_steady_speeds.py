@@ -318,6 +318,16 @@ def test_stops_of_the_drive_are_no_stick_slip(tmp_path):
     assert content["stick_slip"] == []
 
 
+def test_too_few_runs_that_stick_and_slip_are_refused_in_sentences(tmp_path):
+    for name, words in (("runs", r"not fitted\. The curve has 4"), ("even", r"^the curve has 4")):
+        slow = (0.02, 0.03, 0.04, 0.05) if name == "runs" else ()
+        slow_joint(tmp_path / name, slipping=slow, speeds=() if slow else (0.1, 0.2, 0.3, 0.4))
+        for backwards in (tmp_path / name).glob("-*.csv"):
+            backwards.unlink()
+        with pytest.raises(jf.InputError, match=rf"{words} runs forwards and 0 backwards"):
+            jf.close_steady_loop(jf.read_steady(tmp_path / name))
+
+
 def test_runs_that_all_stick_and_slip_are_told(tmp_path):
     """There is no steady friction to compensate, and no claim on stability."""
     slow_joint(tmp_path / "runs", slipping=(0.02, 0.03, 0.05), speeds=())

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from jaxfric.errors import InputError, words_of_the_command
-from jaxfric.records import read, read_axis, read_steady, read_table
+from jaxfric.records import read, read_axis, read_steady, read_table, record_steps
 from jaxfric.records.record import Record
 from jaxfric.records.registers import with_signs
 from jaxfric.records.table import Table
+from jaxfric.report.record_text import describe
 
 ROWS = 40
 TIME = 0.25 * np.arange(ROWS)
@@ -488,3 +489,110 @@ def test_what_is_missing_without_a_header_is_said(tmp_path, columns, words):
     assert all(word in str(caught.value) for word in words), str(caught.value)
     with pytest.raises(InputError, match="position=#1"):
         read_axis(path, columns={"time": "1 kHz"})
+
+
+# ---- heads of recorders, files of one column, two records in a file ------------------------------
+
+
+def labelled(pairs: int, *, times: bool = True) -> str:
+    """Text of a recorder that writes a time and a value for each channel, and heads each by a
+    label: displacement and friction, and a third channel of nothing."""
+    names, units = ["Load, cell", "mu", "spare"][:pairs], ["um", "1", "V"][:pairs]
+    head = [
+        [cell for _ in names for cell in ("Interval", "0.25")] if times else None,
+        [cell for name in names for cell in ("Channel name", f'"{name}"')],
+        [cell for unit in units for cell in ("Unit", f'"{unit}"')],
+    ]
+    body = [
+        [cell for x in row[:pairs] for cell in (f"{t:.2f}", x)]
+        for t, row in zip(
+            TIME,
+            ([f"{x:.3f}", f"{f:.4f}", "0.1"] for x, f in zip(MOVED, FRICTION, strict=True)),
+            strict=True,
+        )
+    ]
+    lines = [",".join(line) for line in [*filter(None, head), *body]]
+    return "\n".join(lines) + "\n"
+
+
+@pytest.mark.parametrize("pairs", [1, 2, 3])
+def test_lines_of_a_head_that_say_a_label_before_every_column(tmp_path: Path, pairs: int) -> None:
+    found = read_table(written(tmp_path, labelled(pairs)))
+    assert found.names[1::2] == ("Load, cell", "mu", "spare")[:pairs]
+    assert found.units[1::2] == ("um", "1", "V")[:pairs]
+    assert found.names[0] == "time" and found.units[0] is None and not found.doubt
+    if pairs == 2:
+        columns = {"time": "time [s]", "load_point_displacement": "Load, cell"}
+        record = read(written(tmp_path, labelled(2)), columns=columns)
+        np.testing.assert_allclose(record.load_point_displacement, 1e-6 * MOVED, atol=1e-15)
+        np.testing.assert_allclose(record.friction, FRICTION)
+    bare = read_table(written(tmp_path, labelled(pairs, times=False)))
+    assert bare.names[0] == "column_1"
+
+
+def test_volts_are_no_velocity(tmp_path: Path) -> None:
+    """A line of units without one of names: what is called V in every column is volts."""
+    body = [[row[0], row[2]] for row in cells()]
+    for head, columns in ((["V", "V"], body), (["V"] * 3, [[*row, "1"] for row in body])):
+        path = written(tmp_path, table(header=head, body=columns))
+        with pytest.raises(InputError, match=r"calls all . columns 'V', which is a unit.*--column"):
+            read(path)
+        assert set(read_table(path).units) == {"V"}
+
+
+@pytest.mark.parametrize("head", ["", "cof\n", "# made by hand\n"])
+def test_a_file_of_one_column(tmp_path: Path, head: str) -> None:
+    path = written(tmp_path, head + "".join(f"{f:.4f}\r\n" for f in FRICTION))
+    stated = {"time": "4 Hz", "load_point_velocity": "10 mm/s", "friction": "#1 [1]"}
+    if head == "cof\n":
+        del stated["friction"]
+    record = read(path, columns=stated)
+    np.testing.assert_allclose(record.friction, FRICTION)
+    np.testing.assert_allclose(record.time, TIME)
+    assert np.ptp(record.load_point_velocity) == 0
+    assert record.load_point_velocity[0] == pytest.approx(0.01)
+    with pytest.raises(InputError, match=r"time=1 kHz"):
+        read(path)
+    with pytest.raises(InputError, match="not a table"):
+        read(written(tmp_path, "a letter\n1\n2\n3\nmore words\n"))
+
+
+def test_what_is_stated_is_shown_as_it_was_stated(tmp_path: Path) -> None:
+    path = written(tmp_path, "".join(f"{f:.4f}\n" for f in FRICTION))
+    stated = {"time": "4 Hz", "load_point_velocity": "240 mm/s", "friction": "#1 [1]"}
+    record = read(path, columns=stated)
+    lines = describe(record, record_steps(record))
+    assert "  load_point_velocity: 240 mm/s (stated)" in lines
+    assert "  time: 0 to 9.75 s (4 Hz, stated)" in lines
+
+
+def two_records(second: list[str], shift: float) -> str:
+    """Two records with a head each; times of the second are shifted by so much."""
+    later = [[f"{float(row[0]) + shift:.2f}", *row[1:]] for row in cells()]
+    return table() + "\n".join(second) + "\n" + table(body=later)
+
+
+@pytest.mark.parametrize(
+    "second", [["", "Step No. 2", "Velocity = 240", ""], ["again:"], []], ids=len
+)
+def test_two_records_in_a_file_are_told_as_such(tmp_path: Path, second: list[str]) -> None:
+    path = written(tmp_path, two_records(second, 0.0))
+    row = ROWS + 3 - (second == ["again:"])  # an empty line is counted, and is no head
+    with pytest.raises(InputError, match=rf"another head begins in row {row} .*2 records follow"):
+        read(path)
+    with pytest.raises(InputError, match="into two records"):
+        read(path, drop_bad=True)
+    if second:  # times from a rate do not start again
+        stated = {"time": "4 Hz", "load_point_displacement": "displacement", "friction": "friction"}
+        with pytest.raises(InputError, match="another head begins"):
+            read(path, columns=stated)
+
+
+def test_a_head_that_is_repeated_on_every_page_may_be_left_out(tmp_path: Path) -> None:
+    path = written(tmp_path, two_records([], 10.0))
+    with pytest.raises(InputError, match="leave them out"):
+        read(path)
+    assert len(read(path, drop_bad=True)) == 2 * ROWS
+    stops = table() + "nan,nan,nan,nan\n" + table(header=["0.0", "1", "1", "1"])
+    with pytest.raises(InputError, match="no finite number"):
+        read(written(tmp_path, stops))

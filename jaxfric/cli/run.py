@@ -1,5 +1,6 @@
 """`jaxfric run`: a whole run of a press, from its file to the table of its steps."""
 
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -77,10 +78,10 @@ def run(
     stick_slip_laws.csv, and figures, to the output folder, by default ./NAME-run/ with the options
     that differ from their default.
     """
-    from ..runs.findings import findings_of, ramps_stiffness_of
+    from ..runs.findings import findings_of
     from ..runs.fits import HowFitted, contradictions, decided_events
     from ..runs.holds import fit_holds, warnings_of
-    from ..runs.ramps import RAMPS
+    from ..runs.ramps import RAMPS, stiffness_from_ramps
     from ..runs.stiffness import MachineStiffness
 
     how = HowFitted(None, law, int(states), fit_stiffness, slip_trend, rows)
@@ -90,7 +91,8 @@ def run(
         inputs = (file,) if events is None else (file, events)
         folder = choose_folder(out, file.stem, *inputs, unnamed=("events",))
         if stiffness == RAMPS:
-            how = replace(how, stiffness=ramps_stiffness_of(record))
+            ramps = stiffness_from_ramps(*decided_events(record, events, None))
+            how = replace(how, stiffness=ramps.machine())
         elif stiffness is not None:
             how = replace(how, stiffness=MachineStiffness.parse(stiffness, record.friction_unit))
         progress(f"what happens in {len(record)} rows")
@@ -107,19 +109,22 @@ def run(
             _write_events(record, found, to)
             _write_tables(result, holds, others, to)
             (to / "run.json").write_text(content + "\n", encoding="utf-8")
-        progress("drawing figures")
-        _draw_events(record, found, folder)
-        _draw(result, holds, folder)
-        _draw_others(others, folder)
-        warnings = [*_warnings(result, how), *warnings_of(holds), *others.warnings]
-        _write_page(result, holds, others, warnings, folder)
     if json:
         print(content)
     else:
         _tell(result, holds, others)
-        print(folder.written)
+    sys.stdout.flush()  # figures of many steps take minutes: who stops them has the numbers
+    warnings = [*_warnings(result, how), *warnings_of(holds), *others.warnings]
     heads = {_head(line) for line in early}
     warn(line for line in warnings if _head(line) not in heads)
+    with told(quiet=json) as progress:
+        progress("drawing figures")
+        _draw_events(record, found, folder)
+        _draw(result, holds, folder)
+        _draw_others(others, folder)
+        _write_page(result, holds, others, warnings, folder)
+    if not json:
+        print(folder.written)
     return folder.close()
 
 

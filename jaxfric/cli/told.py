@@ -31,8 +31,16 @@ class Teller:
         self.message = "starting"
         self.begun = self.last = self.since = time.monotonic()
         self.lock, self.ended = threading.Lock(), threading.Event()
-        self.thread = threading.Thread(target=self._watch, daemon=True)
-        self.thread.start()
+        self.ended.set()
+        self.begin()
+
+    def begin(self) -> None:
+        """Break silences, from the start and again after an `end`."""
+        if self.ended.is_set():
+            self.ended.clear()
+            self.last = time.monotonic()
+            self.thread = threading.Thread(target=self._watch, daemon=True)
+            self.thread.start()
 
     def __call__(self, message: str) -> None:
         """Say what is being done from now on."""
@@ -74,6 +82,10 @@ class Line:
 
         self.each = False
         self.status = Console(stderr=True, highlight=False).status("starting")
+        self.begin()
+
+    def begin(self) -> None:
+        """Show the line, again after an `end`."""
         self.status.start()
 
     def __call__(self, message: str) -> None:
@@ -102,6 +114,9 @@ class Silent:
 
     def doing(self, message: str) -> None:
         """Tell nothing of it."""
+
+    def begin(self) -> None:
+        """There is nothing to begin."""
 
     def end(self) -> None:
         """There is nothing to end."""
@@ -137,6 +152,7 @@ def told(*, quiet: bool) -> Generator[Callable[[str], None]]:
     """
     teller = _NOW.get() or _begin()
     teller.each = not quiet
+    teller.begin()
     try:
         yield teller
     finally:

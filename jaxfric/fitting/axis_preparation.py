@@ -217,10 +217,11 @@ def prepare(
     InputError : a cutoff not between 0 and half the sampling rate, or so low that few rows are
         left; a record shorter than its edges.
     """
+    count = len(time)
     time, position, velocity, recorded = _even(time, position, velocity, force)
     interval = float(np.median(np.diff(time)))
     chosen = preparation or usual(interval)
-    _refuse_unusable(chosen, time, interval)
+    _refuse_unusable(chosen, time, interval, count)
     raw = position if position is not None else velocity
     assert raw is not None
     smooth = _low_pass(raw, chosen.cutoff, interval)
@@ -254,7 +255,8 @@ def prepare(
     )
 
 
-def _refuse_unusable(chosen: Preparation, time: np.ndarray, interval: float) -> None:
+def _refuse_unusable(chosen: Preparation, time: np.ndarray, interval: float, count: int) -> None:
+    """`time` is even, of a record of `count` rows."""
     if not 0 < chosen.cutoff * 2 * interval < 1:
         raise InputError(
             f"cutoff {chosen.cutoff:g} Hz: choose one above 0 and below half the sampling rate,"
@@ -262,8 +264,10 @@ def _refuse_unusable(chosen: Preparation, time: np.ndarray, interval: float) -> 
         )
     if time[-1] < 4 * chosen.edge or len(time) < 100:
         raise InputError(
-            f"the record lasts {time[-1]:.3g} s, a row each {interval:.3g} s; {4 * chosen.edge:g} s"
-            " and 100 rows are needed"
+            f"the record lasts {time[-1]:.3g} s in {count} rows"
+            + (f" ({len(time)} at their usual interval)" if len(time) != count else "")
+            + f"; {4 * chosen.edge:g} s and 100 rows are needed at any cutoff: both ends, of"
+            f" {chosen.edge:g} s, are left out"
         )
     if len(time) < _FEWEST_ROWS * chosen.decimation:
         raise InputError(

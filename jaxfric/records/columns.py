@@ -79,6 +79,7 @@ def understand(
         dropped={EMPTY_ROWS: empty} if empty else {},
         notes=(*table.notes, *notes),
         reduction=table.reduction,
+        stated=table.stated,
     )
     return Understood(table, uses, values, rows.part(filled), origin)
 

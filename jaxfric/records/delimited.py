@@ -17,6 +17,7 @@ from .cells import BLANK, DELIMITERS, Writing, decimals, has_decimal_commas
 from .foreign import refuse_foreign
 from .format import Format
 from .heading import is_counts, read_header
+from .rows import MIN_ROWS
 from .table import Table
 
 _MOST_HEADER_LINES = 2000
@@ -103,9 +104,24 @@ def _first_numbers(lines: list[str], path: str) -> tuple[int, Writing]:
         seen += 1
         if seen > _MOST_HEADER_LINES:
             break
+    first = _first_of_one_column(lines)
+    if first is not None:
+        return first, Writing(None)
     raise InputError(
-        f"{path} has no rows of two or more numbers; it is not a table of columns with rows"
+        f"{path} has no rows of two or more numbers, nor {MIN_ROWS} rows of one; it is not a table"
+        " of columns with rows"
     )
+
+
+def _first_of_one_column(lines: list[str]) -> int | None:
+    """Index of the first line of a file whose rows are one number each; None where they are not."""
+    rows = [i for i, line in enumerate(lines) if _is_row(line)]
+    cells = [Writing(None).cells(lines[i]) for i in rows]
+    alone = [len(cell) == 1 and Writing(None).number(cell[0]) is not None for cell in cells]
+    if sum(alone) < MIN_ROWS:
+        return None
+    first = alone.index(True)
+    return rows[first] if 2 * sum(alone) > len(alone) - first else None
 
 
 def _is_numbers(line: str, delimiter: str | None) -> bool:

@@ -5,12 +5,16 @@ import re
 from collections import Counter
 from collections.abc import Iterable
 
+from ..errors import folded
 from ..units import is_unit
 from . import clock
 from .axis_units import spelling
 from .cells import Writing
 from .roles import SLIDER, has_role
 
+_NAMES, _UNITS = ("channelname", "channel", "name", "signal"), ("unit", "units")
+_TIMES = ("timestamp", "interval", "starttime", "dt")
+"""Labels of lines of a head, folded: what names columns, their units, and times."""
 _COUNTS = re.compile(r"\s*(\d+ recs\s*)+")
 
 
@@ -34,6 +38,8 @@ def read_header(
     least, most = _usual(len(_without_end(row)) for row in cells), _usual(map(len, cells))
     if not written:
         return [f"#{i + 1}" for i in range(least)], [None] * least, "it has no header"
+    if (labelled := _labelled(written, writing, least)) is not None:
+        return *labelled, ""
     names = _header_cells(written[-1], writing, least, most)
     below: list[str] | None = None
     if len(written) > 1:
@@ -49,12 +55,44 @@ def read_header(
             + _comma_hint(len(names), least, writing)
         )
         return [f"#{i + 1}" for i in range(least)], [None] * least, doubt
+    if len(names) > 1 and len(set(names)) == 1 and is_unit(names[0]):
+        doubt = f"the header calls all {len(names)} columns '{names[0]}', which is a unit"
+        return [f"#{i + 1}" for i in range(len(names))], [*names], doubt
     if below is not None:
         below += [""] * (len(names) - len(below))
         plain = [SLIDER.split(name)[0] for name in names]
         return plain, [None if clock.is_clock_format(unit) else unit for unit in below], ""
     pairs = [SLIDER.split(name) for name in names]
     return [name for name, _ in pairs], [unit for _, unit in pairs], ""
+
+
+def _labelled(
+    written: list[str], writing: Writing, count: int
+) -> tuple[list[str], list[str | None]] | None:
+    """Names and units of columns whose lines of the head begin with a label, which is said again
+    before every column of values; None where the head is not such.
+
+    National Instruments' text has a time and a value for each channel: `Channel name,Force,Channel
+    name,Input 1`, `Unit,V,Unit,V`, and `Timestamp,DATE,Timestamp,DATE`.
+    """
+    found: dict[str, list[str]] = {}
+    for line in written:
+        cells = writing.cells(line)
+        if count % 2 == 0 and len(cells) == count and len(set(cells[::2])) == 1:
+            found[folded(cells[0])] = cells[1::2]
+    names, units = (
+        next((found[label] for label in labels if label in found), None)
+        for labels in (_NAMES, _UNITS)
+    )
+    if names is None or units is None:
+        return None
+    times = any(label in found for label in _TIMES)
+    of_time = [f"time of {name}" if k else "time" for k, name in enumerate(names)]
+    firsts = of_time if times else [""] * len(names)
+    return (
+        [cell for pair in zip(firsts, names, strict=True) for cell in pair],
+        [cell for unit in units for cell in (None, unit or None)],
+    )
 
 
 def _count_rows(rows: list[list[str]]) -> bool:

@@ -38,6 +38,8 @@ class Provenance:
     """Cells that stand far out of their neighbours, a line a column: where, and what to do."""
     reduction: tuple[str, ...] = ()
     """What a reduction did to the columns of the file, a line a step; empty: there was none."""
+    stated: Mapping[str, str] = field(default_factory=dict)
+    """Numbers that stand for a column of the file, as the user wrote them, by role."""
     lines: np.ndarray | None = field(default=None, compare=False, repr=False)
     """The place of every row in the file; None where rows are not those of a file."""
 

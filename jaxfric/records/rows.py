@@ -1,5 +1,6 @@
 """The rows of a record: which are whole, and what is said of those that are not."""
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -12,6 +13,8 @@ LARGEST, SMALLEST = 1e30, 1e-30
 
 MIN_ROWS = 20
 """Least number of rows of a record."""
+_WORD = re.compile(r"[\W_]*(?!nan|inf)[^\W\d_]", re.IGNORECASE)
+"""A letter, after signs, that no number begins with."""
 _STILL = 20
 """A clock that shows the same time in so many more rows stands still."""
 _GOES_ON = 10
@@ -38,6 +41,11 @@ class FileRows:
     def part(self, rows: slice) -> "FileRows":
         """A slice of these rows."""
         return FileRows(self.lines[rows], self.malformed[rows], self.text)
+
+    def is_words(self, index: int) -> bool:
+        """Whether a row begins with a word, or the sign of a unit, as a line of a head does."""
+        found = self.text(int(self.lines[index])).strip() if self.text else ""
+        return _WORD.match(found) is not None
 
     def place(self, index: int, role: str = "") -> str:
         """Row and text of a row, for a message; `role` is of the column in question."""
@@ -68,6 +76,7 @@ def whole_rows(
     finite = {role: np.abs(values) < LARGEST for role, values in columns.items()}
     bad = ~np.all(list(finite.values()), axis=0) & ~rows.malformed
     if not drop_bad:
+        _refuse_second_head(columns["time"], bad | rows.malformed, path, rows)
         _refuse_malformed(path, rows)
         _refuse_bad(finite, bad, path, rows)
     keep = ~bad & ~rows.malformed
@@ -105,6 +114,28 @@ def _refuse_restart(
             f"{path}: the clock starts again in {rows.place(begin)}, from {before[begin]:.10g} to"
             f" {time[begin]:.10g} s, and goes on from there; cut the file there into two records"
         )
+
+
+def _refuse_second_head(time: np.ndarray, bad: np.ndarray, path: str, rows: FileRows) -> None:
+    """Raise `InputError` where records follow each other in a file, each with a head of its own:
+    lines of words between rows of numbers, and a clock that starts again after them, or two such
+    lines or more where there is no column of times."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], bad.astype(int), [0]]))).reshape(-1, 2)
+    heads = []
+    for a, b in edges.tolist():
+        if a == 0 or b == len(bad) or not all(rows.is_words(i) for i in range(a, b)[:_GOES_ON]):
+            continue
+        rated = b - a > 1 and np.isfinite(time[a:b]).all()  # times from a rate go on in a head
+        if time[b] < time[a - 1] or rated:
+            heads.append(a)
+    if not heads:
+        return
+    places = " and ".join(rows.place(head) for head in heads[:2])
+    number = len(heads) + 1
+    raise InputError(
+        f"{path}: another head begins in {places}: {number} records follow each other in this file;"
+        f" cut it there into {number} files"
+    )
 
 
 def clock_doubt(time: np.ndarray, path: str, rows: FileRows) -> str | None:

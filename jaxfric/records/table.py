@@ -41,6 +41,8 @@ class Table:
     """Names of columns by role, where the format tells; roles of any rig."""
     gains: Mapping[str, float] = field(default_factory=dict)
     """Fields of `Drive` that the file contains, in SI."""
+    stated: Mapping[str, str] = field(default_factory=dict)
+    """Numbers that a user stated in place of a column, as written, by role."""
     reduction: tuple[str, ...] = ()
     """What a reduction did, a line a step; empty where there was none."""
     text: Callable[[int], str] | None = None
@@ -106,6 +108,7 @@ def with_stated(table: Table, columns: Mapping[str, str]) -> tuple[Table, dict[s
             columns=(*table.columns, values),
             blank=None if table.blank is None else np.pad(table.blank, ((0, 0), (0, 1))),
             notes=(*table.notes, note),
+            stated={**table.stated, role: text},
         )
     return table, said
 

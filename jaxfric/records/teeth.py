@@ -1,4 +1,5 @@
-"""What friction alone shows: the saw teeth of stick-slip, and rows that stand out."""
+"""What friction alone shows: the saw teeth of stick-slip, rows that stand out, and a load point
+that turns where the size of its friction is recorded."""
 
 from typing import NamedTuple
 
@@ -30,6 +31,14 @@ over so many rows; `_AROUND` rows say what that is."""
 _OWN = 0.5
 """White noise is off a median by more than this share of its standard deviation half of the time.
 """
+
+
+_HALF, _ZERO, _LONGEST = 0.5, 0.25, 50
+"""Friction dips if it falls below the first share of its level, over so many rows at most, and at
+the lowest row below the second."""
+_FLANK_ENDS, _ABOVE, _BESIDE = 0.9, 0.1, 10
+"""A flank ends at this share of the median of so many rows, and has a row this share of it above
+the lowest one."""
 
 
 class Teeth(NamedTuple):
@@ -187,6 +196,46 @@ def slips_told(record: Record, steps: VelocitySteps) -> str | None:
         f"it stick-slips from {found[0].start:.4g} s to {found[-1].stop:.4g} s, and what its"
         " teeth tell is told by jaxfric run"
     )
+
+
+class Dip(NamedTuple):
+    """Friction falls to `lowest` at `row`; `rows` of it lie below the levels beside them."""
+
+    row: int
+    rows: slice
+    lowest: float
+
+
+def find_dips(friction: np.ndarray) -> list[Dip]:
+    """Where friction falls towards zero and comes back, over rows on both flanks.
+
+    A recorder that takes the size of friction (|F|/N) makes such a V where the load point turns. A
+    cell that is lost has no flanks.
+    """
+    size = np.abs(friction)
+    level = float(np.median(size))
+    if not level or min(float((friction < 0).mean()), float((friction > 0).mean())) > 0:
+        return []
+    below = np.concatenate([[0], (size < _HALF * level).astype(int), [0]])
+    out = []
+    for a, b in np.flatnonzero(np.diff(below)).reshape(-1, 2).tolist():
+        if a == 0 or b == len(size) or b - a > _LONGEST:
+            continue
+        row = a + int(np.argmin(size[a:b]))
+        lowest = float(size[row])
+        # between two rows a V may come nearer to zero than at either
+        towards = max(_ZERO * level, _HALF * float(size[[row - 1, row + 1]].max()))
+        flanks = [_flank(part, lowest) for part in (size[:row][::-1], size[row + 1 :])]
+        if lowest < towards and all(flanks):
+            out.append(Dip(row, slice(row - flanks[0], row + flanks[1] + 1), lowest))
+    return out
+
+
+def _flank(size: np.ndarray, lowest: float) -> int:
+    """How many rows from the lowest one on are below the level beside it; 0 where none of them is
+    well above the lowest."""
+    out = int(np.argmax(size >= _FLANK_ENDS * np.median(size[:_BESIDE])))
+    return out if out and size[out - 1] > lowest + _ABOVE * (size[out] - lowest) else 0
 
 
 def find_spikes(friction: np.ndarray) -> np.ndarray:

@@ -13,8 +13,8 @@ def _folded(unit: str) -> str:
 
 
 def describe(record: Record, steps: VelocitySteps) -> list[str]:
-    """Columns with their range, and their unit in the file where that is another; rows dropped,
-    sampling, and the velocity steps."""
+    """Columns with their range, and their unit in the file where that is another, or what was
+    stated in their place; rows dropped, sampling, and the velocity steps."""
     origin = record.provenance
     dropped = ", ".join(f"{n} {reason}" for reason, n in origin.dropped.items()) or "none"
     lines = [
@@ -42,6 +42,11 @@ def describe(record: Record, steps: VelocitySteps) -> list[str]:
         )
         in_file = record.units.get(role, si[role])
         low = low.removesuffix(f" {shown[role]}")
+        if role in origin.stated:
+            stated = f"{origin.stated[role]}, stated" if role == "time" else "stated"
+            span = f"{low} to {high}" if role == "time" else origin.stated[role]
+            lines.append(f"  {role}: {span} ({stated})")
+            continue
         same = _folded(in_file) in (_folded(shown[role]), "")
         lines.append(f"  {role}: {low} to {high}{'' if same else f' ({in_file} in the file)'}")
     lines += [f"note: {note}" for note in origin.notes]

@@ -1,23 +1,26 @@
-"""What the user of a run should know of its record before the numbers: gaps of the clock, and a
-load point that goes to and fro."""
+"""What the user of a run should know of its record before the numbers: gaps of the clock, a load
+point that goes to and fro, and friction that falls to zero where it may have turned unseen."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
 from ..records import Record
-from .events import Event
+from ..records.teeth import find_dips
+from .events import Event, end_of
 
 _GAP, _SHORT = 10.0, 5.0
 """Rows are missing where an interval is so many times as long as those beside it, and as the usual
 one, and longer than `_SHORT` s."""
+_SHOWN = 4
+"""So many times are given of what may have happened more often."""
 _TURNS, _NET = 4, 0.2
 """A load point goes to and fro if it turns back so often and in all comes so little of its way."""
 
 
 def cautions(record: Record, events: Sequence[Event]) -> tuple[str, ...]:
     """Sentences on gaps and turning points of a run; none for most."""
-    found = (_gaps(record.relative_time), _to_and_fro(record, events))
+    found = (_gaps(record.relative_time), _to_and_fro(record, events), _turns(record, events))
     return tuple(text for text in found if text)
 
 
@@ -53,4 +56,27 @@ def _to_and_fro(record: Record, events: Sequence[Event]) -> str:
     return (
         f"the load point turns back {turns} times: one direction is taken as forwards and the other"
         " as unloading; friction of an axis that goes to and fro is what jaxfric axis fits"
+    )
+
+
+def _turns(record: Record, events: Sequence[Event]) -> str:
+    """Friction that falls towards zero and comes back, where no event says why."""
+    t = record.relative_time
+    others = [event for event in events if event.kind != "glitch"]
+    dips = []
+    for dip in find_dips(record.friction):
+        begin, end = t[max(dip.rows.start - 1, 0)], t[min(dip.rows.stop, len(t) - 1)]
+        if not any(event.time <= end and end_of(event) >= begin for event in others):
+            dips.append(dip)
+    if not dips:
+        return ""
+    lowest = min(dip.lowest for dip in dips)
+    longest = max(dip.rows.stop - dip.rows.start for dip in dips)
+    times = ", ".join(f"{t[dip.row]:.6g}" for dip in dips[:_SHOWN])
+    more = f" and {len(dips) - _SHOWN} times more" if len(dips) > _SHOWN else ""
+    unit = " N" if record.friction_unit == "N" else ""
+    return (
+        f"friction falls to {lowest:.2g}{unit} and comes back within {longest} rows, at {times}"
+        f" s{more}: the load point may have turned there, with the size of friction recorded. Cut"
+        " the record there (--from, --to), or read one that goes to and fro with jaxfric axis"
     )

@@ -29,7 +29,7 @@ import numpy as np
 
 from ..records import Record
 from ..records.run_motion import RunMotion, run_motion
-from ..records.teeth import Teeth, find_spikes, find_teeth
+from ..records.teeth import Teeth, find_dips, find_spikes, find_teeth
 from ..units import format_si
 from .stiffness import MachineStiffness
 from .stress import StressChange, find_stress_changes, is_constant
@@ -318,7 +318,10 @@ def _glitches(
         out.append(Event("glitch", reset.time, v, v, reset.time, reset.time, why=reset.told()))
     joints = [p.rows.start for p in phases[1:]]
     joints = np.array(
-        joints + [int(i) for b in busy for i in np.searchsorted(t, [b.start, b.stop])]
+        joints
+        + [int(i) for b in busy for i in np.searchsorted(t, [b.start, b.stop])]
+        # the load point may turn there (`cautions`)
+        + [row for dip in find_dips(record.friction) for row in (dip.rows.start, dip.rows.stop)]
     )
     for row in find_spikes(record.friction):
         time = float(t[row])

@@ -5,18 +5,15 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from ..records import Record
 from ..silent import silent
 from . import cycles as of_cycles
 from . import ramps as of_ramps
 from . import stress_steps as of_stress
 from .cautions import cautions
 from .cycles import StickSlip, fit_stick_slip
-from .events import Event, find_events
-from .fits import HowFitted, RunFit, without_resets_of
-from .joint import is_known
-from .ramps import Ramp, disagreement, find_ramps, ramp_stiffness, stiffness_from_ramps
-from .stiffness import MachineStiffness
+from .events import Event
+from .fits import HowFitted, RunFit
+from .ramps import Ramp, disagreement, find_ramps, ramp_stiffness
 from .stress_steps import FittedStress, fit_stress_steps
 from .table import csv_text
 
@@ -68,10 +65,8 @@ def findings_of(
     progress: Callable[[str], None] = silent,
 ) -> Findings:
     """What the events of a run tell that are no velocity steps."""
-    A = [s.fit.parameters["A"].value for s in result.steps if s.fit is not None and is_known(s)]
-    direct = float(np.median(A)) if A and result.record.friction_unit == "1" else None
     stresses = fit_stress_steps(result.record, events, result.steps, how, progress=progress)
-    ramps = find_ramps(result.record, events, direct=direct)
+    ramps = find_ramps(result.record, events)
     levels = [e.normal_stress for e in events if e.fitted and e.normal_stress is not None]
     about = float(np.median(levels)) if levels else None
     stick_slip = fit_stick_slip(result.record, events, progress=progress)
@@ -81,12 +76,3 @@ def findings_of(
     )
     known = (*cautions(result.record, events), *(text for text in doubts if text))
     return Findings(stresses, ramps, stick_slip, known)
-
-
-def ramps_stiffness_of(record: Record) -> MachineStiffness:
-    """The stiffness that the ramps of a run tell before anything is fitted.
-
-    Raises `InputError` for a run without ramps.
-    """
-    motion, events = find_events(record)
-    return stiffness_from_ramps(without_resets_of(record, motion.position), events).machine()

@@ -1,17 +1,20 @@
 """The stiffness of machine and specimen, from ramps on which the slider sticks.
 
 Where the load point moves back, and where it moves on after a hold or after unloading, friction is
-so far below that of sliding that the slider does not slip: at 5 A below it, by less than a
-hundredth of the load point's velocity. Shear stress then changes by k for every metre of the load
-point: k = cov(time, stress)/cov(time, position), to which the noise of neither channel adds
-(Wald 1940, Ann. Math. Stat. 11, 284-300, on lines with errors in both). Without a normal stress it
-is K of friction.
+so far below that of sliding that the slider does not slip: at a tenth below it, which is 5 A or
+more of most rocks, by less than a hundredth of the load point's velocity. Shear stress then changes
+by k for every metre of the load point: k = cov(time, stress)/cov(time, position), to which the
+noise of neither channel adds (Wald 1940, Ann. Math. Stat. 11, 284-300, on lines with errors in
+both). Without a normal stress it is K of friction.
 
-A ramp counts whose halves have like slopes. Otherwise its first half is taken, and so on: unloading
-is softer where little load is left, and at the end of a reload the slider begins to slip. What
-loads a press for the first time seats and crushes, and is no ramp. The error of a ramp has what its
-blocks scatter by, and a fourth of what its halves differ by. A press may be stiffer for the small
-changes after a velocity step than it is along a ramp.
+A ramp counts whose parts (sixths, where it has the rows) have like slopes: two halves of an S have.
+Otherwise its first half is taken, and so on: unloading is softer where little load is left, and at
+the end of a reload the slider begins to slip. Where the second half is stiffer than the first, the
+first is a press that is not yet in touch, and no part is taken. What loads a press for the first
+time seats and crushes, and is no ramp, nor is a velocity that follows on another one forwards.
+Ramps need nothing that is fitted, so that `--stiffness ramps` and the report of a run name the
+same. The error of a ramp has what its blocks scatter by, and half of what its worst part is off by.
+A press may be stiffer for the small changes after a velocity step than it is along a ramp.
 """
 
 from collections.abc import Sequence
@@ -29,13 +32,14 @@ from .table import Cell, measured
 
 RAMPS = "ramps"
 """The word for a stiffness that is to be taken from ramps."""
-_DIRECT, _BELOW, _LOW = 5.0, 0.1, 0.1
-"""The slider sticks so many A below sliding; that share of friction below it where A is not known.
-Below this share of friction parts of a press are not yet in touch."""
-_FEWEST, _LEVEL, _BLOCKS = 16, 20, 8
-"""Least number of rows; those before an event that say what sliding is; blocks of a ramp."""
+_BELOW, _LOW = 0.1, 0.1
+"""The slider sticks this share of friction below sliding. Below the other share parts of a press
+are not yet in touch."""
+_FEWEST, _LEVEL, _BLOCKS, _PARTS = 16, 20, 8, 6
+"""Least number of rows, of a part too where a ramp has more than two; those before an event that
+say what sliding is; blocks of a ramp; most parts whose slopes are compared."""
 _ALIKE, _SURE, _HALVINGS = 0.1, 3.0, 4
-"""Halves of a ramp have slopes within this share of each other, or within so many errors."""
+"""Parts of a ramp have its slope within this share, or within so many errors."""
 _KNOWN = 0.2
 """A slope whose error is above this share of it says nothing."""
 _LEAST = 1e-3
@@ -87,10 +91,13 @@ class _RampRows(NamedTuple):
     force: np.ndarray
 
 
-def find_ramps(
-    record: Record, events: Sequence[Event], *, direct: float | None = None
-) -> tuple[Ramp, ...]:
-    """The ramps of a run whose record has no resets of its encoder; `direct` is A where known."""
+def find_ramps(record: Record, events: Sequence[Event]) -> tuple[Ramp, ...]:
+    """The ramps of a run whose record has no resets of its encoder.
+
+    Whether `events` were found with a stiffness makes no difference: a velocity that follows on
+    another one, be it called a step or a reload, begins at the level of its own last rows, and so
+    begins no ramp.
+    """
     t = record.relative_time
     joints = [e for e in events if e.before != e.after or e.kind == "stress"]
     if not joints:
@@ -103,10 +110,10 @@ def find_ramps(
     out, level = [], None
     for k, event in enumerate(joints):
         rows = slice(*np.searchsorted(t, [event.time, _end(joints, k, float(t[-1]))]))
-        if event.before * ahead > 0 and event.kind != "reload" and rows.start >= _LEVEL:
+        if event.before * ahead > 0 and rows.start >= _LEVEL:
             level = float(np.median(record.friction[rows.start - _LEVEL : rows.start]))
         if event.kind in ("unload", "reload") and event.after and rows.stop - rows.start > _FEWEST:
-            out.append(_ramp(record, event, rows, level, direct))
+            out.append(_ramp(record, event, rows, level))
     return tuple(ramp for ramp in out if ramp is not None)
 
 
@@ -115,17 +122,14 @@ def _end(joints: Sequence[Event], k: int, end: float) -> float:
     return joints[k + 1].time if k + 1 < len(joints) else end
 
 
-def _ramp(
-    record: Record, event: Event, rows: slice, level: float | None, direct: float | None
-) -> Ramp | None:
+def _ramp(record: Record, event: Event, rows: slice, level: float | None) -> Ramp | None:
     """The ramp that begins with an event; None where the slider does not stick."""
     t, f = record.relative_time[rows], record.friction[rows]
     x, stress = record.load_point_displacement, record.normal_stress
     assert x is not None
     if level is None:  # what loads a press for the first time seats and crushes
         return None
-    below = _BELOW * abs(level) if direct is None else _DIRECT * direct
-    low, high = _LOW * abs(level), abs(level) - below
+    low, high = _LOW * abs(level), (1 - _BELOW) * abs(level)
     size = np.abs(f)
     if event.kind == "unload":
         part = slice(_first(size < high), _first(size < low))
@@ -157,21 +161,26 @@ def _straight(ramp: Ramp, rows: _RampRows) -> Ramp:
     for _ in range(_HALVINGS + 1):
         half = len(rows.time) // 2
         slope, error = _slope(rows)
-        halves = [
-            _slope(_RampRows(*(c[a] for c in rows))) for a in (slice(half), slice(half, None))
-        ]
-        apart = abs(halves[0][0] - halves[1][0])
-        unsure = float(np.hypot(halves[0][1], halves[1][1]))
-        if apart < max(_ALIKE * abs(slope), _SURE * unsure):
-            error = float(np.hypot(error, max(apart - unsure, 0.0) / 4))
+        count = min(max(len(rows.time) // _FEWEST, 2), _PARTS)
+        parts = zip(*(np.array_split(column, count) for column in rows), strict=True)
+        slopes, errors = np.array([_slope(_RampRows(*part)) for part in parts]).T
+        off = float(np.abs(slopes - slope).max())
+        unsure = float(np.sqrt(np.mean(errors**2)))  # each has few blocks to tell its own
+        if off < max(_ALIKE * abs(slope), _SURE * unsure):
+            error = float(np.hypot(error, max(off - unsure, 0.0) / 2))
             if not slope > 0 or error > _KNOWN * slope:
                 return _without(ramp, "its slope is lost in the noise")
             start, stop = float(rows.time[0]), float(rows.time[-1])
             return Ramp(ramp.kind, start, stop, ramp.normal_stress, ramp.of_stress, slope, error)
-        if half < 2 * _FEWEST:
+        first, second = (_slope(_RampRows(*(c[a] for c in rows)))[0] for a in _halves(half))
+        if half < 2 * _FEWEST or second > first:
             break
         rows = _RampRows(*(column[:half] for column in rows))
     return _without(ramp, "it is not straight")
+
+
+def _halves(half: int) -> tuple[slice, slice]:
+    return slice(half), slice(half, None)
 
 
 def _slope(rows: _RampRows) -> tuple[float, float]:

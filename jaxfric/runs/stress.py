@@ -2,7 +2,8 @@
 
 The recorded stress, less lone rows, becomes a polyline that stays within a tolerance of it (Ramer,
 1972, Comput. Graph. Image Process. 1, 244-256; Douglas & Peucker, 1973, Cartographica 10, 112-122).
-Its legs that are steeper than any drift of a servo are changes; neighbouring ones are one change.
+Its legs that are steeper than any drift of a servo are changes; neighbouring ones are one change,
+and so are the strokes of one move of the press, with what it overshoots.
 """
 
 from typing import NamedTuple
@@ -17,7 +18,8 @@ _WITHIN, _NOISES = 0.003, 6.0
 """Tolerance of the polyline: this share of a large stress, or so many noises."""
 _STEEP = 0.01 / 60
 """A leg is no drift if it changes a large stress by this share of it in a second."""
-
+_SETTLES = 0.1
+"""What follows a change soon, by less than this share of it, belongs to it."""
 _CONSTANT = 0.01
 """A normal stress that changes by no more than this share of it is constant."""
 _AROUND, _TIMES, _WIDEST, _KEPT = 50, 10, 2000, 0.5
@@ -73,17 +75,26 @@ def _stays(stress: np.ndarray, first: int, last: int, least: float) -> bool:
 
 
 def _joined(changes: list[StressChange]) -> list[StressChange]:
-    """Changes one way with less time between them than either takes are one."""
+    """Changes that one move of the press makes are one (`_goes_on`)."""
     out = changes[:1]
     for change in changes[1:]:
-        last = out[-1]
-        shorter = min(last.stop - last.start, change.stop - change.start)
-        same_way = (last.after - last.before) * (change.after - change.before) > 0
-        if same_way and change.start - last.stop < shorter:
-            out[-1] = last._replace(stop=change.stop, after=change.after)
+        if _goes_on(out[-1], change):
+            out[-1] = out[-1]._replace(stop=change.stop, after=change.after)
         else:
             out.append(change)
     return out
+
+
+def _goes_on(first: StressChange, then: StressChange) -> bool:
+    """Whether two changes are of one move: one way, with a rest that is shorter than the geometric
+    mean of the times that they take (a valve is turned by hand in strokes, long and short); or the
+    first overshoots or creeps home, with a rest that is shorter than it took."""
+    rest = then.start - first.stop
+    sizes = (first.after - first.before, then.after - then.before)
+    lasts = (first.stop - first.start, then.stop - then.start)
+    if abs(sizes[1]) < _SETTLES * abs(sizes[0]):
+        return rest < lasts[0]
+    return sizes[0] * sizes[1] > 0 and rest < float(np.sqrt(lasts[0] * lasts[1]))
 
 
 def polyline(x: np.ndarray, y: np.ndarray, tolerance: float) -> np.ndarray:

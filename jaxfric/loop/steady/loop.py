@@ -145,9 +145,9 @@ def _fitted(curve: SteadyCurve) -> np.ndarray:
         if len(speed) >= _FEWEST_OF_BASE and min(ways) > 0 and sum(ways) > 2:
             return used
     forward, backward = int(np.sum(curve.speed > 0)), int(np.sum(curve.speed < 0))
+    slips = f"{_slips(curve, counted=False)} The" if curve.stick_slip else "the"
     raise InputError(
-        (f"{_slips(curve, counted=False)} " if curve.stick_slip else "")
-        + f"the curve has {forward} runs forwards and {backward} backwards; {_FEWEST_OF_BASE} in"
+        f"{slips} curve has {forward} runs forwards and {backward} backwards; {_FEWEST_OF_BASE} in"
         " all, at two speeds or more, and both directions are needed: one direction alone does not"
         " tell Coulomb friction from an offset of the force. Record more speeds, both ways"
     )
