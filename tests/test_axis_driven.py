@@ -137,12 +137,12 @@ def test_a_torque_that_follows_the_position_is_feedback(late, friction, fed_back
     """A hand moves the arm, and its motor carries the weight: nothing is claimed of the axis."""
     offered = {"gravity", "sensor_delay", "sensor_lag"}
     loop = jf.close_axis_loop(arm(late, friction), without=sorted(set(AXIS_CATALOGUE) - offered))
-    assert bool(loop.details.feedback) is fed_back
+    assert bool(loop.details.withheld) is fed_back
     assert ("feedback" in loop.sentence) is fed_back
     assert loop.verdict == ("ambiguous" if fed_back else "effects")
     if fed_back:
         assert loop.details.gains.claim.kind == "open"
-        assert "40 ms" in loop.details.feedback
+        assert "40 ms" in loop.details.withheld
     else:
         assert loop.after.parameters["gravity.a"].value == pytest.approx(3.3, abs=0.1)
         assert loop.effects == ("gravity",) and loop.after.parameters["F_c"].determined

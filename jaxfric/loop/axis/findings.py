@@ -17,7 +17,7 @@ def axis_claims(
     directions that were driven at one speed each: that is measured, not fitted.
     """
     curve, single = details.gains.curve, at_one_speed(directions)
-    if details.feedback or curve is None or (details.doubted() and not single):
+    if details.withheld or curve is None or (details.doubted() and not single):
         return ()
     whole, found = (curve.slowest, curve.fastest), []
     for one in directions:

@@ -138,7 +138,7 @@ class AxisDetails:
     its worst velocity; negative: not even at once; None where they or M are not known."""
     driven: tuple[Driven, ...] = ()
     """The speeds of each direction, and friction there."""
-    feedback: str = ""
+    withheld: str = ""
     """That the force is the answer of a controller, or the spring of an axis that never slid, in
     words; '' where it moves the axis."""
     spring: Spring | None = None
@@ -191,8 +191,8 @@ class AxisDetails:
     def found(self) -> str:
         """What is known where one speed a direction leaves the parameters of friction open, or the
         force is feedback; '' elsewhere."""
-        if self.feedback or not at_one_speed(self.driven):
-            return self.feedback
+        if self.withheld or not at_one_speed(self.driven):
+            return self.withheld
         unit = "m" if self.record.coordinate == "linear" else "rad"
         said = words_of_driven(self.driven, self.record.force_unit, f"{unit}/s")
         return f"{said}; {listed(UNKNOWN)} are not known, as {ONE_SPEED}"
@@ -307,7 +307,7 @@ class AxisDetails:
                 "drive": None if drive is None else {"k_p": drive.K_p, "k_v": drive.K_d},
                 "bears": self.bears,
                 "driven": self.driven,
-                "withheld": self.feedback,
+                "withheld": self.withheld,
                 "spring": self.spring,
                 "covariance": self.covariance,
                 "gains": {
