@@ -15,11 +15,11 @@ from helpers import UM, make_law
 from scipy.integrate import solve_ivp
 
 import jaxfric as jf
-from jaxfric.errors import InputError
-from jaxfric.gains.basin import BasinSearch, basin
-from jaxfric.gains.check import STARTS, Starts, check_starts, end_map
-from jaxfric.gains.ends import ENDS, Track, classify, counts, settles
+from jaxfric.gains.check import STARTS, end_map, standard_starts
+from jaxfric.gains.ends import ENDS, Track, classify, settles
+from jaxfric.gains.scenarios import Scenarios
 from jaxfric.gains.settle import Policy, end_state
+from jaxfric.gains.verify import jump_sizes, verify
 from jaxfric.simulation import jump_start, step_start
 
 V0 = UM
@@ -264,23 +264,32 @@ def test_limit_cycle_against_scipy():
 # ---- starts, maps, basins -----------------------------------------------------------------
 
 
+def alone(kind, mass=None):
+    """One law at V0."""
+    law = jax.tree.map(lambda leaf: jnp.asarray(leaf)[None], make_law(kind, (B,), (L,)))
+    return Scenarios.product(law, [V0], None if mass is None else [mass])
+
+
+def gains_of(stiffness, damping=0.0):
+    return np.array([stiffness, damping])
+
+
 def test_standard_starts():
-    policy = {"horizon": 25 * PERIOD, "starts": Starts(contact_time=100.0)}
-    soft = check_starts(rig_of("ageing", 0.6 * K_MASSLESS, 1e2, regularised=True), V0, **policy)
-    stiff = check_starts(rig_of("ageing", 3 * K_MASSLESS, 1e2, regularised=True), V0, **policy)
-    assert soft.period.shape == (len(STARTS),)
-    assert counts(soft) == {"steady": 0, "limit_cycle": 5, "escape": 0, "unresolved": 0}
-    assert counts(stiff) == {"steady": 5, "limit_cycle": 0, "escape": 0, "unresolved": 0}
+    scenarios = alone("ageing", 1e2)
+    soft = verify(scenarios, gains_of(0.6 * K_MASSLESS))
+    stiff = verify(scenarios, gains_of(3 * K_MASSLESS))
+    assert soft.checked == stiff.checked == len(STARTS)
+    assert soft.limit_cycle == 5 and stiff.steady == 5
     # One and the same cycle from everywhere.
-    np.testing.assert_allclose(soft.period, soft.period[0], rtol=2e-2)
-    with pytest.raises(InputError, match="start at rest"):
-        check_starts(rig_of("ageing", 1e3, 1e2), V0, horizon=PERIOD)
+    periods = [start.period for start in soft.starts]
+    np.testing.assert_allclose(periods, periods[0], rtol=2e-2)
 
 
 def test_a_light_slider_does_not_sit_on_its_unstable_motion():
     rig = rig_of("slip", 0.5 * K_MASSLESS, 1e-4)
-    ends = check_starts(rig, V0, horizon=30 * PERIOD, starts=Starts(at_rest=False))
-    assert counts(ends)["limit_cycle"] == 4
+    starts = jax.tree.map(lambda *x: jnp.stack(x), *standard_starts(rig, jnp.asarray(V0)))
+    ends = jax.vmap(lambda start: end_state(rig, V0, start, horizon=30 * PERIOD))(starts)
+    assert each(ends, ENDS.limit_cycle).all()
 
 
 @pytest.mark.long
@@ -294,10 +303,15 @@ def test_stick_slip_disappears_with_stiffness_and_with_damping():
     assert not steady[0, 0] and steady[2, 0] and steady[:, 1].all()
 
 
+LARGEST = 30.0
+FINE = 1.06
+"""Factors between which a jump is found to be lost."""
+
+
 @functools.cache
 def slip_basin():
     """Slip law, massless, twice the critical stiffness: linearly stable, finite basin."""
-    return basin(rig_of("slip", 2 * K_MASSLESS), V0, horizon=25 * PERIOD)
+    return jump_sizes(alone("slip"), gains_of(2 * K_MASSLESS), largest=LARGEST)
 
 
 def runs_away(ratio):
@@ -313,11 +327,10 @@ def runs_away(ratio):
 
 @pytest.mark.long
 def test_the_slip_law_has_a_finite_basin_above_the_critical_stiffness():
-    found = slip_basin()
-    assert 10.0 < found.size < 11.0  # a tenfold step is just survived
-    assert found.size == found.up < found.lost < 1.012 * found.size
-    assert found.down > 999 and name_of(found.reason) == "escape"
-    assert not runs_away(0.99 * float(found.size)) and runs_away(1.01 * float(found.lost))
+    (up,), (down,), (lost,) = slip_basin()
+    assert 9.5 < up < 11.0  # a tenfold step is just survived
+    assert down == pytest.approx(LARGEST) and lost == "escape"
+    assert not runs_away(0.99 * up) and runs_away(FINE * up)
 
 
 RATIOS = np.geomspace(1.1, 30.0, 40)
@@ -339,9 +352,8 @@ def scanned():
 
 @pytest.mark.long
 def test_basin_against_a_scan():
-    found, survived = slip_basin(), each(scanned(), ENDS.steady)[:40]
-    size, lost = float(found.size), float(found.lost)
-    inside, outside = size >= RATIOS, lost <= RATIOS
+    size, survived = slip_basin().up[0], each(scanned(), ENDS.steady)[:40]
+    inside, outside = size >= RATIOS, FINE * size <= RATIOS
     assert survived[inside].all() and not survived[outside].any()
 
 
@@ -354,21 +366,7 @@ def test_a_batch_survives_what_does_not():
 
 
 def test_no_basin_below_and_all_of_it_far_above():
-    policy = {"horizon": 25 * PERIOD}
-    none = basin(rig_of("slip", 0.9 * K_MASSLESS), V0, **policy)
-    every = basin(rig_of("slip", 20 * K_MASSLESS), V0, search=BasinSearch(largest=20.0), **policy)
-    assert none.size == 1.0 and none.lost < 5.0
-    assert every.size == pytest.approx(20.0) and np.isinf(every.lost)
-    assert name_of(every.reason) == "steady"
-
-
-@pytest.mark.long
-def test_basin_of_load_point_jumps():
-    """Without mass and dashpot a jump by F ln(r)/K multiplies the velocity by r at once."""
-    found = basin(
-        rig_of("ageing", 1.05 * K_MASSLESS), V0,
-        kind="jump", horizon=25 * PERIOD, search=BasinSearch(points=4, rounds=2),
-    )  # fmt: skip
-    assert found.size < found.lost
-    with pytest.raises(InputError, match="kind is 'push'"):
-        basin(rig_of("slip", 1e3), V0, kind="push", horizon=PERIOD)
+    none = jump_sizes(alone("slip"), gains_of(0.9 * K_MASSLESS), largest=LARGEST)
+    every = jump_sizes(alone("slip"), gains_of(20 * K_MASSLESS), largest=20.0)
+    assert none.up == none.down == 1.0 and none.lost != ["steady"]
+    assert every.up == pytest.approx(20.0) == every.down and every.lost == ["steady"]

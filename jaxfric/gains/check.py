@@ -2,10 +2,8 @@
 
 A margin is linear and says nothing about the size of the disturbance that a steady motion
 survives. Here are the standard starts, and the map of the gains at which stick-slip itself
-disappears (section I.A of the 1994 note, first approach); `basin` has the size of the basin.
+disappears (section I.A of the 1994 note, first approach); `verify` has the size of the basin.
 """
-
-from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -14,63 +12,30 @@ from jaxtyping import Array, ArrayLike, Float
 
 from ..rig import Inertial, Rig
 from ..simulation import Start, jump_start, rest_start, velocity_start
-from .basin import Basin as Basin
-from .basin import basin as basin
 from .ends import EndState
 from .settle import STANDARD, Policy, end_state, traced
 
 STARTS = ("faster", "slower", "spring longer", "spring shorter", "at rest")
-"""The starts of `check_starts`, in the order of its result."""
+"""The standard starts, in the order in which they are simulated."""
 
+_CHANGE = 0.5  # relative change of the velocity
 _SEED = 0.01  # spring force that goes with a velocity perturbation, in units of the force scale
 
 
-class Starts(NamedTuple):
-    """Size of the standard starts' deviations from steady sliding at V0."""
+def standard_starts(rig: Rig, V: Float[Array, ""]) -> list[Start]:
+    """The first four of `STARTS`, which move: velocity half as large again or half as large, the
+    load point F/K ahead or behind, F the law's `force_scale`.
 
-    change: ArrayLike = 0.5
-    """Relative change of the velocity, V(0) = V0 (1 +- change), below 1. With mass the spring is
-    also longer (shorter) by 1 % of `force_scale/K`: a light slider loses its velocity before it has
-    moved, and would sit on an unstable steady motion for ever."""
-    jump: ArrayLike | None = None
-    """Load-point jump [m], of either sign; default `force_scale/K`: without mass and dashpot it
-    multiplies a rate-and-state slider's velocity by e."""
-    at_rest: bool = True
-    """False leaves out the start at rest, which a logarithmic direct effect refuses."""
-    contact_time: ArrayLike | None = None
-    """Time of contact before the start at rest [s], see `rest_start`."""
-
-
-def check_starts(
-    rig: Rig,
-    velocity: ArrayLike,
-    *,
-    horizon: ArrayLike,
-    decay: ArrayLike | None = None,
-    starts: Starts = Starts(),  # noqa: B008
-    policy: Policy = STANDARD,
-) -> EndState:
-    """End states from the standard starts `STARTS`, in one vmapped call: arrays of shape (5,), or
-    (4,) without the start at rest."""
-    V = jnp.asarray(velocity, jnp.result_type(float))
-    every = standard_starts(rig, V, change=starts.change, jump=starts.jump)
-    if starts.at_rest:
-        every.append(rest_start(rig, V, contact_time=starts.contact_time))
-    batch = jax.tree.map(lambda *leaves: jnp.stack(leaves), *every)
-    return _ends_from(rig, V, batch, jnp.asarray(horizon, V.dtype), traced(decay), policy)
-
-
-def standard_starts(
-    rig: Rig, V: Float[Array, ""], *, change: ArrayLike = 0.5, jump: ArrayLike | None = None
-) -> list[Start]:
-    """The first four of `STARTS`, which move; see `check_starts`."""
-    if jump is None:
-        jump = rig.friction.force_scale() / rig.machine.stiffness
+    With mass the spring is also longer (shorter) by 1 % of F/K: a light slider loses its velocity
+    before it has moved, and would sit on an unstable steady motion for ever. Without mass and
+    dashpot the load point's jump multiplies a rate-and-state slider's velocity by e.
+    """
+    jump = rig.friction.force_scale() / rig.machine.stiffness
     return [
-        _seeded(rig, velocity_start(rig, V, jnp.asarray(change)), _SEED),
-        _seeded(rig, velocity_start(rig, V, -jnp.asarray(change)), -_SEED),
-        jump_start(rig, V, jnp.asarray(jump)),
-        jump_start(rig, V, -jnp.asarray(jump)),
+        _seeded(rig, velocity_start(rig, V, jnp.asarray(_CHANGE)), _SEED),
+        _seeded(rig, velocity_start(rig, V, jnp.asarray(-_CHANGE)), -_SEED),
+        jump_start(rig, V, jump),
+        jump_start(rig, V, -jump),
     ]
 
 
@@ -106,16 +71,6 @@ def _seeded(rig: Rig, start: Start, seed: float) -> Start:
         return start
     longer = seed * rig.friction.force_scale() / rig.machine.stiffness
     return Start(start.velocity, start.elongation + longer, start.state)
-
-
-@eqx.filter_jit
-def _ends_from(
-    rig: Rig, V: Array, starts: Start, horizon: Array, decay: Array | None, policy: Policy
-) -> EndState:
-    def one(start: Start) -> EndState:
-        return end_state(rig, V, start, horizon=horizon, decay=decay, policy=policy)
-
-    return jax.vmap(one)(starts)
 
 
 @eqx.filter_jit

@@ -2,8 +2,8 @@
 
 Section I.A of the 1994 note: an analysis of steady sliding extends to motion that never sticks by
 set points with intersecting domains of attraction. Here the domain of a set point is the range of
-velocities from which the slider, simulated, still settles at it (`check.basin`); the chain holds
-where every step from one set point to the next, up and down, is inside it.
+velocities from which the slider, simulated, still settles at it (`verify.jump_sizes`); the chain
+holds where every step from one set point to the next, up and down, is inside it.
 """
 
 import math

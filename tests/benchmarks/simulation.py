@@ -21,7 +21,6 @@ import numpy as np
 
 import jaxfric as jf
 from jaxfric.cache import whole_loops
-from jaxfric.gains.check import check_starts
 
 UM = 1e-6
 LAW = (0.6, 0.010, [0.015], [10 * UM], UM)
@@ -78,9 +77,6 @@ def with_mass() -> None:
     simulate = eqx.filter_jit(lambda rig: jf.simulate(rig, step, ts).force)
     report("tenfold step, with mass", simulate, jf.Rig(jf.Inertial(100.0, 2e3), law))
     report("tenfold step, stick-slip", simulate, jf.Rig(jf.Inertial(100.0, 3e2), law))
-    for name, stiffness in (("five starts, steady", 1.5e3), ("five starts, stick-slip", 3e2)):
-        rig = jf.Rig(jf.Inertial(100.0, stiffness), law)
-        report(name, lambda rig: check_starts(rig, UM, horizon=2000.0).period, rig)
 
 
 def with_delay() -> None:
