@@ -61,6 +61,13 @@ def test_two_lines_are_two():
     assert [round(h.frequency) for h in found(both)[0]] == [50, 100]
 
 
+@pytest.mark.parametrize("rate", [1.9, 2.0, 2.002, 2.02, 2.1])
+def test_rows_that_hardly_show_the_lowest_frequency_have_no_hum(rate):
+    """Half a cycle a row is about the lowest frequency of a line, 1 Hz."""
+    hum, added, _ = found(wave(0.3, 0.0), rate=rate)
+    assert hum == () and not added.any()
+
+
 def test_a_line_of_two_rows_a_cycle_is_hum():
     (hum,), _, _ = found(lambda time, path, since: 0.5 * np.cos(2 * np.pi * 50 * time), rate=100.0)
     assert abs(hum.frequency - 50.0) < 0.1

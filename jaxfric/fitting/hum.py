@@ -206,7 +206,7 @@ def _piece(left: np.ndarray, time: np.ndarray, path: np.ndarray, rows: np.ndarra
     angle = np.pi * np.arange(last + 1) / last
     frequency = angle / (2 * np.pi * _CELLS * cell)
     first = max(_CYCLES * _FINER, int(np.searchsorted(frequency, _LOWEST)))
-    if first > last:
+    if first >= last:  # fewer than two frequencies
         return None
     around = _smooth(power, angle)
     around[last + 1 - _FINER :] *= 2  # a sine is 0 there: half as many numbers, as large
