@@ -175,3 +175,21 @@ def test_units_of_the_residual_do_not_change_the_fit(scale):
     found = minimise(lambda z, y: scale * decay(z, y), jnp.asarray(START), jnp.asarray(SEEN))
     assert found.converged
     np.testing.assert_allclose(found.value, scipy_minimum(SEEN), rtol=1e-3)
+
+
+@pytest.mark.parametrize("ahead", [0.003, 0.01, 0.02])
+def test_a_jump_of_the_squares_beside_the_minimum_ends_the_descent(ahead):
+    """Squares that jump by more than is to be gained, `ahead` of standard errors before the minimum
+    of a mean: what a simulation leaves where the pattern of its time steps changes."""
+    y = jnp.asarray(np.random.default_rng(0).normal(size=400))
+    mean, error = float(y.mean()), float(y.std()) / 20
+
+    def residual(z, y):
+        return (y - z[0]) * jnp.where(z[0] > mean - ahead * error, 1 + 1e-5, 1.0)
+
+    found = minimise(residual, jnp.asarray([mean - 0.025 * error]), y)
+    assert found.converged and found.evaluations < 25
+    assert abs(float(found.value[0]) - mean) < 0.026 * error
+    # from farther away the first steps pass over the jump
+    begun = minimise(lambda z, y: residual(z + 0.2 * error, y), jnp.asarray([mean - error]), y)
+    assert abs(float(begun.value[0]) + 0.2 * error - mean) < 0.03 * error

@@ -11,7 +11,8 @@ A descent ends where the next Gauss-Newton step d = -(J^T J)^-1 J^T r is small:
 If r is noise, |r|/sqrt(n) is its standard deviation, and |J d| divided by that is the length of d
 in standard errors of the parameters: rtol = 1e-3 ends within a thousandth of an error. The test
 has no scale of its own, so it is the same for any units of z and of r. A trial whose residual is
-not finite, or is huge (a slider that ran away), is rejected, and the next step is shorter.
+not finite, or is huge (a slider that ran away), is rejected, and the next step is shorter. Where
+only ever shorter ones are accepted it has ended within 30 rtol.
 
 Derivatives of the minimum z*(p) come from F(z, p) = J^T r = 0 (the implicit function theorem):
 
@@ -42,7 +43,10 @@ _LEVEL = 1e-14
 """Share of |r|^2 that a rejected step would have gained, below which rounding and the error of a
 simulation decide whether a step is a gain: the descent has ended."""
 
-
+_NEAR, _SHORT = 30.0, 1e-5
+"""The descent has ended, too, where a whole step is within so many times `rtol`, and so many were
+rejected that the next is a hundredth of it: the squares that a simulation leaves jump where the
+pattern of its time steps changes, and hide what is to be gained."""
 _UNSEEN = 1e-12
 """Share of a column's square below which what is left of it, beside the others, is rounding."""
 _DAMPING = 1e-3
@@ -271,6 +275,8 @@ class _Marquardt(optx.AbstractGaussNewton):
         gain = _gain(left, jacobian)
         least = self.rtol * jnp.sqrt(cost / left.shape[0]) + self.atol
         level = (state.num_steps_since_acceptance > 0) & (gain <= _LEVEL * cost)
+        near = gain <= (_NEAR * self.rtol) ** 2 * cost / left.shape[0]
+        level |= near & (state.search_state.step_size <= _SHORT)
         begun = jnp.logical_not(state.first_step)
         there = begun & ((gain <= least**2) | level)
         spent = state.num_steps >= self.max_steps
