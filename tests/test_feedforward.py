@@ -729,18 +729,13 @@ def test_the_shipped_loop_of_a_measured_axis(old, slowest, tmp_path):
     """The mean speed of the slowest stroke stands for what an older file does not tell."""
     found = jf.feedforward(older(EMPS, tmp_path) if old else EMPS)
     assert found.about.slowest == pytest.approx(slowest, rel=0.1)
-    assert 0.12 < found.about.fastest < 0.14 and 20 < found.level < 30
+    assert 0.12 < found.about.fastest < 0.14 and 15 < found.level < 25
     assert any("older version" in line for line in found.warnings) == old
     assert (found.about.damping is None) == old
     p = parameters(EMPS)
     static = {n: x for n, x in p.items() if not n.startswith(("position_periodic", "gravity"))}
-    width = json.loads(EMPS.read_text())["axis"]["width"]
-    static["log_viscous.v_c"] = width  # its bend is no less
     told = by_hand(static, 0.1, found.fade.speed, found.about.middle)
-    bend = p["log_viscous.c"] * math.log((1 + 0.1 / width) / (1 + 0.1 / WIDTH))
-    sign = math.tanh(0.1 / found.fade.speed)  # which fades over speeds the record does not tell
-    assert width < WIDTH
-    assert float(found.friction(0.1)) == pytest.approx(told + sign * bend, rel=1e-9)
+    assert float(found.friction(0.1)) == pytest.approx(told, rel=1e-9)
 
 
 @pytest.mark.parametrize(
