@@ -16,6 +16,10 @@ fits, or larger by the scatter of the steps about the line, which few steps hard
 are by Student's t with n - 2 degrees of freedom, and times the number of questions (Bonferroni). 7
 errors of 5 steps are p = .005, and among 9 questions .05. Steps may differ by far more than the
 errors of their fits and lie on no line.
+
+Friction that changes with slip passes for A-B. Each fit tells what A-B would be with a trend over
+slip, and by how many errors d_i/s_i it moves; where sum_i (d_i/s_i)^2, chi-square with n degrees of
+freedom, is beyond chance, a line of A-B is that of the estimates with a trend.
 """
 
 from collections.abc import Sequence
@@ -223,6 +227,21 @@ def _has(step: StepFit, quantity: str) -> bool:
     return estimate.determined and bool(np.isfinite([estimate.value, estimate.std]).all())
 
 
+def trend_chance(steps: Sequence[StepFit]) -> float:
+    """The probability that A-B of the steps moves as much by chance when a trend of friction over
+    slip is fitted too; 1 where that is not known of all, or where it is fitted."""
+    from scipy.special import chdtrc
+
+    fits = [step.fit for step in _asked(steps, "A-B") if step.fit is not None]
+    if not fits or any(fit.with_trend is None for fit in fits):
+        return 1.0
+    moved = []
+    for fit in fits:
+        (value, error), (other, wider) = difference(fit), fit.with_trend or (0.0, 0.0)
+        moved.append((other - value) ** 2 / max(wider**2 - error**2, error**2))
+    return float(chdtrc(len(moved), sum(moved)))
+
+
 def _first_length(fit: Fit) -> str:
     return next(n for n in names_of(fit) if n[0] == "L")
 
@@ -231,7 +250,8 @@ def _quantity(known: Sequence[StepFit], quantity: str) -> tuple[np.ndarray, np.n
     """A, A-B or the logarithm of L (the first) of the steps, with their errors."""
     fits = [step.fit for step in known if step.fit is not None]
     if quantity == "A-B":
-        both = np.array([difference(f) for f in fits])
+        trend = trend_chance(known) < _DIFFER
+        both = np.array([f.with_trend if trend else difference(f) for f in fits])
         return both[:, 0], both[:, 1]
     names = ["A" if quantity == "A" else _first_length(f) for f in fits]
     found = [f.parameters[n] for f, n in zip(fits, names, strict=True)]
@@ -259,7 +279,7 @@ def told(steps: Sequence[StepFit]) -> list[str]:
             f" {', '.join(parts)}"
         )
     else:
-        lines[0] += f" (p = {shared.p:.2g} that they do)"
+        lines[0] += f" (steps that share them differ as much with p = {shared.p:.2g})"
     missed = [s for s in steps if s.number in shared.steps and misses(s)]
     if missed:
         lines.append(
@@ -268,6 +288,11 @@ def told(steps: Sequence[StepFit]) -> list[str]:
         )
     answers = dependences(steps)
     lines.append(_of_velocity(steps, answers))
+    if any(d.quantity == "A-B" for d in answers) and (p := trend_chance(steps)) < _DIFFER:
+        lines.append(
+            f"friction changes with slip in these steps, by more than chance (p = {p:.1g}): lines"
+            " of A-B are of its values with a trend over slip, which --slip-trend fits"
+        )
     told_of = [d for d in answers if d.shown]
     lines += [d.told() for d in told_of if not _is_of_velocity(d)]
     if answers and not told_of:
