@@ -62,7 +62,7 @@ def assemble(
     failed = solution.cost >= FAILED_MISFIT**2
     misfit = _misfit(problem, solution, len(record))
     counted = misfit[np.asarray(problem.weight)[: len(record)] > 0]
-    spread = covariance(problem, solution, noise)
+    spread = covariance(problem, np.asarray(solution.jacobian), noise)
     ended = solution.converged and not failed
     estimates, matrix = _estimates(record, steps, sign, problem, solution, spread, ended, profile)
     names, unit = problem.model.names(), record.friction_unit

@@ -40,10 +40,7 @@ def _telling(solved: Solved, weights: Mapping[str, int], ratio: float) -> np.nda
     """
     problem, solution = solved.problem, solved.solution
     _, jacobian = data_part(problem, solution)
-    names = problem.model.names()
-    w = np.zeros(jacobian.shape[1])
-    slopes = problem.coordinates.slopes(np.asarray(solution.z))[: len(names)]
-    w[: len(names)] = [weights.get(name, 0) for name in names] * slopes
+    w = solved.gradient(weights)
     away = jacobian @ normal_inverse(solution.jacobian) @ w
     away *= ratio / np.linalg.norm(away)
     without = np.linalg.svd(w[None])[2][1:].T  # directions that leave A-B as it is

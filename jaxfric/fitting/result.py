@@ -130,12 +130,6 @@ class Fit(Described, Drawable, Gridded, Tabular):
         """What the fit claims, each with the rows of the record that support it."""
         return stability_finding(self.stability(), self, self.solved, len(self.record))
 
-    def velocity(self) -> np.ndarray:
-        """Velocity of the load point at every row, by the steps [m/s] (n,)."""
-        t = self.record.relative_time
-        at = np.searchsorted(self.steps.times, t, side="right") - 1
-        return np.asarray(self.steps.velocities)[np.maximum(at, 0)]
-
     def claim(self) -> Claim:
         """The claim that the fitted model alone allows, whatever trend it may lack."""
         if not self.converged:
@@ -159,6 +153,7 @@ class Fit(Described, Drawable, Gridded, Tabular):
         """The content of `fit.json`, schema "jaxfric.fit/1"; SI, null for what is not known."""
         origin = self.record.provenance
         kcr, trend = self.critical(), self.with_trend
+        velocity = self.steps.velocity(self.record.relative_time)
         return {
             "schema": SCHEMA,
             "record": {"path": origin.path, "sha256": origin.sha256, "rows": len(self.record)},
@@ -168,7 +163,7 @@ class Fit(Described, Drawable, Gridded, Tabular):
             "A_minus_B": _plain(self.A_minus_B),
             "parameters": {name: _plain(e) for name, e in self.parameters.items()},
             "A_minus_B_with_trend": trend and [_number(x) for x in trend],
-            "findings": [one.to_json(self.velocity()) for one in self.findings],
+            "findings": [one.to_json(velocity) for one in self.findings],
             "free": list(self.free),
             "covariance": _numbers(self.covariance),
             "correlation": _numbers(self.correlation),

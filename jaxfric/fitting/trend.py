@@ -9,9 +9,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from .noise import sandwich, whiten
+from .noise import whiten
 from .solved import Solved
-from .uncertainty import spread_of
+from .uncertainty import covariance
 
 
 def shift_with_trend(
@@ -19,25 +19,16 @@ def shift_with_trend(
 ) -> tuple[float, float]:
     """By how much a sum of parameters, each with its weight, moves where a trend over the `way` (n)
     is free as well, and the standard error of the sum then [unit of friction]."""
-    problem, solution, noise = solved.problem, solved.solution, solved.noise
-    n, p = len(problem.time), len(problem.model.names())
-    jacobian, counted = np.asarray(solution.jacobian), np.asarray(problem.weight)
-    column = np.zeros((len(jacobian), 1))
+    problem, solution = solved.problem, solved.solution
+    n, jacobian = len(problem.time), np.asarray(solution.jacobian)
+    column, counted = np.zeros((len(jacobian), 1)), np.asarray(problem.weight)
     column[: len(way), 0] = (way - way.mean()) / max(float(np.ptp(way)), 1e-300)
     if problem.noise is None:
         column[:n, 0] *= counted
     else:
         column[:n] = whiten(problem.clock, counted, column[:n], problem.noise)
-    both = np.hstack([jacobian, column])
-    if problem.noise is None:
-        middle = np.array(sandwich(problem.clock, both[:n], noise))
-        shifts = np.arange(p, len(middle) - 1)
-        middle[shifts, shifts] += np.asarray(problem.hold) ** 4
-    else:
-        middle = both.T @ both
+    both = np.hstack([column, jacobian])
     moved, *_ = np.linalg.lstsq(both, -np.asarray(solution.residual), rcond=None)
-    row = np.zeros(both.shape[1])
-    slopes = problem.coordinates.slopes(np.asarray(solution.z))[:p]
-    row[:p] = [weights.get(name, 0) for name in problem.model.names()] * slopes
-    error = row @ spread_of(both, middle) @ row
+    row = np.append(0.0, solved.gradient(weights))
+    error = row @ covariance(problem, both, solved.noise) @ row
     return float(row @ moved), float(np.sqrt(max(error, 0.0)))

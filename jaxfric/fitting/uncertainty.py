@@ -75,15 +75,15 @@ def data_part(problem: Problem, solution: Solution):
     return np.asarray(solution.residual)[:n], np.asarray(solution.jacobian)[:n]
 
 
-def covariance(problem: Problem, solution: Solution, noise: Noise) -> np.ndarray:
-    """Covariance of the unbounded parameters."""
+def covariance(problem: Problem, jacobian: np.ndarray, noise: Noise) -> np.ndarray:
+    """Covariance of the parameters whose columns `jacobian` (r, q) has, by all residuals; the last
+    ones are the shifts of step times."""
     if problem.noise is not None:
-        return normal_inverse(solution.jacobian)
-    _, jacobian = data_part(problem, solution)
-    middle = np.array(sandwich(problem.clock, jacobian, noise))
-    p = len(problem.model.names())
-    middle[range(p, len(middle)), range(p, len(middle))] += np.asarray(problem.hold) ** 4
-    return spread_of(solution.jacobian, middle)
+        return normal_inverse(jacobian)
+    middle = np.array(sandwich(problem.clock, jacobian[: len(problem.time)], noise))
+    shifts = np.arange(len(middle) - len(problem.hold), len(middle))
+    middle[shifts, shifts] += np.asarray(problem.hold) ** 4
+    return spread_of(jacobian, middle)
 
 
 def fair_hold(problem: Problem, solution: Solution, noise: Noise) -> np.ndarray:

@@ -193,9 +193,3 @@ def _upward(
     shortest = jnp.min(jnp.where(cycle, between, jnp.inf))
     longest = jnp.max(jnp.where(cycle, between, -jnp.inf))
     return count, *mean_and_spread(count, first, last, shortest, longest)
-
-
-def counts(ends: EndState) -> dict[str, int]:
-    """Number of motions of a batch that end in each way, by name."""
-    names = ("steady", "limit_cycle", "escape", "unresolved")
-    return {name: int(jnp.sum(ends.code == getattr(ENDS, name))) for name in names}
