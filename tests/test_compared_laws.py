@@ -17,7 +17,7 @@ import jaxfric
 from jaxfric.cli.call import Call
 from jaxfric.cli.plan_line import loop_line
 from jaxfric.fitting.misfit import misfit_warning
-from jaxfric.fitting.noise_search import Family
+from jaxfric.fitting.noise import Exponential, Family
 from jaxfric.loop import LawComparison, LawScore
 from jaxfric.loop.compared_laws import _blocks, _likeliest
 from jaxfric.plot.compared import comparison_figure
@@ -390,7 +390,8 @@ def test_every_law_is_asked_under_the_noise_that_was_found_for_another(order) ->
     the second's noise both are likelier, and it is taken for both."""
     fit = SimpleNamespace(law="slip", model=SimpleNamespace(states=1))
     rivals = [SimpleNamespace(fit=fit, z=k) for k in (0, 1)]
-    alone = [SimpleNamespace(family=Family(first=k), theta=f"found {k}") for k in order]
+    families = [Family((Exponential.over(k),)) for k in order]
+    alone = [SimpleNamespace(family=f, theta=f"found {f.terms[0].clock}") for f in families]
     found = _likeliest(rivals, Made(), alone, lambda text: None)  # type: ignore[arg-type]
     assert [noise for _, noise, _ in found] == [(0, 1), (1, 1)]
 

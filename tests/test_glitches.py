@@ -7,20 +7,15 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from jaxfric.fitting import glitches as module
-from jaxfric.fitting.glitches import (
-    NO_GLITCHES,
-    Glitches,
+from jaxfric.fitting.noise import NO_GLITCHES, ROUNDS, Family, Glitches, find_glitches, noise_of
+from jaxfric.fitting.noise import Found as FoundNoise
+from jaxfric.fitting.noise.glitches import (
     beside_steps,
-    find_glitches,
     glitch_words,
     in_sizes_of_steps,
     prediction_errors,
     standing_out,
 )
-from jaxfric.fitting.noise import noise_of
-from jaxfric.fitting.noise_search import Family
-from jaxfric.fitting.noise_search import Found as FoundNoise
 from jaxfric.loop.engine import Candidate, Engine, Rows
 from jaxfric.loop.split import Blocks
 from jaxfric.plot.noise import mark_glitches
@@ -373,4 +368,4 @@ def test_glitches_are_looked_for_twice_at_most(monkeypatch):
     )
     engine = Straight(LINE + noise_like(6), BLOCKS)
     engine.learn_noise(engine.refit((), None))
-    assert engine.glitches.rows == (50, 51) and engine.fits == 1 + module.ROUNDS
+    assert engine.glitches.rows == (50, 51) and engine.fits == 1 + ROUNDS

@@ -7,7 +7,7 @@ import pytest
 
 import jaxfric as jf
 from fits.hum.generator import Drawn, record_of
-from jaxfric.fitting.hum import find_hum
+from jaxfric.fitting.noise import find_hum
 from jaxfric.loop.smooth import smooth_columns
 
 TRUE = Drawn(

@@ -10,11 +10,12 @@ from scipy import linalg, stats
 
 import jaxfric as jf
 from jaxfric.effects import RecordScales
-from jaxfric.fitting.noise import noise_of
-from jaxfric.fitting.noise_search import (
+from jaxfric.fitting.noise import (
+    Exponential,
     Family,
     estimate_noise,
     limits_of,
+    noise_of,
     noise_rows,
     noises_around,
 )
@@ -242,7 +243,8 @@ def linear_case(extra_rows: int):
 def noises_of(clock, weight):
     """Around exponentials of a short and of a long memory."""
     limits = limits_of(clock, weight, np.asarray(LONGEST))
-    return noises_around(Family(first=0), (np.array([-1.0, 0.5]), np.array([2.0, 2.0])), limits)
+    family = Family((Exponential.over(0),))
+    return noises_around(family, (np.array([-1.0, 0.5]), np.array([2.0, 2.0])), limits)
 
 
 def known_of(case):
@@ -253,8 +255,8 @@ def known_of(case):
 
 def as_numbers(known):
     """Share and memory of the exponential part of every noise of the evidence."""
-    share, rates, _ = known.noises
-    return list(zip(share[:, 0].tolist(), (1 / rates[:, 0, 0]).tolist(), strict=True))
+    (part,) = known.noises.parts
+    return list(zip(part.share.tolist(), (1 / part.rates[:, 0]).tolist(), strict=True))
 
 
 def filled(choices):
@@ -348,10 +350,11 @@ def test_the_longest_correlation_of_noise_is_a_limit():
         estimate_noise(noise_rows(*arrays, longest)).noise
         for longest in (np.asarray(300.0), 10.0, None)
     )
-    memory, bounded = (float(1 / np.min(n.rates[n.share > 0])) for n in (free, short))
+    memory, bounded = (max(float(1 / np.min(p.rates)) for p in n.parts) for n in (free, short))
     assert memory > 40 and bounded <= 10.0 * (1 + 1e-9)
     assert float(short.log_likelihood) < float(free.log_likelihood)
-    assert same.rates[0, 0] == free.rates[0, 0]  # half the record
+    # half the record
+    assert same.parts[0].rates[0] == pytest.approx(free.parts[0].rates[0], rel=300 / 299.5 - 1)
 
 
 def products_of(columns):

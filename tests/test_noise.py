@@ -9,37 +9,37 @@ import pytest
 from scipy.linalg import cholesky, null_space
 from scipy.stats import multivariate_normal
 
-from jaxfric.fitting import noise_search
 from jaxfric.fitting.noise import (
-    EXPONENTIAL,
+    Exponential,
+    Family,
     Noise,
+    NoiseEstimate,
+    NoisePart,
+    Noises,
+    Resonator,
     coloured,
+    estimate_noise,
     innovations,
     limit_of_negative,
-    neighbours,
-    noise_of,
-    rms_error,
-    sandwich,
-    whiten,
-)
-from jaxfric.fitting.noise_estimate import NoiseEstimate, NoisePart, noise_estimate
-from jaxfric.fitting.noise_search import (
-    Family,
-    _newton,
-    _Point,
-    _refined,
-    _values,
-    estimate_noise,
     limits_of,
+    neighbours,
+    noise_estimate,
+    noise_of,
     noise_rows,
     noises_around,
-    parts_at,
+    noises_at,
     products,
     profile_noise,
     restricted,
     restricted_white,
+    rms_error,
+    sandwich,
+    search,
     stretches,
+    thresholds,
+    whiten,
 )
+from jaxfric.fitting.noise.search import _newton, _refined
 from jaxfric.fitting.padding import counted_rows
 
 N, P = 60, 3
@@ -61,8 +61,24 @@ def as_noise(sigma, share, tau):
 def likeliest(*arrays, **options):
     """The noise that is found, and the share and memory of its first part."""
     found = estimate_noise(noise_rows(*arrays), **options)
-    assert found.family.second is None
-    return found.noise, float(found.noise.share[0]), float(1 / np.max(found.noise.rates[0]))
+    (part,) = found.noise.parts
+    return found.noise, float(part.share), float(1 / np.max(part.rates))
+
+
+EXPONENTIAL = -1.0
+"""beta of a part that is no resonator."""
+
+
+def part_of(share, rates, beta=EXPONENTIAL):
+    """One part, or many along the first axis; an exponential, or a resonator by its beta."""
+    share, rates = np.asarray(share, float), np.asarray(rates, float)
+    if np.all(np.asarray(beta) <= EXPONENTIAL):
+        return Exponential(share, rates)
+    return Resonator(share, rates, np.asarray(beta, float))
+
+
+def noises_of(*parts):
+    return Noises(1 - sum(part.share for part in parts), parts)
 
 
 def design(rng, time):
@@ -144,11 +160,9 @@ def test_restricted_likelihood_is_that_of_the_contrasts():
     residual = rng.normal(size=N) + 3.0 * jacobian[:, 2] / 1e5
     share, tau = (np.array(x) for x in zip(*[p[1:] for p in PARAMETERS], strict=True))
     columns = np.column_stack([residual, jacobian])
-    g = len(tau)
-    shares = jnp.stack([jnp.asarray(share), jnp.zeros(g)], axis=1)
-    rates = jnp.stack([jnp.asarray(1 / tau), jnp.ones(g)], axis=1)[:, :, None]
+    noises = noises_of(part_of(share, 1 / tau[:, None]))
     rows = jnp.asarray(time)[:, None], jnp.ones(N), jnp.asarray(columns), jnp.ones(())
-    found, sigma = restricted(*rows, shares, rates, jnp.full(g, EXPONENTIAL))
+    found, sigma = restricted(*rows, noises)
     truth = [
         restricted_by_definition(time, residual, jacobian, *p) for p in zip(share, tau, strict=True)
     ]
@@ -171,12 +185,11 @@ def test_columns_nearly_alike_do_not_disturb_the_likelihood():
     basis = basis[:, sizes > 1e-6 * sizes[0]]
     residual = 0.05 * np.cumsum(rng.normal(size=n)) + rng.normal(size=n)
     residual -= basis @ (basis.T @ residual)
-    shares = np.tile([0.3, 0.0], (g, 1))
-    rates = np.stack([np.geomspace(0.5, 1e-2, g), np.ones(g)], axis=1)[:, :, None]
+    noises = noises_of(part_of(np.full(g, 0.3), np.geomspace(0.5, 1e-2, g)[:, None]))
 
     def values(columns):
         rows = time[:, None], np.ones(n), np.column_stack([residual, columns]), np.ones(())
-        return restricted(*rows, shares, rates, np.full(g, EXPONENTIAL))[0]
+        return restricted(*rows, noises)[0]
 
     rough, smooth = np.diff(values(mixed), 4), np.diff(values(basis), 4)
     assert np.max(np.abs(rough - smooth)) < 0.1
@@ -189,7 +202,6 @@ def test_the_likelihood_goes_on_from_block_to_block():
     columns = np.column_stack([rng.normal(size=1024), np.ones(1024), np.sin(time / 200)])
     weight = (rng.uniform(size=1024) < 0.9).astype(float)
     weight[512] = 0.0
-    share, rates = np.array([0.6, 0.3]), np.array([[1 / 70], [1 / 9]])
     away = np.abs(time[:, None] - time)
     for beta in (EXPONENTIAL, 4.0):
         swing = np.cos(2 * away / 9) + 0.5 * np.sin(2 * away / 9) if beta > 0 else 1.0
@@ -197,9 +209,9 @@ def test_the_likelihood_goes_on_from_block_to_block():
         on = weight > 0
         root = np.linalg.cholesky(dense[np.ix_(on, on)])
         white = np.linalg.solve(root, columns[on])
-        gram, log_determinant = products(
-            time[:, None], weight, columns, np.ones(()), share[None], rates[None], np.array([beta])
-        )
+        parts = part_of([0.6], [[1 / 70]]), part_of([0.3], [[1 / 9]], [beta])
+        rows = time[:, None], weight, columns, np.ones(())
+        gram, log_determinant = products(*rows, noises_of(*parts))
         np.testing.assert_allclose(gram[0], white.T @ white, rtol=1e-8)
         wanted = 2 * np.sum(np.log(np.diag(root)))
         assert float(log_determinant[0]) == pytest.approx(wanted, abs=1e-6)
@@ -216,33 +228,36 @@ def test_white_noise_is_that_of_the_rows_that_count():
     left = np.linalg.lstsq(white[:, 1:], white[:, 0])[1][0]
     assert sigma == pytest.approx(np.sqrt(left / (60 - 3)), rel=1e-9)
 
-    noise = np.zeros((1, 2)), np.ones((1, 2, 1)), np.array([EXPONENTIAL])
-    wanted, _ = restricted(np.arange(n)[:, None], on.astype(float), columns, scale, *noise)
+    rows = np.arange(n)[:, None], on.astype(float), columns, scale
+    wanted, _ = restricted(*rows, noises_of(part_of([0.0], [[1.0]])))
     assert value == pytest.approx(wanted[0], abs=1e-6)
 
 
 def test_likelihoods_of_many_noises_are_those_of_each_in_any_order():
-    """Exponentials, resonators with and without a swing by turns; each against dense matrices."""
+    """Exponentials, resonators with and without a swing by turns, as many as fill two passes; each
+    against dense matrices."""
     rng = np.random.default_rng(6)
     clock = clocks(rng, N)
     columns = np.column_stack([rng.normal(size=N), design(rng, clock[:, 0])])
     every = [two_parts(beta) for beta in (0.5, EXPONENTIAL, -0.3, 30.0, EXPONENTIAL, -0.9, 2.0)]
     longest = 0.5 * np.ptp(clock, axis=0)
     record = noise_rows(clock, np.ones(N), columns[:, 0], columns[:, 1:], longest)
-    parts = tuple(
-        np.stack([np.asarray(x) for x in some])
-        for some in zip(
-            *((noise.share, noise.rates, noise.beta) for _, noise, _ in every), strict=True
-        )
-    )
-    values, sigmas = _values(record, parts)
-    for value, sigma, (_, noise, _) in zip(values, sigmas, every, strict=True):
+    exponential = [n for _, n, _ in every if isinstance(n.parts[1], Exponential)]
+    resonators = [n for _, n, _ in every if isinstance(n.parts[1], Resonator)] * 2
+    groups = [
+        noises_of(*jax.tree.map(lambda *x: np.stack(x), *(noise.parts for noise in some)))
+        for some in (exponential, resonators)
+    ]
+    (values, sigmas), others = record.values_of(groups)
+    found = [*zip(values, sigmas, exponential, strict=True), *zip(*others, resonators, strict=True)]
+    assert len(found) == 12
+    for value, sigma, noise in found:
         apart = np.abs(clock[:, None] - clock)
-        share, beta = np.asarray(noise.share), float(noise.beta)
+        first, second = noise.parts
         C = (
-            (1 - share.sum()) * np.eye(N)
-            + share[0] * np.exp(-0.5 * apart[..., 0])
-            + share[1] * rho(3e5 * apart[..., 1], beta)
+            (1 - first.share - second.share) * np.eye(N)
+            + first.share * np.exp(-0.5 * apart[..., 0])
+            + second.share * rho(3e5 * apart[..., 1], getattr(second, "beta", EXPONENTIAL))
         )
         low = np.linalg.cholesky(C)
         r, J = np.linalg.solve(low, columns[:, 0]), np.linalg.solve(low, columns[:, 1:])
@@ -439,7 +454,8 @@ def test_differentiated_noise_is_known_as_such():
     found = estimate_noise(
         noise_rows(time, one, made, column, np.asarray(1.0)), either_sign=True
     ).noise
-    rho = float(found.share[0]) * np.exp(-float(found.rates[0, 0]))
+    (part,) = found.parts
+    rho = float(part.share) * np.exp(-float(part.rates[0]))
     # variance 1 + 2 1.5^2, covariance of neighbours -1.5^2
     assert float(found.sigma) == pytest.approx(np.sqrt(5.5), rel=0.05)
     assert rho == pytest.approx(-2.25 / 5.5, abs=0.06)
@@ -497,9 +513,10 @@ def test_the_memory_of_noise_does_not_change_when_rows_are_thinned(over, memory)
     even = (np.arange(2000) % 2 == 0).astype(float)
     for weight in (np.ones(2000), even):
         found = estimate_noise(noise_rows(clock, weight, residual, column))
-        assert found.family == Family(first=over)
-        assert float(1 / found.noise.rates[0, over]) == pytest.approx(memory, rel=0.3)
-        assert np.all(np.delete(found.noise.rates[0], over) == 0)
+        assert found.family == Family((Exponential.over(over),))
+        (part,) = found.noise.parts
+        assert float(1 / part.rates[over]) == pytest.approx(memory, rel=0.3)
+        assert np.all(np.delete(part.rates, over) == 0)
 
 
 def test_a_noise_like_another_has_its_parts_and_its_own_sizes(monkeypatch):
@@ -516,7 +533,7 @@ def test_a_noise_like_another_has_its_parts_and_its_own_sizes(monkeypatch):
     assert found.family.parameters and not white.family.parameters
     again = estimate_noise(rows, like=white)
     assert again.value == found.value
-    monkeypatch.setattr(noise_search, "_with_parts", None)
+    monkeypatch.setattr(search, "_with_parts", None)
     again = estimate_noise(rows, like=other)
     assert again.family == found.family
     assert again.value == pytest.approx(found.value, abs=0.05)
@@ -536,15 +553,15 @@ def two_parts(beta):
     rng = np.random.default_rng(13)
     clock = clocks(rng, N)
     scale = np.where(np.arange(N) < N // 2, 1.0, 2.0)
-    rates = jnp.asarray([[0.5, 0.0, 0.0], [0.0, 3e5, 0.0]])
-    numbers = (0.7, [0.3, 0.45], rates, beta, scale, 0.0)
+    parts = part_of(0.3, [0.5, 0.0, 0.0]), part_of(0.45, [0.0, 3e5, 0.0], beta)
     apart = np.abs(clock[:, None] - clock)
     C = (
         0.25 * np.eye(N)
         + 0.3 * np.exp(-0.5 * apart[..., 0])
         + 0.45 * rho(3e5 * apart[..., 1], beta)
     )
-    return clock, Noise(*map(jnp.asarray, numbers)), 0.49 * C * scale * scale[:, None]
+    noise = Noise(np.array(0.7), parts, scale, np.zeros(()))
+    return clock, noise, 0.49 * C * scale * scale[:, None]
 
 
 @pytest.mark.parametrize("beta", [EXPONENTIAL, -0.9, -0.3, 0.5, 30.0])
@@ -612,7 +629,7 @@ def test_a_filtered_recorder_and_a_slow_part_are_told_apart():
     found = estimate_noise(
         noise_rows(rows, one, smooth + 0.2 * rng.normal(size=n), column, np.asarray(30.0))
     )
-    assert found.family == Family(second=0, resonates=True)
+    assert found.family == Family((Resonator.over(0),))
     part = noise_estimate(found.noise, 1.0, np.ones(1)).parts[0]
     assert part.swings and part.period == pytest.approx(2 * np.pi * 4.0 / 2.0, rel=0.15)
     assert part.memory == pytest.approx(4.0, rel=0.3)
@@ -625,7 +642,9 @@ def test_a_filtered_recorder_and_a_slow_part_are_told_apart():
     # the sizes and memories that were drawn are no likelier, nor is what is near them
     truth = np.log([1 / 0.25, 1.5, 1 / 0.25, 25.0])
     again = profile_noise(
-        noise_rows(rows, one, both, column, np.asarray(60.0)), Family(first=0, second=0), [truth]
+        noise_rows(rows, one, both, column, np.asarray(60.0)),
+        Family((Exponential.over(0), Exponential.over(0))),
+        [truth],
     )
     assert found.value > again.value - 0.2
 
@@ -654,12 +673,15 @@ def test_a_long_record_is_sought_in_stretches_and_sized_as_a_whole():
 
     arrays = time, weight, noise * weight, jacobian * weight[:, None]
     found = estimate_noise(noise_rows(*arrays))
-    assert found.family == Family(first=0)
-    whole = profile_noise(noise_rows(*arrays), Family(first=0), [np.array([1.0, np.log(tau)])])
+    assert found.family == Family((Exponential.over(0),))
+    whole = profile_noise(
+        noise_rows(*arrays), Family((Exponential.over(0),)), [np.array([1.0, np.log(tau)])]
+    )
     assert found.value == pytest.approx(whole.value, abs=0.1)
-    variance = float(found.noise.sigma) ** 2 * float(found.noise.share[0])
+    (part,) = found.noise.parts
+    variance = float(found.noise.sigma) ** 2 * float(part.share)
     assert variance == pytest.approx(np.mean((1.0, 0.36)), rel=0.1)
-    assert 1 / float(found.noise.rates[0, 0]) == pytest.approx(tau, rel=0.15)
+    assert 1 / float(part.rates[0]) == pytest.approx(tau, rel=0.15)
 
 
 @pytest.mark.parametrize("turns", [False, True])
@@ -675,8 +697,7 @@ def test_only_counted_rows_are_needed(turns):
     scale = np.where(np.arange(n) < 300, 1.0, 2.0)
     few = counted_rows(clock[:, None], weight, columns, scale)
     assert [len(x) for x in few] == [384] * 4
-    part = np.array([[0.7, 0.0]]), np.array([[[1 / tau], [1.0]]]), np.array([EXPONENTIAL])
-    value, sigma = restricted(*few, *part)
+    value, sigma = restricted(*few, noises_of(part_of([0.7], [[1 / tau]])))
     on = weight > 0
     wanted = restricted_by_definition(
         gone[on], columns[on, 0] / scale[on], (columns[:, 1:2] / scale[:, None])[on], 0.7, tau
@@ -684,8 +705,8 @@ def test_only_counted_rows_are_needed(turns):
     assert float(sigma[0]) == pytest.approx(wanted[1], rel=1e-8)
 
     # the likelihood is that of all rows up to a constant, as is that of the definition
-    other = part[0], part[1] / 4, part[2]
-    rise = float(restricted(*few, *other)[0][0] - value[0])
+    other = noises_of(part_of([0.7], [[1 / (4 * tau)]]))
+    rise = float(restricted(*few, other)[0][0] - value[0])
     most = restricted_by_definition(
         gone[on], columns[on, 0] / scale[on], (columns[:, 1:2] / scale[:, None])[on], 0.7, 4 * tau
     )
@@ -707,7 +728,7 @@ def test_a_noise_that_promises_too_little_is_not_refined():
     rng = np.random.default_rng(6)
     time = 1.0 * np.arange(300)
     record = noise_rows(time, np.ones(300), rng.normal(size=300), np.ones((300, 1)))
-    start = _Point(Family(first=0), np.array([-2.0, 2.0]), -1e3, 1.0)
+    start = record.found(Family((Exponential.over(0),)), np.array([-2.0, 2.0]), -1e3, 1.0)
     *_, promised = _newton(record, start.family, start.theta)
     assert promised > 0.1
     left = _refined(record, start, start.value + 1.1 * promised)
@@ -725,32 +746,33 @@ def test_a_very_long_record_is_sized_in_more_stretches(monkeypatch):
     noise = simulated_noise(rng, time, 1.0, 1.0, tau) + 0.5 * rng.standard_normal(n)
     record = noise_rows(time, np.ones(n), noise, np.ones((n, 1)))
     whole = estimate_noise(record)
-    monkeypatch.setattr(noise_search, "_STRETCH", 192)
-    monkeypatch.setattr(noise_search, "_SIZED", 16)
+    monkeypatch.setattr(thresholds, "STRETCH", 192)
+    monkeypatch.setattr(thresholds, "SIZED", 16)
     found = estimate_noise(record)
-    assert found.family == whole.family == Family(first=0)
+    assert found.family == whole.family == Family((Exponential.over(0),))
     assert not np.array_equal(found.theta, whole.theta)
     assert 0 < whole.value - found.value < 5
-    share, sigma = float(found.noise.share[0]), float(found.noise.sigma)
+    share, sigma = 1 - float(found.noise.white), float(found.noise.sigma)
     by_definition = profile_noise(record, Family(), [np.zeros(0)])
     assert found.value > by_definition.value + 1000
     assert sigma == pytest.approx(float(whole.noise.sigma), rel=0.02)
-    assert share == pytest.approx(float(whole.noise.share[0]), abs=0.05)
+    assert share == pytest.approx(1 - float(whole.noise.white), abs=0.05)
 
 
 def test_noise_forgets_no_later_than_it_may():
     """Of a resonator without a swing the longer of its two memories; white comes first."""
     limits = limits_of(np.arange(100.0), np.ones(100), np.asarray(8.0))
-    family = Family(first=0, second=0, resonates=True)
+    family = Family((Exponential.over(0), Resonator.over(0)))
     high = np.array([0.0, np.log(8.0), 0.0, np.log(8.0), 0.5 * np.log(0.5) - np.log(8.0)])
-    _, rates, beta = parts_at(family, high[None], limits)
-    slow = rates[0, 1, 0] * (1 - np.sqrt(-beta[0]))
-    assert 1 / rates[0, 0, 0] == pytest.approx(8.0) and 1 / slow == pytest.approx(8.0)
-    share, rates, beta = noises_around(family, [high, high + 0.5], limits)
-    slowest = rates[:, 1, 0] * (1 - np.sqrt(np.clip(-beta, 0.0, 1.0)))
-    kept = (share[:, 1] > 0) & (beta > EXPONENTIAL)
-    assert np.all(share[0] == 0) and np.all(share[1:].sum(axis=1) < 1) and len(kept) > 20
-    assert np.all(1 / slowest[kept] < 8.0 * (1 + 1e-9))
+    one, other = noises_at(family, high[None], limits).parts
+    slow = other.rates[0, 0] * (1 - np.sqrt(-other.beta[0]))
+    assert 1 / one.rates[0, 0] == pytest.approx(8.0) and 1 / slow == pytest.approx(8.0)
+    noises = noises_around(family, [high, high + 0.5], limits)
+    one, other = noises.parts
+    slowest = other.rates[:, 0] * (1 - np.sqrt(np.clip(-other.beta, 0.0, 1.0)))
+    assert one.share[0] == other.share[0] == 0 and noises.white[0] == 1
+    assert np.all(noises.white > 0) and len(slowest) > 20
+    assert np.all(1 / slowest < 8.0 * (1 + 1e-9))
 
 
 def test_noise_in_words():

@@ -5,8 +5,15 @@ import itertools
 import numpy as np
 import pytest
 
-from jaxfric.fitting.noise_search import Family, _seems_white, estimate_noise, noise_rows
-from jaxfric.fitting.noise_spectrum import gains_of_parts, spectrum
+from jaxfric.fitting.noise import (
+    Exponential,
+    Family,
+    Resonator,
+    estimate_noise,
+    noise_rows,
+)
+from jaxfric.fitting.noise.search import seems_white
+from jaxfric.fitting.noise.spectrum import gains_of_parts, spectrum
 
 N = 300
 STEP = 120  # the row from which the load point is ten times as fast
@@ -74,7 +81,7 @@ def test_the_gain_of_an_exponential_is_near_that_of_dense_matrices(k, memory, se
     y = drawn(clock, seed, 0.3, correlation(clock, k, memory))
     record = rows_of(clock, y)
     seen = spectrum(record.clock, record.weight, record.columns)
-    got, _ = gains_of_parts(seen, record.limits.shortest, record.limits.longest)
+    got = gains_of_parts(seen, record.limits)[Exponential]
     J, most = smooth(clock), -np.inf
     none = deviance(y, J, np.eye(len(y)))
     for clock_of, size in itertools.product(range(3), (0.1, 0.3, 1.0)):
@@ -90,7 +97,8 @@ def test_the_gain_of_a_resonator_is_near_that_of_dense_matrices():
     y = drawn(clock, 3, 0.4, correlation(clock, 0, 1.0, beta=15.0))
     record = rows_of(clock, y)
     seen = spectrum(record.clock, record.weight, record.columns)
-    once, twice = gains_of_parts(seen, record.limits.shortest, record.limits.longest)
+    gains = gains_of_parts(seen, record.limits)
+    once, twice = gains[Exponential], gains[Resonator]
     J = smooth(clock)
     R = correlation(clock, 0, 1.0, beta=15.0)
     own = deviance(y, J, np.eye(N)) - deviance(y, J, np.eye(N) + 0.4 / 0.6 * R)
@@ -100,22 +108,20 @@ def test_the_gain_of_a_resonator_is_near_that_of_dense_matrices():
 
 def test_white_noise_seems_white_and_correlated_noise_does_not():
     clock = clocks()
-    white = [_seems_white(rows_of(clock, drawn(clock, s)), either_sign=False) for s in range(40)]
+    white = [seems_white(rows_of(clock, drawn(clock, s)), either_sign=False) for s in range(40)]
     assert sum(white) >= 36
     parts = [correlation(clock, 0, 0.5), correlation(clock, 1, 2e-5), correlation(clock, 2, 5.0)]
     parts.append(correlation(clock, 0, 1.0, beta=15.0))
     for R, seed in itertools.product(parts, range(5)):
         y = drawn(clock, 100 + seed, 0.5, R)
-        assert not _seems_white(rows_of(clock, y), either_sign=False)
+        assert not seems_white(rows_of(clock, y), either_sign=False)
 
 
 def test_a_level_that_the_fit_has_taken_is_no_slow_noise():
     clock = clocks()
     y = drawn(clock, 5) + 30.0 * smooth(clock) @ np.array([1.0, -2.0, 3.0, 1.0])
-    assert _seems_white(rows_of(clock, y), either_sign=False)
-    assert not _seems_white(
-        rows_of(clock, drawn(clock, 5) + np.sin(clock[:, 0])), either_sign=False
-    )
+    assert seems_white(rows_of(clock, y), either_sign=False)
+    assert not seems_white(rows_of(clock, drawn(clock, 5) + np.sin(clock[:, 0])), either_sign=False)
 
 
 @pytest.mark.filterwarnings("error")
@@ -124,20 +130,20 @@ def test_a_load_point_that_holds_is_no_matter():
     clock = clocks()
     clock[:, 1] -= np.interp(np.arange(N), [200, 280], [0.0, clock[280, 1] - clock[200, 1]])
     clock[200:281, 1] = clock[200, 1]
-    assert _seems_white(rows_of(clock, drawn(clock, 4)), either_sign=False)
+    assert seems_white(rows_of(clock, drawn(clock, 4)), either_sign=False)
 
 
 def test_alternating_noise_is_seen_only_where_either_sign_is_asked():
     clock, rng = clocks(), np.random.default_rng(1)
     y = np.diff(rng.standard_normal(N + 1))
-    assert not _seems_white(rows_of(clock, y), either_sign=True)
+    assert not seems_white(rows_of(clock, y), either_sign=True)
 
 
 def test_rows_of_unequal_scale_are_white_in_their_units():
     clock = clocks()
     scale = np.where(np.arange(N) < STEP, 1.0, 4.0)
     y = drawn(clock, 2) * scale
-    assert _seems_white(rows_of(clock, y, scale=scale), either_sign=False)
+    assert seems_white(rows_of(clock, y, scale=scale), either_sign=False)
 
 
 @pytest.mark.parametrize(
@@ -160,11 +166,11 @@ def test_what_seems_white_is_found_white_by_the_search(monkeypatch):
     """The whole search of the same record agrees, and white noise comes out the same."""
     clock = clocks()
     every = [rows_of(clock, drawn(clock, seed)) for seed in range(20, 30)]
-    records = [record for record in every if _seems_white(record, either_sign=False)]
+    records = [record for record in every if seems_white(record, either_sign=False)]
     assert len(records) >= 7
     quick = [estimate_noise(record) for record in records]
     monkeypatch.setattr(
-        "jaxfric.fitting.noise_search._seems_white", lambda record, either_sign: False
+        "jaxfric.fitting.noise.search.seems_white", lambda record, either_sign: False
     )
     whole = [estimate_noise(record) for record in records]
     assert all(found.family == Family() for found in [*quick, *whole])

@@ -15,7 +15,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from jaxfric.errors import InputError
 from jaxfric.fitting.abstract_problem import Coordinates
-from jaxfric.fitting.noise import Noise, whiten, whitening
+from jaxfric.fitting.noise import Exponential, Noise, Resonator, whiten, whitening
 from jaxfric.fitting.problem import Model
 from jaxfric.posterior import sampler
 from jaxfric.posterior.distributions import FlatPrior, LogNormalPrior, NormalPrior, UniformPrior
@@ -261,10 +261,9 @@ def test_a_filter_with_its_gains_whitens_as_the_filter_does():
     columns = rng.standard_normal((n, 3)) * (weight > 0)[:, None]
     rates = np.array([[0.5, 0.0], [0.0, 0.3]])
     for beta in (-1.0, 3.0):
-        noise = Noise(
-            *map(np.asarray, (0.7, [0.4, 0.3], rates, beta, 1.0, 0.0)),
-        )
-        noise = Noise(*(np.asarray(x, float) for x in noise))
+        other = Resonator(np.array(0.3), rates[1], np.array(beta)) if beta > 0 else None
+        parts = Exponential(np.array(0.4), rates[0]), other or Exponential(np.array(0.3), rates[1])
+        noise = Noise(np.array(0.7), parts, np.ones(()), np.zeros(()))
         expected = whiten(clock, weight, columns, noise)
         found = whitening(clock, weight, noise)(columns)
         np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-12)

@@ -4,10 +4,19 @@ import numpy as np
 import pytest
 from scipy.linalg import null_space
 
-from jaxfric.fitting.noise import noise_of
-from jaxfric.fitting.noise_estimate import NoiseEstimate, NoisePart
-from jaxfric.fitting.noise_search import Family, Found, noise_rows, not_below
-from jaxfric.fitting.quantisation import least_noise, recorded_steps, step_words
+from jaxfric.fitting.noise import (
+    Exponential,
+    Family,
+    Found,
+    NoiseEstimate,
+    NoisePart,
+    least_noise,
+    noise_of,
+    noise_rows,
+    not_below,
+    recorded_steps,
+    step_words,
+)
 
 RNG = np.random.default_rng(0)
 SLOW = 0.6 + 0.01 * np.sin(np.arange(500) / 40) + 1e-3 * RNG.standard_normal(500)
@@ -64,7 +73,7 @@ def by_definition(sigma, share, memory):
 def floored(sigma, share, least):
     record = noise_rows(TIME, np.ones(N), RESIDUAL, np.pad(DESIGN, ((0, 0), (0, 6))))
     noise = noise_of(sigma, share, 5.0, -7.0)
-    found = Found(noise, Family(first=0), np.array([0.0, 0.0]), -7.0)
+    found = Found(noise, Family((Exponential.over(0),)), np.array([0.0, 0.0]), -7.0)
     return found, not_below(record, found, least)
 
 
@@ -89,7 +98,7 @@ def test_a_white_part_that_is_large_enough_stays(sigma, share, least):
 )
 def test_the_white_part_is_no_smaller_than_the_steps(sigma, share, least, whole):
     _, after = floored(sigma, share, least)
-    found, left = float(after.noise.sigma), float(after.noise.share[0])
+    found, left = float(after.noise.sigma), 1 - float(after.noise.white)
     assert found == pytest.approx(whole)
     assert found**2 * (1 - left) == pytest.approx(least**2)
     assert after.value == pytest.approx(by_definition(found, left, 5.0), rel=1e-9)

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from jaxfric.fitting.noise_search import (
+from jaxfric.fitting.noise import (
+    Exponential,
     Family,
     Found,
     estimate_noise,
@@ -60,7 +61,7 @@ def found_in(residual, columns) -> Found:
     """The noise with everything smooth taken out."""
     start = [np.array([0.0, np.log(MEMORY)])]
     rows = Fits.problem.clock, Fits.weight, residual, columns, LONGEST
-    return profile_noise(noise_rows(*rows), Family(first=0), start)
+    return profile_noise(noise_rows(*rows), Family((Exponential.over(0),)), start)
 
 
 def rows_of(residual):

@@ -12,7 +12,6 @@ from test_derived import VALUES, covariance_of, fit_of
 
 from jaxfric.cli.call import Call
 from jaxfric.cli.plan_line import run_line
-from jaxfric.fitting.glitches import Glitches
 from jaxfric.fitting.misfit import (
     misfit_warning,
     misfit_warning_of,
@@ -20,6 +19,7 @@ from jaxfric.fitting.misfit import (
     missed_warning_of,
     scatter,
 )
+from jaxfric.fitting.noise import Glitches
 from jaxfric.records.thin import blur_warning
 from jaxfric.report.run_html import Commands, page
 from jaxfric.runs import Event

@@ -8,7 +8,7 @@ import pytest
 from command import run
 
 from jaxfric.errors import InputError
-from jaxfric.fitting.noise_estimate import ROTARY_CLOCKS, NoiseEstimate, NoisePart
+from jaxfric.fitting.noise import ROTARY_CLOCKS, NoiseEstimate, NoisePart
 from jaxfric.fitting.table import noise_lines
 from jaxfric.loop.steady.loop import close_steady_loop
 from jaxfric.loop.steady.noise import after_a_turn, steady_noise

@@ -3,17 +3,15 @@
 import numpy as np
 import pytest
 
-from jaxfric.fitting.noise import neighbours, noise_of
-from jaxfric.fitting.noise_estimate import NoiseEstimate, NoisePart
-from jaxfric.loop.smooth import smooth_columns
-from jaxfric.loop.step_noise import (
+from jaxfric.fitting.noise import NoiseEstimate, NoisePart, neighbours, noise_of, taken_out
+from jaxfric.fitting.noise.by_step import (
     gain_of_pace,
     likeness_of_steps,
     own_clock,
     pace_of,
     scale_of_steps,
-    taken_out,
 )
+from jaxfric.loop.smooth import smooth_columns
 
 STEP = np.repeat(np.arange(6), 400)
 SMOOTH = smooth_columns(np.arange(2400.0), STEP, 2400)

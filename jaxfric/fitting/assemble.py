@@ -11,9 +11,7 @@ from ..records import Record, VelocitySteps
 from ..units import format_si, read_as
 from .drift import drift_warning
 from .misfit import misfit_warning
-from .noise import Noise
-from .noise_estimate import noise_estimate, noise_words
-from .noise_search import longest_memory
+from .noise import Noise, longest_memory, noise_estimate, noise_words
 from .plausible import bounds_of
 from .problem import (
     FAILED_MISFIT,
@@ -175,8 +173,9 @@ def _estimates(
 
 def noise_wanders(clock: Float[Array, "n k"], noise: Noise) -> bool:
     """Whether most of the noise has the longest memory that is searched."""
-    slow = np.asarray(noise.rates) @ longest_memory(clock) < 1 / 0.9
-    return bool(np.sum(np.asarray(noise.share)[slow]) > 0.5)
+    longest = longest_memory(clock)
+    slow = [part.share for part in noise.parts if np.asarray(part.rates) @ longest < 1 / 0.9]
+    return bool(np.sum(slow) > 0.5)
 
 
 def _plausible(

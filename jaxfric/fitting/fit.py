@@ -27,11 +27,21 @@ from ..silent import silent
 from ..simulation import simulate
 from ..units import parse_quantity
 from .assemble import assemble
-from .glitches import NO_GLITCHES, ROUNDS, find_glitches
 from .loading import UNIT_RIGHT, refuse_contradicted, steepest_loading
 from .loading import doubts as loading_doubts
-from .noise_search import Found as FoundNoise
-from .noise_search import estimate_noise, longest_memory, noise_rows
+from .noise import (
+    NO_GLITCHES,
+    ROUNDS,
+    estimate_noise,
+    find_glitches,
+    least_noise,
+    longest_memory,
+    noise_rows,
+    recorded_steps,
+)
+from .noise import (
+    Found as FoundNoise,
+)
 from .problem import (
     FAILED_MISFIT,
     Model,
@@ -41,7 +51,6 @@ from .problem import (
     make_problem,
     quantity_of,
 )
-from .quantisation import least_noise, recorded_steps
 from .result import Fit, unit_of
 from .solve import Solution, known_at, solve
 from .solved import Solved

@@ -36,11 +36,9 @@ from .fit import (
     task_of,
     wanted_model,
 )
-from .glitches import NO_GLITCHES
-from .noise import noise_of
+from .noise import NO_GLITCHES, least_noise, noise_of, recorded_steps
 from .padding import bucket, filled
 from .problem import FAILED_MISFIT, Model, Problem
-from .quantisation import least_noise, recorded_steps
 from .result import Fit
 from .solve import NOISE_REACHED, Solution, descent, on_host
 from .solved import Solved

@@ -1,9 +1,9 @@
 """Arrays of few shapes, so that few are compiled: padded lengths, and rows that count alone."""
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
-from .noise import Numbers
+Numbers = Array | np.ndarray
 
 _FEWEST = 256  # rows
 

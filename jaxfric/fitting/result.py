@@ -25,7 +25,7 @@ from .derived import critical_stiffness_of as critical_stiffness_of
 from .derived import difference as difference
 from .estimate import Estimate as Estimate
 from .findings import stability_finding
-from .noise_estimate import NoiseEstimate
+from .noise import NoiseEstimate
 from .problem import Model, build_rig, quantity_of
 from .solved import Solved
 from .trend import shift_with_trend

@@ -5,8 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .glitches import Glitches
-from .noise import Noise
+from .noise import Glitches, Noise
 from .problem import Problem
 from .solve import Solution
 

@@ -11,7 +11,7 @@ from .derived import SAMPLES
 from .drift import Drift, told_drift
 from .estimate import Estimate
 from .misfit import misfit_warning
-from .noise_estimate import NoiseEstimate
+from .noise import NoiseEstimate
 from .problem import quantity_of
 from .result import Fit
 

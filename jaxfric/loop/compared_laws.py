@@ -30,18 +30,21 @@ from ..errors import InputError
 from ..fitting import Fit, fit
 from ..fitting.fit import few_rows, require_float64, steps_of
 from ..fitting.marquardt import Descent, levenberg_marquardt
-from ..fitting.noise_search import (
+from ..fitting.noise import (
     Family,
     NoiseRows,
     estimate_noise,
+    least_noise,
     noise_rows,
     profile_noise,
+    recorded_steps,
+    whitened,
 )
-from ..fitting.noise_search import Found as FoundNoise
+from ..fitting.noise import (
+    Found as FoundNoise,
+)
 from ..fitting.problem import FAILED_MISFIT, Problem
-from ..fitting.quantisation import least_noise, recorded_steps
 from ..fitting.solve import known_at
-from ..fitting.whitened import whitened
 from ..laws.registry import fixed_states, known_law, rate_state_laws
 from ..records import Record, VelocitySteps
 from ..records.given import as_record

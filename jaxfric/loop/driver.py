@@ -16,7 +16,7 @@ import numpy as np
 from ..effects import AbstractEffect, RecordScales
 from ..errors import InputError
 from ..findings import Finding
-from ..fitting.noise_estimate import noise_estimate, noise_words
+from ..fitting.noise import noise_estimate, noise_words
 from ..fitting.result import Estimate
 from .curves import CurveRig, curve_family
 from .engine import Candidate, Engine

@@ -18,25 +18,41 @@ from ..effects import AbstractHeavyEffect, RecordScales, made
 from ..effects.effect import AbstractEffect, beyond
 from ..fitting.abstract_problem import FAILED_MISFIT, AbstractProblem
 from ..fitting.encompassing import EncompassingModel
-from ..fitting.glitches import NO_GLITCHES, ROUNDS, find_glitches
-from ..fitting.hum import Hum, find_hum
 from ..fitting.marquardt import levenberg_marquardt
-from ..fitting.noise import Noise, neighbours, noise_of, rms_error
-from ..fitting.noise_search import (
+from ..fitting.noise import (
     FAR_FROM,
+    NO_GLITCHES,
+    ROUNDS,
     Family,
+    Hum,
     Limits,
+    Noise,
     NoiseRows,
+    Noises,
     estimate_noise,
+    find_glitches,
+    find_hum,
+    gain_of_pace,
+    innovations_of,
+    least_noise,
+    likeness_of_steps,
     limits_of,
+    neighbours,
+    noise_of,
     noise_rows,
     noises_around,
+    own_clock,
+    pace_of,
     profile_noise,
+    recorded_steps,
+    rms_error,
+    scale_of_steps,
+    whitened,
 )
-from ..fitting.noise_search import Found as FoundNoise
+from ..fitting.noise import (
+    Found as FoundNoise,
+)
 from ..fitting.padding import filled
-from ..fitting.quantisation import least_noise, recorded_steps
-from ..fitting.whitened import innovations_of, whitened
 from ..threads import cores, go_on, one_by_one, side_by_side
 from ..traced import traced
 from .lately import Lately
@@ -45,7 +61,6 @@ from .refusal import Refusal
 from .shared import SharedShifts
 from .smooth import smooth_columns
 from .split import NAMES, Blocks
-from .step_noise import gain_of_pace, likeness_of_steps, own_clock, pace_of, scale_of_steps
 
 P = TypeVar("P", bound=AbstractProblem)
 
@@ -196,7 +211,7 @@ class Engine(Generic[P]):
             self.longest = np.append(self.longest, 0.0)
         own = [e for e in self.model.effects if not e.__module__.startswith(_PACKAGE)]
         # a user's effect may call LAPACK for many matrices at once, and two such calls side by side
-        # wait for each other without end (`fitting.noise_search`)
+        # wait for each other without end (`fitting.noise.search`)
         self.at_once = 1 if own else cores()
         self.each: Callable[..., list] = one_by_one if own else side_by_side
         self.by_step, self.pace = bounds.by_step, None
@@ -479,8 +494,8 @@ class Engine(Generic[P]):
         first = np.unique(self.blocks.step, return_index=True)[1]
         return tuple(self.scale[first].tolist())
 
-    def trial_noises(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Noises to screen under: shares (g, 2), rates (g, 2, k) and betas (g,)."""
+    def trial_noises(self) -> Noises:
+        """Noises to screen under."""
         assert self.family is not None, "learn_noise comes first"
         return noises_around(self.family, self.noises, self.limits())
 

@@ -7,10 +7,11 @@ for each of hundreds of candidates at the cost of one.
 
 from typing import NamedTuple
 
+import jax
 import numpy as np
 from jaxtyping import Array
 
-from ..fitting.noise_search import products
+from ..fitting.noise import Noises, products
 from ..fitting.padding import WIDE, counted_rows
 from ..threads import side_by_side
 
@@ -25,8 +26,7 @@ class Evidence(NamedTuple):
     """Products for every noise of the grid, shape (g, m, m), in units of sigma = 1."""
     log_determinant: np.ndarray
     """Log-determinant of the covariance at sigma = 1, shape (g,)."""
-    noises: tuple[np.ndarray, np.ndarray, np.ndarray]
-    """Shares (g, 2), rates (g, 2, k) and betas (g,)."""
+    noises: Noises
     rows: float
     extra: np.ndarray
     """Products (m, m) of the extra rows, which have unit variance."""
@@ -82,24 +82,24 @@ def evidence(
     residual: np.ndarray,
     columns: np.ndarray,
     extra: tuple[np.ndarray, np.ndarray],
-    noises: tuple[np.ndarray, np.ndarray, np.ndarray],
+    noises: Noises,
     scale: np.ndarray | None = None,
 ) -> Evidence:
     """Products of the residual and some columns (rows of zero weight are passed over).
 
     The `extra` rows (residual, columns) are data of unit variance, uncorrelated with the others.
-    `noises` are shares (g, 2), rates (g, 2, k) and betas (g,), all with one `scale` of every row.
+    All `noises` have one `scale` of every row.
     """
     n, m = columns.shape
     pad = -(m + 2) % WIDE
     parts = [residual[:, None], columns, np.zeros((n, pad)), np.ones((n, 1))]
     every = np.ones(n) if scale is None else scale
     rows = counted_rows(clock, weight, np.concatenate(parts, axis=1), every)
-    g = len(noises[2])
+    g = len(noises.white)
 
     def some(begin: int) -> tuple[np.ndarray, np.ndarray]:
         at = np.minimum(np.arange(begin, begin + _AT_ONCE), g - 1)
-        gram, log_det = products(*rows, *(x[at] for x in noises))
+        gram, log_det = products(*rows, jax.tree.map(lambda x: x[at], noises))
         return np.asarray(gram), np.asarray(log_det)
 
     grams, log_det = zip(*side_by_side(some, range(0, g, _AT_ONCE)), strict=True)

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
-from ..fitting.noise_search import Found
+from ..fitting.noise import Found
 from ..fitting.problem import Problem
 from ..rig.friction.extended import ExtendedLaw
 from .engine import Candidate, Engine

@@ -20,14 +20,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..fitting.noise import coloured
-from ..fitting.noise_search import Family, Found, Limits, parts_at
+from ..fitting.noise import Found, coloured, noises_around
 from .engine import Engine, Rows
 from .evidence import Evidence, evidence
 from .residual_tests import chi_square_tail
 
 _DRAWS, _SEED = 60, 20
-_BETWEEN = (0.0, 0.5, 1.0)
 _SIZES, _MEMORIES = (-1.0, 0.0, 1.0), (-0.5, 0.0, 0.5)
 _SEEN = 1e-6
 
@@ -58,7 +56,15 @@ def chances(
     drawn = coloured(engine.problem.clock, engine.weight, white, found.noise)
     asked = np.concatenate([q.columns for q in questions], axis=1) * weight
     more = rng.standard_normal((len(rows.extra), _DRAWS))
-    noises = _around(found.family, (null.theta, found.theta), engine.limits())
+    noises = noises_around(
+        found.family,
+        (null.theta, found.theta),
+        engine.limits(),
+        sizes=_SIZES,
+        memories=_MEMORIES,
+        alike=True,
+        white=False,
+    )
     extra = more, rows.extra_jacobian, np.zeros((len(more), asked.shape[1]))
     known = evidence(
         engine.problem.clock,
@@ -82,26 +88,6 @@ def chances(
         tail = chi_square_tail(float(ratio[0]) / usual, degrees)
         answers[question.name] = min(1.0, question.times * tail)
     return answers
-
-
-def _around(
-    family: Family, thetas: tuple[np.ndarray, np.ndarray], limits: Limits
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Noises between and around two of a family: shares (g, 2), rates (g, 2, k), betas (g,)."""
-    first, last = thetas
-    parts = family.parameters // 2
-    found = []
-    for part in _BETWEEN if family.parameters else (0.0,):
-        centre = first + part * (last - first)
-        for size in _SIZES if parts else (0.0,):
-            for memory in _MEMORIES if parts else (0.0,):
-                shift = [size, memory] * parts + [0.0] * family.resonates
-                found.append(centre + np.array(shift))
-    low = [-np.inf, np.log(limits.shortest).min()] * parts + [-np.inf] * family.resonates
-    clocks = [k for k in (family.first, family.second) if k is not None]
-    high = [x for k in clocks for x in (np.inf, float(np.log(limits.longest[k])))]
-    high += [np.inf] * family.resonates
-    return parts_at(family, np.clip(np.stack(found), low, high), limits)
 
 
 def _without(products: np.ndarray, columns: np.ndarray) -> np.ndarray:

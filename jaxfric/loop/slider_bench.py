@@ -16,7 +16,7 @@ from ..fitting.assemble import is_of_wander
 from ..fitting.encompassing import EncompassingModel
 from ..fitting.fit import prepare
 from ..fitting.misfit import is_of_misfit
-from ..fitting.noise_estimate import noise_words
+from ..fitting.noise import noise_words
 from ..fitting.padding import filled
 from ..fitting.problem import FAILED_MISFIT, Channel, Model, Problem
 from ..laws.registry import refuse_untaken, takes

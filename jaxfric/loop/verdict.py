@@ -7,8 +7,7 @@ import numpy as np
 
 from ..effects import effect_of
 from ..findings import Finding, Severity
-from ..fitting.noise import Noise, sandwich
-from ..fitting.noise_search import Found
+from ..fitting.noise import Found, Noise, sandwich
 from ..fitting.padding import WIDE, padded_columns
 from ..fitting.uncertainty import inverse_root
 from .engine import Candidate, Engine, Rows

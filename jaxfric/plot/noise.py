@@ -8,8 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from scipy.special import ndtri
 
-from ..fitting.glitches import Glitches
-from ..fitting.noise_estimate import NoiseEstimate
+from ..fitting.noise import Glitches, NoiseEstimate
 from .palette import BAND, BLUE, ORANGE
 from .ticks import plain_log
 

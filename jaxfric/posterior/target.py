@@ -74,7 +74,7 @@ def likelihood(problem: Problem, noise: Noise) -> tuple[Problem, Whitening | Non
     of its `noise_scale`). White noise needs no filter."""
     if np.ndim(noise.scale):
         raise ValueError("the scale of the noise must be one for all rows")
-    if np.any(np.asarray(noise.share)):
+    if not noise.is_white:
         noise = jax.tree.map(_put, noise)
         return problem.plain(), whitening(problem.clock, problem.weight, noise)
     size = float(problem.noise_scale) * float(noise.sigma) * float(noise.scale)

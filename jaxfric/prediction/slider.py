@@ -17,8 +17,7 @@ from ..effects import effect_of
 from ..errors import InputError
 from ..fitting.encompassing import EncompassingModel
 from ..fitting.fit import forward_steps, prepare, require_float64, steps_of
-from ..fitting.noise import sandwich
-from ..fitting.noise_search import estimate_noise, noise_rows
+from ..fitting.noise import estimate_noise, noise_rows, sandwich
 from ..fitting.padding import bucket
 from ..fitting.problem import FAILED_MISFIT, Model, Problem
 from ..fitting.result import unit_of

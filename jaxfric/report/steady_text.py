@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from ..fitting.quantisation import step_words
+from ..fitting.noise import step_words
 from ..fitting.table import noise_lines
 from ..gains.axis_result import AxisGains, Shown
 from ..loop.result import TextTable

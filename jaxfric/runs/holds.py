@@ -20,7 +20,7 @@ import numpy as np
 from ..errors import InputError
 from ..fitting import Fit
 from ..fitting.misfit import excess
-from ..fitting.noise_search import estimate_noise, longest_memory, noise_rows
+from ..fitting.noise import estimate_noise, longest_memory, noise_rows
 from ..fitting.problem import clock_of
 from ..records import Record, VelocitySteps
 from ..records.differences import noise_from_differences

@@ -13,9 +13,7 @@ import numpy as np
 
 from ..fitting.abstract_problem import FAILED_MISFIT
 from ..fitting.marquardt import levenberg_marquardt
-from ..fitting.noise import Noise
-from ..fitting.noise_search import estimate_noise, longest_memory, noise_rows
-from ..fitting.whitened import whitened
+from ..fitting.noise import Noise, estimate_noise, longest_memory, noise_rows, whitened
 from ..records.differences import noise_from_differences
 from .fits import StepFit
 from .joint import is_known, names_of, vector_of

@@ -20,17 +20,24 @@ import numpy as np
 
 from ...errors import InputError
 from ...fitting.fit import require_float64
-from ...fitting.noise import Noise, sandwich
-from ...fitting.noise_estimate import CLOCKS, ROTARY_CLOCKS, NoiseEstimate, noise_estimate
-from ...fitting.noise_search import (
+from ...fitting.noise import (
+    CLOCKS,
     LONGEST,
+    ROTARY_CLOCKS,
+    Exponential,
     Family,
     Found,
+    Noise,
+    NoiseEstimate,
+    Resonator,
     estimate_noise,
+    least_noise,
+    noise_estimate,
     noise_rows,
     profile_noise,
+    recorded_steps,
+    sandwich,
 )
-from ...fitting.quantisation import least_noise, recorded_steps
 from ...records.steady import SteadyCurve
 
 _APART = 20.0
@@ -178,7 +185,7 @@ def _likeliest(
     if not rotary:
         return found
     memory, once = math.log(_MEMORY * longest[_ANGLE]), 0.0  # logarithm of 2 pi/turn [1/rad]
-    family = Family(_ANGLE, _ANGLE, resonates=True)
+    family = Family((Exponential.over(_ANGLE), Resonator.over(_ANGLE)))
     starts = [np.array([_SIZE, memory + a, _SIZE, memory, once]) for a in _SHORTER]
     turning = profile_noise(rows, family, starts, least=least)
     return max((found, turning), key=lambda one: _worth_of(one, len(residual)))

@@ -9,7 +9,8 @@ import numpy as np
 
 from .glitches import NO_GLITCHES, Glitches, ToldRecord, glitch_words
 from .hum import Hum
-from .noise import EXPONENTIAL, Noise
+from .model import Noise
+from .parts import Exponential, Resonator
 from .quantisation import least_noise, step_words
 
 CLOCKS = ("time", "path", "rows", "pace")
@@ -18,6 +19,8 @@ rows in units of the memory that each velocity step shows."""
 ROTARY_CLOCKS = ("time", "angle", "rows", "pace")
 """The clocks of an axis that turns: its path is an angle [rad]."""
 _UNITS = {"time": "s", "path": "m", "angle": "rad", "rows": "rows", "pace": "memory of a step"}
+EXPONENTIAL = -1.0
+"""Value of beta of a part that is no resonator; no resonator has it."""
 _WHITE = 0.05
 _ALIKE = 0.2
 """Correlation of neighbouring rows from which a part of a noise is not white: less the rows do not
@@ -53,14 +56,14 @@ class NoisePart:
 
     def correlation(self, apart: np.ndarray) -> np.ndarray:
         """rho between rows that are `apart` (n,) on its clock."""
-        d = np.abs(apart) / self.memory
-        if self.beta <= EXPONENTIAL:
-            return np.exp(-d)
-        s = np.sqrt(-self.beta + 1e-12j)
-        d = d if self.beta > 0 else d / (1 - s.real)
-        # exp(-d) (cosh(s d) + sinh(s d)/s), without cosh, which is infinite at long distances
-        slow, fast = np.exp((s - 1) * d), np.exp(-(s + 1) * d)
-        return ((slow + fast) / 2 + (slow - fast) / (2 * s)).real
+        one = np.ones(1)
+        own = (
+            Resonator(one, one, self.beta * one)
+            if self.beta > EXPONENTIAL
+            else Exponential(one, one)
+        )
+        d = np.abs(apart) / self.memory * own.longest()
+        return np.real(sum(size * np.exp(-rate * d) for size, rate in own.exponentials()))
 
     def text(self) -> str:
         """The memory in words: "2.1 s", "3.4 µm of load-point motion", "3 rows"."""
@@ -205,13 +208,12 @@ def noise_estimate(
     the `steps` of the recorder [unit of friction], names of the `clocks`, and the `hum` that was
     taken out."""
     parts = []
-    rows = zip(np.asarray(noise.share), np.asarray(noise.rates), strict=True)
-    for k, (share, rates) in enumerate(rows):
-        if share != 0:
-            clock, beta = int(np.argmax(rates)), float(noise.beta) if k else EXPONENTIAL
-            slower = 1 - math.sqrt(-beta) if EXPONENTIAL < beta < 0 else 1.0
-            memory = float(1 / rates[clock]) / slower
-            parts.append(NoisePart(float(share), clocks[clock], memory, beta))
+    for part in noise.parts:
+        if part.share != 0:
+            clock = int(np.argmax(part.rates))
+            beta = float(part.beta) if isinstance(part, Resonator) else EXPONENTIAL
+            memory = float(part.longest() / part.rates[clock])
+            parts.append(NoisePart(float(part.share), clocks[clock], memory, beta))
     parts.sort(key=lambda part: -part.share)
     most = tuple(float(x) for x in np.ravel(longest))
     size = scale * float(noise.sigma)

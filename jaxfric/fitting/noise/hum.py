@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from .whitened import taken_out
+from .filter import taken_out
 
 MAINS = (50.0, 60.0, 100.0, 120.0)
 """Frequencies of the mains and of their rectified current [Hz]."""

@@ -7,8 +7,8 @@ smooth; whether they are needed is decided by likelihood (`Engine.learn_noise`).
 
 import numpy as np
 
-from ..fitting.padding import filled
-from ..fitting.whitened import taken_out
+from ..padding import filled
+from .filter import taken_out
 
 _LEAST_VARIANCE = 1e-4
 _LIKENESS = (0.05, 0.995)

@@ -25,9 +25,10 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from ..records import Provenance
-from .noise import Noise, Numbers
-from .whitened import taken_out, whitened
+from ...records import Provenance
+from ..padding import Numbers
+from .filter import taken_out, whitened
+from .model import Noise
 
 LONGEST = 3
 """Largest number of rows of a glitch."""

@@ -1,0 +1,47 @@
+"""The noise of a record: what it is, how it is found, and what of a record is no noise of a row.
+
+- `parts`, `model`: white noise and a sum of correlated parts, each over a clock of its own.
+- `filter`, `covariance`, `likelihood`: one Kalman filter for any number of parts; errors and the
+  worth of rows; restricted likelihoods of many noises at once.
+- `search`, `spectrum`: which parts a residual has, and whether it is white at a glance.
+- `by_step`, `hum`, `glitches`, `quantisation`: scale and pace of a velocity step, lines in time,
+  rows that stand out, steps of a recorder.
+- `estimate`: the noise of a result, as JSON and in words.
+"""
+
+# ruff: noqa: F401
+
+from .by_step import gain_of_pace, likeness_of_steps, own_clock, pace_of, scale_of_steps
+from .covariance import neighbours, rms_error, sandwich
+from .estimate import CLOCKS, ROTARY_CLOCKS, NoiseEstimate, NoisePart, noise_estimate, noise_words
+from .filter import (
+    Whitening,
+    coloured,
+    innovations,
+    innovations_of,
+    taken_out,
+    whiten,
+    whitened,
+    whitening,
+)
+from .glitches import NO_GLITCHES, ROUNDS, Glitches, find_glitches
+from .hum import Hum, find_hum
+from .likelihood import products, restricted, restricted_white
+from .model import Noise, Noises, noise_of
+from .parts import Exponential, Limits, Resonator, limit_of_negative
+from .quantisation import least_noise, recorded_steps, step_words
+from .search import (
+    Family,
+    Found,
+    NoiseRows,
+    estimate_noise,
+    limits_of,
+    longest_memory,
+    noise_rows,
+    noises_around,
+    noises_at,
+    not_below,
+    profile_noise,
+    stretches,
+)
+from .thresholds import FAR_FROM, LONGEST

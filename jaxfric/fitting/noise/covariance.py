@@ -1,0 +1,92 @@
+"""The covariance of a noise, never as a matrix: what errors and the worth of rows follow from."""
+
+import itertools
+import math
+from collections.abc import Sequence
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Float
+
+from ...traced import traced
+from ..padding import Numbers
+from .model import Noise, distances
+
+_Terms = Sequence[tuple[Array, Array]]
+"""A correlation as a sum of exponentials: complex sizes, and what each forgets to the next row
+(n,); their sum is real."""
+
+
+def _terms(clock: Float[Numbers, "n *k"], noise: Noise) -> _Terms:
+    away = distances(clock)
+    return [
+        (part.share * size + 0j, rate * part.forgotten(away) + 0j)
+        for part in noise.parts
+        for size, rate in part.exponentials()
+    ]
+
+
+def sandwich(
+    clock: Float[Numbers, "n *k"], jacobian: Float[Numbers, "n p"], noise: Noise
+) -> Float[Numbers, "p p"]:
+    """J^T Sigma J for the noise covariance Sigma, in one pass; by NumPy where it is white."""
+    if not noise.parts:
+        scaled = np.reshape(noise.sigma * noise.scale, (-1, 1)) * np.asarray(jacobian)
+        return scaled.T @ scaled
+    return _sandwich(clock, jacobian, noise)
+
+
+@traced
+def _sandwich(
+    clock: Float[Numbers, "n *k"], jacobian: Float[Numbers, "n p"], noise: Noise
+) -> Float[Array, "p p"]:
+    scaled = jacobian * jnp.broadcast_to(noise.scale, jacobian.shape[:1])[:, None]
+    white = noise.white * scaled.T @ scaled
+    return jnp.asarray(noise.sigma**2 * (white + _correlated(scaled, _terms(clock, noise))))
+
+
+@traced
+def neighbours(clock: Float[Numbers, "n *k"], noise: Noise) -> Float[Array, " n"]:
+    """Correlation of the noise of every row and of the next one; of the last row with itself."""
+    return sum((x * jnp.exp(-d) for x, d in _terms(clock, noise)), jnp.zeros(len(clock))).real
+
+
+def _correlated(columns: Float[Numbers, "n p"], terms: _Terms) -> Float[Array, "p p"]:
+    """C^T R C, R_ij the sum over terms of what is kept from row i to row j."""
+    columns, sizes = jnp.asarray(columns), jnp.stack([size + 0j for size, _ in terms])
+    keep = jnp.exp(-jnp.stack([d for _, d in terms], axis=1))
+    keep = jnp.concatenate([jnp.ones_like(keep[:1]), keep[:-1]])
+
+    def step(carry: Array, row: tuple[Array, Array]) -> tuple[Array, Array]:
+        c, k = row
+        carry = k[:, None] * carry + c
+        return carry, jnp.sum(sizes[:, None] * carry, axis=0).real
+
+    start = jnp.zeros((len(terms), columns.shape[1]), complex)
+    _, before = jax.lax.scan(step, start, (columns, keep))
+    one_sided = columns.T @ before
+    return one_sided + one_sided.T - jnp.sum(sizes).real * columns.T @ columns
+
+
+def rms_error(clock: Float[Numbers, "n *k"], used: ArrayLike, noise: Noise) -> float:
+    """Relative standard error of the rms of noise over the `used` rows (a mask or 0 and 1).
+
+    sqrt(sum_ij (s_i s_j rho_ij)^2/2)/sum_i s_i^2, rho the correlation and s the scale of rows:
+    correlated rows count for fewer, and so do those beside others with more noise.
+    """
+    sizes = np.asarray(used, float) * np.asarray(noise.scale) ** 2
+    return math.sqrt(0.5 * float(_squares(clock, sizes, noise))) / max(float(sizes.sum()), 1e-300)
+
+
+@traced
+def _squares(
+    clock: Float[Numbers, "n *k"], sizes: Float[Numbers, " n"], noise: Noise
+) -> Float[Array, ""]:
+    """Sum over all pairs of rows of the square of their correlation, times both sizes."""
+    if not noise.parts:
+        return jnp.sum(sizes**2)
+    terms = _terms(clock, noise)
+    pairs = [(a * b, p + q) for (a, p), (b, q) in itertools.product(terms, terms)]
+    white = (1 - (1 - noise.white) ** 2) * jnp.sum(sizes**2)
+    return _correlated(sizes[:, None], pairs)[0, 0] + white

@@ -1,0 +1,78 @@
+"""The noise of a record: white, and a sum of correlated parts, each over a clock of its own.
+
+    r_i = s_i (e_i + sum_k a_k,i),   var e = sigma^2 (1 - sum_k c_k)
+    cov a_k,i, a_k,j = sigma^2 c_k rho_k(d_k)
+
+s is the scale of a row, c_k the share of a part, rho_k its correlation and d_k what it forgets
+between two rows (`parts`). Clocks are time (amplifier, servo), the path of the load point
+(roughness, gouge: ten times as fast at ten times the velocity) and the samples of a recorder whose
+filter follows its rate; they are the columns of an array (n, k). A clock alone may be (n,).
+
+How a noise is found is in `search`.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Float
+
+from ..padding import Numbers
+from .parts import AbstractPart, Exponential
+
+
+class Noise(NamedTuple):
+    """Standard deviation of a row of scale 1, and the parts that are correlated."""
+
+    sigma: Float[Numbers, ""]
+    parts: tuple[AbstractPart, ...]
+    scale: Float[Numbers, " *n"]
+    """Relative size of the noise in every row, or one number for all rows."""
+    log_likelihood: Float[Numbers, ""]
+
+    @property
+    def white(self) -> Float[Numbers, ""]:
+        """Share of the variance that is white."""
+        return white_of(self.parts)
+
+    @property
+    def is_white(self) -> bool:
+        """Whether no part has a share."""
+        return not any(np.any(np.asarray(part.share)) for part in self.parts)
+
+
+class Noises(NamedTuple):
+    """`g` noises of sigma 1 with parts of the same kinds."""
+
+    white: Float[Numbers, " g"]
+    """Share of the variance that is white."""
+    parts: tuple[AbstractPart, ...]
+
+
+def white_of(parts: tuple[AbstractPart, ...]) -> Float[Numbers, "*g"]:
+    """Share of the variance that is white beside some parts."""
+    return 1.0 - sum((part.share for part in parts), np.zeros(()))
+
+
+def noise_of(
+    sigma: float,
+    share: float = 0.0,
+    memory: ArrayLike = 1.0,
+    log_likelihood: ArrayLike = 0.0,
+) -> Noise:
+    """White noise and, of a `share`, an exponential part; `memory` over every clock, infinite where
+    it has none.
+
+    Shapes: all of them () but `memory` (k,) or ().
+    """
+    rates = np.atleast_1d(1 / np.asarray(memory, float))
+    parts = (Exponential(np.asarray(share, float), rates),) if share else ()
+    value = np.asarray(log_likelihood, float)
+    return Noise(np.asarray(sigma, float), parts, np.ones(()), value)
+
+
+def distances(clock: Float[Numbers, "n *k"]) -> Float[Array, "n k"]:
+    """How far every clock goes to the next row; 0 from the last one."""
+    columns = clock[:, None] if clock.ndim == 1 else clock
+    steps = jnp.abs(jnp.diff(columns, axis=0))
+    return jnp.concatenate([steps, jnp.zeros_like(steps[:1])])

@@ -1,0 +1,489 @@
+"""Finds the noise of a residual by restricted likelihood: white, with a few correlated parts.
+
+A `Family` says which parts there are and over which clock each forgets. Its parameters, as
+logarithms, are found by Newton's method with damping, whose derivatives are differences between
+noises that are all whitened in one pass (`likelihood`).
+
+`estimate_noise` begins with white noise and adds a part where the likelihood rises by more than
+the part's parameters are worth (BIC); `profile_noise` keeps the parts and finds their sizes anew.
+A residual whose spectrum is far from worth a part is white without a search (`spectrum`). Which
+parts a very long record has is sought in some stretches of it, their sizes in more; sigma and the
+likelihood are those of all of it.
+"""
+
+import itertools
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import jax
+import numpy as np
+from jaxtyping import ArrayLike, Float
+
+from ...threads import side_by_side
+from ..padding import Numbers, counted_rows, padded_columns
+from . import thresholds
+from .likelihood import restricted, restricted_white
+from .model import Noise, Noises, white_of
+from .parts import KINDS, Limits, Term
+from .spectrum import gains_of_parts, spectrum
+
+
+class Family(NamedTuple):
+    """Parts of a noise; none: it is white."""
+
+    terms: tuple[Term, ...] = ()
+
+    @property
+    def parameters(self) -> int:
+        """Number of parameters beside sigma."""
+        return sum(term.kind.parameters for term in self.terms)
+
+    def joined(
+        self, term: Term, theta: np.ndarray, new: Sequence[Sequence[float]]
+    ) -> tuple["Family", np.ndarray]:
+        """The family with one part more, whose parameters are `new` (g, p), beside those of
+        `theta`: (g, q). Parts with few come first, so that few orders are compiled."""
+        at = sum(kind.parameters < term.kind.parameters for kind, _ in self.terms)
+        terms = self.terms[:at], self.terms[at:]
+        place = Family(terms[0]).parameters
+        both = np.array([[*theta[:place], *own, *theta[place:]] for own in new])
+        return Family((*terms[0], term, *terms[1])), both
+
+    def split(self, theta: Float[np.ndarray, "*g q"]) -> list[Float[np.ndarray, "*g p"]]:
+        """The parameters of every part."""
+        ends = np.cumsum([term.kind.parameters for term in self.terms])[:-1]
+        return np.split(theta, ends, axis=-1) if self.terms else []
+
+    def bounds(self, limits: Limits) -> tuple[np.ndarray, np.ndarray]:
+        """Least and largest parameters, (q,) each."""
+        ends = [
+            end
+            for kind, k in self.terms
+            for end in kind.bounds(np.log(limits.shortest[k]), np.log(limits.longest[k]))
+        ]
+        low, high = np.array(ends, float).reshape(-1, 2).T
+        return low, high
+
+
+Values = tuple[Float[np.ndarray, " g"], Float[np.ndarray, " g"]]
+"""Restricted log-likelihoods and sigmas of noises."""
+
+
+class NoiseRows(NamedTuple):
+    """The input of a noise estimate. Column 0 is the residual, the others are the Jacobian's.
+
+    Rows that are passed over and columns of zeros may be gone; `every` is the scale of all rows.
+    """
+
+    clock: Float[np.ndarray, "n k"]
+    weight: Float[np.ndarray, " n"]
+    columns: Float[np.ndarray, "n m"]
+    scale: Float[np.ndarray, " *n"]
+    limits: Limits
+    rows: int
+    every: Float[np.ndarray, " *n"]
+
+    @property
+    def worth(self) -> float:
+        """ln L that a parameter is worth (BIC)."""
+        return 0.5 * float(np.log(self.rows))
+
+    def values(self, family: Family, theta: Float[np.ndarray, "g q"]) -> Values:
+        """Restricted log-likelihoods of noises of a family, and their sigmas."""
+        return self.values_of([noises_at(family, theta, self.limits)])[0]
+
+    def values_of(self, every: Sequence[Noises]) -> list[Values]:
+        """Those of several sets of noises, each with parts of its own kinds."""
+        passes = [
+            (noises, begin, self._together(noises))
+            for noises in every
+            for begin in range(0, len(noises.white), self._together(noises))
+        ]
+
+        def some(noises: Noises, begin: int, size: int) -> tuple[np.ndarray, np.ndarray]:
+            # of few sizes, so that few shapes are compiled
+            at = np.minimum(np.arange(begin, begin + size), len(noises.white) - 1)
+            if not noises.parts:
+                value, sigma = restricted_white(self.weight, self.columns, self.scale)
+                return np.full(size, value), np.full(size, sigma)
+            own = jax.tree.map(lambda x: x[at], noises)
+            return restricted(self.clock, self.weight, self.columns, self.scale, own)
+
+        found = iter(side_by_side(some, *zip(*passes, strict=True)))
+        values = []
+        for noises in every:
+            count = len(noises.white)
+            own = [next(found) for _ in range(0, count, self._together(noises))]
+            value, sigma = (np.concatenate(x)[:count] for x in zip(*own, strict=True))
+            values.append((np.where(np.isfinite(value), value, -np.inf), sigma))
+        return values
+
+    def _together(self, noises: Noises) -> int:
+        """Number of noises of a pass."""
+        alone = self.columns.shape[1] == 1 and len(noises.white) > thresholds.ALONE // 2
+        return thresholds.ALONE if alone else thresholds.TOGETHER
+
+    def found(self, family: Family, theta: np.ndarray, value: float, sigma: float) -> "Found":
+        """The noise of a family at `theta`, with its likelihood and sigma."""
+        noises = noises_at(family, theta[None], self.limits)
+        parts = jax.tree.map(lambda x: x[0], noises.parts)
+        noise = Noise(np.asarray(sigma), parts, self.every, np.asarray(value))
+        return Found(noise, family, theta, float(value))
+
+
+class Found(NamedTuple):
+    """The likeliest noise of a family."""
+
+    noise: Noise
+    family: Family
+    theta: np.ndarray
+    """Parameters of each part one after the other (`parts`)."""
+    value: float
+
+
+# ---- the input
+
+
+def longest_memory(clock: Float[Numbers, "n *k"]) -> np.ndarray:
+    """Longest memory of a fit's noise over every clock: `LONGEST` times the record's span, (k,)."""
+    return thresholds.LONGEST * np.ptp(np.asarray(clock).reshape(len(clock), -1), axis=0)
+
+
+def limits_of(clock: Numbers, weight: Numbers, longest: ArrayLike | None = None) -> Limits:
+    """Limits: half the median gap of weighted rows, and `longest`, by default half the record."""
+    times = np.asarray(clock)
+    times = times.reshape(len(times), -1)
+    on = np.asarray(weight) > 0
+    span = np.ptp(times, axis=0)
+    apart = np.abs(np.diff(times, axis=0))[on[1:]]
+    gaps = np.maximum(np.median(apart, axis=0), thresholds.SHORTEST * np.maximum(span, 1e-300))
+    most = 0.5 * span if longest is None else np.broadcast_to(np.asarray(longest), span.shape)
+    return Limits(0.5 * gaps, np.maximum(most, 0.5 * gaps), gaps)
+
+
+def noise_rows(
+    clock: Numbers,
+    weight: Numbers,
+    residual: Numbers,
+    jacobian: Numbers,
+    longest: ArrayLike | None = None,
+    *,
+    scale: Numbers | None = None,
+) -> NoiseRows:
+    """The input of a noise estimate: a residual (n,) with the Jacobian of its fit (n, p).
+
+    `clock` is (n, k) or (n,), `weight` (n,) is 0 for rows to be passed over. Memories are searched
+    from half the median gap of rows to `longest`, by default half the record, in each clock.
+    """
+    clock, weight, jacobian = (np.asarray(x) for x in (clock, weight, jacobian))
+    clock = clock[:, None] if clock.ndim == 1 else clock
+    every = np.ones(()) if scale is None else np.asarray(scale)
+    moves = np.any(jacobian[weight > 0] != 0, axis=0)
+    columns = np.column_stack([np.asarray(residual), padded_columns(jacobian[:, moves])])
+    rows, limits = int(np.sum(weight > 0)), limits_of(clock, weight, longest)
+    return NoiseRows(*counted_rows(clock, weight, columns, every), limits, rows, every)
+
+
+def stretches(record: NoiseRows, number: int = thresholds.SOUGHT) -> NoiseRows:
+    """Stretches of neighbouring rows, spread evenly over a long record; of a shorter one, itself.
+
+    What is correlated over longer than a stretch is seen from stretch to stretch.
+    """
+    if record.rows <= number * thresholds.STRETCH:
+        return record
+    counted = np.array_split(np.flatnonzero(np.asarray(record.weight) > 0), number)
+    middle = [(len(rows) - thresholds.STRETCH) // 2 for rows in counted]
+    pairs = zip(counted, middle, strict=True)
+    taken = np.concatenate([rows[begin : begin + thresholds.STRETCH] for rows, begin in pairs])
+    scale = record.scale[taken] if record.scale.ndim else record.scale
+    clock, weight, columns = (x[taken] for x in (record.clock, record.weight, record.columns))
+    return NoiseRows(clock, weight, columns, scale, record.limits, len(taken), record.every)
+
+
+# ---- noises of a family
+
+
+def noises_at(family: Family, theta: Float[np.ndarray, "g q"], limits: Limits) -> Noises:
+    """The noises of a family at some parameters."""
+    pairs = zip(family.terms, family.split(theta), strict=True)
+    parts = [kind.at(own, limits, clock) for (kind, clock), own in pairs]
+    whole = 1 + sum((part.share for part in parts), np.zeros(len(theta)))
+    return Noises(1 / whole, tuple(part.with_share(part.share / whole) for part in parts))
+
+
+def noises_around(
+    family: Family,
+    thetas: Sequence[np.ndarray],
+    limits: Limits,
+    *,
+    sizes: Sequence[float] = thresholds.SIZES_AROUND,
+    memories: Sequence[float] = thresholds.MEMORIES_AROUND,
+    alike: bool = False,
+    white: bool = True,
+) -> Noises:
+    """Noises of a family around and between some `thetas`, and, of the same kinds, `white` noise.
+
+    Logarithms of their `sizes` and `memories` differ from those between by so much; sizes of all
+    parts are `alike` or differ, memories are alike.
+    """
+    first, last, number = thetas[0], thetas[-1], len(family.terms)
+    each = zip(*[sizes] * number, strict=True) if alike else itertools.product(sizes, repeat=number)
+    found = []
+    for own, memory in itertools.product(each, memories):
+        shift = [
+            [size, memory, *[0.0] * (kind.parameters - 2)]
+            for size, (kind, _) in zip(own, family.terms, strict=True)
+        ]
+        found += [
+            first + part * (last - first) + np.concatenate(shift or [[]])
+            for part in thresholds.BETWEEN
+        ]
+    found = np.stack(found) if family.terms else np.zeros((1, 0))
+    noises = noises_at(family, np.unique(_inside(found, family, limits).round(9), axis=0), limits)
+    if not (white and family.terms):
+        return noises
+    none = jax.tree.map(lambda x: np.concatenate([x[:1], x]), noises)
+    shares = [np.where(np.arange(len(none.white)) > 0, p.share, 0.0) for p in none.parts]
+    parts = tuple(p.with_share(s) for p, s in zip(none.parts, shares, strict=True))
+    return Noises(white_of(parts), parts)
+
+
+def _inside(theta: np.ndarray, family: Family, limits: Limits) -> np.ndarray:
+    return np.clip(theta, *family.bounds(limits))
+
+
+# ---- the search
+
+
+def estimate_noise(
+    record: NoiseRows,
+    *,
+    either_sign: bool = False,
+    least: float = 0.0,
+    like: Found | None = None,
+) -> Found:
+    """Restricted maximum-likelihood noise of a residual with its Jacobian (`noise_rows`).
+
+    With `either_sign` also negative correlation, of even sampling. `least` is the smallest standard
+    deviation of the white part, as of a recorder's steps. Where the noise is `like` another one
+    that is not white, it has the parts of that, and only their sizes are sought.
+    """
+    part, larger = stretches(record, thresholds.SOUGHT), stretches(record, thresholds.SIZED)
+    if like is None or not like.family.parameters:
+        best, sized = _with_parts(part, either_sign=either_sign), part is record
+    else:
+        best, sized = like, False
+    if not sized:
+        best = _best_of(larger, best.family, best.theta[None])
+    if larger is not record:
+        (value,), (sigma,) = record.values(best.family, best.theta[None])
+        best = record.found(best.family, best.theta, value, sigma)
+    return not_below(record, best, least)
+
+
+def profile_noise(
+    record: NoiseRows, family: Family, starts: Sequence[np.ndarray], *, least: float = 0.0
+) -> Found:
+    """The likeliest noise of one family, from some starts (as `Found.theta`); `least` as of
+    `estimate_noise`."""
+    return not_below(record, _best_of(record, family, np.stack(starts)), least)
+
+
+def not_below(record: NoiseRows, found: Found, least: float) -> Found:
+    """The noise with a white part of the standard deviation `least`, if it has a smaller one.
+
+    What white noise gains the correlated parts lose, in proportion; where they have less than that
+    the whole grows. The likelihood is that of the noise that comes out.
+    """
+    sigma, share = float(found.noise.sigma), 1 - float(found.noise.white)
+    if sigma**2 * (1 - share) >= least**2:
+        return found
+    if share < 0:
+        sigma, kept = least / float(np.sqrt(1 - share)), 1.0
+    else:
+        left = max(sigma**2 - least**2, 0.0)
+        sigma = float(np.sqrt(least**2 + left))
+        kept = left / sigma**2 / max(share, 1e-300)
+    parts = tuple(part.with_share(np.asarray(part.share * kept)) for part in found.noise.parts)
+    value = _restricted_at(record, parts, sigma)
+    noise = Noise(np.asarray(sigma), parts, found.noise.scale, np.asarray(value))
+    return found._replace(noise=noise, value=value)
+
+
+def _restricted_at(record: NoiseRows, parts: tuple, sigma: float) -> float:
+    """Restricted log-likelihood of a noise whose sigma is given.
+
+    With the likeliest sigma, s, and n - p free rows it is less by (n - p)/2 (q - 1 - ln q),
+    q = s^2/sigma^2.
+    """
+    one = jax.tree.map(lambda x: np.asarray(x)[None], Noises(white_of(parts), parts))
+    (value,), (likeliest,) = record.values_of([one])[0]
+    used = np.linalg.norm(np.asarray(record.columns)[:, 1:], axis=0) > 0
+    q = (float(likeliest) / sigma) ** 2
+    return float(value) - 0.5 * (record.rows - used.sum()) * (q - 1 - np.log(q))
+
+
+def _with_parts(record: NoiseRows, *, either_sign: bool) -> Found:
+    """The likeliest noise, part by part, of as many parts as are worth their parameters."""
+    best = _best_of(record, Family(), np.zeros((1, 0)))
+    for _ in range(0 if seems_white(record, either_sign=either_sign) else thresholds.MOST_PARTS):
+        more = _with_another(record, best, either_sign=either_sign)
+        extra = more.family.parameters - best.family.parameters if more else 0
+        if more is None or not more.value - best.value > extra * record.worth:
+            break
+        best = more
+    return best
+
+
+def seems_white(record: NoiseRows, *, either_sign: bool) -> bool:
+    """Whether no part comes near to being worth its parameters by the residual's spectrum."""
+    scale = np.broadcast_to(record.scale, record.weight.shape)
+    seen = spectrum(record.clock, record.weight, record.columns / scale[:, None])
+    if seen is None:
+        return False
+    gains = gains_of_parts(seen, record.limits, either_sign=either_sign)
+    each = thresholds.FAR_FROM * 2 * record.worth
+    return all(gain < each * kind.parameters for kind, gain in gains.items())
+
+
+def _with_another(record: NoiseRows, best: Found, *, either_sign: bool) -> Found | None:
+    """The likeliest noise with one part more than `best`."""
+    limits, family = record.limits, best.family
+    there = [kind for kind, _ in family.terms]
+    kinds = [kind for kind in KINDS if kind.joins(there, either_sign=either_sign)]
+    # beside a part that is nearly all of the noise a few times the white one is nothing
+    white = -float(np.log(np.clip(best.noise.white, np.exp(-thresholds.LARGEST), 1.0)))
+    starts = {}
+    for kind, k in itertools.product(kinds, np.flatnonzero(limits.longest > limits.shortest)):
+        shapes = kind.starts(_memories(limits, k, thresholds.MEMORIES))
+        new = [(white + size, *own) for size in kind.sizes for own in shapes]
+        more, theta = family.joined(kind.over(int(k)), best.theta, new)
+        starts[more] = theta
+    found = sorted(_likeliest(record, starts), key=lambda one: one.family.parameters - one.value)
+    found = found[: thresholds.REFINED]
+    at_once = {one.family: _all_parts(one.family, limits) for one in found}
+    found += _likeliest(record, {family: some for family, some in at_once.items() if len(some)})
+
+    def refined(one: Found) -> Found:
+        more = one.family.parameters - family.parameters
+        return _refined(record, one, best.value + more * record.worth)
+
+    found = side_by_side(refined, found)
+    return max(found, key=lambda one: one.value - 3 * one.family.parameters, default=None)
+
+
+def _memories(limits: Limits, clock: int, number: int) -> list[float]:
+    """Logarithms of memories over a clock, from the shortest to the longest."""
+    ends = np.log(limits.shortest[clock]), np.log(limits.longest[clock])
+    return np.linspace(*ends, number).tolist()
+
+
+def _all_parts(family: Family, limits: Limits) -> np.ndarray:
+    """Starts with all parts at once, (g, q), as a part beside one that has taken its share is not
+    found. Empty for a family with one part."""
+    number = len(family.terms)
+    if number < 2:
+        return np.zeros((0, family.parameters))
+    inner = [
+        kind.starts(_memories(limits, k, thresholds.TOGETHER_MEMORIES + 2)[1:-1])
+        for kind, k in family.terms
+    ]
+    ratios = thresholds.TOGETHER_RATIO * np.linspace(-0.5, 0.5, number)
+    return np.array(
+        [
+            [x for size, own in zip(sizes, shapes, strict=True) for x in (total + size, *own)]
+            for total in thresholds.TOGETHER_SIZES
+            for sizes in itertools.permutations(ratios)
+            for shapes in itertools.product(*inner)
+        ]
+    )
+
+
+def _likeliest(record: NoiseRows, starts: Mapping[Family, np.ndarray]) -> list[Found]:
+    """The likeliest start of every family.
+
+    The likelihood of the residual alone, as if nothing had been fitted, takes a fraction of the
+    restricted one's time, and says which `LIKELY` of a family that one is asked of.
+    """
+    alone = record._replace(columns=record.columns[:, :1])
+    starts = {family: _inside(some, family, record.limits) for family, some in starts.items()}
+    values = _values_of_all(alone, starts)
+    likely = {f: some[np.argsort(-values[f][0])[: thresholds.LIKELY]] for f, some in starts.items()}
+    values = _values_of_all(record, likely)
+    return [_best(record, family, some, *values[family]) for family, some in likely.items()]
+
+
+def _best(
+    record: NoiseRows, family: Family, theta: np.ndarray, values: np.ndarray, sigmas: np.ndarray
+) -> Found:
+    """The likeliest of some noises."""
+    i = int(np.argmax(values))
+    return record.found(family, theta[i], values[i], sigmas[i])
+
+
+def _values_of_all(record: NoiseRows, theta: Mapping[Family, np.ndarray]) -> dict[Family, Values]:
+    """Likelihoods and sigmas of noises of many families: those of the same kinds in one go."""
+    groups: dict[object, list[Family]] = {}
+    noises = {family: noises_at(family, some, record.limits) for family, some in theta.items()}
+    for family, own in noises.items():
+        groups.setdefault(jax.tree.structure(own), []).append(family)
+    joined = [
+        jax.tree.map(lambda *x: np.concatenate(x), *(noises[family] for family in families))
+        for families in groups.values()
+    ]
+    found = {}
+    for families, both in zip(groups.values(), record.values_of(joined), strict=True):
+        ends = np.cumsum([len(theta[family]) for family in families])[:-1]
+        each = zip(*(np.split(x, ends) for x in both), strict=True)
+        found |= dict(zip(families, each, strict=True))
+    return found
+
+
+def _best_of(record: NoiseRows, family: Family, starts: np.ndarray) -> Found:
+    """The likeliest noise of a family, sought from the likeliest of some starts."""
+    starts = _inside(np.asarray(starts, float), family, record.limits)
+    return _refined(record, _best(record, family, starts, *record.values(family, starts)))
+
+
+def _refined(record: NoiseRows, best: Found, worth: float = -np.inf) -> Found:
+    """The likeliest noise of a family that Newton's method finds from a start.
+
+    It goes no further where not even the slope of the likelihood promises the value `worth`.
+    """
+    family = best.family
+    for _ in range(thresholds.NEWTON if family.parameters else 0):
+        around, trials, promised = _newton(record, family, best.theta)
+        if best.value + promised < worth:
+            break
+        trials = _inside(trials, family, record.limits)
+        found = _best(record, family, trials, *record.values(family, trials))
+        if not found.value > best.value:  # a kink: a resonator of as few rows as may be
+            found = around
+        gain = found.value - best.value
+        best = found if gain > 0 else best
+        if not gain > thresholds.SETTLED:
+            break
+    return best
+
+
+def _newton(
+    record: NoiseRows, family: Family, theta: np.ndarray
+) -> tuple[Found, np.ndarray, float]:
+    """The likeliest of points around theta, Newton steps from it with many dampings, and the
+    most that such a step would gain if the slope stayed what it is."""
+    q, step = len(theta), thresholds.STEP
+    low, high = family.bounds(record.limits)
+    centre = np.clip(theta, low + step, np.maximum(high - step, low + step))
+    one, two = np.tril_indices(q, -1)
+    unit = step * np.eye(q)
+    points = centre + np.concatenate([np.zeros((1, q)), unit, -unit, unit[one] + unit[two]])
+    values, sigmas = record.values(family, points)
+    here, plus, minus, both = np.split(values, [1, q + 1, 2 * q + 1])
+    slope = (plus - minus) / (2 * step)
+    curve = np.diag((plus + minus - 2 * here) / step**2)
+    curve[one, two] = curve[two, one] = (both - plus[one] - plus[two] + here) / step**2
+    scale, vectors = np.linalg.eigh(-curve)
+    damped = np.abs(scale) + np.geomspace(1e-3, 1e3, thresholds.DAMPINGS)[:, None]
+    steps = np.clip((vectors.T @ slope / damped) @ vectors.T, -2.0, 2.0)
+    around = _best(record, family, points, values, sigmas)
+    return around, centre + steps, float(np.max(steps @ slope))
