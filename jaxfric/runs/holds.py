@@ -5,7 +5,7 @@ passes a peak above it, by the healing. Healing grows with ln t_h, by B for the 
 stiff machine (Dieterich 1972, J. Geophys. Res. 77, 3690-3697); under the slip law the contact of a
 stiff machine does not age at rest. Which one holds is asked of the whole of slide, hold and slide,
 with the machine's stiffness: A, B and L are fitted under either law, and the laws are compared by
-the likelihood of what each leaves, the noise found anew for each (`fitting.noise_search`). Holds
+the likelihood of what each leaves, the noise found anew for each (`fitting.noise`). Holds
 that follow each other share A, B and L: with those of its own in every hold the wrong law imitates
 each by other ones.
 """

@@ -8,10 +8,8 @@ smooth; whether they are needed is decided by likelihood (`Engine.learn_noise`).
 import numpy as np
 
 from ..padding import filled
+from . import thresholds as const
 from .filter import taken_out
-
-_LEAST_VARIANCE = 1e-4
-_LIKENESS = (0.05, 0.995)
 
 
 def scale_of_steps(white: np.ndarray, step: np.ndarray, train: np.ndarray) -> np.ndarray:
@@ -23,7 +21,7 @@ def scale_of_steps(white: np.ndarray, step: np.ndarray, train: np.ndarray) -> np
     left, free = taken_out(white)
     squares, degrees = (np.bincount(step, x) for x in (left**2, free))
     variance = squares / np.maximum(degrees, 1.0)
-    variance = np.maximum(variance, _LEAST_VARIANCE * np.max(variance))[step]
+    variance = np.maximum(variance, const.LEAST_VARIANCE * np.max(variance))[step]
     return np.sqrt(variance / np.mean(variance[train]))
 
 
@@ -37,7 +35,7 @@ def likeness_of_steps(columns: np.ndarray, step: np.ndarray) -> np.ndarray:
     products = np.bincount(step[1:][same], (left[1:] * left[:-1])[same], step.max() + 1)
     squares = np.bincount(step[1:][same], (0.5 * (left[1:] ** 2 + left[:-1] ** 2))[same])
     likeness = products / np.maximum(np.pad(squares, (0, len(products) - len(squares))), 1e-300)
-    return np.clip(likeness, *_LIKENESS)
+    return np.clip(likeness, *const.LIKENESS)
 
 
 def pace_of(likeness: np.ndarray) -> np.ndarray:
@@ -51,7 +49,7 @@ def gain_of_pace(likeness: np.ndarray, explained: np.ndarray, step: np.ndarray) 
     row and the next), less what all steps have in common, over their variances 1/n."""
     count = np.bincount(step[:-1], minlength=len(likeness))
     mean = np.bincount(step[:-1], explained[:-1], len(likeness)) / np.maximum(count, 1)
-    z = np.arctanh(likeness) - np.arctanh(np.clip(mean, *_LIKENESS))
+    z = np.arctanh(likeness) - np.arctanh(np.clip(mean, *const.LIKENESS))
     return float(np.sum(count * (z - np.average(z, weights=count)) ** 2))
 
 

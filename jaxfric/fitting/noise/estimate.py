@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from . import thresholds as const
 from .glitches import NO_GLITCHES, Glitches, ToldRecord, glitch_words
 from .hum import Hum
 from .model import Noise
@@ -21,14 +22,6 @@ ROTARY_CLOCKS = ("time", "angle", "rows", "pace")
 _UNITS = {"time": "s", "path": "m", "angle": "rad", "rows": "rows", "pace": "memory of a step"}
 EXPONENTIAL = -1.0
 """Value of beta of a part that is no resonator; no resonator has it."""
-_WHITE = 0.05
-_ALIKE = 0.2
-"""Correlation of neighbouring rows from which a part of a noise is not white: less the rows do not
-resolve."""
-_FAR = 0.9995e-3
-"""Memory over a path from which it is shown in millimetres [m]."""
-_SEEN = 1.5
-_MOST = 0.5
 
 
 @dataclass(frozen=True)
@@ -52,7 +45,7 @@ class NoisePart:
     @property
     def swings(self) -> bool:
         """Whether a swing is seen before it is damped away."""
-        return self.beta > _SEEN**2
+        return self.beta > const.SWING_SEEN**2
 
     def correlation(self, apart: np.ndarray) -> np.ndarray:
         """rho between rows that are `apart` (n,) on its clock."""
@@ -79,7 +72,9 @@ class NoisePart:
             turns = f"{size / (2 * math.pi):.3g}"
             return f"{turns} turn" if turns == "1" else f"{turns} turns"
         if self.over == "path":
-            length = f"{size * 1e6:.3g} µm" if size < _FAR else f"{size * 1e3:.3g} mm"
+            length = (
+                f"{size * 1e6:.3g} µm" if size < const.IN_MILLIMETRES else f"{size * 1e3:.3g} mm"
+            )
             return f"{length} of load-point motion"
         return f"{size:.3g} s"
 
@@ -120,7 +115,7 @@ class NoiseEstimate:
     def written(self) -> bool:
         """Whether the recorder's steps are most of the white part."""
         white = self.sigma**2 * (1 - self.correlated_share)
-        return least_noise(self.steps) ** 2 > _MOST * white
+        return least_noise(self.steps) ** 2 > const.MOST_OF_WHITE * white
 
     def resolved(self, apart: np.ndarray) -> "NoiseEstimate":
         """The noise as rows that are `apart` (k,) from their neighbours on every clock, where they
@@ -128,16 +123,16 @@ class NoiseEstimate:
         parts = tuple(
             part
             for part in self.parts
-            if abs(part.correlation(apart[self.clocks.index(part.over)])) >= _ALIKE
+            if abs(part.correlation(apart[self.clocks.index(part.over)])) >= const.ALIKE
         )
         return dataclasses.replace(self, parts=parts)
 
     @property
     def kind(self) -> str:
         """The noise in a word: "white", "correlated" or "alternating"."""
-        if any(part.share < -_WHITE for part in self.parts):
+        if any(part.share < -const.WHITE for part in self.parts):
             return "alternating"
-        return "correlated" if any(part.share >= _WHITE for part in self.parts) else "white"
+        return "correlated" if any(part.share >= const.WHITE for part in self.parts) else "white"
 
     def text(self) -> str:
         """The noise in words: "white", or "40 % of its variance correlated over 3 rows"."""
@@ -145,7 +140,7 @@ class NoiseEstimate:
             return "alternating: neighbouring rows differ by more than chance"
         if self.kind == "white":
             return "white"
-        told = [self._in_rows(p) for p in self.parts if p.share >= _WHITE]
+        told = [self._in_rows(p) for p in self.parts if p.share >= const.WHITE]
         first, *more = [f"{100 * p.share:.0f} %" for p in told]
         words = f"{first} of its variance correlated over {told[0].text()}"
         rest = zip(more, told[1:], strict=True)

@@ -19,9 +19,9 @@ from jaxtyping import Array, Bool, Float
 
 from ...traced import traced
 from ..padding import Numbers, padded_columns
+from . import thresholds as const
 from .model import Noise, distances
 from .parts import AbstractPart, Matrix
-from .thresholds import HIDDEN
 
 _Terms = list[list[tuple[int, Array]]]
 """Of every state the states that it becomes of, and by how much."""
@@ -89,7 +89,7 @@ def filtered(
         carry = Carried(_turned(known, terms), _forecast(spread, terms, gained))
         return carry, (out, jnp.where(hidden > 0, 0.0, jnp.log(inverse)))
 
-    rows = jnp.asarray(columns), jnp.where(used, 0.0, HIDDEN), moves
+    rows = jnp.asarray(columns), jnp.where(used, 0.0, const.HIDDEN), moves
     return jax.lax.scan(advance, begun, rows)
 
 
@@ -239,16 +239,12 @@ def whitening(clock: Float[Numbers, "n *k"], weight: Float[Numbers, " n"], noise
         return _forecast(spread, _terms(turn), gained), (gain, inverse)
 
     start = at_first_row(noise.parts, jnp.zeros((1, 0))).spread
-    _, (gain, inverse) = jax.lax.scan(advance, start, (jnp.where(used, 0.0, HIDDEN), moves))
+    _, (gain, inverse) = jax.lax.scan(advance, start, (jnp.where(used, 0.0, const.HIDDEN), moves))
     size = jnp.where(used, jnp.sqrt(inverse) / (noise.sigma * noise.scale), 0.0)
     return Whitening(gain, moves.turn, size)
 
 
 # ---- many columns, few compilations
-
-_FEW, _MANY = 8, 64
-_LONG = 1 << 16
-"""Rows from which on memory counts: few columns at a time."""
 
 _innovations = traced(innovations)
 
@@ -257,7 +253,9 @@ def innovations_of(
     clock: Float[Numbers, "n *k"], weight: Float[Numbers, " n"], column: np.ndarray, noise: Noise
 ) -> tuple[np.ndarray, float]:
     """`innovations` of one column (n,), compiled as for eight."""
-    white, size = _innovations(clock, weight, padded_columns(column[:, None], size=_FEW), noise)
+    white, size = _innovations(
+        clock, weight, padded_columns(column[:, None], size=const.FEW), noise
+    )
     return np.asarray(white)[:, 0], float(size)
 
 
@@ -268,7 +266,7 @@ def whitened(
     if noise.is_white:  # nothing to filter
         size = np.broadcast_to(noise.sigma * np.asarray(noise.scale), len(columns))
         return columns * (np.asarray(weight) > 0)[:, None] / size[:, None]
-    wide = _FEW if columns.shape[1] <= _FEW or len(columns) > _LONG else _MANY
+    wide = const.FEW if columns.shape[1] <= const.FEW or len(columns) > const.LONG else const.MANY
     parts = []
     for begin in range(0, columns.shape[1], wide):
         part = columns[:, begin : begin + wide]

@@ -27,27 +27,15 @@ import numpy as np
 
 from ...records import Provenance
 from ..padding import Numbers
+from . import thresholds as const
 from .filter import taken_out, whitened
 from .model import Noise
 
-LONGEST = 3
-"""Largest number of rows of a glitch."""
 ROUNDS = 2
 """Number of times that noise is learned anew without what stands out of it."""
-_CHANCE = 0.01
-"""Probability that noise alone makes a record of this length show one glitch."""
-_SHARE = 0.01
-"""Largest share of rows that may be glitches: more frequent outliers belong to the noise."""
-_BODY, _SHOULDER = 0.5, 0.93
-_UPPER = 0.5 * (1 + _BODY)
-_NORMAL = 0.6744897501960817  # median size of a normal error
-_FEWEST = 50
-_BESIDE, _PART = (5, 10), 0.1
-_TOLD = 3
-_NEAR = 0.6
-"""Share of the limit for glitches that the rows beside a glitch must stay below."""
-_SHARED = 20
-"""Weight of the median of all steps against that of one, in rows."""
+_UPPER = 0.5 * (1 + const.BODY)
+_NORMAL = 0.6744897501960817
+"""Median size of a normal error of unit variance."""
 
 
 class Glitches(NamedTuple):
@@ -76,8 +64,8 @@ def beside_steps(step: np.ndarray) -> np.ndarray:
     edges = np.flatnonzero(np.diff(step)) + 1
     ends = np.concatenate([[0], edges, [len(step)]])
     for before, edge, after in zip(ends, edges, ends[2:], strict=False):
-        reach = int(np.clip(_PART * min(edge - before, after - edge), *_BESIDE))
-        near[max(edge - LONGEST, 0) : edge + reach] = True
+        reach = int(np.clip(const.BESIDE_PART * min(edge - before, after - edge), *const.BESIDE))
+        near[max(edge - const.LONGEST_GLITCH, 0) : edge + reach] = True
     return near
 
 
@@ -96,7 +84,7 @@ def prediction_errors(
         when, on = (np.asarray(x)[turn] for x in (clock, weight))
         white = whitened(when, on, columns[turn], noise._replace(scale=scale))
         left, free = taken_out(white)
-        found.append((left / np.sqrt(np.maximum(free, _SHARE)))[turn])
+        found.append((left / np.sqrt(np.maximum(free, const.SHARE_OF_GLITCHES)))[turn])
     return found[0], found[1]
 
 
@@ -109,7 +97,9 @@ def in_sizes_of_steps(
     whole = float(np.median(np.abs(every)))
     for own in (step == k for k in np.unique(step)):
         middle = float(np.median(np.abs(np.concatenate([ahead[own], back[own]]))))
-        size[own] = np.sqrt((own.sum() * middle**2 + _SHARED * whole**2) / (own.sum() + _SHARED))
+        size[own] = np.sqrt(
+            (own.sum() * middle**2 + const.SHARED * whole**2) / (own.sum() + const.SHARED)
+        )
     size = np.maximum(size / _NORMAL, 1e-300)
     return ahead / size, back / size
 
@@ -127,20 +117,23 @@ def standing_out(
 
     size, freedom = _law(np.concatenate([ahead, back]))
     # what noise alone gives once in a hundred records of so many rows
-    beyond = -float(stdtrit(freedom, 0.5 * _CHANCE / (LONGEST * n)))
+    beyond = -float(stdtrit(freedom, 0.5 * const.CHANCE_OF_GLITCH / (const.LONGEST_GLITCH * n)))
     limit = size * beyond if size > 0 else np.inf
     found = np.zeros(n, bool)
     for side in (1, -1):
         before, after = side * ahead, side * back
         here = np.zeros(n, bool)
-        for rows in range(1, LONGEST + 1):
+        for rows in range(1, const.LONGEST_GLITCH + 1):
             stands = (before[: n - rows + 1] > limit) & (after[rows - 1 :] > limit)
             for begin in np.flatnonzero(stands):
                 end = begin + rows
-                around = [*before[max(begin - LONGEST, 0) : begin], *after[end : end + LONGEST]]
+                around = [
+                    *before[max(begin - const.LONGEST_GLITCH, 0) : begin],
+                    *after[end : end + const.LONGEST_GLITCH],
+                ]
                 # what a shorter glitch explains needs no longer one
                 new = not here[begin:end].any()
-                if new and max(around, default=0.0) <= _NEAR * limit:
+                if new and max(around, default=0.0) <= const.NEAR_GLITCH * limit:
                     here[begin:end] = True
         found |= here
     return found & ~spared, beyond * _NORMAL / float(stdtrit(freedom, _UPPER))
@@ -151,9 +144,9 @@ def _law(errors: np.ndarray) -> tuple[float, float]:
     and its degrees of freedom."""
     from scipy.special import stdtrit  # scipy.stats takes half a second to import
 
-    body, shoulder = np.quantile(np.abs(errors), [_BODY, _SHOULDER])
+    body, shoulder = np.quantile(np.abs(errors), [const.BODY, const.SHOULDER])
     freedom = np.geomspace(1.0, 1e3, 60)
-    sizes = [stdtrit(freedom, 0.5 * (1 + level)) for level in (_BODY, _SHOULDER)]
+    sizes = [stdtrit(freedom, 0.5 * (1 + level)) for level in (const.BODY, const.SHOULDER)]
     # their ratio falls with the degrees of freedom
     ratio = -shoulder / max(float(body), 1e-300)
     own = float(np.exp(np.interp(ratio, -sizes[1] / sizes[0], np.log(freedom))))
@@ -177,7 +170,7 @@ def find_glitches(
     Where more than a hundredth of the rows would be glitches no more of them are.
     """
     rows, known = np.flatnonzero(np.asarray(weight) > 0), list(before.rows)
-    if len(rows) < _FEWEST:
+    if len(rows) < const.ROWS_FOR_GLITCHES:
         return before
     ahead, back = (x[rows] for x in prediction_errors(clock, weight, columns, noise))
     if not (np.isfinite(ahead).all() and np.isfinite(back).all()):
@@ -189,7 +182,7 @@ def find_glitches(
     count = int(found.sum())
     if not count:
         return before
-    if count + len(known) > _SHARE * (len(rows) + len(known)):
+    if count + len(known) > const.SHARE_OF_GLITCHES * (len(rows) + len(known)):
         return before if known else Glitches((), beyond, count)
     return Glitches(tuple(sorted([*known, *rows[found].tolist()])), beyond)
 
@@ -214,7 +207,7 @@ def glitch_words(glitches: Glitches, record: ToldRecord) -> tuple[str, ...]:
         )
     if not glitches.rows:
         return ()
-    first, number = list(glitches.rows[:_TOLD]), len(glitches.rows)
+    first, number = list(glitches.rows[: const.TOLD_GLITCHES]), len(glitches.rows)
     if origin.lines is not None and len(origin.lines) == len(time):
         where = f"row{'s' if number > 1 else ''} {', '.join(str(origin.lines[k]) for k in first)}"
     else:

@@ -22,44 +22,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from . import thresholds as const
 from .filter import taken_out
-
-MAINS = (50.0, 60.0, 100.0, 120.0)
-"""Frequencies of the mains and of their rectified current [Hz]."""
-_MAINS_OFF = 0.2
-"""How far the mains may be off [Hz]: the steady deviation that the grid of Europe allows itself."""
-_SURE = 3.0
-"""Errors by which a frequency may be off that of the mains."""
-_CHANCE = 1e-4
-"""Chance that noise alone shows a line in a record, were the noise around it known; of 400 records
-of noise alone (`fits/hum`) none had one, of 300 at ten times the chance two."""
-_ALONE = 1e-3
-"""Chance that noise has as much at a given frequency in any piece: a line stands out there."""
-_SAME = 0.9
-"""Two velocities are one from this ratio on, as where the steps are split."""
-_LONGEST, _ROWS = 10.0, 1000
-"""Pieces last so long [s] and have so many rows at least, where a step has: the mains stay in
-phase for some ten seconds."""
-_LOWEST = 1.0
-"""Lowest frequency of a line [Hz]: slower are servos, which swing, and temperature, which is no
-noise."""
-_FEWEST, _CYCLES, _FITTED = 80, 10, 4
-"""Rows of a piece in which lines are sought, and cycles in it: below, friction has what it does
-after a step. Cycles in a piece from which a line that is known is fitted to it."""
-_SINGULAR = _EVEN = 1e-6
-"""Determinant over that of many cycles, and how far rows may be off half a cycle, where a cosine
-and a sine are one."""
-_GOES_ON = 0.7
-"""Share of both halves' lines that is in phase: 1 of hum, 0.5 of what is in one half only."""
-_CELLS, _FINER, _REFINED = 4, 4, 41
-"""Cells of a row, frequencies of a cycle in a piece, and those that are tried around the best."""
-_BURST = 4
-"""The mean interval of rows over the median at most, as far as frequencies are sought."""
-_SLOW, _EACH, _ORDERS = 3, 20, (2, 24)
-"""Cycles of a piece below which noise around is not asked; frequencies for each of its cosines, and
-how many of them."""
-_TRIES, _MOST = 8, 6
-"""Lines that are looked at, and taken, at most."""
 
 
 class Hum(NamedTuple):
@@ -127,7 +91,7 @@ class _Piece(NamedTuple):
         )
         both = cc * ss - cs**2
         # where there are two rows a cycle only one of both is seen
-        alone = both < _SINGULAR * len(time) ** 2
+        alone = both < const.HALF_A_CYCLE * len(time) ** 2
         power = 0.5 * (ss * a**2 - 2 * cs * a * b + cc * b**2) / np.where(alone, 1.0, both)
         power = np.where(alone, (a**2 + b**2) / len(time), power)
         return power / np.interp(f, self.frequency, self.around)
@@ -152,10 +116,10 @@ def find_hum(
     found: list[tuple[float, float]] = []
     barred: list[tuple[float, float]] = []
     rest = left
-    for _ in range(_TRIES):
+    for _ in range(const.LINES_TRIED):
         pieces = [p for p in (_piece(rest, time, path, rows) for rows in cut) if p is not None]
         f = _likeliest(pieces, rest, barred)
-        if f is None or len(found) == _MOST:
+        if f is None or len(found) == const.LINES:
             break
         resolving = [p for p in pieces if p.resolves(f)]
         power = np.array([p.exact(rest, np.array([f]))[0] for p in resolving])
@@ -185,31 +149,31 @@ def _cut(time: np.ndarray, step: np.ndarray, used: np.ndarray) -> list[np.ndarra
     for k in np.unique(step[used]):
         own = used[step[used] == k]
         lasting, rows = float(np.ptp(time[own])), len(own)
-        number = max(1, min(int(lasting / _LONGEST), rows // _ROWS))
+        number = max(1, min(int(lasting / const.LONGEST_PIECE), rows // const.ROWS_OF_PIECE))
         found += np.array_split(own, number)
     return found
 
 
 def _piece(left: np.ndarray, time: np.ndarray, path: np.ndarray, rows: np.ndarray) -> _Piece | None:
     """A piece with its periodogram; None where it is too short for one."""
-    if len(rows) < _FEWEST:
+    if len(rows) < const.FEWEST_OF_PIECE:
         return None
     when = time[rows]
     lasting = float(when[-1] - when[0]) * len(rows) / (len(rows) - 1)
     # of rows that come in bursts the cells are a part of their mean interval
-    cell = max(float(np.median(np.diff(when))), lasting / (_BURST * len(rows))) / _CELLS
-    size = int(np.ceil(lasting / cell)) * _FINER
+    cell = max(float(np.median(np.diff(when))), lasting / (const.BURST * len(rows))) / const.CELLS
+    size = int(np.ceil(lasting / cell)) * const.FINER
     place = np.round((when - when[0]) / cell).astype(int)
     values = np.bincount(place, left[rows] - np.mean(left[rows]), size)
-    last = size // (2 * _CELLS)  # half a cycle a row
+    last = size // (2 * const.CELLS)  # half a cycle a row
     power = np.abs(np.fft.rfft(values)[: last + 1]) ** 2 / len(rows)
     angle = np.pi * np.arange(last + 1) / last
-    frequency = angle / (2 * np.pi * _CELLS * cell)
-    first = max(_CYCLES * _FINER, int(np.searchsorted(frequency, _LOWEST)))
+    frequency = angle / (2 * np.pi * const.CELLS * cell)
+    first = max(const.CYCLES * const.FINER, int(np.searchsorted(frequency, const.LOWEST)))
     if first >= last:  # fewer than two frequencies
         return None
     around = _smooth(power, angle)
-    around[last + 1 - _FINER :] *= 2  # a sine is 0 there: half as many numbers, as large
+    around[last + 1 - const.FINER :] *= 2  # a sine is 0 there: half as many numbers, as large
     frequency, power, around = (x[first:] for x in (frequency, power, around))
     speed = float(np.ptp(path[rows])) / lasting
     return _Piece(rows, when, speed, frequency, power / around, around)
@@ -218,9 +182,9 @@ def _piece(left: np.ndarray, time: np.ndarray, path: np.ndarray, rows: np.ndarra
 def _smooth(power: np.ndarray, angle: np.ndarray) -> np.ndarray:
     """Mean power of the noise: the logarithm of independent ones by a few cosines of the angle, as
     of a noise that forgets within a few rows, a line having little weight in it."""
-    own = slice(_SLOW * _FINER, None, _FINER)
+    own = slice(const.SLOW * const.FINER, None, const.FINER)
     number = len(power[own])
-    order = np.arange(1 + int(np.clip(number // _EACH, *_ORDERS)))
+    order = np.arange(1 + int(np.clip(number // const.EACH_COSINE, *const.COSINES)))
     basis = np.cos(np.outer(angle, order))
     logs = np.log(np.maximum(power[own], 1e-300))
     found = np.linalg.lstsq(basis[own], logs, rcond=None)[0]
@@ -251,10 +215,10 @@ def _likeliest(
     best = seen[np.lexsort((-total[seen], chance))[0]]
     resolving = [p for p in pieces if p.resolves(f[best])]
     ends = [min(p.frequency[0] for p in resolving), max(p.frequency[-1] for p in resolving)]
-    around = np.clip(f[best] + apart * np.linspace(-1, 1, _REFINED), *ends)
+    around = np.clip(f[best] + apart * np.linspace(-1, 1, const.TRIED_AROUND), *ends)
     exact = np.sum([p.exact(left, around) for p in resolving], axis=0)
-    independent = len(seen) / _FINER
-    if gammaincc(count[best], float(np.max(exact))) * independent > _CHANCE:
+    independent = len(seen) / const.FINER
+    if gammaincc(count[best], float(np.max(exact))) * independent > const.CHANCE_OF_HUM:
         return None
     return float(around[np.argmax(exact)])
 
@@ -264,12 +228,12 @@ def _is_hum(
 ) -> bool:
     """Whether a line, of such a power in the pieces resolving it, is fixed in time: see above."""
     speed = np.array([p.speed for p in resolving])
-    stands = power > -np.log(_ALONE / len(power))
+    stands = power > -np.log(const.CHANCE_OF_LINE / len(power))
     for k in np.flatnonzero(stands):
         half = len(resolving[k].rows) // 2
         parts = (slice(None, half), slice(half, None))
         both = sum(resolving[k].exact(left, np.array([f]), part)[0] for part in parts)
-        stands[k] = power[k] > _GOES_ON * both
+        stands[k] = power[k] > const.GOES_ON * both
     if not stands.any():
         return False
     if _along_path(pieces, resolving, power, stands, f):
@@ -277,8 +241,8 @@ def _is_hum(
     if not _alike(speed[stands].min(), speed[stands].max()):
         return True
     known = [p for p, on in zip(resolving, stands, strict=True) if on]
-    off = _MAINS_OFF + _SURE * _error(known, power[stands])
-    return any(abs(f - mains) <= off for mains in MAINS)
+    off = const.MAINS_OFF + const.MAINS_ERRORS * _error(known, power[stands])
+    return any(abs(f - mains) <= off for mains in const.MAINS)
 
 
 def _along_path(
@@ -294,14 +258,18 @@ def _along_path(
         in_time = float(np.sum(power[other]))
         far = [(p, f * p.speed / speed[k]) for p in pieces if not _alike(p.speed, speed[k])]
         seen = [p.near(g) for p, g in far if p.resolves(g)]
-        if seen and sum(seen) > in_time and gammaincc(len(seen), 0.5 * sum(seen)) < _ALONE:
+        if (
+            seen
+            and sum(seen) > in_time
+            and gammaincc(len(seen), 0.5 * sum(seen)) < const.CHANCE_OF_LINE
+        ):
             return True
     return False
 
 
 def _alike(one: np.ndarray | float, other: float) -> np.ndarray:
     """Whether velocities are one."""
-    return np.minimum(one, other) > _SAME * np.maximum(one, other)
+    return np.minimum(one, other) > const.SAME_VELOCITY * np.maximum(one, other)
 
 
 def _wave(
@@ -312,10 +280,13 @@ def _wave(
     for rows in cut:
         when = time[rows] - time[rows[0]]
         apart = float(np.median(np.diff(when))) if len(rows) > 1 else np.inf
-        lowest, highest = _FITTED / max(when[-1] + apart, 1e-300), 0.5 * (1 + _EVEN) / apart
+        lowest, highest = (
+            const.CYCLES_FITTED / max(when[-1] + apart, 1e-300),
+            0.5 * (1 + const.HALF_A_CYCLE) / apart,
+        )
         own = [f for f in frequencies if lowest <= f <= highest]
         if own:
             angle = 2 * np.pi * np.outer(when, own)
             columns = np.concatenate([np.cos(angle), np.sin(angle)], axis=1)
-            wave[rows] = columns @ np.linalg.lstsq(columns, left[rows], rcond=_EVEN)[0]
+            wave[rows] = columns @ np.linalg.lstsq(columns, left[rows], rcond=const.HALF_A_CYCLE)[0]
     return wave

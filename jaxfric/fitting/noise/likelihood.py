@@ -13,9 +13,9 @@ from jaxtyping import Array, Float
 
 from ...traced import traced
 from ..padding import Numbers
+from . import thresholds as const
 from .filter import Carried, at_first_row, filtered, moves_of
 from .model import Noises, distances
-from .thresholds import BLOCK
 
 
 @traced
@@ -28,7 +28,7 @@ def products(
 ) -> tuple[Float[Array, "g m m"], Float[Array, " g"]]:
     """Products of the columns whitened under every noise of sigma 1, and its log-determinants."""
     scale, used = jnp.broadcast_to(scale, weight.shape), weight > 0
-    each = BLOCK if len(weight) % BLOCK == 0 else len(weight)
+    each = const.BLOCK if len(weight) % const.BLOCK == 0 else len(weight)
     rows = (distances(clock), used, columns / scale[:, None])
     blocks = jax.tree.map(lambda x: x.reshape(-1, each, *x.shape[1:]), rows)
 

@@ -27,7 +27,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from ..padding import Numbers
-from . import thresholds
+from . import thresholds as const
 
 Matrix = tuple[tuple[Array, ...], ...]
 """Rows of entries that are arrays (*g, n)."""
@@ -162,7 +162,7 @@ class AbstractExponential(AbstractPart):
     @classmethod
     def bounds(cls, low: float, high: float) -> list[tuple[float, float]]:
         """Of its size and of its memory."""
-        return [(-thresholds.LARGEST, thresholds.LARGEST), (low, high)]
+        return [(-const.LARGEST, const.LARGEST), (low, high)]
 
 
 class Exponential(AbstractExponential):
@@ -171,7 +171,7 @@ class Exponential(AbstractExponential):
     share: Float[Numbers, "*g"]
     rates: Float[Numbers, "*g k"]
     parameters: ClassVar[int] = 2
-    sizes: ClassVar[tuple[float, ...]] = thresholds.SIZES
+    sizes: ClassVar[tuple[float, ...]] = const.SIZES
 
     @classmethod
     def joins(cls, others: Sequence[type[AbstractPart]], *, either_sign: bool) -> bool:
@@ -192,7 +192,7 @@ class Alternating(AbstractExponential):
     share: Float[Numbers, "*g"]
     rates: Float[Numbers, "*g k"]
     parameters: ClassVar[int] = 2
-    sizes: ClassVar[tuple[float, ...]] = thresholds.SIZES_OF_ALTERNATING
+    sizes: ClassVar[tuple[float, ...]] = const.SIZES_OF_ALTERNATING
 
     @classmethod
     def joins(cls, others: Sequence[type[AbstractPart]], *, either_sign: bool) -> bool:
@@ -212,7 +212,7 @@ def limit_of_negative(keep: np.ndarray) -> np.ndarray:
 
     `keep` is its correlation from a row to the next: the spectrum is least at zero frequency.
     """
-    return thresholds.ALTERNATING * (1 - keep) / (1 + keep)
+    return const.ALTERNATING * (1 - keep) / (1 + keep)
 
 
 class Resonator(AbstractPart):
@@ -224,11 +224,11 @@ class Resonator(AbstractPart):
     """w^2; from -1 to 0 it does not swing, and of its two memories the shorter one is by 1 - s less
     than its rate says, s^2 = -beta."""
     parameters: ClassVar[int] = 3
-    sizes: ClassVar[tuple[float, ...]] = thresholds.SIZES_OF_RESONATORS
+    sizes: ClassVar[tuple[float, ...]] = const.SIZES_OF_RESONATORS
 
     def _damped(self) -> Float[Array, "*g"]:
         """s of a resonator without a swing; not 0."""
-        return jnp.sqrt(jnp.clip(-jnp.asarray(self.beta), thresholds.CRITICAL**2, 1.0))
+        return jnp.sqrt(jnp.clip(-jnp.asarray(self.beta), const.CRITICAL**2, 1.0))
 
     def variances(self) -> tuple[float, Array]:
         """Of b and of its slope, 1 + beta."""
@@ -239,7 +239,7 @@ class Resonator(AbstractPart):
         """From the solution of its equation."""
         d = self.forgotten(away)
         beta, s = jnp.asarray(self.beta)[..., None], self._damped()[..., None]
-        w = jnp.sqrt(jnp.maximum(beta, thresholds.CRITICAL**2))
+        w = jnp.sqrt(jnp.maximum(beta, const.CRITICAL**2))
         slow, fast, one = (jnp.exp(-rate * d) for rate in (1 - s, 1 + s, 1.0))
         c = jnp.where(beta > 0, one * jnp.cos(w * d), 0.5 * (slow + fast))
         q = jnp.where(beta > 0, one * jnp.sin(w * d) / w, 0.5 * (slow - fast) / s)
@@ -247,7 +247,7 @@ class Resonator(AbstractPart):
 
     def exponentials(self) -> tuple[tuple[Array, Array], ...]:
         """Its two roots: 1 +- s, s^2 = -beta."""
-        near = self.beta + thresholds.CRITICAL**2 * (self.beta**2 < thresholds.CRITICAL**4)
+        near = self.beta + const.CRITICAL**2 * (self.beta**2 < const.CRITICAL**4)
         s = (-near + 0j) ** 0.5
         return (0.5 * (1 + 1 / s), 1 - s), (0.5 * (1 - 1 / s), 1 + s)
 
@@ -260,13 +260,13 @@ class Resonator(AbstractPart):
     @classmethod
     def starts(cls, memories: Sequence[float]) -> list[tuple[float, ...]]:
         """With the natural frequencies of some shapes, ln(1 + beta)/2."""
-        return [(m, s - m) for s in thresholds.SHAPES for m in memories]
+        return [(m, s - m) for s in const.SHAPES for m in memories]
 
     @classmethod
     def bounds(cls, low: float, high: float) -> list[tuple[float, float]]:
         """With those of the natural frequency."""
-        least, most = thresholds.SHAPE_ENDS
-        size = thresholds.LARGEST
+        least, most = const.SHAPE_ENDS
+        size = const.LARGEST
         return [(-size, size), (low, high), (least - high, most - low)]
 
     @classmethod
@@ -275,7 +275,7 @@ class Resonator(AbstractPart):
         frequency sqrt(1 + beta)/memory. A swing has four rows or more."""
         size, memory = np.exp(theta[:, :2]).T
         fastest = (0.5 * np.pi * memory / limits.gaps[clock]) ** 2
-        shape = np.clip(theta[:, 2] + theta[:, 1], *thresholds.SHAPE_ENDS)
+        shape = np.clip(theta[:, 2] + theta[:, 1], *const.SHAPE_ENDS)
         beta = np.minimum(np.expm1(2 * shape), fastest)
         shorter = memory * (1 - np.sqrt(np.maximum(-beta, 0.0)))
         return cls(size, rates_of(shorter, clock, len(limits.gaps)), beta)

@@ -11,13 +11,7 @@ import math
 
 import numpy as np
 
-_EVEN = 0.02
-"""Largest distance of a value from a whole number of steps, in steps."""
-_RESOLVED = 1e-11
-"""Smallest step, in units of the largest value: smaller ones are rounding."""
-_REPEATED = 0.9
-"""Largest ratio of distinct values to rows; in a continuous column it is nearly 1."""
-_COARSE = 2.0
+from . import thresholds as const
 
 
 def recorded_steps(values: np.ndarray) -> float:
@@ -27,17 +21,17 @@ def recorded_steps(values: np.ndarray) -> float:
     quotient of two columns has none.
     """
     x = np.unique(np.asarray(values, float))
-    if len(x) < 3 or len(x) > _REPEATED * len(values):
+    if len(x) < 3 or len(x) > const.DISTINCT * len(values):
         return 0.0
     apart = np.diff(x)
     step = float(apart.min())
-    if not step > _RESOLVED * float(np.abs(x).max()):
+    if not step > const.SMALLEST_STEP * float(np.abs(x).max()):
         return 0.0
     # a difference knows the step only to rounding, and a far value counts it many times
     number = np.concatenate([[0.0], np.cumsum(np.round(apart / step))])
     step = float(x[-1] - x[0]) / float(number[-1])
     off = np.abs((x - x[0]) / step - number)
-    return step if float(off.max()) < _EVEN else 0.0
+    return step if float(off.max()) < const.OFF_A_STEP else 0.0
 
 
 def least_noise(step: float) -> float:
@@ -49,7 +43,7 @@ def step_words(step: float, sigma: float, path: str) -> tuple[str, ...]:
     """A warning where the steps of a record are more than twice the rest of its noise, both and
     `sigma` of all its noise in the unit of friction."""
     rest = math.sqrt(max(sigma**2 - least_noise(step) ** 2, 0.0))
-    if not step > _COARSE * rest:
+    if not step > const.COARSE * rest:
         return ()
     return (
         f"{path}: friction is recorded in steps of {step:.2g}, more than twice the rest of its"

@@ -12,7 +12,7 @@ likelihood are those of all of it.
 """
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import jax
@@ -21,7 +21,7 @@ from jaxtyping import ArrayLike, Float
 
 from ...threads import side_by_side
 from ..padding import Numbers, counted_rows, padded_columns
-from . import thresholds
+from . import thresholds as const
 from .likelihood import restricted, restricted_white
 from .model import Noise, Noises, white_of
 from .parts import KINDS, Limits, Term
@@ -94,34 +94,32 @@ class NoiseRows(NamedTuple):
 
     def values_of(self, every: Sequence[Noises]) -> list[Values]:
         """Those of several sets of noises, each with parts of its own kinds."""
-        passes = [
-            (noises, begin, self._together(noises))
-            for noises in every
-            for begin in range(0, len(noises.white), self._together(noises))
-        ]
-
-        def some(noises: Noises, begin: int, size: int) -> tuple[np.ndarray, np.ndarray]:
-            # of few sizes, so that few shapes are compiled
-            at = np.minimum(np.arange(begin, begin + size), len(noises.white) - 1)
-            if not noises.parts:
-                value, sigma = restricted_white(self.weight, self.columns, self.scale)
-                return np.full(size, value), np.full(size, sigma)
-            own = jax.tree.map(lambda x: x[at], noises)
-            return restricted(self.clock, self.weight, self.columns, self.scale, own)
-
-        found = iter(side_by_side(some, *zip(*passes, strict=True)))
+        passes = [list(self._passes(noises)) for noises in every]
+        found = iter(side_by_side(self._values, itertools.chain(*passes)))
         values = []
-        for noises in every:
-            count = len(noises.white)
-            own = [next(found) for _ in range(0, count, self._together(noises))]
-            value, sigma = (np.concatenate(x)[:count] for x in zip(*own, strict=True))
+        for noises, own in zip(every, passes, strict=True):
+            both = zip(*(next(found) for _ in own), strict=True)
+            value, sigma = (np.concatenate(x)[: len(noises.white)] for x in both)
             values.append((np.where(np.isfinite(value), value, -np.inf), sigma))
         return values
 
-    def _together(self, noises: Noises) -> int:
-        """Number of noises of a pass."""
-        alone = self.columns.shape[1] == 1 and len(noises.white) > thresholds.ALONE // 2
-        return thresholds.ALONE if alone else thresholds.TOGETHER
+    def _passes(self, noises: Noises) -> Iterator[Noises]:
+        """The noises of every pass: of two sizes, the last one filled up, so that few shapes are
+        compiled."""
+        count, alone = len(noises.white), self.columns.shape[1] == 1
+        # more than a step of Newton's method asks for
+        many = alone and count > const.ALONE // 3
+        size = const.ALONE if many else const.TOGETHER
+        for begin in range(0, count, size):
+            at = np.minimum(np.arange(begin, begin + size), count - 1)
+            yield jax.tree.map(lambda x, at=at: x[at], noises)
+
+    def _values(self, noises: Noises) -> Values:
+        if noises.parts:
+            return restricted(self.clock, self.weight, self.columns, self.scale, noises)
+        both = restricted_white(self.weight, self.columns, self.scale)
+        value, sigma = (np.full(len(noises.white), x) for x in both)
+        return value, sigma
 
     def found(self, family: Family, theta: np.ndarray, value: float, sigma: float) -> "Found":
         """The noise of a family at `theta`, with its likelihood and sigma."""
@@ -146,7 +144,7 @@ class Found(NamedTuple):
 
 def longest_memory(clock: Float[Numbers, "n *k"]) -> np.ndarray:
     """Longest memory of a fit's noise over every clock: `LONGEST` times the record's span, (k,)."""
-    return thresholds.LONGEST * np.ptp(np.asarray(clock).reshape(len(clock), -1), axis=0)
+    return const.LONGEST * np.ptp(np.asarray(clock).reshape(len(clock), -1), axis=0)
 
 
 def limits_of(clock: Numbers, weight: Numbers, longest: ArrayLike | None = None) -> Limits:
@@ -156,7 +154,7 @@ def limits_of(clock: Numbers, weight: Numbers, longest: ArrayLike | None = None)
     on = np.asarray(weight) > 0
     span = np.ptp(times, axis=0)
     apart = np.abs(np.diff(times, axis=0))[on[1:]]
-    gaps = np.maximum(np.median(apart, axis=0), thresholds.SHORTEST * np.maximum(span, 1e-300))
+    gaps = np.maximum(np.median(apart, axis=0), const.SHORTEST * np.maximum(span, 1e-300))
     most = 0.5 * span if longest is None else np.broadcast_to(np.asarray(longest), span.shape)
     return Limits(0.5 * gaps, np.maximum(most, 0.5 * gaps), gaps)
 
@@ -184,17 +182,17 @@ def noise_rows(
     return NoiseRows(*counted_rows(clock, weight, columns, every), limits, rows, every)
 
 
-def stretches(record: NoiseRows, number: int = thresholds.SOUGHT) -> NoiseRows:
+def stretches(record: NoiseRows, number: int = const.SOUGHT) -> NoiseRows:
     """Stretches of neighbouring rows, spread evenly over a long record; of a shorter one, itself.
 
     What is correlated over longer than a stretch is seen from stretch to stretch.
     """
-    if record.rows <= number * thresholds.STRETCH:
+    if record.rows <= number * const.STRETCH:
         return record
     counted = np.array_split(np.flatnonzero(np.asarray(record.weight) > 0), number)
-    middle = [(len(rows) - thresholds.STRETCH) // 2 for rows in counted]
+    middle = [(len(rows) - const.STRETCH) // 2 for rows in counted]
     pairs = zip(counted, middle, strict=True)
-    taken = np.concatenate([rows[begin : begin + thresholds.STRETCH] for rows, begin in pairs])
+    taken = np.concatenate([rows[begin : begin + const.STRETCH] for rows, begin in pairs])
     scale = record.scale[taken] if record.scale.ndim else record.scale
     clock, weight, columns = (x[taken] for x in (record.clock, record.weight, record.columns))
     return NoiseRows(clock, weight, columns, scale, record.limits, len(taken), record.every)
@@ -216,8 +214,8 @@ def noises_around(
     thetas: Sequence[np.ndarray],
     limits: Limits,
     *,
-    sizes: Sequence[float] = thresholds.SIZES_AROUND,
-    memories: Sequence[float] = thresholds.MEMORIES_AROUND,
+    sizes: Sequence[float] = const.SIZES_AROUND,
+    memories: Sequence[float] = const.MEMORIES_AROUND,
     alike: bool = False,
     white: bool = True,
 ) -> Noises:
@@ -228,23 +226,19 @@ def noises_around(
     """
     first, last, number = thetas[0], thetas[-1], len(family.terms)
     each = zip(*[sizes] * number, strict=True) if alike else itertools.product(sizes, repeat=number)
-    found = []
-    for own, memory in itertools.product(each, memories):
-        shift = [
-            [size, memory, *[0.0] * (kind.parameters - 2)]
-            for size, (kind, _) in zip(own, family.terms, strict=True)
-        ]
-        found += [
-            first + part * (last - first) + np.concatenate(shift or [[]])
-            for part in thresholds.BETWEEN
-        ]
-    found = np.stack(found) if family.terms else np.zeros((1, 0))
-    noises = noises_at(family, np.unique(_inside(found, family, limits).round(9), axis=0), limits)
-    if not (white and family.terms):
-        return noises
-    none = jax.tree.map(lambda x: np.concatenate([x[:1], x]), noises)
-    shares = [np.where(np.arange(len(none.white)) > 0, p.share, 0.0) for p in none.parts]
-    parts = tuple(p.with_share(s) for p, s in zip(none.parts, shares, strict=True))
+    shifts = [
+        [x for size, (kind, _) in pairs for x in (size, memory, *[0.0] * (kind.parameters - 2))]
+        for pairs in (list(zip(own, family.terms, strict=True)) for own in each)
+        for memory in memories
+    ]
+    centres = [first + part * (last - first) for part in const.BETWEEN]
+    theta = np.array([c + s for c in centres for s in np.array(shifts, float)] or [first])
+    theta = np.unique(_inside(theta, family, limits).round(9), axis=0)
+    if not (white and number):
+        return noises_at(family, theta, limits)
+    noises = noises_at(family, np.concatenate([theta[:1], theta]), limits)
+    correlated = np.arange(len(theta) + 1) > 0
+    parts = tuple(part.with_share(part.share * correlated) for part in noises.parts)
     return Noises(white_of(parts), parts)
 
 
@@ -268,7 +262,7 @@ def estimate_noise(
     deviation of the white part, as of a recorder's steps. Where the noise is `like` another one
     that is not white, it has the parts of that, and only their sizes are sought.
     """
-    part, larger = stretches(record, thresholds.SOUGHT), stretches(record, thresholds.SIZED)
+    part, larger = stretches(record, const.SOUGHT), stretches(record, const.SIZED)
     if like is None or not like.family.parameters:
         best, sized = _with_parts(part, either_sign=either_sign), part is record
     else:
@@ -326,7 +320,7 @@ def _restricted_at(record: NoiseRows, parts: tuple, sigma: float) -> float:
 def _with_parts(record: NoiseRows, *, either_sign: bool) -> Found:
     """The likeliest noise, part by part, of as many parts as are worth their parameters."""
     best = _best_of(record, Family(), np.zeros((1, 0)))
-    for _ in range(0 if seems_white(record, either_sign=either_sign) else thresholds.MOST_PARTS):
+    for _ in range(0 if seems_white(record, either_sign=either_sign) else const.MOST_PARTS):
         more = _with_another(record, best, either_sign=either_sign)
         extra = more.family.parameters - best.family.parameters if more else 0
         if more is None or not more.value - best.value > extra * record.worth:
@@ -342,7 +336,7 @@ def seems_white(record: NoiseRows, *, either_sign: bool) -> bool:
     if seen is None:
         return False
     gains = gains_of_parts(seen, record.limits, either_sign=either_sign)
-    each = thresholds.FAR_FROM * 2 * record.worth
+    each = const.FAR_FROM * 2 * record.worth
     return all(gain < each * kind.parameters for kind, gain in gains.items())
 
 
@@ -352,15 +346,15 @@ def _with_another(record: NoiseRows, best: Found, *, either_sign: bool) -> Found
     there = [kind for kind, _ in family.terms]
     kinds = [kind for kind in KINDS if kind.joins(there, either_sign=either_sign)]
     # beside a part that is nearly all of the noise a few times the white one is nothing
-    white = -float(np.log(np.clip(best.noise.white, np.exp(-thresholds.LARGEST), 1.0)))
+    white = -float(np.log(np.clip(best.noise.white, np.exp(-const.LARGEST), 1.0)))
     starts = {}
     for kind, k in itertools.product(kinds, np.flatnonzero(limits.longest > limits.shortest)):
-        shapes = kind.starts(_memories(limits, k, thresholds.MEMORIES))
+        shapes = kind.starts(_memories(limits, k, const.MEMORIES))
         new = [(white + size, *own) for size in kind.sizes for own in shapes]
         more, theta = family.joined(kind.over(int(k)), best.theta, new)
         starts[more] = theta
     found = sorted(_likeliest(record, starts), key=lambda one: one.family.parameters - one.value)
-    found = found[: thresholds.REFINED]
+    found = found[: const.REFINED]
     at_once = {one.family: _all_parts(one.family, limits) for one in found}
     found += _likeliest(record, {family: some for family, some in at_once.items() if len(some)})
 
@@ -385,14 +379,14 @@ def _all_parts(family: Family, limits: Limits) -> np.ndarray:
     if number < 2:
         return np.zeros((0, family.parameters))
     inner = [
-        kind.starts(_memories(limits, k, thresholds.TOGETHER_MEMORIES + 2)[1:-1])
+        kind.starts(_memories(limits, k, const.TOGETHER_MEMORIES + 2)[1:-1])
         for kind, k in family.terms
     ]
-    ratios = thresholds.TOGETHER_RATIO * np.linspace(-0.5, 0.5, number)
+    ratios = const.TOGETHER_RATIO * np.linspace(-0.5, 0.5, number)
     return np.array(
         [
             [x for size, own in zip(sizes, shapes, strict=True) for x in (total + size, *own)]
-            for total in thresholds.TOGETHER_SIZES
+            for total in const.TOGETHER_SIZES
             for sizes in itertools.permutations(ratios)
             for shapes in itertools.product(*inner)
         ]
@@ -407,10 +401,13 @@ def _likeliest(record: NoiseRows, starts: Mapping[Family, np.ndarray]) -> list[F
     """
     alone = record._replace(columns=record.columns[:, :1])
     starts = {family: _inside(some, family, record.limits) for family, some in starts.items()}
-    values = _values_of_all(alone, starts)
-    likely = {f: some[np.argsort(-values[f][0])[: thresholds.LIKELY]] for f, some in starts.items()}
-    values = _values_of_all(record, likely)
-    return [_best(record, family, some, *values[family]) for family, some in likely.items()]
+    every = alone.values_of([noises_at(f, some, record.limits) for f, some in starts.items()])
+    likely = {
+        family: some[np.argsort(-values)[: const.LIKELY]]
+        for (family, some), (values, _) in zip(starts.items(), every, strict=True)
+    }
+    every = record.values_of([noises_at(f, some, record.limits) for f, some in likely.items()])
+    return [_best(record, *pair, *both) for pair, both in zip(likely.items(), every, strict=True)]
 
 
 def _best(
@@ -419,24 +416,6 @@ def _best(
     """The likeliest of some noises."""
     i = int(np.argmax(values))
     return record.found(family, theta[i], values[i], sigmas[i])
-
-
-def _values_of_all(record: NoiseRows, theta: Mapping[Family, np.ndarray]) -> dict[Family, Values]:
-    """Likelihoods and sigmas of noises of many families: those of the same kinds in one go."""
-    groups: dict[object, list[Family]] = {}
-    noises = {family: noises_at(family, some, record.limits) for family, some in theta.items()}
-    for family, own in noises.items():
-        groups.setdefault(jax.tree.structure(own), []).append(family)
-    joined = [
-        jax.tree.map(lambda *x: np.concatenate(x), *(noises[family] for family in families))
-        for families in groups.values()
-    ]
-    found = {}
-    for families, both in zip(groups.values(), record.values_of(joined), strict=True):
-        ends = np.cumsum([len(theta[family]) for family in families])[:-1]
-        each = zip(*(np.split(x, ends) for x in both), strict=True)
-        found |= dict(zip(families, each, strict=True))
-    return found
 
 
 def _best_of(record: NoiseRows, family: Family, starts: np.ndarray) -> Found:
@@ -451,7 +430,7 @@ def _refined(record: NoiseRows, best: Found, worth: float = -np.inf) -> Found:
     It goes no further where not even the slope of the likelihood promises the value `worth`.
     """
     family = best.family
-    for _ in range(thresholds.NEWTON if family.parameters else 0):
+    for _ in range(const.NEWTON if family.parameters else 0):
         around, trials, promised = _newton(record, family, best.theta)
         if best.value + promised < worth:
             break
@@ -461,7 +440,7 @@ def _refined(record: NoiseRows, best: Found, worth: float = -np.inf) -> Found:
             found = around
         gain = found.value - best.value
         best = found if gain > 0 else best
-        if not gain > thresholds.SETTLED:
+        if not gain > const.SETTLED:
             break
     return best
 
@@ -471,7 +450,7 @@ def _newton(
 ) -> tuple[Found, np.ndarray, float]:
     """The likeliest of points around theta, Newton steps from it with many dampings, and the
     most that such a step would gain if the slope stayed what it is."""
-    q, step = len(theta), thresholds.STEP
+    q, step = len(theta), const.STEP
     low, high = family.bounds(record.limits)
     centre = np.clip(theta, low + step, np.maximum(high - step, low + step))
     one, two = np.tril_indices(q, -1)
@@ -483,7 +462,7 @@ def _newton(
     curve = np.diag((plus + minus - 2 * here) / step**2)
     curve[one, two] = curve[two, one] = (both - plus[one] - plus[two] + here) / step**2
     scale, vectors = np.linalg.eigh(-curve)
-    damped = np.abs(scale) + np.geomspace(1e-3, 1e3, thresholds.DAMPINGS)[:, None]
+    damped = np.abs(scale) + np.geomspace(1e-3, 1e3, const.DAMPINGS)[:, None]
     steps = np.clip((vectors.T @ slope / damped) @ vectors.T, -2.0, 2.0)
     around = _best(record, family, points, values, sigmas)
     return around, centre + steps, float(np.max(steps @ slope))

@@ -30,7 +30,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..padding import Numbers
-from . import thresholds
+from . import thresholds as const
 from .parts import KINDS, AbstractPart, Limits
 
 
@@ -59,7 +59,7 @@ def spectrum(
     steps = np.abs(np.diff(clock, axis=0))
     pieces = _pieces(steps)
     rows = sum(stop - start for start, stop in pieces)
-    if not rows or rows < (1 - thresholds.LEFT_OUT) * len(clock):
+    if not rows or rows < (1 - const.LEFT_OUT) * len(clock):
         return None
     basis = _basis(columns[:, 1:])
     left = columns[:, 0] - basis @ (basis.T @ columns[:, 0])
@@ -82,8 +82,8 @@ def gains_of_parts(
 def _gain(seen: Spectrum, kind: type[AbstractPart], clock: int, limits: Limits) -> float:
     """The largest gain of a part over one clock."""
     ends = np.log(limits.shortest[clock]), np.log(limits.longest[clock])
-    shapes = kind.starts(np.linspace(*ends, thresholds.SPECTRAL_MEMORIES).tolist())
-    theta = np.array([[size, *own] for size in thresholds.SPECTRAL_SIZES for own in shapes])
+    shapes = kind.starts(np.linspace(*ends, const.SPECTRAL_MEMORIES).tolist())
+    theta = np.array([[size, *own] for size in const.SPECTRAL_SIZES for own in shapes])
     parts = kind.at(theta, limits, clock)
     sizes = np.reshape(parts.share, (-1, len(shapes), 1))
     shape = _spectrum_of(jax.tree.map(lambda x: x[: len(shapes)], parts), seen)
@@ -110,12 +110,12 @@ def _pieces(steps: Float[np.ndarray, "r k"]) -> list[tuple[int, int]]:
     clocks = [s for s in steps.T if np.any(s > 0)]
     breaks = np.zeros(max(len(steps) - 1, 0), bool)
     for s in clocks:
-        breaks |= np.abs(np.diff(s)) > thresholds.SAME_STEP * np.maximum(s[1:], s[:-1])
+        breaks |= np.abs(np.diff(s)) > const.SAME_STEP * np.maximum(s[1:], s[:-1])
     for a, b in itertools.pairwise(clocks[:2]):  # how fast one goes with the other
         pace = b / np.maximum(a, 1e-300)
-        breaks |= np.abs(np.diff(pace)) > thresholds.SAME_SPEED * np.maximum(pace[1:], pace[:-1])
+        breaks |= np.abs(np.diff(pace)) > const.SAME_SPEED * np.maximum(pace[1:], pace[:-1])
     edges = np.concatenate([[0], np.flatnonzero(breaks) + 1, [len(steps) + 1]])
-    return [(int(a), int(b)) for a, b in itertools.pairwise(edges) if b - a >= thresholds.PIECE]
+    return [(int(a), int(b)) for a, b in itertools.pairwise(edges) if b - a >= const.PIECE]
 
 
 def _basis(jacobian: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n q"]:
@@ -136,7 +136,7 @@ def _bands(left: np.ndarray, basis: np.ndarray, step: np.ndarray) -> tuple[np.nd
         times[-1] = 1.0
     edges = [0, 1]
     while edges[-1] < len(power):
-        edges.append(min(edges[-1] + max(1, int(thresholds.BAND * edges[-1])), len(power)))
+        edges.append(min(edges[-1] + max(1, int(const.BAND * edges[-1])), len(power)))
     start = np.array(edges[:-1])
     count = np.add.reduceat(times, start)
     angle = 2 * np.pi / n * np.add.reduceat(times * np.arange(len(power)), start) / count

@@ -9,6 +9,9 @@ CRITICAL = 1e-3
 damping."""
 BLOCK = 512
 """Rows that are whitened before their products are added: they are still in the cache then."""
+FEW, MANY, LONG = 8, 64, 1 << 16
+"""Columns that are whitened in one pass, few or many, so that few shapes are compiled; and rows
+from which on memory counts: few columns at a time."""
 ALTERNATING = 0.98
 """Largest share of the limit of a negative part: at the limit no white noise is left at zero
 frequency, and the filter divides by 0."""
@@ -71,3 +74,97 @@ BAND = 0.04
 SPECTRAL_SIZES, SPECTRAL_MEMORIES = (-3.0, -2.0, -1.0, 0.0, 1.5, 3.0), 9
 """Logarithms of sizes over the white noise, and memories of a clock, that the bound tries: it is to
 be within half of what a part is worth."""
+
+# ---- the noise of a result
+
+WHITE = 0.05
+"""Share of the variance below which a correlated part is not told: it is of no consequence."""
+ALIKE = 0.2
+"""Correlation of neighbouring rows from which a part of a noise is not white: less the rows do not
+resolve."""
+SWING_SEEN = 1.5
+"""w of a resonator from which its swing is seen: it has lost a factor 66 after a period."""
+MOST_OF_WHITE = 0.5
+"""Share of the white part's variance above which it is a recorder's steps."""
+IN_MILLIMETRES = 0.9995e-3
+"""Memory over a path from which it is shown in millimetres [m]."""
+
+# ---- by velocity step
+
+LEAST_VARIANCE = 1e-4
+"""Least variance of a step over the largest one: a step whose rows are all alike has none."""
+LIKENESS = (0.05, 0.995)
+"""Ends of the correlation of neighbouring rows that a pace is read off: less is white, more is
+structure."""
+
+# ---- quantisation
+
+OFF_A_STEP = 0.02
+"""Largest distance of a value from a whole number of steps, in steps."""
+SMALLEST_STEP = 1e-11
+"""Smallest step, in units of the largest value: smaller ones are rounding."""
+DISTINCT = 0.9
+"""Largest ratio of distinct values to rows; in a continuous column it is nearly 1."""
+COARSE = 2.0
+"""Steps over the rest of the noise from which they are told: rows are a staircase then."""
+
+# ---- glitches
+
+LONGEST_GLITCH = 3
+"""Largest number of rows of a glitch."""
+CHANCE_OF_GLITCH = 0.01
+"""Probability that noise alone makes a record of this length show one glitch."""
+SHARE_OF_GLITCHES = 0.01
+"""Largest share of rows that may be glitches: more frequent outliers belong to the noise."""
+BODY, SHOULDER = 0.5, 0.93
+"""Quantiles of the sizes of prediction errors that their law is read off: a hundredth of wrong rows
+and their neighbours hardly move them."""
+ROWS_FOR_GLITCHES = 50
+"""Rows below which none is looked for: a law is not known from fewer."""
+BESIDE, BESIDE_PART = (5, 10), 0.1
+"""Rows after a velocity step that are spared: a tenth of the shorter step, but so few and many."""
+NEAR_GLITCH = 0.6
+"""Share of the limit for glitches that the rows beside a glitch must stay below."""
+SHARED = 20
+"""Weight of the median of all steps against that of one, in rows."""
+TOLD_GLITCHES = 3
+"""Glitches whose places are told."""
+
+# ---- hum
+
+MAINS = (50.0, 60.0, 100.0, 120.0)
+"""Frequencies of the mains and of their rectified current [Hz]."""
+MAINS_OFF = 0.2
+"""How far the mains may be off [Hz]: the steady deviation that the grid of Europe allows itself."""
+MAINS_ERRORS = 3.0
+"""Errors by which a frequency may be off that of the mains."""
+CHANCE_OF_HUM = 1e-4
+"""Chance that noise alone shows a line in a record, were the noise around it known; of 400 records
+of noise alone (`fits/hum`) none had one, of 300 at ten times the chance two."""
+CHANCE_OF_LINE = 1e-3
+"""Chance that noise has as much at a given frequency in any piece: a line stands out there."""
+SAME_VELOCITY = 0.9
+"""Two velocities are one from this ratio on, as where the steps are split."""
+LONGEST_PIECE, ROWS_OF_PIECE = 10.0, 1000
+"""Pieces last so long [s] and have so many rows at least, where a step has: the mains stay in
+phase for some ten seconds."""
+LOWEST = 1.0
+"""Lowest frequency of a line [Hz]: slower are servos, which swing, and temperature, which is no
+noise."""
+FEWEST_OF_PIECE, CYCLES, CYCLES_FITTED = 80, 10, 4
+"""Rows of a piece in which lines are sought, and cycles in it: below, friction has what it does
+after a step. Cycles in a piece from which a line that is known is fitted to it."""
+HALF_A_CYCLE = 1e-6
+"""Determinant over that of many cycles, and how far rows may be off half a cycle, where a cosine
+and a sine are one."""
+GOES_ON = 0.7
+"""Share of both halves' lines that is in phase: 1 of hum, 0.5 of what is in one half only."""
+CELLS, FINER, TRIED_AROUND = 4, 4, 41
+"""Cells of a row, frequencies of a cycle in a piece, and those that are tried around the best."""
+BURST = 4
+"""The mean interval of rows over the median at most, as far as frequencies are sought."""
+SLOW, EACH_COSINE, COSINES = 3, 20, (2, 24)
+"""Cycles of a piece below which noise around is not asked; frequencies for each of its cosines, and
+how many of them."""
+LINES_TRIED, LINES = 8, 6
+"""Lines that are looked at, and taken, at most."""
