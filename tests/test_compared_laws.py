@@ -376,8 +376,8 @@ class Made:
     """A ruler that knows this."""
 
     def likeliest(self, rival, family, starts):
-        assert starts == (f"found {family.first}",)
-        return rival.z, (rival.z, family.first), True
+        assert starts == (f"found {family.terms[0].clock}",)
+        return rival.z, (rival.z, family.terms[0].clock), True
 
     def cost(self, rival, z, noise):
         assert z == rival.z

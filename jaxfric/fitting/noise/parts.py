@@ -187,7 +187,8 @@ class Exponential(AbstractExponential):
 
 
 class Alternating(AbstractExponential):
-    """A part of negative variance that forgets exponentially, for rows that are sampled evenly."""
+    """An exponential of negative variance, for rows that are sampled evenly. It is only sought:
+    what is found is an `Exponential`, so that nothing more is compiled."""
 
     share: Float[Numbers, "*g"]
     rates: Float[Numbers, "*g k"]
@@ -200,11 +201,11 @@ class Alternating(AbstractExponential):
         return either_sign and not others
 
     @classmethod
-    def at(cls, theta: Float[np.ndarray, "g 2"], limits: Limits, clock: int) -> "Alternating":
+    def at(cls, theta: Float[np.ndarray, "g 2"], limits: Limits, clock: int) -> Exponential:
         """From ln of the variance over what is left to the limit, and of the memory."""
         size, memory = np.exp(theta).T
         most = limit_of_negative(np.exp(-limits.gaps[clock] / memory))
-        return cls(-most * size / (1 + size), rates_of(memory, clock, len(limits.gaps)))
+        return Exponential(-most * size / (1 + size), rates_of(memory, clock, len(limits.gaps)))
 
 
 def limit_of_negative(keep: np.ndarray) -> np.ndarray:

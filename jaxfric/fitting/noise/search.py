@@ -90,7 +90,11 @@ class NoiseRows(NamedTuple):
 
     def values(self, family: Family, theta: Float[np.ndarray, "g q"]) -> Values:
         """Restricted log-likelihoods of noises of a family, and their sigmas."""
-        return self.values_of([noises_at(family, theta, self.limits)])[0]
+        return self.values_of_all({family: theta})[0]
+
+    def values_of_all(self, thetas: Mapping[Family, Float[np.ndarray, "g q"]]) -> list[Values]:
+        """The same of noises of many families."""
+        return self.values_of([noises_at(f, theta, self.limits) for f, theta in thetas.items()])
 
     def values_of(self, every: Sequence[Noises]) -> list[Values]:
         """Those of several sets of noises, each with parts of its own kinds."""
@@ -396,18 +400,16 @@ def _all_parts(family: Family, limits: Limits) -> np.ndarray:
 def _likeliest(record: NoiseRows, starts: Mapping[Family, np.ndarray]) -> list[Found]:
     """The likeliest start of every family.
 
-    The likelihood of the residual alone, as if nothing had been fitted, takes a fraction of the
-    restricted one's time, and says which `LIKELY` of a family that one is asked of.
+    In a long record the likelihood of the residual alone, as if nothing had been fitted, says which
+    `LIKELY` of a family the restricted one is asked of: it takes a fraction of that one's time.
     """
-    alone = record._replace(columns=record.columns[:, :1])
     starts = {family: _inside(some, family, record.limits) for family, some in starts.items()}
-    every = alone.values_of([noises_at(f, some, record.limits) for f, some in starts.items()])
-    likely = {
-        family: some[np.argsort(-values)[: const.LIKELY]]
-        for (family, some), (values, _) in zip(starts.items(), every, strict=True)
-    }
-    every = record.values_of([noises_at(f, some, record.limits) for f, some in likely.items()])
-    return [_best(record, *pair, *both) for pair, both in zip(likely.items(), every, strict=True)]
+    if record.rows > const.STRETCH:
+        alone = record._replace(columns=record.columns[:, :1])
+        found = zip(starts.items(), alone.values_of_all(starts), strict=True)
+        starts = {f: some[np.argsort(-values)[: const.LIKELY]] for (f, some), (values, _) in found}
+    found = zip(starts.items(), record.values_of_all(starts), strict=True)
+    return [_best(record, family, some, *both) for (family, some), both in found]
 
 
 def _best(

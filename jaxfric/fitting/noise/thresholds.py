@@ -42,7 +42,8 @@ TOGETHER_SIZES, TOGETHER_RATIO, TOGETHER_MEMORIES = (0.0, 3.0), 1.0, 3
 """The same where all parts are sought at once, beside white noise or hardly any; the logarithm of
 the ratio of the largest part to the smallest; and memories of each."""
 LIKELY = 12
-"""Starts of a family, likeliest for the residual alone, whose restricted likelihood is asked."""
+"""Starts of a family, likeliest for the residual alone, whose restricted likelihood is asked of a
+record longer than a stretch."""
 REFINED = 2
 """Families, likeliest at their starts, that are refined with one part more."""
 TOGETHER, ALONE = 8, 64
