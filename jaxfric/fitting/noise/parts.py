@@ -22,6 +22,7 @@ from collections.abc import Sequence
 from typing import ClassVar, NamedTuple, Self
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
@@ -237,13 +238,20 @@ class Resonator(AbstractPart):
         return 1.0, 1 + jnp.where(beta > 0, beta, -(self._damped() ** 2))
 
     def transition(self, away: Float[Numbers, "n k"]) -> Matrix:
-        """From the solution of its equation."""
+        """From the solution of its equation; sines, half of the time of a filter, are computed once,
+        and only where some part swings."""
         d = self.forgotten(away)
         beta, s = jnp.asarray(self.beta)[..., None], self._damped()[..., None]
         w = jnp.sqrt(jnp.maximum(beta, const.CRITICAL**2))
         slow, fast, one = (jnp.exp(-rate * d) for rate in (1 - s, 1 + s, 1.0))
-        c = jnp.where(beta > 0, one * jnp.cos(w * d), 0.5 * (slow + fast))
-        q = jnp.where(beta > 0, one * jnp.sin(w * d) / w, 0.5 * (slow - fast) / s)
+        swings = jnp.broadcast_to(beta > 0, d.shape)
+        cosine, sine = jax.lax.cond(
+            jnp.any(swings),
+            lambda: (jnp.cos(w * d), jnp.sin(w * d)),
+            lambda: (jnp.zeros_like(d), jnp.zeros_like(d)),
+        )
+        c = jnp.where(swings, one * cosine, 0.5 * (slow + fast))
+        q = jnp.where(swings, one * sine / w, 0.5 * (slow - fast) / s)
         return (c + q, q), (-self.variances()[1][..., None] * q, c - q)
 
     def exponentials(self) -> tuple[tuple[Array, Array], ...]:
