@@ -238,8 +238,8 @@ class Resonator(AbstractPart):
         return 1.0, 1 + jnp.where(beta > 0, beta, -(self._damped() ** 2))
 
     def transition(self, away: Float[Numbers, "n k"]) -> Matrix:
-        """From the solution of its equation. Sines take half of the time of a filter: they are computed
-        once, and only where some part swings."""
+        """From the solution of its equation. Sines are half of the time of a filter: they are
+        computed once, and only where some part swings."""
         d = self.forgotten(away)
         beta, s = jnp.asarray(self.beta)[..., None], self._damped()[..., None]
         w = jnp.sqrt(jnp.maximum(beta, const.CRITICAL**2))
