@@ -19,6 +19,7 @@ from fits.blind import plants
 from jaxfric.effects import effect_of
 from jaxfric.fitting.encompassing import EncompassingModel
 from jaxfric.fitting.problem import Channel, Model, ProblemSizes, make_problem
+from jaxfric.loop.case import Case as LoopCase
 from jaxfric.loop.engine import Engine
 from jaxfric.loop.estimates import estimates
 from jaxfric.loop.nonlinear import friction_sensitivities
@@ -94,12 +95,9 @@ def engine_of(plant: plants.Base, friction, slip, effects=EFFECTS) -> Engine:
         jnp.asarray(np.pad(blocks.train.astype(float), pad)),
         "slip",
     )
-    return Engine(
-        dataclasses.replace(problem, channels=(channel,)),
-        blocks,
-        np.arange(2),
-        shapes=friction_sensitivities,
-    )
+    problem = dataclasses.replace(problem, channels=(channel,))
+    rows = np.arange(len(TIMES))
+    return Engine.of(LoopCase(problem, blocks, friction_sensitivities, np.arange(2), rows))
 
 
 def case_of(ratio: float) -> Case:

@@ -8,7 +8,8 @@ from jaxtyping import Float, Int
 from ..fitting import Estimate
 from ..fitting.result import tidy_unit
 from ..fitting.uncertainty import QUANTILE, determined, normal_inverse
-from .engine import Candidate, Engine
+from .engine import Engine
+from .refit import Candidate
 
 _LEVEL = "f0"
 
@@ -32,7 +33,7 @@ def estimates(
     else:
         rows = engine.evaluate(z, index)
         train = rows.jacobian * engine.weight[:, None]
-        white = engine.whiten(train, engine.noise(rows.residual * engine.weight, train))
+        white = engine.whiten(train, engine.noise_of(rows.residual * engine.weight, train).noise)
         spread = normal_inverse(np.concatenate([white, rows.extra_jacobian]))
         spread = spread + disagreement(engine, candidate, rivals, index)
     place = {int(i): k for k, i in enumerate(index)}

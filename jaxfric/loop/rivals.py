@@ -1,6 +1,6 @@
 """Fits as good as the one that was found, with another effect in place of one of its own."""
 
-from .engine import Candidate
+from .refit import Candidate
 from .refusal import takes
 from .search import Search
 from .thresholds import ACCEPT

@@ -11,10 +11,12 @@ from ..fitting.noise import Noise, sandwich
 from ..fitting.noise_search import Found
 from ..fitting.padding import WIDE, padded_columns
 from ..fitting.uncertainty import inverse_root
-from .engine import Candidate, Engine, Rows
+from .engine import Engine
+from .evaluate import Rows
 from .family import CurveFamily, listed
 from .findings import BLOCK_NAMES, WITHHELD, LoopCode, left_over, words_of
 from .location import Left
+from .refit import Candidate
 from .refusal import Move
 from .residual_tests import p_text, structure
 from .rivals import rival_fits
