@@ -22,6 +22,7 @@ from jaxfric.loop import search as search_module
 from jaxfric.loop.case import Choice, Column
 from jaxfric.loop.engine import Engine
 from jaxfric.loop.evidence import evidence
+from jaxfric.loop.floor import largest_rms
 from jaxfric.loop.gates import FITTED, Part, Trial, inseparable, loose, refusal_of
 from jaxfric.loop.refit import Candidate
 from jaxfric.loop.refusal import Fault, Refusal
@@ -41,7 +42,8 @@ from jaxfric.loop.screen import (
     project,
 )
 from jaxfric.loop.split import split, trained_steps
-from jaxfric.loop.verdict import _QUESTIONS, _groups, _rivals, largest_rms
+from jaxfric.loop.thresholds import ASKED
+from jaxfric.loop.verdict import _groups, _rivals
 from jaxfric.threads import one_by_one, side_by_side
 
 
@@ -163,7 +165,7 @@ def test_the_largest_rms_is_exceeded_as_rarely_as_it_should_be(errors):
     for size in errors:
         square += size * rng.chisquare(1, draws)
     limit = largest_rms(1 / np.sqrt(2 * rows), np.asarray(errors))
-    exceeded = np.mean(square > limit**2) * _QUESTIONS
+    exceeded = np.mean(square > limit**2) * ASKED
     assert 0.004 < exceeded < 0.02  # .01 is meant
 
 

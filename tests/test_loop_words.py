@@ -10,7 +10,7 @@ from scipy import stats
 from jaxfric.loop.location import _profile, _ripples, share_of
 from jaxfric.loop.refusal import Fault, Refusal
 from jaxfric.loop.result import LocationProfile
-from jaxfric.loop.verdict import Told, sentence_of
+from jaxfric.loop.sentences import Told, sentence_of
 from jaxfric.loop.where import where_it_sits
 
 

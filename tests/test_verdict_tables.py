@@ -14,12 +14,13 @@ from jaxfric.loop import refit as refit_module
 from jaxfric.loop import search as search_module
 from jaxfric.loop.evaluate import Rows
 from jaxfric.loop.family import CurveFamily, Decisive, OtherShape
+from jaxfric.loop.floor import Floor
 from jaxfric.loop.gates import FITTED, Trial, refusal_of
 from jaxfric.loop.refusal import Fault, Move, Refusal
 from jaxfric.loop.screen import Screened
 from jaxfric.loop.search import search
 from jaxfric.loop.split import NAMES
-from jaxfric.loop.verdict import Floor, _verdict, conclude
+from jaxfric.loop.verdict import conclude, facts_of, verdict_of
 from jaxfric.threads import one_by_one
 
 SIGMA = 2e-3
@@ -234,7 +235,7 @@ def found(*effects, base=1.0, tried=()):
     ],
 )
 def test_the_verdict(search, reasons, rivals, verdict):
-    assert _verdict(search, reasons, rivals, FLOOR) == verdict
+    assert verdict_of(facts_of(search, reasons, rivals, FLOOR)) == verdict
 
 
 def concluded(search, *, edge=None, tests=None, floor=None, curve=None, moved=()):
@@ -245,8 +246,9 @@ def concluded(search, *, edge=None, tests=None, floor=None, curve=None, moved=()
             effects=[SimpleNamespace(id=id, separated_by="more slip") for id in ("a", "b")]
         ),
     )
+    search.engine = engine
     return conclude(
-        engine, search, floor or FLOOR, tests or {}, edge=edge, located="", curve=curve, moved=moved
+        search, floor or FLOOR, tests or {}, edge=edge, located="", curve=curve, moved=moved
     )
 
 

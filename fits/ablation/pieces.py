@@ -18,6 +18,7 @@ from jaxfric.loop import (
     close,
     engine,
     evaluate,
+    floor,
     gates,
     learn,
     refit,
@@ -210,11 +211,11 @@ PIECES: dict[str, Piece] = {
     "errors between rivals": _gate((close, "all_rivals", lambda found: [])),
     "error of the train block": _no_block_error(("train",)),
     "errors held out": _no_block_error(("select", "report")),
-    "error floors (1.04, 1.06)": _gate((verdict, "_TRAIN", 1.0), (verdict, "HELD_OUT", 1.0)),
+    "error floors (1.04, 1.06)": _gate((floor, "TRAIN_FLOOR", 1.0), (floor, "HELD_OUT", 1.0)),
     "error of the prediction": _gate(
-        (verdict, "_prediction_errors", lambda e, rows, held, noise: np.zeros(1))
+        (floor, "_prediction_errors", lambda e, rows, held, noise: np.zeros(1))
     ),
-    "edge rule (K/K_cr)": _gate((verdict, "_EDGE", 0.0)),
+    "edge rule (K/K_cr)": _gate((verdict, "EDGE", 0.0)),
     **{f"question: {name}": _without_question(name) for name in _QUESTIONS},
     "second part": _one_part(),
     "resonator": _without_families(lambda f: f.resonates),

@@ -12,6 +12,7 @@ from .curves import curve_family
 from .engine import Engine
 from .estimates import estimates
 from .findings import effect_findings
+from .floor import noise_floor, questions
 from .learn import learn_noise
 from .location import locate
 from .refit import Candidate, refit
@@ -23,7 +24,7 @@ from .search import Search, refit_safely, search
 from .split import NAMES
 from .subject import Subject
 from .thresholds import MANY
-from .verdict import conclude, noise_floor, questions
+from .verdict import conclude
 from .where import where_it_sits
 
 
@@ -50,7 +51,6 @@ def close(subject: Subject[P], *, most: int, begun: float, progress: Callable[[s
     _, tests, after = done[-1]
     record, base_fit = subject.shown(engine)
     told = conclude(
-        engine,
         found,
         floor,
         tests,

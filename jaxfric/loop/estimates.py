@@ -39,7 +39,12 @@ def estimates(
     place = {int(i): k for k, i in enumerate(index)}
     own = [place[int(i)] for i in named]
     std = np.sqrt(np.diag(spread))[own]
-    values, slopes, lower, upper = _natural(engine, z, named, std)
+    away = np.zeros(len(z))
+    away[named] = QUANTILE * np.where(np.isfinite(std), std, 0.0)
+    of = engine.problem.coordinates
+    values, *ends = of.from_free(np.stack([z, z - away, z + away]))[:, named]
+    lower, upper = np.sort(ends, axis=0)
+    slopes = of.slopes(z)[named]
     span = float(np.ptp(np.asarray(engine.problem.friction)[: engine.rows]))
     all_std = np.zeros(len(engine.names))
     all_std[named] = std
@@ -53,23 +58,6 @@ def estimates(
         )
     covariance = slopes[:, None] * slopes * spread[np.ix_(own, own)]
     return found, tuple(found), covariance
-
-
-def _natural(engine: Engine, z: np.ndarray, named: np.ndarray, std: np.ndarray):
-    """Natural values, their slopes, and the ends of the intervals."""
-    rows = [np.array(z)]
-    for side in (-1, 1):
-        for i, s in zip(named, std, strict=True):
-            row = np.array(z)
-            row[i] += side * QUANTILE * (s if np.isfinite(s) else 0.0)
-            rows.append(row)
-    z = np.stack(rows)
-    of = engine.problem.coordinates
-    values, slopes = of.from_free(z), of.slopes(z)
-    m = len(named)
-    lower = values[range(1, m + 1), named]
-    upper = values[range(m + 1, 2 * m + 1), named]
-    return values[0, named], slopes[0, named], np.minimum(lower, upper), np.maximum(lower, upper)
 
 
 def disagreement(

@@ -16,6 +16,17 @@ FAR = 1.5
 HELD_OUT = 1.06
 """A held-out error of so many times the noise is at least allowed to a model that describes it."""
 
+TRAIN_FLOOR = 1.04
+"""The same of the train block, whose parameters were fitted to it."""
+ASKED = 12
+"""About as many questions as are asked of a residual (`residual_tests.asked`)."""
+MOST_PREDICTED = 0.1
+"""Largest mean square of the prediction's own error, over sigma^2, that excuses a misfit."""
+HINT = 2.0
+"""Fall of BIC from which an effect comes near to explaining what is left."""
+EDGE = 1.1
+"""K/K_cr below which a small misfit of the law looks like a large effect."""
+
 WORSE = 1.02
 """Ratio of the errors of the select block that is allowed to a better model, whatever chance is."""
 TRAIN_WORSE = 1.005
