@@ -5,6 +5,7 @@ Motions in closed form and the force that they take: nothing of jaxfric makes th
 
 import dataclasses
 import re
+from types import SimpleNamespace
 
 import jax.numpy as jnp
 import numpy as np

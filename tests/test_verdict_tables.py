@@ -81,7 +81,7 @@ def test_every_parameter_costs_the_logarithm_of_the_independent_rows(
             columns * weight[:, None] * np.sqrt(rows_worth / 60) / float(noise.sigma)
         ),
     )
-    monkeypatch.setattr(refit_module, "_predictive", lambda *_: 7.0)
+    monkeypatch.setattr(refit_module, "predictive", lambda *_: 7.0)
     rows = SimpleNamespace(residual=np.ones(100), extra=np.asarray([1.0, 2.0]))
     bic, found = refit_module.bic(engine, rows, parameters)
     assert bic == pytest.approx(80.0 + 5.0 + 7.0 + parameters * np.log(rows_worth), rel=1e-12)

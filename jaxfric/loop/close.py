@@ -18,7 +18,7 @@ from .location import locate
 from .refit import Candidate, refit
 from .refusal import Move
 from .result import CandidateScore, Loop, Score, ScreenedEffect
-from .rivals import all_rivals
+from .rivals import near_fits
 from .screen import screen
 from .search import Search, refit_safely, search
 from .split import NAMES
@@ -42,10 +42,10 @@ def close(subject: Subject[P], *, most: int, begun: float, progress: Callable[[s
         tests = questions(engine, candidate, case.path, left, floor.found.noise)
         return left.location, tests, _score(subject, engine, candidate, tests, rivals)
 
-    models: list[tuple[Candidate, Sequence[Candidate]]] = [(found.base, ())]
+    models: list[tuple[Candidate, Sequence[Candidate]]] = [(found.final, near_fits(found))]
     if found.final is not found.base:
         progress("what is left")
-        models.append((found.final, all_rivals(found)))
+        models.insert(0, (found.base, ()))
     done = engine.each(lambda model: scored(*model), models)
     location, _, before = done[0]
     _, tests, after = done[-1]

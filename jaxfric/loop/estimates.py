@@ -63,10 +63,9 @@ def estimates(
 def disagreement(
     engine: Engine, candidate: Candidate, rivals: Sequence[Candidate], index: Int[np.ndarray, " m"]
 ) -> Float[np.ndarray, "m m"]:
-    """Covariance between rival fits, of parameters with indices `index` in z.
+    """Covariance between fits of different models, of parameters with indices `index` in z.
 
-    What none of them can be told from is not known better than they agree. It is the part of a
-    parameter's covariance that comes from not knowing which of them is true,
+    It is the part of a parameter's covariance that comes from not knowing which of them is true,
 
         sum_c w_c (z_c - z)(z_c - z)^T,   w_c = exp(-BIC_c/2) / sum exp(-BIC/2)
 

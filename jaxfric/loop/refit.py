@@ -117,11 +117,11 @@ def bic(
     found = engine.noise_of(residual, 0 * ones, near).noise
     effective = float(np.sum(engine.whiten(ones, found) ** 2) * found.sigma**2)
     effective = min(max(effective, 2.0), float(engine.weight.sum()))
-    more = float(np.sum(np.square(rows.extra))) + _predictive(engine, rows.residual, found)
+    more = float(np.sum(np.square(rows.extra))) + predictive(engine, rows.residual, found)
     return more - 2 * float(found.log_likelihood) + parameters * np.log(effective), found
 
 
-def _predictive(engine: Engine, residual: np.ndarray, noise: Noise) -> float:
+def predictive(engine: Engine, residual: np.ndarray, noise: Noise) -> float:
     """-2 ln p of the select block given the train block, at the noise of the train block."""
     total, sigma = 0.0, float(noise.sigma)
     for weight, sign in ((engine.known, 1.0), (engine.weight, -1.0)):

@@ -61,23 +61,40 @@ def run_loop(
     begun: float,
     progress: Callable[[str], None],
 ) -> Loop:
-    """The loop over a run; where it supports no name, once more with other steps and holds held
-    out. `how` has the machine's stiffness and the law.
-
-    What decides may be in a few steps. Where those are held out no effect is supported, or one that
-    does not predict them. The second search counts where it names an effect, leaves no structure,
-    and stands the chance of two. Of the same effects what the first search left counts with it.
-    Where it fails or is interrupted, the first is what was found.
+    """The loop over a run (`asked_twice`); `how` has the machine's stiffness and the law.
 
     Raises
     ------
     InputError : fewer than three steps and holds that count; or as in `jaxfric.fit`.
     """
     run, asked = _run_of(record, events, how, rows, asked, progress)
-    found = close(run.subject(run.blocks), most=asked.most, begun=begun, progress=progress)
-    if found.verdict in _NAMED or not asked.most:
-        return found
-    other = split_again(*_units(run.joined), run.blocks)
+
+    def search(blocks: Blocks) -> Loop:
+        return close(run.subject(blocks), most=asked.most, begun=begun, progress=progress)
+
+    def again() -> Blocks | None:
+        return split_again(*_units(run.joined), run.blocks) if asked.most else None
+
+    return asked_twice(search, run.blocks, again, progress=progress)
+
+
+def asked_twice(
+    search: Callable[[Blocks], Loop],
+    blocks: Blocks,
+    again: Callable[[], Blocks | None],
+    *,
+    progress: Callable[[str], None],
+) -> Loop:
+    """What a search finds; where it supports no name, once more with other steps and holds held out
+    (`again`; None: there are too few).
+
+    What decides may be in a few steps. Where those are held out no effect is supported, or one that
+    does not predict them. The second search counts where it names an effect, leaves no structure,
+    and stands the chance of two. Of the same effects what the first search left counts with it.
+    Where it fails or is interrupted, the first is what was found.
+    """
+    found = search(blocks)
+    other = None if found.verdict in _NAMED else again()
     if other is None:
         return found
     progress(
@@ -85,14 +102,12 @@ def run_loop(
         " first search stands)"
     )
     try:
-        second = close(run.subject(other), most=asked.most, begun=begun, progress=progress)
+        second = search(other)
     except (Exception, KeyboardInterrupt) as end:
-        how_ended = "was interrupted"
+        how = "was interrupted"
         if isinstance(end, Exception):
-            how_ended = f"ended in an error ({type(end).__name__}: {end})"
-        lost = (
-            f"a second search, with other steps and holds held out, {how_ended}: this is the first"
-        )
+            how = f"ended in an error ({type(end).__name__}: {end})"
+        lost = f"a second search, with other steps and holds held out, {how}: this is the first"
         return dataclasses.replace(found, warnings=(*found.warnings, lost))
     if not _stands(second, found):
         return dataclasses.replace(found, seconds=second.seconds)
