@@ -15,3 +15,6 @@ FAR = 1.5
 """A held-out error of so many times what noise gives is not a little that is left."""
 HELD_OUT = 1.06
 """A held-out error of so many times the noise is at least allowed to a model that describes it."""
+HELD_OUT_FROM = 3
+"""Velocity steps from which on laws are compared on some that are held out: of fewer, `split` cuts
+into steps, and a law that is not fitted to a whole step is not asked to predict one."""

@@ -6,7 +6,8 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from ..loop.law_comparison import LawComparison, LawScore, amount
+from ..loop.compare import LawComparison, LawScore
+from ..runs.table import amount
 from .label import friction_label, printable
 from .palette import BLACK, EIGHT, HELD, SLATE
 from .written import write
@@ -68,7 +69,7 @@ def _answer(found: LawComparison) -> str:
         return "no fit of a law converged"
     if not found.rivals:
         return f"only the {found.of_laws[0].fit.law} law could be fitted"
-    return f"the record cannot tell which law, {found.untold}"
+    return f"the record cannot tell which law, {' or '.join(found.untold)}"
 
 
 def _limit(found: LawComparison, scores: list[LawScore]) -> float:
