@@ -8,8 +8,8 @@ L the likelihood of the residual, its p parameters and the noise being the likel
 and n the number of independent rows. The noise is found anew for each law, but has the same parts
 for all: of those found for one law or another, the parts under which some law has the best account
 of the record. With white noise assumed, rows that are correlated count many times and any law wins
-by hundreds. The memory of the noise is bounded by a tenth of a velocity step, so that noise cannot
-take the place of a law.
+by hundreds. The memory of the noise is bounded by a tenth of a velocity step (but by ten rows where
+a step has fewer than a hundred), so that noise cannot take the place of a law.
 
 Where there are three velocity steps or more each law is also fitted without about a third of them
 (`loop.split`), and predicts these.
@@ -55,7 +55,7 @@ from ..records import Record, VelocitySteps
 from ..records.given import as_record
 from ..silent import silent
 from .split import Blocks, split
-from .thresholds import ACCEPT, HELD_OUT_FROM
+from .thresholds import ACCEPT, HELD_OUT_FROM, LEAST_MEMORY
 
 _STATES = (1, 2)
 _PASSES = 2  # of parameters and noise in turn
@@ -252,11 +252,13 @@ def compare_laws(
     except InputError as error:
         blocks, unasked = None, str(error)
     progress("noise of what each law leaves")
-    ended = [one for one in likeliest(_rivals(record, fits), progress) if one.ended]
+    rivals = _rivals(record, fits)
+    ended = [one for one in likeliest(rivals, progress) if one.ended]
     if not ended:
+        why = "no search for a likelihood ended" if rivals else fits[0].result
         raise InputError(
-            f"{record.provenance.path}: no law could be fitted ({fits[0].result}); are the steps"
-            " right ('jaxfric record'), is the stiffness?"
+            f"{record.provenance.path}: no law could be fitted ({why}); are the steps right"
+            " ('jaxfric record'), is the stiffness?"
         )
     best = max(ended, key=lambda one: one.noise.value)
     noise, independent = best.noise.noise, best.independent_rows
@@ -424,7 +426,9 @@ def _rivals(record: Record, fits: Sequence[Fit]) -> list[Rival]:
         return []
     weight = functools.reduce(np.maximum, [np.asarray(of.problem.weight) for _, of in solved])
     first = solved[0][1].problem
-    longest = longest_memory(np.asarray(first.clock)[: len(record)]) / len(fits[0].steps)
+    clock = np.asarray(first.clock)[: len(record)]
+    rows = np.median(np.diff(clock, axis=0), axis=0)
+    longest = np.maximum(LEAST_MEMORY * rows, longest_memory(clock) / len(fits[0].steps))
     least = least_noise(recorded_steps(record.friction)) / float(first.noise_scale)
     rivals = []
     for one, of in solved:

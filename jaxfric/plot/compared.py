@@ -73,7 +73,7 @@ def _answer(found: LawComparison) -> str:
 
 
 def _limit(found: LawComparison, scores: list[LawScore]) -> float:
-    """The residual [σ] to which all panels are drawn: that of the worst law, within reason."""
+    """Common y-limit [σ] of the residual panels: the residual of the worst law, capped."""
     worst = max(float(np.quantile(np.abs(score.fit.residual), 0.995)) for score in scores)
     return float(np.clip(1.2 * worst / found.sigma, 4.0, 40.0))
 
