@@ -449,8 +449,9 @@ def likeliest(rivals: Sequence[Rival], progress: Callable[[str], None] = silent)
     tried = []
     for family in dict.fromkeys(one.noise.family for one in rivals):
         starts = [one.noise.theta for one in rivals if one.noise.family == family]
-        tried.append([])
+        found = []
         for one in rivals:
             progress(f"likelihood of the {one.words}")
-            tried[-1].append(one.under(family, starts))
-    return min(tried, key=lambda found: min(one.cost for one in found), default=[])
+            found.append(one.under(family, starts))
+        tried.append(found)
+    return min(tried, key=lambda laws: min(one.cost for one in laws), default=[])
