@@ -38,6 +38,29 @@ class Described:
         return _shown(self, "summary")
 
 
+class Worded:
+    """A result that is told in words, which are made of it alone."""
+
+    @property
+    def sentence(self) -> str:
+        """What was found, in a sentence or two."""
+        return _shown(self, "words").sentence
+
+    @property
+    def next_step(self) -> str:
+        """What to ask next, and why; '' where there is nothing."""
+        return _shown(self, "words").next_step
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a user must know before the sentence is used."""
+        return _shown(self, "words").warnings
+
+    def to_json(self) -> dict:
+        """The content of the JSON file that the command writes; SI."""
+        return _shown(self, "json")
+
+
 class Drawable:
     """A result that has a figure."""
 

@@ -57,7 +57,7 @@ def test_how_right_a_verdict_is(found, score):
 
 
 def test_the_table_counts_pairs_of_one_record(tmp_path):
-    """Of three records one gets better by its alias group alone, one worse, and one keeps its level."""
+    """Of three one gets better by its alias group alone, one worse, one keeps its level."""
     pairs = [
         (row(group=False), row()),
         (row(), row(confirmed=False, verdict="too_weak", found=())),
