@@ -35,7 +35,7 @@ from ..split import Blocks
 from ..subject import ScoredRows, Subject
 from ..words import AXIS
 from .curves import axis_curves
-from .details import details_of
+from .details import KnownAxis, details_of
 from .driven import OF_SPEED, UNKNOWN, at_one_speed, driven
 from .findings import axis_claims
 from .nonlinear import axis_sensitivities, friction_bumps
@@ -153,6 +153,7 @@ def axis_subject(
     spring, length = spring_of(problem, rows), length_of(record)
     stopped = _stopped(record, problem, rows, spring)
     reason = "" if stopped is None else words_of(stopped).removesuffix(WITHHELD)
+    known = KnownAxis(record, reading, directions, spring, reason)
     others: tuple[Finding, ...] = ()
     if record.others:
         values = {"columns": record.others}
@@ -197,11 +198,7 @@ def axis_subject(
         progress: Callable[[str], None],
     ) -> AxisDetails:
         """Fits over all rows, gains, and friction and stability as far as rows support them."""
-        told = after.parameters
-        more = details_of(
-            record, reading, told, problem, engine, found, directions, reason, spring, missed,
-            progress,
-        )  # fmt: skip
+        more = details_of(known, engine, found, after.parameters, missed, progress)
         claims = axis_claims(counted(engine), directions, more)
         return dataclasses.replace(more, claims=(*claims, *others))
 
