@@ -17,6 +17,7 @@ from scipy.integrate import solve_ivp
 from scipy.special import lambertw
 
 import jaxfric as jf
+from jaxfric.stability.kernel import StateSpaceKernel
 
 UM = 1e-6
 EVOLUTIONS = {"slip": jf.SlipEvolution(), "ageing": jf.AgeingEvolution()}
@@ -171,3 +172,14 @@ def assert_same(one, other, *, rtol=1e-12, atol=0.0):
     assert jax.tree.structure(one) == jax.tree.structure(other)
     a, b = ravel_pytree(one)[0], ravel_pytree(other)[0]
     np.testing.assert_allclose(np.asarray(a), np.asarray(b), rtol=rtol, atol=atol)
+
+
+def exponentials(amplitude, rate):
+    """The kernel g(t) = sum_i g_i exp(-r_i t)."""
+    g, r = jnp.asarray(amplitude), jnp.asarray(rate)
+    return StateSpaceKernel(jnp.diag(-r), jnp.ones_like(r), g)
+
+
+def kernel_function(kernel):
+    """g(t) of a kernel with states, by the matrix exponential."""
+    return lambda t: kernel.c @ jax.scipy.linalg.expm(kernel.a * t) @ kernel.b

@@ -7,16 +7,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers import assert_close_to_largest
+from helpers import assert_close_to_largest, exponentials
 
 from jaxfric.errors import InputError
 from jaxfric.stability import polynomial as poly
-from jaxfric.stability.kernel import (
-    DelayKernel,
-    ExponentialKernel,
-    SampledKernel,
-    StateSpaceKernel,
-)
+from jaxfric.stability.kernel import DelayKernel, FunctionKernel, StateSpaceKernel
 from jaxfric.stability.linear import LinearFriction, LinearSlider, to_control
 from jaxfric.stability.margins import LIMITS, UNITS, is_stable, margin, poles
 from jaxfric.stability.margins import margins as eager_margins
@@ -33,12 +28,12 @@ def slider(p, shape):
     if shape == "delay":
         kernel = DelayKernel(rest[0], rest[1])
     elif shape == "sampled":
-        kernel = SampledKernel.from_function(
+        kernel = FunctionKernel(
             lambda t: rest[0] * jnp.exp(-rest[1] * t), 60.0, panels=16, order=16
         )
     else:
         n = {"memoryless": 0, "one": 1, "two": 2}[shape.split(",")[0]]
-        kernel = ExponentialKernel(
+        kernel = exponentials(
             jnp.stack([*rest[:n], jnp.zeros(())])[:n], jnp.stack([*rest[n : 2 * n], k_p])[:n]
         )
     mass = None if "massless" in shape else jnp.asarray(m)
@@ -469,7 +464,7 @@ def test_names_and_errors():
         np.testing.assert_allclose(each[name], found[name], rtol=1e-12)
     with pytest.raises(InputError, match="'modulo' does not exist; there are: stiffness, decay"):
         margin("modulo", one)
-    with pytest.raises(InputError, match="SampledKernel"):
+    with pytest.raises(InputError, match="FunctionKernel"):
         margin("decay", slider(p, "sampled"))
     heavy = slider(p, "delay")
     with pytest.raises(InputError, match="mass"):

@@ -1,4 +1,4 @@
-"""Critical stiffness in closed form, for kernels of one and of two exponentials.
+"""Critical stiffness in closed form, for a kernel of one exponential.
 
 `damping` is the whole instantaneous damping f_v + k_v [force s/m] and must be positive: as it
 goes to zero critical frequency and stiffness diverge, and at zero or below they are inf. Where
@@ -7,8 +7,6 @@ damping suffices (or no real frequency solves (19)) they are 0.
 
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
-
-from . import polynomial as poly
 
 
 def critical_rate_state(
@@ -54,23 +52,3 @@ def critical_one_exponential(
     frequency = jnp.where(some, jnp.sqrt(jnp.where(some, square, 1.0)), 0.0)
     stiffness = square * (mass + damping / rate)
     return jnp.where(damped, frequency, jnp.inf), jnp.where(damped, stiffness, jnp.inf)
-
-
-def critical_two_exponentials(
-    amplitude: Float[Array, " 2"], rate: Float[Array, " 2"], damping: ArrayLike, mass: ArrayLike
-) -> tuple[Float[Array, " 2"], Float[Array, " 2"]]:
-    """Both w_n and k(w_n) of g(t) = g_1 exp(-r_1 t) + g_2 exp(-r_2 t), for one slider.
-
-    (19) times (r_1^2 + y)(r_2^2 + y), y = w^2, is a quadratic in y:
-
-        d y^2 + [d (r_1^2 + r_2^2) - g_1 r_1 - g_2 r_2] y
-              + [d r_1 r_2 - g_1 r_2 - g_2 r_1] r_1 r_2 = 0
-
-    (20): k = m y + y sum g_i/(r_i^2 + y). Both 0 where a root y is not real and positive.
-    """
-    g, r = jnp.asarray(amplitude), jnp.asarray(rate)
-    constant = (damping * r[0] * r[1] - g[0] * r[1] - g[1] * r[0]) * r[0] * r[1]
-    linear = damping * jnp.sum(r**2) - jnp.sum(g * r)
-    square, real = poly.positive_roots(jnp.stack(jnp.broadcast_arrays(constant, linear, damping)))
-    stiffness = mass * square + square * jnp.sum(g / (r**2 + square[:, None]), axis=1)
-    return jnp.where(real, jnp.sqrt(square), 0.0), jnp.where(real, stiffness, 0.0)

@@ -27,7 +27,7 @@ class Margin:
     zero: bool = False
     """Whether 0 may be required, which asks for stability alone."""
     needs_poles: bool = False
-    """Whether it needs the poles, which a slider whose kernel is only a table lacks."""
+    """Whether it needs the poles, which a slider lacks whose kernel is only known over time."""
     unless_late: str = ""
     """Reason why it has no meaning where the controller answers late; empty where it has one."""
     unless_integral: str = ""

@@ -18,8 +18,8 @@ Without mass and with k_v > |f_v| the loop answers the highest frequencies with 
 delay at all is survived: the delay margin is 0. A real actuator's mass removes this.
 
 For rational kernels everything is exact, from roots of polynomials; other kernels (a delay, a
-table) are searched on a grid of frequencies and refined. Poles of a delay come from
-`stability.delay_roots` and need a mass; those of a table are not available.
+function of time) are searched on a grid of frequencies and refined. Poles of a delay come from
+`stability.delay_roots` and need a mass; those of a function of time are not available.
 
 All need 64-bit numbers: squares of polynomials in SI units leave the range of single precision, and
 phase, delay and modulus would then be wrong without a sign of it.
@@ -38,7 +38,7 @@ from ..errors import InputError
 from . import polynomial as poly
 from .delay import unstable_roots
 from .delay_roots import rightmost_roots
-from .frequency import crossings, encirclements, smallest
+from .frequency import axis, crossings, encirclements, smallest
 from .kernel import AbstractKernel, AbstractRationalKernel, DelayKernel
 from .linear import LinearSlider
 from .margin_table import MARGINS, known_margin, meaningless
@@ -116,7 +116,7 @@ def poles(slider: LinearSlider) -> Complex[Array, " n"]:
 
     Raises
     ------
-    InputError : the kernel is a table, or a delay without mass.
+    InputError : the kernel is a function of time, or a delay without mass.
     """
     kernel = _kernel(slider)
     if isinstance(kernel, AbstractRationalKernel):
@@ -151,7 +151,7 @@ def _kernel(slider: LinearSlider) -> AbstractKernel:
     if _integrates(slider) and not isinstance(kernel, AbstractRationalKernel):
         raise InputError(
             "integral action is analysed under laws with states or without memory only: not under"
-            " a delay law, nor with the table of a kernel"
+            " a delay law, nor with a kernel that is a function of time"
         )
     return kernel
 
@@ -288,28 +288,36 @@ def delay(of: Analysis) -> Float[Array, ""]:
 def _real_crossings(slider: LinearSlider) -> Crossing:
     """Frequencies w > 0 at which L(i w) is real."""
     if not isinstance(slider.friction.kernel, AbstractRationalKernel):
-        w, some = crossings(slider, lambda w: jnp.angle(slider.loop(1j * w)), wrapped=True)
-        L = jax.vmap(lambda w: slider.loop(1j * w))(w)
-        return Crossing(w, L.real, L.imag, some)
+        return _searched(slider, jnp.angle, wrapped=True)
     _, controller, load = slider.polynomials()
-    real, imaginary = poly.cross(controller, load)
-    size, _ = poly.cross(load, load)
-    y, some = poly.positive_roots(imaginary)
-    return Crossing(jnp.sqrt(y), *_at(y, real, imaginary, size), some)
+    return _solved(poly.cross(controller, load)[1], controller, load)
 
 
 def _unit_crossings(slider: LinearSlider) -> Crossing:
     """Frequencies w > 0 at which |L(i w)| = 1."""
     if not isinstance(slider.friction.kernel, AbstractRationalKernel):
-        w, some = crossings(slider, lambda w: jnp.log(jnp.abs(slider.loop(1j * w))))
-        L = jax.vmap(lambda w: slider.loop(1j * w))(w)
-        return Crossing(w, L.real, L.imag, some)
+        return _searched(slider, lambda L: jnp.log(jnp.abs(L)), wrapped=False)
     _, controller, load = slider.polynomials()
+    above, below = (poly.cross(c, c)[0] for c in (controller, load))
+    return _solved(poly.total(above, -below), controller, load)
+
+
+def _searched(
+    slider: LinearSlider, function: Callable[[Array], Array], *, wrapped: bool
+) -> Crossing:
+    """Where a function of L(i w) is zero, on a grid of frequencies."""
+    w, some = crossings(lambda w: function(slider.loop(1j * w)), axis(slider), wrapped=wrapped)
+    L = jax.vmap(lambda w: slider.loop(1j * w))(w)
+    return Crossing(w, L.real, L.imag, some)
+
+
+def _solved(equation: Array, controller: Array, load: Array) -> Crossing:
+    """Where a polynomial in y = w^2 is zero, and L = controller/load there."""
+    y, some = poly.positive_roots(equation)
     real, imaginary = poly.cross(controller, load)
-    size, _ = poly.cross(load, load)
-    above, _ = poly.cross(controller, controller)
-    y, some = poly.positive_roots(poly.total(above, -size))
-    return Crossing(jnp.sqrt(y), *_at(y, real, imaginary, size), some)
+    below = _nonzero(poly.value(poly.cross(load, load)[0], y))
+    re, im = poly.value(real, y) / below, jnp.sqrt(y) * poly.value(imaginary, y) / below
+    return Crossing(jnp.sqrt(y), re, im, some)
 
 
 def _ends(slider: LinearSlider) -> tuple[Float[Array, " 2"], Bool[Array, " 2"]]:
@@ -342,11 +350,6 @@ def _square(c: Array, y: Array) -> Array:
     """|c(i w)|^2 at y = w^2, without cancellation between squares."""
     even, odd = poly.on_axis(c)
     return poly.value(even, y) ** 2 + y * poly.value(odd, y) ** 2
-
-
-def _at(y: Array, real: Array, imaginary: Array, size: Array) -> tuple[Array, Array]:
-    below = _nonzero(poly.value(size, y))
-    return poly.value(real, y) / below, jnp.sqrt(y) * poly.value(imaginary, y) / below
 
 
 def _lag(at: Crossing) -> Float[Array, " n"]:

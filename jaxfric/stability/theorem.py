@@ -12,12 +12,13 @@ Sources: (18)-(20) of the 1994 note; Rice & Ruina (1983, doi:10.1115/1.3167042).
 """
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from . import polynomial as poly
 from .closed_form import critical_one_exponential
-from .critical_points import critical_points
+from .frequency import crossings
 from .kernel import AbstractKernel, AbstractRationalKernel, DelayKernel, kernel_total
 from .linear import LinearSlider
 
@@ -146,3 +147,32 @@ def _rational(kernel: AbstractRationalKernel, damping: Float[Array, ""], mass: F
     k = mass * y - y * poly.value(imaginary, y) / poly.value(size, y)
     w = jnp.where(some, jnp.sqrt(y), jnp.inf)
     return w, jnp.where(some, k, -jnp.inf), stable, jnp.ones((), bool)
+
+
+def critical_points(
+    kernel: AbstractKernel,
+    damping: Float[Array, ""],
+    mass: Float[Array, ""],
+    *,
+    number: int,
+    points: int,
+) -> tuple[Float[Array, " number"], Float[Array, " number"], Bool[Array, ""]]:
+    """The `number` lowest w_n [rad/s] and k(w_n) [force/m] of (19)-(20), and whether these are all.
+
+    inf and -inf where there are fewer. For any kernel: sought on `points` frequencies, and refined
+    with transforms of the kernel. First and second derivatives are those of the implicit function;
+    a w_n at which Re G only touches f_v + k_v has none.
+    """
+    low, high = jax.lax.stop_gradient(kernel.frequencies())
+    grid = jnp.exp(jnp.linspace(jnp.log(low / _BEYOND), jnp.log(high * _BEYOND), points))
+    size = jnp.where(damping == 0, 1.0, jnp.abs(damping))
+
+    def excess(w: Float[Array, ""]):
+        return (kernel.transform(1j * w).real - damping) / size
+
+    w, some = crossings(excess, grid, number=number)
+    G = jax.vmap(lambda w: kernel.transform(1j * w))(w)
+    k = mass * w**2 - w * G.imag
+    above = jax.lax.stop_gradient(jax.vmap(excess)(grid)) > 0
+    complete = ~above[-1] & (jnp.sum(above[:-1] != above[1:]) <= number)
+    return jnp.where(some, w, jnp.inf), jnp.where(some, k, -jnp.inf), complete
