@@ -41,13 +41,8 @@ from .delay_roots import rightmost_roots
 from .frequency import axis, crossings, encirclements, smallest
 from .kernel import AbstractKernel, AbstractRationalKernel, DelayKernel
 from .linear import LinearSlider
-from .margin_table import MARGINS, known_margin, meaningless
+from .margin_table import MARGINS, known_margin, meaningless, refuse_meaningless
 from .theorem import apply_theorem
-
-UNITS = {name: one.unit for name, one in MARGINS.items()}
-"""Units of the margins of this package; `MARGINS` has also those that were added."""
-LIMITS = {name: one.limit for name, one in MARGINS.items()}
-"""Values of the margins at the limit of stability."""
 
 
 class Crossing(NamedTuple):
@@ -83,7 +78,7 @@ def margins(slider: LinearSlider) -> dict[str, Float[Array, ""]]:
 def available(slider: LinearSlider) -> tuple[str, ...]:
     """Names of the margins that have a meaning for the slider's kernel and controller."""
     has_poles = isinstance(slider.friction.kernel, AbstractRationalKernel | DelayKernel)
-    late, integral = slider.delay is not None, _integrates(slider)
+    late, integral = slider.delay is not None, slider.integral is not None
     return tuple(
         name
         for name, one in MARGINS.items()
@@ -92,23 +87,11 @@ def available(slider: LinearSlider) -> tuple[str, ...]:
     )
 
 
-def _integrates(slider: LinearSlider) -> bool:
-    return slider.integral is not None
-
-
 def several(names: Iterable[str], slider: LinearSlider) -> dict[str, Float[Array, ""]]:
     """Some margins by their names, from one analysis; raises as `margin` does."""
     analysis, asked = Analysis(slider), tuple(names)
-    for name in asked:
-        if reason := meaningless(name, late=slider.delay is not None, integral=_integrates(slider)):
-            raise InputError(
-                f"margin {name} has no meaning with {reason}; require modulus, gain, phase or delay"
-            )
-    return {name: _function(name)(analysis) for name in asked}
-
-
-def _function(name: str) -> Callable[["Analysis"], Float[Array, ""]]:
-    return pkgutil.resolve_name(MARGINS[name].function)
+    refuse_meaningless(asked, late=slider.delay is not None, integral=slider.integral is not None)
+    return {name: pkgutil.resolve_name(MARGINS[name].function)(analysis) for name in asked}
 
 
 def poles(slider: LinearSlider) -> Complex[Array, " n"]:
@@ -148,7 +131,7 @@ def _kernel(slider: LinearSlider) -> AbstractKernel:
         )
     if slider.delay is not None and isinstance(kernel, DelayKernel):
         raise InputError("a late controller under a delay law is not analysed; take another law")
-    if _integrates(slider) and not isinstance(kernel, AbstractRationalKernel):
+    if slider.integral is not None and not isinstance(kernel, AbstractRationalKernel):
         raise InputError(
             "integral action is analysed under laws with states or without memory only: not under"
             " a delay law, nor with a kernel that is a function of time"
@@ -212,11 +195,16 @@ def damping(of: Analysis) -> Float[Array, ""]:
 
     A delay has poles without number, which come ever closer to 0: of it, that of the rightmost.
     """
+    return _least(damping_ratios(of))
+
+
+def damping_ratios(of: Analysis) -> Float[Array, " n"]:
+    """-Re s/|s| of every pole; 0 of one at 0."""
     s = of.poles
     square = s.real**2 + s.imag**2
     some = square > 0
     size = jnp.sqrt(jnp.where(some, square, 1.0))
-    return _least(jnp.where(some, -s.real / size, 0.0))
+    return jnp.where(some, -s.real / size, 0.0)
 
 
 def modulus(of: Analysis) -> Float[Array, ""]:
@@ -324,7 +312,9 @@ def _ends(slider: LinearSlider) -> tuple[Float[Array, " 2"], Bool[Array, " 2"]]:
     """L, real there, at w = 0 and at infinity, and whether it is finite."""
     friction, zero = slider.friction, jnp.zeros(())
     last = (zero, zero + 1) if slider.mass is not None else (slider.damping, friction.slope)
-    first = (slider.stiffness, friction.trend) if not _integrates(slider) else (zero + 1, zero)
+    first = (
+        (slider.stiffness, friction.trend) if not slider.integral is not None else (zero + 1, zero)
+    )
     above = jnp.stack(jnp.broadcast_arrays(first[0], last[0]))
     below = jnp.stack(jnp.broadcast_arrays(first[1], last[1]))
     some = below != 0
