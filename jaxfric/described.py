@@ -16,11 +16,18 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
 _VIEWS = "jaxfric.views"
+_REPORT = "jaxfric.report"
 
 
 def _shown(result: object, how: str):
     """What the function `how` of the views makes of a result."""
     return getattr(importlib.import_module(_VIEWS), how)(result)
+
+
+def said(words: str, result: object, *units: object) -> str:
+    """What "module.function" of `jaxfric.report` says of a result, in some units."""
+    module, _, function = words.partition(".")
+    return getattr(importlib.import_module(f"{_REPORT}.{module}"), function)(result, *units)
 
 
 class Described:
