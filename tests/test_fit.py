@@ -586,7 +586,7 @@ def test_a_record_that_begins_at_its_step():
 
 
 def test_a_state_that_overflows_is_no_start():
-    """A one-state fit may end at a motion that nearly stops, where theta of the ageing law grows."""
+    """A one-state fit may end at a motion that nearly stops: theta grows there."""
     time = np.linspace(0, 100, 60)
     velocity = np.where(time < 50, 1e-60, 1e-5)
     slip, even = np.cumsum(velocity), np.ones(60)
