@@ -66,8 +66,8 @@ def _no_gate(gate: Callable[..., Any]) -> Piece:
 
     original = search.refusal_of
 
-    def refusal_of(trial, asked=gates.GATES):
-        return original(trial, without(asked))
+    def refusal_of(trial, asked=None):
+        return original(trial, without(asked or gates.GATES))
 
     return _gate((search, "refusal_of", refusal_of))
 

@@ -113,9 +113,9 @@ IN_PLACE: tuple[Gate, ...] = (fixed, takes_nothing)
 """Of a model that stands in the place of one that was taken."""
 
 
-def refusal_of(trial: Trial, gates: Sequence[Gate] = GATES) -> Refusal | None:
-    """The first refusal of some gates; None where a model may be taken."""
-    return next((why for gate in gates if (why := gate(trial)) is not None), None)
+def refusal_of(trial: Trial, gates: Sequence[Gate] | None = None) -> Refusal | None:
+    """The first refusal of some gates, by default all; None where a model may be taken."""
+    return next((why for gate in gates or GATES if (why := gate(trial)) is not None), None)
 
 
 # What the record does not fix.

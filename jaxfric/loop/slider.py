@@ -64,12 +64,12 @@ def slider_subject(
     start: np.ndarray,
     shown: tuple[LoopRecord, LoopBase],
     thinning: Sequence[str],
-    details: Callable[[Score], LoopDetails | None] = lambda after: None,
+    details: Callable[[Score], LoopDetails | None] | None = None,
 ) -> Subject[Problem]:
     """A slider's record as one motion, and its base fit; `start` as of `Subject`.
 
     `shown` are record and base as reports see them, `thinning` sentences on the rows that were left
-    out; `details` are further results from the score after.
+    out; `details` gives further results from the score after.
     """
     known, steps = base_fit.parameters, shown[1].steps
     larger = np.zeros(len(start))
@@ -97,7 +97,7 @@ def slider_subject(
         named=lambda parameters: {**parameters, "K": known["K"], "V0": known["V0"]},
         shown=lambda engine: shown,
         warnings=warnings,
-        details=lambda engine, found, after, missed, progress: details(after),
+        details=lambda engine, found, after, missed, progress: details and details(after),
         edge=edge,
     )
 
