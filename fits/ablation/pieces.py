@@ -67,7 +67,7 @@ def _no_gate(gate: Callable[..., Any]) -> Piece:
     original = search.refusal_of
 
     def refusal_of(trial, asked=None):
-        return original(trial, without(asked or gates.GATES))
+        return original(trial, without(gates.GATES if asked is None else asked))
 
     return _gate((search, "refusal_of", refusal_of))
 

@@ -115,7 +115,8 @@ IN_PLACE: tuple[Gate, ...] = (fixed, takes_nothing)
 
 def refusal_of(trial: Trial, gates: Sequence[Gate] | None = None) -> Refusal | None:
     """The first refusal of some gates, by default all; None where a model may be taken."""
-    return next((why for gate in gates or GATES if (why := gate(trial)) is not None), None)
+    asked = GATES if gates is None else gates
+    return next((why for gate in asked if (why := gate(trial)) is not None), None)
 
 
 # What the record does not fix.

@@ -97,7 +97,7 @@ def slider_subject(
         named=lambda parameters: {**parameters, "K": known["K"], "V0": known["V0"]},
         shown=lambda engine: shown,
         warnings=warnings,
-        details=lambda engine, found, after, missed, progress: details and details(after),
+        details=lambda engine, found, after, *rest: None if details is None else details(after),
         edge=edge,
     )
 
