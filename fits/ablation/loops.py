@@ -33,10 +33,10 @@ def weigh(place: int, out: Path, only: tuple[str, ...]) -> str:
         (piece, how)
         for piece, how in PIECES.items()
         if piece not in rows
-        and (how.group == "gates" or one.for_all)
+        and (not how.of_fits or one.for_all)
         and (not only or piece in only or how.group in only)
     ]
-    if WHOLE not in rows or any(how.group == "gates" for _, how in wanted):
+    if WHOLE not in rows or any(not how.of_fits for _, how in wanted):
         with memory.kept():
             row = _row(one, name, truth, out)
         rows[WHOLE] = row | {"fits": memory.fits}
@@ -44,7 +44,7 @@ def weigh(place: int, out: Path, only: tuple[str, ...]) -> str:
         before = memory.fits
         with contextlib.ExitStack() as stack:
             stack.enter_context(how.taken_out())
-            if how.group == "gates":
+            if not how.of_fits:
                 stack.enter_context(memory.kept())
             row = _row(one, name, truth, out)
         rows[piece] = row | {"fits": memory.fits - before}

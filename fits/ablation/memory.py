@@ -62,7 +62,6 @@ class Memory:
                 (search, "seek_parts"),
                 (search, "learn_noise"),
                 (close, "locate"),
-                (close, "noise_floor"),
                 (close, "curve_family"),
             ):
                 asking = self._asking(getattr(where, name), first.get(name))

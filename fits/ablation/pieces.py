@@ -39,6 +39,8 @@ class Piece:
     group: str
     """gates, noise, fit or speed"""
     patches: Callable[[], Sequence[Patch]]
+    of_fits: bool = False
+    """Whether it changes what a fit is: then none that was made with it may be taken."""
 
     @contextlib.contextmanager
     def taken_out(self) -> Iterator[None]:
@@ -93,7 +95,7 @@ def _no_block_error(blocks: Sequence[str]) -> Piece:
 
 
 def _noise(*patches: Patch) -> Piece:
-    return Piece("noise", lambda: patches)
+    return Piece("noise", lambda: patches, of_fits=True)
 
 
 def _without_families(gone: Callable[[Any], bool]) -> Piece:
@@ -131,7 +133,7 @@ def _held_noise() -> Piece:
 
 
 def _fit(*patches: Patch) -> Piece:
-    return Piece("fit", lambda: patches)
+    return Piece("fit", lambda: patches, of_fits=True)
 
 
 def _first_start_only() -> Piece:
@@ -144,7 +146,7 @@ def _first_start_only() -> Piece:
 
 
 def _speed(*patches: Patch) -> Piece:
-    return Piece("speed", lambda: patches)
+    return Piece("speed", lambda: patches, of_fits=True)
 
 
 _fitting = importlib.import_module("jaxfric.fitting.fit")  # the package has a function `fit`
@@ -203,7 +205,7 @@ PIECES: dict[str, Piece] = {
     "parts of an effect as starts": _gate((search, "PARTS", ())),
     "refits: two, not four": _gate((search, "REFITS", 2)),
     "second start of the base": _one_start(),
-    "select block in BIC": _gate((refit, "predictive", lambda *_: 0.0)),
+    "select block in BIC": _noise((refit, "predictive", lambda *_: 0.0)),
     "rivals": _gate((verdict, "_rivals", lambda found: [])),
     "unfitted aliases": _gate((verdict, "_unfitted", lambda found: [])),
     "headline moves": _gate((close, "_moved", lambda before, after: ())),
