@@ -16,11 +16,18 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
 _VIEWS = "jaxfric.views"
+_REPORT = "jaxfric.report"
 
 
 def _shown(result: object, how: str):
     """What the function `how` of the views makes of a result."""
     return getattr(importlib.import_module(_VIEWS), how)(result)
+
+
+def said(words: str, result: object, *units: object) -> str:
+    """What "module.function" of `jaxfric.report` says of a result, in some units."""
+    module, _, function = words.partition(".")
+    return getattr(importlib.import_module(f"{_REPORT}.{module}"), function)(result, *units)
 
 
 class Described:
@@ -36,6 +43,29 @@ class Described:
     def summary(self) -> str:
         """What was found, as text: the tables and sentences that the command prints."""
         return _shown(self, "summary")
+
+
+class Worded:
+    """A result that is told in words, which are made of it alone."""
+
+    @property
+    def sentence(self) -> str:
+        """What was found, in a sentence or two."""
+        return _shown(self, "words").sentence
+
+    @property
+    def next_step(self) -> str:
+        """What to ask next, and why; '' where there is nothing."""
+        return _shown(self, "words").next_step
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a user must know before the sentence is used."""
+        return _shown(self, "words").warnings
+
+    def to_json(self) -> dict:
+        """The content of the JSON file that the command writes; SI."""
+        return _shown(self, "json")
 
 
 class Drawable:

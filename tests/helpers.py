@@ -17,6 +17,7 @@ from scipy.integrate import solve_ivp
 from scipy.special import lambertw
 
 import jaxfric as jf
+from jaxfric.stability.kernel import StateSpaceKernel
 
 UM = 1e-6
 EVOLUTIONS = {"slip": jf.SlipEvolution(), "ageing": jf.AgeingEvolution()}
@@ -171,3 +172,36 @@ def assert_same(one, other, *, rtol=1e-12, atol=0.0):
     assert jax.tree.structure(one) == jax.tree.structure(other)
     a, b = ravel_pytree(one)[0], ravel_pytree(other)[0]
     np.testing.assert_allclose(np.asarray(a), np.asarray(b), rtol=rtol, atol=atol)
+
+
+def exponentials(amplitude, rate):
+    """The kernel g(t) = sum_i g_i exp(-r_i t)."""
+    g, r = jnp.asarray(amplitude), jnp.asarray(rate)
+    return StateSpaceKernel(jnp.diag(-r), jnp.ones_like(r), g)
+
+
+def kernel_function(kernel):
+    """g(t) of a kernel with states, by the matrix exponential."""
+    return lambda t: kernel.c @ jax.scipy.linalg.expm(kernel.a * t) @ kernel.b
+
+
+def critical_rate_state(A, B, L, velocity, damping, mass):
+    """w_cr [rad/s] and k_cr [force/m] of one-state rate-and-state friction, elementwise.
+
+        w_cr = (V0/L) sqrt(B/(A + k_v V0) - 1)                                    (24)
+        k_cr = (B - (A + k_v V0))/L [m V0^2/((A + k_v V0) L) + 1]                  (25)
+
+    A, B [force], L [m], velocity V0 [m/s], damping k_v [force s/m], mass [force s^2/m]. The same
+    for slip and ageing evolution. 0, 0 where A + k_v V0 >= B: stable for every k_p > 0;
+    inf, inf where A + k_v V0 <= 0: stable for none.
+    Source: the 1994 note, after Rice & Ruina (1983, doi:10.1115/1.3167042).
+    """
+    X = jnp.asarray(A + damping * velocity)
+    damped = X > 0
+    X = jnp.where(damped, X, 1.0)
+    excess = jnp.maximum(B - X, 0.0)
+    some = excess > 0
+    rate = velocity / L
+    frequency = jnp.where(some, rate * jnp.sqrt(jnp.where(some, excess / X, 1.0)), 0.0)
+    stiffness = excess / L * (mass * velocity * rate / X + 1)
+    return jnp.where(damped, frequency, jnp.inf), jnp.where(damped, stiffness, jnp.inf)

@@ -5,6 +5,7 @@ Motions in closed form and the force that they take: nothing of jaxfric makes th
 
 import dataclasses
 import re
+from types import SimpleNamespace
 
 import jax.numpy as jnp
 import numpy as np
@@ -321,22 +322,23 @@ def test_two_lags_are_in_one_model_where_both_are_asked_for(monkeypatch):
     """None is found beside another; `--with` of both starts from both."""
     engines = []
 
-    def declared(engine, z, *_):
+    def begun(engine, base):
         engines.append(engine)
-        return z
+        return engine, SimpleNamespace(failed=True)
 
     def search(engine, *_, **__):
         engines.append(engine)
         raise jaxfric.InputError("no need to go on")
 
-    monkeypatch.setattr("jaxfric.loop.driver.declared", declared)
-    monkeypatch.setattr("jaxfric.loop.driver.search", search)
+    monkeypatch.setattr("jaxfric.loop.close.refit", lambda *_: None)
+    monkeypatch.setattr("jaxfric.loop.close.learn_noise", begun)
+    monkeypatch.setattr("jaxfric.loop.close.search", search)
     for asked, beside in ((("servo_lag", "sensor_lag"), True), (("servo_lag",), False)):
         with pytest.raises(jaxfric.InputError, match="no need to go on"):
             close_axis_loop(a_record(), with_=asked)
-        begun, searched = engines[-2:]
+        first, searched = engines[-2:]
         both = ("servo_lag", "sensor_lag")
-        assert begun.apart(both) and searched.apart(both) == beside
+        assert first.apart(both) and searched.apart(both) == beside
         assert not searched.apart((*both, "sensor_delay"))
 
 

@@ -15,7 +15,7 @@ from jaxfric.axis import AXIS_CATALOGUE, close_axis_loop
 from jaxfric.effects import RecordScales
 from jaxfric.errors import InputError
 from jaxfric.loop.axis.loop import _seen_by
-from jaxfric.loop.driver import Offered
+from jaxfric.loop.case import Offered
 from jaxfric.plot.loop import DRAWERS
 
 OFFERED = {"cubic", "log_viscous"}
@@ -135,7 +135,7 @@ def test_a_weight_that_a_linear_axis_is_told_to_have_is_refused():
 
 
 def test_no_ripple_is_looked_for_that_no_record_fixes():
-    """`loop.fixed` refuses lengths beyond twice the travel."""
+    """`loop.gates` refuses lengths beyond twice the travel."""
     scales = RecordScales(1e-3, 0.01, 0.7, 0.01, 1.0, 1e-3, 60.0)
     lengths = AXIS_CATALOGUE["position_periodic"]().grid(scales)["wavelength"]
     assert max(lengths) == pytest.approx(2 * 0.7)

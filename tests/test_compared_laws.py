@@ -16,13 +16,14 @@ from reference import Law, Motion, solve
 import jaxfric
 from jaxfric.cli.call import Call
 from jaxfric.cli.plan_line import loop_line
+from jaxfric.errors import InputError
 from jaxfric.fitting.misfit import misfit_warning
 from jaxfric.fitting.noise import Exponential, Family
 from jaxfric.loop import LawComparison, LawScore
-from jaxfric.loop.compared_laws import _blocks, _likeliest
+from jaxfric.loop.compare import held_out_blocks, likeliest
 from jaxfric.plot.compared import comparison_figure
 from jaxfric.records import VelocitySteps
-from jaxfric.report.comparison import tabled
+from jaxfric.report.comparison import ended, tabled
 from jaxfric.report.fits_table import TabledFit, csv_rows, latex_text, text_table
 
 pytestmark = pytest.mark.computes
@@ -266,7 +267,7 @@ def test_a_second_state_that_did_not_converge_is_not_fixed() -> None:
 
 
 @pytest.mark.parametrize(
-    ("bics", "length", "supported", "words", "ended"),
+    ("bics", "length", "supported", "words", "told"),
     [
         # the other law may explain as much with a second state, whose fit did not converge
         ((33, 3, 51, 0), 0.7, None, "The slip law with 2 states could not be compared: its fit did"
@@ -281,7 +282,7 @@ def test_a_second_state_that_did_not_converge_is_not_fixed() -> None:
          " needed.", "not determined, not needed"),
     ],
 )  # fmt: skip
-def test_a_fit_that_did_not_converge_claims_nothing(bics, length, supported, words, ended) -> None:
+def test_a_fit_that_did_not_converge_claims_nothing(bics, length, supported, words, told) -> None:
     """Of slip and ageing with one state and two; that of slip with two did not converge."""
     names = [("slip", 1), ("slip", 2), ("ageing", 1), ("ageing", 2)]
     laws = [(*name, bic, None, None) for name, bic in zip(names, bics, strict=True)]
@@ -290,7 +291,7 @@ def test_a_fit_that_did_not_converge_claims_nothing(bics, length, supported, wor
     stuck.fit.converged = stuck.fit.parameters["L2"].determined = False
     assert words in found.sentence
     assert (None if found.supported is None else found.supported.name) == supported
-    assert found.ended(stuck).startswith(ended) and found.ended(found.scores[3]) == ""
+    assert ended(found, stuck).startswith(told) and ended(found, found.scores[3]) == ""
     assert "differs by" not in found.sentence and f"{bics[1]:g}" not in found.sentence.split()
     assert stuck not in found.ranked and tabled_bic(found)[1] is None
 
@@ -347,9 +348,9 @@ def test_the_loop_of_a_comparison_can_be_pasted(given, law, line) -> None:
 
 def test_two_steps_are_too_few_to_hold_one_out() -> None:
     record, _ = record_of("slip", SMALL, 1e-3)
-    blocks, why = _blocks(record, VelocitySteps(np.array([0.0, 20.0]), np.array([UM, 2 * UM])))
-    assert blocks is None
-    assert why == "the record has 1 velocity step, and 3 are needed to hold some out"
+    words = "^the record has 1 velocity step, and 3 are needed to hold some out$"
+    with pytest.raises(InputError, match=words):
+        held_out_blocks(record, VelocitySteps(np.array([0.0, 20.0]), np.array([UM, 2 * UM])))
 
 
 def test_warnings() -> None:
@@ -373,27 +374,31 @@ BIC = {(0, 0): 5.0, (1, 0): 30.0, (0, 1): -20.0, (1, 1): -5.0}
 
 
 class Made:
-    """A ruler that knows this."""
+    """A law that knows this."""
 
-    def likeliest(self, rival, family, starts):
-        assert starts == (f"found {family.terms[0].clock}",)
-        return rival.z, (rival.z, family.terms[0].clock), True
+    words = "slip law, 1 state"
 
-    def cost(self, rival, z, noise):
-        assert z == rival.z
-        return BIC[noise]
+    def __init__(self, law, noise):
+        self.law, self.noise = law, noise
+
+    def under(self, family, starts):
+        assert starts == [f"found {family.terms[0].clock}"]
+        return Made(self.law, (self.law, family.terms[0].clock))
+
+    @property
+    def cost(self):
+        return BIC[self.noise]
 
 
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)])
 def test_every_law_is_asked_under_the_noise_that_was_found_for_another(order) -> None:
     """That of the first law alone is likelier for it than that of the second for the second; with
     the second's noise both are likelier, and it is taken for both."""
-    fit = SimpleNamespace(law="slip", model=SimpleNamespace(states=1))
-    rivals = [SimpleNamespace(fit=fit, z=k) for k in (0, 1)]
-    families = [Family((Exponential.over(k),)) for k in order]
-    alone = [SimpleNamespace(family=f, theta=f"found {f.terms[0].clock}") for f in families]
-    found = _likeliest(rivals, Made(), alone, lambda text: None)  # type: ignore[arg-type]
-    assert [noise for _, noise, _ in found] == [(0, 1), (1, 1)]
+    families = {k: Family((Exponential.over(k),)) for k in order}
+    alone = [SimpleNamespace(family=families[k], theta=f"found {k}") for k in order]
+    rivals = [Made(law, noise) for law, noise in enumerate(alone)]
+    found = likeliest(rivals)  # type: ignore[arg-type]
+    assert [one.noise for one in found] == [(0, 1), (1, 1)]
 
 
 # ---- the table ------------------------------------------------------------------------------

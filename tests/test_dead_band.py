@@ -10,6 +10,7 @@ from command import assert_refused, run
 
 from jaxfric import find_gains, law_from_parameters
 from jaxfric.cli.folder import Folder
+from jaxfric.report import gains_json
 from jaxfric.report.gains_text import describe
 
 CURVE = "c0=1 N, c1=0 N*s/m, c2=2 N, c3=50 mm/s"
@@ -35,7 +36,7 @@ def test_the_dead_band_is_static_friction_over_stiffness():
     assert found.dead_band == pytest.approx(STATIC / 600)
     told = next(line for line in describe(found) if line.startswith("at rest"))
     assert "within 5 mm of the target" in told and "3 N over k_p" in told
-    assert found.to_json()["at_rest"]["dead_band"] == pytest.approx(5e-3)
+    assert gains_json.content(found)["at_rest"]["dead_band"] == pytest.approx(5e-3)
 
 
 @pytest.mark.parametrize(("parameters", "unit"), [(CURVE, "1500 N/m"), (JOINT, "1500 N m/rad")])

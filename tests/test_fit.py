@@ -23,7 +23,7 @@ from jaxfric.fitting.plausible import bounds_of
 from jaxfric.fitting.problem import Model, most_steps
 from jaxfric.fitting.result import Estimate, Fit
 from jaxfric.fitting.solve import known_at
-from jaxfric.fitting.start import one_state_starts
+from jaxfric.fitting.start import OneStateMotion, more_state_starts, one_state_starts
 from jaxfric.fitting.table import summary
 from jaxfric.fitting.uncertainty import QUANTILE
 from jaxfric.plot.fit import fit_figure
@@ -584,3 +584,13 @@ def test_a_record_that_begins_at_its_step():
     for name in "ABL":
         one = found.parameters[name]
         assert abs(one.value - getattr(truth, name)) < 4 * one.std < 0.2 * one.value
+
+
+def test_a_state_that_overflows_is_no_start():
+    """A one-state fit may end at a motion that nearly stops: theta grows there."""
+    time = np.linspace(0, 100, 60)
+    velocity = np.where(time < 50, 1e-60, 1e-5)
+    slip, even = np.cumsum(velocity), np.ones(60)
+    seen = OneStateMotion(time, 0.6 + 0.01 * np.sin(time), velocity, slip, even)
+    model = Model("ageing", 2, False, True)
+    assert more_state_starts(seen, V0=1e-6, stiffness=1e3, model=model).shape == (0, 7)

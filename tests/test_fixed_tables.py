@@ -8,7 +8,7 @@ import pytest
 from jaxfric.effects import RecordScales
 from jaxfric.effects.axis import AxisPositionPeriodic, LogViscous, Presliding, RateAndState
 from jaxfric.effects.effect import beyond
-from jaxfric.loop.fixed import Part, loose, not_fixed
+from jaxfric.loop.gates import Part, loose, not_fixed
 from jaxfric.quantity import quantities
 
 SIZE = RecordScales(1e-5, 1e-4, 1e-3, 1e-6, 1e-4, 0.1, 500.0)
@@ -95,7 +95,7 @@ def engine(
 
     return SimpleNamespace(
         names=NAMES, rows=4, weight=np.ones(6), beyond=lambda effects, z, scales: beyond,
-        problem=SimpleNamespace(friction=np.asarray([0.01, -largest, 0, 0.01, 99, 99])),
+        noise=SimpleNamespace(friction=np.asarray([0.01, -largest, 0, 0.01, 99, 99])),
         free=lambda effects: np.asarray([0, *columns(effects)]),
         evaluate=lambda z, index: SimpleNamespace(
             failed=failed, jacobian=jacobian[:, index], extra_jacobian=np.zeros((0, len(index)))
@@ -167,7 +167,7 @@ def test_a_bristle_is_fixed_whatever_its_damping(errors, names):
     about = dict(zip(own, quantities(Presliding).values(), strict=True))
     made = SimpleNamespace(
         names=own, rows=2, weight=np.ones(3), beyond=lambda effects, z, scales: (),
-        problem=SimpleNamespace(friction=np.asarray([100.0, -100.0, 0.0])),
+        noise=SimpleNamespace(friction=np.asarray([100.0, -100.0, 0.0])),
         free=lambda effects: np.arange(3),
         evaluate=lambda z, index: SimpleNamespace(
             failed=False, jacobian=np.diag(1 / np.asarray(errors))[:, index],

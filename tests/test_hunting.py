@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 
 from jaxfric import check_gains, find_gains, law_from_parameters
 from jaxfric.gains.hunting import hunting
+from jaxfric.report import gains_json
 from jaxfric.report.gains_text import describe
 
 M, K_P, K_V, K_I, DROP = 1.0, 400.0, 1.0, 800.0, 1.5
@@ -50,7 +51,7 @@ def test_without_a_fall_of_friction_nothing_hunts():
 def test_a_linearly_unstable_controller_runs_away():
     """(k_v + 2) k_p < m k_i: Routh and Hurwitz."""
     found = hunting(law(0).law, M, (K_P, K_V, 4e3), 1.0, 0.1)
-    assert found.to_json()["grows"]
+    assert gains_json.hunting_entry(found)["grows"]
 
 
 def test_checked_gains_say_whether_they_hunt():
@@ -60,4 +61,4 @@ def test_checked_gains_say_whether_they_hunt():
     told = check_gains(found)
     assert told.hunting.amplitude is not None and told.dead_band is None
     assert any(line.startswith("at rest it hunts about") for line in describe(told))
-    assert told.to_json()["at_rest"]["hunting"]["period"] == told.hunting.period
+    assert gains_json.content(told)["at_rest"]["hunting"]["period"] == told.hunting.period

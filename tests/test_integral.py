@@ -12,11 +12,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from command import assert_refused, run
+from helpers import exponentials
 
 from jaxfric import find_gains, law_from_parameters, minimum_gains
 from jaxfric.cli.folder import Folder
 from jaxfric.stability.analysis import study
-from jaxfric.stability.kernel import DelayKernel, ExponentialKernel
+from jaxfric.stability.kernel import DelayKernel
 from jaxfric.stability.linear import LinearFriction, LinearSlider
 from jaxfric.stability.margins import is_stable, margin, margins, poles
 
@@ -31,7 +32,7 @@ def elsewhere(tmp_path, monkeypatch):
 
 
 def slider(k_i, *, g=(G,), r=(R,), k_p=K, k_v=D - 10.0, m=M, delay=None):
-    kernel = ExponentialKernel(jnp.asarray(g), jnp.asarray(r))
+    kernel = exponentials(g, r)
     friction = LinearFriction(jnp.asarray(10.0), kernel, jnp.asarray(0.0))
     given = (None if x is None else jnp.asarray(x) for x in (m, k_p, k_v))
     more = (None if x is None else jnp.asarray(x) for x in (delay, k_i))

@@ -13,9 +13,9 @@ from scipy.special import lambertw
 
 from jaxfric import InputError, find_gains, law_from_parameters
 from jaxfric.gains.frontier import Region, largest_alone
+from jaxfric.gains.margins import slacks
 from jaxfric.gains.requirement import Requirement
 from jaxfric.gains.scenarios import Scenarios
-from jaxfric.gains.slack import slacks
 from jaxfric.report.gains_text import late_text
 from jaxfric.report.stability_text import describe
 from jaxfric.stability.analysis import study

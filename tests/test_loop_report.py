@@ -49,8 +49,8 @@ from jaxfric.loop.result import (
     Score,
     ScreenedEffect,
 )
+from jaxfric.loop.sentences import Told
 from jaxfric.loop.split import NAMES, split
-from jaxfric.loop.verdict import Told
 from jaxfric.loop.words import AXIS, SLIDER
 from jaxfric.plot.loop import DRAWERS, FIGURES, draw_loop, panel_title, residual_figure
 from jaxfric.plot.stability import tidy

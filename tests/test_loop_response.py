@@ -19,9 +19,11 @@ from fits.blind import plants
 from jaxfric.effects import effect_of
 from jaxfric.fitting.encompassing import EncompassingModel
 from jaxfric.fitting.problem import Channel, Model, ProblemSizes, make_problem
+from jaxfric.loop.case import Case as LoopCase
 from jaxfric.loop.engine import Engine
 from jaxfric.loop.estimates import estimates
 from jaxfric.loop.nonlinear import friction_sensitivities
+from jaxfric.loop.refit import bic, predictive, refit
 from jaxfric.loop.response import linear_response, term_forces
 from jaxfric.loop.sampling import seen_between
 from jaxfric.loop.split import split
@@ -94,12 +96,9 @@ def engine_of(plant: plants.Base, friction, slip, effects=EFFECTS) -> Engine:
         jnp.asarray(np.pad(blocks.train.astype(float), pad)),
         "slip",
     )
-    return Engine(
-        dataclasses.replace(problem, channels=(channel,)),
-        blocks,
-        np.arange(2),
-        shapes=friction_sensitivities,
-    )
+    problem = dataclasses.replace(problem, channels=(channel,))
+    rows = np.arange(len(TIMES))
+    return Engine.of(LoopCase(problem, blocks, friction_sensitivities, np.arange(2), rows))
 
 
 def case_of(ratio: float) -> Case:
@@ -313,13 +312,14 @@ def test_a_delay_at_its_null_is_simulated_without_states():
     engine = engine_of(plant, rest + F0, rest, effects)
     z = np.zeros(len(engine.names) + len(VELOCITIES) - 1)
 
+    def rig(z):
+        return engine.evaluator.simulated(z, engine.problem).rig(jnp.asarray(z))
+
     def late(z):
-        return not engine.at(z, engine.problem).rig(jnp.asarray(z)).machine.first_order
+        return not rig(z).machine.first_order
 
     def states(z):
-        return len(
-            engine.at(z, engine.problem).rig(jnp.asarray(z)).friction.steady_state(jnp.asarray(UM))
-        )
+        return len(rig(z).friction.steady_state(jnp.asarray(UM)))
 
     alpha = engine.names.index("frictional_delay.alpha")
     viscous = engine.names.index("viscous.c")
@@ -327,7 +327,7 @@ def test_a_delay_at_its_null_is_simulated_without_states():
     m = engine.names.index("inertia.m")
     assert [late(z), late(np.eye(len(z))[alpha]), late(np.eye(len(z))[m])] == [False, False, True]
     plain = engine_of(plant, rest + F0, rest)
-    assert plain.at(start(plain), plain.problem) is plain.problem
+    assert plain.evaluator.simulated(start(plain), plain.problem) is plain.problem
 
 
 @pytest.mark.parametrize(
@@ -393,7 +393,7 @@ def test_a_long_record_has_no_more_coarse_rows_than_a_shorter_one(rows, coarse):
 def test_refit_recovers_the_plant_of_a_clean_record(soft):
     """From 20 % beside it. What is left is the solver's error, 1e-5 of friction's change."""
     far = start(soft.engine, (F0, 1.2 * A, 0.85 * B, 1.2 * L))
-    found = soft.engine.refit((), far)
+    found = refit(soft.engine, (), far)
     values = soft.engine.values(found.z)
     assert not found.failed and found.physical and found.effects == ()
     for name, truth in {"A": A, "B": B, "L": L, "f0": F0}.items():
@@ -415,12 +415,15 @@ def dense_covariance(engine: Engine, noise) -> np.ndarray:
 def test_errors_of_parameters_are_those_of_least_squares(soft):
     """std and covariance against (J^T C^-1 J + J_e^T J_e)^-1 with a dense C; and the truth."""
     engine = noisy(soft)
-    found = engine.refit((), start(engine))
+    found = refit(engine, (), start(engine))
     values, names, covariance = estimates(engine, found, "1")
     assert names == engine.model.base.names()
     index = engine.free(())
     rows, train = engine.evaluate(found.z, index), engine.weight > 0
-    noise = engine.noise(rows.residual * engine.weight, rows.jacobian * engine.weight[:, None])
+    found_noise = engine.noise_of(
+        rows.residual * engine.weight, rows.jacobian * engine.weight[:, None]
+    )
+    noise = found_noise.noise
     J, E = rows.jacobian[train], rows.extra_jacobian
     on = train[: engine.rows]
     C = dense_covariance(engine, noise)[np.ix_(on, on)]
@@ -466,12 +469,13 @@ def test_bic_is_a_dense_likelihood_and_a_prediction(soft):
     for values, parameters in (((F0, A, B, L), 4), ((F0, 1.04 * A, B, 0.97 * L), 7)):
         z = start(engine, values)
         rows = engine.evaluate(z, engine.free(()))
-        bic, noise = engine.bic(rows, parameters)
-        for part in noise.parts:  # of what a part forgets over the longest memory
-            assert part.rates @ engine.longest >= 1 - 1e-9
+        score, noise = bic(engine, rows, parameters)
+        # of what a part forgets over the longest memory
+        for part in noise.parts:
+            assert part.rates @ engine.noise.longest >= 1 - 1e-9
         dense, predicted = dense_bic(engine, rows, noise, parameters)
-        assert engine._predictive(rows.residual, noise) == pytest.approx(predicted, rel=1e-6)
-        found.append((bic, dense))
-    (bic, dense), (other_bic, other_dense) = found
+        assert predictive(engine, rows.residual, noise) == pytest.approx(predicted, rel=1e-6)
+        found.append((score, dense))
+    (score, dense), (other_score, other_dense) = found
     assert other_dense - dense > 50
-    assert other_bic - bic == pytest.approx(other_dense - dense, rel=0.02)
+    assert other_score - score == pytest.approx(other_dense - dense, rel=0.02)

@@ -24,9 +24,9 @@ from fits.runs.generate import generate
 from jaxfric import traced
 from jaxfric.effects import CATALOGUE
 from jaxfric.effects.effect import AbstractLinearEffect, with_term
-from jaxfric.loop import SCHEMA, ahead, close_loop, engine, response
+from jaxfric.loop import SCHEMA, ahead, close_loop, evaluate, response
 from jaxfric.loop import loop as loop_module
-from jaxfric.loop.slider_bench import refuse_failed
+from jaxfric.loop.slider import refuse_failed
 from jaxfric.quantity import quantity
 from jaxfric.records import from_arrays
 from jaxfric.rig.friction.extended import AbstractStatelessTerm
@@ -40,7 +40,7 @@ _HELD_OUT = 1.06
 KEYS = {
     "schema", "record", "friction_unit", "law", "stiffness", "reference_velocity", "steps",
     "verdict", "sentence", "reasons", "effects", "alias_groups", "separations", "candidates",
-    "screened", "before", "after", "shifts_in_sigma", "noise", "tests", "location_map",
+    "rules", "screened", "before", "after", "shifts_in_sigma", "noise", "tests", "location_map",
     "aliasing", "blocks", "warnings", "seconds", "families", "findings",
 }  # fmt: skip
 
@@ -203,7 +203,7 @@ def test_what_is_compiled_ahead_is_what_the_loop_needs(tmp_path, monkeypatch):
     monkeypatch.setattr(ahead, "beside", work.append)
 
     def shapes() -> list[int]:
-        known = (engine._evaluate._known, response.linear_response._known)
+        known = (evaluate._evaluate._known, response.linear_response._known)
         return [sum(key[0] == tmp_path and one.ready for key, one in own.items()) for own in known]
 
     def fit(*args, **more):

@@ -16,7 +16,8 @@ import jaxfric as jf
 from jaxfric.effects import CATALOGUE
 from jaxfric.fitting.encompassing import EncompassingModel
 from jaxfric.fitting.problem import Model, ProblemSizes, make_problem
-from jaxfric.loop import engine as engines
+from jaxfric.loop import evaluate as evaluate_module
+from jaxfric.loop.case import Case
 from jaxfric.loop.engine import Engine
 from jaxfric.loop.split import split
 
@@ -40,7 +41,11 @@ def engine() -> Engine:
         shifted=np.arange(1, STEPS),
     )
     felt = np.delete(np.arange(STEPS - 1), 11)
-    return Engine(problem, split(TIMES, steps), felt, shapes=lambda *_: None)
+    return engine_of(problem, split(TIMES, steps), felt)
+
+
+def engine_of(problem, blocks, felt) -> Engine:
+    return Engine.of(Case(problem, blocks, lambda *_: None, felt, np.arange(len(TIMES))))
 
 
 def jacobian(engine: Engine, *, memory: float, slope: float) -> np.ndarray:
@@ -72,8 +77,9 @@ def asked(engine, monkeypatch):
             numbers.append(len(directions))
             return np.zeros(len(found)), found @ directions.T
 
-        monkeypatch.setattr(engines, "_in_parts", in_parts)
-        engine._lately, engine._apart = engines.Lately(), set()
+        monkeypatch.setattr(evaluate_module, "_in_parts", in_parts)
+        engine.evaluator._known.clear()
+        engine.evaluator._apart.clear()
         return numbers
 
     return give
@@ -138,8 +144,8 @@ def test_late_steps_are_those_of_the_motion(engine):
     np.testing.assert_allclose(trails[: STEPS - 1], jumps)
 
 
-@pytest.mark.parametrize(("own", "at_once"), [(False, 2), (True, 1)])
-def test_a_users_effect_is_fitted_on_one_thread(own, at_once, monkeypatch):
+@pytest.mark.parametrize("own", [False, True])
+def test_a_users_effect_is_fitted_on_one_thread(own, monkeypatch):
     """What it calls may wait for the threads that another fit computes on."""
     monkeypatch.setenv("NPROC", "2")
 
@@ -152,14 +158,13 @@ def test_a_users_effect_is_fitted_on_one_thread(own, at_once, monkeypatch):
     model = EncompassingModel(Model(), effects)
     problem = make_problem(TIMES, np.zeros(len(TIMES)), steps, sizes, model)
     blocks = split(TIMES, steps)
-    engine = Engine(problem, blocks, np.zeros(0, int), shapes=lambda *_: None)
+    engine = engine_of(problem, blocks, np.zeros(0, int))
     both = threading.Barrier(2, timeout=0.5)
 
     def together(k):
         both.wait()
         return k
 
-    assert engine.at_once == at_once
     if own:
         with pytest.raises(threading.BrokenBarrierError):
             engine.each(together, [1, 2])
@@ -185,10 +190,41 @@ def test_a_jacobian_is_taken_in_passes_of_one_width(rows, directions, passes, mo
         widths.append(len(some))
         return np.zeros(3), np.asarray(some).T[:3] + 1.0
 
-    monkeypatch.setattr(engines, "_evaluate", along)
+    monkeypatch.setattr(evaluate_module, "_evaluate", along)
     problem = SimpleNamespace(time=np.zeros(rows))
     index = np.random.default_rng(0).permutation(40)[:directions]
     each = lambda one, begins: [one(k) for k in begins]  # noqa: E731
-    _, found = engines._in_parts(problem, np.zeros(40), np.eye(40)[index], each)
+    _, found = evaluate_module._in_parts(problem, np.zeros(40), np.eye(40)[index], each)
     assert widths == passes
     np.testing.assert_array_equal(found, np.eye(40)[index].T[:3] + 1.0)
+
+
+def test_the_latest_linearisations_are_not_computed_again(engine, asked):
+    """Nor those by some of the same parameters, in any order; they cannot be written to."""
+    truth = jacobian(engine, memory=3.0, slope=0.0)
+    numbers, index, z = asked(truth), engine.free(()), np.zeros(truth.shape[1])
+    evaluator = engine.evaluator
+    residual, known = evaluator(z, index)
+    assert evaluator(z, index)[1] is known
+    np.testing.assert_array_equal(evaluator(z, index[[2, 0]])[1], known[:, [2, 0]])
+    assert len(numbers) == 1
+    evaluator(np.nextafter(z, 1), index)  # other parameters
+    missing = np.setdiff1d(np.arange(truth.shape[1]), index)[:1]
+    evaluator(z, np.append(index, missing))  # one of them was not known
+    assert len(numbers) == 3
+    with pytest.raises(ValueError, match="read-only"):
+        residual[0] = 1.0
+
+
+@pytest.mark.parametrize(("room", "kept"), [(0, 2), (3.5, 3), (100, 6)])
+def test_as_many_linearisations_are_kept_as_there_is_room_for(
+    engine, asked, room, kept, monkeypatch
+):
+    truth = jacobian(engine, memory=3.0, slope=0.0)
+    asked(truth)
+    index = engine.free(())
+    monkeypatch.setattr(evaluate_module, "_KEPT", int(room * truth[:, index].nbytes))
+    points = [np.full(truth.shape[1], float(k)) for k in range(6)]
+    for z in points:
+        engine.evaluator(z, index)
+    assert list(engine.evaluator._known) == [z.tobytes() for z in points[-kept:]]

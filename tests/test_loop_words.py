@@ -8,10 +8,9 @@ import pytest
 from scipy import stats
 
 from jaxfric.loop.location import _profile, _ripples, share_of
-from jaxfric.loop.pace import Pace, Stopwatch, now_and_then, span
 from jaxfric.loop.refusal import Fault, Refusal
 from jaxfric.loop.result import LocationProfile
-from jaxfric.loop.verdict import Told, sentence_of
+from jaxfric.loop.sentences import Told, sentence_of
 from jaxfric.loop.where import where_it_sits
 
 
@@ -197,88 +196,5 @@ def test_variables_that_grow_together_are_not_told_apart(snapshot):
     snapshot("variables_that_grow_together", texts)
 
 
-def test_spans_of_time(snapshot):
-    spans = [(3, 4), (11, 43), (31, 110), (100, 470), (100, 9000)]
-    numbers = [[5], [10, 45], [30, 2], [2, 8], [2, 2]]  # [s], [min], [h]
-    texts = {str(seconds): span(*seconds) for seconds in spans}
-    assert list(map(numbers_of, texts.values())) == numbers
-    snapshot("spans_of_time", texts)
-
-
 def numbers_of(text: str) -> list[int]:
     return [int(n) for n in re.findall(r"\d+", text)]
-
-
-def test_what_is_left_of_a_search_shrinks(snapshot):
-    """One minute a fit: 3 rounds of a screening and 4 refits, and 3 more at the end."""
-    told, watch = [], Stopwatch([60 / 14])
-    pace = Pace(told.append, watch, rounds=3, refits=4)
-    pace.screening("screening", 0)
-    pace.refitting("refitting", 0, 1, 4)
-    pace.screening("screening", 2)
-    pace.refitting("refitting", 2, 1, 2)
-    assert [numbers_of(line) for line in told] == [[4, 18], [2, 4, 4, 16], [4, 8], [2, 2, 2, 4]]
-    snapshot("pace", {"progress": "\n".join(told)})
-
-
-def test_two_refits_at_once_take_half_as_long():
-    """A linearisation takes as long as before, two of them at once."""
-    told, watch = [], Stopwatch([60 / 14])
-    pace = Pace(told.append, watch, rounds=3, refits=4, at_once=2)
-    pace.screening("screening", 0)
-    pace.refitting("refitting", 0, 0, 3)
-    pace.refitting("refitting", 0, 1, 3)  # at once: nothing is learnt from none
-    for _ in range(28):
-        watch.seconds.append(60 / 14)
-    pace.refitting("refitting", 0, 2, 3)  # two fits of 14 each
-    assert [numbers_of(line) for line in told] == [
-        [3, 12], [1, 3, 3, 11], [2, 3, 2, 10], [3, 3, 2, 10]
-    ]  # fmt: skip
-
-
-def test_what_is_left_falls_within_a_stage_too():
-    """Ten minutes a fit, of 14 linearisations. One that takes 28 is learnt from; so is a machine
-    that becomes busy."""
-    told, watch = [], Stopwatch()
-
-    def linearised(times, seconds=600 / 14):
-        for _ in range(times):
-            watch.seconds.append(seconds)
-            watch.listen(len(watch.seconds), watch.typical)
-
-    def left():
-        return numbers_of(told[-1])
-
-    linearised(3)
-    pace = Pace(told.append, watch, rounds=3, refits=4, silent=0.0)
-    pace.refitting("refitting", 2, 1, 2)
-    assert left() == [2, 2, 20, 40] and len(told) == 1
-    linearised(7)
-    assert left() == [2, 2, 15, 35] and len(told) == 8
-    linearised(7)
-    assert left() == [2, 2, 11, 31]
-    linearised(14)
-    assert left() == [2, 2, 10, 30]
-    pace.refitting("refitting", 2, 0, 2)  # of (14 + 28)/2 linearisations
-    assert left() == [1, 2, 45, 75]
-    linearised(8, 1200 / 14)
-    assert left() == [1, 2, 79, 2]  # 79 min to 2 h: (3 - 8/21) of 30 min
-    count = len(told)
-    pace.silent = 60.0
-    linearised(5)
-    assert len(told) == count
-    pace.end()
-    pace.silent = 0.0
-    linearised(5)
-    assert len(told) == count
-
-
-def test_slow_work_is_told_now_and_then(snapshot):
-    told, watch = [], Stopwatch()
-    for seconds in (0.0, 3600.0, 0.0):
-        watch.listen = now_and_then(told.append, "base fit", seconds=seconds)
-        with watch():
-            pass
-    assert len(told) == 2 and numbers_of(told[1])[0] == 3
-    assert 0 < watch.typical < 1
-    snapshot("slow_work", {"progress": re.sub(r"[\d.e-]+ (?=m?s\b)", "T ", "\n".join(told))})

@@ -7,22 +7,18 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers import assert_close_to_largest
+from helpers import assert_close_to_largest, exponentials
 
 from jaxfric.errors import InputError
 from jaxfric.stability import polynomial as poly
-from jaxfric.stability.kernel import (
-    DelayKernel,
-    ExponentialKernel,
-    SampledKernel,
-    StateSpaceKernel,
-)
+from jaxfric.stability.kernel import DelayKernel, FunctionKernel, StateSpaceKernel
 from jaxfric.stability.linear import LinearFriction, LinearSlider, to_control
-from jaxfric.stability.margins import LIMITS, UNITS, is_stable, margin, poles
+from jaxfric.stability.margin_table import MARGINS
+from jaxfric.stability.margins import is_stable, margin, poles
 from jaxfric.stability.margins import margins as eager_margins
 from jaxfric.stability.theorem import apply_theorem
 
-NAMES = tuple(UNITS)
+NAMES = tuple(MARGINS)
 margins = eqx.filter_jit(eager_margins)
 LOOP = ("modulus", "gain", "phase", "delay")
 
@@ -33,12 +29,12 @@ def slider(p, shape):
     if shape == "delay":
         kernel = DelayKernel(rest[0], rest[1])
     elif shape == "sampled":
-        kernel = SampledKernel.from_function(
+        kernel = FunctionKernel(
             lambda t: rest[0] * jnp.exp(-rest[1] * t), 60.0, panels=16, order=16
         )
     else:
         n = {"memoryless": 0, "one": 1, "two": 2}[shape.split(",")[0]]
-        kernel = ExponentialKernel(
+        kernel = exponentials(
             jnp.stack([*rest[:n], jnp.zeros(())])[:n], jnp.stack([*rest[n : 2 * n], k_p])[:n]
         )
     mass = None if "massless" in shape else jnp.asarray(m)
@@ -200,7 +196,7 @@ def test_margins_pass_the_limit_continuously(shape):
     for name, a, b in zip(NAMES, below, above, strict=True):
         if name == "stiffness" and shape in ("delay", "memoryless"):
             continue  # there is no critical stiffness
-        limit = LIMITS[name]
+        limit = MARGINS[name].limit
         assert a < limit < b, name
         assert limit - 1e-3 < a and b < limit + 1e-3, name
 
@@ -463,13 +459,13 @@ def test_names_and_errors():
     p = jnp.array([5.0, 3.0, 1.0, 0.5, -2.0, 1.0, 1.0])
     one = slider(p[:5], "memoryless")
     found = margins(one)
-    assert set(found) == set(NAMES) == set(LIMITS)
+    assert set(found) == set(NAMES)
     each = eqx.filter_jit(lambda s: {name: margin(name, s) for name in NAMES})(one)
     for name in NAMES:
         np.testing.assert_allclose(each[name], found[name], rtol=1e-12)
     with pytest.raises(InputError, match="'modulo' does not exist; there are: stiffness, decay"):
         margin("modulo", one)
-    with pytest.raises(InputError, match="SampledKernel"):
+    with pytest.raises(InputError, match="FunctionKernel"):
         margin("decay", slider(p, "sampled"))
     heavy = slider(p, "delay")
     with pytest.raises(InputError, match="mass"):

@@ -17,7 +17,7 @@ from jaxfric.fitting.abstract_problem import Sizes, typical_size
 from jaxfric.fitting.encompassing import EncompassingModel
 from jaxfric.laws.axis_loop import law_from_axis_loop
 from jaxfric.laws.loop_source import law_from_loop
-from jaxfric.loop.driver import offered
+from jaxfric.loop.case import offered
 from jaxfric.motion import MeasuredMotion
 from jaxfric.rig import QuasiStatic, Rig
 from jaxfric.rig.axis import AxisRig, BaseLaw

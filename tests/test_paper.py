@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers import critical_rate_state, kernel_function
 from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 
@@ -22,10 +23,9 @@ from jaxfric.rig.friction import (
     critical_velocity,
     worst_slope,
 )
-from jaxfric.stability.closed_form import critical_rate_state
 from jaxfric.stability.delay import crossings, stable_intervals, unstable_roots
 from jaxfric.stability.kernel import DelayKernel, kernel_total
-from jaxfric.stability.linear import LinearSlider, kernel_function, linear_friction, linearise
+from jaxfric.stability.linear import LinearSlider, linear_friction, linearise
 from jaxfric.stability.margins import is_stable as eager_is_stable
 from jaxfric.stability.margins import poles
 from jaxfric.stability.theorem import apply_theorem

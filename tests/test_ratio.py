@@ -17,7 +17,7 @@ from jaxfric.fitting.noise import (
     noise_rows,
     profile_noise,
 )
-from jaxfric.loop.engine import Rows
+from jaxfric.loop.evaluate import Rows
 from jaxfric.loop.ratio import Question, chances
 
 pytestmark = pytest.mark.computes
@@ -45,16 +45,15 @@ def bumps():
 class Fits:
     """What `chances` asks of an engine, of a record without parameters but its mean."""
 
-    weight, scale = np.ones(ROWS), np.ones(ROWS)
+    weight, noise = np.ones(ROWS), SimpleNamespace(scale=np.ones(ROWS))
     problem: Any = SimpleNamespace(clock=jnp.asarray(CLOCK)[:, None])
 
     def limits(self):
         return limits_of(CLOCK, self.weight, LONGEST)
 
-    def noise_of_family(self, residual, columns, found):
-        starts = (found.theta,)
+    def noise_of_family(self, residual, columns, family, starts):
         rows = self.problem.clock, self.weight, residual, columns, LONGEST
-        return profile_noise(noise_rows(*rows), found.family, starts)
+        return profile_noise(noise_rows(*rows), family, starts)
 
 
 def found_in(residual, columns) -> Found:

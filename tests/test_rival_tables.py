@@ -7,14 +7,14 @@ import pytest
 
 from jaxfric.loop.estimates import disagreement
 from jaxfric.loop.refusal import Fault, Refusal
-from jaxfric.loop.rivals import all_rivals, rival_fits
+from jaxfric.loop.rivals import near_fits, rival_fits
 
 TAKES = Refusal(Fault.TAKES, ("B",))
 INDEX = np.array([0, 1, 2])
 COLUMNS = {"viscous": 2, "damping": 3, "ageing": 4}
 
 
-def candidate(effects, bic, z, *, physical=True, failed=False, takes=False):
+def candidate(effects, bic, z, *, physical=True, failed=False, takes=False, fault=None):
     z = np.asarray(z, float)
     return SimpleNamespace(
         effects=effects,
@@ -22,7 +22,7 @@ def candidate(effects, bic, z, *, physical=True, failed=False, takes=False):
         z=z,
         physical=physical,
         failed=failed,
-        refused=TAKES if takes else None,
+        refused=TAKES if takes else fault and Refusal(fault),
     )
 
 
@@ -47,7 +47,27 @@ FINAL = candidate(("viscous",), 100.0, [1.0, 2.0, 3.0, 0.0, 0.0])
 def test_a_rival_fits_about_as_well_in_place_of_an_effect(other, rival):
     search = SimpleNamespace(final=FINAL, tried=(FINAL, other))
     assert list(rival_fits(search, "viscous")) == (["damping"] if rival else [])
-    assert all_rivals(search) == ([other] if rival else [])
+
+
+@pytest.mark.parametrize(
+    ("more", "near"),
+    [
+        ({}, True),
+        ({"fault": Fault.WEAK}, True),
+        ({"fault": Fault.CHANCE}, True),
+        ({"fault": Fault.NOT_FIXED}, False),
+        ({"fault": Fault.SELECT}, False),
+        ({"takes": True}, False),
+        ({"physical": False}, False),
+        ({"failed": True}, False),
+    ],
+)
+def test_errors_know_of_every_fit_that_only_evidence_speaks_against(more, near):
+    """Of every set of effects the best one, whatever their number."""
+    others = [candidate(effects, 103.0, np.zeros(5), **more) for effects in ((), ("damping",))]
+    again = candidate((), 108.0, np.ones(5))
+    search = SimpleNamespace(final=FINAL, tried=(again, FINAL, *others))
+    assert near_fits(search) == (others if near else [again])
 
 
 def test_of_two_fits_with_the_same_rival_the_better_counts():

@@ -17,7 +17,7 @@ from jaxfric.fitting.problem import Model, ProblemSizes, make_problem
 from jaxfric.laws.registry import rate_state
 from jaxfric.loop import run as run_module
 from jaxfric.loop.location import _log_steps
-from jaxfric.loop.run import RunDetails, _in_stretches, _levels, _thinned
+from jaxfric.loop.run import RunDetails, _in_stretches, _levels, _thinned, asked_twice
 from jaxfric.loop.split import split_again, split_units
 from jaxfric.motion import PiecewiseVelocity
 from jaxfric.rig import QuasiStatic, Rig
@@ -389,13 +389,14 @@ TURNS = [
 
 
 @pytest.mark.parametrize("first, second, counts", TURNS)
-def test_a_run_is_asked_twice_only_where_no_name_is_confirmed(first, second, counts, monkeypatch):
+def test_a_run_is_asked_twice_only_where_no_name_is_confirmed(first, second, counts):
     told = [_Told(*one) for one in (first, second) if one]
     left = list(told)
-    monkeypatch.setattr(run_module, "run", lambda bench, asked, **more: left.pop(0))
-    bench = SimpleNamespace(again=lambda asked: "other")
-    asked = SimpleNamespace(most=3)
-    found = run_module.run_loop(bench, asked, begun=0.0, progress=lambda text: None)
+
+    def search(blocks):
+        return left.pop(0)
+
+    found = asked_twice(search, "blocks", lambda: "others", progress=lambda text: None)
     expected = told[counts]
     assert (found.verdict, found.effects) == (expected.verdict, expected.effects) and not left
     assert ("others are held out" in found.warnings[-1]) == (counts == 1)
@@ -404,11 +405,7 @@ def test_a_run_is_asked_twice_only_where_no_name_is_confirmed(first, second, cou
     same = counts == 1 and first[1] == second[1]
     assert ("noise alone leaves as much in both together: p = 0.01" in found.warnings[-1]) == same
     left[:] = told[:1]
-    alone = SimpleNamespace(again=lambda asked: None)
-    assert run_module.run_loop(alone, asked, begun=0.0, progress=print) == told[0]
-    left[:] = told[:1]
-    nothing = SimpleNamespace(most=0)
-    assert run_module.run_loop(bench, nothing, begun=0.0, progress=print) == told[0]
+    assert asked_twice(search, "blocks", lambda: None, progress=print) == told[0]
 
 
 @pytest.mark.parametrize(
@@ -418,26 +415,24 @@ def test_a_run_is_asked_twice_only_where_no_name_is_confirmed(first, second, cou
         (ValueError("no"), "held out, ended in an error (ValueError: no): this is the first"),
     ],
 )
-def test_what_ends_in_a_second_search_loses_no_first(end, told, monkeypatch):
+def test_what_ends_in_a_second_search_loses_no_first(end, told):
     first, turns = _Told("too_weak", ()), iter((None, end))
 
-    def run(bench, asked, **more):
+    def search(blocks):
         if (ends := next(turns)) is not None:
             raise ends
         return first
 
-    monkeypatch.setattr(run_module, "run", run)
-    bench = SimpleNamespace(again=lambda asked: "other")
-    given = {"begun": 0.0, "progress": lambda text: None}
+    given = {"again": lambda: "others", "progress": lambda text: None}
     try:
-        found = run_module.run_loop(bench, SimpleNamespace(most=3), **given)
+        found = asked_twice(search, "blocks", **given)
     except KeyboardInterrupt:  # pytest would end with it
         pytest.fail("the first is lost")
     assert found.verdict == "too_weak" and found.warnings[0] == "one"
     assert found.warnings[1].endswith(told)
     turns = iter((end,))  # of the first search nothing is there
     with pytest.raises(type(end)):
-        run_module.run_loop(bench, SimpleNamespace(most=3), **given)
+        asked_twice(search, "blocks", **given)
 
 
 def test_two_units_are_too_few():

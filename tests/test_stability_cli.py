@@ -15,10 +15,10 @@ from matplotlib.image import imread
 
 import jaxfric
 from jaxfric.gains.ends import ENDS, EndState
+from jaxfric.gains.margins import slacks
 from jaxfric.gains.requirement import Requirement
 from jaxfric.gains.result import Certificate, Gains, LocalOptimum, WorstCase
 from jaxfric.gains.scenarios import Scenarios
-from jaxfric.gains.slack import slacks
 from jaxfric.gains.solve import make_region
 from jaxfric.gains.verify import CheckReport
 from jaxfric.laws.source import law_from_parameters, stack

@@ -5,8 +5,9 @@ import math
 import pytest
 
 from jaxfric.fitting import Estimate
-from jaxfric.loop.refusal import takes_refusal
-from jaxfric.loop.taken import moves_far, taken
+from jaxfric.loop.close import moves_far
+from jaxfric.loop.gates import taken
+from jaxfric.loop.refusal import Move, words_of_moves
 
 
 def estimate(value, std, *, determined=True):
@@ -46,14 +47,13 @@ def both(name, before, after):
 def test_what_is_taken_of_a_base(name, before, after, is_taken):
     pair = both(name, before, after)
     assert names(taken(*pair)) == ((name,) if is_taken else ())
-    assert (takes_refusal(taken(*pair)) is not None) is is_taken
 
 
 def test_what_is_not_determined_is_lost():
     before, after = both("A", (1.8e-3, 2e-5), (1.8e-3, 2e-5))
     for lost in (estimate(1.8e-3, 2e-5, determined=False), estimate(1.8e-3, math.inf)):
         found = taken(before, after | {"A": lost})
-        assert names(found) == ("A",) and "undetermined" in takes_refusal(found).words
+        assert names(found) == ("A",) and "undetermined" in words_of_moves(found)
     assert taken(before | {"A": estimate(1e-3, 1e-5, determined=False)}, after) == ()
 
 
@@ -66,4 +66,4 @@ def test_a_weight_may_take_the_mass_that_stood_for_it():
 
 @pytest.mark.parametrize(("after", "said"), [(-1.1e-3, False), (1.6e-3, True), (-0.8e-3, True)])
 def test_a_headline_parameter_that_moves_by_many_of_its_errors(after, said):
-    assert moves_far("A-B", estimate(-1.11e-3, 5e-5), estimate(after, 1e-3)) is said
+    assert moves_far(Move("A-B", estimate(-1.11e-3, 5e-5), estimate(after, 1e-3))) is said

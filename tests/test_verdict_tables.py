@@ -10,15 +10,17 @@ import numpy as np
 import pytest
 
 from jaxfric.fitting import Estimate
+from jaxfric.loop import refit as refit_module
 from jaxfric.loop import search as search_module
-from jaxfric.loop.engine import Engine, Rows
+from jaxfric.loop.evaluate import Rows
 from jaxfric.loop.family import CurveFamily, Decisive, OtherShape
-from jaxfric.loop.pace import Stopwatch
+from jaxfric.loop.floor import Floor
+from jaxfric.loop.gates import FITTED, Trial, refusal_of
 from jaxfric.loop.refusal import Fault, Move, Refusal
 from jaxfric.loop.screen import Screened
-from jaxfric.loop.search import fault, search
+from jaxfric.loop.search import search
 from jaxfric.loop.split import NAMES
-from jaxfric.loop.verdict import Floor, _verdict, conclude
+from jaxfric.loop.verdict import conclude, facts_of, verdict_of
 from jaxfric.threads import one_by_one
 
 SIGMA = 2e-3
@@ -46,8 +48,11 @@ def estimate(value, std):
     return Estimate(value, std, value - 2 * std, value + 2 * std, "1")
 
 
-def code_of(refusal):
-    return None if refusal is None else refusal.fault
+def of_a_fit(fit, *, chance):
+    """The code of the first gate that refuses a fit beside a base of 1 sigma."""
+    engine = SimpleNamespace(blocks=BLOCKS, rms_error=lambda used, noise: chance)
+    why = refusal_of(Trial(engine, None, candidate(), fit, candidate()), FITTED)
+    return None if why is None else why.fault
 
 
 class Made(SimpleNamespace):
@@ -62,21 +67,23 @@ class Made(SimpleNamespace):
 
 @pytest.mark.parametrize("rows_worth", [60.0, 15.0])
 @pytest.mark.parametrize("parameters", [1, 5, 8])
-def test_every_parameter_costs_the_logarithm_of_the_independent_rows(parameters, rows_worth):
+def test_every_parameter_costs_the_logarithm_of_the_independent_rows(
+    parameters, rows_worth, monkeypatch
+):
     """BIC = -2 ln L + p ln n; of correlated noise n is what the train rows are worth, not 60."""
     noise = SimpleNamespace(sigma=jnp.asarray(3.0), log_likelihood=jnp.asarray(-40.0))
     weight = 1.0 * BLOCKS.train
     engine = SimpleNamespace(
         weight=weight,
-        _noise=lambda residual, columns, near: SimpleNamespace(noise=noise),
+        noise_of=lambda residual, columns, near: SimpleNamespace(noise=noise),
         # columns of ones are asked for: their whitened squares are n/sigma^2
         whiten=lambda columns, noise, *_: (
             columns * weight[:, None] * np.sqrt(rows_worth / 60) / float(noise.sigma)
         ),
-        _predictive=lambda residual, noise: 7.0,
     )
+    monkeypatch.setattr(refit_module, "predictive", lambda *_: 7.0)
     rows = SimpleNamespace(residual=np.ones(100), extra=np.asarray([1.0, 2.0]))
-    bic, found = Engine.bic(engine, rows, parameters)
+    bic, found = refit_module.bic(engine, rows, parameters)
     assert bic == pytest.approx(80.0 + 5.0 + 7.0 + parameters * np.log(rows_worth), rel=1e-12)
     assert found is noise
 
@@ -111,12 +118,12 @@ def test_a_simulation_whose_derivatives_are_no_numbers_has_failed(residual, slop
 )
 def test_what_keeps_a_candidate_from_being_taken(altered, code):
     """Beside a base of rms 1 sigma everywhere, where chance leaves no room at all."""
-    assert code_of(fault(candidate(), candidate("a", **{"bic": -50.0, **altered}), 0.0)) is code
+    assert of_a_fit(candidate("a", **{"bic": -50.0, **altered}), chance=0.0) is code
 
 
 @pytest.mark.parametrize(("select", "code"), [(1.19, None), (1.21, Fault.SELECT)])
 def test_chance_on_the_select_block_is_two_standard_errors(select, code):
-    assert code_of(fault(candidate(), candidate("a", -50.0, select=select), 0.1)) is code
+    assert of_a_fit(candidate("a", -50.0, select=select), chance=0.1) is code
 
 
 def searched(monkeypatch, *screened, loose=(), takes=(), **fitted):
@@ -125,25 +132,29 @@ def searched(monkeypatch, *screened, loose=(), takes=(), **fitted):
     engine = SimpleNamespace(
         always=(), blocks=BLOCKS, offered=[SimpleNamespace(id=id) for id in ids],
         addable=lambda effects: [e for e in ids if e not in effects],
-        stopwatch=Stopwatch([0.1]), weight=np.ones(100), law=lambda *_: None,
-        rms_error=lambda used, noise: 0.0, learn_noise=lambda base: base,
-        each=one_by_one, at_once=1, seek_parts=lambda z: None,
+        weight=np.ones(100), law=lambda *_: None, rms_error=lambda used, noise: 0.0,
+        each=one_by_one,
         model=SimpleNamespace(
             effects=[SimpleNamespace(id=id) for id in ids],
             columns=lambda some: [ids.index(id) for id in some],
             amplitudes=lambda id: [ids.index(id)],
         ),
-        refit=lambda effects, start, exact=False: candidate(
-            effects, **fitted.get("_".join(effects), {})
-        ),
     )  # fmt: skip
+
+    def refit(engine, effects, start, exact=False):
+        return candidate(effects, **fitted.get("_".join(effects), {}))
+
+    monkeypatch.setattr(search_module, "refit", refit)
+    monkeypatch.setattr(search_module, "seek_parts", lambda engine, z: engine)
+    monkeypatch.setattr(search_module, "learn_noise", lambda engine, base: (engine, base))
     asked = [Screened(id, gain, np.ones(4), p) for id, gain, p in screened]
     monkeypatch.setattr(search_module, "screen", lambda *_: asked)
-    monkeypatch.setattr(search_module, "not_fixed", lambda *_: loose)
-    monkeypatch.setattr(search_module, "what_it_takes", lambda *_: takes)
+    monkeypatch.setattr("jaxfric.loop.gates.not_fixed", lambda *_: loose)
+    monkeypatch.setattr("jaxfric.loop.gates.what_it_takes", lambda *_: takes)
     monkeypatch.setattr(search_module, "aliases", lambda *_: (ids, np.eye(2)))
     found = search(engine, [np.zeros(4)], None, most=1, progress=lambda _: None)
-    return found.final.effects, {c.effects: c.refused for c in found.tried if c.refused}
+    why = {c.effects: c.refused[:3] for c in found.tried if c.refused}  # code, what it is about
+    return found.final.effects, why
 
 
 GOOD = {"bic": -50.0}
@@ -155,16 +166,21 @@ FAR = (Move("A-B", estimate(-1e-3, 5e-5), estimate(1e-3, 1e-3)),)
     ("p_value", "more", "found", "refused"),
     [
         (0.0099, {"a": GOOD}, ("a",), {}),
-        (0.0101, {"a": GOOD}, (), {("a",): Refusal(Fault.CHANCE)}),
+        (0.0101, {"a": GOOD}, (), {("a",): Refusal(Fault.CHANCE)[:3]}),
         (
             0.0,
             {"a": GOOD, "loose": ("a.x", "a.y")},
             (),
-            {("a",): Refusal(Fault.NOT_FIXED, ("a.x", "a.y"))},
+            {("a",): Refusal(Fault.NOT_FIXED, ("a.x", "a.y"))[:3]},
         ),
-        (0.0, {"a": {"bic": -9.0}}, (), {("a",): Refusal(Fault.WEAK)}),
-        (0.0, {"a": GOOD, "takes": (LOST,)}, (), {("a",): Refusal(Fault.TAKES, ("B",), (LOST,))}),
-        (0.0, {"a": {**GOOD, "select": 1.03}}, (), {("a",): Refusal(Fault.SELECT)}),
+        (0.0, {"a": {"bic": -9.0}}, (), {("a",): Refusal(Fault.WEAK)[:3]}),
+        (
+            0.0,
+            {"a": GOOD, "takes": (LOST,)},
+            (),
+            {("a",): Refusal(Fault.TAKES, ("B",), (LOST,))[:3]},
+        ),
+        (0.0, {"a": {**GOOD, "select": 1.03}}, (), {("a",): Refusal(Fault.SELECT)[:3]}),
     ],
 )
 def test_what_a_search_takes(monkeypatch, p_value, more, found, refused):
@@ -219,7 +235,7 @@ def found(*effects, base=1.0, tried=()):
     ],
 )
 def test_the_verdict(search, reasons, rivals, verdict):
-    assert _verdict(search, reasons, rivals, FLOOR) == verdict
+    assert verdict_of(facts_of(search, reasons, rivals, FLOOR)) == verdict
 
 
 def concluded(search, *, edge=None, tests=None, floor=None, curve=None, moved=()):
@@ -230,8 +246,9 @@ def concluded(search, *, edge=None, tests=None, floor=None, curve=None, moved=()
             effects=[SimpleNamespace(id=id, separated_by="more slip") for id in ("a", "b")]
         ),
     )
+    search.engine = engine
     return conclude(
-        engine, search, floor or FLOOR, tests or {}, edge=edge, located="", curve=curve, moved=moved
+        search, floor or FLOOR, tests or {}, edge=edge, located="", curve=curve, moved=moved
     )
 
 

@@ -158,6 +158,13 @@ def test_a_class_has_the_methods_that_its_view_can_serve(name, method):
     assert hasattr(classes()[name], method) == (getattr(view, part) is not None)
 
 
+@pytest.mark.parametrize("name", views.HOMES)
+def test_a_result_that_is_told_in_words_has_a_view_that_makes_them(name):
+    view = importlib.import_module(f"jaxfric.views.{views.HOMES[name]}").VIEW
+    told = issubclass(classes()[name], described.Worded)
+    assert told == (view.words is not None) == (view.json is not None)
+
+
 def test_only_a_posterior_has_draws():
     assert [n for n, c in classes().items() if issubclass(c, described.Drawn)] == ["Posterior"]
 

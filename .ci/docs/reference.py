@@ -22,7 +22,6 @@ PAGES: dict[str, tuple[str, tuple[str, ...]]] = {
             "stability",
             "stability.linear",
             "stability.theorem",
-            "stability.closed_form",
             "stability.margins",
             "stability.delay",
             "stability.analysis",

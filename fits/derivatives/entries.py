@@ -32,7 +32,7 @@ from jaxfric.rig.friction.law import Conditions
 from jaxfric.rig.friction.memoryless import critical_velocity, worst_slope
 from jaxfric.stability import delay, polynomial
 from jaxfric.stability.delay_roots import rightmost_roots
-from jaxfric.stability.kernel import ExponentialKernel, SampledKernel
+from jaxfric.stability.kernel import FunctionKernel, StateSpaceKernel
 from jaxfric.stability.linear import LinearFriction
 from jaxfric.stability.margins import margins
 from jaxfric.stability.theorem import apply_theorem
@@ -132,13 +132,13 @@ def _memoryless(q: Point):
     """Friction that falls with velocity and rises with slip: all roots are of second degree."""
     f_v, f_x, k, c, m = jnp.exp(q)
     none = jnp.zeros((0,))
-    friction = LinearFriction(-f_v, ExponentialKernel(none, none), f_x)
+    friction = LinearFriction(-f_v, StateSpaceKernel(jnp.zeros((0, 0)), none, none), f_x)
     found = margins(LinearSlider(m, k, c, friction))
     return {name: value for name, value in found.items() if name != "stiffness"}
 
 
 def _table(*, jump: bool):
-    """A kernel that is a table: smooth, or one that ends at once."""
+    """A kernel that is a function of time: smooth, or one that ends at once."""
 
     def function(q: Point):
         f_v, k, c, m, g1, r1, g2, r2 = jnp.exp(q)
@@ -148,7 +148,7 @@ def _table(*, jump: bool):
             return jnp.where(t < 2.0, decay, 0.0) if jump else decay
 
         breaks = (2.0,) if jump else ()
-        kernel = SampledKernel.from_function(g, 30.0, panels=8, order=8, breaks=breaks)
+        kernel = FunctionKernel(g, 30.0, panels=8, order=8, breaks=breaks)
         friction = LinearFriction(f_v, kernel, jnp.zeros_like(f_v))
         return _of_slider(LinearSlider(m, k, c, friction))
 

@@ -13,7 +13,7 @@ from .folder import choose_folder, json_text
 from .plan_line import loop_line
 
 if TYPE_CHECKING:
-    from ..loop.law_comparison import LawComparison
+    from ..loop.compare import LawComparison
     from ..report.fits_table import TabledFit
 
 
@@ -68,7 +68,7 @@ def compare(
     doing(f"reading {file.name}")
     measured = read_record(file, column, drop_bad, since, until, reduce=reduce)
     prepare_jax()
-    from ..loop.compared_laws import compare_laws
+    from ..loop.compare import compare_laws
     from ..plot.compared import draw_comparison
     from ..report.comparison import tabled
 

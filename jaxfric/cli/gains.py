@@ -141,6 +141,7 @@ def gains(
     late = optional_quantity(delay, "s", "--delay")
     from ..gains import check_gains, find_gains
     from ..plot.gains import draw_gains
+    from ..report import gains_json
     from ..report.gains_text import describe
 
     folder = choose_law_folder(out, from_, law)
@@ -165,7 +166,7 @@ def gains(
                 result, basin=basin, progress=lambda text: progress(f"{text} (2 of 3)")
             )
         progress("drawing figures (3 of 3)")
-        content = folder.save_json("gains.json", result.to_json())
+        content = folder.save_json("gains.json", gains_json.content(result))
         folder.draw("gains", lambda to: draw_gains(result, to))
         if map_:
             folder.draw("end_map", lambda to: _draw_map(result, to, progress))
@@ -178,7 +179,7 @@ def gains(
 def _draw_map(result: "Gains", folder: Path, progress: Callable[[str], None]) -> list[str]:
     import jax.numpy as jnp
 
-    from ..gains.cycle_map import cycle_map
+    from ..plot.cycle_map import cycle_map
     from ..plot.gains import draw_end_map
     from ..stability.analysis import steady_point
 

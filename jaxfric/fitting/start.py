@@ -422,7 +422,8 @@ def more_state_starts(
     Ls = np.geomspace(1e-3 * travel, travel, _GRID_PAIRS)
     driven = (jnp.asarray(x, float) for x in (V, dt, Ls, u[0], V0))
     h = np.asarray(_memory(first_evolution(model.law), *driven))
-    found = []
+    finite = np.isfinite(h).all(axis=0)  # a state may overflow on the way of a bad one-state fit
+    Ls, h, found = Ls[finite], h[:, finite], []
     for chosen in _combinations(len(Ls), model.states):
         columns = [np.ones_like(u), u, *(h[:, i] for i in chosen)]
         columns += [slip] * model.slip_trend

@@ -13,7 +13,7 @@ from jaxtyping import Array, ArrayLike, Float
 
 from ..stability.kernel import AbstractRationalKernel
 from ..stability.linear import LinearSlider
-from ..stability.margins import Analysis, margin, squared_distances
+from ..stability.margins import Analysis, damping_ratios, margin, squared_distances
 
 # An imaginary part below this share of a pole is rounding: the pole is real.
 _REAL = 1e-9
@@ -31,16 +31,16 @@ def branches(
     beside which decay rates count.
     """
     if isinstance(slider.friction.kernel, AbstractRationalKernel):
+        analysis = Analysis(slider)
         if name == "decay":
             characteristic = slider.polynomials()[0]
             if characteristic.size <= _DEGREE + 1:
                 return _hurwitz(characteristic, jnp.asarray(required), jnp.asarray(rate))
-            s = Analysis(slider).poles
-            return _once(s, -s.real) - required
+            return _once(analysis.poles, -analysis.poles.real) - required
         if name == "damping":
-            return _damping(slider) - required
+            return _once(analysis.poles, damping_ratios(analysis)) - required
         if name == "modulus":
-            return _modulus(slider) - required
+            return _modulus(analysis) - required
     return margin(name, slider)[None] - required
 
 
@@ -88,17 +88,8 @@ def _once(s: Array, values: Array) -> Array:
     return jnp.where(s.imag < -_REAL * jnp.abs(s), jnp.inf, values)
 
 
-def _damping(slider: LinearSlider) -> Float[Array, " n"]:
-    """-Re s/|s| of every pole."""
-    s = Analysis(slider).poles
-    square = s.real**2 + s.imag**2
-    ratio = -s.real / jnp.sqrt(jnp.where(square == 0, 1.0, square))
-    return _once(s, jnp.where(square == 0, 0.0, ratio))
-
-
-def _modulus(slider: LinearSlider) -> Float[Array, " n"]:
+def _modulus(analysis: Analysis) -> Float[Array, " n"]:
     """|1 + L(i w)| at every w where it may be least; of an unstable slider minus the least."""
-    analysis = Analysis(slider)
     square = squared_distances(analysis)
     some = (square > 0) & jnp.isfinite(square)
     distance = jnp.where(some, jnp.sqrt(jnp.where(some, square, 1.0)), square)

@@ -53,19 +53,11 @@ class EndState(eqx.Module):
 
     def unless(self, fault: Bool[Array, " *s"], code: ENDS) -> "EndState":
         """A copy of these ends with `code` and no numbers where `fault`."""
-
-        def drop(x: Array, value: float = jnp.inf) -> Array:
-            return jnp.where(fault, value, x)
-
-        return EndState(
-            ENDS.where(fault, code, self.code),
-            drop(self.velocity_amplitude),
-            drop(self.slip_amplitude),
-            drop(self.least_velocity, -jnp.inf),
-            drop(self.period),
-            drop(self.period_spread),
-            drop(self.growth),
-        )
+        found = {
+            name: jnp.where(fault, jnp.inf, x) for name, x in vars(self).items() if name != "code"
+        }
+        found["least_velocity"] = jnp.where(fault, -jnp.inf, self.least_velocity)
+        return EndState(ENDS.where(fault, code, self.code), **found)
 
 
 class Track(NamedTuple):

@@ -7,16 +7,17 @@ so the smallest norm lies on the frontier u(v), and its local minima along v are
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import ArrayLike
 
 from ..coordinate import Coordinate
 from ..rig.friction import AbstractLaw
+from .margins import slacks
 from .natural import NaturalSizes, natural_units, sizes
 from .requirement import Requirement
-from .scenarios import Scenarios, tiles
-from .slack import slacks
+from .scenarios import Scenarios, padded
 
 _BISECTIONS = 28
 # Of `zoom`: ever finer grids, points of each along v and u, and how far about its start.
@@ -51,12 +52,10 @@ _sizes_of = eqx.filter_jit(sizes)
 
 
 def _sizes(scenarios: Scenarios) -> NaturalSizes:
-    parts = []
-    for rows, used in tiles(len(scenarios), scenarios.tile):
-        some = scenarios.take(rows)
-        mass = np.zeros(len(rows)) if some.mass is None else some.mass
-        parts.append([np.asarray(x)[:used] for x in _sizes_of(some.friction, jnp.asarray(mass))])
-    return NaturalSizes(*(jnp.asarray(np.concatenate(part)) for part in zip(*parts, strict=True)))
+    rows = padded(np.arange(len(scenarios)), size=scenarios.tile)
+    mass = np.zeros(len(scenarios)) if scenarios.mass is None else scenarios.mass
+    found = _sizes_of(scenarios.take(rows).friction, jnp.asarray(mass[rows]))
+    return jax.tree.map(lambda x: x[: len(scenarios)], found)
 
 
 def axes(region: Region) -> tuple[np.ndarray, np.ndarray]:

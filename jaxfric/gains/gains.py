@@ -12,20 +12,19 @@ from ..errors import InputError
 from ..laws import LawSource
 from ..laws.file import Result, law_source
 from ..laws.registry import Law
-from ..rig.friction import AbstractDelayLaw, AbstractLaw
+from ..rig.friction import AbstractLaw
 from ..silent import silent
 from ..stability.linear import controller_delay, integral_gain
 from ..stability.margin_table import MARGINS, meaningless
 from ..units import parse_values
-from .frontier import FrontierPoint, Region, alone_of, largest_alone
+from .frontier import Region, alone_of, largest_alone
 from .hunting import Hunting, hunting
-from .margins import several_margins
-from .requirement import DEFAULT, Requirement
+from .margins import several_margins, slacks
+from .requirement import DEFAULT, Requirement, refuse_controller
 from .rest import friction_at_rest
 from .result import SHORTEST_DELAY, Certificate, Gains, LocalOptimum, WorstCase
 from .scenarios import Scenarios
-from .slack import slacks
-from .solve import Infeasible, NoGains, Optima, Optimum, Pair, drop_samples, make_region, solve
+from .solve import Infeasible, NoGains, Optima, Optimum, Pair, make_region, solve
 from .verify import CheckReport, choose, verify
 
 _CONFIDENCE_ROUNDS = 6
@@ -156,7 +155,7 @@ def seek_gains(
     delay = controller_delay(machine.sample_time, machine.delay)
     k_i = integral_gain(machine.integral_gain)
     told_late = "a sample time" if machine.delay is None else "a delay of the controller"
-    _check_controller(requirement, source.law, mass, delay, k_i, told_late)
+    refuse_controller(requirement, source.law, mass, delay, k_i, told_late)
     scenarios = Scenarios.product(source.samples, velocity, mass, delay, k_i)
     resting = friction_at_rest(scenarios) if source.level_known else None
     measure = _accurate(measure, resting, k_i)
@@ -176,7 +175,8 @@ def seek_gains(
             break
         kept = chosen
         tell(f"again without the {dropped} samples that ask for most")
-        solution = solve(requirement, drop_samples(scenarios, kept), region)
+        few = scenarios.take(np.flatnonzero(np.isin(scenarios.sample, kept)))
+        solution = solve(requirement, few, region)
     if isinstance(solution, Infeasible):
         return solution
     found = _result(source, requirement, solution, confidence, kept.size)
@@ -209,39 +209,12 @@ def _accurate(measure: Measure, resting: float | None, k_i: float | None) -> Mea
     return measure._replace(lower=(low, measure.lower[1]))
 
 
-def _check_controller(
-    requirement: Requirement,
-    law: Law,
-    mass: ArrayLike | None,
-    delay: float | None,
-    k_i: float | None,
-    told: str,
-) -> None:
-    """Raise `InputError` for a controller that the law or a required margin does not go with;
-    `told` names how its delay was given."""
-    if delay is None and k_i is None:
-        return
-    if delay is not None and mass is None:
-        raise InputError(f"{told} needs a mass: without one no delay of the controller is survived")
-    for name in requirement.names:
-        if reason := meaningless(name, late=delay is not None, integral=k_i is not None):
-            raise InputError(
-                f"margin {name} has no meaning with {reason}."
-                " Require modulus=0.5, gain, phase or delay"
-            )
-    if isinstance(law, AbstractDelayLaw):
-        what = "integral action" if delay is None else "a controller that answers late"
-        raise InputError(f"{what} under a delay law is not analysed; take another law")
-
-
 def _check_pairs(scale: Pair, lower: Pair, upper: Pair) -> None:
-    for what, pair in (("scale", scale), ("upper limit", upper)):
+    for what, pair in (("scale", scale), ("upper limit", upper), ("lower limit", lower)):
         for name, value in zip(("k_p", "k_v"), pair, strict=True):
-            if value is not None and not value > 0:
-                raise InputError(f"{what} of {name} is {value:g}; it must be positive")
-    for name, value in zip(("k_p", "k_v"), lower, strict=True):
-        if value is not None and not value >= 0:
-            raise InputError(f"lower limit of {name} is {value:g}; it must not be negative")
+            if value is not None and not (value > 0 or (value == 0 and pair is lower)):
+                must = "must not be negative" if pair is lower else "must be positive"
+                raise InputError(f"{what} of {name} is {value:g}; it {must}")
 
 
 def _difficulty(
@@ -260,8 +233,8 @@ def _result(
     best = solution.optima[0]
     kp, kv = (float(x) for x in best.gains)
     worst = _worst(scenarios, best.gains)
-    parts = [_basin(requirement, solution, optimum) for optimum in solution.optima]
-    parts += [_alone(requirement, solution, start) for start in solution.alone]
+    parts = [_local(requirement, solution, one, minimum=True) for one in solution.optima]
+    parts += [_local(requirement, solution, one, minimum=False) for one in solution.alone]
     certificate = Certificate(
         best.residual, solution.grid_points, solution.smaller_found, solution.rounds
     )
@@ -309,31 +282,22 @@ def _worst(scenarios: Scenarios, gains: np.ndarray) -> dict[str, WorstCase]:
     return worst
 
 
-def _basin(requirement: Requirement, solution: Optima, optimum: Optimum) -> LocalOptimum:
-    u, v = optimum.gains / solution.region.unit
-    slack = slacks(requirement, solution.scenarios, solution.region.unit, optimum.gains)
-    active = tuple(solution.scenarios.describe(index) for index in optimum.active)
-    kp, kv = (float(x) for x in optimum.gains)
+def _local(
+    requirement: Requirement, solution: Optima, one: Optimum, *, minimum: bool
+) -> LocalOptimum:
+    unit = solution.region.unit
+    u, v = one.gains / unit
     return LocalOptimum(
         "damped" if v > u else "stiff",
-        kp,
-        kv,
-        optimum.norm,
-        float(np.min(slack)),
-        optimum.residual,
-        active,
-        optimum.at_limit,
-        True,
+        float(one.gains[0]),
+        float(one.gains[1]),
+        one.norm,
+        float(np.min(slacks(requirement, solution.scenarios, unit, one.gains))),
+        one.residual,
+        tuple(solution.scenarios.describe(index) for index in one.active),
+        one.at_limit,
+        minimum,
     )
-
-
-def _alone(requirement: Requirement, solution: Optima, start: FrontierPoint) -> LocalOptimum:
-    pair = np.asarray(start[:2]) * solution.region.unit
-    slack = slacks(requirement, solution.scenarios, solution.region.unit, pair)[0]
-    worst = (solution.scenarios.describe(int(np.argmin(slack))),)
-    name = "damped" if start.v > start.u else "stiff"
-    kp, kv = (float(x) for x in pair)
-    return LocalOptimum(name, kp, kv, start.norm, float(np.min(slack)), np.inf, worst, True, False)
 
 
 def _warnings(

@@ -49,12 +49,6 @@ class Hunting(NamedTuple):
     duration: float
     """Time that was simulated [s]."""
 
-    def to_json(self) -> dict:
-        """The entry `hunting` of gains.json: grows, or amplitude and period, null for none."""
-        grows = self.amplitude is not None and not np.isfinite(self.amplitude)
-        amplitude = None if grows else self.amplitude
-        return {**self._asdict(), "amplitude": amplitude, "grows": grows}
-
 
 def hunting(
     law: AbstractLaw, mass: float, gains: tuple[float, float, float], static: float, fastest: float

@@ -1,15 +1,20 @@
-"""Stability margins over scenarios."""
+"""Margins and slacks of many pairs of gains and scenarios, through compiled functions.
 
-from collections.abc import Iterable
+Pairs are cut into tiles of one fixed size: whatever is asked, one shape is compiled, which takes
+longer than any evaluation.
+"""
+
+from collections.abc import Callable, Iterable
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, PyTree
 
-from ..stability.linear import LinearFriction, Setting
+from ..stability.linear import LinearFriction, LinearSlider, Setting
 from ..stability.margins import several
+from .requirement import Requirement
 from .scenarios import Scenarios, tiles
 
 
@@ -22,29 +27,60 @@ def several_margins(
     names: Iterable[str], scenarios: Scenarios, gains: np.ndarray
 ) -> dict[str, np.ndarray]:
     """Margins in every scenario at gains (k_p, k_v), each of shape (n,)."""
-    names = tuple(names)
-    at = jnp.asarray(gains, float)
-    found = {name: np.empty(len(scenarios)) for name in names}
-    for rows, used in tiles(len(scenarios), _size(scenarios)):
-        some = scenarios.take(rows)
-        values = _values(names, some.friction, some.setting, at)
-        for name in names:
-            found[name][rows[:used]] = np.asarray(values[name])[:used]
-    return found
+    names, number = tuple(names), len(scenarios)
+    of, size = jax.tree_util.Partial(several, names), 64 if number <= 512 else scenarios.tile
+    every = np.broadcast_to(np.asarray(gains, float), (number, 2))
+    found = _tiled(of, scenarios, every, np.arange(number), size)
+    return {name: found[name] for name in names}  # compiled functions sort them
 
 
-def _size(scenarios: Scenarios) -> int:
-    return 64 if len(scenarios) <= 512 else scenarios.tile
+def slacks(
+    requirement: Requirement, scenarios: Scenarios, unit: np.ndarray, gains: np.ndarray
+) -> np.ndarray:
+    """Least slack of every scenario (columns) at every pair of gains (rows), shape (p, n)."""
+    gains = np.atleast_2d(np.asarray(gains, float))
+    row, column = np.divmod(np.arange(len(gains) * len(scenarios)), len(scenarios))
+    flat = paired_slacks(requirement, scenarios, unit, gains[row], column)
+    return flat.reshape(len(gains), len(scenarios))
+
+
+def paired_slacks(
+    requirement: Requirement,
+    scenarios: Scenarios,
+    unit: np.ndarray,
+    gains: np.ndarray,
+    index: np.ndarray,
+) -> np.ndarray:
+    """Least slack of scenario `index[i]` at `gains[i]`, shape (n,)."""
+    of = jax.tree_util.Partial(_slack, requirement, jnp.asarray(unit))
+    return _tiled(of, scenarios, gains, index, scenarios.tile) if len(index) else np.empty(0)
+
+
+def _slack(requirement: Requirement, unit: Array, slider: LinearSlider) -> Array:
+    return requirement.slack(slider, unit)
+
+
+def _tiled(
+    function: Callable[[LinearSlider], PyTree],
+    scenarios: Scenarios,
+    gains: np.ndarray,
+    index: np.ndarray,
+    size: int,
+) -> PyTree:
+    """A function of the slider in scenario `index[i]` with `gains[i]`, for all i."""
+    parts = []
+    for rows, used in tiles(len(index), size):
+        some = scenarios.take(index[rows])
+        found = _tile(function, some.friction, some.setting, jnp.asarray(gains[rows]))
+        parts.append(jax.tree.map(lambda x, used=used: np.asarray(x)[:used], found))
+    return jax.tree.map(lambda *x: np.concatenate(x), *parts)
 
 
 @eqx.filter_jit
-def _values(
-    names: tuple[str, ...],
+def _tile(
+    function: Callable[[LinearSlider], PyTree],
     friction: LinearFriction,
     setting: Setting,
     gains: Array,
-) -> dict[str, Float[Array, " n"]]:
-    def one(friction: LinearFriction, setting: Setting) -> dict[str, Array]:
-        return several(names, setting.slider(gains, friction))
-
-    return jax.vmap(one)(friction, setting)
+) -> PyTree:
+    return jax.vmap(lambda f, s, g: function(s.slider(g, f)))(friction, setting, gains)

@@ -28,7 +28,6 @@ from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
 from ..errors import InputError
 from ..laws.registry import Law
-from ..rig.friction import AbstractDelayLaw
 from ..stability.linear import (
     LinearFriction,
     Setting,
@@ -36,11 +35,10 @@ from ..stability.linear import (
     refuse_no_law,
     refuse_without_steady_state,
 )
-from ..stability.margin_table import meaningless
 from ..stability.undefined import undefined
 from .kkt import DERIVATIVE, POSITIVE, WEAK, carried, derivative, kkt_of
 from .natural import natural_units, sizes
-from .requirement import Requirement
+from .requirement import Requirement, refuse_controller
 from .scenarios import linearised
 from .search import GainProblem, search
 
@@ -149,7 +147,9 @@ def minimum_gains(
         margin that does not exist, limits that leave nothing between them.
     """
     refuse_no_law(law)
-    requirement = _requirement(requirement, mass, delay, integral_gain, law)
+    if not isinstance(requirement, Requirement):
+        requirement = Requirement.with_default(requirement)
+    refuse_controller(requirement, law, mass, delay, integral_gain)
     settings = (velocity, mass, delay, integral_gain)
     given = [jnp.asarray(x, float) for x in settings if x is not None]
     if sample is not None:
@@ -187,31 +187,6 @@ def minimum_gains(
     return _solve(GainProblem(friction, setting, requirement, unit, chosen, low, high), possible)
 
 
-def _requirement(
-    given: Requirement | Mapping[str, float | Array],
-    mass: ArrayLike | None,
-    delay: ArrayLike | None,
-    integral: ArrayLike | None,
-    law: Law,
-) -> Requirement:
-    """The requirement; refuses margins and controllers that have no meaning together."""
-    requirement = given if isinstance(given, Requirement) else Requirement.with_default(given)
-    if delay is None and integral is None:
-        return requirement
-    if delay is not None and mass is None:
-        raise InputError("minimum_gains: a delay needs a mass; without one no delay is survived")
-    if isinstance(law, AbstractDelayLaw):
-        what = "integral action" if delay is None else "a late controller"
-        raise InputError(f"minimum_gains: {what} under a delay law is not analysed")
-    for name in requirement.names:
-        if reason := meaningless(name, late=delay is not None, integral=integral is not None):
-            raise InputError(
-                f"minimum_gains: margin {name} has no meaning with {reason}; require modulus,"
-                " gain, phase or delay"
-            )
-    return requirement
-
-
 def _refuse(
     V: Array,
     setting: Setting,
@@ -220,20 +195,19 @@ def _refuse(
     scale: ArrayLike | Pair | None,
 ) -> None:
     """Raise `InputError` for numbers that are wrong, where their values are known."""
-    checks = [("velocity", V, "m/s", 0.0, False), ("lower limit", lower, "(SI)", 0.0, True)]
-    if setting.mass is not None:
-        checks.append(("mass", setting.mass, "kg", 0.0, True))
-    if setting.delay is not None:
-        checks.append(("delay", setting.delay, "s", 0.0, False))
-    if setting.integral is not None:
-        checks.append(("integral gain", setting.integral, "N/(m s)", 0.0, False))
-    if scale is not None:
-        checks.append(("scale", jnp.asarray(scale, float), "(SI)", 0.0, False))
-    for what, values, unit, least, included in checks:
-        if isinstance(values, Tracer):
+    checks = (
+        ("velocity", V, "m/s", False),
+        ("lower limit", lower, "(SI)", True),
+        ("mass", setting.mass, "kg", True),
+        ("delay", setting.delay, "s", False),
+        ("integral gain", setting.integral, "N/(m s)", False),
+        ("scale", None if scale is None else jnp.asarray(scale, float), "(SI)", False),
+    )
+    for what, values, unit, included in checks:
+        if values is None or isinstance(values, Tracer):
             continue
         known = np.asarray(values)
-        good = np.isfinite(known) & ((known >= least) if included else (known > least))
+        good = np.isfinite(known) & ((known >= 0) if included else (known > 0))
         if not good.all():
             wanted = "0 or more" if included else "above 0"
             raise InputError(

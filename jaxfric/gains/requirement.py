@@ -8,13 +8,15 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from ..errors import InputError
+from ..laws.registry import Law
 from ..pairs import read_pairs
+from ..rig.friction import AbstractDelayLaw
 from ..stability.kernel import DelayKernel
 from ..stability.linear import LinearSlider
-from ..stability.margin_table import known_margin
+from ..stability.margin_table import known_margin, refuse_meaningless
 from ..stability.margins import several
 from ..stability.theorem import apply_theorem
 from ..units import parse_quantity
@@ -114,6 +116,25 @@ class Requirement(eqx.Module):
                 beyond = branches(name, slider, required, unit[0] / unit[1])
                 found.append(_limited(beyond, required))
         return jnp.concatenate(found)
+
+
+def refuse_controller(
+    requirement: Requirement,
+    law: Law,
+    mass: ArrayLike | None,
+    delay: ArrayLike | None,
+    integral: ArrayLike | None,
+    told: str = "a delay of the controller",
+) -> None:
+    """Raise `InputError` for a controller that the law or a required margin does not go with;
+    `told` names how its delay was given."""
+    late, integrates = delay is not None, integral is not None
+    if late and mass is None:
+        raise InputError(f"{told} needs a mass: without one no delay of the controller is survived")
+    refuse_meaningless(requirement.names, late=late, integral=integrates)
+    if (late or integrates) and isinstance(law, AbstractDelayLaw):
+        what = "a controller that answers late" if late else "integral action"
+        raise InputError(f"{what} under a delay law is not analysed; take another law")
 
 
 def _limited(beyond: Array, required: float) -> Array:

@@ -13,7 +13,6 @@ from .requirement import FRAGILE, Requirement
 from .scenarios import Scenarios
 from .verify import CheckReport
 
-SCHEMA = "jaxfric.gains/1"
 SHOWN = 1e-6
 """Largest residual of the KKT equations at which gains are shown to be a local minimum."""
 SHORTEST_DELAY = 5e-5
@@ -113,11 +112,6 @@ class Gains(Described, Drawable, Tabular):
         return unit_of(si_unit, self.coordinate)
 
     @property
-    def basins(self) -> tuple[LocalOptimum, ...]:
-        """The old name of `optima`, kept for its users."""
-        return self.optima
-
-    @property
     def any_stiffness(self) -> bool:
         """Whether k_p is at its default lower limit, which stands for any positive stiffness."""
         return self.region.any_stiffness(self.kp)
@@ -179,105 +173,7 @@ class Gains(Described, Drawable, Tabular):
         off = "modulus" not in self.requirement.names
         return off and known is not None and known.value < FRAGILE
 
-    def to_json(self) -> dict:
-        """The content of `gains.json`, schema "jaxfric.gains/1"; SI, null for infinite."""
-        simulation = None if self.simulation is None else self.simulation.to_json()
-        return {
-            "schema": SCHEMA,
-            "law": self.law,
-            "controller_delay": self.delay,
-            "recommended": not self.unsafe,
-            "not_recommended": list(self.unsafe),
-            "fragile": self.fragile,
-            "kp": self.kp,
-            "kv": self.kv,
-            "ki": self.integral or 0.0,
-            "units": {
-                "kp": self.unit("N/m"),
-                "kv": self.unit("N s/m"),
-                "ki": self.unit("N/(m s)"),
-                "velocity": self.unit("m/s"),
-                "mass": self.unit("kg"),
-            },
-            "norm": self.norm,
-            "scales": {"kp": float(self.region.scale[0]), "kv": float(self.region.scale[1])},
-            "limits": {
-                "kp": [_number(self.region.lower[0]), _number(self.region.upper[0])],
-                "kv": [_number(self.region.lower[1]), _number(self.region.upper[1])],
-            },
-            "required": dict(zip(self.requirement.names, self.requirement.values, strict=True)),
-            "basins": [
-                {
-                    "name": optimum.name,
-                    "kp": optimum.kp,
-                    "kv": optimum.kv,
-                    "norm": optimum.norm,
-                    "margin": optimum.margin,
-                    "kkt": _number(optimum.kkt),
-                    "active": list(optimum.active),
-                    "at_limit": optimum.at_limit,
-                    "minimum": optimum.minimum,
-                }
-                for optimum in self.optima
-            ],
-            "at_rest": {
-                "friction": self.rest_friction,
-                "dead_band": self.dead_band,
-                "accuracy": self.accuracy,
-                "hunting": self.hunting and self.hunting.to_json(),
-                "units": {"friction": self.unit("N"), "dead_band": self.unit("m")},
-            },
-            "alone": self._alone(),
-            "largest": self.largest
-            and dict(zip(("kp", "kv"), map(_number, self.largest), strict=True)),
-            "margins": {
-                name: {
-                    "value": _number(worst.value),
-                    "unit": worst.unit,
-                    "worst_scenario": worst.scenario,
-                }
-                for name, worst in self.margins.items()
-            },
-            "scenarios": {
-                "n": len(self.scenarios),
-                "velocities": _range(self.scenarios.velocity),
-                "masses": None if self.scenarios.mass is None else _range(self.scenarios.mass),
-                "samples": int(np.unique(self.scenarios.sample).size),
-                "confidence": self.confidence,
-                "kept_samples": self.kept_samples,
-            },
-            "certificate": {
-                "kkt": _number(self.certificate.kkt),
-                "grid_points": self.certificate.grid_points,
-                "smaller_found": self.certificate.smaller_found,
-                "rounds": self.certificate.rounds,
-            },
-            "simulation": simulation,
-            "warnings": list(self.warnings),
-        }
-
-    def _alone(self) -> dict | None:
-        if self.alone is None:
-            return None
-        known, edges = self.alone, self.alone.edge or (np.inf, np.inf)
-        return {
-            name: {
-                "meets": known.meets[i],
-                "tried": _number(known.tried[i]),
-                "without_margins": _number(edges[i]),
-            }
-            for i, name in enumerate(("stiffness", "damping"))
-        }
-
 
 def norm_text(norm: float, digits: int = 5) -> str:
     """A norm; that of the least k_p that is tried, which stands for any, is none."""
     return "0" if norm < NOTHING else f"{norm:.{digits}g}"
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
-
-
-def _range(values: np.ndarray) -> list[float]:
-    return [float(np.min(values)), float(np.max(values))]

@@ -7,7 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike
+from jaxtyping import Array, ArrayLike, PyTree
 
 from ..errors import InputError
 from ..laws.registry import Law
@@ -86,43 +86,32 @@ class Scenarios:
     ) -> "Scenarios":
         """Scenarios listed one by one."""
         velocity, sample = np.asarray(velocity, float), np.asarray(sample)
-        parts = []
-        for index, used in tiles(len(velocity), _SMALL_TILE if len(velocity) <= 512 else _TILE):
-            part = linearised(laws, jnp.asarray(velocity[index]), jnp.asarray(sample[index]))
-            parts.append(jax.tree.map(lambda leaf, used=used: np.asarray(leaf)[:used], part))
-        friction = jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
+        number = len(velocity)
+        rows = padded(np.arange(number), size=_SMALL_TILE if number <= 512 else _TILE)
+        found = linearised(laws, jnp.asarray(velocity[rows]), jnp.asarray(sample[rows]))
+        friction = jax.tree.map(lambda leaf: np.asarray(leaf)[:number], found)
         refuse_without_steady_state(velocity, friction)
         return Scenarios(laws, velocity, mass, sample, friction, delay, integral)
 
+    @property
+    def _rows(self) -> dict[str, PyTree]:
+        """What has a row for each scenario."""
+        return {name: value for name, value in vars(self).items() if name != "laws"}
+
     def take(self, index: ArrayLike | Sequence[int]) -> "Scenarios":
         """The scenarios at some indices."""
-        index = np.asarray(index)
-        friction = jax.tree.map(lambda leaf: leaf[index], self.friction)
-        known = (self.mass, self.delay, self.integral)
-        mass, *rest = (None if x is None else x[index] for x in known)
-        return Scenarios(self.laws, self.velocity[index], mass, self.sample[index], friction, *rest)
+        rows = np.asarray(index)
+        return Scenarios(self.laws, **jax.tree.map(lambda leaf: leaf[rows], self._rows))
 
     def at_velocities(self, index: ArrayLike, velocity: np.ndarray) -> "Scenarios":
         """Scenarios that differ from those at `index` in velocity only."""
-        rows = np.broadcast_to(np.asarray(index), velocity.shape)
-        known = (self.mass, self.delay, self.integral)
-        mass, *rest = (None if x is None else x[rows] for x in known)
-        return Scenarios.at(self.laws, velocity, mass, self.sample[rows], *rest)
+        of = self.take(np.broadcast_to(np.asarray(index), velocity.shape))
+        return Scenarios.at(self.laws, velocity, of.mass, of.sample, of.delay, of.integral)
 
     def join(self, other: "Scenarios") -> "Scenarios":
         """These scenarios followed by the others."""
-
-        def both(a: ArrayLike, b: ArrayLike | None) -> np.ndarray:
-            return np.concatenate([np.asarray(a), np.asarray(b)])
-
-        friction = jax.tree.map(both, self.friction, other.friction)
-        mass, *rest = (
-            None if mine is None else both(mine, getattr(other, name))
-            for name in ("mass", "delay", "integral")
-            for mine in [getattr(self, name)]
-        )
-        velocity, sample = both(self.velocity, other.velocity), both(self.sample, other.sample)
-        return Scenarios(self.laws, velocity, mass, sample, friction, *rest)
+        rows = jax.tree.map(lambda *both: np.concatenate(both), self._rows, other._rows)
+        return Scenarios(self.laws, **rows)
 
     def law(self, index: int) -> Law:
         """The law of one scenario."""

@@ -129,8 +129,3 @@ def slowest_mode(poles: Array) -> Array:
     """Size of the slowest of the linear modes that a simulation waits for [1/s]."""
     size = jnp.abs(poles)
     return jnp.maximum(jnp.min(size), jnp.max(size) / SPREAD)
-
-
-def traced(x: ArrayLike | None) -> Array | None:
-    """An array, for a compiled function not to depend on the value."""
-    return None if x is None else jnp.asarray(x, jnp.result_type(float))

@@ -26,11 +26,10 @@ from ..errors import InputError
 from ..stability.kernel import AbstractRationalKernel
 from .frontier import FrontierPoint, Region, alone, minima, region_units, zoom
 from .kkt import WEAK, kkt_of
-from .margins import margin_values
+from .margins import margin_values, slacks
 from .requirement import Requirement
 from .scenarios import Scenarios, number_of_samples, padded
 from .search import CARRIED, ROUNDS, TRUST, GainProblem, Steps, steps
-from .slack import slacks
 
 Pair = tuple[float | None, float | None]
 """(k_p, k_v), each None where it is not given."""
@@ -71,11 +70,10 @@ class Optima(NamedTuple):
     """Local optima, smallest norm first, with their certificate."""
 
     optima: list[Optimum]
-    alone: list[FrontierPoint]
+    alone: list[Optimum]
     """Gains that hold the slider by stiffness or by damping alone, where they are no optimum."""
     meets: tuple[bool, bool]
     """Whether stiffness alone and damping alone hold it, as an optimum or not."""
-    carried: Scenarios
     scenarios: Scenarios
     region: Region
     rounds: int
@@ -129,10 +127,13 @@ def solve(requirement: Requirement, scenarios: Scenarios, region: Region) -> Opt
         points, smaller = _dense(requirement, scenarios, carried, region, optima)
         if smaller is None or rounds == _ROUNDS:
             found = 0 if smaller is None else len(smaller)
-            others = _others(single, optima, region)
+            others = [
+                _held(requirement, scenarios, region, one, np.inf, at_limit=True)
+                for one in _others(single, optima, region)
+            ]
             low = region.lower / region.unit
             meets = any(s.v == low[1] for s in single), any(s.u == low[0] for s in single)
-            return Optima(optima, others, meets, carried, scenarios, region, rounds, points, found)
+            return Optima(optima, others, meets, scenarios, region, rounds, points, found)
         least = smaller[np.argmin(region.norm(smaller))]
         starts = [*starts, FrontierPoint(*(least / region.unit), float(region.norm(least)))]
     raise AssertionError("unreachable")
@@ -201,10 +202,23 @@ def _optima(
     least = min(lost, key=lambda start: start.norm, default=None)
     if least is not None and not (kept and kept[0].norm <= least.norm):
         near = zoom(requirement, carried, region, least)
-        gains = np.asarray(near[:2]) * region.unit
-        worst = int(np.argmin(slacks(requirement, scenarios, region.unit, gains)[0]))
-        kept.insert(0, Optimum(gains, near.norm, 1.0, (worst,), False))
+        kept.insert(0, _held(requirement, scenarios, region, near, 1.0, at_limit=False))
     return kept
+
+
+def _held(
+    requirement: Requirement,
+    scenarios: Scenarios,
+    region: Region,
+    point: FrontierPoint,
+    residual: float,
+    *,
+    at_limit: bool,
+) -> Optimum:
+    """A point of the frontier that the steps did not end at, with its worst scenario."""
+    gains = np.asarray(point[:2]) * region.unit
+    worst = int(np.argmin(slacks(requirement, scenarios, region.unit, gains)[0]))
+    return Optimum(gains, point.norm, residual, (worst,), at_limit)
 
 
 def _others(
@@ -293,7 +307,7 @@ def _feasible(
 
 def _infeasible(requirement: Requirement, scenarios: Scenarios, region: Region) -> Infeasible:
     """An `Infeasible` that names the worst scenario at the gains whose worst scenario is best."""
-    u = np.concatenate([np.geomspace(1e-6, 1e4, 61)])
+    u = np.geomspace(1e-6, 1e4, 61)
     v = np.concatenate([[0.0], np.geomspace(1e-5, 1e3, 61)])
     grid = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2) * region.unit
     grid = np.unique(np.clip(grid, region.lower, region.upper), axis=0)
@@ -330,8 +344,3 @@ def _missed(
     i = int(np.argmin(slack))
     value = margin_values(requirement.names[i], scenario, gains)
     return requirement.names[i], requirement.values[i], float(value[0])
-
-
-def drop_samples(scenarios: Scenarios, kept: np.ndarray) -> Scenarios:
-    """The scenarios of some of the samples."""
-    return scenarios.take(np.flatnonzero(np.isin(scenarios.sample, kept)))

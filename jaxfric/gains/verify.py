@@ -1,4 +1,8 @@
-"""Gains checked by nonlinear simulation, in the scenarios that matter most."""
+"""Gains checked by nonlinear simulation, in the scenarios that matter most.
+
+A margin is linear and says nothing about the size of the disturbance that a steady motion
+survives. Here are the standard starts, and the size of the basin.
+"""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -11,15 +15,18 @@ from jaxtyping import Array, Float
 
 from ..rig import Inertial, QuasiStatic, Rig
 from ..rig.friction.law import AbstractLaw
-from ..simulation import Start, rest_start, step_start
+from ..simulation import Start, jump_start, rest_start, step_start, velocity_start
 from ..simulation.start import regularised
-from ..stability.linear import LinearFriction, LinearSlider
+from ..stability.linear import LinearFriction, Setting
 from ..stability.margins import poles
-from .check import STARTS, standard_starts
 from .ends import ENDS, EndState
 from .scenarios import Scenarios, padded, tiles
-from .settle import PERIODS, end_state, slowest_mode, traced
+from .settle import PERIODS, end_state, slowest_mode
 
+STARTS = ("faster", "slower", "spring longer", "spring shorter", "at rest")
+"""The standard starts, in the order in which they are simulated."""
+_CHANGE = 0.5  # relative change of the velocity
+_SEED = 0.01  # spring force that goes with a velocity perturbation, in units of the force scale
 # Simulations in one call: one shape to compile.
 _LANES = 32
 # Factors tried in each round of the search for the basin.
@@ -55,19 +62,6 @@ class CheckReport:
     """How the first larger jump ends, None where none is lost."""
     starts: tuple[CheckedStart, ...]
 
-    def to_json(self) -> dict:
-        """The entry `simulation` of gains.json."""
-        return {
-            "checked": self.checked,
-            "steady": self.steady,
-            "limit_cycle": self.limit_cycle,
-            "escaped": self.escaped,
-            "unresolved": self.unresolved,
-            "basin": self.basin,
-            "basin_lost": self.basin_lost,
-            "starts": [dict(vars(start)) for start in self.starts],
-        }
-
 
 def choose(scenarios: Scenarios, slack: np.ndarray, *, number: int = 4) -> np.ndarray:
     """The scenarios with the least slack, one for each velocity, and the slowest and fastest."""
@@ -93,22 +87,25 @@ def verify(
     if starts:
         where = np.repeat(np.arange(len(scenarios)), len(STARTS))
         kind = np.tile(np.arange(len(STARTS)), len(scenarios))
-        ends = _simulated(scenarios, gains, where, kind, np.zeros(where.size))
+        ends, numbers = _simulated(scenarios, gains, where, kind, np.zeros(where.size))
+        known = np.isfinite(numbers) & (ends == "limit_cycle")[:, None]
         rows = [
-            _row(scenarios, int(i), STARTS[j], end)
-            for i, j, end in zip(where, kind, ends, strict=True)
+            CheckedStart(
+                scenarios.describe(i),
+                STARTS[j],
+                str(end),
+                *(float(x) if told else None for x, told in zip(of, some, strict=True)),
+            )
+            for i, j, end, of, some in zip(where, kind, ends, numbers, known, strict=True)
         ]
-    counts = {name: sum(row.end == name for row in rows) for name in _NAMES}
+    counts = [sum(row.end == name for row in rows) for name in _NAMES]
     sizes = jump_sizes(scenarios, gains, largest=largest)
     smaller = np.minimum(sizes.up, sizes.down)
     least = int(np.argmin(smaller))
     lost = sizes.lost[least]
     return CheckReport(
         len(rows),
-        counts["steady"],
-        counts["limit_cycle"],
-        counts["escape"],
-        counts["unresolved"],
+        *counts,
         float(smaller[least]),
         None if lost == "steady" else lost,
         tuple(rows),
@@ -134,19 +131,20 @@ def _rigs(scenarios: Scenarios, gains: np.ndarray) -> tuple[Rig, jnp.ndarray]:
 def _times(scenarios: Scenarios, gains: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Horizon [s] and slowest decay [1/s] of each scenario, from the linear poles."""
     some = scenarios.take(padded(np.arange(len(scenarios))))
-    horizon, decay = _paces(some.friction, traced(some.mass), jnp.asarray(gains, float))
+    at_once = Setting(some.setting.mass)
+    horizon, decay = _paces(some.friction, at_once, jnp.asarray(gains, float))
     return np.asarray(horizon)[: len(scenarios)], np.asarray(decay)[: len(scenarios)]
 
 
 @eqx.filter_jit
 def _paces(
-    friction: LinearFriction, mass: Array | None, gains: Array
+    friction: LinearFriction, setting: Setting, gains: Array
 ) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
-    def one(friction: LinearFriction, mass: Array | None) -> tuple[Array, Array]:
-        s = poles(LinearSlider(mass, gains[0], gains[1], friction))
+    def one(friction: LinearFriction, setting: Setting) -> tuple[Array, Array]:
+        s = poles(setting.slider(gains, friction))
         return PERIODS * 2 * jnp.pi / slowest_mode(s), -jnp.max(s.real)
 
-    return jax.vmap(one, in_axes=(0, None if mass is None else 0))(friction, mass)
+    return jax.vmap(one)(friction, setting)
 
 
 class JumpSizes(NamedTuple):
@@ -175,9 +173,8 @@ def jump_sizes(scenarios: Scenarios, gains: np.ndarray, *, largest: float = 10.0
         where = np.broadcast_to(np.arange(number)[None, :, None], grid.shape)
         log_ratio = (sign * grid).ravel()
         kind = np.full(log_ratio.size, len(STARTS))
-        found = _simulated(scenarios, gains, where.ravel(), kind, log_ratio)
-        names = np.asarray([end.name for end in found], object).reshape(grid.shape)
-        low, high, ends = _narrowed(grid, names, low, high, ends)
+        names, _ = _simulated(scenarios, gains, where.ravel(), kind, log_ratio)
+        low, high, ends = _narrowed(grid, names.reshape(grid.shape), low, high, ends)
         if np.all(np.isinf(high)):
             break
         step = np.where(np.isinf(high), 0.0, high - low) / (_POINTS + 1)
@@ -199,35 +196,29 @@ def _narrowed(
     return safe, np.where(some, at, high), np.where(some, name, ends)
 
 
-class _End(NamedTuple):
-    name: str
-    amplitude: float
-    period: float
-    least_velocity: float
-
-
 def _simulated(
     scenarios: Scenarios,
     gains: np.ndarray,
     where: np.ndarray,
     kind: np.ndarray,
     log_ratio: np.ndarray,
-) -> list[_End]:
-    """How simulations end, each in scenario `where`, from the start `kind` (see `_start`)."""
+) -> tuple[np.ndarray, np.ndarray]:
+    """How simulations end, each in scenario `where`, from the start `kind` (see `_start`): names,
+    and amplitude of the velocity, period and least velocity of each."""
     horizon, decay = _times(scenarios, gains)
-    found: list[_End] = []
+    names, numbers = [], []
     for lane, used in tiles(len(where), _LANES):
-        rigs, velocity = _rigs(scenarios.take(where[lane]), gains)
         at = where[lane]
+        rigs, velocity = _rigs(scenarios.take(at), gains)
         lanes = _Lanes(
             velocity, *map(jnp.asarray, (horizon[at], decay[at], kind[lane], log_ratio[lane]))
         )
         ends = _ends(rigs, lanes)
-        masks = np.stack([np.asarray(ends.code == getattr(ENDS, name)) for name in _NAMES])
-        numbers = (ends.velocity_amplitude, ends.period, ends.least_velocity)
-        columns = zip(np.argmax(masks, axis=0), *(np.asarray(x) for x in numbers), strict=True)
-        found += [_End(_NAMES[code], *map(float, rest)) for code, *rest in columns][:used]
-    return found
+        masks = [np.asarray(ends.code == getattr(ENDS, name)) for name in _NAMES]
+        names.append(np.asarray(_NAMES, object)[np.argmax(masks, axis=0)][:used])
+        found = np.stack([ends.velocity_amplitude, ends.period, ends.least_velocity], axis=1)
+        numbers.append(found[:used])
+    return np.concatenate(names), np.concatenate(numbers)
 
 
 @eqx.filter_jit
@@ -256,11 +247,25 @@ def _start(rig: Rig, V: Array, kind: Array, ratio: Array) -> Start:
     return jax.tree.map(lambda *leaves: jnp.stack(leaves)[kind], *every)
 
 
-def _row(scenarios: Scenarios, index: int, start: str, end: _End) -> CheckedStart:
-    numbers = end[1:] if end.name == "limit_cycle" else (np.nan,) * 3
-    values = [_number(x) for x in numbers]
-    return CheckedStart(scenarios.describe(index), start, end.name, *values)
+def standard_starts(rig: Rig, V: Float[Array, ""]) -> list[Start]:
+    """The first four of `STARTS`, which move: velocity half as large again or half as large, the
+    load point F/K ahead or behind, F the law's `force_scale`.
+
+    With mass the spring is also longer (shorter) by 1 % of F/K: a light slider loses its velocity
+    before it has moved, and would sit on an unstable steady motion for ever. Without mass and
+    dashpot the load point's jump multiplies a rate-and-state slider's velocity by e.
+    """
+    jump = rig.friction.force_scale() / rig.machine.stiffness
+    return [
+        _seeded(rig, velocity_start(rig, V, jnp.asarray(_CHANGE)), _SEED),
+        _seeded(rig, velocity_start(rig, V, jnp.asarray(-_CHANGE)), -_SEED),
+        jump_start(rig, V, jump),
+        jump_start(rig, V, -jump),
+    ]
 
 
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
+def _seeded(rig: Rig, start: Start, seed: float) -> Start:
+    if not isinstance(rig.machine, Inertial) or start.elongation is None:
+        return start
+    longer = seed * rig.friction.force_scale() / rig.machine.stiffness
+    return Start(start.velocity, start.elongation + longer, start.state)

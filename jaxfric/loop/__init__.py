@@ -1,9 +1,9 @@
 """Closing the loop: find what a model lacks, name it, add it, report before and after."""
 
-from .compared_laws import compare_laws as compare_laws
+from .compare import LawComparison as LawComparison
+from .compare import LawScore as LawScore
+from .compare import compare_laws as compare_laws
 from .findings import LoopCode as LoopCode
-from .law_comparison import LawComparison as LawComparison
-from .law_comparison import LawScore as LawScore
 from .loop import close_loop as close_loop
 from .refusal import Fault as Fault
 from .refusal import Move as Move

@@ -16,8 +16,10 @@ from ..fitting.solve import descent
 from ..records import Record, VelocitySteps
 from ..threads import beside
 from ..traced import keeping
-from .engine import Engine, compiled, when_evaluated
-from .slider_bench import scales_of
+from .case import Case
+from .engine import Engine
+from .evaluate import when_evaluated
+from .slider import scales_of
 
 _SLIP_LENGTH = 0.1
 """L in units of the slip at the first velocity."""
@@ -27,12 +29,12 @@ def compile_ahead(
     record: Record,
     steps: VelocitySteps,
     stiffness: float,
-    engine_with: Callable[[Mapping[str, float]], Engine[Problem]],
+    case_with: Callable[[Mapping[str, float]], Case[Problem]],
 ) -> AbstractContextManager[None]:
     """Within it the base is fitted, and compiling begins beside that. Nothing where what is
     compiled is not kept (`cache_compiled`), or where a loop of that shape was compiled already.
 
-    `engine_with` gives the engine for values of the base (SI), here typical ones, with which no
+    `case_with` gives the case for values of the base (SI), here typical ones, with which no
     slider runs away: A larger than B. What fails here will fail again where it is asked for.
     """
     if not keeping():
@@ -41,15 +43,15 @@ def compile_ahead(
     def work() -> None:
         require_float64()  # on this thread too
         values = _typical(record, steps, stiffness)
-        engine = engine_with(values)
+        engine = Engine.of(case_with(values))
         problem, model = engine.problem, engine.model
         natural = [*(values.get(name, 0.0) for name in model.base.names()), *model.nulls()]
-        if compiled(engine, np.zeros(len(natural) + len(problem.hold))):
+        if engine.evaluator.compiled(np.zeros(len(natural) + len(problem.hold))):
             return
         z = problem.coordinates.to_free(np.asarray(natural))
         scales = scales_of(record, steps, values["L"])
         with when_evaluated(
-            lambda: beside(lambda: engine.shapes(engine, z, engine.addable(()), scales))
+            lambda: beside(lambda: engine.case.shapes(engine, z, engine.addable(()), scales))
         ):
             engine.evaluate(z, engine.free(()))
 

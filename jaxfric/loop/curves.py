@@ -14,8 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .engine import Candidate, Engine, Rows
+from .engine import Engine
+from .evaluate import Rows
 from .family import CurveFamily, Decisive, OtherShape
+from .refit import Candidate, bic
 from .thresholds import ACCEPT
 
 Curve = Callable[[np.ndarray], np.ndarray]
@@ -92,7 +94,7 @@ def curve_family(engine: Engine, final: Candidate, rig: CurveRig) -> CurveFamily
         begin += width
         left, weights = _refitted(engine, final, rows, kept, sent, first, at)
         count = len(index) - len(engine.model.columns(rig.effects)) + width
-        worse = engine.bic(left, count)[0] - final.bic
+        worse = bic(engine, left, count)[0] - final.bic
         level = rig.level(null, grid)
         level = level + np.concatenate([rig.base(grid), curve(grid)], axis=1) @ weights
         found.append((OtherShape(words, float(worse)), level))

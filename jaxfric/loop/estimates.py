@@ -8,7 +8,8 @@ from jaxtyping import Float, Int
 from ..fitting import Estimate
 from ..fitting.result import tidy_unit
 from ..fitting.uncertainty import QUANTILE, determined, normal_inverse
-from .engine import Candidate, Engine
+from .engine import Engine
+from .refit import Candidate
 
 _LEVEL = "f0"
 
@@ -32,13 +33,18 @@ def estimates(
     else:
         rows = engine.evaluate(z, index)
         train = rows.jacobian * engine.weight[:, None]
-        white = engine.whiten(train, engine.noise(rows.residual * engine.weight, train))
+        white = engine.whiten(train, engine.noise_of(rows.residual * engine.weight, train).noise)
         spread = normal_inverse(np.concatenate([white, rows.extra_jacobian]))
         spread = spread + disagreement(engine, candidate, rivals, index)
     place = {int(i): k for k, i in enumerate(index)}
     own = [place[int(i)] for i in named]
     std = np.sqrt(np.diag(spread))[own]
-    values, slopes, lower, upper = _natural(engine, z, named, std)
+    away = np.zeros(len(z))
+    away[named] = QUANTILE * np.where(np.isfinite(std), std, 0.0)
+    of = engine.problem.coordinates
+    values, *ends = of.from_free(np.stack([z, z - away, z + away]))[:, named]
+    lower, upper = np.sort(ends, axis=0)
+    slopes = of.slopes(z)[named]
     span = float(np.ptp(np.asarray(engine.problem.friction)[: engine.rows]))
     all_std = np.zeros(len(engine.names))
     all_std[named] = std
@@ -54,30 +60,12 @@ def estimates(
     return found, tuple(found), covariance
 
 
-def _natural(engine: Engine, z: np.ndarray, named: np.ndarray, std: np.ndarray):
-    """Natural values, their slopes, and the ends of the intervals."""
-    rows = [np.array(z)]
-    for side in (-1, 1):
-        for i, s in zip(named, std, strict=True):
-            row = np.array(z)
-            row[i] += side * QUANTILE * (s if np.isfinite(s) else 0.0)
-            rows.append(row)
-    z = np.stack(rows)
-    of = engine.problem.coordinates
-    values, slopes = of.from_free(z), of.slopes(z)
-    m = len(named)
-    lower = values[range(1, m + 1), named]
-    upper = values[range(m + 1, 2 * m + 1), named]
-    return values[0, named], slopes[0, named], np.minimum(lower, upper), np.maximum(lower, upper)
-
-
 def disagreement(
     engine: Engine, candidate: Candidate, rivals: Sequence[Candidate], index: Int[np.ndarray, " m"]
 ) -> Float[np.ndarray, "m m"]:
-    """Covariance between rival fits, of parameters with indices `index` in z.
+    """Covariance between fits of different models, of parameters with indices `index` in z.
 
-    What none of them can be told from is not known better than they agree. It is the part of a
-    parameter's covariance that comes from not knowing which of them is true,
+    It is the part of a parameter's covariance that comes from not knowing which of them is true,
 
         sum_c w_c (z_c - z)(z_c - z)^T,   w_c = exp(-BIC_c/2) / sum exp(-BIC/2)
 

@@ -14,7 +14,8 @@ from .split import Blocks
 from .thresholds import ACCEPT
 
 if TYPE_CHECKING:
-    from .engine import Candidate, Engine
+    from .engine import Engine
+    from .refit import Candidate
     from .search import Search
 
 

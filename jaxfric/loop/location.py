@@ -20,9 +20,10 @@ import numpy as np
 from ..fitting.noise import Found
 from ..fitting.problem import Problem
 from ..rig.friction.extended import ExtendedLaw
-from .engine import Candidate, Engine
+from .engine import Engine
 from .nonlinear import respond
 from .ratio import Question, chances
+from .refit import Candidate
 from .residual_tests import chi_square_tail
 from .response import Response, linear_response
 from .result import LocationProfile
@@ -187,7 +188,9 @@ def share_of(gain: float, degrees: int, whole: tuple[float, float]) -> float:
 
 def friction_bumps(engine: Engine[Problem], base: Candidate) -> list[Bumps]:
     """Bumps of friction, sent through the linearised slider."""
-    response = linear_response(engine.at(base.z, engine.problem), jax.device_put(base.z))
+    response = linear_response(
+        engine.evaluator.simulated(base.z, engine.problem), jax.device_put(base.z)
+    )
     bumps = _variables(engine, response)
     forces = np.concatenate([columns for _, _, _, columns in bumps], axis=1)
     seen = respond(response, forces)[0] / float(engine.problem.noise_scale)

@@ -23,15 +23,21 @@ from ..runs.fits import HowFitted
 from ..runs.stiffness import MachineStiffness
 from ..silent import silent
 from .ahead import compile_ahead
-from .curves import CurveRig
-from .driver import Offered, ScoredRows, offered, run
-from .engine import Candidate, Choice, Engine
-from .result import Loop, LoopBase, LoopDetails, LoopRecord, Score
-from .run import run_bench, run_loop
-from .search import MOST, Search
-from .slider_bench import AbstractSliderBench, engine_of, problem_of, refuse_failed, with_channels
-from .slider_curves import slider_curves
+from .case import MOST, Case, Offered, offered
+from .close import close
+from .result import Loop
+from .run import run_loop
+from .slider import (
+    path_of,
+    problem_of,
+    refuse_failed,
+    slider_case,
+    slider_subject,
+    start_of,
+    with_channels,
+)
 from .split import Blocks, split
+from .subject import Subject
 
 _STRESS_FELT = 0.3
 
@@ -61,7 +67,7 @@ def close_loop(
         "0.16 MPa/um", and is scaled by the normal stress of a stretch over that of the first.
     with_ : ids of effects that belong to the base; without : ids of those not considered.
     own : effects of your own beside those of the catalogue.
-    most : largest number of effects added, 0 to `search.MOST`.
+    most : largest number of effects added, 0 to `case.MOST`.
     rows : as in `jaxfric.fit`: means over neighbouring rows, about so many.
     progress : told what is being done.
 
@@ -82,17 +88,14 @@ def close_loop(
     record = as_record(record)
     law = known_law(law)
     asked = offered(CATALOGUE, own, ids_of(with_), ids_of(without), most, effect_of)
-    if events is None:
-        bench, asked = _step_bench(record, stiffness, law, steps, rows, asked, progress)
-    else:
-        machine = MachineStiffness.parse(stiffness, record.friction_unit)
-        how = HowFitted(machine, law)
-        bench, asked = run_bench(record, events, how, rows, asked, progress)
-        return run_loop(bench, asked, begun=begun, progress=progress)
-    return run(bench, asked, begun=begun, progress=progress)
+    if events is not None:
+        how = HowFitted(MachineStiffness.parse(stiffness, record.friction_unit), law)
+        return run_loop(record, events, how, rows, asked, begun=begun, progress=progress)
+    subject = _step_subject(record, stiffness, law, steps, rows, asked, progress)
+    return close(subject, most=most, begun=begun, progress=progress)
 
 
-def _step_bench(
+def _step_subject(
     record: Record,
     stiffness: float | str,
     law: str,
@@ -100,8 +103,8 @@ def _step_bench(
     rows: int | None,
     asked: Offered,
     progress: Callable[[str], None],
-) -> tuple["SliderBench", Offered]:
-    """The bench of a record of velocity steps, and the effects that it can have."""
+) -> Subject[Problem]:
+    """The subject of a record of velocity steps."""
     found_steps, thinning = steps_of(record, steps), ()
     if rows is not None:
         record, thinning = few_rows(record, rows, found_steps)
@@ -111,69 +114,24 @@ def _step_bench(
     _refuse_turns(record, found_steps)
     say = lambda text: progress(f"base fit of the whole record: {text}")  # noqa: E731
 
-    def problem_with(values: Mapping[str, float], blocks: Blocks) -> tuple[Problem, np.ndarray]:
+    def case_with(
+        values: Mapping[str, float], blocks: Blocks, path: np.ndarray | None = None
+    ) -> Case[Problem]:
         problem, felt = problem_of(record, law, values, found_steps, blocks, asked.effects)
-        return dataclasses.replace(problem, normal_stress=stress), felt
+        problem = dataclasses.replace(problem, normal_stress=stress)
+        return slider_case(problem, felt, blocks, asked, path)
 
-    def engine_with(values: Mapping[str, float]) -> Engine[Problem]:
-        blocks = split(record.relative_time, found_steps)
-        problem, felt = problem_with(values, blocks)
-        return engine_of(problem, blocks, felt, Choice(asked.with_, asked.without))
+    def typical(values: Mapping[str, float]) -> Case[Problem]:
+        return case_with(values, split(record.relative_time, found_steps))
 
     K = stated_stiffness(stiffness, record, found_steps, law)
-    with compile_ahead(record, found_steps, K, engine_with):
+    with compile_ahead(record, found_steps, K, typical):
         base_fit = fit(record, stiffness=stiffness, law=law, steps=found_steps, progress=say)
     refuse_failed(record, base_fit)
     blocks = split(record.relative_time, base_fit.steps)
-    problem, felt = problem_with(base_fit.values(), blocks)
-    bench = SliderBench(
-        record, base_fit, found_steps, blocks, problem, felt, asked.without, thinning
-    )
-    return bench, asked
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class SliderBench(AbstractSliderBench):
-    """A record of velocity steps and its base fit."""
-
-    def start(self, engine: Engine[Problem]) -> np.ndarray:
-        """The base fit; step times from those that the load point shows."""
-        values, steps = self.base_fit.values(), self.found_steps
-        natural = [values[name] for name in engine.model.base.names()] + engine.model.nulls()
-        z = engine.problem.coordinates.to_free(np.asarray(natural))
-        if steps.time_errors is None:
-            return z
-        for index in engine.shifts:
-            step = index - len(engine.names) + 1
-            z[index] = (self.base_fit.steps.times - steps.times)[step] / steps.time_errors[step]
-        return z
-
-    def curves(self, engine: Engine[Problem], final: Candidate) -> CurveRig:
-        """Steady curves of the fit, see `slider_curves`."""
-        return slider_curves(engine, final, self.base_fit.steps.velocities)
-
-    def rows(self, engine: Engine[Problem]) -> ScoredRows:
-        """All rows, by velocity."""
-        used = np.ones(len(self.record.relative_time), bool)
-        steps = self.base_fit.steps
-        return ScoredRows(
-            used, engine.blocks.step, len(steps), steps.velocities[engine.blocks.step]
-        )
-
-    def shown(self) -> tuple[LoopRecord, LoopBase]:
-        """The record as read and its base fit."""
-        return self.record, self.base_fit
-
-    def details(
-        self,
-        engine: Engine[Problem],
-        found: Search,
-        after: Score,
-        missed: float,
-        progress: Callable[[str], None],
-    ) -> LoopDetails | None:
-        """None: a slider has no further results."""
-        return None
+    case = case_with(base_fit.values(), blocks, path_of(record, base_fit))
+    start = start_of(case, base_fit.values(), found_steps, base_fit.steps.times)
+    return slider_subject(case, record, base_fit, start, (record, base_fit), thinning)
 
 
 def _stress(record: Record) -> NormalStress | None:

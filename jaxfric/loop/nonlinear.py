@@ -12,7 +12,8 @@ from ..fitting.padding import padded_columns
 from ..fitting.problem import Problem, rig_at
 from ..rig import Rig
 from ..rig.friction.extended import AbstractTerm, ExtendedLaw
-from .engine import Column, Engine, Sensitivities, columns_of
+from .case import Column, Sensitivities
+from .engine import Engine
 from .response import Response, linear_response, term_forces
 
 _FORCES = 64
@@ -25,7 +26,7 @@ def friction_sensitivities(
     scales: RecordScales,
 ) -> Sensitivities:
     """Columns of those missing effects that have shapes and are friction terms."""
-    problem = engine.at(z, engine.problem)
+    problem = engine.evaluator.simulated(z, engine.problem)
     rig = rig_at(problem, z)
     response = linear_response(problem, jax.device_put(z))
     shaped = {e: starts for e in missing if (starts := shapes_of(e, scales)) and _is_term(e, rig)}
@@ -43,6 +44,23 @@ def friction_sensitivities(
     blocks = [np.zeros((n, 0)), *(block for _, block, _ in found)]
     extras = [np.zeros((more, 0)), *(extra for _, _, extra in found)]
     return Sensitivities(columns, np.concatenate(blocks, axis=1), np.concatenate(extras, axis=1))
+
+
+def columns_of(
+    engine: Engine, id: str, shapes: Sequence[Mapping[str, float]], place: int
+) -> list[Column]:
+    """The columns of all shapes of an effect, one after the other from `place`."""
+    amplitudes = tuple(engine.model.amplitudes(id))
+    found, own = [], [engine.names.index(f"{id}.{n}") for n in shapes[0]]
+    for shape in shapes:
+        at = tuple(range(place, place + len(amplitudes)))
+        place += len(amplitudes)
+        free = {
+            i: float(engine.model.quantity(engine.names[i]).to_free(value))
+            for i, value in zip(own, shape.values(), strict=True)
+        }
+        found.append(Column(id, free, amplitudes, at))
+    return found
 
 
 def shapes_of(effect: type[AbstractEffect], scales: RecordScales) -> list[dict[str, float]]:

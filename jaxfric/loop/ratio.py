@@ -21,7 +21,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..fitting.noise import Found, coloured, noises_around
-from .engine import Engine, Rows
+from .engine import Engine
+from .evaluate import Rows
 from .evidence import Evidence, evidence
 from .residual_tests import chi_square_tail
 
@@ -50,7 +51,8 @@ def chances(
     """
     weight = engine.weight[:, None]
     jacobian = rows.jacobian * weight
-    null = engine.noise_of_family(rows.residual * engine.weight, jacobian, found)
+    residual = rows.residual * engine.weight
+    null = engine.noise_of_family(residual, jacobian, found.family, (found.theta,))
     rng = np.random.default_rng(_SEED)
     white = rng.standard_normal((len(engine.weight), _DRAWS))
     drawn = coloured(engine.problem.clock, engine.weight, white, found.noise)
@@ -69,11 +71,11 @@ def chances(
     known = evidence(
         engine.problem.clock,
         engine.weight,
-        rows.residual * engine.weight,
+        residual,
         np.concatenate([np.asarray(drawn), jacobian, asked], axis=1),
         (rows.extra, np.concatenate(extra, axis=1)),
         noises,
-        engine.scale,
+        engine.noise.scale,
     )
     size, p = 1 + _DRAWS, jacobian.shape[1]
     every = known.products + float(found.noise.sigma) ** 2 * known.extra

@@ -1,6 +1,7 @@
-"""Why a search does not take a model: a code, and the parameters that it is about.
+"""Why a search does not take a model: a code, with the value and the threshold that decided.
 
-What follows from a refusal asks for its `Fault`; its words are made here, for reports alone.
+The rules are in `gates`; words for reports are made here, from the code, and `SOURCES` says what
+each rule rests on.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,13 +18,25 @@ class Fault(StrEnum):
 
     FAILED = "did_not_converge"
     IMPOSSIBLE = "impossible_parameters"
-    OVERFITTED = "fits_better_than_it_predicts"
     WEAK = "too_little_evidence"
     TRAIN = "fits_the_train_block_worse"
     SELECT = "predicts_the_select_block_worse"
     CHANCE = "may_be_chance"
     NOT_FIXED = "not_fixed"
     TAKES = "takes_of_the_base"
+
+
+SOURCES: Mapping[Fault, str] = {
+    Fault.FAILED: "a fit that did not converge says nothing, for or against",
+    Fault.IMPOSSIBLE: "bounds of the effect's parameters (page 'effects')",
+    Fault.WEAK: "very strong evidence is a fall of BIC by 10 (Kass and Raftery 1995)",
+    Fault.TRAIN: "where rows are fitted worse, only the noise has become likelier",
+    Fault.SELECT: "rows that were not fitted; two standard errors of their rms are chance",
+    Fault.CHANCE: "bootstrap of the best of many shapes, to first order (page 'loop')",
+    Fault.NOT_FIXED: "an error as large as the value, or a size that the record cannot show",
+    Fault.TAKES: "the sign and size of what was known without the effect (page 'loop')",
+}
+"""The ground of every rule."""
 
 
 class Move(NamedTuple):
@@ -39,12 +52,17 @@ class Move(NamedTuple):
 
 
 class Refusal(NamedTuple):
-    """A fault of a model, with the parameters that the record does not fix, or those that its
-    effects take of the base."""
+    """A fault of a model, with what it was found by."""
 
     fault: Fault
     parameters: tuple[str, ...] = ()
+    """Those that the record does not fix, or that its effects take of the base."""
     moves: tuple[Move, ...] = ()
+    """What becomes of the parameters of the base that are taken."""
+    value: float = float("nan")
+    threshold: float = float("nan")
+    """The number that decided and its limit: fall of BIC, ratio of errors, or chance; nan where the
+    fault is no number."""
 
     @property
     def words(self) -> str:
@@ -57,22 +75,11 @@ class Refusal(NamedTuple):
 _WORDS: Mapping[Fault, str] = {
     Fault.FAILED: "did not converge",
     Fault.IMPOSSIBLE: "impossible parameters",
-    Fault.OVERFITTED: "fits better than it predicts",
     Fault.WEAK: "too little evidence",
     Fault.TRAIN: "fits the train block worse",
     Fault.SELECT: "predicts the select block worse",
     Fault.CHANCE: "may be chance",
 }
-
-
-def not_fixed_refusal(parameters: Sequence[str]) -> Refusal | None:
-    """That the record does not fix these parameters; None where there are none."""
-    return Refusal(Fault.NOT_FIXED, tuple(parameters)) if parameters else None
-
-
-def takes_refusal(moves: Sequence[Move]) -> Refusal | None:
-    """That effects take these parameters of the base; None where there are none."""
-    return Refusal(Fault.TAKES, tuple(m.name for m in moves), tuple(moves)) if moves else None
 
 
 def takes(refusal: Refusal | None) -> bool:

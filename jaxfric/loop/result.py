@@ -14,7 +14,7 @@ from ..fitting.derived import amplitudes, rate_dependence
 from ..plain import plain
 from ..records import Provenance, Sampling, VelocitySteps
 from .family import CurveFamily
-from .refusal import Refusal
+from .refusal import SOURCES, Refusal
 from .split import NAMES, Blocks
 from .unfixed import Unfixed, unfixed
 from .words import LoopWords
@@ -354,6 +354,7 @@ class Loop(Described, Drawable, Gridded, Tabular):
             "separations": self.separations,
             "families": [family.to_json() for family in self.families],
             "candidates": self.candidates,
+            "rules": {fault.value: source for fault, source in SOURCES.items()},
             "screened": self.screened,
             "before": self._score(self.before),
             "after": self._score(self.after),

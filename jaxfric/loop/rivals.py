@@ -1,7 +1,7 @@
-"""Fits as good as the one that was found, with another effect in place of one of its own."""
+"""Fits that say as much as the one that was found, or nearly, with other effects."""
 
-from .engine import Candidate
-from .refusal import takes
+from .refit import Candidate
+from .refusal import Fault, takes
 from .search import Search
 from .thresholds import ACCEPT
 
@@ -20,6 +20,12 @@ def rival_fits(search: Search, id: str) -> dict[str, Candidate]:
     return found
 
 
-def all_rivals(search: Search) -> list[Candidate]:
-    """Rival fits of every effect that was found."""
-    return [c for id in search.final.effects for c in rival_fits(search, id).values()]
+def near_fits(search: Search) -> list[Candidate]:
+    """The best fit of every other set of effects that was tried, where nothing but the evidence
+    speaks against it: which of them is true is not known for certain, and an error says so."""
+    found: dict[frozenset[str], Candidate] = {}
+    for c in sorted(search.tried, key=lambda c: c.bic):
+        why = None if c.refused is None else c.refused.fault
+        if c.physical and not c.failed and why in (None, Fault.WEAK, Fault.CHANCE):
+            found.setdefault(frozenset(c.effects), c)
+    return [c for effects, c in found.items() if effects != frozenset(search.final.effects)]

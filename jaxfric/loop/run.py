@@ -7,6 +7,7 @@ level of its own. Held out are whole steps and holds; others, where nothing is n
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -25,16 +26,22 @@ from ..runs.fits import HowFitted, fit_run
 from ..runs.joined import Joined, join
 from ..units import format_si
 from .ahead import compile_ahead
-from .curves import CurveRig
-from .driver import Offered, ScoredRows, run
-from .engine import Candidate, Choice, Engine
+from .case import Case, Offered
+from .close import close
 from .family import listed
 from .residual_tests import merged, p_text
-from .result import Loop, LoopBase, LoopRecord, Score, TextTable
-from .search import Search
-from .slider_bench import AbstractSliderBench, engine_of, problem_of, refuse_failed, with_channels
-from .slider_curves import slider_curves
+from .result import Loop, Score, TextTable
+from .slider import (
+    path_of,
+    problem_of,
+    refuse_failed,
+    slider_case,
+    slider_subject,
+    start_of,
+    with_channels,
+)
 from .split import Blocks, split_again, split_units
+from .subject import Subject
 from .thresholds import ACCEPT, SIGNIFICANT
 
 _NAMED = ("effects", "ambiguous")
@@ -44,67 +51,50 @@ _START_ROWS = 1000
 """Most rows of a step that is fitted only to begin with."""
 
 
-def run_bench(
+def run_loop(
     record: Record,
     events: Sequence[Event],
     how: HowFitted,
     rows: int | None,
     asked: Offered,
+    *,
+    begun: float,
     progress: Callable[[str], None],
-) -> tuple["RunBench", Offered]:
-    """The bench of a run, and the effects that it can have.
-
-    `how` has the machine's stiffness and the law. Raises `InputError` for fewer than three steps
-    and holds that count; or as in `jaxfric.fit`.
-    """
-    joined, thinning = join(record, events), ()
-    if rows is not None:
-        joined, thinning = _thinned(joined, rows)
-    asked = with_channels(joined.record, how.law, asked, stress=False)
-    blocks = split_units(*_units(joined), record.provenance.path)
-    levels = _levels(joined, blocks.train)
-    steps, law = joined.steps(fine=True), how.law
-    assert how.stiffness is not None
-    stiffness = how.stiffness.at(joined.stretches[0].normal_stress)
-
-    def engine_with(values: Mapping[str, float]) -> Engine[Problem]:
-        problem, felt = _problem(joined, law, values, steps, blocks, asked)
-        return engine_of(problem, blocks, felt, Choice(asked.with_, asked.without))
-
-    with compile_ahead(joined.record, steps, stiffness, engine_with):
-        start = _start(record, events, how, progress)
-        base_fit = _base_fit(joined, levels, how, start, progress)
-    refuse_failed(joined.record, base_fit)
-    problem, felt = _problem(joined, law, base_fit.values(), steps, blocks, asked)
-    bench = RunBench(
-        joined.record,
-        base_fit,
-        steps,
-        blocks,
-        problem,
-        felt,
-        asked.without,
-        thinning,
-        joined,
-        levels,
-    )
-    return bench, asked
-
-
-def run_loop(
-    bench: "RunBench", asked: Offered, *, begun: float, progress: Callable[[str], None]
 ) -> Loop:
-    """The loop; where it supports no name, once more with other steps and holds held out.
+    """The loop over a run (`asked_twice`); `how` has the machine's stiffness and the law.
+
+    Raises
+    ------
+    InputError : fewer than three steps and holds that count; or as in `jaxfric.fit`.
+    """
+    run, asked = _run_of(record, events, how, rows, asked, progress)
+
+    def search(blocks: Blocks) -> Loop:
+        return close(run.subject(blocks), most=asked.most, begun=begun, progress=progress)
+
+    def again() -> Blocks | None:
+        return split_again(*_units(run.joined), run.blocks) if asked.most else None
+
+    return asked_twice(search, run.blocks, again, progress=progress)
+
+
+def asked_twice(
+    search: Callable[[Blocks], Loop],
+    blocks: Blocks,
+    again: Callable[[], Blocks | None],
+    *,
+    progress: Callable[[str], None],
+) -> Loop:
+    """What a search finds; where it supports no name, once more with other steps and holds held out
+    (`again`; None: there are too few).
 
     What decides may be in a few steps. Where those are held out no effect is supported, or one that
     does not predict them. The second search counts where it names an effect, leaves no structure,
     and stands the chance of two. Of the same effects what the first search left counts with it.
     Where it fails or is interrupted, the first is what was found.
     """
-    found = run(bench, asked, begun=begun, progress=progress)
-    if found.verdict in _NAMED or not asked.most:
-        return found
-    other = bench.again(asked)
+    found = search(blocks)
+    other = None if found.verdict in _NAMED else again()
     if other is None:
         return found
     progress(
@@ -112,7 +102,7 @@ def run_loop(
         " first search stands)"
     )
     try:
-        second = run(other, asked, begun=begun, progress=progress)
+        second = search(other)
     except (Exception, KeyboardInterrupt) as end:
         how = "was interrupted"
         if isinstance(end, Exception):
@@ -131,6 +121,63 @@ def run_loop(
         chance = p_text(_together(found, second))
         said += f"; noise alone leaves as much in both together: {chance}"
     return dataclasses.replace(second, warnings=(*second.warnings, said))
+
+
+class _JoinedRun(NamedTuple):
+    """The joined record of a run and the fit of its base."""
+
+    joined: Joined
+    base_fit: Fit
+    steps: VelocitySteps
+    levels: np.ndarray
+    """Friction of every stretch less that of the first, to begin with."""
+    blocks: Blocks
+    asked: Offered
+    thinning: tuple[str, ...]
+
+    def subject(self, blocks: Blocks) -> Subject[Problem]:
+        """What the loop is given, with some blocks: the base fit, the levels that it was aligned
+        with, step times as found."""
+        joined, base, record = self.joined, self.base_fit, self.joined.record
+        values = base.values()
+        found, felt = _problem(joined, base.law, values, self.steps, blocks, self.asked)
+        case = slider_case(found, felt, blocks, self.asked, path_of(record, base))
+        levels = {f"level{k + 2}": float(v) for k, v in enumerate(self.levels[1:])}
+        start = start_of(case, {**values, **levels}, self.steps)
+        shown = joined.rows, RunBase(base, joined.shown_steps())
+        return slider_subject(
+            case, record, base, start, shown, self.thinning, lambda after: RunDetails(joined, after)
+        )
+
+
+def _run_of(
+    record: Record,
+    events: Sequence[Event],
+    how: HowFitted,
+    rows: int | None,
+    asked: Offered,
+    progress: Callable[[str], None],
+) -> tuple[_JoinedRun, Offered]:
+    """A run with its base fitted, and the effects that it can have."""
+    joined, thinning = join(record, events), ()
+    if rows is not None:
+        joined, thinning = _thinned(joined, rows)
+    asked = with_channels(joined.record, how.law, asked, stress=False)
+    blocks = split_units(*_units(joined), record.provenance.path)
+    levels = _levels(joined, blocks.train)
+    steps, law = joined.steps(fine=True), how.law
+    assert how.stiffness is not None
+    stiffness = how.stiffness.at(joined.stretches[0].normal_stress)
+
+    def typical(values: Mapping[str, float]) -> Case[Problem]:
+        problem, felt = _problem(joined, law, values, steps, blocks, asked)
+        return slider_case(problem, felt, blocks, asked)
+
+    with compile_ahead(joined.record, steps, stiffness, typical):
+        start = _start(record, events, how, progress)
+        base_fit = _base_fit(joined, levels, how, start, progress)
+    refuse_failed(joined.record, base_fit)
+    return _JoinedRun(joined, base_fit, steps, levels, blocks, asked, thinning), asked
 
 
 def _stands(second: Loop, first: Loop) -> bool:
@@ -196,56 +243,6 @@ class RunBase:
     def values(self) -> dict[str, float]:
         """Parameter values by name (SI), from the base fit of all windows."""
         return self.fit.values()
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class RunBench(AbstractSliderBench):
-    """The joined record of a run and the fit of its base."""
-
-    joined: Joined
-    levels: np.ndarray
-    """Friction of every stretch less that of the first, to begin with."""
-
-    def start(self, engine: Engine[Problem]) -> np.ndarray:
-        """The base fit, the levels that it was aligned with, step times as found."""
-        values = dict(self.base_fit.values())
-        values.update({f"level{k + 2}": v for k, v in enumerate(self.levels[1:])})
-        natural = [values[name] for name in engine.model.base.names()] + engine.model.nulls()
-        return engine.problem.coordinates.to_free(np.asarray(natural))
-
-    def again(self, asked: Offered) -> "RunBench | None":
-        """The same run with other steps and holds held out; None where there are too few."""
-        blocks = split_again(*_units(self.joined), self.blocks)
-        if blocks is None:
-            return None
-        base, steps = self.base_fit, self.found_steps
-        problem, felt = _problem(self.joined, base.law, base.values(), steps, blocks, asked)
-        return dataclasses.replace(self, blocks=blocks, problem=problem, felt=felt)
-
-    def curves(self, engine: Engine[Problem], final: Candidate) -> CurveRig:
-        """Steady curves of the fit, over the velocities of all phases but holds."""
-        return slider_curves(engine, final, self.joined.shown_steps().velocities)
-
-    def rows(self, engine: Engine[Problem]) -> ScoredRows:
-        """All rows, by phase."""
-        used = np.ones(len(self.record), bool)
-        velocity = self.joined.shown_steps().velocities[engine.blocks.step]
-        return ScoredRows(used, engine.blocks.step, len(self.joined.phases), velocity)
-
-    def shown(self) -> tuple[LoopRecord, LoopBase]:
-        """The rows that count, in the time of the run, and the base with its phases."""
-        return self.joined.rows, RunBase(self.base_fit, self.joined.shown_steps())
-
-    def details(
-        self,
-        engine: Engine[Problem],
-        found: Search,
-        after: Score,
-        missed: float,
-        progress: Callable[[str], None],
-    ) -> "RunDetails":
-        """The stretches of the run and their levels."""
-        return RunDetails(self.joined, after)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -14,8 +14,11 @@ import numpy as np
 
 from ..effects import RecordScales
 from ..fitting.abstract_problem import FAILED_MISFIT
-from .engine import Candidate, Column, Engine, Rows
+from .case import Column
+from .engine import Engine
+from .evaluate import Rows
 from .evidence import Evidence, evidence
+from .refit import Candidate
 from .residual_tests import chi_square_tail
 
 _DRAWS = 2000
@@ -56,7 +59,7 @@ def sensitivities(
     present = (*engine.always, *current.effects)
     missing = [e for e in engine.offered if e.id not in present]
     missing = engine.addable(current.effects) if addable else missing
-    shaped = engine.shapes(engine, current.z, missing, scales)
+    shaped = engine.case.shapes(engine, current.z, missing, scales)
     with_shapes = {column.id for column in shaped.columns}
     plain = [e for e in missing if e.id not in with_shapes]
     index = np.concatenate([free, *(engine.model.amplitudes(e.id) for e in plain)]).astype(int)
@@ -89,7 +92,7 @@ def screen(
         seen.matrix,
         (seen.rows.extra, seen.extra),
         engine.trial_noises(),
-        engine.scale,
+        engine.noise.scale,
     )
     width = len(seen.base) + max(len(c.places) for c in seen.columns)
     rows = [(), *(c.places for c in seen.columns)]

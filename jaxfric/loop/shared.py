@@ -32,7 +32,7 @@ class SharedShifts:
 
     def __init__(
         self,
-        shifts: Sequence[int],
+        shifts: Sequence[int] | np.ndarray,
         begins: Float[np.ndarray, " k"],
         trails: Float[np.ndarray, " k"],
         time: Float[np.ndarray, " n"],

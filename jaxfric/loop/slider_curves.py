@@ -12,8 +12,9 @@ from ..fitting.problem import Problem, rig_at
 from ..rig.friction.extended import Contact, ExtendedLaw
 from ..traced import traced
 from .curves import Curve, CurveRig
-from .engine import Candidate, Engine
+from .engine import Engine
 from .nonlinear import extra_rows, respond
+from .refit import Candidate
 from .response import Response, linear_response
 
 _LATE = "evolution_cutoff"
@@ -76,7 +77,9 @@ def _sent(
     engine: Engine[Problem], final: Candidate, curve: Curve, *, late: bool
 ) -> tuple[np.ndarray, np.ndarray]:
     """Columns of 1, ln V at once, ln V over the slip length, and of a curve."""
-    response = linear_response(engine.at(final.z, engine.problem), jax.device_put(final.z))
+    response = linear_response(
+        engine.evaluator.simulated(final.z, engine.problem), jax.device_put(final.z)
+    )
     V = np.asarray(response.velocity)
     log, more = np.log(V)[:, None], curve(V)
     slow = followed(response, np.concatenate([log, more] if late else [log], axis=1))

@@ -1,4 +1,4 @@
-"""Thresholds of evidence that the loop asks for; tables and figures mark them."""
+"""Numbers by which the loop decides, each with its source; tables and figures mark some of them."""
 
 ACCEPT = 10.0
 """Fall of BIC for which an effect is taken, or a curve of another shape ruled out.
@@ -15,3 +15,46 @@ FAR = 1.5
 """A held-out error of so many times what noise gives is not a little that is left."""
 HELD_OUT = 1.06
 """A held-out error of so many times the noise is at least allowed to a model that describes it."""
+
+TRAIN_FLOOR = 1.04
+"""The same of the train block, whose parameters were fitted to it."""
+ASKED = 12
+"""About as many questions as are asked of a residual (`residual_tests.asked`)."""
+MOST_PREDICTED = 0.1
+"""Largest mean square of the prediction's own error, over sigma^2, that excuses a misfit."""
+HINT = 2.0
+"""Fall of BIC from which an effect comes near to explaining what is left."""
+EDGE = 1.1
+"""K/K_cr below which a small misfit of the law looks like a large effect."""
+
+WORSE = 1.02
+"""Ratio of the errors of the select block that is allowed to a better model, whatever chance is."""
+TRAIN_WORSE = 1.005
+"""The same of the train block: what a fit to 1e-4 of its squares may be off."""
+BEYOND = 2.0
+"""Lengths and times beyond so many times those of the record are not seen in it."""
+FAR_VELOCITY = 30.0
+"""Velocities this factor below or above all of a record are not seen in it."""
+KNOWN, LOST = 4.0, 2.0
+"""Errors from which a parameter of the base is known, and within which it is lost."""
+LEAST_SHARE = 1 / 3
+"""A mass or Coulomb friction that falls below this share of itself is taken."""
+MANY = 5.0
+"""Errors by which a headline parameter moves far."""
+
+REFITS = 4
+"""Most promising effects that are fitted jointly in a round."""
+LOST_LIKELIHOOD = 2.0
+"""-2 ln L by which a fit may be less likely than without its effect, which it has at its null."""
+PARTS = (0.1, 0.01, 1e-3)
+"""Shares of the first-order amplitude from which a fit that ran away begins again."""
+AGREE, ROUGHLY = 1.0, 0.1
+"""Differences of BIC: between two fits that agree, and between a rough fit and the best."""
+
+HELD_OUT_FROM = 3
+"""Velocity steps from which on laws are compared on some that are held out: of fewer, `split` cuts
+into steps, and a law that is not fitted to a whole step is not asked to predict one."""
+LEAST_MEMORY = 10.0
+"""Rows over which noise may be correlated under every law, however few a velocity step has: without
+them BIC of simulated records whose noise lasts for eight rows, a sixth of a step, differs by up to
+six more between laws."""

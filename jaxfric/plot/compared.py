@@ -6,7 +6,8 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from ..loop.law_comparison import LawComparison, LawScore, amount
+from ..loop.compare import LawComparison, LawScore
+from ..runs.table import amount
 from .label import friction_label, printable
 from .palette import BLACK, EIGHT, HELD, SLATE
 from .written import write
@@ -68,11 +69,11 @@ def _answer(found: LawComparison) -> str:
         return "no fit of a law converged"
     if not found.rivals:
         return f"only the {found.of_laws[0].fit.law} law could be fitted"
-    return f"the record cannot tell which law, {found.untold}"
+    return f"the record cannot tell which law, {' or '.join(found.untold)}"
 
 
 def _limit(found: LawComparison, scores: list[LawScore]) -> float:
-    """The residual [σ] to which all panels are drawn: that of the worst law, within reason."""
+    """Common y-limit [σ] of the residual panels: the residual of the worst law, capped."""
     worst = max(float(np.quantile(np.abs(score.fit.residual), 0.995)) for score in scores)
     return float(np.clip(1.2 * worst / found.sigma, 4.0, 40.0))
 

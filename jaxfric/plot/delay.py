@@ -12,12 +12,12 @@ from ..stability.analysis import Study
 from ..stability.delay import (
     Crossings,
     crossings,
-    stiffness_damping_chart,
-    stiffness_delay_chart,
+    is_stable,
 )
-from ..stability.delay_analysis import delay_numbers, delay_stiffness
+from ..stability.delay_analysis import delay_numbers
 from .palette import BLACK, BLUE, ORANGE, STABLE, UNSTABLE
 from .stability import (
+    delay_stiffness,
     from_zero,
     legend_below,
     mass_text,
@@ -67,7 +67,7 @@ def _over_damping(axis: Axes, found: Study, k_p: np.ndarray, size: float) -> flo
     scale, unit = prefixed(most, found.unit("N s/m"))
     k_v = np.linspace(0, most, _CHART)
     dampings = jnp.asarray(k_v + own)
-    chart = jax.jit(stiffness_damping_chart)(mass, jnp.asarray(k_p), dampings, strength, delay)
+    chart = jax.jit(is_stable)(mass, jnp.asarray(k_p), dampings[:, None], strength, delay)
     _shade(axis, size * k_p, scale * k_v, chart)
     _branches(axis, size, scale * k_v, mass, dampings, strength, delay)
     axis.axhline(scale * enough, color=BLACK, ls=":", lw=1.3)
@@ -91,8 +91,8 @@ def _over_delay(axis: Axes, found: Study, k_p: np.ndarray, size: float) -> float
     most = 3 * float(delay)
     scale, unit = prefixed(most, "s")
     alphas = np.linspace(0, most, _CHART + 1)[1:]
-    args = jnp.asarray(k_p), damping, strength, jnp.asarray(alphas)
-    _shade(axis, size * k_p, scale * alphas, jax.jit(stiffness_delay_chart)(mass, *args))
+    args = jnp.asarray(k_p), damping, strength, jnp.asarray(alphas)[:, None]
+    _shade(axis, size * k_p, scale * alphas, jax.jit(is_stable)(mass, *args))
     lines = np.geomspace(most / 300, most, 2 * _CHART)
     _branches(axis, size, scale * lines, mass, damping, strength, lines)
     axis.axhline(scale * float(delay), color=BLACK, ls=":", lw=1.3, label="the law's delay α")

@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Array, Float
 from matplotlib.axes import Axes
 
+from ..gains.margins import paired_slacks
 from ..gains.result import Gains, LocalOptimum, norm_text
 from ..gains.scenarios import Scenarios
-from ..gains.slack import paired_slacks
 from ..stability.linear import LinearFriction
 from ..stability.margins import is_stable
 from ..stability.theorem import theorem

@@ -32,7 +32,7 @@ from ..stability.analysis import (
     theorem_over_damping,
     theorem_over_velocity,
 )
-from ..stability.delay_analysis import delay_stiffness
+from ..stability.delay_analysis import delay_numbers, delay_summary
 from .palette import BAND, BLACK, BLUE, ORANGE, STABLE, UNSTABLE
 from .ticks import plain_log
 from .written import write
@@ -441,6 +441,17 @@ def _growth(axis: Axes, k_p: np.ndarray, rightmost: np.ndarray) -> None:
     plain_log(axis, "x")
     axis.set_ylabel("real part of the rightmost pole [1/s]")
     tidy(axis, "Growth (above 0) or decay")
+
+
+def delay_stiffness(found: Study, *, number: int = 3) -> float:
+    """A k_p [N/m] below which the first `number` stable intervals, or crossings, lie."""
+    known = delay_summary(found)
+    plus = known.crossings.plus_stiffness[:number]
+    ends = [float(k) for k in (*known.upper[:number], *plus) if math.isfinite(k)]
+    if found.k_p is not None:
+        ends.append(1.3 * found.k_p)
+    mass, _, _, delay = delay_numbers(found)
+    return 1.12 * max(ends) if ends else 100 * mass / float(delay) ** 2
 
 
 def _locus_stiffness(found: Study) -> tuple[np.ndarray, float | None]:

@@ -32,12 +32,12 @@ from ..fitting.problem import (
 )
 from ..fitting.result import critical_stiffness_of, tidy_unit
 from ..laws.registry import count_states, known_law, refuse_untaken, takes
-from ..loop.driver import offered
-from ..loop.engine import Candidate, Choice, Engine
+from ..loop.case import MOST, Case, Choice, offered
+from ..loop.engine import Engine
 from ..loop.nonlinear import friction_sensitivities
+from ..loop.refit import Candidate
 from ..loop.sampling import seen_between
 from ..loop.screen import Screening, alias_cosines, orthonormal, sensitivities
-from ..loop.search import MOST
 from ..loop.split import Blocks, followed, repeated, split
 from ..loop.thresholds import ACCEPT
 from ..records import VelocitySteps
@@ -414,13 +414,15 @@ def _look(setup: _Setup, variant: _Variant) -> Design | None:
     """Design of a variant; None where the slider slips away."""
     problem, blocks = _problem(setup, variant)
     choice = Choice(setup.always, setup.without)
-    engine = Engine(problem, blocks, np.zeros(0, int), choice, shapes=friction_sensitivities)
+    path = np.arange(len(blocks.train))
+    case = Case(problem, blocks, friction_sensitivities, np.zeros(0, int), path, choice)
+    engine = Engine.of(case)
     natural = [setup.values[name] for name in setup.model.names()]
     names = engine.names[len(natural) :]
     natural += [setup.values.get(n, v) for n, v in zip(names, engine.model.nulls(), strict=True)]
     z = problem.coordinates.to_free(np.asarray(natural))
     rows = engine.rows
-    current = Candidate((), z, np.zeros(rows), engine.white, 0.0, {}, True, False)
+    current = Candidate((), z, np.zeros(rows), engine.noise.alone, 0.0, {}, True, False)
     seen = sensitivities(engine, current, _scales(setup, variant))
     residual = seen.rows.residual[:rows]
     if np.all(residual == FAILED_MISFIT):

@@ -1,29 +1,218 @@
-"""A comparison of laws as a table: a row for every law with a number of states."""
+"""A comparison of laws in words, as JSON and as a table: a row for every law with its states."""
 
 from collections.abc import Callable, Mapping
 
-from ..loop.law_comparison import LawComparison, amount, times
+from ..fitting.misfit import EXCESS, excess
+from ..loop.compare import LawComparison, LawScore
 from ..loop.result import TextTable
-from ..runs.table import short
+from ..loop.thresholds import ACCEPT
+from ..runs.table import amount, short
 from .fits_table import TabledFit, text_table
 
+SCHEMA = "jaxfric.comparison/1"
+
 _BIC, _HELD_OUT = "BIC above least", "held-out error [σ]"
-_SHOWN: Mapping[str, Callable[[float], str]] = {_BIC: amount, _HELD_OUT: times}
+_SHOWN: Mapping[str, Callable[[float], str]] = {_BIC: amount, _HELD_OUT: "{:.2f}".format}
 """The digits of the sentence."""
+
+
+def sentence(found: LawComparison) -> str:
+    """Which law the record supports and by how much, or that it cannot tell."""
+    if not found.of_laws:
+        return "Nothing to compare: no fit of a law converged."
+    first, *others = found.of_laws
+    if found.rivals:
+        return f"{_untold(found)} {_second_state(found, first)}"
+    if not others:
+        return f"Nothing to compare: only the {first.fit.law} law could be fitted."
+    return (
+        f"The record supports the {_law(first)}: its BIC is"
+        f" {_below(found, first, others[0].fit.law)} (a difference of {ACCEPT:g}"
+        f" decides){_held_out(found, first, others[0])}. {_second_state(found, first)}"
+    )
+
+
+def next_step(found: LawComparison) -> str:
+    """Why the loop may say otherwise of a second state that is asked for, and what decides; of one
+    state that leaves more than noise, that the loop asks what lacks; else ''."""
+    if not found.of_laws:
+        return ""
+    first = found.of_laws[0]
+    tried = {score.states for score in found.ranked if score.fit.law == first.fit.law}
+    if first.states == 1 or 1 not in tried:
+        left = excess(found.ranked[0].fit)
+        if left < EXCESS:
+            return ""
+        return (
+            f"jaxfric loop asks what these laws lack: the likeliest leaves {left:.2g} times the"
+            " scatter of neighbouring rows."
+        )
+    law = "" if first.fit.law == "slip" else f" --law {first.fit.law}"
+    return (
+        f"jaxfric loop{law} on this record may say otherwise of the second state: it fits a"
+        " part of the rows, which must fix what it adds, and asks effects besides these laws."
+        " Where it does not name second_state alone, longer steps, up and down, decide."
+    )
+
+
+def warnings(found: LawComparison) -> tuple[str, ...]:
+    """What a user must know before the sentence is used."""
+    unfitted = [score for score in found.scores if score.bic is None]
+    told = [f"{score.name}: could not be fitted ({score.fit.result})" for score in unfitted]
+    best = found.ranked[0] if found.ranked else None
+    if best is not None and (left := excess(best.fit)) >= EXCESS:
+        told.append(
+            f"even the likeliest law, {best.name}, leaves {left:.2g} times the scatter of"
+            " neighbouring rows: none of these laws may be right; jaxfric loop asks what lacks"
+        )
+    if found.unasked:
+        rests = (
+            "; which law is supported rests on the noise that is estimated from these rows alone,"
+            " and more rows before or after a step may say otherwise"
+        )
+        told.append(f"no step was held out: {found.unasked}{rests if found.supported else ''}")
+    return (*found.own_warnings, *told)
+
+
+def _law(score: LawScore) -> str:
+    """The law with its states in a sentence: "slip law with 2 states"."""
+    return f"{score.fit.law} law with {_states(score.states)}"
+
+
+def _states(number: int) -> str:
+    return f"{number} state{'s' if number > 1 else ''}"
+
+
+def ended(found: LawComparison, score: LawScore) -> str:
+    """What stands in the row of a score whose numbers are no claim; '' where they are."""
+    if found.needless(score):
+        return "not determined, not needed"
+    if score.fit.converged:
+        return ""
+    return f"did not converge{': a drift' if found.drifts(score) else ''}"
+
+
+def _why_not(found: LawComparison, score: LawScore) -> str:
+    """That a fit did not converge, and why where that is seen."""
+    trend = "" if score.fit.model.slip_trend else " (--slip-trend)"
+    drift = f", as a state took the place of a drift with slip{trend}"
+    return f"did not converge{drift if found.drifts(score) else ''}"
+
+
+def _below(found: LawComparison, first: LawScore, law: str) -> str:
+    """How far the best BIC is below that of another law: with as many states, and with more of them
+    where these do better."""
+    base, best = found.best_of(first.fit.law), found.best_of(law)
+    of_law = [score for score in found.scores if score.fit.law == law]
+    words = f"{amount(best.over(base))} below that of the {_law(best)}"
+    for score in of_law:
+        if score.settled and score.states == first.states != best.states:
+            words += f", and {amount(score.over(base))} below that with {_states(score.states)}"
+    for score in of_law:
+        if not score.settled and not found.needless(score):
+            words += f"; with {_states(score.states)} it could not be compared: its fit did not"
+            words += " converge"
+    return words
+
+
+def _untold(found: LawComparison) -> str:
+    """That the record cannot tell the best law from another, and why."""
+    first, rival = found.of_laws[0], found.rivals[0]
+    words = f"The record cannot tell: {' or '.join(found.untold)}?"
+    if not rival.settled:
+        return (
+            f"{words} The {_law(rival)} could not be compared: its fit {_why_not(found, rival)}; it"
+            f" may explain the record as well as the {_law(first)}, the best of those that could."
+        )
+    one, other = (found.best_of(s.fit.law) for s in (first, rival))
+    gap, held = other.over(one), _held_out(found, first, rival)
+    if gap > ACCEPT:
+        return (
+            f"{words} BIC prefers the {_law(one)} to the {_law(other)} by {amount(gap)}, but the"
+            f" {rival.fit.law} law predicts better what was held out{held}."
+        )
+    return (
+        f"{words} BIC of the {_law(one)} and of the {_law(other)} differs by {amount(gap)}, less"
+        f" than the {ACCEPT:g} that decide{held}; larger velocity steps, up and down, and holds"
+        " tell friction laws apart."
+    )
+
+
+def _held_out(found: LawComparison, first: LawScore, other: LawScore) -> str:
+    """How two laws predict the steps that were held out; '' where none were."""
+    if first.held_out is None or other.held_out is None:
+        return ""
+    return (
+        f"; steps that it was not fitted to are predicted by the {_law(first)} to"
+        f" {first.held_out / found.sigma:.2f} times the noise, by the {_law(other)} to"
+        f" {other.held_out / found.sigma:.2f} times"
+    )
+
+
+def _second_state(found: LawComparison, first: LawScore) -> str:
+    """What the record says of a second state of the best law."""
+    all_of = {s.states: s for s in found.scores if s.fit.law == first.fit.law}
+    if not {1, 2} <= set(all_of):
+        return ""
+    one, two = all_of[1], all_of[2]
+    gain = one.over(two)
+    if found.needless(two):
+        by = f": BIC is {amount(two.over(one))} higher with it" if two.settled and gain <= 0 else ""
+        return f"A second state is not fixed by the record, and not needed{by}."
+    if two.bic is None:
+        return "Nothing is said of a second state: that fit found no end."
+    if not (one.settled and two.settled):
+        stuck = one if two.settled else two
+        why = _why_not(found, stuck)
+        return f"Nothing is said of a second state: the fit of the {_law(stuck)} {why}."
+    if gain > ACCEPT:
+        return f"It asks for the second state, which lowers BIC by {amount(gain)}."
+    if gain > 0:
+        return f"A second state lowers BIC by {amount(gain)}, too little to be asked for."
+    return f"A second state is not needed: it raises BIC by {amount(two.over(one))}."
+
+
+def to_json(found: LawComparison) -> dict:
+    """The content of `compare.json`, schema "jaxfric.comparison/1"; SI."""
+    origin, supported = found.record.provenance, found.supported
+    return {
+        "schema": SCHEMA,
+        "record": {"path": origin.path, "sha256": origin.sha256, "rows": len(found.record)},
+        "sentence": sentence(found),
+        "next": next_step(found),
+        "supported": None if supported is None else _model(supported),
+        "rivals": [_model(score) for score in found.rivals],
+        "noise": {"sigma": found.sigma, "independent_rows": found.independent_rows},
+        "held_out_steps": list(found.held_out_steps),
+        "laws": [
+            {
+                **_model(score),
+                "bic_above_best": found.above(score),
+                "fitted_parameters": score.parameters,
+                "held_out_rms": score.held_out,
+                "held_out_deviance": score.held_out_deviance,
+                "fit": score.fit.to_json(),
+            }
+            for score in found.scores
+        ],
+        "warnings": list(warnings(found)),
+    }
+
+
+def _model(score: LawScore) -> dict[str, object]:
+    return {"law": score.fit.law, "states": score.states}
 
 
 def tabled(found: LawComparison) -> list[TabledFit]:
     """The scores as rows of a table of fits."""
     rows = []
     for score in found.scores:
-        above = found.above(score)
+        above, error = found.above(score), score.held_out
         more: dict[str, float | None] = {_BIC: None if above is None else short(above)}
         if not found.unasked:
-            error = score.held_out
             more[_HELD_OUT] = None if error is None else short(error / found.sigma)
-        rows.append(
-            TabledFit(score.name, score.fit, more=more, shown=_SHOWN, ended=found.ended(score))
-        )
+        end = ended(found, score)
+        rows.append(TabledFit(score.name, score.fit, more=more, shown=_SHOWN, ended=end))
     return rows
 
 

@@ -11,9 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..loop.law_comparison import amount
 from ..loop.result import TextTable
-from ..runs.table import BRACKETS, measured
+from ..runs.table import BRACKETS, amount, measured
 
 _SKIPPED = (".zarr", ".git")
 _LENGTHS = frozenset(("L", "L2", "L3"))

@@ -9,6 +9,7 @@ from ..rig.friction import AbstractStribeck, Dahl, critical_velocity, worst_slop
 from ..stability.analysis import Study
 from ..stability.delay_analysis import delay_numbers, delay_summary, intervals_over_velocity
 from ..stability.margin_table import MARGINS
+from ..stability.theorem import Theorem
 from .gains_text import late_text
 from .stability_json import INTERVALS, intervals, solutions
 
@@ -85,7 +86,7 @@ def _without(study: Study) -> str:
 
 def _theorem(study: Study) -> list[str]:
     found, u = study.theorem, _units(study)
-    *checks, conclusion = found.describe()
+    *checks, conclusion = theorem_lines(found)
     at_once = "" if study.late is None else ", of a controller that answers at once"
     at_once += "" if study.k_i is None else ", without integral action"
     lines = [f"theorem of Rice and Ruina, (18)-(20){at_once}:", *(f"  {line}" for line in checks)]
@@ -100,6 +101,31 @@ def _theorem(study: Study) -> list[str]:
     elif k_cr == 0 and study.late is not None:
         conclusion += "; late as it is, it bounds k_p and k_v"
     return [*lines, conclusion, *_spread(study)]
+
+
+def theorem_lines(found: Theorem) -> list[str]:
+    """Lines of text: the hypotheses checked, those that failed, and what follows."""
+    checks = {
+        "g integrable and piecewise continuous, G bounded for Re s >= 0": found.integrable,
+        "f_v + k_v > 0": found.damped,
+        "f_v + k_v < int g dt (18)": found.underdamped,
+        "all solutions of (19) found": found.complete,
+    }
+    lines = [f"{'holds' if bool(held) else 'FAILS'}: {text}" for text, held in checks.items()]
+    if float(found.critical_stiffness) == 0:  # no fault: damping alone does it
+        lines[2] = "not so: f_v + k_v < int g dt (18), so that no stiffness is needed"
+    return [*lines, _conclusion(found)]
+
+
+def _conclusion(found: Theorem) -> str:
+    k = float(found.critical_stiffness)
+    if not bool(found.damped):
+        return "no stiffness suffices: the instantaneous damping f_v + k_v is not positive"
+    if k == 0:
+        return "stable by damping for every positive stiffness"
+    if not bool(found.integrable):
+        return "no critical stiffness: the kernel does not satisfy the theorem"
+    return f"critical stiffness {k:.10g} at {float(found.critical_frequency):.10g} rad/s"
 
 
 def _spread(study: Study) -> list[str]:

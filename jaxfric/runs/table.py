@@ -112,6 +112,11 @@ def short(value: float, digits: int = 7) -> float:
     return float(f"{value:.{digits}g}")
 
 
+def amount(difference: float) -> str:
+    """A difference of BIC as text."""
+    return f"{difference:.0f}" if difference >= 10 else f"{difference:.1f}"
+
+
 def csv_text(table: Sequence[Mapping[str, Cell]]) -> str:
     """Rows as CSV; columns in the order of their first row that has them."""
     columns = list(dict.fromkeys(name for row in table for name in row))

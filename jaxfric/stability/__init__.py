@@ -12,7 +12,6 @@ from ..lazy import loader
 if TYPE_CHECKING:
     from . import analysis as analysis
     from . import claims as claims
-    from . import closed_form as closed_form
     from . import delay as delay
     from . import frequency as frequency
     from . import kernel as kernel
@@ -33,7 +32,6 @@ _HOMES = {
 _MODULES = (
     "analysis",
     "claims",
-    "closed_form",
     "delay",
     "frequency",
     "kernel",

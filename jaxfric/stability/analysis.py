@@ -169,11 +169,6 @@ def root_locus(
     return jax.vmap(one)(jnp.asarray(stiffness))
 
 
-def at_index(points: SteadyPoint, index: int) -> SteadyPoint:
-    """The point at `index`, of several points."""
-    return jax.tree.map(lambda leaf: leaf[index], points)
-
-
 def _slider(
     friction: LinearFriction,
     mass: Float[ArrayLike, ""] | None,
@@ -230,7 +225,7 @@ class Study(eqx.Module):
     @property
     def here(self) -> SteadyPoint:
         """The hardest velocity."""
-        return at_index(self.points, self.worst)
+        return jax.tree.map(lambda leaf: leaf[self.worst], self.points)
 
     @property
     def theorem(self) -> Theorem:
@@ -297,14 +292,14 @@ def study(
     worst = _hardest(points, theorems, isinstance(law, AbstractDelayLaw))
     if k_p is None:
         return Study(law, points, theorems, mass, k_p, k_v, worst, None, None, None)
-    if delay is not None or integral is not None:
-        every = _numbers_of_each(points.friction, mass, k_p, k_v, delay, integral)
-        worst = int(jnp.argmin(every[1]["modulus"]))
-        found = jax.tree.map(lambda leaf: leaf[worst], every)
-        settings = {"late": delay, "k_i": integral}
-        return Study(law, points, theorems, mass, k_p, k_v, worst, *found, **settings)
-    slider = _slider(at_index(points, worst).friction, mass, k_p, k_v)
-    return Study(law, points, theorems, mass, k_p, k_v, worst, *_numbers(slider, available(slider)))
+    late = delay is not None or integral is not None
+    rows = slice(None) if late else slice(worst, worst + 1)
+    friction = jax.tree.map(lambda leaf: leaf[rows], points.friction)
+    every = _numbers(friction, mass, k_p, k_v, delay, integral)
+    row = int(jnp.argmin(every[1]["modulus"])) if late else 0
+    worst = row if late else worst
+    found = jax.tree.map(lambda leaf: leaf[row], every)
+    return Study(law, points, theorems, mass, k_p, k_v, worst, *found, late=delay, k_i=integral)
 
 
 def with_samples(found: Study, laws: Law) -> Study:
@@ -335,12 +330,7 @@ _Numbers = tuple[Complex[Array, "*v n"], dict[str, Float[Array, "*v"]], Bool[Arr
 
 
 @eqx.filter_jit
-def _numbers(slider: LinearSlider, names: tuple[str, ...]) -> _Numbers:
-    return poles(slider), several(names, slider), is_stable(slider)
-
-
-@eqx.filter_jit
-def _numbers_of_each(
+def _numbers(
     friction: LinearFriction,
     mass: float | None,
     k_p: float,
@@ -348,11 +338,11 @@ def _numbers_of_each(
     delay: float | None,
     k_i: float | None,
 ) -> _Numbers:
-    """At every velocity, with a controller that answers late or has integral action."""
+    """At every velocity."""
 
     def one(friction: LinearFriction) -> _Numbers:
         slider = _slider(friction, mass, k_p, k_v, delay, k_i)
-        return _numbers(slider, available(slider))
+        return poles(slider), several(available(slider), slider), is_stable(slider)
 
     return jax.vmap(one)(friction)
 

@@ -160,25 +160,12 @@ def unstable_roots(
     return start + 2 * jnp.where(exists, crossed, 0.0).astype(int)
 
 
-def stiffness_damping_chart(
-    mass: Float[ArrayLike, ""],
-    k_p: Float[Array, " p"],
-    k_v: Float[Array, " v"],
-    k_f: Float[ArrayLike, ""],
-    alpha: Float[ArrayLike, ""],
-) -> Bool[Array, "v p"]:
-    """Mask of stable steady sliding: rows are the values of k_v, columns those of k_p."""
-    k_p, k_v = jnp.asarray(k_p), jnp.asarray(k_v)
-    return (unstable_roots(mass, k_p, k_v[:, None], k_f, alpha) == 0) & (k_p > 0)
-
-
-def stiffness_delay_chart(
-    mass: Float[ArrayLike, ""],
-    k_p: Float[Array, " p"],
-    k_v: Float[ArrayLike, ""],
-    k_f: Float[ArrayLike, ""],
-    alpha: Float[Array, " a"],
-) -> Bool[Array, "a p"]:
-    """Mask of stable steady sliding: rows are the delays alpha, columns the values of k_p."""
-    k_p, alpha = jnp.asarray(k_p), jnp.asarray(alpha)
-    return (unstable_roots(mass, k_p, k_v, k_f, alpha[:, None]) == 0) & (k_p > 0)
+def is_stable(
+    mass: Float[ArrayLike, "*#s"],
+    k_p: Float[ArrayLike, "*#s"],
+    k_v: Float[ArrayLike, "*#s"],
+    k_f: Float[ArrayLike, "*#s"],
+    alpha: Float[ArrayLike, "*#s"],
+) -> Bool[Array, "*s"]:
+    """Whether k_p > 0 and steady sliding is asymptotically stable. Elementwise."""
+    return (unstable_roots(mass, k_p, k_v, k_f, alpha) == 0) & (jnp.asarray(k_p) > 0)

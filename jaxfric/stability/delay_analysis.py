@@ -1,7 +1,5 @@
 """Closed forms of a slider with a delay law, at the hardest velocity of a study and at all."""
 
-import math
-
 import equinox as eqx
 import jax
 from jaxtyping import Array, Bool, Float, Int
@@ -67,14 +65,3 @@ def _intervals(mass: float, damping: float, friction: LinearFriction, number: in
         return stable_intervals(mass, k_v, kernel.strength, kernel.delay, number=number)
 
     return jax.vmap(one)(friction)
-
-
-def delay_stiffness(found: Study, *, number: int = 3) -> float:
-    """A k_p [N/m] below which the first `number` stable intervals, or crossings, lie."""
-    known = delay_summary(found)
-    plus = known.crossings.plus_stiffness[:number]
-    ends = [float(k) for k in (*known.upper[:number], *plus) if math.isfinite(k)]
-    if found.k_p is not None:
-        ends.append(1.3 * found.k_p)
-    mass, _, _, delay = delay_numbers(found)
-    return 1.12 * max(ends) if ends else 100 * mass / float(delay) ** 2

@@ -50,23 +50,23 @@ def axis(slider: LinearSlider) -> Float[Array, " points"]:
 
 
 def crossings(
-    slider: LinearSlider,
     function: Callable[[Float[Array, ""]], Float[Array, ""]],
+    grid: Float[Array, " points"],
     *,
+    number: int = _NUMBER,
     wrapped: bool = False,
-) -> tuple[Float[Array, " n"], Bool[Array, " n"]]:
-    """Frequencies at which `function` of frequency is zero, and which of the rows hold one.
+) -> tuple[Float[Array, " number"], Bool[Array, " number"]]:
+    """The lowest frequencies at which `function` of frequency is zero, and which rows hold one.
 
     `wrapped` tells that the function is an angle: then also where it is +-pi. First and second
     derivatives are those of the implicit function; higher ones are not.
     """
-    grid = axis(slider)
     value = jax.lax.stop_gradient(jax.vmap(function)(grid))
     target = jnp.zeros_like(value)
     change = (value[:-1] > 0) != (value[1:] > 0)
     if wrapped:
         target = jnp.where(jnp.abs(value) > 0.5 * jnp.pi, jnp.sign(value) * jnp.pi, 0.0)
-    (place,) = jnp.nonzero(change, size=_NUMBER, fill_value=grid.shape[0])
+    (place,) = jnp.nonzero(change, size=number, fill_value=grid.shape[0])
     some = place < grid.shape[0]
     left = jnp.minimum(place, grid.shape[0] - 2)
     low, high = jnp.log(grid[left]), jnp.log(grid[left + 1])

@@ -5,7 +5,7 @@
 
 V is the perturbation of velocity. Stability needs nothing else of a friction law. A kernel has the
 unit force/m, its transform force s/m, like f_v. A rational kernel (every law with states) is a
-ratio of polynomials; a `SampledKernel` is a table, exact between its nodes; a delay is an impulse.
+ratio of polynomials, a `FunctionKernel` any function of time, a delay an impulse.
 """
 
 import abc
@@ -15,12 +15,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Complex, Float
+from jaxtyping import Array, Complex, Float
 
 from ..errors import InputError
 from ..quantity import quantity
 from . import polynomial as poly
-from .moments import legendre_moments
 
 
 class AbstractKernel(eqx.Module):
@@ -79,39 +78,6 @@ class StateSpaceKernel(AbstractRationalKernel):
         return jnp.min(size), jnp.max(size)
 
 
-class ExponentialKernel(AbstractRationalKernel):
-    """g(t) = sum_i g_i exp(-r_i t), G(s) = sum_i g_i/(s + r_i).   (22)-(23) for one term.
-
-    Parameters
-    ----------
-    amplitude : g_i [force/m], shape (n,).
-    rate : r_i > 0 [1/s], shape (n,).
-    """
-
-    amplitude: Float[Array, " n"] = quantity("g", "F/m", "amplitudes of the memory kernel")
-    rate: Float[Array, " n"] = quantity("r", "1/s", "rates of the memory kernel", lower=0.0)
-
-    def fraction(self):
-        n = self.rate.shape[0]
-        factors = [jnp.stack([self.rate[i], jnp.ones_like(self.rate[i])]) for i in range(n)]
-
-        def times(skip: int | None):
-            chosen = [factors[i] for i in range(n) if i != skip]
-            result = jnp.ones((1,))
-            for factor in chosen:
-                result = poly.product(result, factor)
-            return result
-
-        terms = [self.amplitude[i] * times(i) for i in range(n)]
-        return (poly.total(*terms) if n else jnp.zeros((1,))), times(None)
-
-    def transform(self, s: Complex[Array, ""]):
-        return jnp.sum(self.amplitude / (s + self.rate))
-
-    def frequencies(self):
-        return jnp.min(self.rate), jnp.max(self.rate)
-
-
 class DelayKernel(AbstractKernel):
     """g(t) = k_f delta(t - alpha), G(s) = k_f exp(-alpha s).   (28)-(29)
 
@@ -128,11 +94,20 @@ class DelayKernel(AbstractKernel):
         return 1e-2 / self.delay, 1e2 / self.delay
 
 
-class SampledKernel(AbstractKernel):
-    """A kernel known on panels as sums of Legendre polynomials; zero beyond the last edge.
+class FunctionKernel(AbstractKernel):
+    """A kernel given as a function g(t), which may jump at known times.
 
-    Its transform is exact for the panels at every frequency (Filon's idea: the oscillating
-    factor is integrated, not sampled). Make one with `from_function` or `from_samples`.
+    It is held as sums of Legendre polynomials on panels of time, and zero beyond the last. Their
+    transform is exact at every frequency (Filon's idea: the oscillating factor is integrated, not
+    sampled), so that G vanishes at infinity as the theorem asks.
+
+    Parameters
+    ----------
+    g : a function of t [s] to force/m.
+    horizon : time [s] after which g has died out (exp(-36) is 2e-16).
+    panels, order : panels grow geometrically over five decades up to the horizon, with `order`
+        Gauss points each.
+    breaks : times [s] at which g or its slope jumps.
     """
 
     edges: Float[Array, " p+1"]
@@ -140,21 +115,15 @@ class SampledKernel(AbstractKernel):
     coefficients: Float[Array, "p n"]
     """Legendre coefficients of g on every panel [force/m]."""
 
-    @staticmethod
-    def from_function(
+    def __init__(
+        self,
         g: Callable[[Float[Array, ""]], Float[Array, ""]],
         horizon: float,
         *,
         panels: int = 32,
         order: int = 16,
         breaks: Sequence[float] = (),
-    ) -> "SampledKernel":
-        """A kernel from a callable g(t), t in seconds, taken as zero beyond `horizon`.
-
-        Panels grow geometrically over five decades up to the horizon, with `order` Gauss points
-        each; `breaks` are the times at which g jumps. Choose a horizon after which g has died
-        out (exp(-36) is 2e-16). `resolution_error` tells whether panels and order suffice.
-        """
+    ):
         if not horizon > 0:
             raise InputError(f"kernel: the horizon is {horizon:g} s; it must be positive")
         inner = np.geomspace(1e-5 * horizon, horizon, panels)
@@ -162,46 +131,39 @@ class SampledKernel(AbstractKernel):
         edges = np.unique(np.concatenate([[0.0], inner, inside[inside < horizon]]))
         x, w = np.polynomial.legendre.leggauss(order)
         middle, half = 0.5 * (edges[1:] + edges[:-1]), 0.5 * np.diff(edges)
-        times = jnp.asarray(middle[:, None] + half[:, None] * x)
-        values = jax.vmap(jax.vmap(g))(times)
+        values = jax.vmap(jax.vmap(g))(jnp.asarray(middle[:, None] + half[:, None] * x))
         basis = np.polynomial.legendre.legvander(x, order - 1)
-        weights = w[:, None] * basis * (np.arange(order) + 0.5)
-        return SampledKernel(jnp.asarray(edges), values @ jnp.asarray(weights))
-
-    @staticmethod
-    def from_samples(times: ArrayLike, values: ArrayLike) -> "SampledKernel":
-        """A kernel from measured values of g [force/m] at times [s], with straight lines between.
-
-        The first time may be later than zero; g is then taken to be constant before it.
-        """
-        t, g = np.asarray(times, float), np.asarray(values, float)
-        if t.ndim != 1 or t.shape != g.shape or t.size < 2:
-            raise InputError(
-                f"kernel: times of shape {t.shape} and values of shape {g.shape};"
-                " give two rows of one length, two samples or more"
-            )
-        if not (np.all(np.isfinite(t)) and np.all(np.isfinite(g))):
-            raise InputError("kernel: a time or a value is not a finite number")
-        if t[0] < 0 or np.any(np.diff(t) <= 0):
-            raise InputError("kernel: times must be positive and ascending")
-        if t[0] > 0:
-            t, g = np.insert(t, 0, 0.0), np.insert(g, 0, g[0])
-        mean, half = 0.5 * (g[1:] + g[:-1]), 0.5 * np.diff(g)
-        return SampledKernel(jnp.asarray(t), jnp.asarray(np.stack([mean, half], axis=1)))
+        self.edges = jnp.asarray(edges)
+        self.coefficients = values @ jnp.asarray(w[:, None] * basis * (np.arange(order) + 0.5))
 
     def transform(self, s: Complex[Array, ""]):
         half = 0.5 * jnp.diff(self.edges)
-        moments = legendre_moments(s * half, self.coefficients.shape[1])
+        moments = _legendre_moments(s * half, self.coefficients.shape[1])
         panels = half * jnp.sum(self.coefficients * moments, axis=1)
         return jnp.sum(panels * jnp.exp(-s * self.edges[:-1]))
 
     def frequencies(self):
         return 0.1 / self.edges[-1], 10 / jnp.min(jnp.diff(self.edges))
 
-    def resolution_error(self) -> Float[Array, ""]:
-        """Largest last coefficient of a panel over the largest first: about the error of g."""
-        last = jnp.max(jnp.abs(self.coefficients[:, -2:]))
-        return last / jnp.max(jnp.abs(self.coefficients[:, 0]))
+
+def _legendre_moments(z: Complex[Array, " p"], order: int) -> Complex[Array, "p n"]:
+    """int_-1^1 P_n(x) exp(-z (x + 1)) dx for n < order and Re z >= 0: spherical Bessel functions.
+
+    Below about |z| = order by Gauss points, as many as make them exact to rounding. Beyond by
+    M_{n+1} = M_{n-1} + (2 n + 1)/z M_n, which keeps its digits there only.
+    """
+    switch = max(2.0, 0.75 * order)
+    small = jnp.abs(z) < switch
+    x, w = np.polynomial.legendre.leggauss(order + 24)
+    weights = w[:, None] * np.polynomial.legendre.legvander(x, order - 1)
+    near = jnp.exp(-jnp.where(small, z, 0.0)[:, None] * (x + 1)) @ weights
+    far = jnp.where(small, switch, z)
+    decayed = jnp.exp(-2 * far)
+    found = [(1 - decayed) / far]
+    found.append((found[0] - (1 + decayed)) / far)
+    for n in range(1, order - 1):
+        found.append(found[n - 1] + (2 * n + 1) / far * found[n])
+    return jnp.where(small[:, None], near, jnp.stack(found[:order], axis=1))
 
 
 def kernel_total(kernel: AbstractKernel) -> Float[Array, ""]:

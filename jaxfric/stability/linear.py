@@ -20,7 +20,6 @@ its kernel itself.
 """
 
 import math
-from collections.abc import Callable
 
 import equinox as eqx
 import jax
@@ -255,18 +254,6 @@ def linearise(rig: Rig, velocity: ArrayLike | str) -> LinearSlider:
     return LinearSlider(mass, machine.stiffness, damping, linear_friction(rig.friction, V))
 
 
-def kernel_function(kernel: StateSpaceKernel) -> Callable[[Float[Array, ""]], Float[Array, ""]]:
-    """g(t) of a state-space kernel as a function of time [s], by the matrix exponential."""
-    return lambda t: kernel.c @ jax.scipy.linalg.expm(kernel.a * t) @ kernel.b
-
-
-def to_scipy(slider: LinearSlider):
-    """The loop opened at the actuator as `scipy.signal.TransferFunction` (needs SciPy)."""
-    from scipy.signal import TransferFunction
-
-    return TransferFunction(*_loop_coefficients(slider))
-
-
 def to_control(slider: LinearSlider):
     """The loop opened at the actuator as `control.TransferFunction`.
 
@@ -278,10 +265,6 @@ def to_control(slider: LinearSlider):
         raise InputError(
             'to_control needs python-control; install it with: pip install "jaxfric[control]"'
         ) from None
-    return control.TransferFunction(*_loop_coefficients(slider))
-
-
-def _loop_coefficients(slider: LinearSlider) -> tuple[list[float], list[float]]:
-    """Numerator and denominator, highest power first."""
     _, controller, load = slider.polynomials()
-    return [float(c) for c in controller[::-1]], [float(c) for c in load[::-1]]
+    above, below = ([float(c) for c in p[::-1]] for p in (controller, load))
+    return control.TransferFunction(above, below)

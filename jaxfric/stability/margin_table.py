@@ -6,6 +6,7 @@ loads no JAX, so that the command's help stays quick: an entry names its functio
 """
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from ..errors import InputError
@@ -27,7 +28,7 @@ class Margin:
     zero: bool = False
     """Whether 0 may be required, which asks for stability alone."""
     needs_poles: bool = False
-    """Whether it needs the poles, which a slider whose kernel is only a table lacks."""
+    """Whether it needs the poles, which a slider lacks whose kernel is only known over time."""
     unless_late: str = ""
     """Reason why it has no meaning where the controller answers late; empty where it has one."""
     unless_integral: str = ""
@@ -103,6 +104,16 @@ def meaningless(name: str, *, late: bool, integral: bool) -> str:
     if integral and one.unless_integral:
         return f"integral action: {one.unless_integral}"
     return ""
+
+
+def refuse_meaningless(names: Iterable[str], *, late: bool, integral: bool) -> None:
+    """Raise `InputError` for the first margin that has no meaning with such a controller."""
+    for name in names:
+        if reason := meaningless(name, late=late, integral=integral):
+            raise InputError(
+                f"margin {name} has no meaning with {reason}."
+                " Require modulus=0.5, gain, phase or delay"
+            )
 
 
 def named_with_units() -> str:

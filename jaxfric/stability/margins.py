@@ -18,8 +18,8 @@ Without mass and with k_v > |f_v| the loop answers the highest frequencies with 
 delay at all is survived: the delay margin is 0. A real actuator's mass removes this.
 
 For rational kernels everything is exact, from roots of polynomials; other kernels (a delay, a
-table) are searched on a grid of frequencies and refined. Poles of a delay come from
-`stability.delay_roots` and need a mass; those of a table are not available.
+function of time) are searched on a grid of frequencies and refined. Poles of a delay come from
+`stability.delay_roots` and need a mass; those of a function of time are not available.
 
 All need 64-bit numbers: squares of polynomials in SI units leave the range of single precision, and
 phase, delay and modulus would then be wrong without a sign of it.
@@ -38,16 +38,11 @@ from ..errors import InputError
 from . import polynomial as poly
 from .delay import unstable_roots
 from .delay_roots import rightmost_roots
-from .frequency import crossings, encirclements, smallest
+from .frequency import axis, crossings, encirclements, smallest
 from .kernel import AbstractKernel, AbstractRationalKernel, DelayKernel
 from .linear import LinearSlider
-from .margin_table import MARGINS, known_margin, meaningless
+from .margin_table import MARGINS, known_margin, meaningless, refuse_meaningless
 from .theorem import apply_theorem
-
-UNITS = {name: one.unit for name, one in MARGINS.items()}
-"""Units of the margins of this package; `MARGINS` has also those that were added."""
-LIMITS = {name: one.limit for name, one in MARGINS.items()}
-"""Values of the margins at the limit of stability."""
 
 
 class Crossing(NamedTuple):
@@ -83,7 +78,7 @@ def margins(slider: LinearSlider) -> dict[str, Float[Array, ""]]:
 def available(slider: LinearSlider) -> tuple[str, ...]:
     """Names of the margins that have a meaning for the slider's kernel and controller."""
     has_poles = isinstance(slider.friction.kernel, AbstractRationalKernel | DelayKernel)
-    late, integral = slider.delay is not None, _integrates(slider)
+    late, integral = slider.delay is not None, slider.integral is not None
     return tuple(
         name
         for name, one in MARGINS.items()
@@ -92,23 +87,11 @@ def available(slider: LinearSlider) -> tuple[str, ...]:
     )
 
 
-def _integrates(slider: LinearSlider) -> bool:
-    return slider.integral is not None
-
-
 def several(names: Iterable[str], slider: LinearSlider) -> dict[str, Float[Array, ""]]:
     """Some margins by their names, from one analysis; raises as `margin` does."""
     analysis, asked = Analysis(slider), tuple(names)
-    for name in asked:
-        if reason := meaningless(name, late=slider.delay is not None, integral=_integrates(slider)):
-            raise InputError(
-                f"margin {name} has no meaning with {reason}; require modulus, gain, phase or delay"
-            )
-    return {name: _function(name)(analysis) for name in asked}
-
-
-def _function(name: str) -> Callable[["Analysis"], Float[Array, ""]]:
-    return pkgutil.resolve_name(MARGINS[name].function)
+    refuse_meaningless(asked, late=slider.delay is not None, integral=slider.integral is not None)
+    return {name: pkgutil.resolve_name(MARGINS[name].function)(analysis) for name in asked}
 
 
 def poles(slider: LinearSlider) -> Complex[Array, " n"]:
@@ -116,7 +99,7 @@ def poles(slider: LinearSlider) -> Complex[Array, " n"]:
 
     Raises
     ------
-    InputError : the kernel is a table, or a delay without mass.
+    InputError : the kernel is a function of time, or a delay without mass.
     """
     kernel = _kernel(slider)
     if isinstance(kernel, AbstractRationalKernel):
@@ -148,10 +131,10 @@ def _kernel(slider: LinearSlider) -> AbstractKernel:
         )
     if slider.delay is not None and isinstance(kernel, DelayKernel):
         raise InputError("a late controller under a delay law is not analysed; take another law")
-    if _integrates(slider) and not isinstance(kernel, AbstractRationalKernel):
+    if slider.integral is not None and not isinstance(kernel, AbstractRationalKernel):
         raise InputError(
             "integral action is analysed under laws with states or without memory only: not under"
-            " a delay law, nor with the table of a kernel"
+            " a delay law, nor with a kernel that is a function of time"
         )
     return kernel
 
@@ -212,11 +195,16 @@ def damping(of: Analysis) -> Float[Array, ""]:
 
     A delay has poles without number, which come ever closer to 0: of it, that of the rightmost.
     """
+    return _least(damping_ratios(of))
+
+
+def damping_ratios(of: Analysis) -> Float[Array, " n"]:
+    """-Re s/|s| of every pole; 0 of one at 0."""
     s = of.poles
     square = s.real**2 + s.imag**2
     some = square > 0
     size = jnp.sqrt(jnp.where(some, square, 1.0))
-    return _least(jnp.where(some, -s.real / size, 0.0))
+    return jnp.where(some, -s.real / size, 0.0)
 
 
 def modulus(of: Analysis) -> Float[Array, ""]:
@@ -288,35 +276,45 @@ def delay(of: Analysis) -> Float[Array, ""]:
 def _real_crossings(slider: LinearSlider) -> Crossing:
     """Frequencies w > 0 at which L(i w) is real."""
     if not isinstance(slider.friction.kernel, AbstractRationalKernel):
-        w, some = crossings(slider, lambda w: jnp.angle(slider.loop(1j * w)), wrapped=True)
-        L = jax.vmap(lambda w: slider.loop(1j * w))(w)
-        return Crossing(w, L.real, L.imag, some)
+        return _searched(slider, jnp.angle, wrapped=True)
     _, controller, load = slider.polynomials()
-    real, imaginary = poly.cross(controller, load)
-    size, _ = poly.cross(load, load)
-    y, some = poly.positive_roots(imaginary)
-    return Crossing(jnp.sqrt(y), *_at(y, real, imaginary, size), some)
+    return _solved(poly.cross(controller, load)[1], controller, load)
 
 
 def _unit_crossings(slider: LinearSlider) -> Crossing:
     """Frequencies w > 0 at which |L(i w)| = 1."""
     if not isinstance(slider.friction.kernel, AbstractRationalKernel):
-        w, some = crossings(slider, lambda w: jnp.log(jnp.abs(slider.loop(1j * w))))
-        L = jax.vmap(lambda w: slider.loop(1j * w))(w)
-        return Crossing(w, L.real, L.imag, some)
+        return _searched(slider, lambda L: jnp.log(jnp.abs(L)), wrapped=False)
     _, controller, load = slider.polynomials()
+    above, below = (poly.cross(c, c)[0] for c in (controller, load))
+    return _solved(poly.total(above, -below), controller, load)
+
+
+def _searched(
+    slider: LinearSlider, function: Callable[[Array], Array], *, wrapped: bool
+) -> Crossing:
+    """Where a function of L(i w) is zero, on a grid of frequencies."""
+    w, some = crossings(lambda w: function(slider.loop(1j * w)), axis(slider), wrapped=wrapped)
+    L = jax.vmap(lambda w: slider.loop(1j * w))(w)
+    return Crossing(w, L.real, L.imag, some)
+
+
+def _solved(equation: Array, controller: Array, load: Array) -> Crossing:
+    """Where a polynomial in y = w^2 is zero, and L = controller/load there."""
+    y, some = poly.positive_roots(equation)
     real, imaginary = poly.cross(controller, load)
-    size, _ = poly.cross(load, load)
-    above, _ = poly.cross(controller, controller)
-    y, some = poly.positive_roots(poly.total(above, -size))
-    return Crossing(jnp.sqrt(y), *_at(y, real, imaginary, size), some)
+    below = _nonzero(poly.value(poly.cross(load, load)[0], y))
+    re, im = poly.value(real, y) / below, jnp.sqrt(y) * poly.value(imaginary, y) / below
+    return Crossing(jnp.sqrt(y), re, im, some)
 
 
 def _ends(slider: LinearSlider) -> tuple[Float[Array, " 2"], Bool[Array, " 2"]]:
     """L, real there, at w = 0 and at infinity, and whether it is finite."""
     friction, zero = slider.friction, jnp.zeros(())
     last = (zero, zero + 1) if slider.mass is not None else (slider.damping, friction.slope)
-    first = (slider.stiffness, friction.trend) if not _integrates(slider) else (zero + 1, zero)
+    first = (
+        (slider.stiffness, friction.trend) if not slider.integral is not None else (zero + 1, zero)
+    )
     above = jnp.stack(jnp.broadcast_arrays(first[0], last[0]))
     below = jnp.stack(jnp.broadcast_arrays(first[1], last[1]))
     some = below != 0
@@ -342,11 +340,6 @@ def _square(c: Array, y: Array) -> Array:
     """|c(i w)|^2 at y = w^2, without cancellation between squares."""
     even, odd = poly.on_axis(c)
     return poly.value(even, y) ** 2 + y * poly.value(odd, y) ** 2
-
-
-def _at(y: Array, real: Array, imaginary: Array, size: Array) -> tuple[Array, Array]:
-    below = _nonzero(poly.value(size, y))
-    return poly.value(real, y) / below, jnp.sqrt(y) * poly.value(imaginary, y) / below
 
 
 def _lag(at: Crossing) -> Float[Array, " n"]:

@@ -250,14 +250,14 @@ def _start(c: Float[Array, " n+1"]):
     The unit is the middle radius, so that powers stay within the range of numbers.
     """
     n = c.shape[0] - 1
-    slopes = _newton_polygon(c)
+    height = _heights(c)
+    slopes = _newton_polygon(height)
     middle = slopes[n // 2]
     most = _SPREAD / n * float(np.log(10.0))
     radii = [jnp.exp(jnp.clip(middle - slope, -most, most)) for slope in slopes]
     angle = 2 * np.pi * np.arange(n) / n + 0.7
     x = tuple(radii[k] * float(np.cos(angle[k])) for k in range(n))
     y = tuple(radii[k] * float(np.sin(angle[k])) for k in range(n))
-    height = _heights(c)
     level = [height[k] - k * middle for k in range(n + 1)]
     # no root farther out than `most`: a root at infinity is one there
     level[n] = functools.reduce(jnp.maximum, [level[k] - (n - k) * most for k in range(n + 1)])
@@ -274,19 +274,15 @@ def _heights(c: Float[Array, " n+1"]) -> list[Array]:
     return list(jnp.where(size == 0, top - 1e3, logs))
 
 
-def _newton_polygon(c: Float[Array, " n+1"]) -> list[Array]:
+def _newton_polygon(height: list[Array]) -> list[Array]:
     """Slopes of the upper hull of (k, log|c[k]|); exp(-slope) is the radius of a root.
 
     The slope over (k - 1, k) is the least, over i < k, of the largest chord from i to j >= k.
     """
-    n, height = c.shape[0] - 1, _heights(c)
+    n = len(height) - 1
     slopes = []
     for k in range(1, n + 1):
-        largest = [
-            functools.reduce(
-                jnp.maximum, [(height[j] - height[i]) / (j - i) for j in range(k, n + 1)]
-            )
-            for i in range(k)
-        ]
+        chords = [[(height[j] - height[i]) / (j - i) for j in range(k, n + 1)] for i in range(k)]
+        largest = [functools.reduce(jnp.maximum, from_i) for from_i in chords]
         slopes.append(functools.reduce(jnp.minimum, largest))
     return slopes

@@ -12,12 +12,12 @@ Sources: (18)-(20) of the 1994 note; Rice & Ruina (1983, doi:10.1115/1.3167042).
 """
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, ArrayLike, Bool, Float
 
 from . import polynomial as poly
-from .closed_form import critical_one_exponential
-from .critical_points import critical_points
+from .frequency import crossings
 from .kernel import AbstractKernel, AbstractRationalKernel, DelayKernel, kernel_total
 from .linear import LinearSlider
 
@@ -51,29 +51,6 @@ class Theorem(eqx.Module):
     def holds(self) -> Bool[Array, ""]:
         """Whether all hypotheses hold, so that k_cr is the theorem's."""
         return self.integrable & self.damped & self.underdamped & self.complete
-
-    def describe(self) -> list[str]:
-        """Lines of text: the hypotheses checked, those that failed, and what follows."""
-        checks = {
-            "g integrable and piecewise continuous, G bounded for Re s >= 0": self.integrable,
-            "f_v + k_v > 0": self.damped,
-            "f_v + k_v < int g dt (18)": self.underdamped,
-            "all solutions of (19) found": self.complete,
-        }
-        lines = [f"{'holds' if bool(held) else 'FAILS'}: {text}" for text, held in checks.items()]
-        if float(self.critical_stiffness) == 0:  # no fault: damping alone does it
-            lines[2] = "not so: f_v + k_v < int g dt (18), so that no stiffness is needed"
-        return [*lines, self._conclusion()]
-
-    def _conclusion(self) -> str:
-        k = float(self.critical_stiffness)
-        if not bool(self.damped):
-            return "no stiffness suffices: the instantaneous damping f_v + k_v is not positive"
-        if k == 0:
-            return "stable by damping for every positive stiffness"
-        if not bool(self.integrable):
-            return "no critical stiffness: the kernel does not satisfy the theorem"
-        return f"critical stiffness {k:.10g} at {float(self.critical_frequency):.10g} rad/s"
 
 
 def theorem(
@@ -146,3 +123,48 @@ def _rational(kernel: AbstractRationalKernel, damping: Float[Array, ""], mass: F
     k = mass * y - y * poly.value(imaginary, y) / poly.value(size, y)
     w = jnp.where(some, jnp.sqrt(y), jnp.inf)
     return w, jnp.where(some, k, -jnp.inf), stable, jnp.ones((), bool)
+
+
+def critical_one_exponential(
+    amplitude: ArrayLike, rate: ArrayLike, damping: ArrayLike, mass: ArrayLike
+) -> tuple[Float[Array, " *s"], Float[Array, " *s"]]:
+    """w_cr [rad/s] and k_cr [force/m] of g(t) = g exp(-r t), elementwise.
+
+    (19) is g r/(r^2 + w^2) = d, so w^2 = g r/d - r^2, and (20) is k = w^2 (m + d/r).
+    """
+    damped = jnp.asarray(damping) > 0
+    damping = jnp.where(damped, damping, 1.0)
+    square = jnp.maximum(amplitude * rate / damping - jnp.square(rate), 0.0)
+    some = square > 0
+    frequency = jnp.where(some, jnp.sqrt(jnp.where(some, square, 1.0)), 0.0)
+    stiffness = square * (mass + damping / rate)
+    return jnp.where(damped, frequency, jnp.inf), jnp.where(damped, stiffness, jnp.inf)
+
+
+def critical_points(
+    kernel: AbstractKernel,
+    damping: Float[Array, ""],
+    mass: Float[Array, ""],
+    *,
+    number: int,
+    points: int,
+) -> tuple[Float[Array, " number"], Float[Array, " number"], Bool[Array, ""]]:
+    """The `number` lowest w_n [rad/s] and k(w_n) [force/m] of (19)-(20), and whether these are all.
+
+    inf and -inf where there are fewer. For any kernel: sought on `points` frequencies, and refined
+    with transforms of the kernel. First and second derivatives are those of the implicit function;
+    a w_n at which Re G only touches f_v + k_v has none.
+    """
+    low, high = jax.lax.stop_gradient(kernel.frequencies())
+    grid = jnp.exp(jnp.linspace(jnp.log(low / _BEYOND), jnp.log(high * _BEYOND), points))
+    size = jnp.where(damping == 0, 1.0, jnp.abs(damping))
+
+    def excess(w: Float[Array, ""]):
+        return (kernel.transform(1j * w).real - damping) / size
+
+    w, some = crossings(excess, grid, number=number)
+    G = jax.vmap(lambda w: kernel.transform(1j * w))(w)
+    k = mass * w**2 - w * G.imag
+    above = jax.lax.stop_gradient(jax.vmap(excess)(grid)) > 0
+    complete = ~above[-1] & (jnp.sum(above[:-1] != above[1:]) <= number)
+    return jnp.where(some, w, jnp.inf), jnp.where(some, k, -jnp.inf), complete

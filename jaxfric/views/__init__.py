@@ -8,7 +8,7 @@ import importlib
 from typing import TYPE_CHECKING
 
 from ..errors import InputError
-from .view import View, html_of, in_notebook, pandas_of, text_of, xarray_of
+from .view import View, Words, html_of, in_notebook, pandas_of, text_of, xarray_of
 
 if TYPE_CHECKING:
     from arviz import InferenceData
@@ -43,6 +43,20 @@ def view_of(result: object) -> View:
 def line(result: object) -> str:
     """A result in a line: its `repr`."""
     return view_of(result).line(result)
+
+
+def words(result: object) -> Words:
+    """The words of a result."""
+    told = view_of(result).words
+    assert told is not None
+    return told(result)
+
+
+def json(result: object) -> dict:
+    """A result as the content of its JSON file."""
+    content = view_of(result).json
+    assert content is not None
+    return content(result)
 
 
 def summary(result: object) -> str:

@@ -1,10 +1,10 @@
 """A comparison of laws in a line, a page, a figure and a table."""
 
-from ..loop.law_comparison import LawComparison
+from ..loop.compare import LawComparison
 from ..plot.label import printable
-from ..report.comparison import table, tabled
+from ..report.comparison import next_step, sentence, table, tabled, to_json, warnings
 from ..report.fits_table import csv_rows
-from .view import Frame, Page, View
+from .view import Frame, Page, View, Words
 
 
 def line(found: LawComparison) -> str:
@@ -17,8 +17,9 @@ def line(found: LawComparison) -> str:
 
 def page(found: LawComparison) -> Page:
     """The sentence and the table, as `jaxfric compare` prints them."""
-    notes = [found.next_step] if found.next_step else []
-    return Page((found.sentence,), [table(found)], notes, found.warnings)
+    told = words(found)
+    notes = [told.next_step] if told.next_step else []
+    return Page((told.sentence,), [table(found)], notes, told.warnings)
 
 
 def frame(found: LawComparison) -> Frame:
@@ -34,4 +35,9 @@ def figure(found: LawComparison):
     return comparison_figure(found)
 
 
-VIEW = View(line, page, figure, frame)
+def words(found: LawComparison) -> Words:
+    """Which law the record supports, what to ask next, and warnings."""
+    return Words(sentence(found), next_step(found), warnings(found))
+
+
+VIEW = View(line, page, figure, frame, words=words, json=to_json)

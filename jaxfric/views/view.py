@@ -38,6 +38,14 @@ class Page(NamedTuple):
     warnings: Sequence[str] = ()
 
 
+class Words(NamedTuple):
+    """A result in words: what was found, what to ask next ('' for nothing), and warnings."""
+
+    sentence: str
+    next_step: str = ""
+    warnings: tuple[str, ...] = ()
+
+
 class Frame(NamedTuple):
     """A table in SI, as rows or as columns; the column that names the rows ("" for none); and what
     holds for all."""
@@ -73,6 +81,8 @@ class View(NamedTuple, Generic[R]):
     figure: "Callable[[R], Figure] | None" = None
     frame: Callable[[R], Frame] | None = None
     arrays: Callable[[R], Arrays] | None = None
+    words: Callable[[R], Words] | None = None
+    json: Callable[[R], dict] | None = None
 
 
 def text_of(title: str, page: Page) -> str:

@@ -16,7 +16,7 @@ from delay import sliders
 from peers_table import Table, timed
 
 from jaxfric.stability.delay_roots import rightmost_roots
-from jaxfric.stability.kernel import ExponentialKernel
+from jaxfric.stability.kernel import StateSpaceKernel
 from jaxfric.stability.linear import LinearFriction, LinearSlider
 from jaxfric.stability.margins import poles
 
@@ -51,7 +51,7 @@ def _poles(mpmath: ModuleType) -> None:
 
     def ours(p):
         A, B, L, V, m, k_v, k_p = p
-        kernel = ExponentialKernel(jnp.stack([B / L]), jnp.stack([V / L]))
+        kernel = StateSpaceKernel(jnp.reshape(-V / L, (1, 1)), jnp.ones(1), jnp.stack([B / L]))
         return poles(LinearSlider(m, k_p, k_v, LinearFriction(A / V, kernel, jnp.zeros_like(A))))
 
     run = jax.jit(jax.vmap(ours))

@@ -10,7 +10,8 @@ from ...effects.axis import AXIS_STEADY_CURVES
 from ...fitting.axis_preparation import shifted
 from ...fitting.axis_problem import AxisProblem
 from ..curves import Curve, CurveRig
-from ..engine import Candidate, Engine
+from ..engine import Engine
+from ..refit import Candidate
 from .result import AxisRows
 
 

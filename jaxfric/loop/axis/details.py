@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable, Mapping
+from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -42,23 +43,32 @@ def as_published(problem: AxisProblem, prepared: Prepared, rows: AxisRows) -> Ax
     )
 
 
+class KnownAxis(NamedTuple):
+    """What is known of an axis before its loop is closed."""
+
+    record: AxisRecord
+    reading: Reading
+    directions: tuple[Driven, ...]
+    """The speeds of each direction, and friction there, as by `driven`."""
+    spring: Spring | None
+    """That of an axis which never slid, as by `spring_of`."""
+    withheld: str
+    """Why there is no verdict, in words; '' where there is one."""
+
+
 def details_of(
-    record: AxisRecord,
-    reading: Reading,
-    told: Mapping[str, Estimate],
-    problem: AxisProblem,
+    known: KnownAxis,
     engine: Engine[AxisProblem],
     found: Search,
-    directions: tuple[Driven, ...],
-    withheld: str,
-    spring: Spring | None,
+    told: Mapping[str, Estimate],
     missed: float,
     progress: Callable[[str], None],
 ) -> AxisDetails:
     """Both fits of the base and of the final model, over all rows; `told` are the parameters that
-    the loop ends with (`Estimate` by name), which stand beside them; `directions` as by `driven`;
-    `withheld`: why there is no verdict; `spring` as by `spring_of`; `missed`: what the model leaves
-    of the report block beyond its noise [F]."""
+    the loop ends with, which stand beside them; `missed`: what the model leaves of the report block
+    beyond its noise [F]."""
+    record, reading, directions, spring, withheld = known
+    problem = engine.case.problem
     prepared, rows = reading.prepared, reading.rows
     usual_force = as_published(problem, prepared, rows)
     fits: list[tuple[str, AxisFit]] = []
@@ -76,15 +86,15 @@ def details_of(
     # the slope and its error are those of one model: the loop's, in the rows that count
     rig = problem.rig(jnp.asarray(found.final.z))
     unit = "rad" if record.coordinate == "rotary" else "m"
-    known = seen(engine, found, rows, prepared, unit, directions, withheld)
+    supported = seen(engine, found, rows, prepared, unit, directions, withheld)
     place = float(np.median(rows.position))
     own = friction_of(rig, place, float(np.median(np.abs(rows.velocity[rows.used]))))
     if missed > _LARGEST * own:
         unit_of = record.force_unit
         what = f"the model misses the test block by {missed:.2g} {unit_of} beyond noise"
         why = f"{what}, where friction is {own:.2g} {unit_of}"
-        known = known._replace(unseen=(*known.unseen, Unseen(why, np.inf)))
-    gains = _gains(rig, place, known, record.drive)
+        supported = supported._replace(unseen=(*supported.unseen, Unseen(why, np.inf)))
+    gains = _gains(rig, place, supported, record.drive)
     return AxisDetails(
         tuple(fits),
         prepared.preparation,

@@ -7,14 +7,12 @@ evidence, tests and verdict are those of `jaxfric.loop`.
 import dataclasses
 import time
 from collections.abc import Callable, Mapping, Sequence
-from functools import cached_property
 from pathlib import Path
-from typing import Self
 
 import jax.numpy as jnp
 import numpy as np
 
-from ...effects import AXIS_CATALOGUE, AbstractEffect, RecordScales, effect_of, ids_of
+from ...effects import AXIS_CATALOGUE, AbstractEffect, effect_of, ids_of
 from ...effects.axis import ANGLE, IN_TIME
 from ...findings import Finding, Severity
 from ...fitting import Estimate
@@ -27,17 +25,18 @@ from ...records.differences import noise_from_differences
 from ...records.given import as_axis_record
 from ...rig.axis import AxisRig, BaseLaw
 from ...silent import silent
-from ..curves import CurveRig
-from ..driver import AbstractBench, Offered, ScoredRows, offered, run
-from ..engine import Candidate, Choice, Engine, NoiseBounds
+from ..case import MOST, Case, Choice, NoiseBounds, Offered, offered
+from ..close import close
+from ..engine import Engine
 from ..findings import WITHHELD, LoopCode, words_of
-from ..location import Bumps
 from ..result import Loop, Score
-from ..search import MOST, Search
-from ..words import AXIS, LoopWords
+from ..search import Search
+from ..split import Blocks
+from ..subject import ScoredRows, Subject
+from ..words import AXIS
 from .curves import axis_curves
-from .details import details_of
-from .driven import OF_SPEED, UNKNOWN, Driven, at_one_speed, driven
+from .details import KnownAxis, details_of
+from .driven import OF_SPEED, UNKNOWN, at_one_speed, driven
 from .findings import axis_claims
 from .nonlinear import axis_sensitivities, friction_bumps
 from .reading import Reading, read_rows
@@ -97,19 +96,8 @@ def close_axis_loop(
     reading = read_rows(record, preparation=preparation, width=width, held=held)
     for note in reading.notes:
         progress(note)
-    prepared, rows = reading.prepared, reading.rows
-    weight = np.zeros(len(prepared.time))
-    weight[: prepared.rows] = rows.used
-    effects = tuple(e for e in asked.effects if e.id not in asked.without)
-    problem = make_problem(
-        prepared,
-        weight,
-        EncompassingModel(BaseLaw(), effects),
-        width=rows.width,
-        noise_scale=unit_of_residuals(prepared.force[: prepared.rows][rows.used]),
-    )
-    bench = AxisBench(record, reading, problem, rows, held)
-    return run(bench, asked, begun=begun, progress=progress)
+    subject = axis_subject(record, reading, asked, held=held)
+    return close(subject, most=asked.most, begun=begun, progress=progress)
 
 
 def _seen_by(record: AxisRecord, asked: Offered) -> Offered:
@@ -127,166 +115,82 @@ def _axis_effect(id: str) -> type[AbstractEffect]:
     return effect_of(id, AxisRig)
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class AxisBench(AbstractBench):
-    """An axis' record, its prepared rows and the problem of inverse dynamics."""
+def axis_subject(
+    record: AxisRecord, reading: Reading, asked: Offered, *, held: bool
+) -> Subject[AxisProblem]:
+    """An axis' record, its prepared rows and the problem of inverse dynamics; `held`: the force is
+    a command held until the next row.
 
-    record: AxisRecord
-    reading: Reading
-    problem: AxisProblem
-    counted: AxisRows
-    """Rows of the reading, but for those that are glitches."""
-    held: bool
-    """Whether the force is a command held until the next row."""
+    Effects that move force and motion in time are one group. Effects that the record cannot show
+    are not offered, but for those asked for.
+    """
+    prepared, rows = reading.prepared, reading.rows
+    weight = np.zeros(len(prepared.time))
+    weight[: prepared.rows] = rows.used
+    effects = tuple(e for e in asked.effects if e.id not in asked.without)
+    problem = make_problem(
+        prepared,
+        weight,
+        EncompassingModel(BaseLaw(), effects),
+        width=rows.width,
+        noise_scale=unit_of_residuals(prepared.force[: prepared.rows][rows.used]),
+    )
+    directions = driven(
+        rows.used, rows.velocity, rows.segment, np.asarray(prepared.force)[: len(rows.time)]
+    )
+    single = at_one_speed(directions)
+    unseen = tuple(id for id in OF_SPEED if id not in asked.with_) if single else ()
+    longest = np.asarray([_NOISE_ROWS * float(problem.time[1] - problem.time[0])])
+    case = Case(
+        problem,
+        reading.blocks,
+        axis_sensitivities,
+        np.zeros(0, int),
+        rows.path,
+        Choice(asked.with_, unseen, (IN_TIME,)),
+        NoiseBounds(longest, either_sign=True, by_step=False),
+    )
+    spring, length = spring_of(problem, rows), length_of(record)
+    stopped = _stopped(record, problem, rows, spring)
+    reason = "" if stopped is None else words_of(stopped).removesuffix(WITHHELD)
+    known = KnownAxis(record, reading, directions, spring, reason)
+    others: tuple[Finding, ...] = ()
+    if record.others:
+        values = {"columns": record.others}
+        others = (Finding(LoopCode.OTHERS, Severity.CAUTION, values, rows.used),)
 
-    def engine(self, with_: tuple[str, ...] | None) -> Engine[AxisProblem]:
-        """Effects that move force and motion in time are one group, but where a base starts."""
-        longest = np.asarray([_NOISE_ROWS * float(self.problem.time[1] - self.problem.time[0])])
-        return Engine(
-            self.problem,
-            self.reading.blocks,
-            np.zeros(0, int),
-            Choice(with_ or (), self._unseen(with_), () if with_ is None else (IN_TIME,)),
-            shapes=axis_sensitivities,
-            path=self.path(),
-            bounds=NoiseBounds(longest, either_sign=True, by_step=False),
-        )
+    def counted(engine: Engine[AxisProblem]) -> AxisRows:
+        """The rows, but for those that are glitches."""
+        return dataclasses.replace(rows, used=rows.used & engine.passed_on())
 
-    @cached_property
-    def spring(self) -> Spring | None:
-        """The spring that the force is of an axis that never slid, as by `spring_of`."""
-        return spring_of(self.problem, self.reading.rows)
+    def scored(engine: Engine[AxisProblem]) -> ScoredRows:
+        own = counted(engine)
+        return ScoredRows(own.used, own.segment, int(own.segment.max()) + 1, own.velocity)
 
-    @cached_property
-    def stopped(self) -> Finding | None:
-        """Why there is no verdict: the axis never slid, or its force is feedback; else None."""
-        used = self.reading.rows.used
-        if self.spring is not None:
-            unit = f"{self.record.force_unit}/{length_of(self.record)}"
-            values = {**self.spring._asdict(), "unit": unit}
-            return Finding(LoopCode.SPRING, Severity.WITHHELD, values, used)
-        late = follows(self.problem, self.reading.rows, self.record.coordinate == "rotary")
-        if late is None:
-            return None
-        return Finding(LoopCode.FEEDBACK, Severity.WITHHELD, {"late": late}, used)
-
-    @cached_property
-    def reason(self) -> str:
-        """The same in words; '' where there is a verdict."""
-        return "" if self.stopped is None else words_of(self.stopped).removesuffix(WITHHELD)
-
-    @cached_property
-    def others(self) -> tuple[Finding, ...]:
-        """That other joints move in the record, where they do."""
-        if not self.record.others:
-            return ()
-        values, used = {"columns": self.record.others}, self.reading.rows.used
-        return (Finding(LoopCode.OTHERS, Severity.CAUTION, values, used),)
-
-    @cached_property
-    def driven(self) -> tuple[Driven, ...]:
-        """The speeds of each direction, and friction there."""
-        rows = self.reading.rows
-        force = np.asarray(self.reading.prepared.force)[: len(rows.time)]
-        return driven(rows.used, rows.velocity, rows.segment, force)
-
-    def _unseen(self, with_: tuple[str, ...] | None) -> tuple[str, ...]:
-        """Effects that the record cannot show, but for those asked for."""
-        single = at_one_speed(self.driven)
-        return tuple(id for id in OF_SPEED if id not in (with_ or ())) if single else ()
-
-    def start(self, engine: Engine[AxisProblem]) -> np.ndarray:
-        """Parameters of the base by least squares."""
-        problem, motion = self.problem, self.problem.motion
-        at = np.flatnonzero(self.reading.blocks.train)
-        columns = [
-            motion.acceleration,
-            motion.velocity,
-            jnp.tanh(motion.velocity / problem.width),
-            jnp.ones_like(motion.velocity),
-        ]
-        matrix = np.stack([np.asarray(problem.sampler(c))[at] for c in columns], axis=1)
-        found, *_ = np.linalg.lstsq(matrix, np.asarray(problem.friction)[at], rcond=None)
-        largest = max(float(np.max(np.abs(matrix[:, 0]))), 1e-300)
-        found[0] = max(found[0], _LEAST_MASS * float(problem.sizes.force) / largest)
-        return problem.coordinates.to_free(np.asarray([*found, *problem.model.nulls()]))
-
-    def starts(self, engine: Engine[AxisProblem], z: np.ndarray) -> list[np.ndarray]:
-        """`z` alone: the base is linear and has one minimum."""
-        return [z]
-
-    def scales(self) -> RecordScales:
-        """Sizes of the record, see `scales_of`."""
-        return scales_of(self.reading.rows, self.reading.prepared, self.reading.blocks)
-
-    def path(self) -> np.ndarray:
-        """Distance travelled, there and back, at every row [m]."""
-        return self.reading.rows.path
-
-    def passing_over(self, engine: Engine[AxisProblem]) -> Self:
-        """A copy of this bench without the rows that are glitches."""
-        rows = self.reading.rows
-        counted = dataclasses.replace(rows, used=rows.used & engine.passed_on())
-        return dataclasses.replace(self, counted=counted)
-
-    def bumps(self, engine: Engine[AxisProblem], candidate: Candidate) -> list[Bumps]:
-        """Bumps of friction over position, velocity, time and the distance since a reversal."""
-        return friction_bumps(engine, self.counted, unit=length_of(self.record))
-
-    def curves(self, engine: Engine[AxisProblem], final: Candidate) -> CurveRig:
-        """Steady curves of the fit, see `axis_curves`."""
-        return axis_curves(engine, final, self.counted, length_of(self.record))
-
-    def rows(self, engine: Engine[AxisProblem]) -> ScoredRows:
-        """The rows that errors are reported of, by motion segment."""
-        segment = self.counted.segment
-        rows = self.counted
-        return ScoredRows(rows.used, segment, int(segment.max()) + 1, rows.velocity)
-
-    def named(self, parameters: Mapping[str, Estimate]) -> dict[str, Estimate]:
-        """The parameters, in the units of the axis."""
-        force, length = self.record.force_unit, length_of(self.record)
-        units = {name: own_unit(one.unit, force, length) for name, one in parameters.items()}
-        open_ = UNKNOWN if at_one_speed(self.driven) else ()
-        open_ = tuple(parameters) if self.spring is not None else open_
+    def named(parameters: Mapping[str, Estimate]) -> dict[str, Estimate]:
+        units = {n: own_unit(one.unit, record.force_unit, length) for n, one in parameters.items()}
+        open_ = UNKNOWN if single else ()
+        open_ = tuple(parameters) if spring is not None else open_
         return {
             n: dataclasses.replace(e, unit=units[n], determined=e.determined and n not in open_)
             for n, e in parameters.items()
         }
 
-    def friction_unit(self) -> str:
-        """Unit of the motor force."""
-        return self.record.force_unit
+    def shown(engine: Engine[AxisProblem]) -> tuple[PreparedRecord, AxisBase]:
+        own = counted(engine)
+        base = AxisBase(own.steps(), own.width, prepared.preparation)
+        return own.as_record(record, prepared.force), base
 
-    def edge(self) -> None:
-        """None: an axis moves as measured, so that no stiffness is near its critical value."""
-
-    def withheld(self, engine: Engine[AxisProblem], found: Search) -> Finding | None:
-        """That the axis never slid, or that the force is feedback, where it is."""
-        return self.stopped
-
-    def warnings(self, engine: Engine[AxisProblem], found: Search) -> tuple[str, ...]:
-        """Warnings of the record, of its rows, and of what was seen at low speed."""
-        final = found.final
-        seen = doubts(engine, found, self.counted, self.reason)
-        if not self.held:
-            interval = float(np.median(np.diff(self.record.time)))
+    def warnings(engine: Engine[AxisProblem], found: Search) -> tuple[str, ...]:
+        own, final = counted(engine), found.final
+        seen = doubts(engine, found, own, reason)
+        if not held:
+            interval = float(np.median(np.diff(record.time)))
             seen += held_command(engine.values(final.z), final.effects, interval)
-        seen += tuple(words_of(one) for one in self.others)
-        return (*self.reading.warnings, *self.counted.warnings(length_of(self.record)), *seen)
-
-    def words(self) -> LoopWords:
-        """Words of reports about an axis."""
-        return AXIS
-
-    def shown(self) -> tuple[PreparedRecord, AxisBase]:
-        """The rows, and the base model, as reports show them."""
-        rows, prepared = self.counted, self.reading.prepared
-        base = AxisBase(rows.steps(), rows.width, prepared.preparation)
-        return rows.as_record(self.record, prepared.force), base
+        seen += [words_of(one) for one in others]
+        return (*reading.warnings, *own.warnings(length), *seen)
 
     def details(
-        self,
         engine: Engine[AxisProblem],
         found: Search,
         after: Score,
@@ -294,21 +198,56 @@ class AxisBench(AbstractBench):
         progress: Callable[[str], None],
     ) -> AxisDetails:
         """Fits over all rows, gains, and friction and stability as far as rows support them."""
-        details = details_of(
-            self.record,
-            self.reading,
-            after.parameters,
-            self.problem,
-            engine,
-            found,
-            self.driven,
-            self.reason,
-            self.spring,
-            missed,
-            progress,
-        )
-        claims = axis_claims(self.counted, self.driven, details)
-        return dataclasses.replace(details, claims=(*claims, *self.others))
+        more = details_of(known, engine, found, after.parameters, missed, progress)
+        claims = axis_claims(counted(engine), directions, more)
+        return dataclasses.replace(more, claims=(*claims, *others))
+
+    return Subject(
+        case=case,
+        start=_start(problem, reading.blocks),
+        further_starts=(),  # the base is linear and has one minimum
+        scales=scales_of(rows, prepared, reading.blocks),
+        friction_unit=record.force_unit,
+        words=AXIS,
+        bumps=lambda engine, candidate: friction_bumps(engine, counted(engine), unit=length),
+        curves=lambda engine, final: axis_curves(engine, final, counted(engine), length),
+        rows=scored,
+        named=named,
+        shown=shown,
+        warnings=warnings,
+        details=details,
+        withheld=stopped,
+    )
+
+
+def _stopped(
+    record: AxisRecord, problem: AxisProblem, rows: AxisRows, spring: Spring | None
+) -> Finding | None:
+    """Why there is no verdict: the axis never slid, or its force is feedback; else None."""
+    if spring is not None:
+        unit = f"{record.force_unit}/{length_of(record)}"
+        values = {**spring._asdict(), "unit": unit}
+        return Finding(LoopCode.SPRING, Severity.WITHHELD, values, rows.used)
+    late = follows(problem, rows, record.coordinate == "rotary")
+    if late is None:
+        return None
+    return Finding(LoopCode.FEEDBACK, Severity.WITHHELD, {"late": late}, rows.used)
+
+
+def _start(problem: AxisProblem, blocks: Blocks) -> np.ndarray:
+    """Parameters of the base by least squares."""
+    motion, at = problem.motion, np.flatnonzero(blocks.train)
+    columns = [
+        motion.acceleration,
+        motion.velocity,
+        jnp.tanh(motion.velocity / problem.width),
+        jnp.ones_like(motion.velocity),
+    ]
+    matrix = np.stack([np.asarray(problem.sampler(c))[at] for c in columns], axis=1)
+    found, *_ = np.linalg.lstsq(matrix, np.asarray(problem.friction)[at], rcond=None)
+    largest = max(float(np.max(np.abs(matrix[:, 0]))), 1e-300)
+    found[0] = max(found[0], _LEAST_MASS * float(problem.sizes.force) / largest)
+    return problem.coordinates.to_free(np.asarray([*found, *problem.model.nulls()]))
 
 
 def unit_of_residuals(force: np.ndarray) -> float:

@@ -8,9 +8,10 @@ import numpy as np
 from ...effects import RecordScales
 from ...effects.effect import AbstractEffect
 from ...fitting.axis_problem import AxisProblem, shape_columns
-from ..engine import Column, Engine, Sensitivities, columns_of
+from ..case import Column, Sensitivities
+from ..engine import Engine
 from ..location import Bumps
-from ..nonlinear import shapes_of
+from ..nonlinear import columns_of, shapes_of
 from .result import AxisRows
 
 _COARSE, _WAVES = 16, 60

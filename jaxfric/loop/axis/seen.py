@@ -18,8 +18,9 @@ from ...fitting.axis_problem import AxisProblem
 from ...fitting.uncertainty import normal_inverse
 from ...records.steady_mean import effective_samples
 from ...stability.claims import Above, Unseen, above_curve
-from ..engine import Candidate, Engine
+from ..engine import Engine
 from ..family import listed
+from ..refit import Candidate
 from ..search import Search
 from ..thresholds import HELD_OUT
 from .driven import ONE_SPEED, Driven, at_one_speed

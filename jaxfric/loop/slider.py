@@ -1,8 +1,7 @@
-"""What the loops over a slider's record share: its problem, and how a bench answers for it."""
+"""What the loop is given of a slider's record: its problem with all effects, and its base fit."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
-from typing import Self
+from collections.abc import Callable, Mapping, Sequence
 
 import equinox as eqx
 import jax
@@ -11,7 +10,7 @@ from jaxtyping import Array
 
 from ..effects import AbstractEffect, RecordScales
 from ..errors import InputError
-from ..fitting import Estimate, Fit
+from ..fitting import Fit
 from ..fitting.assemble import is_of_wander
 from ..fitting.encompassing import EncompassingModel
 from ..fitting.fit import prepare
@@ -23,14 +22,18 @@ from ..laws.registry import refuse_untaken, takes
 from ..records import Record, VelocitySteps
 from ..records.differences import noise_from_differences
 from ..traced import traced
-from .driver import AbstractBench, Offered
-from .engine import Candidate, Choice, Engine
-from .location import Bumps, friction_bumps
+from .case import Case, Choice, Offered
+from .engine import Engine
+from .location import friction_bumps
 from .nonlinear import friction_sensitivities
+from .refit import Candidate
+from .result import LoopBase, LoopDetails, LoopRecord, Score
 from .sampling import seen_between
 from .search import Search
+from .slider_curves import slider_curves
 from .split import Blocks
-from .words import SLIDER, LoopWords
+from .subject import ScoredRows, Subject
+from .words import SLIDER
 
 # Errors of step times too small to matter to a fit add up over steps to what looks like a lag.
 _FELT = 0.1
@@ -40,110 +43,117 @@ _NEAR = 2.0
 _OTHER_START = 1.3
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class AbstractSliderBench(AbstractBench):
-    """A slider's record as one motion, and its base fit."""
-
-    record: Record
-    base_fit: Fit
-    found_steps: VelocitySteps
-    blocks: Blocks
-    problem: Problem
-    felt: np.ndarray
-    """Mask of the step times whose shifts are parameters."""
-    without: tuple[str, ...]
-    thinning: tuple[str, ...]
-    """Sentences on the rows that were left out."""
-
-    def engine(self, with_: tuple[str, ...] | None) -> Engine[Problem]:
-        """An engine that offers all effects but those left out."""
-        if with_ is None:
-            return Engine(self.problem, self.blocks, self.felt, shapes=friction_sensitivities)
-        choice = Choice(with_, self.without)
-        return engine_of(self.problem, self.blocks, self.felt, choice, path=self.path())
-
-    def starts(self, engine: Engine[Problem], z: np.ndarray) -> list[np.ndarray]:
-        """The starts `z`, and `z` with larger A, B and L."""
-        other = np.array(z)
-        for name in "ABL":
-            other[engine.names.index(name)] += np.log(_OTHER_START)
-        return [z, other]
-
-    def scales(self) -> RecordScales:
-        """Sizes of the record, from the steps as the base fit has them."""
-        base = self.base_fit
-        return scales_of(self.record, base.steps, base.parameters["L"].value)
-
-    def path(self) -> np.ndarray:
-        """Displacement of the load point."""
-        return np.asarray(self.base_fit.steps.displacement(self.record.relative_time))
-
-    def passing_over(self, engine: Engine[Problem]) -> Self:
-        """This bench itself: a slider's rows all count, and reports mark the glitches."""
-        return self
-
-    def bumps(self, engine: Engine[Problem], candidate: Candidate) -> list[Bumps]:
-        """Bumps of friction over velocity, state, slip, time and variables that go with them."""
-        return friction_bumps(engine, candidate)
-
-    def named(self, parameters: Mapping[str, Estimate]) -> dict[str, Estimate]:
-        """The parameters, with stiffness and reference velocity added."""
-        known = self.base_fit.parameters
-        return {**parameters, "K": known["K"], "V0": known["V0"]}
-
-    def friction_unit(self) -> str:
-        """Unit of friction in the record."""
-        return self.record.friction_unit
-
-    def edge(self) -> float | None:
-        """K/K_cr of the base fit; None where the record shows no critical stiffness."""
-        base = self.base_fit
-        if base.claim().kind != "critical":
-            return None
-        return base.values()["K"] / base.critical_stiffness()
-
-    def withheld(self, engine: Engine[Problem], found: Search) -> None:
-        """None: see `edge`."""
-        del engine, found
-
-    def warnings(self, engine: Engine[Problem], found: Search) -> tuple[str, ...]:
-        """Warnings of the base fit except on its noise and on what the loop asks itself, and those
-        of the loop."""
-        own = noise_words(self.base_fit.noise, self.record)
-        warnings = repeated([text for text in self.base_fit.warnings if text not in own])
-        edge = self.edge()
-        if edge is not None and edge < _NEAR:
-            warnings.append(
-                f"K/K_cr is {edge:.2f}: so near the edge of stability finite steps may leave the"
-                " basin"
-            )
-        if not found.starts_agree and not found.base.failed:
-            warnings.append(
-                "base fits from different starts end at different parameters: the likeliest is"
-                " taken, and what is added to it decides"
-            )
-        change = _finer(engine, found.base)
-        if np.isinf(change):
-            warnings.append("a finer solver did not reach the end: how exact this is stays unknown")
-        elif not change < _FINE_ENOUGH:
-            warnings.append(f"a finer solver moves the prediction by {change:.2g} sigma")
-        return (*self.thinning, *warnings)
-
-    def words(self) -> LoopWords:
-        """Words of reports about a slider."""
-        return SLIDER
-
-
-def engine_of(
+def slider_case(
     problem: Problem,
-    blocks: Blocks,
     felt: np.ndarray,
-    choice: Choice,
-    *,
+    blocks: Blocks,
+    asked: Offered,
     path: np.ndarray | None = None,
-) -> Engine[Problem]:
-    """The engine of a slider's problem, see `Engine`."""
-    return Engine(problem, blocks, felt, choice, shapes=friction_sensitivities, path=path)
+) -> Case[Problem]:
+    """The case of a slider's problem; `felt` are the shifts of step times that are parameters,
+    `path` the displacement of the load point (n,), by default that of rows."""
+    path = np.arange(len(blocks.train)) if path is None else path
+    choice = Choice(asked.with_, asked.without)
+    return Case(problem, blocks, friction_sensitivities, felt, path, choice)
+
+
+def slider_subject(
+    case: Case[Problem],
+    record: Record,
+    base_fit: Fit,
+    start: np.ndarray,
+    shown: tuple[LoopRecord, LoopBase],
+    thinning: Sequence[str],
+    details: Callable[[Score], LoopDetails | None] | None = None,
+) -> Subject[Problem]:
+    """A slider's record as one motion, and its base fit; `start` as of `Subject`.
+
+    `shown` are record and base as reports see them, `thinning` sentences on the rows that were left
+    out; `details` gives further results from the score after.
+    """
+    known, steps = base_fit.parameters, shown[1].steps
+    larger = np.zeros(len(start))
+    for name in "ABL":
+        larger[case.model.names().index(name)] = np.log(_OTHER_START)
+    edge = edge_of(base_fit)
+
+    def rows(engine: Engine[Problem]) -> ScoredRows:
+        step = engine.blocks.step
+        return ScoredRows(np.ones(len(step), bool), step, len(steps), steps.velocities[step])
+
+    def warnings(engine: Engine[Problem], found: Search) -> tuple[str, ...]:
+        return (*thinning, *slider_warnings(engine, found, record, base_fit, edge))
+
+    return Subject(
+        case=case,
+        start=start,
+        further_starts=[larger],
+        scales=scales_of(record, base_fit.steps, known["L"].value),
+        friction_unit=record.friction_unit,
+        words=SLIDER,
+        bumps=friction_bumps,
+        curves=lambda engine, final: slider_curves(engine, final, steps.velocities),
+        rows=rows,
+        named=lambda parameters: {**parameters, "K": known["K"], "V0": known["V0"]},
+        shown=lambda engine: shown,
+        warnings=warnings,
+        details=lambda engine, found, after, *rest: None if details is None else details(after),
+        edge=edge,
+    )
+
+
+def path_of(record: Record, base_fit: Fit) -> np.ndarray:
+    """Displacement of the load point at every row [m]."""
+    return np.asarray(base_fit.steps.displacement(record.relative_time))
+
+
+def edge_of(base_fit: Fit) -> float | None:
+    """K/K_cr of the base fit; None where the record shows no critical stiffness."""
+    if base_fit.claim().kind != "critical":
+        return None
+    return base_fit.values()["K"] / base_fit.critical_stiffness()
+
+
+def slider_warnings(
+    engine: Engine[Problem], found: Search, record: Record, base_fit: Fit, edge: float | None
+) -> list[str]:
+    """Warnings of the base fit except on its noise and on what the loop asks itself, and those of
+    the loop."""
+    own = noise_words(base_fit.noise, record)
+    warnings = repeated([text for text in base_fit.warnings if text not in own])
+    if edge is not None and edge < _NEAR:
+        warnings.append(
+            f"K/K_cr is {edge:.2f}: so near the edge of stability finite steps may leave the basin"
+        )
+    if not found.starts_agree and not found.base.failed:
+        warnings.append(
+            "base fits from different starts end at different parameters: the likeliest is"
+            " taken, and what is added to it decides"
+        )
+    change = _finer(engine, found.base)
+    if np.isinf(change):
+        warnings.append("a finer solver did not reach the end: how exact this is stays unknown")
+    elif not change < _FINE_ENOUGH:
+        warnings.append(f"a finer solver moves the prediction by {change:.2g} sigma")
+    return warnings
+
+
+def start_of(
+    case: Case[Problem],
+    values: Mapping[str, float],
+    found_steps: VelocitySteps,
+    fitted_times: np.ndarray | None = None,
+) -> np.ndarray:
+    """Parameters of a base with these values, effects at their null; with shifts of step times from
+    those that the load point shows to the fitted ones [s], where they are known."""
+    natural = [values[name] for name in case.model.base.names()] + case.model.nulls()
+    z = case.problem.coordinates.to_free(np.asarray(natural))
+    if found_steps.time_errors is None or fitted_times is None:
+        return z
+    late, first = fitted_times - found_steps.times, len(case.model.names())
+    for k in case.shifted:
+        z[first + k] = late[k + 1] / found_steps.time_errors[k + 1]
+    return z
 
 
 def scales_of(record: Record, steps: VelocitySteps, slip_length: float) -> RecordScales:
@@ -252,10 +262,11 @@ def _channels(
 
 def _finer(engine: Engine[Problem], base: Candidate) -> float:
     """Change of the prediction under a ten times finer solver, in sigma of the noise."""
+    evaluator = engine.evaluator
     if engine.always:
-        problem, z = engine.at(base.z, engine.everywhere), base.z
+        problem, z = evaluator.simulated(base.z, evaluator.problem), base.z
     else:  # the base alone is quicker to compile
-        problem = engine.everywhere.with_model(engine.model.base)
+        problem = evaluator.problem.with_model(engine.model.base)
         z = np.concatenate([base.z[engine.base], base.z[len(engine.names) :]])
     fine = dataclasses.replace(problem, rtol=_FINER * problem.rtol, max_steps=3 * problem.max_steps)
     residual = np.asarray(_residual(fine, jax.device_put(z)))[: engine.rows]

@@ -5,25 +5,26 @@ slipping. Gains at which it comes to steady motion have made the cycle disappear
 a stuck slider reaches it; that asks for more than the linear theory does.
 """
 
+import dataclasses
 from dataclasses import dataclass
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, ArrayLike
 
 from ..errors import InputError
+from ..gains.ends import EndState
+from ..gains.result import Gains
+from ..gains.scenarios import Scenarios
+from ..gains.settle import PERIODS, STANDARD, Policy, end_state
 from ..rig import Inertial, QuasiStatic, Rig
 from ..rig.friction.law import AbstractLaw
+from ..simulation import rest_start
 from ..simulation.start import regularised
 from ..stability.linear import LinearSlider
 from ..stability.margins import poles
-from .check import end_map
-from .ends import EndState
-from .result import Gains
-from .scenarios import Scenarios
-from .settle import PERIODS
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +68,42 @@ def cycle_map(gains: Gains, *, points: tuple[int, int] = (14, 10)) -> CycleMap:
     horizon = _horizon(scenarios.take([index]), mass, grid_p, grid_v, V, law)
     ends = end_map(rig, V, grid_p, grid_v, horizon=horizon)
     return CycleMap(k_p, k_v, ends, index)
+
+
+def end_map(
+    rig: Rig,
+    velocity: ArrayLike,
+    stiffness: ArrayLike,
+    damping: ArrayLike,
+    *,
+    horizon: ArrayLike,
+    policy: Policy = STANDARD,
+) -> EndState:
+    """End state from the start at rest over arrays of gains k_p = `stiffness`, k_v = `damping`.
+
+    Where it is steady, gains have made the stick-slip cycle itself disappear, as far as a
+    stuck slider reaches it: the first approach of section I.A. `stiffness`, `damping` and
+    `horizon` [s] are broadcast; the result has their shape. `rig` gives law, mass and drive.
+    """
+    k_p, k_v, horizon = jnp.broadcast_arrays(
+        *(jnp.asarray(x, jnp.result_type(float)) for x in (stiffness, damping, horizon))
+    )
+    V = jnp.asarray(velocity, k_p.dtype)
+    rest_start(rig, V)  # refuses before anything is compiled
+    ends = _ends_over_gains(rig, V, k_p.ravel(), k_v.ravel(), horizon.ravel(), policy)
+    return jax.tree.map(lambda x: x.reshape(k_p.shape), ends)
+
+
+@eqx.filter_jit
+def _ends_over_gains(
+    rig: Rig, V: Array, stiffness: Array, damping: Array, horizon: Array, policy: Policy
+) -> EndState:
+    def one(k_p: Array, k_v: Array, time: Array) -> EndState:
+        machine = dataclasses.replace(rig.machine, stiffness=k_p, damping=k_v)
+        here = eqx.tree_at(lambda r: r.machine, rig, machine)
+        return end_state(here, V, rest_start(here, V), horizon=time, policy=policy)
+
+    return jax.vmap(one)(stiffness, damping, horizon)
 
 
 def _hardest(gains: Gains) -> int:

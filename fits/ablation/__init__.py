@@ -1,0 +1,1 @@
+"""What each gate, nicety and machine of the loop is worth: see README.md."""

@@ -1,0 +1,235 @@
+"""The pieces of the loop, each with a patch that takes it out.
+
+A patch replaces a name of a module or a class for the time of one loop; nothing in the product
+knows of it. A piece whose patch finds nothing to replace raises, so that no row of the table says
+'changes nothing' of a piece that is gone.
+"""
+
+import contextlib
+import importlib
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from jaxfric.fitting import solve
+from jaxfric.fitting.noise import Resonator
+from jaxfric.fitting.noise import search as noise_search
+from jaxfric.loop import (
+    close,
+    engine,
+    evaluate,
+    floor,
+    gates,
+    learn,
+    refit,
+    residual_tests,
+    search,
+    slider,
+    verdict,
+)
+
+Patch = tuple[Any, str, Any]
+"""Where, which name, and what takes its place."""
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A piece of the loop that can be taken out."""
+
+    group: str
+    """gates, noise, fit or speed"""
+    patches: Callable[[], Sequence[Patch]]
+    of_fits: bool = False
+    """Whether it changes what a fit is: then none that was made with it may be taken."""
+
+    @contextlib.contextmanager
+    def taken_out(self) -> Iterator[None]:
+        """The loop without this piece."""
+        before = []
+        try:
+            for where, name, other in self.patches():
+                before.append((where, name, getattr(where, name)))
+                setattr(where, name, other)
+            yield
+        finally:
+            for where, name, was in reversed(before):
+                setattr(where, name, was)
+
+
+def _gate(*patches: Patch) -> Piece:
+    return Piece("gates", lambda: patches)
+
+
+def _no_gate(gate: Callable[..., Any]) -> Piece:
+    """The search without one of its `gates`."""
+
+    def without(some):
+        return tuple(one for one in some if one is not gate)
+
+    original = search.refusal_of
+
+    def refusal_of(trial, asked=None):
+        return original(trial, without(gates.GATES if asked is None else asked))
+
+    return _gate((search, "refusal_of", refusal_of))
+
+
+def _without_question(name: str) -> Piece:
+    """One question of the residual fewer: neither asked nor counted by Holm's correction."""
+    original = residual_tests.holm
+
+    def holm(raw, asked):
+        kept = {key: p for key, p in raw.items() if key != name}
+        return original(kept, asked - (len(raw) - len(kept)))
+
+    return _gate((residual_tests, "holm", holm))
+
+
+def _no_block_error(blocks: Sequence[str]) -> Piece:
+    original = verdict.left_over
+
+    def left_over(tests, errors, of, least):
+        return original(tests, [e for e in errors if e[0] not in blocks], of, least)
+
+    return _gate((verdict, "left_over", left_over))
+
+
+def _noise(*patches: Patch) -> Piece:
+    return Piece("noise", lambda: patches, of_fits=True)
+
+
+def _without_kind(gone: type) -> Piece:
+    """A search for parts of noise that does not know one kind of them."""
+    return _noise((noise_search, "KINDS", tuple(k for k in noise_search.KINDS if k is not gone)))
+
+
+def _one_part() -> Piece:
+    original = noise_search._with_another
+
+    def with_another(record, best, **how):
+        return None if best.family.terms else original(record, best, **how)
+
+    return _noise((noise_search, "_with_another", with_another))
+
+
+def _held_noise() -> Piece:
+    """Noise of the base for all candidates: its parts stay as they were learnt, but for sigma."""
+
+    def profile(record, family, starts, *, least=0.0):
+        theta = np.asarray(starts[0], float)
+        values, sigmas = record.values(family, theta[None])
+        found = record.found(family, theta, float(values[0]), float(sigmas[0]))
+        return noise_search.not_below(record, found, least)
+
+    return _noise((engine, "profile_noise", profile))
+
+
+def _fit(*patches: Patch) -> Piece:
+    return Piece("fit", lambda: patches, of_fits=True)
+
+
+def _first_start_only() -> Piece:
+    original = solve._in_turn
+
+    def in_turn(problem, starts, most):
+        return original(problem, starts, 1)
+
+    return _fit((solve, "_in_turn", in_turn))
+
+
+def _speed(*patches: Patch) -> Piece:
+    return Piece("speed", lambda: patches, of_fits=True)
+
+
+_fitting = importlib.import_module("jaxfric.fitting.fit")  # the package has a function `fit`
+
+
+def _none(*_args, **_kwargs):
+    return None
+
+
+Engine, Evaluator = engine.Engine, evaluate.Evaluator
+
+
+def _one_start() -> Piece:
+    original = search.fit_base
+
+    def fit_base(found, starts):
+        return original(found, starts[:1])
+
+    return _gate((search, "fit_base", fit_base))
+
+
+_QUESTIONS = (
+    "block_means",
+    "step_locked",
+    "spread_after_step",
+    "slip",
+    "time",
+    "log_velocity",
+    "state",
+    "time_since_step",
+    "relaxation_length",
+    "wavelength",
+)
+
+
+def _kept(learnt, found, *_args):
+    return learnt, found
+
+
+PIECES: dict[str, Piece] = {
+    "screening p": _gate((search, "SIGNIFICANT", 1.0), (gates, "SIGNIFICANT", 1.0)),
+    "gate: possible": _no_gate(gates.possible),
+    "gate: evidence": _no_gate(gates.evidence),
+    "gate: train block": _no_gate(gates.train_block),
+    "gate: select block": _no_gate(gates.select_block),
+    "gate: fixed": _no_gate(gates.fixed),
+    "gate: takes nothing": _no_gate(gates.takes_nothing),
+    "inseparable": _gate((gates, "inseparable", lambda covariance: [])),
+    "tie by order": _gate((search, "TIE", 1e-9)),
+    "needless": _gate((search, "_without_needless", lambda now: now)),
+    "swap": _gate((search, "_swapped", lambda now, *_: now)),
+    "needless and swap": _gate(
+        (search, "_without_needless", lambda now: now), (search, "_swapped", lambda now, *_: now)
+    ),
+    "other law as a start": _gate((Engine, "law", _none)),
+    "parts of an effect as starts": _gate((search, "PARTS", ())),
+    "refits: two, not four": _gate((search, "REFITS", 2)),
+    "second start of the base": _one_start(),
+    "select block in BIC": _noise((refit, "predictive", lambda *_: 0.0)),
+    "rivals": _gate((verdict, "_rivals", lambda found: [])),
+    "unfitted aliases": _gate((verdict, "_unfitted", lambda found: [])),
+    "headline moves": _gate((close, "_moved", lambda before, after: ())),
+    "curve families": _gate((close, "curve_family", _none)),
+    "errors between models": _gate((close, "near_fits", lambda found: [])),
+    "error of the train block": _no_block_error(("train",)),
+    "errors held out": _no_block_error(("select", "report")),
+    "error floors (1.04, 1.06)": _gate((floor, "TRAIN_FLOOR", 1.0), (floor, "HELD_OUT", 1.0)),
+    "error of the prediction": _gate(
+        (floor, "_prediction_errors", lambda e, rows, held, noise: np.zeros(1))
+    ),
+    "edge rule (K/K_cr)": _gate((verdict, "EDGE", 0.0)),
+    **{f"question: {name}": _without_question(name) for name in _QUESTIONS},
+    "second part": _one_part(),
+    "resonator": _without_kind(Resonator),
+    "scale by step": _noise((learn, "_with_scale", _kept)),
+    "pace by step": _noise((learn, "_with_pace", _kept)),
+    "scale and pace": _noise((learn, "_with_scale", _kept), (learn, "_with_pace", _kept)),
+    "quantisation": _noise((engine, "recorded_steps", lambda friction: 0.0)),
+    "outliers": _noise((learn, "_without_glitches", lambda learnt, rows: learnt)),
+    "hum": _noise((learn, "_without_hum", lambda learnt, base: learnt)),
+    "spectrum": _noise((noise_search, "seems_white", lambda *_, **__: False)),
+    "profile at every candidate": _held_noise(),
+    "refined times of steps": _fit((slider, "_FELT", np.inf)),
+    "fair hold": _fit((_fitting, "fair_hold", lambda problem, *_: np.ones(len(problem.hold)))),
+    "dashpots": _fit((solve, "_DASHPOTS", ())),
+    "further starts": _first_start_only(),
+    "kept linearisations": _speed((evaluate, "_KEPT", 0)),
+    "shared shifts": _speed((evaluate.SharedShifts, "jacobian", _none)),
+    "heavy and light effects": _speed((Evaluator, "simulated", lambda self, z, problem: problem)),
+}
+"""By name. Not here: the gate `converged`, whose candidates have no BIC, and negative correlation,
+which an axis alone has."""

@@ -1,0 +1,195 @@
+"""The loop itself: base fit, search, what is left, verdict; the same for a slider and an axis."""
+
+import dataclasses
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from ..fitting.noise import noise_estimate, noise_words
+from .case import P
+from .curves import curve_family
+from .engine import Engine
+from .estimates import estimates
+from .findings import effect_findings
+from .floor import noise_floor, questions
+from .learn import learn_noise
+from .location import locate
+from .refit import Candidate, refit
+from .refusal import Move
+from .result import CandidateScore, Loop, Score, ScreenedEffect
+from .rivals import near_fits
+from .screen import screen
+from .search import Search, refit_safely, search
+from .split import NAMES
+from .subject import Subject
+from .thresholds import MANY
+from .verdict import conclude
+from .where import where_it_sits
+
+
+def close(subject: Subject[P], *, most: int, begun: float, progress: Callable[[str], None]) -> Loop:
+    """Search, location and verdict; `begun` is when the loop began (`time.monotonic`)."""
+    case, z = subject.case, declared(subject)
+    starts = [z, *(z + other for other in subject.further_starts)]
+    found = search(Engine.of(case), starts, subject.scales, most=most, progress=progress)
+    engine = found.engine
+    progress("where the structure sits")
+    floor = noise_floor(engine, found.final)
+
+    def scored(candidate: Candidate, rivals: Sequence[Candidate]):
+        left = locate(engine, candidate, floor.found, subject.bumps(engine, candidate))
+        tests = questions(engine, candidate, case.path, left, floor.found.noise)
+        return left.location, tests, _score(subject, engine, candidate, tests, rivals)
+
+    models: list[tuple[Candidate, Sequence[Candidate]]] = [(found.final, near_fits(found))]
+    if found.final is not found.base:
+        progress("what is left")
+        models.insert(0, (found.base, ()))
+    done = engine.each(lambda model: scored(*model), models)
+    location, _, before = done[0]
+    _, tests, after = done[-1]
+    record, base_fit = subject.shown(engine)
+    told = conclude(
+        found,
+        floor,
+        tests,
+        edge=subject.edge,
+        located=where_it_sits(location, base_fit.steps.velocities),
+        curve=curve_family(engine, found.final, subject.curves(engine, found.final)),
+        moved=_moved(before, after),
+        withheld=subject.withheld,
+    )
+    alone = dataclasses.replace(after.noise, sigma=floor.sigma)  # everything smooth taken out
+    missed = np.sqrt(max(after.rms["report"] ** 2 - (floor.most["report"] * floor.later) ** 2, 0.0))
+    rows, details = subject.rows(engine), subject.details(engine, found, after, missed, progress)
+    effects = effect_findings(engine, found, told.verdict, rows.used)
+    return Loop(
+        record=record,
+        base_fit=base_fit,
+        words=subject.words,
+        blocks=engine.blocks,
+        verdict=told.verdict,
+        sentence=told.sentence,
+        reasons=told.reasons,
+        effects=found.final.effects,
+        alias_groups=told.alias_groups,
+        separations=told.separations,
+        candidates=candidate_scores(found),
+        screened=tuple(ScreenedEffect(s.id, s.delta_bic) for r in found.screened[:1] for s in r),
+        before=before,
+        after=after,
+        sigma=floor.sigma,
+        location=location,
+        alias_ids=found.ids,
+        alias_cosines=found.cosines,
+        warnings=(*noise_words(alone, record), *subject.warnings(engine, found)),
+        details=details,
+        findings=(*effects, *(() if details is None else details.claims), *told.findings),
+        velocity=rows.velocity,
+        families=told.families,
+        sigma_held_out=told.sigma_held_out,
+        most_held_out=told.most_held_out,
+        seconds=time.monotonic() - begun,
+    )
+
+
+def declared(subject: Subject[P]) -> np.ndarray:
+    """Parameters of the base with its declared effects, each started from its best shape."""
+    case, z = subject.case, subject.start
+    if not case.choice.always:
+        return z
+    open_ = dataclasses.replace(case, choice=case.choice._replace(always=(), one_of=()))
+    engine = Engine.of(open_)
+    engine, current = learn_noise(engine, refit(engine, (), z))
+    if current.failed:
+        return z
+    for id in case.choice.always:
+        one = next(s for s in screen(engine, current, subject.scales) if s.id == id)
+        current = refit_safely(engine, (*current.effects, id), one, current)
+    return current.z
+
+
+def _score(
+    subject: Subject[P],
+    engine: Engine[P],
+    candidate: Candidate,
+    tests: dict[str, float],
+    rivals: Sequence[Candidate],
+) -> Score:
+    """Errors of a model, in all and for each velocity or stroke."""
+    parameters, free, covariance = estimates(engine, candidate, subject.friction_unit, rivals)
+    rows, noise = subject.rows(engine), engine.noise
+    residual = np.where(rows.used, engine.unit * candidate.residual[: len(rows.used)], np.nan)
+    residual[list(noise.glitches.rows)] = np.nan
+    return Score(
+        effects=candidate.effects,
+        rms={name: candidate.rms[name] for name in NAMES},
+        per_step=tuple(_rms(residual[rows.part == k]) for k in range(rows.parts)),
+        residual=residual,
+        parameters=subject.named(parameters),
+        free=free,
+        covariance=covariance,
+        noise=noise_estimate(
+            candidate.noise,
+            engine.unit,
+            noise.longest,
+            by_step=(() if noise.pace is None else noise.pace.tolist(), engine.scale_by_step()),
+            glitches=noise.glitches,
+            steps=engine.steps,
+            hum=noise.hum,
+        ).resolved(_apart(engine, rows.used)),
+        tests=tests,
+    )
+
+
+def _moved(before: Score, after: Score) -> tuple[Move, ...]:
+    """The headline parameters that move by many of their errors: A-B of a slider, mass and Coulomb
+    friction of an axis."""
+    moves = []
+    first, last = before.A_minus_B, after.A_minus_B
+    if first is not None and last is not None:
+        moves.append(Move("A-B", first, last))
+    for name in ("M", "F_c"):
+        if name in before.parameters and name in after.parameters:
+            moves.append(Move(name, before.parameters[name], after.parameters[name]))
+    return tuple(move for move in moves if moves_far(move))
+
+
+def moves_far(move: Move) -> bool:
+    """Whether a headline parameter moves by many of the errors that it had."""
+    error = move.before.std
+    return error > 0 and abs(move.after.value - move.before.value) > MANY * error
+
+
+def _apart(engine: Engine, used: np.ndarray) -> np.ndarray:
+    """How far neighbouring rows are apart on every clock, those in ten that are closest."""
+    clock = engine.noise.clock[: len(used)][used]
+    return np.quantile(np.abs(np.diff(clock, axis=0)), 0.1, axis=0)
+
+
+def _rms(residual: np.ndarray) -> float:
+    known = residual[np.isfinite(residual)]
+    return float(np.sqrt(np.mean(known**2))) if len(known) else float("nan")
+
+
+def candidate_scores(found: Search) -> tuple[CandidateScore, ...]:
+    """Scores of all candidates that were tried, best Delta BIC first."""
+    engine, out = found.engine, []
+    for c in found.tried:
+        values = engine.values(c.z)
+        free = {engine.names[i] for i in engine.free(c.effects) if i < len(engine.names)}
+        out.append(
+            CandidateScore(
+                effects=c.effects,
+                delta_bic=found.base.bic - c.bic,
+                train_rms=c.rms["train"],
+                heldout_rms=c.rms["select"],
+                parameters={name: value for name, value in values.items() if name in free},
+                physical=c.physical,
+                converged=not c.failed,
+                accepted=c.effects in found.accepted,
+                refused=c.refused,
+            )
+        )
+    return tuple(sorted(out, key=lambda c: -c.delta_bic))

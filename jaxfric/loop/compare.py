@@ -1,0 +1,458 @@
+"""Which friction law does one record support? Several laws fitted to it, and asked the same.
+
+Every law is fitted with one state and with two. The fits are ranked by
+
+    BIC = -2 ln L + p ln n,
+
+L the likelihood of the residual, its p parameters and the noise being the likeliest for that law,
+and n the number of independent rows. The noise is found anew for each law, but has the same parts
+for all: of those found for one law or another, the parts under which some law has the best account
+of the record. With white noise assumed, rows that are correlated count many times and any law wins
+by hundreds. The memory of the noise is bounded by a tenth of a velocity step (but by ten rows where
+a step has fewer than a hundred), so that noise cannot take the place of a law.
+
+Where there are three velocity steps or more each law is also fitted without about a third of them
+(`loop.split`), and predicts these.
+
+Words for people are made in `report.comparison`.
+
+Sources: Schwarz 1978 (doi:10.1214/aos/1176344136) for BIC; Kass and Raftery 1995
+(doi:10.1080/01621459.1995.10476572) for what a difference of it means.
+"""
+
+import dataclasses
+import functools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import jax
+import numpy as np
+
+from ..described import Described, Drawable, Tabular, Worded
+from ..errors import InputError
+from ..fitting import Fit, fit
+from ..fitting.fit import few_rows, require_float64, steps_of
+from ..fitting.marquardt import Descent, levenberg_marquardt
+from ..fitting.noise import (
+    Family,
+    Noise,
+    NoiseRows,
+    estimate_noise,
+    least_noise,
+    longest_memory,
+    noise_rows,
+    profile_noise,
+    recorded_steps,
+    whitened,
+)
+from ..fitting.noise import Found as FoundNoise
+from ..fitting.problem import FAILED_MISFIT, Problem
+from ..fitting.solve import known_at
+from ..fitting.uncertainty import data_part
+from ..laws.registry import fixed_states, known_law, rate_state_laws
+from ..records import Record, VelocitySteps
+from ..records.given import as_record
+from ..silent import silent
+from .split import Blocks, split
+from .thresholds import ACCEPT, HELD_OUT_FROM, LEAST_MEMORY
+
+_STATES = (1, 2)
+_PASSES = 2  # of parameters and noise in turn
+_TRIALS, _TOLERANCE = 60, 1e-6  # of a descent
+
+
+@dataclass(frozen=True, eq=False)
+class LawScore:
+    """One law with a number of states. Without a BIC it could not be fitted.
+
+    A fit that did not converge (`fit.converged`), as of a second state that the record does not
+    show, may have a BIC where its search stood. It is no claim: it only tells whether the law with
+    another number of states can do without it.
+    """
+
+    fit: Fit
+    """The fit of the whole record, as of `jaxfric.fit`."""
+    parameters: int
+    """Number of parameters that were fitted."""
+    bic: float | None = None
+    """-2 ln L + p ln n, see `loop.compare`; only differences mean something."""
+    held_out: float | None = None
+    """Root mean square of the error at steps that were not fitted, in the record's unit."""
+    held_out_deviance: float | None = None
+    """-2 ln p of those rows, but for a constant of the record."""
+
+    @property
+    def states(self) -> int:
+        """Number of state variables."""
+        return self.fit.model.states
+
+    @property
+    def name(self) -> str:
+        """The law with its states: "slip", or "slip, 2 states"."""
+        return self.fit.law if self.states == 1 else f"{self.fit.law}, {self.states} states"
+
+    @property
+    def settled(self) -> bool:
+        """Whether its BIC can be held against that of others."""
+        return self.bic is not None and self.fit.converged
+
+    @property
+    def determined(self) -> bool:
+        """Whether its fit converged and the record fixes its parameters."""
+        return self.fit.converged and all(e.determined for e in self.fit.parameters.values())
+
+    def over(self, other: "LawScore") -> float:
+        """BIC above that of another score; infinite where one of them has none."""
+        return np.inf if self.bic is None or other.bic is None else self.bic - other.bic
+
+    def predicts_better(self, other: "LawScore") -> bool:
+        """Whether it predicts the held-out steps decidedly better than another."""
+        own, others = self.held_out_deviance, other.held_out_deviance
+        return own is not None and others is not None and others - own > ACCEPT
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LawComparison(Described, Worded, Drawable, Tabular):
+    """Laws fitted to one record, in the order in which they were asked."""
+
+    record: Record
+    steps: VelocitySteps
+    scores: tuple[LawScore, ...]
+    sigma: float
+    """Standard deviation of the noise under the likeliest law, in the record's unit."""
+    independent_rows: float
+    """Number of independent rows that the record is worth under that noise."""
+    held_out_steps: tuple[int, ...]
+    """Velocity steps that were held out, counted from 1; none where it could not be asked."""
+    unasked: str
+    """Why no step was held out; '' where some were."""
+    own_warnings: tuple[str, ...] = ()
+
+    @property
+    def ranked(self) -> tuple[LawScore, ...]:
+        """The scores of laws that were fitted to their end, best first."""
+        return tuple(sorted((s for s in self.scores if s.settled), key=lambda s: s.bic or 0.0))
+
+    def above(self, score: LawScore) -> float | None:
+        """BIC above the least; None of a fit that did not converge."""
+        return score.over(self.ranked[0]) if score.settled else None
+
+    def best_of(self, law: str) -> LawScore:
+        """The score of the least BIC of a law that was fitted to its end."""
+        return next(score for score in self.ranked if score.fit.law == law)
+
+    @property
+    def of_laws(self) -> tuple[LawScore, ...]:
+        """One score for each law, best law first: with as many states as the record asks for.
+
+        A further state is taken where it lowers BIC by more than `ACCEPT`.
+        """
+        simplest: dict[str, LawScore] = {}
+        for score in self.ranked:
+            law = score.fit.law
+            now = simplest.setdefault(law, score)
+            if score.over(self.best_of(law)) <= ACCEPT and score.states < now.states:
+                simplest[law] = score
+        return tuple(simplest.values())
+
+    @property
+    def rivals(self) -> tuple[LawScore, ...]:
+        """Scores of other laws that explain the record about as well as the best, or predict better
+        the steps that were held out, or may do so but could not be compared: their fit did not
+        converge where BIC stood about as low, with states that they cannot do without."""
+        if not self.of_laws:
+            return ()
+        best, (first, *others) = self.ranked[0], self.of_laws
+        near = [
+            s
+            for s in others
+            if self.best_of(s.fit.law).over(best) <= ACCEPT or s.predicts_better(first)
+        ]
+        known = {s.fit.law for s in (first, *near)}
+        stood = [s for s in self.scores if not s.settled and s.over(best) <= ACCEPT]
+        return (*near, *(s for s in stood if s.fit.law not in known and not self.needless(s)))
+
+    @property
+    def supported(self) -> LawScore | None:
+        """The law that the record supports; None where it cannot tell."""
+        return None if self.rivals or len(self.of_laws) < 2 else self.of_laws[0]
+
+    @property
+    def untold(self) -> tuple[str, ...]:
+        """The laws that the record cannot tell from each other, the best first."""
+        return tuple(dict.fromkeys(s.fit.law for s in (self.of_laws[0], *self.rivals)))
+
+    def needless(self, score: LawScore) -> bool:
+        """Whether a score has states that the record does not fix, and that its law with fewer
+        states, whose fit converged, can do without."""
+        law = score.fit.law
+        fewer = [s for s in self.ranked if s.fit.law == law and s.states < score.states]
+        return not score.determined and any(s.over(score) <= ACCEPT for s in fewer)
+
+    def drifts(self, score: LawScore) -> bool:
+        """Whether a further state of a fit lasts over more slip than the record has."""
+        way = float(np.ptp(self.record.moved()))
+        lengths = [e.value for name, e in score.fit.parameters.items() if name[0] == "L"]
+        return score.states > 1 and max(lengths, default=0.0) > way
+
+
+def compare_laws(
+    record: Record | str | Path,
+    *,
+    stiffness: float | str | None = None,
+    laws: Sequence[str] | None = None,
+    slip_trend: bool = False,
+    steps: VelocitySteps | str | None = None,
+    rows: int | None = None,
+    progress: Callable[[str], None] = silent,
+) -> LawComparison:
+    """Fit several friction laws to one record and say which of them it supports.
+
+    Parameters
+    ----------
+    record : as read by `jaxfric.read`, or the path of one that needs no more words.
+    laws : names of rate-and-state laws, by default all of them: "slip", "ageing" and your own.
+    stiffness : of spring and specimen, as of `jaxfric.fit`; None: every law finds its own.
+    slip_trend, steps, rows : as of `jaxfric.fit`, the same for all laws.
+    progress : told what is being done.
+
+    Returns
+    -------
+    LawComparison : a score for every law with one and with two states, and the sentence.
+
+    Raises
+    ------
+    InputError : as `jaxfric.fit`; fewer than two laws; no fit converged.
+
+    Not tried: more than two states; records with mass (inertia).
+    """
+    require_float64()
+    models = _models(laws)
+    record = as_record(record)
+    progress("velocity steps")
+    steps = steps_of(record, steps)
+    record, warnings = (record, ()) if rows is None else few_rows(record, rows, steps)
+
+    def fitted(law: str, states: int) -> Fit:
+        return fit(
+            record,
+            stiffness=stiffness,
+            law=law,
+            states=states,
+            fit_stiffness=stiffness is None,
+            slip_trend=slip_trend,
+            steps=steps,
+            progress=lambda text: progress(f"{_words(law, states)}: {text}"),
+        )
+
+    fits = [fitted(*model) for model in models]
+    try:
+        blocks, unasked = held_out_blocks(record, steps), ""
+    except InputError as error:
+        blocks, unasked = None, str(error)
+    progress("noise of what each law leaves")
+    rivals = _rivals(record, fits)
+    ended = [one for one in likeliest(rivals, progress) if one.ended]
+    if not ended:
+        why = "no search for a likelihood ended" if rivals else fits[0].result
+        raise InputError(
+            f"{record.provenance.path}: no law could be fitted ({why}); are the steps right"
+            " ('jaxfric record'), is the stiffness?"
+        )
+    best = max(ended, key=lambda one: one.noise.value)
+    noise, independent = best.noise.noise, best.independent_rows
+    scores = {id(one): LawScore(one, len(one.free)) for one in fits}
+    for one in ended:
+        errors = ()
+        if blocks is not None:
+            progress(f"steps held out: {one.words}")
+            errors = one.held_out(noise, blocks)
+        bic = one.bic(independent)
+        scores[id(one.fit)] = LawScore(one.fit, len(one.fit.free), bic, *errors)
+    held = () if blocks is None else np.unique(blocks.step[~blocks.train]).tolist()
+    return LawComparison(
+        record=record,
+        steps=fits[0].steps,
+        scores=tuple(scores.values()),
+        sigma=float(noise.sigma) * float(best.problem.noise_scale),
+        independent_rows=independent,
+        held_out_steps=tuple(held),
+        unasked=unasked,
+        own_warnings=warnings,
+    )
+
+
+def _models(laws: Sequence[str] | None) -> list[tuple[str, int]]:
+    """Laws with their numbers of states, one state first."""
+    asked = tuple(dict.fromkeys(map(known_law, rate_state_laws() if laws is None else laws)))
+    pairs = [
+        (law, always or states)
+        for states in _STATES
+        for law in asked
+        if (always := fixed_states(law)) is None or states == _STATES[0]
+    ]
+    if len(pairs) < 2:
+        raise InputError(f"only the {asked[0] if asked else 'no'} law to compare; give two or more")
+    return pairs
+
+
+def _words(law: str, states: int) -> str:
+    return f"{law} law, {states} state{'s' if states > 1 else ''}"
+
+
+def held_out_blocks(record: Record, steps: VelocitySteps) -> Blocks:
+    """The velocity steps of a record that are held out, as select and report blocks.
+
+    Raises `InputError` where there are too few of them, or too few rows.
+    """
+    count = len(steps) - 1
+    if count < HELD_OUT_FROM:
+        there = f"{count} velocity step" + "s" * (count != 1)
+        raise InputError(f"the record has {there}, and {HELD_OUT_FROM} are needed to hold some out")
+    return split(record.relative_time, steps)
+
+
+class Rival(NamedTuple):
+    """A law with the parameters and the noise under which it is compared with others."""
+
+    fit: Fit
+    problem: Problem
+    """Its problem, over the same rows and in the same unit of noise for all laws."""
+    longest: np.ndarray
+    """Longest memory of the noise over each clock (k,)."""
+    least: float
+    """Least standard deviation of white noise: that of the recorder's steps [noise scales]."""
+    z: np.ndarray
+    """Unbounded parameters, then the shifts of step times (q,)."""
+    noise: FoundNoise
+    ended: bool
+    """Whether the search for parameters and noise ended."""
+
+    @property
+    def words(self) -> str:
+        """The law with its states, for reports of progress."""
+        return _words(self.fit.law, self.fit.model.states)
+
+    @property
+    def rows(self) -> float:
+        """Number of rows that count."""
+        return float(np.sum(self.problem.weight))
+
+    @property
+    def independent_rows(self) -> float:
+        """Number of independent rows that the record is worth under the noise."""
+        noise, weight = self.noise.noise, self.problem.weight
+        white = whitened(self.problem.clock, weight, np.ones((len(weight), 1)), noise)
+        return float(np.clip(np.sum(white**2) * float(noise.sigma) ** 2, 2.0, self.rows))
+
+    def bic(self, rows: float, more: int = 0) -> float:
+        """BIC of so many independent rows; `more` parameters count besides those of the law."""
+        p = len(self.fit.free)
+        deviance = np.sum(np.square(self.z[p:])) - 2 * self.noise.value
+        return float(deviance + (p + more) * np.log(rows))
+
+    @property
+    def cost(self) -> float:
+        """BIC where the parameters of the noise count too, and every row."""
+        return self.bic(self.rows, self.noise.family.parameters)
+
+    def under(self, family: Family, starts: Sequence[np.ndarray]) -> "Rival":
+        """The same with the parameters and the noise of a family that make the record likeliest,
+        sought in turn; `starts` of the noise as `Found.theta`."""
+
+        def profiled(z: np.ndarray, starts: Sequence[np.ndarray]) -> FoundNoise:
+            left = _left(self.problem, z, self.longest)
+            return profile_noise(left, family, starts, least=self.least)
+
+        best = self._replace(noise=profiled(self.z, starts), ended=False)
+        for _ in range(_PASSES):
+            found = _descend(self.problem, best.z, best.noise.noise)
+            noise = profiled(found.y, (*starts, best.noise.theta))
+            best = best._replace(ended=found.converged)
+            if noise.value < best.noise.value:
+                break
+            best = best._replace(z=found.y, noise=noise)
+        return best
+
+    def held_out(self, noise: Noise, blocks: Blocks) -> tuple[float, float]:
+        """How the law predicts the steps that it is not fitted to: root mean square of the error,
+        and -2 ln p of these rows but for a constant of the record. Times of steps are those of the
+        whole record: they are no matter of the law."""
+        problem, p = self.problem, len(self.fit.free)
+        held = np.array(problem.weight)
+        held[: len(blocks.train)] *= ~blocks.train
+        train = dataclasses.replace(problem, weight=jax.device_put(problem.weight - held))
+        z = np.concatenate([_descend(train, self.z, noise).y[:p], self.z[p:]])
+        error = data_part(problem, known_at(problem, z))[0] * held
+        white = whitened(problem.clock, held, error[:, None], noise)
+        rms = float(problem.noise_scale) * float(np.sqrt(np.sum(error**2) / held.sum()))
+        return rms, float(np.sum(white**2))
+
+
+def _left(problem: Problem, z: np.ndarray, longest: np.ndarray) -> NoiseRows:
+    """What a law leaves at `z`, as the input of a noise estimate."""
+    residual, _ = data_part(problem, known_at(problem, z))
+    nothing = np.zeros((len(residual), 1))
+    return noise_rows(problem.clock, problem.weight, residual, nothing, longest)
+
+
+def _descend(problem: Problem, z: np.ndarray, noise: Noise) -> Descent:
+    """Least squares of the residual whitened by a noise that is held.
+
+    By MINPACK: `fitting.solve` would compile the whitened problem of every law, and goes on for as
+    long as it may along states that the record does not fix.
+    """
+    weight = np.asarray(problem.weight)
+    n = len(weight)
+
+    def both(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        known = known_at(problem, y)
+        columns = np.column_stack([known.residual, known.jacobian])
+        if known.cost < FAILED_MISFIT**2:
+            columns[:n] = whitened(problem.clock, weight, columns[:n], noise)
+        return columns[:, 0], columns[:, 1:]
+
+    return levenberg_marquardt(both, z, ftol=_TOLERANCE, xtol=_TOLERANCE, most=_TRIALS)
+
+
+def _rivals(record: Record, fits: Sequence[Fit]) -> list[Rival]:
+    """The fits that the record follows, each with the noise that it leaves. One that was still
+    moving is among them, as of a second state of which there is none in the record. Rows count for
+    all where they do for one: without those that are glitches under every law."""
+    solved = [(one, one.solved) for one in fits if one.solved is not None]
+    solved = [(one, of) for one, of in solved if of.solution.cost < FAILED_MISFIT**2]
+    if not solved:
+        return []
+    weight = functools.reduce(np.maximum, [np.asarray(of.problem.weight) for _, of in solved])
+    first = solved[0][1].problem
+    clock = np.asarray(first.clock)[: len(record)]
+    rows = np.median(np.diff(clock, axis=0), axis=0)
+    longest = np.maximum(LEAST_MEMORY * rows, longest_memory(clock) / len(fits[0].steps))
+    least = least_noise(recorded_steps(record.friction)) / float(first.noise_scale)
+    rivals = []
+    for one, of in solved:
+        problem = dataclasses.replace(of.problem.plain(), weight=jax.device_put(weight))
+        z = np.asarray(of.solution.z)
+        noise = estimate_noise(_left(problem, z, longest), least=least)
+        rivals.append(Rival(one, problem, longest, least, z, noise, ended=False))
+    return rivals
+
+
+def likeliest(rivals: Sequence[Rival], progress: Callable[[str], None] = silent) -> list[Rival]:
+    """Every law with the noise that makes it likeliest, of the same parts for all: of the parts
+    that were found for one law or another those under which some law has the best account.
+
+    What a search finds for one law alone may be no more than near the likeliest: parts that it
+    passed over, and found for another law, may make both likelier.
+    """
+    tried = []
+    for family in dict.fromkeys(one.noise.family for one in rivals):
+        starts = [one.noise.theta for one in rivals if one.noise.family == family]
+        found = []
+        for one in rivals:
+            progress(f"likelihood of the {one.words}")
+            found.append(one.under(family, starts))
+        tried.append(found)
+    return min(tried, key=lambda laws: min(one.cost for one in laws), default=[])

@@ -1,0 +1,176 @@
+"""What a record's noise is: hum, glitches, the parts that it has, a pace and a scale of its steps.
+
+Learnt from what the base leaves when everything smooth is taken out, as structure along the record
+is no noise. Every function gives a new engine that knows more.
+"""
+
+import numpy as np
+
+from ..fitting.noise import (
+    FAR_FROM,
+    ROUNDS,
+    find_glitches,
+    find_hum,
+    gain_of_pace,
+    likeness_of_steps,
+    neighbours,
+    own_clock,
+    pace_of,
+    scale_of_steps,
+)
+from ..fitting.noise import Found as FoundNoise
+from ..fitting.padding import filled
+from .engine import Engine, NoiseState
+from .evaluate import Rows
+from .refit import Candidate, candidate_at, refit
+from .split import NAMES
+
+
+def seek_parts(engine: Engine, z: np.ndarray) -> Engine:
+    """The engine with the parts of noise that the residual of the base shows at `z`, for fits until
+    `learn_noise`."""
+    rows = engine.evaluate(z, engine.free(()))
+    if rows.failed:
+        return engine
+    found = engine.noise_of(rows.residual * engine.weight, rows.jacobian * engine.weight[:, None])
+    return engine.knowing(engine.noise._replace(family=found.family, noises=(found.theta,)))
+
+
+def learn_noise(engine: Engine, base: Candidate) -> tuple[Engine, Candidate]:
+    """The engine that knows the noise that a fit of the base leaves, and that fit under it.
+
+    All later candidates have the parts that are found here, their sizes, memories and periods found
+    anew. A pace and a scale for every velocity step are taken where the likelihood rises by what
+    they cost. Glitches are passed over from here on, in all blocks, and hum is taken out of the
+    record: then the base is fitted and its noise found anew.
+    """
+    if engine.case.bounds.by_step:
+        quiet = _without_hum(engine, base)
+        if quiet is not engine:
+            engine, base = quiet, refit(quiet, base.effects, base.z, exact=True)
+    for _ in range(ROUNDS):
+        learnt, rows = _learnt(engine, base)
+        if learnt is engine:  # the base fails: nothing can be learnt
+            return engine, base
+        fewer = _without_glitches(learnt, rows)
+        if fewer is learnt:
+            return learnt, candidate_at(learnt, base.effects, base.z, rows)
+        engine, base = _forgotten(fewer), refit(fewer, base.effects, base.z, exact=True)
+    learnt, rows = _learnt(engine, base)
+    return learnt, candidate_at(learnt, base.effects, base.z, rows)
+
+
+def _columns(engine: Engine, candidate: Candidate) -> tuple[Rows, np.ndarray]:
+    """The rows of a fit; and its residual, its Jacobian and what is smooth, side by side."""
+    rows = engine.evaluate(candidate.z, engine.free(candidate.effects))
+    return rows, np.concatenate([rows.residual[:, None], rows.jacobian, engine.smooth], axis=1)
+
+
+def _without_hum(engine: Engine, candidate: Candidate) -> Engine:
+    """The engine of the record without the hum that a candidate leaves; itself where there is
+    none."""
+    rows, columns = _columns(engine, candidate)
+    if rows.failed:
+        return engine
+    noise, n = engine.noise, engine.rows
+    on = engine.blocks.train | engine.blocks.select | engine.blocks.report
+    time, path = noise.clock[:n, 0], noise.clock[:n, 1]
+    found, wave = find_hum(time, path, engine.blocks.step, on, columns[:n])
+    if not found:
+        return engine
+    friction = np.array(noise.friction)
+    friction[:n] += engine.unit * wave  # the residual is predicted less recorded
+    hum = (*noise.hum, *(one.scaled(engine.unit) for one in found))
+    return engine.knowing(noise._replace(hum=hum, friction=friction, family=None, noises=()))
+
+
+def _without_glitches(engine: Engine, rows: Rows) -> Engine:
+    """The engine with rows that stand out of the noise left out of its blocks; itself where there
+    are no more."""
+    columns = np.concatenate([rows.residual[:, None], rows.jacobian, engine.smooth], axis=1)
+    noise, blocks = engine.noise, engine.blocks
+    counts = engine.padded(blocks.train | blocks.select | blocks.report)
+    found = find_glitches(
+        noise.clock,
+        counts,
+        columns * counts[:, None],
+        noise.alone,
+        filled(blocks.step, len(columns)),
+        before=noise.glitches,
+    )
+    if found.rows == noise.glitches.rows:
+        return engine
+    keep = np.ones(engine.rows, bool)
+    keep[list(found.rows)] = False
+    kept = blocks._replace(**{name: blocks.of(name) & keep for name in NAMES})
+    return engine.knowing(noise._replace(glitches=found, blocks=kept))
+
+
+def _forgotten(engine: Engine) -> Engine:
+    """The engine without scale and pace of the steps."""
+    noise = engine.noise if engine.noise.pace is None else _paced(engine, None)
+    return engine.knowing(noise._replace(scale=np.ones(len(noise.scale))))
+
+
+def _paced(engine: Engine, pace: np.ndarray | None) -> NoiseState:
+    """The noise whose last clock has the `pace` of every step; None: it stands still."""
+    clock, longest = np.array(engine.noise.clock), engine.noise.longest[:-1]
+    clock[:, -1], most = 0.0, 0.0
+    if pace is not None:
+        clock[:, -1] = own_clock(pace, engine.blocks.step, clock[: engine.rows, -2], len(clock))
+        most = longest[-1] / np.max(pace)
+    return engine.noise._replace(clock=clock, longest=np.append(longest, most), pace=pace)
+
+
+def _learnt(engine: Engine, base: Candidate) -> tuple[Engine, Rows]:
+    """The engine with the parts of noise that a fit of the base leaves; itself where it fails. And
+    the rows that this is learnt from."""
+    rows, columns = _columns(engine, base)
+    if rows.failed:
+        return engine, rows
+    train = columns * engine.weight[:, None]
+    train = train[:, np.linalg.norm(train, axis=0) > 0]
+    found = engine.noise_afresh(train[:, 0], train[:, 1:])
+    # without a scale of each step, in which a glitch would hide
+    engine = engine.knowing(engine.noise._replace(alone=found.noise))
+    if engine.case.bounds.by_step:
+        engine, found = _with_pace(engine, found, columns, train)
+        engine, found = _with_scale(engine, found, columns, train)
+    engine = engine.knowing(engine.noise._replace(family=found.family, noises=(found.theta,)))
+    own = engine.noise_of(rows.residual * engine.weight, rows.jacobian * engine.weight[:, None])
+    return engine.knowing(engine.noise._replace(noises=(found.theta, own.theta))), rows
+
+
+def _with_pace(
+    engine: Engine, found: FoundNoise, columns: np.ndarray, train: np.ndarray
+) -> tuple[Engine, FoundNoise]:
+    """Engine and noise with a clock whose pace is that of each step, if that is likelier.
+
+    It is not sought where neighbouring rows are alike in all steps as the noise has it.
+    """
+    step, on, worth = engine.blocks.step, engine.passed_on(), np.log(engine.weight.sum())
+    likeness = likeness_of_steps(columns[: engine.rows][on], step[on])
+    explained = np.asarray(neighbours(engine.noise.clock, found.noise))[: engine.rows]
+    steps = len(likeness) - 1
+    if gain_of_pace(likeness, explained[on], step[on]) <= FAR_FROM * steps * worth:
+        return engine, found
+    paced = engine.knowing(_paced(engine, pace_of(likeness)))
+    own = paced.noise_afresh(train[:, 0], train[:, 1:])
+    more = own.family.parameters - found.family.parameters + steps
+    return (paced, own) if 2 * (own.value - found.value) > more * worth else (engine, found)
+
+
+def _with_scale(
+    engine: Engine, found: FoundNoise, columns: np.ndarray, train: np.ndarray
+) -> tuple[Engine, FoundNoise]:
+    """Engine and noise with a scale of each step, if that is likelier."""
+    n, on = engine.rows, engine.passed_on()
+    everything = engine.padded(on)
+    white = engine.whiten(columns * everything[:, None], found.noise, everything)[:n]
+    scale = np.ones(len(columns))
+    scale[:n][on] = scale_of_steps(white[on], engine.blocks.step[on], engine.blocks.train[on])
+    scaled = engine.knowing(engine.noise._replace(scale=scale))
+    own = scaled.noise_of_family(train[:, 0], train[:, 1:], found.family, (found.theta,))
+    more = len(np.unique(engine.blocks.step[engine.blocks.train])) - 1
+    better = 2 * (own.value - found.value) > more * np.log(engine.weight.sum())
+    return (scaled, own) if better else (engine, found)

@@ -1,0 +1,130 @@
+"""Joint fits of the base and some effects: candidates, each with its score.
+
+All parameters of a candidate are free together. Its noise is profiled before and after a descent,
+so that BIC is at the likeliest parameters and noise alike.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..fitting.marquardt import levenberg_marquardt
+from ..fitting.noise import Noise, innovations_of
+from .engine import Engine
+from .evaluate import Rows
+from .refusal import Refusal
+from .split import NAMES
+
+_PASSES = 2
+"""Descents, each with the noise of what the last one left."""
+_EXACT, _ROUGH = 1e-6, 1e-4
+"""Relative fall of the squares at which a descent ends."""
+_TRIALS = 60
+
+
+class Candidate(NamedTuple):
+    """A joint fit of the base and some effects."""
+
+    effects: tuple[str, ...]
+    z: np.ndarray
+    residual: np.ndarray
+    """Predicted minus recorded over the problem's noise scale, all rows of the record."""
+    noise: Noise
+    bic: float
+    """BIC of the train block, plus the deviance of the select block that this fit predicts."""
+    rms: dict[str, float]
+    """Root mean square of the residual by block, in the unit of the record."""
+    physical: bool
+    failed: bool
+    refused: Refusal | None = None
+    """Why a search did not take it; None where it could have."""
+
+
+def refit(
+    engine: Engine, effects: tuple[str, ...], z: np.ndarray, *, exact: bool = False
+) -> Candidate:
+    """The joint fit of base and effects from the start `z`, all their parameters free.
+
+    To 0.1 of BIC or so, which decides between candidates; `exact`: to what a parameter's error is
+    worth. Most candidates are wrong, and wander along valleys.
+    """
+    index, z, near = engine.free(effects), engine.problem.begun(z), ()
+    rows, train = engine.evaluate(z, index), engine.weight[:, None]
+    for _ in range(_PASSES):
+        if rows.failed:
+            break
+        found = engine.noise_of(rows.residual * engine.weight, rows.jacobian * train, near)
+        near = (found.theta,)
+        z = _descend(engine, z, index, found.noise, _EXACT if exact else _ROUGH)
+        rows = engine.evaluate(z, index)
+    return candidate_at(engine, effects, z, rows, near)
+
+
+def _descend(
+    engine: Engine, z: np.ndarray, index: np.ndarray, noise: Noise, tolerance: float
+) -> np.ndarray:
+    """Levenberg-Marquardt (MINPACK) in the parameters of `index`; the others stay.
+
+    Driven from here, it needs no more compiled than the Jacobian that screening needs too.
+    """
+    z = np.array(z)
+
+    def both(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        z[index] = y
+        rows = engine.evaluate(z, index)
+        columns = np.concatenate([rows.residual[:, None], rows.jacobian], axis=1)
+        if not rows.failed:
+            columns = engine.whiten(columns * engine.weight[:, None], noise)
+        more = np.concatenate([rows.extra[:, None], rows.extra_jacobian], axis=1)
+        columns = np.concatenate([columns, more])
+        return columns[:, 0], columns[:, 1:]
+
+    found = levenberg_marquardt(both, z[index], ftol=tolerance, xtol=_EXACT, most=_TRIALS)
+    z[index] = found.y
+    return z
+
+
+def candidate_at(
+    engine: Engine,
+    effects: tuple[str, ...],
+    z: np.ndarray,
+    rows: Rows,
+    near: tuple[np.ndarray, ...] = (),
+) -> Candidate:
+    """The scores of a fit; its noise is searched also from the values `near`."""
+    score, noise = np.inf, engine.noise.alone
+    if not rows.failed:
+        score, noise = bic(engine, rows, len(engine.free(effects)), near)
+    whole = rows.residual[: engine.rows]
+    rms = {
+        name: engine.unit * float(np.sqrt(np.mean(whole[engine.blocks.of(name)] ** 2)))
+        for name in NAMES
+    }
+    physical = engine.physical(effects, z) and engine.problem.possible(z)
+    return Candidate(effects, z, whole, noise, score, rms, physical, rows.failed)
+
+
+def bic(
+    engine: Engine, rows: Rows, parameters: int, near: tuple[np.ndarray, ...] = ()
+) -> tuple[float, Noise]:
+    """-2 ln L + p ln n_eff at the most likely noise; n_eff counts the independent rows.
+
+    The select block counts as predicted: what only fits the train block pays there. The noise is
+    searched also from the values `near`.
+    """
+    residual, ones = rows.residual * engine.weight, np.ones((len(engine.weight), 1))
+    found = engine.noise_of(residual, 0 * ones, near).noise
+    effective = float(np.sum(engine.whiten(ones, found) ** 2) * found.sigma**2)
+    effective = min(max(effective, 2.0), float(engine.weight.sum()))
+    more = float(np.sum(np.square(rows.extra))) + predictive(engine, rows.residual, found)
+    return more - 2 * float(found.log_likelihood) + parameters * np.log(effective), found
+
+
+def predictive(engine: Engine, residual: np.ndarray, noise: Noise) -> float:
+    """-2 ln p of the select block given the train block, at the noise of the train block."""
+    total, sigma = 0.0, float(noise.sigma)
+    for weight, sign in ((engine.known, 1.0), (engine.weight, -1.0)):
+        white, size = innovations_of(engine.noise.clock, weight, residual, noise)
+        size += 2 * weight.sum() * np.log(sigma)
+        total += sign * float(np.sum((white / sigma) ** 2) + size)
+    return total

@@ -1,0 +1,88 @@
+"""Gains as the content of gains.json."""
+
+import numpy as np
+
+from ..gains.hunting import Hunting
+from ..gains.result import Gains
+from ..plain import plain
+
+SCHEMA = "jaxfric.gains/1"
+_KINDS = ("stiffness", "damping")
+
+
+def content(gains: Gains) -> dict:
+    """The content of `gains.json`, schema "jaxfric.gains/1"; SI, null for infinite."""
+    region, scenarios, unsafe = gains.region, gains.scenarios, list(gains.unsafe)
+    units = ("N/m", "N s/m", "N/(m s)", "m/s", "kg")
+    result = {
+        "schema": SCHEMA,
+        "law": gains.law,
+        "controller_delay": gains.delay,
+        "recommended": not unsafe,
+        "not_recommended": unsafe,
+        "fragile": gains.fragile,
+        "kp": gains.kp,
+        "kv": gains.kv,
+        "ki": gains.integral or 0.0,
+        "units": dict(
+            zip(("kp", "kv", "ki", "velocity", "mass"), map(gains.unit, units), strict=True)
+        ),
+        "norm": gains.norm,
+        "scales": _pair(region.scale),
+        "limits": {
+            "kp": [region.lower[0], region.upper[0]],
+            "kv": [region.lower[1], region.upper[1]],
+        },
+        "required": dict(zip(gains.requirement.names, gains.requirement.values, strict=True)),
+        "basins": gains.optima,
+        "at_rest": {
+            "friction": gains.rest_friction,
+            "dead_band": gains.dead_band,
+            "accuracy": gains.accuracy,
+            "hunting": gains.hunting and hunting_entry(gains.hunting),
+            "units": {"friction": gains.unit("N"), "dead_band": gains.unit("m")},
+        },
+        "alone": _alone(gains),
+        "largest": gains.largest and _pair(gains.largest),
+        "margins": {
+            name: {"value": worst.value, "unit": worst.unit, "worst_scenario": worst.scenario}
+            for name, worst in gains.margins.items()
+        },
+        "scenarios": {
+            "n": len(scenarios),
+            "velocities": _range(scenarios.velocity),
+            "masses": None if scenarios.mass is None else _range(scenarios.mass),
+            "samples": int(np.unique(scenarios.sample).size),
+            "confidence": gains.confidence,
+            "kept_samples": gains.kept_samples,
+        },
+        "certificate": gains.certificate,
+        "simulation": gains.simulation,
+        "warnings": gains.warnings,
+    }
+    return plain(result)
+
+
+def hunting_entry(found: Hunting) -> dict:
+    """The entry `hunting`: grows, or amplitude and period, null for none."""
+    grows = found.amplitude is not None and not np.isfinite(found.amplitude)
+    return plain({**found._asdict(), "grows": grows})
+
+
+def _alone(gains: Gains) -> dict | None:
+    known = gains.alone
+    if known is None:
+        return None
+    rows = zip(_KINDS, known.meets, known.tried, known.edge or (np.inf, np.inf), strict=True)
+    return {
+        name: {"meets": meets, "tried": tried, "without_margins": edge}
+        for name, meets, tried, edge in rows
+    }
+
+
+def _pair(values: np.ndarray | tuple[float, float]) -> dict:
+    return dict(zip(("kp", "kv"), values, strict=True))
+
+
+def _range(values: np.ndarray) -> list[float]:
+    return [float(np.min(values)), float(np.max(values))]
