@@ -41,7 +41,7 @@ from ..fitting.noise import (
     whitened,
 )
 from ..fitting.noise import Found as FoundNoise
-from ..threads import cores, one_by_one, side_by_side
+from ..threads import one_by_one, side_by_side
 from .case import Case
 from .evaluate import Evaluator, Rows
 from .smooth import smooth_columns
@@ -357,7 +357,7 @@ class Engine(Generic[P]):
 def each_of(model: EncompassingModel) -> Callable[..., list]:
     """See `Engine.each`."""
     own = [e for e in model.effects if not e.__module__.startswith(_PACKAGE)]
-    return one_by_one if own or cores() < 2 else side_by_side
+    return one_by_one if own else side_by_side
 
 
 def evaluator_of(case: Case[P], friction: np.ndarray) -> Evaluator[P]:

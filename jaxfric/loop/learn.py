@@ -63,7 +63,11 @@ def learn_noise(engine: Engine, base: Candidate) -> tuple[Engine, Candidate]:
 def _columns(engine: Engine, candidate: Candidate) -> tuple[Rows, np.ndarray]:
     """The rows of a fit; and its residual, its Jacobian and what is smooth, side by side."""
     rows = engine.evaluate(candidate.z, engine.free(candidate.effects))
-    return rows, np.concatenate([rows.residual[:, None], rows.jacobian, engine.smooth], axis=1)
+    return rows, _side_by_side(engine, rows)
+
+
+def _side_by_side(engine: Engine, rows: Rows) -> np.ndarray:
+    return np.concatenate([rows.residual[:, None], rows.jacobian, engine.smooth], axis=1)
 
 
 def _without_hum(engine: Engine, candidate: Candidate) -> Engine:
@@ -87,7 +91,7 @@ def _without_hum(engine: Engine, candidate: Candidate) -> Engine:
 def _without_glitches(engine: Engine, rows: Rows) -> Engine:
     """The engine with rows that stand out of the noise left out of its blocks; itself where there
     are no more."""
-    columns = np.concatenate([rows.residual[:, None], rows.jacobian, engine.smooth], axis=1)
+    columns = _side_by_side(engine, rows)
     noise, blocks = engine.noise, engine.blocks
     counts = engine.padded(blocks.train | blocks.select | blocks.report)
     found = find_glitches(
@@ -100,10 +104,10 @@ def _without_glitches(engine: Engine, rows: Rows) -> Engine:
     )
     if found.rows == noise.glitches.rows:
         return engine
-    keep = np.ones(engine.rows, bool)
-    keep[list(found.rows)] = False
+    engine = engine.knowing(noise._replace(glitches=found))
+    keep = engine.passed_on()
     kept = blocks._replace(**{name: blocks.of(name) & keep for name in NAMES})
-    return engine.knowing(noise._replace(glitches=found, blocks=kept))
+    return engine.knowing(engine.noise._replace(blocks=kept))
 
 
 def _forgotten(engine: Engine) -> Engine:
