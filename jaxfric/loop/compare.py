@@ -41,7 +41,6 @@ from ..fitting.noise import (
     NoiseRows,
     estimate_noise,
     least_noise,
-    longest_memory,
     noise_rows,
     profile_noise,
     recorded_steps,
@@ -55,8 +54,9 @@ from ..laws.registry import fixed_states, known_law, rate_state_laws
 from ..records import Record, VelocitySteps
 from ..records.given import as_record
 from ..silent import silent
+from .engine import longest_of_steps
 from .split import Blocks, split
-from .thresholds import ACCEPT, HELD_OUT_FROM, LEAST_MEMORY
+from .thresholds import ACCEPT, HELD_OUT_FROM
 
 _STATES = (1, 2)
 _PASSES = 2  # of parameters and noise in turn
@@ -428,8 +428,7 @@ def _rivals(record: Record, fits: Sequence[Fit]) -> list[Rival]:
     weight = functools.reduce(np.maximum, [np.asarray(of.problem.weight) for _, of in solved])
     first = solved[0][1].problem
     clock = np.asarray(first.clock)[: len(record)]
-    rows = np.median(np.diff(clock, axis=0), axis=0)
-    longest = np.maximum(LEAST_MEMORY * rows, longest_memory(clock) / len(fits[0].steps))
+    longest = longest_of_steps(clock, len(fits[0].steps))
     least = least_noise(recorded_steps(record.friction)) / float(first.noise_scale)
     rivals = []
     for one, of in solved:

@@ -32,6 +32,7 @@ from ..fitting.noise import (
     estimate_noise,
     least_noise,
     limits_of,
+    longest_memory,
     noise_of,
     noise_rows,
     noises_around,
@@ -46,13 +47,10 @@ from .case import Case
 from .evaluate import Evaluator, Rows
 from .smooth import smooth_columns
 from .split import Blocks
+from .thresholds import LEAST_MEMORY
 
 P = TypeVar("P", bound=AbstractProblem)
 
-_NOISE_SHARE = 0.1
-"""Longest memory of noise, as a share of the mean duration, path or rows of a velocity."""
-_SHORTEST_LIMIT = 10.0
-"""The same in rows, where a velocity has few."""
 _PACKAGE = __name__.partition(".")[0] + "."
 
 
@@ -96,11 +94,9 @@ class Engine(Generic[P]):
         problem, blocks, bounds = case.problem, case.blocks, case.bounds
         rows = len(blocks.train)
         clock = np.asarray(problem.clock)
-        used = clock[:rows]
-        shortest = _SHORTEST_LIMIT * np.median(np.diff(used, axis=0), axis=0)
-        per_velocity = np.ptp(used, axis=0) / (int(blocks.step.max()) + 1)
-        longest = np.maximum(shortest, _NOISE_SHARE * per_velocity)
-        longest = longest if bounds.longest is None else bounds.longest
+        longest = bounds.longest
+        if longest is None:
+            longest = longest_of_steps(clock[:rows], int(blocks.step.max()) + 1)
         if bounds.by_step:  # a last clock, which `learn_noise` may set going
             clock = np.pad(clock, ((0, 0), (0, 1)))
             longest = np.append(longest, 0.0)
@@ -352,6 +348,13 @@ class Engine(Generic[P]):
             return ()
         first = np.unique(self.blocks.step, return_index=True)[1]
         return tuple(scale[first].tolist())
+
+
+def longest_of_steps(clock: np.ndarray, steps: int) -> np.ndarray:
+    """Longest memory of the noise of so many velocity steps over every clock, (k,): a tenth of what
+    a step has on average, or ten rows, where that is more. `clock` (n, k) has the record's rows."""
+    rows = np.median(np.diff(clock, axis=0), axis=0)
+    return np.maximum(LEAST_MEMORY * rows, longest_memory(clock) / steps)
 
 
 def each_of(model: EncompassingModel) -> Callable[..., list]:

@@ -55,6 +55,6 @@ HELD_OUT_FROM = 3
 """Velocity steps from which on laws are compared on some that are held out: of fewer, `split` cuts
 into steps, and a law that is not fitted to a whole step is not asked to predict one."""
 LEAST_MEMORY = 10.0
-"""Rows over which noise may be correlated under every law, however few a velocity step has: without
+"""Rows over which noise may be correlated at least, however few a velocity step has: without
 them BIC of simulated records whose noise lasts for eight rows, a sixth of a step, differs by up to
 six more between laws."""
