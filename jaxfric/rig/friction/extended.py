@@ -208,13 +208,16 @@ def _balanced(
     law: ExtendedLaw, force: Scalar, state: States, at: Conditions, damping: Scalar | None
 ) -> Scalar:
     """The velocity at which friction and dashpot balance `force`, by Newton's method in ln V."""
-    V = law._without_moving(force, state, at, damping)
-    for _ in range(_NEWTON_STEPS):
+
+    # a loop, not written out: all terms are traced and compiled once, and no slower
+    def nearer(_: int, V: Scalar) -> Scalar:
         excess, slope = _by_velocity(law, V, force, state, at, damping)
         rise = slope * V
         step = excess / jnp.where(rise == 0, jnp.inf, rise)
-        V = V * jnp.exp(jnp.clip(-step, -_LOG_MAX, _LOG_MAX))
-    return V
+        return V * jnp.exp(jnp.clip(-step, -_LOG_MAX, _LOG_MAX))
+
+    start = law._without_moving(force, state, at, damping)
+    return jax.lax.fori_loop(0, _NEWTON_STEPS, nearer, start)
 
 
 @_balanced.def_jvp
