@@ -48,10 +48,9 @@ def estimate(value, std):
     return Estimate(value, std, value - 2 * std, value + 2 * std, "1")
 
 
-def of_a_fit(fit, *, chance):
-    """The code of the first gate that refuses a fit beside a base of 1 sigma."""
-    engine = SimpleNamespace(blocks=BLOCKS, rms_error=lambda used, noise: chance)
-    why = refusal_of(Trial(engine, None, candidate(), fit, candidate()), FITTED)
+def of_a_fit(fit):
+    """The code of the first gate that refuses a fit."""
+    why = refusal_of(Trial(None, None, candidate(), fit, candidate()), FITTED)
     return None if why is None else why.fault
 
 
@@ -107,23 +106,12 @@ def test_a_simulation_whose_derivatives_are_no_numbers_has_failed(residual, slop
         ({"bic": -9.99}, Fault.WEAK),
         ({"bic": 0.0}, Fault.WEAK),
         ({"bic": np.nan}, Fault.WEAK),
-        ({"train": 1.0049}, None),
-        ({"train": 1.0051}, Fault.TRAIN),
-        ({"select": 1.019}, None),
-        ({"select": 1.021}, Fault.SELECT),
-        ({"select": np.nan}, Fault.SELECT),
         ({"physical": False}, Fault.IMPOSSIBLE),
         ({"failed": True}, Fault.FAILED),
     ],
 )
 def test_what_keeps_a_candidate_from_being_taken(altered, code):
-    """Beside a base of rms 1 sigma everywhere, where chance leaves no room at all."""
-    assert of_a_fit(candidate("a", **{"bic": -50.0, **altered}), chance=0.0) is code
-
-
-@pytest.mark.parametrize(("select", "code"), [(1.19, None), (1.21, Fault.SELECT)])
-def test_chance_on_the_select_block_is_two_standard_errors(select, code):
-    assert of_a_fit(candidate("a", -50.0, select=select), chance=0.1) is code
+    assert of_a_fit(candidate("a", **{"bic": -50.0, **altered})) is code
 
 
 def searched(monkeypatch, *screened, loose=(), takes=(), **fitted):
@@ -147,12 +135,12 @@ def searched(monkeypatch, *screened, loose=(), takes=(), **fitted):
     monkeypatch.setattr(search_module, "refit", refit)
     monkeypatch.setattr(search_module, "seek_parts", lambda engine, z: engine)
     monkeypatch.setattr(search_module, "learn_noise", lambda engine, base: (engine, base))
-    asked = [Screened(id, gain, np.ones(4), p) for id, gain, p in screened]
+    asked = [Screened(id, gain, np.ones(4)) for id, gain in screened]
     monkeypatch.setattr(search_module, "screen", lambda *_: asked)
     monkeypatch.setattr("jaxfric.loop.gates.not_fixed", lambda *_: loose)
     monkeypatch.setattr("jaxfric.loop.gates.what_it_takes", lambda *_: takes)
     monkeypatch.setattr(search_module, "aliases", lambda *_: (ids, np.eye(2)))
-    found = search(engine, [np.zeros(4)], None, most=1, progress=lambda _: None)
+    found = search(engine, np.zeros(4), None, most=1, progress=lambda _: None)
     why = {c.effects: c.refused[:3] for c in found.tried if c.refused}  # code, what it is about
     return found.final.effects, why
 
@@ -163,38 +151,30 @@ FAR = (Move("A-B", estimate(-1e-3, 5e-5), estimate(1e-3, 1e-3)),)
 
 
 @pytest.mark.parametrize(
-    ("p_value", "more", "found", "refused"),
+    ("more", "found", "refused"),
     [
-        (0.0099, {"a": GOOD}, ("a",), {}),
-        (0.0101, {"a": GOOD}, (), {("a",): Refusal(Fault.CHANCE)[:3]}),
+        ({"a": GOOD}, ("a",), {}),
         (
-            0.0,
             {"a": GOOD, "loose": ("a.x", "a.y")},
             (),
             {("a",): Refusal(Fault.NOT_FIXED, ("a.x", "a.y"))[:3]},
         ),
-        (0.0, {"a": {"bic": -9.0}}, (), {("a",): Refusal(Fault.WEAK)[:3]}),
+        ({"a": {"bic": -9.0}}, (), {("a",): Refusal(Fault.WEAK)[:3]}),
         (
-            0.0,
             {"a": GOOD, "takes": (LOST,)},
             (),
             {("a",): Refusal(Fault.TAKES, ("B",), (LOST,))[:3]},
         ),
-        (0.0, {"a": {**GOOD, "select": 1.03}}, (), {("a",): Refusal(Fault.SELECT)[:3]}),
     ],
 )
-def test_what_a_search_takes(monkeypatch, p_value, more, found, refused):
-    assert searched(monkeypatch, ("a", 60.0, p_value), **more) == (found, refused)
+def test_what_a_search_takes(monkeypatch, more, found, refused):
+    assert searched(monkeypatch, ("a", 60.0), **more) == (found, refused)
 
 
-@pytest.mark.parametrize(
-    ("second", "asked"),
-    [((5.0, 0.0099), True), ((5.0, 0.0101), False), ((-0.1, 0.0), False), ((0.1, 0.0), True)],
-)
-def test_what_may_be_chance_is_not_even_fitted(monkeypatch, second, asked):
+@pytest.mark.parametrize(("second", "asked"), [(-0.1, False), (0.1, True)])
+def test_what_promises_nothing_is_not_even_fitted(monkeypatch, second, asked):
     """Two refits beside the base are made in any case: b, the third asked, is not one of them."""
-    first = [("a", 60.0, 0.5), ("a", 60.0, 0.5)]
-    _, refused = searched(monkeypatch, *first, ("b", *second))
+    _, refused = searched(monkeypatch, ("a", -60.0), ("a", -60.0), ("b", second))
     assert (("b",) in refused) == asked
 
 

@@ -153,19 +153,9 @@ def _none(*_args, **_kwargs):
 Engine, Evaluator = engine.Engine, evaluate.Evaluator
 
 
-def _one_start() -> Piece:
-    original = search.fit_base
-
-    def fit_base(found, starts):
-        return original(found, starts[:1])
-
-    return _gate((search, "fit_base", fit_base))
-
-
 _QUESTIONS = (
     "block_means",
     "step_locked",
-    "spread_after_step",
     "slip",
     "time",
     "log_velocity",
@@ -181,14 +171,10 @@ def _kept(learnt, found, *_args):
 
 
 PIECES: dict[str, Piece] = {
-    "screening p": _gate((search, "SIGNIFICANT", 1.0), (gates, "SIGNIFICANT", 1.0)),
     "gate: possible": _no_gate(gates.possible),
     "gate: evidence": _no_gate(gates.evidence),
-    "gate: train block": _no_gate(gates.train_block),
-    "gate: select block": _no_gate(gates.select_block),
     "gate: fixed": _no_gate(gates.fixed),
     "gate: takes nothing": _no_gate(gates.takes_nothing),
-    "inseparable": _gate((gates, "inseparable", lambda covariance: [])),
     "tie by order": _gate((search, "TIE", 1e-9)),
     "needless": _gate((search, "_without_needless", lambda now: now)),
     "swap": _gate((search, "_swapped", lambda now, *_: now)),
@@ -198,7 +184,6 @@ PIECES: dict[str, Piece] = {
     "other law as a start": _gate((Engine, "law", _none)),
     "parts of an effect as starts": _gate((search, "PARTS", ())),
     "refits: two, not four": _gate((search, "REFITS", 2)),
-    "second start of the base": _one_start(),
     "select block in BIC": _noise((refit, "predictive", lambda *_: 0.0)),
     "rivals": _gate((verdict, "_rivals", lambda found: [])),
     "unfitted aliases": _gate((verdict, "_unfitted", lambda found: [])),

@@ -12,11 +12,12 @@ from .curves import curve_family
 from .engine import Engine
 from .estimates import estimates
 from .findings import effect_findings
-from .floor import noise_floor, questions
+from .floor import noise_floor
 from .learn import learn_noise
 from .location import locate
 from .refit import Candidate, refit
 from .refusal import Move
+from .residual_tests import structure
 from .result import CandidateScore, Loop, Score, ScreenedEffect
 from .rivals import near_fits
 from .screen import screen
@@ -30,16 +31,15 @@ from .where import where_it_sits
 
 def close(subject: Subject[P], *, most: int, begun: float, progress: Callable[[str], None]) -> Loop:
     """Search, location and verdict; `begun` is when the loop began (`time.monotonic`)."""
-    case, z = subject.case, declared(subject)
-    starts = [z, *(z + other for other in subject.further_starts)]
-    found = search(Engine.of(case), starts, subject.scales, most=most, progress=progress)
+    start, scales = declared(subject), subject.scales
+    found = search(Engine.of(subject.case), start, scales, most=most, progress=progress)
     engine = found.engine
     progress("where the structure sits")
     floor = noise_floor(engine, found.final)
 
     def scored(candidate: Candidate, rivals: Sequence[Candidate]):
         left = locate(engine, candidate, floor.found, subject.bumps(engine, candidate))
-        tests = questions(engine, candidate, case.path, left, floor.found.noise)
+        tests = structure(left.chances)
         return left.location, tests, _score(subject, engine, candidate, tests, rivals)
 
     models: list[tuple[Candidate, Sequence[Candidate]]] = [(found.final, near_fits(found))]

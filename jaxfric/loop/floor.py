@@ -12,9 +12,7 @@ from ..fitting.padding import WIDE, padded_columns
 from ..fitting.uncertainty import inverse_root
 from .engine import Engine
 from .evaluate import Rows
-from .location import Left
 from .refit import Candidate
-from .residual_tests import structure
 from .screen import orthonormal
 from .thresholds import ASKED, HELD_OUT, MOST_PREDICTED, SIGNIFICANT, TRAIN_FLOOR
 
@@ -119,15 +117,3 @@ def _prediction_errors(engine: Engine, rows: Rows, held: np.ndarray, noise: Nois
     errors = inverse_root(np.concatenate([white, rows.extra_jacobian]))
     seen = rows.jacobian[: engine.rows][held] @ errors / float(noise.sigma)
     return np.linalg.svd(seen, compute_uv=False) ** 2 / int(held.sum())
-
-
-def questions(
-    engine: Engine, candidate: Candidate, slip: np.ndarray, left: Left, noise: Noise
-) -> dict[str, float]:
-    """p-values of the residual tests on the train block, and of the structure `left`; `noise` is
-    that with everything smooth taken out."""
-    train = engine.blocks.train
-    residual = np.zeros((len(engine.weight), 1))
-    residual[: engine.rows, 0] = candidate.residual
-    white = engine.whiten(residual * engine.weight[:, None], noise)[: engine.rows, 0]
-    return structure(white[train], engine.blocks.step[train], slip[train], left.chances)

@@ -21,15 +21,11 @@ from .refit import Candidate
 from .refusal import Fault, Move, Refusal
 from .thresholds import (
     ACCEPT,
-    ALIAS,
     BEYOND,
     FAR_VELOCITY,
     KNOWN,
     LEAST_SHARE,
     LOST,
-    SIGNIFICANT,
-    TRAIN_WORSE,
-    WORSE,
 )
 
 
@@ -43,8 +39,6 @@ class Trial(NamedTuple):
     candidate: Candidate
     without: Candidate
     """The candidate's model without its new effect."""
-    p_value: float = 0.0
-    """Chance that noise alone has as much in the best shape of the new effect."""
 
     @property
     def gain(self) -> float:
@@ -68,30 +62,6 @@ def evidence(trial: Trial) -> Refusal | None:
     return None if enough else Refusal(Fault.WEAK, value=trial.gain, threshold=ACCEPT)
 
 
-def train_block(trial: Trial) -> Refusal | None:
-    """The train block is not fitted worse: else only the noise has become likelier."""
-    ratio = trial.candidate.rms["train"] / trial.current.rms["train"]
-    fine = ratio <= TRAIN_WORSE
-    return None if fine else Refusal(Fault.TRAIN, value=ratio, threshold=TRAIN_WORSE)
-
-
-def select_block(trial: Trial) -> Refusal | None:
-    """The select block is predicted no worse than before, or than by chance: few rows, or
-    correlated ones, may differ much from those of the train block."""
-    before, after = trial.current.rms["select"], trial.candidate.rms
-    chance = trial.engine.rms_error(trial.engine.blocks.select, trial.candidate.noise)
-    most = max(WORSE, (1 + 2 * chance) * after["train"] / before)
-    ratio = after["select"] / before
-    return None if ratio <= most else Refusal(Fault.SELECT, value=ratio, threshold=most)
-
-
-def by_chance(trial: Trial) -> Refusal | None:
-    """Noise alone seldom has as much in any of the effect's shapes."""
-    if trial.p_value <= SIGNIFICANT:
-        return None
-    return Refusal(Fault.CHANCE, value=trial.p_value, threshold=SIGNIFICANT)
-
-
 def fixed(trial: Trial) -> Refusal | None:
     """The record fixes the parameters of its effects, see `not_fixed`."""
     names = not_fixed(trial.engine, trial.candidate, trial.scales)
@@ -105,7 +75,7 @@ def takes_nothing(trial: Trial) -> Refusal | None:
 
 
 Gate = Callable[[Trial], Refusal | None]
-FITTED: tuple[Gate, ...] = (converged, possible, evidence, train_block, select_block, by_chance)
+FITTED: tuple[Gate, ...] = (converged, possible, evidence)
 """Of the fit itself."""
 GATES: tuple[Gate, ...] = (*FITTED, fixed, takes_nothing)
 """All of them, in order."""
@@ -142,8 +112,6 @@ def not_fixed(engine: Engine, candidate: Candidate, scales: RecordScales) -> tup
     its path, a time beyond twice its duration, a velocity far from all of its own, and whatever the
     effect itself says is beyond such a record. What is a matter of shape only, as an exponent
     between bounds, need not be fixed: errors are those of the other parameters where it is given.
-    Two lags whose errors are those of their sum or difference alone are not fixed either: only what
-    they do together is known.
     """
     own = engine.model.columns(candidate.effects)
     shapes = [i for i in own if _is_shape_only(engine, i)]
@@ -156,8 +124,8 @@ def not_fixed(engine: Engine, candidate: Candidate, scales: RecordScales) -> tup
     spread = normal_inverse(np.concatenate([white, rows.extra_jacobian]))
     error = dict(zip(index.tolist(), np.sqrt(np.diag(spread)).tolist(), strict=True))
     force = float(np.max(np.abs(engine.noise.friction[: engine.rows])))
-    values, found, lags = engine.values(candidate.z), [], []
-    found += engine.beyond(candidate.effects, candidate.z, scales)
+    values = engine.values(candidate.z)
+    found = [*engine.beyond(candidate.effects, candidate.z, scales)]
     for id in candidate.effects:
         parts, amplitudes = [], engine.model.amplitudes(id)
         for i in engine.model.columns((id,)):
@@ -167,10 +135,6 @@ def not_fixed(engine: Engine, candidate: Candidate, scales: RecordScales) -> tup
             name, unit = engine.names[i], engine.model.quantity(engine.names[i]).unit
             parts.append(Part(name, unit, values[name], error[i] / size, i in amplitudes))
         found += loose(parts, force, scales)
-        lags += [i for i in amplitudes if engine.model.quantity(engine.names[i]).unit == "s"]
-    place = {int(i): k for k, i in enumerate(index)}
-    at = [place[i] for i in lags]
-    found += [engine.names[lags[k]] for k in inseparable(spread[np.ix_(at, at)])]
     return tuple(dict.fromkeys(found))
 
 
@@ -210,14 +174,6 @@ def _is_shape_only(engine: Engine, i: int) -> bool:
     """Whether a parameter only gives a shape: a bounded exponent, or where a logarithm begins."""
     about = engine.model.quantity(engine.names[i])
     return math.isfinite(about.upper) or about.shape_only
-
-
-def inseparable(covariance: np.ndarray) -> list[int]:
-    """Indices of the amplitudes that the record fixes only together: |correlation| of two errors,
-    which is the cosine of their sensitivities beyond all others, exceeds `ALIAS`."""
-    size = np.sqrt(np.diag(covariance))
-    alike = np.abs(covariance) > ALIAS * size[:, None] * size
-    return np.flatnonzero(np.sum(alike, axis=1) > 1).tolist()
 
 
 # What an effect takes of the base.

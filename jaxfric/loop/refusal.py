@@ -19,9 +19,6 @@ class Fault(StrEnum):
     FAILED = "did_not_converge"
     IMPOSSIBLE = "impossible_parameters"
     WEAK = "too_little_evidence"
-    TRAIN = "fits_the_train_block_worse"
-    SELECT = "predicts_the_select_block_worse"
-    CHANCE = "may_be_chance"
     NOT_FIXED = "not_fixed"
     TAKES = "takes_of_the_base"
 
@@ -30,9 +27,6 @@ SOURCES: Mapping[Fault, str] = {
     Fault.FAILED: "a fit that did not converge says nothing, for or against",
     Fault.IMPOSSIBLE: "bounds of the effect's parameters (page 'effects')",
     Fault.WEAK: "very strong evidence is a fall of BIC by 10 (Kass and Raftery 1995)",
-    Fault.TRAIN: "where rows are fitted worse, only the noise has become likelier",
-    Fault.SELECT: "rows that were not fitted; two standard errors of their rms are chance",
-    Fault.CHANCE: "bootstrap of the best of many shapes, to first order (page 'loop')",
     Fault.NOT_FIXED: "an error as large as the value, or a size that the record cannot show",
     Fault.TAKES: "the sign and size of what was known without the effect (page 'loop')",
 }
@@ -76,9 +70,6 @@ _WORDS: Mapping[Fault, str] = {
     Fault.FAILED: "did not converge",
     Fault.IMPOSSIBLE: "impossible parameters",
     Fault.WEAK: "too little evidence",
-    Fault.TRAIN: "fits the train block worse",
-    Fault.SELECT: "predicts the select block worse",
-    Fault.CHANCE: "may be chance",
 }
 
 

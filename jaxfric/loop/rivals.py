@@ -26,6 +26,6 @@ def near_fits(search: Search) -> list[Candidate]:
     found: dict[frozenset[str], Candidate] = {}
     for c in sorted(search.tried, key=lambda c: c.bic):
         why = None if c.refused is None else c.refused.fault
-        if c.physical and not c.failed and why in (None, Fault.WEAK, Fault.CHANCE):
+        if c.physical and not c.failed and why in (None, Fault.WEAK):
             found.setdefault(frozenset(c.effects), c)
     return [c for effects, c in found.items() if effects != frozenset(search.final.effects)]

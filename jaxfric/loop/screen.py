@@ -6,7 +6,7 @@ likelihood is profiled over the base's parameters, the amplitudes and the noise.
 """
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import jax
@@ -17,11 +17,9 @@ from ..fitting.abstract_problem import FAILED_MISFIT
 from .case import Column
 from .engine import Engine
 from .evaluate import Rows
-from .evidence import Evidence, evidence
+from .evidence import evidence
 from .refit import Candidate
-from .residual_tests import chi_square_tail
 
-_DRAWS = 2000
 _KEPT = 8
 """Shapes of an effect whose likelihood is computed, under each of two noises."""
 
@@ -34,9 +32,6 @@ class Screened(NamedTuple):
     """BIC of the base less that with the effect: positive is better."""
     z: np.ndarray
     """Parameters to start a joint fit from."""
-    p_value: float
-    """p-value of its likelihood ratio, where the best of several shapes was taken; 1 elsewhere
-    means that nothing was gained."""
 
 
 class Screening(NamedTuple):
@@ -78,12 +73,10 @@ def sensitivities(
     return Screening(rows, matrix, extra, tuple(range(len(free))), tuple(columns))
 
 
-def screen(
-    engine: Engine, current: Candidate, scales: RecordScales, *, seed: int = 0
-) -> list[Screened]:
+def screen(engine: Engine, current: Candidate, scales: RecordScales) -> list[Screened]:
     """All effects that can be added to `current`, the most promising first."""
     every = sensitivities(engine, current, scales, addable=True)
-    seen, share = _likeliest(engine, current, every)
+    seen = _likeliest(engine, current, every)
     problem = engine.problem
     known = evidence(
         problem.clock,
@@ -102,7 +95,7 @@ def screen(
     free = engine.free(current.effects)
     fewest = len(free)
     effective = np.asarray([known.independent_rows(k) for k in noise])
-    best: dict[str, Screened] = {}
+    best: list[Screened] = []
     gains: dict[str, list[tuple[float, Column, int]]] = {}
     for i, column in enumerate(seen.columns, start=1):
         gain = float(deviance[0] - deviance[i])
@@ -117,20 +110,12 @@ def screen(
             gain = 0.0
         count = fewest + len(engine.model.columns((id,)))
         delta = gain + fewest * np.log(effective[0]) - count * np.log(effective[i])
-        p = _best_of(known, int(noise[i]), seen.base, [c.places for _, c, _ in found], gain, seed)
-        # beyond the reach of the draws: the sum over all shapes is an upper bound
-        tail = len(found) * chi_square_tail(gain, len(found[0][1].places))
-        best[id] = Screened(id, float(delta), z, min(1.0, p / share[id], tail / share[id]))
-    return sorted(best.values(), key=lambda s: -s.delta_bic)
+        best.append(Screened(id, float(delta), z))
+    return sorted(best, key=lambda s: -s.delta_bic)
 
 
-def _likeliest(
-    engine: Engine, current: Candidate, seen: Screening
-) -> tuple[Screening, dict[str, float]]:
-    """The most promising shapes of every effect, under white noise and that of the fit.
-
-    Also which share of an effect's shapes they are.
-    """
+def _likeliest(engine: Engine, current: Candidate, seen: Screening) -> Screening:
+    """The most promising shapes of every effect, under white noise and that of the fit."""
     weight = engine.known[:, None]
     both = np.concatenate([seen.rows.residual[:, None], seen.matrix], axis=1) * weight
     kept: set[int] = set()
@@ -144,13 +129,12 @@ def _likeliest(
         for found in by_id.values():
             kept |= {k for _, k in sorted(found, reverse=True)[:_KEPT]}
     columns = [seen.columns[k] for k in sorted(kept)]
-    share = {id: sum(c.id == id for c in columns) / len(found) for id, found in by_id.items()}
     places = [*seen.base, *(p for c in columns for p in c.places)]
     moved = {p: i for i, p in enumerate(places)}
     columns = [c._replace(places=tuple(moved[p] for p in c.places)) for c in columns]
     return seen._replace(
         matrix=seen.matrix[:, places], extra=seen.extra[:, places], columns=tuple(columns)
-    ), share
+    )
 
 
 def _start(z: np.ndarray, free: np.ndarray, column: Column, weights: np.ndarray) -> np.ndarray:
@@ -161,40 +145,6 @@ def _start(z: np.ndarray, free: np.ndarray, column: Column, weights: np.ndarray)
     targets = np.concatenate([free, column.amplitudes]).astype(int)
     z[targets] -= weights[: len(targets)]
     return z
-
-
-def _best_of(
-    known: Evidence,
-    noise: int,
-    base: Sequence[int],
-    shapes: Sequence[Sequence[int]],
-    gain: float,
-    seed: int,
-) -> float:
-    """Chance that noise alone gains as much in the best of the shapes: a linearised bootstrap."""
-    every = [i for places in shapes for i in places]
-    projected = project(known.products[noise] + known.extra, base, every)
-    scale, vectors = np.linalg.eigh(projected)
-    root = vectors * np.sqrt(np.maximum(scale, 0.0))
-    draws = np.random.default_rng(seed).standard_normal((_DRAWS, len(every))) @ root.T
-    largest, begin = np.zeros(_DRAWS), 0
-    for places in shapes:
-        own = slice(begin, begin + len(places))
-        begin += len(places)
-        gram = projected[own, own]
-        inverse = np.linalg.pinv(gram, rcond=1e-9, hermitian=True)
-        part = draws[:, own]
-        largest = np.maximum(largest, np.einsum("di,ij,dj->d", part, inverse, part))
-    return float((1 + np.sum(largest >= gain)) / (1 + _DRAWS))
-
-
-def project(products: np.ndarray, base: Sequence[int], columns: Sequence[int]) -> np.ndarray:
-    """Products of some columns (counted without the residual), the base's directions out."""
-    a, b = np.asarray(base) + 1, np.asarray(columns) + 1
-    size = np.sqrt(np.maximum(np.diag(products)[a], 1e-300))
-    gram = products[np.ix_(a, a)] / np.outer(size, size) + 1e-12 * np.eye(len(a))
-    cross = products[np.ix_(a, b)] / size[:, None]
-    return products[np.ix_(b, b)] - cross.T @ np.linalg.solve(gram, cross)
 
 
 def aliases(engine: Engine, current: Candidate, scales: RecordScales) -> tuple[tuple, np.ndarray]:

@@ -1,6 +1,6 @@
 """The search: base, screen, joint refits, backward, swaps. Its state is a `Search`, returned anew.
 
-1. Base fit and its noise, from several starts. 2. Screen all effects to first order. 3. Refit the
+1. Base fit and its noise. 2. Screen all effects to first order. 3. Refit the
 most promising jointly. 4. Take the best that no gate refuses. 5. Again, as long as there is one;
 then drop what is no longer needed, and try in place of each what is easily taken for it.
 """
@@ -19,13 +19,10 @@ from .refusal import Fault
 from .screen import Screened, aliases, screen
 from .thresholds import (
     ACCEPT,
-    AGREE,
     ALIAS,
     LOST_LIKELIHOOD,
     PARTS,
     REFITS,
-    ROUGHLY,
-    SIGNIFICANT,
     TIE,
 )
 
@@ -45,7 +42,6 @@ class Search(NamedTuple):
     ids: tuple[str, ...] = ()
     cosines: np.ndarray = np.eye(0)
     """How alike the sensitivities of effects `ids` are at the model, see `screen.aliases`."""
-    starts_agree: bool = True
 
     def trying(self, candidate: Candidate) -> Self:
         """With one more candidate."""
@@ -83,19 +79,18 @@ class Search(NamedTuple):
 
 def search(
     engine: Engine,
-    starts: Sequence[np.ndarray],
+    start: np.ndarray,
     scales: RecordScales,
     *,
     most: int,
     progress: Callable[[str], None],
 ) -> Search:
-    """Find what the base model lacks. `starts` are parameters of the encompassing model
-    to start the base from, the likeliest first."""
+    """Find what the base model lacks. `start`: parameters of the encompassing model to start the
+    base from."""
     progress("base fit of the train block")
-    engine = seek_parts(engine, starts[0])
-    base, agree = fit_base(engine, starts)
-    engine, base = learn_noise(engine, base)
-    now = Search(engine, base, base, (base,), ((),), starts_agree=agree)
+    engine = seek_parts(engine, start)
+    engine, base = learn_noise(engine, refit(engine, (), start, exact=True))
+    now = Search(engine, base, base, (base,), ((),))
     while len(now.final.effects) < most and not base.failed:
         begun = now.final
         now = _forward(now, scales, progress)
@@ -118,26 +113,6 @@ def search(
     return _with_rivals_asked(now, scales)
 
 
-def fit_base(engine: Engine, starts: Sequence[np.ndarray]) -> tuple[Candidate, bool]:
-    """The best base fit of several starts, and whether they agree.
-
-    The first is likely the best; the others are fitted to the end only where they are better.
-    """
-    found = engine.each(
-        lambda k, start: refit(engine, (), start, exact=not k), range(len(starts)), starts
-    )
-    good = [c for c in found if not c.failed]
-    if not good:
-        return found[0], False
-    best = min(good, key=lambda c: c.bic)
-    agree = sum(c.bic - best.bic < AGREE for c in good) > 1
-    if found[0].failed or found[0].bic - best.bic > ROUGHLY:
-        best = min(best, refit(engine, (), best.z, exact=True), key=lambda c: c.bic)
-    else:
-        best = found[0]
-    return best, agree or len(starts) == 1
-
-
 def _forward(now: Search, scales: RecordScales, progress: Callable[[str], None]) -> Search:
     """The search with one more effect, where there is one that no gate refuses.
 
@@ -152,12 +127,12 @@ def _forward(now: Search, scales: RecordScales, progress: Callable[[str], None])
         return now
     progress(f"screening {len(missing)} effects")
     found = screen(engine, current, scales)
-    seen = any(one.p_value <= SIGNIFICANT for one in found)
+    seen = any(one.delta_bic >= 0 for one in found)
     laws = {one.id for one in found if seen and engine.law(one.id, current.z) is not None}
     asked = [
         one
         for k, one in enumerate(found)
-        if (k < REFITS and one.delta_bic >= 0 and one.p_value <= SIGNIFICANT)
+        if (k < REFITS and one.delta_bic >= 0)
         or one.id in laws
         or len(now.tried) + k <= 2  # two of the base are fitted in any case, for comparison
     ]
@@ -169,8 +144,7 @@ def _forward(now: Search, scales: RecordScales, progress: Callable[[str], None])
 
     now, better = now._replace(screened=(*now.screened, tuple(found))), []
     for one, candidate in zip(asked, engine.each(fitted, range(len(asked)), asked), strict=True):
-        chance = 0.0 if one.id in laws else one.p_value
-        trial = Trial(engine, scales, current, candidate, current, chance)
+        trial = Trial(engine, scales, current, candidate, current)
         why = refusal_of(trial)
         now = now.trying(candidate._replace(refused=why))
         if why is not None and why.fault is Fault.NOT_FIXED:

@@ -40,7 +40,6 @@ _FELT = 0.1
 _FINER = 0.1
 _FINE_ENOUGH = 0.02
 _NEAR = 2.0
-_OTHER_START = 1.3
 
 
 def slider_case(
@@ -72,9 +71,6 @@ def slider_subject(
     out; `details` gives further results from the score after.
     """
     known, steps = base_fit.parameters, shown[1].steps
-    larger = np.zeros(len(start))
-    for name in "ABL":
-        larger[case.model.names().index(name)] = np.log(_OTHER_START)
     edge = edge_of(base_fit)
 
     def rows(engine: Engine[Problem]) -> ScoredRows:
@@ -87,7 +83,6 @@ def slider_subject(
     return Subject(
         case=case,
         start=start,
-        further_starts=[larger],
         scales=scales_of(record, base_fit.steps, known["L"].value),
         friction_unit=record.friction_unit,
         words=SLIDER,
@@ -124,11 +119,6 @@ def slider_warnings(
     if edge is not None and edge < _NEAR:
         warnings.append(
             f"K/K_cr is {edge:.2f}: so near the edge of stability finite steps may leave the basin"
-        )
-    if not found.starts_agree and not found.base.failed:
-        warnings.append(
-            "base fits from different starts end at different parameters: the likeliest is"
-            " taken, and what is added to it decides"
         )
     change = _finer(engine, found.base)
     if np.isinf(change):

@@ -47,8 +47,6 @@ class Subject(Generic[P]):
     case: Case[P]
     start: np.ndarray
     """Parameters of the base, the effects at their null."""
-    further_starts: Sequence[np.ndarray]
-    """What is added to a start of the base for others, which may lead to another minimum."""
     scales: RecordScales
     """Sizes of the record, for starting values of shapes."""
     friction_unit: str

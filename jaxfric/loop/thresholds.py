@@ -27,10 +27,6 @@ HINT = 2.0
 EDGE = 1.1
 """K/K_cr below which a small misfit of the law looks like a large effect."""
 
-WORSE = 1.02
-"""Ratio of the errors of the select block that is allowed to a better model, whatever chance is."""
-TRAIN_WORSE = 1.005
-"""The same of the train block: what a fit to 1e-4 of its squares may be off."""
 BEYOND = 2.0
 """Lengths and times beyond so many times those of the record are not seen in it."""
 FAR_VELOCITY = 30.0
@@ -48,8 +44,6 @@ LOST_LIKELIHOOD = 2.0
 """-2 ln L by which a fit may be less likely than without its effect, which it has at its null."""
 PARTS = (0.1, 0.01, 1e-3)
 """Shares of the first-order amplitude from which a fit that ran away begins again."""
-AGREE, ROUGHLY = 1.0, 0.1
-"""Differences of BIC: between two fits that agree, and between a rough fit and the best."""
 
 HELD_OUT_FROM = 3
 """Velocity steps from which on laws are compared on some that are held out: of fewer, `split` cuts

@@ -205,7 +205,6 @@ def axis_subject(
     return Subject(
         case=case,
         start=_start(problem, reading.blocks),
-        further_starts=(),  # the base is linear and has one minimum
         scales=scales_of(rows, prepared, reading.blocks),
         friction_unit=record.force_unit,
         words=AXIS,
