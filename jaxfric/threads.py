@@ -1,12 +1,10 @@
 """How much is done at once: on threads, as Python is free while JAX computes, and on a GPU."""
 
-import contextlib
 import os
-import sys
 import threading
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
-from typing import NoReturn, TypeVar
+from typing import TypeVar
 
 T = TypeVar("T")
 _MOST = 8
@@ -77,29 +75,3 @@ def go_on() -> None:
     end = getattr(_own, "end", None)
     if end is not None and end.is_set():
         raise Abandoned
-
-
-_beside: list[threading.Thread] = []
-
-
-def beside(work: Callable[[], object]) -> None:
-    """Do `work` on a thread of its own while this one goes on. An error ends it silently: it is for
-    work that is done again by whoever finds it undone. The process waits for its end."""
-
-    def quietly() -> None:
-        with contextlib.suppress(Exception):
-            work()
-
-    thread = threading.Thread(target=quietly)
-    _beside[:] = [thread, *(one for one in _beside if one.is_alive())]
-    thread.start()
-
-
-def leave(code: int | str | None) -> NoReturn:
-    """End the process. After an error it does not wait for what is done `beside`."""
-    if isinstance(code, int) and code and any(one.is_alive() for one in _beside):
-        for stream in (sys.stdout, sys.stderr):
-            if stream is not None:
-                stream.flush()
-        os._exit(code)
-    sys.exit(code)

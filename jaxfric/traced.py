@@ -11,7 +11,6 @@ of this package nor of the libraries it is built on, such as an effect of your o
 a file that cannot be read is made anew. The folder may be deleted at any time.
 """
 
-import contextlib
 import functools
 import hashlib
 import os
@@ -19,7 +18,7 @@ import pickle
 import tempfile
 import threading
 import types
-from collections.abc import Callable, Generator, Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import Generic, NamedTuple, ParamSpec, TypeVar
@@ -61,11 +60,6 @@ def keep_traced(folder: Path) -> None:
     _folder[:] = [folder]
 
 
-def keeping() -> bool:
-    """Whether functions are kept."""
-    return bool(_folder)
-
-
 class _Kept(NamedTuple):
     """A function of arrays, and what becomes of its results."""
 
@@ -89,7 +83,6 @@ class Traced(Generic[P, R]):
         self.function: Callable[..., R] = function
         self.nested: Callable[..., R] = eqx.filter_jit(function)
         self._known: dict[tuple, _Compiled] = {}
-        self._asked = threading.local()
         functools.update_wrapper(self, function)
 
     @functools.cached_property
@@ -107,43 +100,13 @@ class Traced(Generic[P, R]):
         arrays, key = _like(leaves, tree)
         known = self._known.setdefault(key, _Compiled())
         if known.ready:
-            self._begin()
             return self._run(known.kept, args, arrays)
         with known.lock:  # a thread waits for what another traces and compiles
             if not known.ready:
                 known.kept = self._found(args, key)
-            self._begin()
             out = self._run(known.kept, args, arrays)
             known.ready = True
         return out
-
-    @contextlib.contextmanager
-    def when_traced(self, begin: Callable[[], object]) -> Generator[None]:
-        """Within it `begin()` is called once: when this thread next asks for the function where
-        what is traced is kept, as soon as it has been traced and before it is compiled.
-
-        For what begins another thread that traces: two that do at once share one Python, while a
-        compiler beside one has a core of its own.
-        """
-        self._asked.begin = begin
-        try:
-            yield
-        finally:
-            self._asked.begin = None
-
-    def _begin(self) -> None:
-        begin = getattr(self._asked, "begin", None)
-        if begin is not None:
-            self._asked.begin = None
-            begin()
-
-    def ready(self, *args: P.args, **kwargs: P.kwargs) -> bool:
-        """Whether it has been compiled for arguments like `args` by this process, which keeps what
-        it compiles."""
-        if kwargs or not _folder:
-            return False
-        known = self._known.get(_like(*jax.tree.flatten(args))[1])
-        return known is not None and known.ready
 
     def _run(self, kept: _Kept | None, args: tuple, arrays: list[Array]) -> R:
         return self.jitted(*args) if kept is None else kept.wrap(kept.call(*arrays))

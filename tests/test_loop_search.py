@@ -21,11 +21,9 @@ from fits.blind.draws import SIGMA, SLIP_PER_STEP, draw_times
 from fits.blind.generate import Request, make
 from fits.blind.plants import Base, Protocol
 from fits.runs.generate import generate
-from jaxfric import traced
 from jaxfric.effects import CATALOGUE
 from jaxfric.effects.effect import AbstractLinearEffect, with_term
-from jaxfric.loop import SCHEMA, ahead, close_loop, evaluate, response
-from jaxfric.loop import loop as loop_module
+from jaxfric.loop import SCHEMA, close_loop
 from jaxfric.loop.slider import refuse_failed
 from jaxfric.quantity import quantity
 from jaxfric.records import from_arrays
@@ -194,34 +192,6 @@ def nothing_was_found(loop, truth) -> None:
     for name in "ABL":
         estimate = loop.after.parameters[name]
         assert abs(estimate.value - truth["base"][name]) < 4 * estimate.std
-
-
-def test_what_is_compiled_ahead_is_what_the_loop_needs(tmp_path, monkeypatch):
-    """While the base is fitted, and nothing of the two functions that take longest after that."""
-    monkeypatch.setattr(traced, "_folder", [tmp_path])
-    work, compiled = [], []
-    monkeypatch.setattr(ahead, "beside", work.append)
-
-    def shapes() -> list[int]:
-        known = (evaluate._evaluate._known, response.linear_response._known)
-        return [sum(key[0] == tmp_path and one.ready for key, one in own.items()) for own in known]
-
-    def fit(*args, **more):
-        found = jf.fit(*args, **more)
-        assert len(work) == 1
-        while work:
-            work.pop(0)()  # also what the first asks for in its turn
-        compiled.append(shapes())
-        return found
-
-    monkeypatch.setattr(loop_module, "fit", fit)
-    record, stiffness, _ = blind(Request(SEED + 1))
-    few = {id: CATALOGUE[id] for id in ("run_in", "slip_trend")}
-    monkeypatch.setattr(loop_module, "CATALOGUE", few)
-    for _ in range(2):  # the second time there is nothing to do
-        loop = close_loop(record, stiffness=stiffness, most=0)
-        compiled.append(shapes())
-    assert compiled == [[1, 1]] * 4 and loop.verdict == "no_missing_effect"
 
 
 def own_record(e: float):

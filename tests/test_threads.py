@@ -20,7 +20,7 @@ from jax.extend.core import jaxprs_in_params
 import jaxfric
 from jaxfric import threads
 from jaxfric.simulation.rodas import inverted
-from jaxfric.threads import beside, go_on, leave, side_by_side
+from jaxfric.threads import go_on, side_by_side
 
 LAPACK = {"lu", "triangular_solve", "cholesky", "qr", "geqrf", "eigh", "svd"}
 KNOWN = {
@@ -128,33 +128,6 @@ def test_an_interrupt_of_the_one_who_waits_ends_them_too(monkeypatch):
     finally:
         signal.signal(signal.SIGINT, before)
     assert time.monotonic() - begun < 8  # of 20 s
-
-
-def test_what_is_done_beside_is_waited_for_unless_the_program_failed(monkeypatch):
-    go, done = threading.Event(), threading.Event()
-    monkeypatch.setattr(threads, "_beside", [])
-    ended = []
-    monkeypatch.setattr(threads.os, "_exit", ended.append)
-    beside(lambda: go.wait(20) and done.set())
-    assert not done.is_set()
-    with pytest.raises(SystemExit) as end:
-        leave(0)  # the interpreter waits for the thread
-    assert end.value.code == 0 and ended == []
-    with pytest.raises(SystemExit):
-        leave(2)  # goes on here, as `_exit` does nothing
-    assert ended == [2]
-    go.set()
-    assert done.wait(20)
-    threads._beside[0].join()
-    with pytest.raises(SystemExit):
-        leave(2)
-    assert ended == [2]
-
-
-def test_an_error_beside_is_nobodys(capfd):
-    beside(lambda: 1 / 0)
-    threads._beside[0].join()
-    assert capfd.readouterr().err == ""
 
 
 def batches(jaxpr):

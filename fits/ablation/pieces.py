@@ -193,9 +193,6 @@ PIECES: dict[str, Piece] = {
     "error of the train block": _no_block_error(("train",)),
     "errors held out": _no_block_error(("select", "report")),
     "error floors (1.04, 1.06)": _gate((floor, "TRAIN_FLOOR", 1.0), (floor, "HELD_OUT", 1.0)),
-    "error of the prediction": _gate(
-        (floor, "_prediction_errors", lambda e, rows, held, noise: np.zeros(1))
-    ),
     "edge rule (K/K_cr)": _gate((verdict, "EDGE", 0.0)),
     **{f"question: {name}": _without_question(name) for name in _QUESTIONS},
     "second part": _one_part(),

@@ -12,7 +12,6 @@ from collections.abc import Generator
 import cyclopts
 
 from ..errors import InputError, words_of_the_command
-from ..threads import leave
 from .axis import axis
 from .call import LOOPS, calling, in_new_words
 from .compare import compare
@@ -103,7 +102,7 @@ def main() -> None:
     if code == 141:
         sys.stdout = None
     gc.freeze()  # what is left ends with the process: to search it for cycles takes half a second
-    leave(code)
+    sys.exit(code)
 
 
 def _run(arguments: list[str]) -> int:

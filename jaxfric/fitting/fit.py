@@ -225,16 +225,6 @@ def _with_noise(task: FitTask, problem: Problem, solution: Solution, *, whitened
     return solved._replace(problem=problem, solution=solution, noise=noise)
 
 
-def stated_stiffness(
-    stiffness: float | str, record: Record, steps: VelocitySteps, law: str
-) -> float:
-    """The stiffness [F/m] with which `fit` begins; raises what it would of stiffness and law."""
-    K = _stiffness(stiffness, record, False)
-    assert K is not None
-    _task(record, steps, _model(law, 1, False, False, "ordinary"), K, None)
-    return K
-
-
 def require_float64() -> None:
     """Raises `InputError` where JAX has 32-bit numbers."""
     if not jax.config.jax_enable_x64:  # ty: ignore[missing-attribute]

@@ -114,11 +114,6 @@ class Evaluator(Generic[P]):
             self._apart.add(index.tobytes())
         return _in_parts(problem, z, np.eye(len(z))[index], self.each)
 
-    def compiled(self, z: np.ndarray) -> bool:
-        """Whether the Jacobian at `z` needs no more compiling."""
-        directions = np.zeros((_at_once(self.problem), len(z)))
-        return _evaluate.ready(self.simulated(z, self.problem), *jax.device_put((z, directions)))
-
 
 def _at_once(problem: AbstractProblem) -> int:
     return _AT_ONCE if len(problem.time) <= _LONG else _OF_LONG
@@ -157,7 +152,3 @@ def _evaluate(problem: AbstractProblem, z: Float[Array, " q"], directions: Float
         return jax.jvp(problem.residual, (z,), (tangent,))
 
     return jax.vmap(push, out_axes=(None, -1))(directions)
-
-
-when_evaluated = _evaluate.when_traced
-"""As `Traced.when_traced`, of the function by which an `Evaluator` evaluates."""

@@ -2,7 +2,7 @@
 
 import dataclasses
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from ..effects import CATALOGUE, AbstractEffect, effect_of, ids_of
 from ..errors import InputError
 from ..fitting import fit
-from ..fitting.fit import few_rows, stated_stiffness, steps_of
+from ..fitting.fit import few_rows, steps_of
 from ..fitting.padding import bucket
 from ..fitting.problem import Problem
 from ..laws.registry import known_law
@@ -22,8 +22,7 @@ from ..runs.events import Event
 from ..runs.fits import HowFitted
 from ..runs.stiffness import MachineStiffness
 from ..silent import silent
-from .ahead import compile_ahead
-from .case import MOST, Case, Offered, offered
+from .case import MOST, Offered, offered
 from .close import close
 from .result import Loop
 from .run import run_loop
@@ -36,7 +35,7 @@ from .slider import (
     start_of,
     with_channels,
 )
-from .split import Blocks, split
+from .split import split
 from .subject import Subject
 
 _STRESS_FELT = 0.3
@@ -114,23 +113,13 @@ def _step_subject(
     _refuse_turns(record, found_steps)
     say = lambda text: progress(f"base fit of the whole record: {text}")  # noqa: E731
 
-    def case_with(
-        values: Mapping[str, float], blocks: Blocks, path: np.ndarray | None = None
-    ) -> Case[Problem]:
-        problem, felt = problem_of(record, law, values, found_steps, blocks, asked.effects)
-        problem = dataclasses.replace(problem, normal_stress=stress)
-        return slider_case(problem, felt, blocks, asked, path)
-
-    def typical(values: Mapping[str, float]) -> Case[Problem]:
-        return case_with(values, split(record.relative_time, found_steps))
-
-    K = stated_stiffness(stiffness, record, found_steps, law)
-    with compile_ahead(record, found_steps, K, typical):
-        base_fit = fit(record, stiffness=stiffness, law=law, steps=found_steps, progress=say)
+    base_fit = fit(record, stiffness=stiffness, law=law, steps=found_steps, progress=say)
     refuse_failed(record, base_fit)
-    blocks = split(record.relative_time, base_fit.steps)
-    case = case_with(base_fit.values(), blocks, path_of(record, base_fit))
-    start = start_of(case, base_fit.values(), found_steps, base_fit.steps.times)
+    blocks, values = split(record.relative_time, base_fit.steps), base_fit.values()
+    problem, felt = problem_of(record, law, values, found_steps, blocks, asked.effects)
+    problem = dataclasses.replace(problem, normal_stress=stress)
+    case = slider_case(problem, felt, blocks, asked, path_of(record, base_fit))
+    start = start_of(case, values, found_steps, base_fit.steps.times)
     return slider_subject(case, record, base_fit, start, (record, base_fit), thinning)
 
 

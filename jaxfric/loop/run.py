@@ -25,8 +25,7 @@ from ..runs.events import Event
 from ..runs.fits import HowFitted, fit_run
 from ..runs.joined import Joined, join
 from ..units import format_si
-from .ahead import compile_ahead
-from .case import Case, Offered
+from .case import Offered
 from .close import close
 from .family import listed
 from .residual_tests import merged, p_text
@@ -165,17 +164,9 @@ def _run_of(
     asked = with_channels(joined.record, how.law, asked, stress=False)
     blocks = split_units(*_units(joined), record.provenance.path)
     levels = _levels(joined, blocks.train)
-    steps, law = joined.steps(fine=True), how.law
-    assert how.stiffness is not None
-    stiffness = how.stiffness.at(joined.stretches[0].normal_stress)
-
-    def typical(values: Mapping[str, float]) -> Case[Problem]:
-        problem, felt = _problem(joined, law, values, steps, blocks, asked)
-        return slider_case(problem, felt, blocks, asked)
-
-    with compile_ahead(joined.record, steps, stiffness, typical):
-        start = _start(record, events, how, progress)
-        base_fit = _base_fit(joined, levels, how, start, progress)
+    steps = joined.steps(fine=True)
+    start = _start(record, events, how, progress)
+    base_fit = _base_fit(joined, levels, how, start, progress)
     refuse_failed(joined.record, base_fit)
     return _JoinedRun(joined, base_fit, steps, levels, blocks, asked, thinning), asked
 

@@ -47,11 +47,10 @@ def slider_case(
     felt: np.ndarray,
     blocks: Blocks,
     asked: Offered,
-    path: np.ndarray | None = None,
+    path: np.ndarray,
 ) -> Case[Problem]:
     """The case of a slider's problem; `felt` are the shifts of step times that are parameters,
-    `path` the displacement of the load point (n,), by default that of rows."""
-    path = np.arange(len(blocks.train)) if path is None else path
+    `path` the displacement of the load point (n,)."""
     choice = Choice(asked.with_, asked.without)
     return Case(problem, blocks, friction_sensitivities, felt, path, choice)
 

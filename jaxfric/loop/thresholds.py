@@ -20,8 +20,6 @@ TRAIN_FLOOR = 1.04
 """The same of the train block, whose parameters were fitted to it."""
 ASKED = 12
 """About as many questions as are asked of a residual (`residual_tests.asked`)."""
-MOST_PREDICTED = 0.1
-"""Largest mean square of the prediction's own error, over sigma^2, that excuses a misfit."""
 HINT = 2.0
 """Fall of BIC from which an effect comes near to explaining what is left."""
 EDGE = 1.1
