@@ -31,23 +31,27 @@ def test_what_is_kept_is_put_back():
     assert search.refit is refit
 
 
-def row(kind="one", *, group=True, confirmed=True, error=None, verdict="effects", found=("a",)):
-    covered = {"A": True, "B": group, "L": True}
+def row(kind="one", verdict="effects", *, group=True, exact=True, error=None):
+    confirmed = verdict in ("effects", "ambiguous")
+    covered, found = {"A": True, "B": group, "L": True}, ["a"] if confirmed else []
     return {
-        "kind": kind, "group": group, "confirmed": confirmed, "error": error, "verdict": verdict,
-        "found": list(found), "covered": covered, "seconds": 3.0, "fits": 1,
+        "kind": kind, "group": group, "exact": exact, "confirmed": confirmed, "error": error,
+        "verdict": verdict, "found": found, "covered": covered, "seconds": 3.0, "fits": 1,
     }  # fmt: skip
 
 
 @pytest.mark.parametrize(
     ("found", "score"),
     [
-        (row(), 2),
-        (row(confirmed=False), 1),  # the effect is there, and nothing is named
-        (row(group=False), 0),
-        (row("none", confirmed=False), 2),
+        (row(), 4),
+        (row(exact=False), 0),  # sure of one that the record does not tell from it
+        (row(verdict="ambiguous", exact=False), 3),
+        (row(verdict="ambiguous", exact=False, group=False), 1),
+        (row(verdict="too_weak"), 2),  # the effect is there, and nothing is named
+        (row("none", "no_missing_effect"), 4),
         (row("none"), 0),
-        (row("outside", confirmed=False), 2),
+        (row("none", "ambiguous"), 1),
+        (row("outside", "outside_catalogue"), 4),
         (row("outside"), 0),
         (row(error="boom"), 0),
     ],
@@ -57,11 +61,11 @@ def test_how_right_a_verdict_is(found, score):
 
 
 def test_the_table_counts_pairs_of_one_record(tmp_path):
-    """Of three one gets better by its alias group alone, one worse, one keeps its level."""
+    """Of three one gets better, one worse, one keeps its level."""
     pairs = [
-        (row(group=False), row()),
-        (row(), row(confirmed=False, verdict="too_weak", found=())),
-        (row("none", confirmed=False), row("none", confirmed=False, verdict="too_weak")),
+        (row(exact=False, group=False), row()),
+        (row(), row(verdict="too_weak")),
+        (row("none", "no_missing_effect"), row("none", "too_weak")),
     ]
     (tmp_path / "found").mkdir()
     for k, (whole, without) in enumerate(pairs):

@@ -30,6 +30,8 @@ from jaxfric.loop import (
     verdict,
 )
 
+Engine, Evaluator = engine.Engine, evaluate.Evaluator
+
 Patch = tuple[Any, str, Any]
 """Where, which name, and what takes its place."""
 
@@ -126,6 +128,17 @@ def _held_noise() -> Piece:
     return _noise((engine, "profile_noise", profile))
 
 
+def _one_noise_to_screen_under() -> Piece:
+    """The noise of the base alone, in place of a grid around it and white noise."""
+
+    def trial_noises(found):
+        family, noises = found.noise.family, found.noise.noises
+        only = {"sizes": (0.0,), "memories": (0.0,), "white": False}
+        return noise_search.noises_around(family, noises[-1:], found.limits(), **only)
+
+    return _noise((Engine, "trial_noises", trial_noises))
+
+
 def _fit(*patches: Patch) -> Piece:
     return Piece("fit", lambda: patches, of_fits=True)
 
@@ -148,9 +161,6 @@ _fitting = importlib.import_module("jaxfric.fitting.fit")  # the package has a f
 
 def _none(*_args, **_kwargs):
     return None
-
-
-Engine, Evaluator = engine.Engine, evaluate.Evaluator
 
 
 _QUESTIONS = (
@@ -205,6 +215,8 @@ PIECES: dict[str, Piece] = {
     "hum": _noise((learn, "_without_hum", lambda learnt, base: learnt)),
     "spectrum": _noise((noise_search, "seems_white", lambda *_, **__: False)),
     "profile at every candidate": _held_noise(),
+    "many noises to screen under": _one_noise_to_screen_under(),
+    "first-order starts that are moderate": _fit((Engine, "moderate", lambda *_: True)),
     "refined times of steps": _fit((slider, "_FELT", np.inf)),
     "fair hold": _fit((_fitting, "fair_hold", lambda problem, *_: np.ones(len(problem.hold)))),
     "dashpots": _fit((solve, "_DASHPOTS", ())),

@@ -9,15 +9,24 @@ from fits.blind.scored import BASE
 WHOLE = "whole"
 
 
+LEVELS = ("sure of a wrong name", "a wrong name", "no name", "right among others", "right")
+"""What a verdict comes to, the worst first."""
+
+
 def level(row: dict) -> int:
-    """2: right (the effect, or one that the record does not tell from it, confirmed; nothing named
-    where nothing is missing, or where what is missing is not in the catalogue); 1: an effect is
-    there and none is confirmed; 0: a wrong name is confirmed, or the loop failed."""
+    """Place in `LEVELS`. Right: `effects` with exactly what is missing; nothing named where nothing
+    is missing, or nothing of the catalogue. Right among others: `ambiguous`, with what is missing
+    or with what the record does not tell from it. A loop that fails is sure of a wrong name."""
     if row["error"] is not None:
         return 0
-    if row["kind"] in ("one", "two"):
-        return 2 if row["group"] and row["confirmed"] else 0 if row["confirmed"] else 1
-    return 0 if row["confirmed"] else 2
+    wrong = 0 if row["verdict"] == "effects" else 1
+    if row["kind"] not in ("one", "two"):
+        return wrong if row["confirmed"] else 4
+    if not row["confirmed"]:
+        return 2
+    if row["verdict"] == "effects":
+        return 4 if row["exact"] else 0
+    return 3 if row["group"] else wrong
 
 
 def published(out: Path) -> str:
@@ -53,10 +62,8 @@ def _ratio(both) -> str:
 
 
 def _levels(rows: list[dict]) -> str:
-    return ", ".join(
-        f"{sum(level(r) == k for r in rows)} {name}"
-        for k, name in ((2, "right"), (1, "without a name"), (0, "wrong"))
-    )
+    found = [level(row) for row in rows]
+    return ", ".join(f"{found.count(k)} {LEVELS[k]}" for k in range(len(LEVELS) - 1, -1, -1))
 
 
 def _coverage(rows: list[dict]) -> str:
