@@ -12,8 +12,7 @@ N/m for a force and 1/m for a coefficient.
 
 import dataclasses
 import math
-import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from types import ModuleType
 from typing import overload
 
@@ -25,9 +24,6 @@ from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Bool, Float
 
 from .errors import InputError
-
-_NUMBERED = re.compile(r"([A-Za-z_]+?)([2-9]|[1-9]\d+)")
-"""A symbol and the number of a state, from 2."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -142,18 +138,6 @@ def numbered(symbol: str, state: int) -> str:
 def numbered_names(states: int, symbols: str = "BL") -> list[str]:
     """Names of the parameters of all states, one state after the other: B, L, B2, L2, ..."""
     return [numbered(symbol, state) for state in range(states) for symbol in symbols]
-
-
-def symbol_of(name: str) -> str:
-    """The symbol of a numbered name: B of B2. A name that has digits of its own, f0, keeps them."""
-    found = _NUMBERED.fullmatch(name)
-    return found[1] if found else name
-
-
-def states_of(names: Iterable[str], symbol: str = "B") -> int:
-    """Number of states that the parameters of a law speak of; 1 where none is numbered."""
-    found = [_NUMBERED.fullmatch(name) for name in names]
-    return max((int(f[2]) for f in found if f and f[1] == symbol), default=1)
 
 
 @overload

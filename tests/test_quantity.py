@@ -16,8 +16,6 @@ from jaxfric.quantity import (
     numbered_names,
     quantities,
     quantity,
-    states_of,
-    symbol_of,
 )
 
 BOUNDS = [(-math.inf, math.inf), (2.0, math.inf), (-math.inf, -1.0), (-1.0, 3.0)]
@@ -97,9 +95,3 @@ def test_names_of_states():
     assert numbered_names(3) == ["B", "L", "B2", "L2", "B3", "L3"]
     assert numbered_names(2, "B") == ["B", "B2"] and numbered_names(0) == []
     assert [numbered("L", state) for state in (0, 1, 9)] == ["L", "L2", "L10"]
-    for states in (1, 2, 3, 12):
-        names = ["f0", "A", "V0", *numbered_names(states)]
-        assert states_of(names) == states == states_of(reversed(names), "L")
-        assert {symbol_of(name) for name in names} == {"f0", "A", "V0", "B", "L"}
-    assert states_of(["A", "V0"]) == 1
-    assert symbol_of("slip_trend") == "slip_trend" and symbol_of("B1") == "B1"

@@ -25,7 +25,6 @@ from jaxfric.runs.stiffness import MachineStiffness
 from jaxfric.runs.stress_steps import FittedStress
 from jaxfric.runs.table import (
     csv_text,
-    data_frame,
     difference,
     latex_text,
     rows,
@@ -460,10 +459,3 @@ def test_a_run_of_steps_asks_for_its_stiffness(tmp_path):
     outcome = run("run", steps, "--out", out, "--quiet")
     assert_refused(outcome, "--stiffness is missing", "--fit-stiffness")
     assert not out.exists() or not any(out.iterdir())
-
-
-def test_a_table_is_a_data_frame(two_fits):
-    table = rows(two_fits[0])
-    frame = data_frame(table)
-    assert list(frame["step"]) == [1, 2] and frame["A"][1] == table[1]["A"]
-    assert frame["A"].isna()[0]

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..errors import InputError
 from ..fitting import Estimate, Fit
 from ..fitting.drift import is_contradicted
 from ..fitting.misfit import COLUMN, MISSED, excess, missed_warning
@@ -15,7 +14,7 @@ from ..fitting.result import difference as difference
 from .fits import RunFit, StepFit
 
 if TYPE_CHECKING:
-    import pandas
+    pass
 
 _SCALES = {"L": 1e6, "K": 1e-6, "slip_trend": 1e-3}
 """From SI to micrometres, but a slip trend to millimetres."""
@@ -295,14 +294,3 @@ def text_lines(run: RunFit) -> list[str]:
         else:
             out.append("".join(f"{c:>{w}}" for c, w in zip(cells, widths, strict=True)))
     return out
-
-
-def data_frame(table: Sequence[Mapping[str, Cell]]) -> "pandas.DataFrame":
-    """Rows as a pandas DataFrame; raises `InputError` where there is no pandas."""
-    try:
-        import pandas
-    except ImportError:
-        raise InputError(
-            "a DataFrame needs pandas: pip install pandas; csv_text(rows(run)) needs nothing"
-        ) from None
-    return pandas.DataFrame(list(table))
