@@ -18,11 +18,12 @@ import jaxfric
 from jaxfric import InputError, VelocitySteps
 from jaxfric.fitting import NoiseEstimate, NoisePart
 from jaxfric.fitting.assemble import _plausible, edge_warnings
-from jaxfric.fitting.fit import FitTask, _noise, prepare
+from jaxfric.fitting.fit import _noise
 from jaxfric.fitting.plausible import bounds_of
 from jaxfric.fitting.problem import Model, most_steps
 from jaxfric.fitting.result import Estimate, Fit
 from jaxfric.fitting.solve import known_at
+from jaxfric.fitting.stages import Begun, FitTask, prepare
 from jaxfric.fitting.start import OneStateMotion, more_state_starts, one_state_starts
 from jaxfric.fitting.table import summary
 from jaxfric.fitting.uncertainty import QUANTILE
@@ -45,20 +46,17 @@ def test_descents_are_counted_within_their_stage(monkeypatch):
     """Of one state and then of more; stand-ins for all that computes."""
     told, module, zeros = [], sys.modules["jaxfric.fitting.fit"], np.zeros(3)
 
-    def solve(problem, starts, given, progress):
+    def solve(begun, given, progress):
         progress("descent 1 of at most 3")
         return SimpleNamespace(z=zeros)
 
-    rig = SimpleNamespace(machine=SimpleNamespace(stiffness=1.0))
-    problem: Any = SimpleNamespace(
-        rig=lambda z: rig, motion=None, with_model=lambda model: None, max_steps=4096
-    )
-    data = SimpleNamespace(time=zeros, friction=zeros, rows=zeros)
+    problem: Any = SimpleNamespace(rig=lambda z: None, motion=None, max_steps=4096)
+    begun = Begun(problem, np.ones((1, 4)))
     monkeypatch.setattr(module, "_solve", solve)
-    monkeypatch.setattr(module, "prepare", lambda *_, **__: problem)
-    monkeypatch.setattr(module, "one_state_starts", lambda *_, **__: np.ones((1, 4)))
-    monkeypatch.setattr(module, "more_state_starts", lambda *_, **__: np.ones((1, 6)))
-    monkeypatch.setattr(module, "average", lambda *_: data)
+    monkeypatch.setattr(module, "first_stage", lambda *_, **__: begun)
+    monkeypatch.setattr(module, "one_state_starts", lambda *_, **__: begun.starts)
+    monkeypatch.setattr(module, "second_stage", lambda *_: begun)
+    monkeypatch.setattr(module, "averaged", lambda *_: SimpleNamespace(time=zeros))
     moved = SimpleNamespace(velocity=zeros, slip=zeros)
     monkeypatch.setattr(module, "simulate", lambda *_, **__: moved)
     record: Any = SimpleNamespace(relative_time=zeros, friction=zeros)

@@ -9,14 +9,13 @@ rest. Fitted means over rows (`rows`) take time in proportion; errors are those 
 import dataclasses
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from ..errors import InputError
-from ..laws.registry import evolution_of, fixed_states, known_law
+from ..laws.registry import fixed_states, known_law
 from ..records import Record, VelocitySteps, record_steps
 from ..records.differences import noise_from_differences
 from ..records.given import as_record
@@ -46,26 +45,17 @@ from .problem import (
     FAILED_MISFIT,
     Model,
     Problem,
-    ProblemSizes,
-    RigModel,
-    make_problem,
     quantity_of,
 )
 from .result import Fit, unit_of
 from .solve import Solution, known_at, solve
 from .solved import Solved
-from .start import (
-    OneStateMotion,
-    average,
-    more_state_starts,
-    one_state_starts,
-    split_state,
-)
+from .stages import Begun, FitTask, averaged, first_stage, one_state_model, second_stage
+from .start import one_state_starts
 from .uncertainty import data_part, fair_hold
 
 WEIGHTINGS = ("ordinary", "whitened")
 _MAX_STATES = 3
-_FELT = 0.25
 _BLUR = 0.5
 
 
@@ -134,23 +124,6 @@ def fit(
     profiles = progress if profile else None
     found = finished(task, problem, solution, whitened=weighting == "whitened", profile=profiles)
     return dataclasses.replace(found, warnings=(*warnings, *found.warnings))
-
-
-class FitTask(NamedTuple):
-    """A record, steps that begin forwards and the sign of friction that goes with them, the model,
-    the stiffness where it is known, the reference velocity [m/s], and the mass where it counts."""
-
-    record: Record
-    steps: VelocitySteps
-    sign: float
-    model: Model
-    stiffness: float | None
-    V0: float
-    mass: float | None
-    doubts: tuple[str, ...]
-    """Warnings about the stated stiffness."""
-    given: VelocitySteps
-    """The steps as given or found, which may begin backwards."""
 
 
 def task_of(
@@ -356,94 +329,29 @@ def _reference(reference: float | str | None, steps: VelocitySteps) -> float:
     return quantity_of("V0").check(float(reference), "--reference-velocity")
 
 
-def prepare(
-    record: Record,
-    steps: VelocitySteps,
-    model: RigModel,
-    *,
-    stiffness: float,
-    V0: float | None = None,
-    mass: float | None = None,
-    sign: float = 1.0,
-    force_scale: float | None = None,
-    on_host: bool = False,
-) -> Problem:
-    """The least-squares problem of a record that moves forwards at first; `on_host` as in
-    `make_problem`.
-
-    A step time is a parameter where its error, through the spring, is felt above the noise.
-    """
-    friction = sign * record.friction
-    noise_scale = max(noise_from_differences(friction), least_noise(recorded_steps(friction)))
-    shifted = _felt(steps, stiffness, noise_scale)
-    sizes = ProblemSizes(
-        abs(steps.velocities[0]) if V0 is None else V0,
-        stiffness,
-        noise_scale,
-        float(np.ptp(friction)) if force_scale is None else force_scale,
-        mass,
-    )
-    return make_problem(
-        record.relative_time, friction, steps, sizes, model, shifted=shifted, on_host=on_host
-    )
-
-
-def _felt(steps: VelocitySteps, stiffness: float, noise: float) -> np.ndarray | None:
-    """Indices of the steps whose errors in time are felt above the noise; None: they are exact."""
-    if steps.time_errors is None:
-        return None
-    slack = np.abs(np.diff(steps.velocities, prepend=steps.velocities[0])) * steps.time_errors
-    return np.flatnonzero(stiffness * slack > _FELT * noise)
-
-
 def _solve_in_stages(
     task: FitTask, start: Mapping[str, float] | None, progress: Callable[[str], None]
 ) -> tuple[Problem, Solution]:
-    """Fit one state first; the velocity that it finds then serves to start more states.
-
-    A law that is no `RateState` begins with one state of the slip law.
-    """
-    record, steps, sign, model, K, V0, mass, *_ = task
-    time, friction = record.relative_time, sign * record.friction
-    law = model.law if evolution_of(model.law) is not None else "slip"
-    one = model._replace(states=1, law=law)
-    starts = one_state_starts(time, friction, steps, V0=V0, stiffness=K, model=one)
-    problem = prepare(
-        record,
-        steps,
-        one,
-        stiffness=float(starts[0, one.names().index("K")]) if K is None else K,
-        V0=V0,
-        mass=mass,
-        sign=sign,
-        force_scale=float(starts[0, 1]),
+    """Fit one state first; the velocity that it finds then serves to start more states."""
+    starts = one_state_starts(
+        task.record.relative_time,
+        task.sign * task.record.friction,
+        task.steps,
+        V0=task.V0,
+        stiffness=task.stiffness,
+        model=one_state_model(task),
     )
-    if model.states == 1:
-        problem = problem.with_model(model)
-        return problem, _solve(problem, starts, start, progress)
-    first = _solve(problem, starts, None, _within("stage 1 of 2, one state", progress))
-    data = average(time, friction, steps)
-    full = data.rows > 0
-    motion = simulate(
-        problem.rig(first.z),
-        problem.motion,
-        jnp.asarray(data.time[full]),
-        max_steps=problem.max_steps,
-    )
-    seen = OneStateMotion(
-        data.time[full],
-        data.friction[full],
-        np.asarray(motion.velocity),
-        np.asarray(motion.slip),
-        np.sqrt(data.rows[full]),
-    )
-    found_K = float(problem.rig(first.z).machine.stiffness)
-    starts = more_state_starts(seen, V0=V0, stiffness=found_K, model=model)
-    if len(starts) == 0:
-        starts = split_state(problem.coordinates.from_free(np.asarray(first.z)), model.states)
-    problem = problem.with_model(model)
-    stage = f"stage 2 of 2, {model.states} states"
-    return problem, _solve(problem, starts, start, _within(stage, progress))
+    begun = first_stage(task, starts)
+    if task.model.states == 1:
+        return begun.problem, _solve(begun, start, progress)
+    problem = begun.problem
+    first = _solve(begun, None, _within("stage 1 of 2, one state", progress))
+    times = jnp.asarray(averaged(task).time)
+    motion = simulate(problem.rig(first.z), problem.motion, times, max_steps=problem.max_steps)
+    moved = np.asarray(motion.velocity), np.asarray(motion.slip)
+    begun = second_stage(task, problem, np.asarray(first.z), moved)
+    stage = f"stage 2 of 2, {task.model.states} states"
+    return begun.problem, _solve(begun, start, _within(stage, progress))
 
 
 def _within(stage: str, progress: Callable[[str], None]) -> Callable[[str], None]:
@@ -452,11 +360,11 @@ def _within(stage: str, progress: Callable[[str], None]) -> Callable[[str], None
 
 
 def _solve(
-    problem: Problem,
-    starts: np.ndarray,
+    begun: Begun,
     given: Mapping[str, float] | None,
     progress: Callable[[str], None],
 ) -> Solution:
+    problem, starts = begun
     names = problem.model.names()
     if given:
         unknown = sorted(set(given) - set(names))

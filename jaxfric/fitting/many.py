@@ -20,38 +20,26 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..errors import InputError
-from ..laws.registry import evolution_of
 from ..records import Record, VelocitySteps
 from ..rig.friction import AbstractEvolution
 from ..silent import silent
 from ..simulation import simulate
 from ..threads import at_once, side_by_side
 from ..traced import traced
-from .fit import (
-    FitTask,
-    assembled,
-    finished,
-    prepare,
-    require_float64,
-    task_of,
-    wanted_model,
-)
+from .fit import assembled, finished, require_float64, task_of, wanted_model
 from .noise import NO_GLITCHES, least_noise, noise_of, recorded_steps
 from .padding import bucket, filled
 from .problem import FAILED_MISFIT, Model, Problem
 from .result import Fit
 from .solve import NOISE_REACHED, Solution, descent, on_host
 from .solved import Solved
+from .stages import Begun, FitTask, averaged, first_stage, one_state_model, second_stage
 from .start import (
     COARSE,
-    OneStateMotion,
     Sought,
-    average,
     first_evolution,
     grid_misfit,
-    more_state_starts,
     seek,
-    split_state,
 )
 
 _AT_ONCE = 32
@@ -139,9 +127,9 @@ def fit_tasks(
         models[task.model].append(i)
     finish = _white if noise == "white" else finished
     found: dict[int, Fit] = {}
-    for model, members in models.items():
+    for members in models.values():
         own = [tasks[i] for i in members]
-        ends = _ended(own, model, progress)
+        ends = _ended(own, progress)
         progress("noise and errors")
         fits = [finish(task, *end) for task, end in zip(own, ends, strict=True)]
         found |= dict(zip(members, fits, strict=True))
@@ -177,15 +165,14 @@ def fit_what_can_be(
     return ends
 
 
-def _ended(tasks: list[FitTask], model: Model, progress: Callable[[str], None]) -> "list[_Ended]":
+def _ended(tasks: list[FitTask], progress: Callable[[str], None]) -> "list[_Ended]":
     """Where the descents of records with one model end."""
-    # a law that is no `RateState` has no states one by one: its search begins as the slip law's
-    law = model.law if model.states == 1 or evolution_of(model.law) else "slip"
     progress(f"fitting {len(tasks)} records")
-    ended = _best(_with_starts(tasks, model._replace(states=1, law=law)))
-    if model.states > 1:
-        progress(f"fitting {len(tasks)} records with {model.states} states")
-        ended = _best(_with_more_states(tasks, ended, model))
+    ended = _best(_with_starts(tasks))
+    states = tasks[0].model.states
+    if states > 1:
+        progress(f"fitting {len(tasks)} records with {states} states")
+        ended = _best(_with_more_states(tasks, ended))
     return ended
 
 
@@ -224,13 +211,6 @@ def _refuse_bad(record: Record) -> None:
             f"time does not ascend from row {still[0]} to row {still[0] + 1}: sort the rows and"
             " drop those that repeat a time"
         )
-
-
-class _Begun(NamedTuple):
-    """A least-squares problem and where its descents begin, unbounded, best first."""
-
-    problem: Problem
-    starts: Float[np.ndarray, "s q"]
 
 
 class _Ended(NamedTuple):
@@ -316,7 +296,7 @@ def _motions(
 # --- starting values -------------------------------------------------------------------------
 
 
-def _with_starts(tasks: list[FitTask], model: Model) -> list[_Begun]:
+def _with_starts(tasks: list[FitTask]) -> list[Begun]:
     """The one-state problem of each record, and the best starts of a coarse grid."""
     sought = [
         seek(
@@ -329,77 +309,40 @@ def _with_starts(tasks: list[FitTask], model: Model) -> list[_Begun]:
         )
         for task in tasks
     ]
+    model = one_state_model(tasks[0])
     evolution = first_evolution(model.law)
     found = _in_batches(lambda batch: _grids(batch, evolution, model.slip_trend), sought)
-    begun = []
-    for task, own, (linear, misfit) in zip(tasks, sought, found, strict=True):
-        one = task.model._replace(states=1, law=model.law)
-        starts = own.best(linear, misfit, one, _DESCENTS)
-        K = float(starts[0, one.names().index("K")]) if task.stiffness is None else task.stiffness
-        problem = prepare(
-            task.record,
-            task.steps,
-            one,
-            stiffness=K,
-            V0=task.V0,
-            mass=task.mass,
-            sign=task.sign,
-            force_scale=float(starts[0, 1]),
-            on_host=True,
-        )
-        begun.append((problem, starts))
-    return _unbounded(begun)
-
-
-def _unbounded(begun: list[tuple[Problem, np.ndarray]]) -> list[_Begun]:
-    """The same with starts as unbounded variables."""
-    return [_Begun(p, p.coordinates.to_free(starts)) for p, starts in begun]
-
-
-def _with_more_states(tasks: list[FitTask], ended: list[_Ended], model: Model) -> list[_Begun]:
-    """The problem with more states of each record, started by the motion of its one-state fit."""
-    data = [
-        average(task.record.relative_time, task.sign * task.record.friction, task.steps)
-        for task in tasks
+    return [
+        first_stage(task, own.best(linear, misfit, model, _DESCENTS), on_host=True)
+        for task, own, (linear, misfit) in zip(tasks, sought, found, strict=True)
     ]
-    lengths = [int(np.sum(own.rows > 0)) for own in data]
-    size = bucket(max(lengths), 64)
-    times = [filled(own.time[own.rows > 0], size) for own in data]
+
+
+def _with_more_states(tasks: list[FitTask], ended: list[_Ended]) -> list[Begun]:
+    """The problem with more states of each record, started by the motion of its one-state fit."""
+    times = [averaged(task).time for task in tasks]
+    size = bucket(max(map(len, times)), 64)
     problems, zs = [end.problem for end in ended], [np.asarray(end.solution.z) for end in ended]
-    moved = _in_batches(_motions, problems, zs, times)
-    begun = []
-    for task, end, own, (velocity, slip) in zip(tasks, ended, data, moved, strict=True):
-        full = own.rows > 0
-        n = int(np.sum(full))
-        seen = OneStateMotion(
-            own.time[full], own.friction[full], velocity[:n], slip[:n], np.sqrt(own.rows[full])
-        )
-        wanted = task.model._replace(states=model.states, law=model.law)
-        values = end.problem.coordinates.from_free(np.asarray(end.solution.z))
-        K = (
-            float(values[end.problem.model.names().index("K")])
-            if model.fit_stiffness
-            else float(end.problem.stiffness)
-        )
-        starts = more_state_starts(seen, V0=task.V0, stiffness=K, model=wanted, number=_DESCENTS)
-        if len(starts) == 0:
-            starts = split_state(values, model.states)
-        begun.append((end.problem.with_model(wanted), starts))
-    return _unbounded(begun)
+    moved = _in_batches(_motions, problems, zs, [filled(time, size) for time in times])
+    return [
+        second_stage(task, problem, z, tuple(x[: len(time)] for x in own), _DESCENTS)
+        for task, problem, z, time, own in zip(tasks, problems, zs, times, moved, strict=True)
+    ]
 
 
 # --- descents --------------------------------------------------------------------------------
 
 
-def _best(begun: list[_Begun]) -> list[_Ended]:
+def _best(begun: list[Begun]) -> list[_Ended]:
     """The best of up to three descents of each problem; one where it comes down to the noise."""
     best: list[Solution | None] = [None] * len(begun)
+    zs = [own.problem.coordinates.to_free(own.starts) for own in begun]
     for k in range(_DESCENTS):
         open_ = [
             i for i, own in enumerate(begun) if k < len(own.starts) and not _fits(best[i], own)
         ]
         some = [begun[i] for i in open_]
-        found = _descended([own.problem for own in some], [own.starts[k] for own in some])
+        found = _descended([own.problem for own in some], [zs[i][k] for i in open_])
         for i, point in zip(open_, found, strict=True):
             best[i] = _better(best[i], point)
     return [
@@ -425,7 +368,7 @@ def _descended(problems: list[Problem], zs: list[np.ndarray]) -> list[Solution]:
     return [found[i] for i in range(len(problems))]
 
 
-def _fits(point: Solution | None, own: _Begun) -> bool:
+def _fits(point: Solution | None, own: Begun) -> bool:
     """Whether a descent came down to the noise of its record."""
     samples = float(np.sum(np.asarray(own.problem.weight) > 0))
     most = NOISE_REACHED * (1 + _SCATTER / np.sqrt(samples)) * samples

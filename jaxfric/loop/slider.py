@@ -13,11 +13,11 @@ from ..errors import InputError
 from ..fitting import Fit
 from ..fitting.assemble import is_of_wander
 from ..fitting.encompassing import EncompassingModel
-from ..fitting.fit import prepare
 from ..fitting.misfit import is_of_misfit
 from ..fitting.noise import noise_words
 from ..fitting.padding import filled
 from ..fitting.problem import FAILED_MISFIT, Channel, Model, Problem
+from ..fitting.stages import prepare
 from ..laws.registry import refuse_untaken, takes
 from ..records import Record, VelocitySteps
 from ..records.differences import noise_from_differences

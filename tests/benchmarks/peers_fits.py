@@ -22,9 +22,9 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
 import jaxfric as jf
-from jaxfric.fitting.fit import prepare
 from jaxfric.fitting.problem import Model
 from jaxfric.fitting.solve import solve as descend
+from jaxfric.fitting.stages import prepare
 
 TRUTH = np.array([0.6, 0.010, 0.014, 20e-6])
 START = TRUTH * [1.0, 1.1, 1.2, 0.9]

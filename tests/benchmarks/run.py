@@ -19,9 +19,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from reference import Law, Motion, solve
 
 import jaxfric
-from jaxfric.fitting.fit import prepare
 from jaxfric.fitting.problem import Model
 from jaxfric.fitting.solve import solve as descend_from
+from jaxfric.fitting.stages import prepare
 from jaxfric.runs import find_events
 from jaxfric.runs.fits import HowFitted, fit_run, window_of
 from jaxfric.runs.stiffness import MachineStiffness

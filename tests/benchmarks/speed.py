@@ -22,9 +22,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from reference import Law, Motion, solve
 
 import jaxfric
-from jaxfric.fitting.fit import prepare
 from jaxfric.fitting.problem import Model
 from jaxfric.fitting.solve import solve as descend_from
+from jaxfric.fitting.stages import prepare
 
 STIFFNESS = 1e3
 STEPS = jaxfric.VelocitySteps(np.array([0.0, 10.0]), np.array([1e-6, 1e-5]))

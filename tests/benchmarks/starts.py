@@ -20,9 +20,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from generator import random_record
 
 import jaxfric
-from jaxfric.fitting.fit import prepare, steps_of
+from jaxfric.fitting.fit import steps_of
 from jaxfric.fitting.problem import FAILED_MISFIT
 from jaxfric.fitting.solve import misfits, solve
+from jaxfric.fitting.stages import prepare
 
 FIRST_SEED = 5_000
 STARTS = 20
