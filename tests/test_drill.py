@@ -76,3 +76,15 @@ def test_what_is_caught_missed_and_gone_is_counted(tmp_path, monkeypatch, capsys
     assert "1 caught of 3 planted, 2 gone\n" in told
     assert "missed: a.py: two\nmissed: a.py: odd (that test fails without" in told
     assert drill.drill(faults[:1]) == 0
+
+
+def test_every_fault_can_be_planted():
+    """One that is gone from the package tells nothing of its tests."""
+    package = drill.ROOT / "jaxfric"
+    gone = [
+        fault.name
+        for fault in drill.read()
+        if drill.mutated((package / fault.file).read_text(), fault.where, fault.old, fault.new)
+        is None
+    ]
+    assert gone == []

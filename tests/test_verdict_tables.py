@@ -335,6 +335,15 @@ def curve(worse: float, velocities=7, decided=()):
     return CurveFamily(("a",), velocities, 3, others, decided)
 
 
+@pytest.mark.parametrize(("other", "verdict"), [(-91.0, "ambiguous"), (-89.0, "effects")])
+def test_another_effect_that_fits_about_as_well_leaves_it_open(other, verdict):
+    """b in place of a, whose BIC is 100 below that of the base."""
+    told = concluded(found("a", tried=[(("b",), other, {})]))
+    assert told.verdict == verdict and ("what looks like it" in told.sentence) == (
+        verdict == "ambiguous"
+    )
+
+
 @pytest.mark.parametrize(
     ("family", "verdict"),
     [

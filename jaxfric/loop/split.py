@@ -59,9 +59,8 @@ def split(time: np.ndarray, steps: VelocitySteps) -> Blocks:
     last = len(first) - 1
     if last >= 3:
         speeds = np.maximum.reduceat(np.abs(steps.velocities), first)
-        size, held = _size(last), _held_out(speeds, _longest_hold(time, steps, first))
-        report, select = np.isin(unit, held[-size:]), np.isin(unit, held[:-size])
-        blocks = Blocks(~(select | report), select, report, segment, True)
+        held = _held_out(speeds, _longest_hold(time, steps, first), first=1)
+        blocks = _with_held(unit, segment, held)
     elif last == 2:
         select = (unit == 1) & (_share(time, steps, *first[1:]) >= _QUARTER)
         report = unit == 2
@@ -81,7 +80,7 @@ def trained_steps(speeds: Sequence[float] | np.ndarray) -> np.ndarray:
     last = len(speeds) - 1
     if last < 3:
         return number <= 1
-    return ~np.isin(number, _held_out(speeds))
+    return ~np.isin(number, _held_out(np.abs(speeds), first=1))
 
 
 def followed(
@@ -140,12 +139,7 @@ def split_units(
             f"{path}: {count} step{'s' * (count != 1)} and holds can be fitted; the loop over a run"
             f" holds whole ones out and needs {_UNITS}. Cut out one (--from, --to) and leave --run"
         )
-    size = _size(count)
-    longest, within = _units_within(time, phase, unit, velocity)
-    if len(within) < 2 * size:
-        within = np.setdiff1d(np.arange(count), longest)
-    held = within[-2 * size :]
-    blocks = _with_held(phase, unit, held[:-size], held[-size:])
+    blocks = _with_held(unit[phase], phase, _held_out(*_of_units(time, phase, unit, velocity)))
     refuse_short(blocks)
     return blocks
 
@@ -158,36 +152,33 @@ def split_again(
     Arguments as of `split_units`. None where fewer than two are left, or their rows are too few.
     """
     known = np.unique(unit[phase[before.select | before.report]])
-    within = np.setdiff1d(_units_within(time, phase, unit, velocity)[1], known)
+    within = np.setdiff1d(_within(*_of_units(time, phase, unit, velocity)), known)
     number = min(len(within), len(known))
     if number < 2:
         return None
-    held = within[-number:]
-    blocks = _with_held(phase, unit, held[: number // 2], held[number // 2 :])
+    blocks = _with_held(unit[phase], phase, within[-number:])
     return blocks if min(blocks.of(name).sum() for name in NAMES) >= _FEWEST else None
 
 
-def _with_held(
-    phase: np.ndarray, unit: np.ndarray, selects: np.ndarray, reports: np.ndarray
-) -> Blocks:
-    """Blocks of a run of which some units select and others report."""
-    report, select = np.isin(unit[phase], reports), np.isin(unit[phase], selects)
-    return Blocks(~(select | report), select, report, phase, True)
+def _with_held(unit: np.ndarray, segment: np.ndarray, held: np.ndarray) -> Blocks:
+    """Blocks of whole units: of those `held`, the first half selects and the last reports; `unit`
+    and `segment` of every row."""
+    half = len(held) // 2
+    select, report = np.isin(unit, held[:half]), np.isin(unit, held[half:])
+    return Blocks(~(select | report), select, report, segment, True)
 
 
-def _units_within(
+def _of_units(
     time: np.ndarray, phase: np.ndarray, unit: np.ndarray, velocity: np.ndarray
-) -> tuple[list[int], np.ndarray]:
-    """The unit of the longest hold, if there is one; and the units but for it and for the ends in
-    velocity, which may be held out."""
+) -> tuple[np.ndarray, list[int]]:
+    """The speed of every unit of a run, and the unit of the longest hold, if there is one."""
     speed = np.array([velocity[unit == k].max() for k in range(int(unit.max()) + 1)])
     # no row of a hold may be left: it lasts from the row before to the row after
     number = np.arange(len(velocity))
     first, end = np.searchsorted(phase, number), np.searchsorted(phase, number, side="right")
     lasts = time[np.minimum(end, len(time) - 1)] - time[np.maximum(first - 1, 0)]
     rests = np.where(velocity == 0, lasts, 0.0)
-    longest = [int(unit[np.argmax(rests)])] if rests.max() > 0 else []
-    return longest, np.setdiff1d(np.arange(len(speed)), [*_ends(speed), *longest])
+    return speed, [int(unit[np.argmax(rests)])] if rests.max() > 0 else []
 
 
 def refuse_short(blocks: Blocks) -> None:
@@ -201,18 +192,20 @@ def refuse_short(blocks: Blocks) -> None:
             )
 
 
-def _size(last: int) -> int:
-    """Number of steps that report, of so many."""
-    return max(1, round(last / 6))
+def _within(speed: np.ndarray, hold: Sequence[int] = (), first: int = 0) -> np.ndarray:
+    """Units from `first` on within velocities that train, but for that of a `hold`: they may be
+    held out."""
+    return np.setdiff1d(np.arange(first, len(speed)), [*_ends(speed), *hold])
 
 
-def _held_out(speeds: Sequence[float] | np.ndarray, hold: Sequence[int] = ()) -> np.ndarray:
-    """The last of three steps or more that lie within velocities which train, in order: those that
-    select and those that report; velocity 0 begins the record, and the step of a `hold` trains."""
-    speed, number = np.abs(np.asarray(speeds)), 2 * _size(len(speeds) - 1)
-    others = np.setdiff1d(np.arange(len(speed)), hold)
-    within = np.setdiff1d(others[others > 0], list(_ends(speed)))
-    return within[-number:] if len(within) >= number else others[-number:]
+def _held_out(speed: np.ndarray, hold: Sequence[int] = (), first: int = 0) -> np.ndarray:
+    """The last units `_within`, in order: about a sixth of all select, and as many report. Where
+    there are too few, the last but for that of a `hold`."""
+    number = 2 * max(1, round((len(speed) - first) / 6))
+    within = _within(speed, hold, first)
+    if len(within) < number:
+        within = np.setdiff1d(np.arange(first, len(speed)), hold)
+    return within[-number:]
 
 
 def _longest_hold(time: np.ndarray, steps: VelocitySteps, first: np.ndarray) -> list[int]:
