@@ -106,8 +106,7 @@ def _numbers(
             fields = {name: p[f"{effect.id}.{name}"] for name in quantities(effect)}
             rig = made(effect, fields).embed(rig)
         rig = eqx.tree_at(lambda r: r.width, rig, widths[1])
-        zero = jnp.zeros_like(velocity)
-        return rig.friction(zero + place, velocity, zero, rig.steady(velocity))
+        return rig.steady_friction(place, velocity)
 
     _, slope = jax.jvp(lambda v: force(row, v), (velocity,), (jnp.ones_like(velocity),))
     return force(row, velocity), jax.jacfwd(force)(row, velocity), slope

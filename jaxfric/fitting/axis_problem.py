@@ -65,9 +65,7 @@ class AxisProblem(AbstractProblem):
         """
         rig, at = self.rig(jnp.asarray(z)), jnp.mean(self.motion.position)
         v = self.typical.velocity * jnp.geomspace(_SLOWEST, 1.0, _SPEEDS)
-        zero = jnp.zeros_like(v)
-        both = [rig.friction(at + zero, s * v, zero, rig.steady(s * v)) for s in (1.0, -1.0)]
-        least = jnp.minimum(jnp.min(both[0] - both[1]) / 2, rig.coulomb)
+        least = jnp.minimum(jnp.min(rig.turning_friction(at, v)), rig.coulomb)
         return bool(least >= -_NEGLIGIBLE * self.sizes.force)
 
     def plain(self) -> "AxisProblem":

@@ -95,6 +95,15 @@ class AxisRig(eqx.Module):
         """The states of a steady velocity."""
         return tuple(state.steady(velocity) for state in self.states)
 
+    def steady_friction(self, position: Array | float, velocity: Array) -> Array:
+        """`friction` at steady velocities (n) [F]."""
+        zero = jnp.zeros_like(velocity)
+        return self.friction(position + zero, velocity, zero, self.steady(velocity))
+
+    def turning_friction(self, position: Array | float, speed: Array) -> Array:
+        """(F(v) - F(-v))/2 of `steady_friction` [F]: the part that turns with the direction."""
+        return (self.steady_friction(position, speed) - self.steady_friction(position, -speed)) / 2
+
     def force(self, motion: MeasuredMotion) -> Float[Array, " N"]:
         """Motor force that a measured motion takes (inverse dynamics)."""
         states = [state.along(motion) for state in self.states]

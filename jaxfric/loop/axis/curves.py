@@ -54,10 +54,8 @@ def _base(V: np.ndarray) -> np.ndarray:
 
 def _level(problem: AxisProblem, z: np.ndarray, V: np.ndarray) -> np.ndarray:
     """Mean friction (F(v) - F(-v))/2 of both directions, in the middle of the motion."""
-    rig, v = problem.rig(jnp.asarray(z)), jnp.asarray(V)
-    at, zero = jnp.mean(problem.motion.position) + jnp.zeros_like(v), jnp.zeros_like(v)
-    both = [rig.friction(at, s * v, zero, rig.steady(s * v)) for s in (1.0, -1.0)]
-    return np.asarray(both[0] - both[1]) / 2
+    place = jnp.mean(problem.motion.position)
+    return np.asarray(problem.rig(jnp.asarray(z)).turning_friction(place, jnp.asarray(V)))
 
 
 @eqx.filter_jit

@@ -88,7 +88,8 @@ def details_of(
     unit = "rad" if record.coordinate == "rotary" else "m"
     supported = seen(engine, found, rows, prepared, unit, directions, withheld)
     place = float(np.median(rows.position))
-    own = friction_of(rig, place, float(np.median(np.abs(rows.velocity[rows.used]))))
+    usual = jnp.asarray(np.median(np.abs(rows.velocity[rows.used])))
+    own = abs(float(rig.turning_friction(place, usual)))
     if missed > _LARGEST * own:
         unit_of = record.force_unit
         what = f"the model misses the test block by {missed:.2g} {unit_of} beyond noise"
@@ -115,13 +116,6 @@ def details_of(
     )
 
 
-def friction_of(rig: AxisRig, position: float, speed: float) -> float:
-    """|F(v) - F(-v)|/2 [F] at a position and a speed: what turns with the direction."""
-    v = jnp.asarray([speed, -speed])
-    force = rig.friction(jnp.asarray(position), v, jnp.zeros_like(v), rig.steady(v))
-    return 0.5 * abs(float(force[0] - force[1]))
-
-
 def turning_acceleration(rows: AxisRows, acceleration: np.ndarray) -> float:
     """Median over the strokes of their largest acceleration (n or more rows) [m/s^2].
 
@@ -143,8 +137,7 @@ def _gains(rig: AxisRig, position: float, known: Seen, drive: Drive | None) -> A
         return dataclasses.replace(gains, curve=curve)
 
     def steady(speed: np.ndarray) -> np.ndarray:
-        v = jnp.asarray(speed)
-        return np.asarray(rig.friction(jnp.asarray(position), v, jnp.zeros_like(v), rig.steady(v)))
+        return np.asarray(rig.steady_friction(position, jnp.asarray(speed)))
 
     return axis_gains(
         steady, slow, fast, drive=drive, error=known.error, above=known.above, unseen=known.unseen

@@ -231,8 +231,7 @@ def slope_error(
     spread = normal_inverse(np.concatenate([white, rows.extra_jacobian]))
 
     def slope(z: Array, v: Array) -> Array:
-        rig, zero = problem.rig(z), jnp.zeros_like(v)
-        return jax.grad(lambda v: rig.friction(position + zero, v, zero, rig.steady(v)))(v)
+        return jax.grad(lambda v: problem.rig(z).steady_friction(position, v))(v)
 
     by = jax.jit(jax.grad(slope))
 
