@@ -46,6 +46,22 @@ def test_a_record_is_computed_on_the_processor(call, given, found):
     assert platforms(call, given) == found
 
 
+def test_what_is_loaded_from_the_cache_is_loaded_in_silence(tmp_path):
+    """XLA takes preferences of some processors for features, and says at length that they lack."""
+    code = (
+        "from jaxfric.cli.common import prepare_jax; prepare_jax(); import jax\n"
+        "twice = jax.jit(lambda x: x[::-1] * 2)\n"
+        "for _ in range(2): jax.clear_caches(); print(twice(jax.numpy.ones(9)))"
+    )
+    environment = {k: x for k, x in os.environ.items() if k != "TF_CPP_MIN_LOG_LEVEL"}
+    environment |= {"JAX_COMPILATION_CACHE_DIR": str(tmp_path), "XDG_CACHE_HOME": str(tmp_path)}
+    for setting in ("MIN_COMPILE_TIME_SECS", "MIN_ENTRY_SIZE_BYTES"):
+        environment[f"JAX_PERSISTENT_CACHE_{setting}"] = "0"
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.count("2.") == 18 and done.stderr == "" and any(tmp_path.iterdir())
+
+
 def test_a_study_takes_what_there_is(tmp_path, monkeypatch):
     class Asked(Exception):
         pass
