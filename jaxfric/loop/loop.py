@@ -26,15 +26,7 @@ from .case import MOST, Offered, offered
 from .close import close
 from .result import Loop
 from .run import run_loop
-from .slider import (
-    path_of,
-    problem_of,
-    refuse_failed,
-    slider_case,
-    slider_subject,
-    start_of,
-    with_channels,
-)
+from .slider import refuse_failed, slider_subject, with_channels
 from .split import split
 from .subject import Subject
 
@@ -115,12 +107,16 @@ def _step_subject(
 
     base_fit = fit(record, stiffness=stiffness, law=law, steps=found_steps, progress=say)
     refuse_failed(record, base_fit)
-    blocks, values = split(record.relative_time, base_fit.steps), base_fit.values()
-    problem, felt = problem_of(record, law, values, found_steps, blocks, asked.effects)
-    problem = dataclasses.replace(problem, normal_stress=stress)
-    case = slider_case(problem, felt, blocks, asked, path_of(record, base_fit))
-    start = start_of(case, values, found_steps, base_fit.steps.times)
-    return slider_subject(case, record, base_fit, start, (record, base_fit), thinning)
+    return slider_subject(
+        record,
+        base_fit,
+        found_steps,
+        split(record.relative_time, base_fit.steps),
+        asked,
+        changed=lambda problem: dataclasses.replace(problem, normal_stress=stress),
+        fitted_times=base_fit.steps.times,
+        thinning=thinning,
+    )
 
 
 def _stress(record: Record) -> NormalStress | None:

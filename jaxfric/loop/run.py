@@ -6,7 +6,7 @@ level of its own. Held out are whole steps and holds; others, where nothing is n
 """
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import jax
@@ -30,15 +30,7 @@ from .close import close
 from .family import listed
 from .residual_tests import merged, p_text
 from .result import Loop, Score, TextTable
-from .slider import (
-    path_of,
-    problem_of,
-    refuse_failed,
-    slider_case,
-    slider_subject,
-    start_of,
-    with_channels,
-)
+from .slider import refuse_failed, slider_subject, with_channels
 from .split import Blocks, split_again, split_units
 from .subject import Subject
 from .thresholds import ACCEPT, SIGNIFICANT
@@ -137,15 +129,18 @@ class _JoinedRun(NamedTuple):
     def subject(self, blocks: Blocks) -> Subject[Problem]:
         """What the loop is given, with some blocks: the base fit, the levels that it was aligned
         with, step times as found."""
-        joined, base, record = self.joined, self.base_fit, self.joined.record
-        values = base.values()
-        found, felt = _problem(joined, base.law, values, self.steps, blocks, self.asked)
-        case = slider_case(found, felt, blocks, self.asked, path_of(record, base))
-        levels = {f"level{k + 2}": float(v) for k, v in enumerate(self.levels[1:])}
-        start = start_of(case, {**values, **levels}, self.steps)
-        shown = joined.rows, RunBase(base, joined.shown_steps())
+        joined, base = self.joined, self.base_fit
         return slider_subject(
-            case, record, base, start, shown, self.thinning, lambda after: RunDetails(joined, after)
+            joined.record,
+            base,
+            self.steps,
+            blocks,
+            self.asked,
+            changed=lambda problem: _in_stretches(problem, joined),
+            levels={f"level{k + 2}": float(v) for k, v in enumerate(self.levels[1:])},
+            shown=(joined.rows, RunBase(base, joined.shown_steps())),
+            thinning=self.thinning,
+            details=lambda after: RunDetails(joined, after),
         )
 
 
@@ -196,20 +191,6 @@ def _together(first: Loop, second: Loop) -> float:
 def _least(loop: Loop) -> float:
     """p-value of the structure that a model leaves."""
     return min(loop.after.tests.values(), default=1.0)
-
-
-def _problem(
-    joined: Joined,
-    law: str,
-    values: Mapping[str, float],
-    steps: VelocitySteps,
-    blocks: Blocks,
-    asked: Offered,
-) -> tuple[Problem, np.ndarray]:
-    """The problem of the joined windows, and which shifts of step times are felt."""
-    more = len(joined.stretches) - 1
-    found = problem_of(joined.record, law, values, steps, blocks, asked.effects, levels=more)
-    return _in_stretches(found[0], joined), found[1]
 
 
 def _units(joined: Joined) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

@@ -42,35 +42,34 @@ _FINE_ENOUGH = 0.02
 _NEAR = 2.0
 
 
-def slider_case(
-    problem: Problem,
-    felt: np.ndarray,
-    blocks: Blocks,
-    asked: Offered,
-    path: np.ndarray,
-) -> Case[Problem]:
-    """The case of a slider's problem; `felt` are the shifts of step times that are parameters,
-    `path` the displacement of the load point (n,)."""
-    choice = Choice(asked.with_, asked.without)
-    return Case(problem, blocks, friction_sensitivities, felt, path, choice)
-
-
 def slider_subject(
-    case: Case[Problem],
     record: Record,
     base_fit: Fit,
-    start: np.ndarray,
-    shown: tuple[LoopRecord, LoopBase],
-    thinning: Sequence[str],
+    found_steps: VelocitySteps,
+    blocks: Blocks,
+    asked: Offered,
+    *,
+    changed: Callable[[Problem], Problem],
+    levels: Mapping[str, float] | None = None,
+    fitted_times: np.ndarray | None = None,
+    shown: tuple[LoopRecord, LoopBase] | None = None,
+    thinning: Sequence[str] = (),
     details: Callable[[Score], LoopDetails | None] | None = None,
 ) -> Subject[Problem]:
-    """A slider's record as one motion, and its base fit; `start` as of `Subject`.
+    """A slider's record as one motion, and its base fit.
 
-    `shown` are record and base as reports see them, `thinning` sentences on the rows that were left
-    out; `details` gives further results from the score after.
+    `found_steps` are those that the load point shows, `fitted_times` of them where the fit put them
+    [s]; `levels` the friction of later stretches less that of the first; `changed` gives the
+    problem what else the record has. `shown` are record and base as reports see them, `thinning`
+    sentences on the rows that were left out; `details` gives further results from the score after.
     """
-    known, steps = base_fit.parameters, shown[1].steps
-    edge = edge_of(base_fit)
+    known, more, shown = base_fit.parameters, dict(levels or {}), shown or (record, base_fit)
+    problem, felt = _problem_of(record, base_fit, found_steps, blocks, asked.effects, len(more))
+    path = np.asarray(base_fit.steps.displacement(record.relative_time))
+    choice = Choice(asked.with_, asked.without)
+    case = Case(changed(problem), blocks, friction_sensitivities, felt, path, choice)
+    start = _start_of(case, base_fit.values() | more, found_steps, fitted_times)
+    steps, edge = shown[1].steps, edge_of(base_fit)
 
     def rows(engine: Engine[Problem]) -> ScoredRows:
         step = engine.blocks.step
@@ -94,11 +93,6 @@ def slider_subject(
         details=lambda engine, found, after, *rest: None if details is None else details(after),
         edge=edge,
     )
-
-
-def path_of(record: Record, base_fit: Fit) -> np.ndarray:
-    """Displacement of the load point at every row [m]."""
-    return np.asarray(base_fit.steps.displacement(record.relative_time))
 
 
 def edge_of(base_fit: Fit) -> float | None:
@@ -127,11 +121,11 @@ def slider_warnings(
     return warnings
 
 
-def start_of(
+def _start_of(
     case: Case[Problem],
     values: Mapping[str, float],
     found_steps: VelocitySteps,
-    fitted_times: np.ndarray | None = None,
+    fitted_times: np.ndarray | None,
 ) -> np.ndarray:
     """Parameters of a base with these values, effects at their null; with shifts of step times from
     those that the load point shows to the fitted ones [s], where they are known."""
@@ -189,27 +183,25 @@ def refuse_failed(record: Record, base: Fit) -> None:
         )
 
 
-def problem_of(
+def _problem_of(
     record: Record,
-    law: str,
-    values: Mapping[str, float],
+    base_fit: Fit,
     steps: VelocitySteps,
     blocks: Blocks,
     effects: tuple[type[AbstractEffect], ...],
-    *,
-    levels: int = 0,
+    levels: int,
 ) -> tuple[Problem, np.ndarray]:
     """The problem with all effects and `levels`, and which shifts of step times are felt.
 
-    `values` are those of the base fit (SI), by which it is scaled. It has a shift for every step,
-    felt or not, so that records differ in numbers only and share what is compiled. The shifts are
-    from the times that the load point shows: those of the base fit have followed the friction, and
-    hide a lag.
+    It is scaled by the values of the base fit. It has a shift for every step, felt or not, so that
+    records differ in numbers only and share what is compiled. The shifts are from the times that
+    the load point shows: those of the base fit have followed the friction, and hide a lag.
     """
+    values = base_fit.values()
     problem = prepare(
         record,
         steps,
-        EncompassingModel(Model(law=law, levels=levels), effects),
+        EncompassingModel(Model(law=base_fit.law, levels=levels), effects),
         stiffness=values["K"],
         V0=values["V0"],
         force_scale=values["A"],
