@@ -1,5 +1,5 @@
-"""Is what a model leaves no more than noise? The noise with everything smooth taken out, how large
-an error of every block it explains, and the questions to what is left.
+"""Is what a model leaves no more than noise? The noise with everything smooth taken out, and how
+large an error of every block it explains.
 """
 
 from collections.abc import Mapping

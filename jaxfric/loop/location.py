@@ -67,7 +67,7 @@ class Left(NamedTuple):
     location: tuple[LocationProfile, ...]
     """Profiles, the most telling variable first."""
     chances: dict[str, float]
-    """p-values of those of `structure.QUESTIONS` that are asked by likelihood."""
+    """p-values of `residual_tests.QUESTIONS`, each alone."""
 
 
 def locate(engine: Engine, base: Candidate, found: Found, bumps: Sequence[Bumps]) -> Left:

@@ -55,8 +55,7 @@ class Refusal(NamedTuple):
     """What becomes of the parameters of the base that are taken."""
     value: float = float("nan")
     threshold: float = float("nan")
-    """The number that decided and its limit: fall of BIC, ratio of errors, or chance; nan where the
-    fault is no number."""
+    """The fall of BIC and the least that is asked; nan where the fault is no number."""
 
     @property
     def words(self) -> str:
