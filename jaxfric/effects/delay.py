@@ -32,6 +32,7 @@ from jaxtyping import Array, Bool, Float
 from ..quantity import quantity
 from ..rig import Rig
 from ..rig.friction.extended import AbstractTerm, Contact
+from ..rig.friction.law import LOG_MAX
 from ..rig.friction.rate_state import AbstractRateState
 from .effect import AbstractHeavyEffect, extended, with_term
 
@@ -43,7 +44,6 @@ _STIFF = 4.0
 _SCALE = 0.01
 # A delay below 0, which only the trial of a fit has, acts as one of less than this many crossings.
 _AHEAD = 0.25
-_LOG_MAX = 40.0
 _LEAP_MAX = 10.0
 
 
@@ -92,7 +92,7 @@ class _DelayTerm(AbstractTerm):
 
     def _unscaled(self, at: Contact):
         p, y, z = at.state / (_SCALE * at.base.A)
-        return jnp.clip(p, -_LOG_MAX, _LOG_MAX), y, z
+        return jnp.clip(p, -LOG_MAX, LOG_MAX), y, z
 
     def _delay(self, at: Contact, p: Array) -> Float[Array, ""]:
         """The delay alpha, in crossings."""
@@ -102,7 +102,7 @@ class _DelayTerm(AbstractTerm):
         p, y, z = self._unscaled(at)
         u = _log(at.V / at.base.V0)
         load = u if at.load_velocity is None else _log(at.load_velocity / at.base.V0)
-        leap = jnp.clip(jnp.maximum(u, load) - p, -_LOG_MAX, _LEAP_MAX)
+        leap = jnp.clip(jnp.maximum(u, load) - p, -LOG_MAX, _LEAP_MAX)
         dp = leap * jnp.exp(leap) / (0.5 * self.c)
 
         a = self._delay(at, p)
@@ -136,7 +136,7 @@ def _log(ratio: Float[Array, ""]) -> Float[Array, ""]:
     """ln |ratio|, clipped to finite bounds."""
     size = jnp.abs(ratio)
     log = jnp.log(jnp.where(size > 0, size, 1.0))
-    return jnp.where(size > 0, jnp.clip(log, -_LOG_MAX, _LOG_MAX), -_LOG_MAX)
+    return jnp.where(size > 0, jnp.clip(log, -LOG_MAX, LOG_MAX), -LOG_MAX)
 
 
 class FrictionalDelay(AbstractHeavyEffect[Rig]):

@@ -12,6 +12,7 @@ from jaxtyping import Array, Bool, Float
 from ..quantity import quantity
 from ..rig import Rig
 from ..rig.friction.extended import AbstractStatelessTerm, AbstractTerm, Contact
+from ..rig.friction.law import LOG_MAX
 from ..rig.friction.rate_state import AbstractRateState
 from .effect import (
     AbstractEffect,
@@ -24,7 +25,6 @@ from .effect import (
 )
 
 _TRUE = np.asarray(True)
-_LOG_MAX = 40.0
 
 
 class _SecondStateTerm(AbstractTerm):
@@ -183,7 +183,7 @@ class _StribeckTerm(AbstractStatelessTerm):
 
     def force(self, at: Contact) -> Array:
         ratio = jnp.maximum(jnp.abs(at.V) / self.Vs, 1e-30)
-        return self.fs * jnp.exp(-jnp.exp(jnp.clip(self.d * jnp.log(ratio), -_LOG_MAX, 6.0)))
+        return self.fs * jnp.exp(-jnp.exp(jnp.clip(self.d * jnp.log(ratio), -LOG_MAX, 6.0)))
 
 
 class Stribeck(AbstractEffect[Rig]):

@@ -14,10 +14,9 @@ no value of the record's, and is called undetermined.
 import numpy as np
 
 from ..records import VelocitySteps
+from .start import HOLD
 
 _LEAST_L, _MOST_FORCE, _MOST_OFFSET = 0.01, 30.0, 10.0
-_HOLD = 3.0
-"""Change of ln V that a hold counts for."""
 
 
 def bounds_of(
@@ -37,7 +36,7 @@ def bounds_of(
         return _LEAST_L * float(path[path > 0].min(initial=np.inf)), float(path.sum())
     if kind in ("A", "B"):
         speed = np.abs(steps.velocities[steps.velocities != 0])
-        change = max(np.log(speed.max() / speed.min()), _HOLD * (steps.velocities == 0).any())
+        change = max(np.log(speed.max() / speed.min()), HOLD * (steps.velocities == 0).any())
         most = _MOST_FORCE * (high - low) / max(change, 1e-3)
         return (0.0 if kind == "A" else -most), most
     if kind == "f0":

@@ -36,7 +36,8 @@ from .padding import bucket, filled
 from .problem import Model
 
 _SAME = 0.05  # change of ln V below which two velocities found are one commanded velocity
-_HOLD = 3.0  # change of ln V for which the reload after a hold counts at least
+HOLD = 3.0
+"""Change of ln V for which the reload after a hold counts at least."""
 _GRID_PAIRS = 16
 _NEWTON_STEPS = 4
 
@@ -174,7 +175,7 @@ def _grid(
         levels.append(np.mean(friction[here[-max(len(here) // 8, 1) :]]))
         logs.append(np.log(abs(velocities[k])))
         change = abs(logs[-1] - logs[-2]) if len(logs) > 1 else 0.0
-        change = max(change, _HOLD) if held and len(logs) > 1 else change
+        change = max(change, HOLD) if held and len(logs) > 1 else change
         if change > _SAME:
             jump = max(jump, np.max(np.abs(friction[here] - levels[-2])) / change)
             resolved = min(resolved, abs(velocities[k]) * (data.end[full][here[0]] - times[k]))

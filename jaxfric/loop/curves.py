@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..fitting.noise.thresholds import SAME_VELOCITY
 from .engine import Engine
 from .evaluate import Rows
 from .family import CurveFamily, Decisive, OtherShape
@@ -22,8 +23,6 @@ from .thresholds import ACCEPT
 
 Curve = Callable[[np.ndarray], np.ndarray]
 """Speeds (m,) to friction (m, k)."""
-SAME_VELOCITY = 0.9
-"""Two found velocities are one from this ratio on."""
 _HIGHEST = 3
 _DEGREES = {1: "a line in ln V", 2: "a quadratic in ln V", 3: "a cubic in ln V"}
 _FREE = "a value for every velocity"

@@ -19,6 +19,7 @@ import numpy as np
 
 from ..fitting.noise import Found
 from ..fitting.problem import Problem
+from ..fitting.start import HOLD
 from ..rig.friction.extended import ExtendedLaw
 from .engine import Engine
 from .nonlinear import respond
@@ -33,7 +34,6 @@ from .thresholds import SIGNIFICANT
 
 _COARSE, _FINE, _WAVES = 8, 16, 117
 _MOSTLY = 0.5
-_HOLD = 3.0
 _RANK = 1e-6
 _LARGEST = 3.0
 """Standard deviation of missing friction before anything is known, over the rms of the residual."""
@@ -314,7 +314,7 @@ def _variables(
 
 def _log_steps(speeds: np.ndarray) -> np.ndarray:
     """Change of ln V at every joint, 0 at the first; a hold counts as e^-3 of the slowest."""
-    least = np.exp(-_HOLD) * np.min(speeds[speeds > 0], initial=np.inf)
+    least = np.exp(-HOLD) * np.min(speeds[speeds > 0], initial=np.inf)
     return np.diff(np.log(np.maximum(speeds, least)), prepend=np.log(max(speeds[0], least)))
 
 

@@ -1,7 +1,7 @@
 """Screens all effects and shapes for those that would explain a residual, to first order.
 
 One Jacobian at the null of all effects holds the sensitivities of those without shapes;
-those of every shape of the others come from `Engine.shapes`. For each the
+those of every shape of the others come from `Case.shapes`. For each the
 likelihood is profiled over the base's parameters, the amplitudes and the noise.
 """
 

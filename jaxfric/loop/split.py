@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import InputError
+from ..fitting.noise.thresholds import SAME_VELOCITY
 from ..records import VelocitySteps
 
 NAMES = ("train", "select", "report")
@@ -18,8 +19,6 @@ _TAIL = (0.6, 0.8)
 _QUARTER = 0.75
 _FEWEST = 20
 _UNITS = 3
-# Two found velocities are one commanded velocity from this ratio on.
-_SAME = 0.9
 
 
 class Blocks(NamedTuple):
@@ -218,8 +217,8 @@ def _longest_hold(time: np.ndarray, steps: VelocitySteps, first: np.ndarray) -> 
 def _ends(speed: np.ndarray) -> set[int]:
     """The first of the fastest and of the slowest: what is held back is predicted within the
     velocities that were trained."""
-    fastest = int(np.argmax(speed >= _SAME * speed.max()))
-    return {fastest, int(np.argmax(speed <= speed.min() / _SAME))}
+    fastest = int(np.argmax(speed >= SAME_VELOCITY * speed.max()))
+    return {fastest, int(np.argmax(speed <= speed.min() / SAME_VELOCITY))}
 
 
 def _share(time: np.ndarray, steps: VelocitySteps, k: int, end: int) -> np.ndarray:

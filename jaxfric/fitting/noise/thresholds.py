@@ -145,7 +145,7 @@ of noise alone (`fits/hum`) none had one, of 300 at ten times the chance two."""
 CHANCE_OF_LINE = 1e-3
 """Chance that noise has as much at a given frequency in any piece: a line stands out there."""
 SAME_VELOCITY = 0.9
-"""Two velocities are one from this ratio on, as where the steps are split."""
+"""Two velocities that were found are one commanded velocity from this ratio on."""
 LONGEST_PIECE, ROWS_OF_PIECE = 10.0, 1000
 """Pieces last so long [s] and have so many rows at least, where a step has: the mains stay in
 phase for some ten seconds."""

@@ -28,7 +28,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...quantity import quantity
-from .law import AbstractInvertibleLaw, Conditions, Scalar, States
+from .law import LOG_MAX, AbstractInvertibleLaw, Conditions, Scalar, States
 from .rate_state import AbstractEvolution, AbstractRateState, AgeingEvolution, SlipEvolution
 
 if TYPE_CHECKING:  # which takes equinox's for a field of an instance
@@ -39,7 +39,6 @@ else:
 _NEWTON_STEPS = 3
 # One is exact where states are proportional to the force, the next takes its rounding away.
 _SETTLING_STEPS = 2
-_LOG_MAX = 40.0
 
 
 class Contact(NamedTuple):
@@ -214,7 +213,7 @@ def _balanced(
         excess, slope = _by_velocity(law, V, force, state, at, damping)
         rise = slope * V
         step = excess / jnp.where(rise == 0, jnp.inf, rise)
-        return V * jnp.exp(jnp.clip(-step, -_LOG_MAX, _LOG_MAX))
+        return V * jnp.exp(jnp.clip(-step, -LOG_MAX, LOG_MAX))
 
     start = law._without_moving(force, state, at, damping)
     return jax.lax.fori_loop(0, _NEWTON_STEPS, nearer, start)
@@ -264,7 +263,7 @@ class BlendedEvolution(AbstractEvolution):
 
     def rate(self, r: Scalar, theta: States, B: States, L: States, V0: Scalar) -> States:
         log_r = jnp.log(jnp.where(r > 0, r, 1.0))
-        length = L * jnp.exp(jnp.clip(self.n * log_r, -_LOG_MAX, _LOG_MAX))
+        length = L * jnp.exp(jnp.clip(self.n * log_r, -LOG_MAX, LOG_MAX))
         seen = theta - B * self._cut(r, V0)
         first = self.first.rate(r, seen, B, length, V0)
         return (1 - self.q) * first + self.q * AgeingEvolution().rate(r, seen, B, length, V0)

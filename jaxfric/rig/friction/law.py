@@ -11,6 +11,9 @@ from typing import NamedTuple
 import equinox as eqx
 from jaxtyping import Array, Float
 
+LOG_MAX = 40.0
+"""Largest logarithm of a ratio of velocities: a solver's trial step must stay a finite number."""
+
 Scalar = Float[Array, ""]
 States = Float[Array, " n"]
 """State variables of a law, or one number for each of them."""

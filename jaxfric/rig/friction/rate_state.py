@@ -20,14 +20,12 @@ from jaxtyping import Array, Float
 
 from ...errors import InputError
 from ...quantity import quantity, refuse_outside
-from .law import AbstractInvertibleLaw, Conditions, Scalar, States
+from .law import LOG_MAX, AbstractInvertibleLaw, Conditions, Scalar, States
 
 _NEWTON_STEPS = 4
 _CROSSING_STEPS = 5
 # The wave numbers that are searched reach so far, in ln w, on both sides of 1/L.
 _WIDE = 7.0
-# Largest logarithm of a velocity ratio: a solver's trial step must stay a finite number.
-_LOG_MAX = 40.0
 
 
 class AbstractEvolution(eqx.Module):
@@ -64,7 +62,7 @@ class AgeingEvolution(AbstractEvolution):
     def rate(self, r: Scalar, theta: States, B: States, L: States, V0: Scalar) -> States:
         absent = B == 0
         psi = theta / jnp.where(absent, 1.0, B)
-        return jnp.where(absent, 0.0, (B * V0 / L) * (jnp.exp(jnp.minimum(-psi, _LOG_MAX)) - r))
+        return jnp.where(absent, 0.0, (B * V0 / L) * (jnp.exp(jnp.minimum(-psi, LOG_MAX)) - r))
 
     def steady_state(self, r: Scalar, B: States, V0: Scalar) -> States:
         return -B * jnp.log(r)
@@ -99,7 +97,7 @@ class LogarithmicEffect(AbstractDirectEffect):
         u = (force - rest) / A
         if damping is not None:
             u = _damped_log(u, damping * V0 / A)
-        return V0 * jnp.exp(jnp.minimum(u, _LOG_MAX))
+        return V0 * jnp.exp(jnp.minimum(u, LOG_MAX))
 
 
 class RegularisedEffect(AbstractDirectEffect):
@@ -281,8 +279,8 @@ def _(primals: tuple[Scalar, Scalar], tangents: tuple[Scalar, Scalar]) -> tuple[
 
 def _twice_sinh(g: Scalar, p: Scalar) -> Scalar:
     """2 e^-p sinh(g) without overflow of its factors."""
-    return jnp.exp(jnp.minimum(g - p, _LOG_MAX)) - jnp.exp(jnp.minimum(-g - p, _LOG_MAX))
+    return jnp.exp(jnp.minimum(g - p, LOG_MAX)) - jnp.exp(jnp.minimum(-g - p, LOG_MAX))
 
 
 def _twice_cosh(g: Scalar, p: Scalar) -> Scalar:
-    return jnp.exp(jnp.minimum(g - p, _LOG_MAX)) + jnp.exp(jnp.minimum(-g - p, _LOG_MAX))
+    return jnp.exp(jnp.minimum(g - p, LOG_MAX)) + jnp.exp(jnp.minimum(-g - p, LOG_MAX))
