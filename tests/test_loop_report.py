@@ -609,7 +609,7 @@ OPEN_L2 = Refusal(Fault.NOT_FIXED, ("second_state.L2",))
 LIKE_SECOND = [
     (("time_drift", "slip_trend"), (1490.0, OPEN_L2), []),
     (("time_drift", "slip_trend"), (1500.0, OPEN_L2), ["20"]),
-    (("time_drift", "slip_trend"), (1500.0, Refusal(Fault.WEAK)), ["20"]),
+    (("time_drift", "slip_trend"), (1500.0, Refusal(Fault.IMPOSSIBLE)), ["20"]),
     (("time_drift", "slip_trend"), (1500.0, None), []),
     (("time_drift", "thermal", "second_state"), (0.0, None), []),
     (("time_drift", "thermal", "second_state"), (1500.0, OPEN_L2), ["20"]),
