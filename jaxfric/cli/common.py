@@ -103,8 +103,10 @@ def prepare_jax(*, gpu: bool = False) -> None:
     if not gpu:
         os.environ.setdefault("JAX_PLATFORMS", "cpu")
     # XLA takes preferences of some processors for features that these lack, and says so of all that
-    # it loads from the cache (jax issue 38445); what goes wrong is an exception
-    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
+    # it loads from the cache (jax issue 38445); what goes wrong is an exception. "1" is JAX's own
+    # default, which a process begun from Python inherits
+    if os.environ.get("TF_CPP_MIN_LOG_LEVEL", "1") == "1":
+        os.environ["TF_CPP_MIN_LOG_LEVEL"] = "3"
     import jax
 
     if not gpu and jax.config.jax_platforms is None:  # ty: ignore[missing-attribute]
