@@ -346,10 +346,11 @@ def _solve_in_stages(
         return begun.problem, _solve(begun, start, progress)
     problem = begun.problem
     first = _solve(begun, None, _within("stage 1 of 2, one state", progress))
-    times = jnp.asarray(averaged(task).time)
+    data = averaged(task)
+    times = jnp.asarray(data.time)
     motion = simulate(problem.rig(first.z), problem.motion, times, max_steps=problem.max_steps)
     moved = np.asarray(motion.velocity), np.asarray(motion.slip)
-    begun = second_stage(task, problem, np.asarray(first.z), moved)
+    begun = second_stage(task, data, problem, np.asarray(first.z), moved)
     stage = f"stage 2 of 2, {task.model.states} states"
     return begun.problem, _solve(begun, start, _within(stage, progress))
 

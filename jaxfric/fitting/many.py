@@ -320,13 +320,13 @@ def _with_starts(tasks: list[FitTask]) -> list[Begun]:
 
 def _with_more_states(tasks: list[FitTask], ended: list[_Ended]) -> list[Begun]:
     """The problem with more states of each record, started by the motion of its one-state fit."""
-    times = [averaged(task).time for task in tasks]
-    size = bucket(max(map(len, times)), 64)
+    each = [averaged(task) for task in tasks]
+    size = bucket(max(len(data.time) for data in each), 64)
     problems, zs = [end.problem for end in ended], [np.asarray(end.solution.z) for end in ended]
-    moved = _in_batches(_motions, problems, zs, [filled(time, size) for time in times])
+    moved = _in_batches(_motions, problems, zs, [filled(data.time, size) for data in each])
     return [
-        second_stage(task, problem, z, tuple(x[: len(time)] for x in own), _DESCENTS)
-        for task, problem, z, time, own in zip(tasks, problems, zs, times, moved, strict=True)
+        second_stage(task, data, problem, z, tuple(x[: len(data.time)] for x in own), _DESCENTS)
+        for task, data, problem, z, own in zip(tasks, each, problems, zs, moved, strict=True)
     ]
 
 

@@ -116,14 +116,15 @@ def averaged(task: FitTask) -> Averaged:
 
 def second_stage(
     task: FitTask,
+    data: Averaged,
     first: Problem,
     z: np.ndarray,
     moved: tuple[np.ndarray, np.ndarray],
     number: int = 5,
 ) -> Begun:
     """The problem with all states, started by the one-state fit `z` of the `first` problem: its
-    velocity and slip have `moved` so at the times of `averaged`."""
-    data, values = averaged(task), first.coordinates.from_free(np.asarray(z))
+    velocity and slip have `moved` so at the times of the `averaged` `data`."""
+    values = first.coordinates.from_free(np.asarray(z))
     K = float(first.stiffness)
     if task.model.fit_stiffness:
         K = float(values[first.model.names().index("K")])
