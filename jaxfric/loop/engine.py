@@ -366,8 +366,5 @@ def each_of(model: EncompassingModel) -> Callable[..., list]:
 def evaluator_of(case: Case[P], friction: np.ndarray) -> Evaluator[P]:
     """The evaluator of a case whose record is `friction` (N,)."""
     problem = eqx.tree_at(lambda p: p.friction, case.problem, jax.device_put(friction))
-    if case.bounds.by_step:  # of the shape that the problem of an engine has
-        clock = np.pad(np.asarray(problem.clock), ((0, 0), (0, 1)))
-        problem = eqx.tree_at(lambda p: p.clock, problem, jax.device_put(clock))
     shifts = np.asarray([len(case.model.names()) + int(k) for k in case.shifted], int)
     return Evaluator(problem, shifts, each_of(case.model))
