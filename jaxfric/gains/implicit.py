@@ -16,7 +16,6 @@ from jaxtyping import Array, Bool, Float, PyTree
 Equations = Callable[[Array, Array, PyTree], Array]
 
 
-@functools.partial(jax.custom_jvp, nondiff_argnums=(0,))
 def implicit(
     equations: Equations,
     z: Float[Array, " k"],
@@ -28,53 +27,34 @@ def implicit(
 
     Where it has no derivatives (not `exists`) they are arbitrary, but not zero.
     """
-    return z
+    return _derivative(equations, 0, z, theta, known, exists)
 
 
-@implicit.defjvp
-def _implicit_jvp(equations: Equations, primals: tuple, tangents: tuple) -> tuple[Array, Array]:
-    return implicit(equations, *primals), _first(equations, *primals) @ tangents[1]
-
-
-@functools.partial(jax.custom_jvp, nondiff_argnums=(0,))
-def _first(
-    equations: Equations, z: Array, theta: Array, known: PyTree, exists: Array
-) -> Float[Array, "k n"]:
-    J, slope = _jacobians(equations, z, theta, known, exists)
-    found = -jnp.linalg.solve(J, jnp.where(exists, slope, 0.0))
-    return jnp.where(exists, found, jnp.sqrt(2.0 + jnp.arange(theta.size)))
-
-
-@_first.defjvp
-def _first_jvp(equations: Equations, primals: tuple, tangents: tuple) -> tuple[Array, Array]:
-    return _first(equations, *primals), _second(equations, *primals) @ tangents[1]
-
-
-@functools.partial(jax.custom_jvp, nondiff_argnums=(0,))
-def _second(
-    equations: Equations, z: Array, theta: Array, known: PyTree, exists: Array
-) -> Float[Array, "k n n"]:
-    J, _ = _jacobians(equations, z, theta, known, exists)
-    S = _first(equations, z, theta, known, exists)
-    bend = jax.jacfwd(jax.jacfwd(lambda d: equations(z + S @ d, theta + d, known)))
-    found = jnp.where(exists, bend(jnp.zeros_like(theta)), 0.0)
-    n = theta.size
-    found = -jnp.linalg.solve(J, found.reshape(z.size, n * n)).reshape(z.size, n, n)
+@functools.partial(jax.custom_jvp, nondiff_argnums=(0, 1))
+def _derivative(
+    equations: Equations, order: int, z: Array, theta: Array, known: PyTree, exists: Array
+) -> Float[Array, "k *n"]:
+    """The root, or its derivatives of an order; of the third order on they are nan."""
+    k, n = z.size, theta.size
+    if order == 0:
+        return z
+    if order > 2:
+        return jnp.full((k, *[n] * order), jnp.nan)
+    both = jax.jacfwd(lambda x: equations(x[:k], x[k:], known))(jnp.concatenate([z, theta]))
+    J = jnp.where(exists, both[:, :k], jnp.eye(k))
     some = jnp.sqrt(2.0 + jnp.arange(n))
-    return jnp.where(exists, found, some[:, None] * some)
+    slope = both[:, k:]
+    if order == 2:
+        S = _derivative(equations, 1, z, theta, known, exists)
+        along = jax.jacfwd(jax.jacfwd(lambda d: equations(z + S @ d, theta + d, known)))
+        slope, some = along(jnp.zeros_like(theta)), some[:, None] * some
+    right = jnp.where(exists, slope, 0.0).reshape(k, -1)
+    return jnp.where(exists, -jnp.linalg.solve(J, right).reshape(slope.shape), some)
 
 
-@_second.defjvp
-def _second_jvp(equations: Equations, primals: tuple, tangents: tuple) -> tuple[Array, Array]:
-    """There is no third derivative: nan."""
-    found = _second(equations, *primals)
-    return found, jnp.full_like(found, jnp.nan) * jnp.sum(tangents[1])
-
-
-def _jacobians(
-    equations: Equations, z: Array, theta: Array, known: PyTree, exists: Array
-) -> tuple[Float[Array, "k k"], Float[Array, "k n"]]:
-    """F_z (1 where there are no derivatives) and F_t."""
-    both = jax.jacfwd(lambda x: equations(x[: z.size], x[z.size :], known))
-    J = both(jnp.concatenate([z, theta]))
-    return jnp.where(exists, J[:, : z.size], jnp.eye(z.size)), J[:, z.size :]
+@_derivative.defjvp
+def _derivative_jvp(
+    equations: Equations, order: int, primals: tuple, tangents: tuple
+) -> tuple[Array, Array]:
+    rises = _derivative(equations, order + 1, *primals)
+    return _derivative(equations, order, *primals), rises @ tangents[1]

@@ -15,7 +15,6 @@ No derivative passes the search: the KKT equations at the solution give those of
 order (`implicit`).
 """
 
-import functools
 from collections.abc import Mapping
 from typing import TypeAlias
 
@@ -24,12 +23,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
+from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
 from ..errors import InputError
 from ..laws.registry import Law
 from ..stability.linear import (
-    LinearFriction,
     Setting,
     linear_friction,
     refuse_no_law,
@@ -150,81 +149,69 @@ def minimum_gains(
     if not isinstance(requirement, Requirement):
         requirement = Requirement.with_default(requirement)
     refuse_controller(requirement, law, mass, delay, integral_gain)
-    settings = (velocity, mass, delay, integral_gain)
-    given = [jnp.asarray(x, float) for x in settings if x is not None]
-    if sample is not None:
-        given.append(jnp.asarray(sample))
-    V, *rest = jnp.broadcast_arrays(*map(jnp.atleast_1d, given))
+    given = {"velocity": velocity, "mass": mass, "delay": delay, "integral": integral_gain}
+    given = {name: jnp.asarray(x, float) for name, x in given.items() if x is not None}
+    given |= {} if sample is None else {"sample": jnp.asarray(sample)}
+    rows = jnp.broadcast_arrays(*map(jnp.atleast_1d, given.values()))
+    of = dict(zip(given, rows, strict=True))
+    V, m, sample = of["velocity"], of.get("mass"), of.get("sample")
     if V.ndim != 1:
         raise InputError(
             f"minimum_gains: the scenarios have shape {V.shape}; give velocity, mass, delay and"
             " integral_gain one axis, and use jax.vmap for more"
         )
-    m = None if mass is None else rest.pop(0)
-    late = None if delay is None else rest.pop(0)
-    k_i = None if integral_gain is None else rest.pop(0)
-    pairs = [jnp.broadcast_to(jnp.asarray(x, float), (2,)) for x in (lower, upper)]
-    _refuse(V, Setting(m, late, k_i), *pairs, scale)
+    pairs = {"lower": lower, "upper": upper} | ({} if scale is None else {"scale": scale})
+    pairs = {name: jnp.broadcast_to(jnp.asarray(x, float), (2,)) for name, x in pairs.items()}
+    _refuse(of | pairs)
+    lower, upper = pairs["lower"], pairs["upper"]
     possible = jnp.all(jnp.isfinite(V) & (V > 0))
     V = jnp.where(possible, V, 1.0)
     if m is not None:
         possible &= jnp.all(m >= 0)
         m = jnp.where(m >= 0, m, 1.0)
-    friction = _linearised(law, V, rest.pop(0) if rest else None)
-    leaves = jax.tree.leaves(friction)
-    finite = functools.reduce(jnp.logical_and, [jnp.all(jnp.isfinite(x)) for x in leaves])
+    alike = jax.vmap(lambda v: linear_friction(law, v))
+    friction = alike(V) if sample is None else linearised(law, V, sample)
+    finite = jnp.all(jnp.isfinite(ravel_pytree(friction)[0]))
     if not isinstance(finite, Tracer) and not finite:
         refuse_without_steady_state(V, friction)
     friction = jax.tree.map(lambda x: jnp.where(finite, x, jnp.ones_like(x)), friction)
-    unit = natural_units(sizes(friction, jnp.zeros_like(V) if m is None else m))
-    low = jnp.maximum(pairs[0], jnp.asarray([POSITIVE, 0.0]) * unit)
-    possible &= finite & jnp.all(low < pairs[1])
-    chosen = unit if scale is None else jnp.broadcast_to(jnp.asarray(scale, float), (2,))
-    high = jnp.where(possible, pairs[1], jnp.inf)
-    low = jnp.where(possible, low, jnp.asarray([POSITIVE, 0.0]) * unit)
+    unit = natural_units(sizes(friction, m))
+    least = jnp.asarray([POSITIVE, 0.0]) * unit
+    low = jnp.maximum(lower, least)
+    possible &= finite & jnp.all(low < upper)
+    low, high = jnp.where(possible, low, least), jnp.where(possible, upper, jnp.inf)
+    chosen = pairs.get("scale", unit)
     unit = jax.lax.stop_gradient(unit)  # slacks are zero in all units
-    setting = Setting(m, late, k_i)
+    setting = Setting(m, of.get("delay"), of.get("integral"))
     return _solve(GainProblem(friction, setting, requirement, unit, chosen, low, high), possible)
 
 
-def _refuse(
-    V: Array,
-    setting: Setting,
-    lower: Array,
-    upper: Array,
-    scale: ArrayLike | Pair | None,
-) -> None:
+_KNOWN = {
+    "velocity": ("velocity", "m/s", False),
+    "lower": ("lower limit", "(SI)", True),
+    "mass": ("mass", "kg", True),
+    "delay": ("delay", "s", False),
+    "integral": ("integral gain", "N/(m s)", False),
+    "scale": ("scale", "(SI)", False),
+}
+"""What an argument is, its unit, and whether it may be 0."""
+
+
+def _refuse(given: Mapping[str, Array]) -> None:
     """Raise `InputError` for numbers that are wrong, where their values are known."""
-    checks = (
-        ("velocity", V, "m/s", False),
-        ("lower limit", lower, "(SI)", True),
-        ("mass", setting.mass, "kg", True),
-        ("delay", setting.delay, "s", False),
-        ("integral gain", setting.integral, "N/(m s)", False),
-        ("scale", None if scale is None else jnp.asarray(scale, float), "(SI)", False),
-    )
-    for what, values, unit, included in checks:
-        if values is None or isinstance(values, Tracer):
-            continue
-        known = np.asarray(values)
-        good = np.isfinite(known) & ((known >= 0) if included else (known > 0))
-        if not good.all():
+    known = {name: np.asarray(x) for name, x in given.items() if not isinstance(x, Tracer)}
+    for name, (what, unit, included) in _KNOWN.items():
+        values = known.get(name, np.ones(0))
+        wrong = values[~(np.isfinite(values) & ((values > 0) | (included & (values == 0))))]
+        if wrong.size:
             wanted = "0 or more" if included else "above 0"
-            raise InputError(
-                f"minimum_gains: {what} {known[~good].ravel()[0]:g} {unit} must be {wanted}"
-            )
-    if not isinstance(lower, Tracer) and not isinstance(upper, Tracer):
-        for name, low, high in zip(("k_p", "k_v"), lower, upper, strict=True):
+            raise InputError(f"minimum_gains: {what} {wrong[0]:g} {unit} must be {wanted}")
+    if {"lower", "upper"} <= set(known):
+        for name, low, high in zip(("k_p", "k_v"), known["lower"], known["upper"], strict=True):
             if not low < high:
                 raise InputError(
                     f"minimum_gains: limits of {name}, {low:g} to {high:g}, leave nothing between"
                 )
-
-
-def _linearised(law: Law, V: Float[Array, " n"], sample: Array | None) -> LinearFriction:
-    if sample is None:
-        return jax.vmap(lambda v: linear_friction(law, v))(V)
-    return linearised(law, V, sample)
 
 
 def _solve(problem: GainProblem, possible: Bool[Array, ""]) -> MinimumGains:
@@ -256,7 +243,7 @@ def _solve(problem: GainProblem, possible: Bool[Array, ""]) -> MinimumGains:
     return MinimumGains(
         k_p=gains[0],
         k_v=gains[1],
-        norm=undefined(_norm(y) + missing, ~exists),
+        norm=undefined(jnp.linalg.norm(y) + missing, ~exists),
         result=result,
         derivative=code,
         active=end.decided,
@@ -267,10 +254,6 @@ def _solve(problem: GainProblem, possible: Bool[Array, ""]) -> MinimumGains:
         optima=optima,
         norms=norms,
     )
-
-
-def _norm(y: Array) -> Float[Array, ""]:
-    return jnp.sqrt(jnp.sum(y**2))
 
 
 def _sides(problem: GainProblem, y: Array, norms: Array) -> tuple[Array, Array]:

@@ -26,8 +26,8 @@ class NaturalSizes(NamedTuple):
     """[kg]; 0 without mass."""
 
 
-def sizes(friction: LinearFriction, mass: Float[Array, " n"]) -> NaturalSizes:
-    """The sizes of each scenario; `friction` has a leading axis."""
+def sizes(friction: LinearFriction, mass: Float[Array, " n"] | None) -> NaturalSizes:
+    """The sizes of each scenario; `friction` has a leading axis. `mass` [kg], None without."""
 
     def one(friction: LinearFriction, mass: Array) -> NaturalSizes:
         low, high = friction.kernel.frequencies()
@@ -36,7 +36,7 @@ def sizes(friction: LinearFriction, mass: Float[Array, " n"]) -> NaturalSizes:
         fall = kernel_total(friction.kernel)
         return NaturalSizes(known.critical_stiffness, fall, friction.slope, rate, mass)
 
-    return jax.vmap(one)(friction, mass)
+    return jax.vmap(one)(friction, jnp.zeros_like(friction.slope) if mass is None else mass)
 
 
 def natural_units(of: NaturalSizes) -> Float[Array, " 2"]:

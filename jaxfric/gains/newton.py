@@ -24,14 +24,6 @@ _ROUNDING = 1e-12
 _STALLED = 1e-6
 
 
-class Local(NamedTuple):
-    """Some constraints at a point: values, gradients and second derivatives."""
-
-    c: Float[Array, " k"]
-    g: Float[Array, "k 2"]
-    H: Float[Array, "k 2 2"]
-
-
 class NewtonStep(NamedTuple):
     """A step and the pair of constraints that are met after it; -1 where there is none."""
 
@@ -40,8 +32,15 @@ class NewtonStep(NamedTuple):
     feasible: Bool[Array, ""]
 
 
-def sqp_step(y: Float[Array, " 2"], here: Local, radius: ArrayLike = jnp.inf) -> NewtonStep:
-    """The step from `y` to the least norm under the linearised constraints.
+def sqp_step(
+    y: Float[Array, " 2"],
+    c: Float[Array, " k"],
+    g: Float[Array, "k 2"],
+    H: Float[Array, "k 2 2"],
+    radius: ArrayLike = jnp.inf,
+) -> NewtonStep:
+    """The step from `y` to the least norm under the linearised constraints, which have values c,
+    gradients g and second derivatives H there.
 
     Curvature L = I - sum l_k d^2c_k/dy^2 of the Lagrangian is that of the multipliers which the
     step without curvature has. Where a constraint pulls it is no minimum: such candidates count as
@@ -49,23 +48,21 @@ def sqp_step(y: Float[Array, " 2"], here: Local, radius: ArrayLike = jnp.inf) ->
     only the nearest one counts, and only where none is within. Where the constraints contradict
     each other it is the candidate that misses them least.
     """
-    size = jnp.linalg.norm(here.g, axis=1)
+    size = jnp.linalg.norm(g, axis=1)
     some = size > 0
     weight = jnp.where(some, 1 / jnp.where(some, size, 1.0), 0.0)
-    c = jnp.where(some, here.c * weight, jnp.inf)
-    scaled = Local(c, here.g * weight[:, None], here.H * weight[:, None, None])
-    straight, multiplier = _least(y, scaled, some, jnp.eye(2), radius)
+    c, n, H = jnp.where(some, c * weight, jnp.inf), g * weight[:, None], H * weight[:, None, None]
+    straight, multiplier = _least(y, c, n, some, jnp.eye(2), radius)
     pushed = jnp.where(straight.active >= 0, jnp.maximum(multiplier, 0.0), 0.0)
-    L = jnp.eye(2) - jnp.einsum("k,kij->ij", pushed, scaled.H[straight.active])
-    return _least(y, scaled, some, L, radius)[0]
+    L = jnp.eye(2) - jnp.einsum("k,kij->ij", pushed, H[straight.active])
+    return _least(y, c, n, some, L, radius)[0]
 
 
 def _least(
-    y: Array, here: Local, some: Bool[Array, " k"], L: Float[Array, "2 2"], radius: ArrayLike
+    y: Array, c: Array, n: Array, some: Array, L: Float[Array, "2 2"], radius: ArrayLike
 ) -> tuple[NewtonStep, Float[Array, " 2"]]:
     """The best step for a curvature, and the multipliers of the pair that is met after it; of
-    constraints whose gradients have length 1 where they are `some`."""
-    c, n = here.c, here.g
+    constraints whose gradients n have length 1 where they are `some`."""
     first, second = np.triu_indices(c.shape[0], 1)
     (one, single), (two, pair) = _single(y, c, n, L), _pairs(y, c, n, first, second)
     d = jnp.concatenate([-y[None], one, two])

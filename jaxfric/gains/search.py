@@ -14,14 +14,14 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ..stability.linear import LinearFriction, Setting
 from .natural import sizes
-from .newton import Local, NewtonStep, sqp_step
+from .newton import sqp_step
 from .requirement import Requirement
 
 # The search: rays (half of them with more stiffness than damping), radii in natural units, and
 # halvings of the interval at whose end a ray becomes feasible.
 _RATIOS = np.geomspace(1e-4, 1e4, 14)
 _RADII = np.concatenate([[0.0], np.geomspace(3e-3, 3e3, 13)])
-_HALVINGS = 4
+_HALVINGS = 6
 # Rounds of choosing the worst scenarios of all, how many, steps in each, constraints of a step.
 ROUNDS, CARRIED, _STEPS, _LOWEST_ONES = 7, 8, 4, 6
 # A step may change the norm by this share at first, and by less and less.
@@ -46,12 +46,6 @@ class GainProblem(eqx.Module):
     def number(self) -> int:
         """Number of scenarios."""
         return self.friction.slope.shape[0]
-
-    @property
-    def masses(self) -> Float[Array, " n"]:
-        """The masses; 0 without mass."""
-        mass = self.setting.mass
-        return jnp.zeros(self.number) if mass is None else mass
 
     def at(self, index: Int[Array, " k"]) -> "GainProblem":
         """The problem of some of the scenarios."""
@@ -81,10 +75,13 @@ class GainProblem(eqx.Module):
 
 
 class Near(NamedTuple):
-    """The branches of the worst scenarios at a point, in any order."""
+    """Constraints at a point: the branches of the worst scenarios, in any order, and the four
+    limits."""
 
     scenario: Int[Array, " k"]
+    """-1: a limit."""
     branch: Int[Array, " k"]
+    """Which branch of the scenario, or which limit."""
     c: Float[Array, " k"]
     g: Float[Array, "k 2"]
     H: Float[Array, "k 2 2"]
@@ -98,24 +95,19 @@ class Steps(NamedTuple):
     """Share of the norm by which the next step may change it."""
     near: Near
     slots: Int[Array, " 2"]
-    """The constraints that decide: rows of `near`, and after these the four limits; -1: none."""
+    """The constraints that decide: rows of `near`; -1: none."""
     settled: Bool[Array, ""]
     """Whether neither the last step nor all together changed anything."""
 
     @property
-    def inner(self) -> Bool[Array, " 2"]:
-        """Whether what decides is a branch of a margin, not a limit and not missing."""
-        return (self.slots >= 0) & (self.slots < self.near.c.size)
+    def decided(self) -> Int[Array, " 2"]:
+        """The scenarios that decide; -1 for a limit, or for none."""
+        return jnp.where(self.slots >= 0, self.near.scenario[self.slots], -1)
 
     @property
     def at_limit(self) -> Bool[Array, " 2"]:
         """Whether what decides is a limit of the gains."""
-        return self.slots >= self.near.c.size
-
-    @property
-    def decided(self) -> Int[Array, " 2"]:
-        """The scenarios that decide; -1 for a limit, or for none."""
-        return jnp.where(self.inner, self.near.scenario[jnp.where(self.inner, self.slots, 0)], -1)
+        return (self.slots >= 0) & (self.decided < 0)
 
 
 def search(problem: GainProblem) -> tuple[Steps, Float[Array, "2 n"]]:
@@ -139,40 +131,31 @@ def _starts(problem: GainProblem) -> Float[Array, "2 2"]:
     def point(radius: Array) -> Float[Array, "rays 2"]:
         return jnp.clip(radius[:, None] * ray * unit, low, high)
 
-    def look(state: tuple) -> tuple:
-        k, halved, near, far, held, best, compromise = state
-        middle = jnp.where(near > 0, jnp.sqrt(near * far), 0.5 * far)
-        radius = jnp.where(held, middle, radii[jnp.minimum(k, radii.size - 1)])
+    def least(radius: Array) -> Float[Array, " rays"]:
         slack = jax.vmap(lambda y: jnp.min(few.slacks(y)))(point(radius))
-        good = slack >= 0
-        better = ~held & (slack > best)
-        return (
-            k + 1,
-            halved + held,
-            jnp.where(good, near, radius),
-            jnp.where(good, radius, far),
-            held | good,
-            jnp.where(better, slack, best),
-            jnp.where(better, radius, compromise),
-        )
+        return jnp.where(jnp.isnan(slack), -jnp.inf, slack)
 
-    def unfinished(state: tuple) -> Array:
-        k, halved, _, _, held, *_ = state
-        return jnp.any(jnp.where(held, halved < _HALVINGS, k < radii.size))
+    def halve(_: int, ends: tuple[Array, Array]) -> tuple[Array, Array]:
+        near, far = ends
+        middle = jnp.where(near > 0, jnp.sqrt(near * far), 0.5 * far)
+        good = least(middle) >= 0
+        return jnp.where(good, near, middle), jnp.where(good, middle, far)
 
-    zero = jnp.zeros(len(ray))
-    begin = (0, zero, zero, zero, zero > 0, zero - jnp.inf, zero)
-    _, _, _, far, held, best, compromise = jax.lax.while_loop(unfinished, look, begin)
-    y = point(jnp.where(held, far, compromise))
+    slack = jax.lax.map(lambda radius: least(jnp.full(len(ray), radius)), radii)
+    held, first = jnp.any(slack >= 0, axis=0), jnp.argmax(slack >= 0, axis=0)
+    begin = radii[jnp.maximum(first - 1, 0)], radii[first]
+    _, far = jax.lax.fori_loop(0, _HALVINGS, halve, begin)
+    y = point(jnp.where(held, far, radii[jnp.argmax(slack, axis=0)]))
     # rays without feasible gains come after all others, by how much they miss
-    cost = jnp.where(held, jnp.linalg.norm(y, axis=1), _FAR * (2 - jnp.tanh(best)))
+    missed = _FAR * (2 - jnp.tanh(jnp.max(slack, axis=0)))
+    cost = jnp.where(held, jnp.linalg.norm(y, axis=1), missed)
     half = len(ray) // 2
     return y[jnp.stack([jnp.argmin(cost[:half]), half + jnp.argmin(cost[half:])])]
 
 
 def _hardest(problem: GainProblem) -> Int[Array, " k"]:
     """The scenarios that need most stiffness and most damping, the softest and the stiffest."""
-    of = sizes(problem.friction, problem.masses)
+    of = sizes(problem.friction, problem.setting.mass)
     critical = jnp.where(jnp.isnan(of.critical), -jnp.inf, of.critical)
     inertia = of.mass * of.rate**2 + of.slope * of.rate
     found = [critical, of.fall - of.slope, inertia, -inertia]
@@ -229,10 +212,19 @@ def steps(few: GainProblem, index: Int[Array, " k"], y: Float[Array, " 2"], size
 
     def step(y: Array, size: Array) -> Steps:
         near = _branches(few, index, y)
-        found, slots = _step(few, y, near, size)
-        length = jnp.linalg.norm(found.d)
-        d = found.d * jnp.minimum(1.0, size * jnp.linalg.norm(y) / above_zero(length))
-        settled = found.feasible & (length <= _SETTLED * jnp.linalg.norm(y))
+        # all limits, and of the branches those that are nearest
+        sizes = jnp.linalg.norm(near.g, axis=1)
+        branch = (near.scenario >= 0) & (sizes > 0)
+        distance = jnp.where(branch, near.c / above_zero(sizes), jnp.inf)
+        limits = jnp.arange(sizes.size - 4, sizes.size)
+        number = min(_LOWEST_ONES, sizes.size - 4)
+        rows = jnp.concatenate([jax.lax.top_k(-distance[:-4], number)[1], limits])
+        length = jnp.linalg.norm(y)
+        found = sqp_step(y, near.c[rows], near.g[rows], near.H[rows], size * length)
+        slots = jnp.where(found.active >= 0, rows[found.active], -1)
+        far = jnp.linalg.norm(found.d)
+        d = found.d * jnp.minimum(1.0, size * length / above_zero(far))
+        settled = found.feasible & (far <= _SETTLED * length)
         return Steps(jnp.clip(y + d, low, high), size * _SHRINK, near, slots, settled)
 
     begin = _zeros(jax.eval_shape(step, y, size))._replace(y=y, size=size)
@@ -247,7 +239,7 @@ def _zeros(shapes: PyTree) -> PyTree:
 
 @eqx.filter_jit
 def _branches(few: GainProblem, worst: Int[Array, " k"], y: Array) -> Near:
-    """All branches of a few scenarios, with first and second derivatives."""
+    """All branches of a few scenarios and the limits, with first and second derivatives."""
 
     def values(y: Array) -> tuple[Array, Array]:
         c = few.constraints(y).reshape(-1)
@@ -262,34 +254,15 @@ def _branches(few: GainProblem, worst: Int[Array, " k"], y: Array) -> Near:
     first = jnp.argmax(worst[:, None] == worst, axis=1) == jnp.arange(worst.size)
     # what has no derivative (a double root, a margin that is not finite) is no constraint here
     fine = jnp.isfinite(c) & jnp.all(jnp.isfinite(g), axis=1) & jnp.repeat(first, each)
+    g = jnp.where(fine[:, None], g, 0.0)
+    H = jnp.where(jnp.isfinite(H) & fine[:, None, None], H, 0.0)
     return Near(
-        jnp.repeat(worst, each),
-        jnp.tile(jnp.arange(each), worst.size),
-        c,
-        jnp.where(fine[:, None], g, 0.0),
-        jnp.where(jnp.isfinite(H) & fine[:, None, None], H, 0.0),
+        jnp.pad(jnp.repeat(worst, each), (0, 4), constant_values=-1),
+        jnp.concatenate([jnp.tile(jnp.arange(each), worst.size), jnp.arange(4)]),
+        jnp.concatenate([c, few.limits(y)]),
+        jnp.concatenate([g, np.eye(2), -np.eye(2)]),
+        jnp.concatenate([H, jnp.zeros((4, 2, 2))]),
     )
-
-
-def _step(
-    few: GainProblem, y: Array, near: Near, size: Array
-) -> tuple[NewtonStep, Int[Array, " 2"]]:
-    """A step under the constraints that are nearest, and the rows of those that decide it."""
-    distance = near.c / above_zero(jnp.linalg.norm(near.g, axis=1))
-    number = min(_LOWEST_ONES, near.c.size)
-    rows = jax.lax.top_k(-jnp.where(jnp.any(near.g != 0, axis=1), distance, jnp.inf), number)[1]
-    here = Local(
-        jnp.concatenate([near.c[rows], few.limits(y)]),
-        jnp.concatenate([near.g[rows], LIMITS]),
-        jnp.concatenate([near.H[rows], jnp.zeros((4, 2, 2))]),
-    )
-    found = sqp_step(y, here, size * jnp.linalg.norm(y))
-    index = jnp.concatenate([rows, near.c.size + jnp.arange(4)])
-    return found, jnp.where(found.active >= 0, index[found.active], -1)
-
-
-LIMITS = np.concatenate([np.eye(2), -np.eye(2)])
-"""Gradients of `GainProblem.limits`."""
 
 
 def above_zero(x: Array) -> Array:
