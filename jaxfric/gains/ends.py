@@ -78,14 +78,13 @@ def classify(
     begin: ArrayLike,
     end: ArrayLike,
     decay: ArrayLike = jnp.inf,
-    small: ArrayLike = SMALL,
 ) -> EndState:
     """End of a motion. V0 = `commanded` [m/s].
 
     The deviation from steady sliding, a = max ln(1 + |V - V0|/V0), is taken in the last three
     quarters of [begin, end]:
 
-    steady       a4 < `small`, or decaying: ln(a4/a3) < -0.22 (or half of what the rate
+    steady       a4 < `SMALL`, or decaying: ln(a4/a3) < -0.22 (or half of what the rate
                  `decay` [1/s] promises, if that is less), and not braking, as the approach of a
                  limit cycle does: ln(a4/a3) is at least half of ln(a3/a2) where a window holds
                  two cycles, else a quarter of it with a4 < 0.3
@@ -101,9 +100,9 @@ def classify(
     half = time >= end - 2 * window
     least, most = _range(velocity, half)
     low, high = _range(deviation, half)
-    count, period, spread = _upward(time, deviation - 0.5 * (low + high), half)
+    count, period, spread = upward(time, deviation - 0.5 * (low + high), half)
     oscillates = count >= 2
-    steady, last = settles((a2, a3, a4), count, window, decay, small=small)
+    steady, last = settles((a2, a3, a4), count, window, decay)
     code = ENDS.where(
         steady, ENDS.steady, ENDS.where(oscillates, ENDS.limit_cycle, ENDS.unresolved)
     )
@@ -113,12 +112,7 @@ def classify(
 
 
 def settles(
-    largest: tuple[Array, Array, Array],
-    count: Array,
-    window: ArrayLike,
-    decay: ArrayLike,
-    *,
-    small: ArrayLike = SMALL,
+    largest: tuple[Array, Array, Array], count: Array, window: ArrayLike, decay: ArrayLike
 ) -> tuple[Bool[Array, " *s"], Float[Array, " *s"]]:
     """Whether a motion settles, by the rule of `classify`, and ln(a4/a3).
 
@@ -133,7 +127,7 @@ def settles(
     keeps_on = jnp.where(
         count >= CYCLES, last <= 0.5 * before, (a4 < LINEAR) & (last <= 0.25 * before)
     )
-    return (a4 < small) | ((last < clear) & keeps_on), last
+    return (a4 < SMALL) | ((last < clear) & keeps_on), last
 
 
 def mean_and_spread(
@@ -169,7 +163,7 @@ def _range(
     return jnp.min(jnp.where(inside, x, jnp.inf)), jnp.max(jnp.where(inside, x, -jnp.inf))
 
 
-def _upward(
+def upward(
     time: Float[Array, " n"], x: Float[Array, " n"], inside: Bool[Array, " n"]
 ) -> tuple[Array, Float[Array, ""], Float[Array, ""]]:
     """Number of upward zero crossings of `x`, mean and spread of the times between them."""

@@ -18,6 +18,8 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 
 from ..rig.friction import AbstractLaw, AbstractStribeck
 from ..rig.friction.law import Conditions
+from ..stability.analysis import steady_points
+from .ends import upward
 
 _OFFSETS = (2.0, 3.3, 5.7)
 """Distances to the target at the start, in F_s/k_p: the slider moves at once. Several, as from one
@@ -60,9 +62,14 @@ def hunting(
     """
     k_p, _, k_i = gains
     band = static / k_p
-    drop = max(static - _least_friction(law, fastest), _LEAST_DROP * static)
+    # kinetic friction: the least from the speed on at which friction is largest
+    steady = np.asarray(steady_points(law, fastest * np.geomspace(1e-6, 1.0, _SPEEDS)).force)
+    drop = max(static - float(np.min(steady[np.argmax(steady) :])), _LEAST_DROP * static)
     loose = k_p / k_i * static / drop
-    law = _smoothed(law, _CREEP * band / loose)
+    if isinstance(law, AbstractStribeck) and law.width is None:
+        # a sign smooth enough to be simulated through rest, and no smoother
+        width = jnp.asarray(_CREEP * band / loose)
+        law = eqx.tree_at(lambda one: one.width, law, width, is_leaf=lambda x: x is None)
     duration = _STICKS * loose
     time = jnp.linspace(0.0, duration, _SAMPLES)
     x, ended = _positions(law, jnp.asarray([mass, *gains]), jnp.asarray(band), time)
@@ -70,22 +77,6 @@ def hunting(
         return None
     found = [_described(np.asarray(time), one, band) for one in np.asarray(x)]
     return max(found, key=lambda one: one.amplitude or 0.0)
-
-
-def _least_friction(law: AbstractLaw, fastest: float) -> float:
-    """The least steady friction from the speed at which it is largest up to another."""
-    speeds = fastest * jnp.geomspace(1e-6, 1.0, _SPEEDS)
-    zero = Conditions(jnp.zeros(()), jnp.zeros(()))
-    force = np.asarray(jax.vmap(lambda V: law.force(V, law.steady_state(V), zero))(speeds))
-    return float(np.min(force[np.argmax(force) :]))
-
-
-def _smoothed(law: AbstractLaw, width: float) -> AbstractLaw:
-    """The law with a sign smooth enough to be simulated through rest, and no smoother."""
-    if isinstance(law, AbstractStribeck) and law.width is None:
-        new = jnp.asarray(width)
-        return eqx.tree_at(lambda one: one.width, law, new, is_leaf=lambda x: x is None)
-    return law
 
 
 @eqx.filter_jit
@@ -133,10 +124,8 @@ def _described(time: np.ndarray, x: np.ndarray, band: float) -> Hunting:
     if np.ptp(last) > _GROWN * max(_OFFSETS) * band:
         return Hunting(float("inf"), None, duration)
     half = time >= 0.5 * duration
-    t, y = time[half], x[half] - 0.5 * (x[half].min() + x[half].max())
-    up = np.flatnonzero((y[:-1] < 0) & (y[1:] >= 0))
-    if still or len(up) < 3:
+    middle = 0.5 * (x[half].min() + x[half].max())
+    count, period, _ = upward(jnp.asarray(time), jnp.asarray(x - middle), jnp.asarray(half))
+    if still or count < 3:
         return Hunting(None, None, duration)
-    crossed = t[up] - y[up] * (t[up + 1] - t[up]) / (y[up + 1] - y[up])
-    period = float(crossed[-1] - crossed[0]) / (len(crossed) - 1)
-    return Hunting(float(np.ptp(x[half])) / 2, period, duration)
+    return Hunting(float(np.ptp(x[half])) / 2, float(period), duration)

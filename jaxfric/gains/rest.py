@@ -6,13 +6,10 @@ stops anywhere within F_s/k_p of the target, and an accuracy a asks for k_p >= F
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
-from ..laws.registry import Law
 from ..rig.friction import AbstractLaw
-from ..rig.friction.law import Conditions
+from ..stability.analysis import steady_points
 from ..stability.kernel import kernel_total
 from .scenarios import Scenarios
 
@@ -33,16 +30,7 @@ def friction_at_rest(scenarios: Scenarios) -> float | None:
         return None  # a delay law is of motion only
     slowest = float(np.min(scenarios.velocity))
     total = np.asarray(jax.vmap(kernel_total)(scenarios.friction.kernel))
-    range_ = [slowest] if np.any(total != 0) else slowest * np.geomspace(_SLOWER, 1.0, _POINTS)
-    largest = float(np.max(np.asarray(_steady(scenarios.laws, jnp.asarray(range_)))))
+    speeds = slowest * (np.ones(1) if np.any(total) else np.geomspace(_SLOWER, 1.0, _POINTS))
+    points = eqx.filter_vmap(lambda law: steady_points(law, speeds))(scenarios.laws)
+    largest = float(np.max(np.asarray(points.force)))
     return largest if np.isfinite(largest) and largest > 0 else None
-
-
-@eqx.filter_jit
-def _steady(laws: Law, speeds: Float[Array, " n"]) -> Float[Array, "samples n"]:
-    """Steady friction of every sample at the speeds."""
-
-    def one(law: AbstractLaw, V: Array) -> Array:
-        return law.force(V, law.steady_state(V), Conditions(jnp.zeros_like(V), jnp.zeros_like(V)))
-
-    return eqx.filter_vmap(lambda law: jax.vmap(lambda V: one(law, V))(speeds))(laws)

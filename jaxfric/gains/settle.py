@@ -10,8 +10,8 @@ from jaxtyping import Array, ArrayLike
 
 from ..motion import PiecewiseVelocity
 from ..rig import Rig
-from ..simulation import RESULTS, Start, Trajectory, simulate
-from .ends import ENDS, RUNAWAY, SMALL, EndState, Track, classify
+from ..simulation import RESULTS, Start, simulate
+from .ends import ENDS, RUNAWAY, EndState, Track, classify
 
 PERIODS = 30.0
 """Time that a motion is given to end, in periods of the slowest linear mode."""
@@ -28,13 +28,11 @@ class Policy(eqx.Module):
         1e-4 the solver itself damps a small oscillation, by 0.4 % of its frequency.
     runaway : escape is a velocity `runaway` times the commanded one. Slips of a light
         slider legitimately reach 1e6.
-    small : the end is steady where max |V - V0|/V0 stays below this.
     """
 
     rtol: float = eqx.field(static=True, default=1e-5)
     max_steps: int = eqx.field(static=True, default=4096)
     runaway: float = eqx.field(static=True, default=RUNAWAY)
-    small: float = eqx.field(static=True, default=SMALL)
 
 
 STANDARD = Policy()
@@ -75,14 +73,12 @@ def end_and_share(
 ) -> tuple[EndState, Array]:
     """The `end_state`, and the share of its time for which the motion was followed."""
     V = jnp.asarray(velocity, jnp.result_type(float))
-    horizon = jnp.asarray(horizon, V.dtype)
-    rate = jnp.zeros_like(V) if decay is None else jnp.asarray(decay, V.dtype)
-    known = jnp.isfinite(rate) & (rate > 0)
-    horizon = stretched(horizon, rate)
+    rate = jnp.asarray(0.0 if decay is None else decay, V.dtype)
+    horizon = stretched(jnp.asarray(horizon, V.dtype), rate)
     lead = jnp.zeros_like(V)
     if start is not None and start.elongation is not None:
         lead = jnp.abs(start.elongation / V)
-    trajectory = simulate(
+    found = simulate(
         rig,
         PiecewiseVelocity(jnp.zeros(1, V.dtype), V[None]),
         jnp.stack([jnp.zeros_like(V), lead + horizon]),
@@ -92,30 +88,15 @@ def end_and_share(
         max_steps=policy.max_steps,
         runaway=policy.runaway,
     )
-    end = _end_of(trajectory, V, lead, horizon, jnp.where(known, rate, jnp.inf), policy)
-    return end, trajectory.time[-1] / (lead + horizon)
-
-
-def _end_of(
-    trajectory: Trajectory, V: Array, lead: Array, horizon: Array, rate: Array, policy: Policy
-) -> EndState:
-    ran_away = trajectory.result == RESULTS.ran_away
-    finite = jnp.all(jnp.isfinite(trajectory.velocity)) & jnp.all(jnp.isfinite(trajectory.slip))
-    gave_up = (trajectory.result != RESULTS.successful) & ~ran_away
-    track = Track(
-        trajectory.time,
-        jnp.where(finite, trajectory.velocity, 0.0),
-        jnp.where(finite, trajectory.slip, 0.0) - V * trajectory.time,
-    )
-    end = classify(
-        track,
-        V,
-        begin=lead,
-        end=lead + horizon,
-        decay=rate,
-        small=policy.small,
-    )
-    return end.unless(ran_away | ~finite, ENDS.escape).unless(gave_up & finite, ENDS.unresolved)
+    finite = jnp.all(jnp.isfinite(found.velocity)) & jnp.all(jnp.isfinite(found.slip))
+    velocity, slip = (jnp.where(finite, x, 0.0) for x in (found.velocity, found.slip))
+    rate = jnp.where(jnp.isfinite(rate) & (rate > 0), rate, jnp.inf)
+    track = Track(found.time, velocity, slip - V * found.time)
+    end = classify(track, V, begin=lead, end=lead + horizon, decay=rate)
+    escaped = ~finite | (found.result == RESULTS.ran_away)
+    fault = escaped | (found.result != RESULTS.successful)
+    end = end.unless(fault, ENDS.where(escaped, ENDS.escape, ENDS.unresolved))
+    return end, found.time[-1] / (lead + horizon)
 
 
 def stretched(horizon: Array, decay: Array) -> Array:
