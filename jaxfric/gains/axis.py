@@ -44,18 +44,15 @@ def axis_gains(
     compliance between motor and load.
     """
     speed = np.geomspace(slowest, fastest, _SPEEDS)
-    best: tuple[float, float] | None = None
-    for sign in (1.0, -1.0):
-        slope = np.gradient(np.asarray(force(sign * speed)), sign * speed)
-        k = int(np.argmin(slope))
-        if best is None or slope[k] < best[0]:
-            best = float(slope[k]), sign * float(speed[k])
-    assert best is not None
-    least = max(0.0, -best[0])
+    velocity = np.stack([speed, -speed])
+    slope = np.stack([np.gradient(np.asarray(force(v)), v) for v in velocity])
+    worst = np.unravel_index(np.argmin(slope), slope.shape)
+    at, least_slope = float(velocity[worst]), float(slope[worst])
+    least = max(0.0, -least_slope)
     gain = None if drive is None or not drive.gain else least / drive.gain
-    sigma = 0.0 if error is None else error(best[1])
-    curve = Curve(best[0], sigma, slowest, fastest, above, unseen)
-    return AxisGains(best[1], best[0], least, gain, curve=curve)
+    sigma = 0.0 if error is None else error(at)
+    curve = Curve(least_slope, sigma, slowest, fastest, above, unseen)
+    return AxisGains(at, least_slope, least, gain, curve=curve)
 
 
 def state_gains(
