@@ -20,8 +20,8 @@ from jaxfric.gains import (
     law_from_parameters,
     schedule,
 )
-from jaxfric.gains.frontier import Region
-from jaxfric.gains.gains import Machine, Measure, _warnings, seek_gains
+from jaxfric.gains.frontier import GainTask, Region
+from jaxfric.gains.gains import Wanted, _warnings, seek_gains
 from jaxfric.gains.margins import slacks
 from jaxfric.gains.result import LocalOptimum, WorstCase
 from jaxfric.gains.scenarios import Scenarios
@@ -47,7 +47,7 @@ def single(p, margins, scale=(None, None), **more):
     law = stack([rate_state(p["A"], p["B"], p["L"], p["V"])])
     scenarios = Scenarios.product(law, [p["V"]], [p["m"]])
     region = make_region(scenarios, scale, more.get("lower", FREE[0]), more.get("upper", FREE[0]))
-    return solve(Requirement(margins), scenarios, region)
+    return solve(GainTask(Requirement(margins), scenarios, region))
 
 
 def golden_source():
@@ -71,7 +71,11 @@ def test_random_cases_against_minimisation_in_one_dimension():
         np.testing.assert_allclose(
             best.gains / scale, (kp / scale[0], kv / scale[1]), atol=1e-5 * norm
         )
-        assert best.residual < 1e-9 and found.smaller_found == 0 and found.grid_points > 1e4
+        assert (
+            best.residual < 1e-9
+            and found.certificate.smaller_found == 0
+            and found.certificate.grid_points > 1e4
+        )
         nearer.append(kp / scale[0] > kv / scale[1])
     assert 2 < sum(nearer) < 10
 
@@ -158,9 +162,8 @@ def test_margins_that_contradict_each_other():
     assert re.search(r"(decay|delay)=.* is missed at velocity", found.text)
 
 
-def sought(law, *, velocity, mass, margin, upper, confidence=1.0):
-    measure = Measure(upper=upper)
-    return seek_gains(law, Machine(velocity, mass), margin, measure, confidence=confidence)
+def sought(law, **asked):
+    return seek_gains(law, Wanted(**asked))
 
 
 def test_that_there_are_no_gains_is_a_value_and_then_an_error():
@@ -188,7 +191,7 @@ def test_a_band_that_narrows_is_no_second_optimum():
     p = dict(A=1.0, B=10.3746, L=1.0677944e-3, V=2e-3, m=116.23403)
     found = single(p, {"decay": 2.52399})
     (optimum,) = found.optima
-    unit = found.region.unit
+    unit = found.task.region.unit
     v = np.geomspace(0.02, 5, 160)
     u = np.geomspace(0.3, 8, 4000)
     # the frontier by NumPy's companion matrices: least k_p for each k_v

@@ -14,7 +14,7 @@ from scipy.optimize import minimize
 
 from jaxfric.gains import frontier
 from jaxfric.gains import solve as solve_module
-from jaxfric.gains.frontier import FrontierPoint, Region, alone, largest_alone, lowest
+from jaxfric.gains.frontier import GainTask, Region, alone, largest_alone, lowest
 from jaxfric.gains.frontier import minima as on_frontier
 from jaxfric.gains.solve import Optimum, _dense, optimum, solve
 from jaxfric.stability.linear import Setting
@@ -102,8 +102,11 @@ def by_formula(monkeypatch):
             least = u - requirement(v)
         return np.repeat(np.asarray(least)[:, None], len(scenarios), axis=1)
 
-    for module in (frontier, solve_module):
-        monkeypatch.setattr(module, "slacks", slacks)
+    monkeypatch.setattr(frontier, "slacks", slacks)
+
+
+def problem(requirement, region=FREE, number=1):
+    return GainTask(requirement, Scenario(number), region)
 
 
 # ---- the frontier ----------------------------------------------------------------------------
@@ -116,7 +119,7 @@ def by_formula(monkeypatch):
 )  # fmt: skip
 def test_the_lowest_gain_that_is_accepted(needed, v, u):
     axis = np.geomspace(1e-6, 1e3, 40)
-    (found,) = lowest(needed, Scenario(), FREE, axis, np.asarray([v]))
+    (found,) = lowest(problem(needed), axis, np.asarray([v]))
     assert found == pytest.approx(u, rel=1e-6, abs=1e-6)
     assert found >= u
 
@@ -126,20 +129,20 @@ def test_the_lowest_gain_that_is_accepted(needed, v, u):
 def test_every_local_minimum_of_the_norm_is_an_optimum(needed, scale):
     region = FREE._replace(scale=np.asarray(scale))
     truth = minima(needed, region)
-    found = sorted(on_frontier(needed, Scenario(), region), key=lambda one: one.norm)
+    found = sorted(on_frontier(problem(needed, region)), key=region.norm)
     assert len(found) == len(truth) >= 1 + (needed is two_dips and scale == (1.0, 1.0))
     for one, (norm, _, v) in zip(found, truth, strict=True):
-        assert norm * (1 - 1e-9) <= one.norm <= norm * 1.05  # among the points of its grid
-        assert one.v == pytest.approx(v, abs=0.1)
-        assert one.u >= needed(np.asarray(one.v)) * (1 - 1e-12)
+        assert norm * (1 - 1e-9) <= region.norm(one) <= norm * 1.05  # among the points of its grid
+        assert one[1] == pytest.approx(v, abs=0.1)
+        assert one[0] >= needed(one[1]) * (1 - 1e-12)
 
 
 def test_held_by_one_of_the_two_alone():
-    stiff, damped = alone(one_dip, Scenario(), FREE)
-    assert (stiff.u, stiff.v) == (pytest.approx(1.5, rel=1e-6), 0.0)
-    assert damped.u == 1e-9 and damped.v == pytest.approx(np.log(1.5e9), rel=1e-6)
-    (only,) = alone(lambda v: 1.0 - (v > 3.0), Scenario(), FREE._replace(upper=np.full(2, 2.0)))
-    assert (only.u, only.v) == (pytest.approx(1.0, rel=1e-6), 0.0)
+    stiff, damped = alone(problem(one_dip))
+    assert tuple(stiff) == (pytest.approx(1.5, rel=1e-6), 0.0)
+    assert tuple(damped) == (1e-9, pytest.approx(np.log(1.5e9), rel=1e-6))
+    (only,) = alone(problem(lambda v: 1.0 - (v > 3.0), FREE._replace(upper=np.full(2, 2.0))))
+    assert tuple(only) == (pytest.approx(1.0, rel=1e-6), 0.0)
 
 
 @pytest.mark.parametrize(
@@ -155,7 +158,7 @@ def test_up_to_which_gains_a_requirement_is_met(monkeypatch, slack, k_p, k_v):
     monkeypatch.setattr(
         frontier, "slacks", lambda need, scenarios, unit, gains: slack(*gains.T)[:, None]
     )
-    for found, true in zip(largest_alone(None, Scenario(), FREE), (k_p, k_v), strict=True):
+    for found, true in zip(largest_alone(problem(None)), (k_p, k_v), strict=True):
         assert found == true or 0.98 * true < found <= true
 
 
@@ -175,7 +178,7 @@ def test_up_to_which_gains_a_requirement_is_met(monkeypatch, slack, k_p, k_v):
 )
 def test_lines_push_inwards_only(functions, upper, gains, at_limit):
     region = FREE._replace(upper=np.asarray([np.inf, upper]))
-    found = optimum(Needed(*functions), Scenario(), region, FrontierPoint(5.0, 1.4, np.inf))
+    found = optimum(problem(Needed(*functions), region), np.array([5.0, 1.4]))
     np.testing.assert_allclose(found.gains, gains, rtol=1e-9, atol=1e-9)
     assert found.residual < 1e-9 and found.active == (0,) and found.at_limit == at_limit
 
@@ -186,8 +189,8 @@ CURVES = (lambda u, v: u + 0.5 * v**2 - 1.5, lambda u, v: v + 0.2 * u**2 - 1.2)
 def test_an_optimum_where_two_constraints_meet():
     """The least norm is where they meet, (1, 1); a third is far away."""
     needed = Needed(*CURVES, lambda u, v: 9.0 + 0 * u * v)
-    start = FrontierPoint(1.6, 1.3, np.inf)
-    found = optimum(needed, Scenario(3), FREE, start)
+    start = np.array([1.6, 1.3])
+    found = optimum(problem(needed, number=3), start)
     np.testing.assert_allclose(found.gains, (1.0, 1.0), rtol=1e-9)
     # (1, 1) = l (1, 1) + m (0.4, 1): l = 1, m = 0
     assert found.residual < 1e-9 and len(found.active) == 1 and not found.at_limit
@@ -197,7 +200,7 @@ def test_an_optimum_where_two_constraints_meet():
         constraints=[{"type": "ineq", "fun": lambda x, c=c: c(*x)} for c in CURVES],
         options={"gtol": 1e-10, "xtol": 1e-12},
     )  # fmt: skip
-    found = optimum(needed, Scenario(), tilted, start)
+    found = optimum(problem(needed, tilted), start)
     np.testing.assert_allclose(found.gains, truth.x, atol=1e-5)
     assert found.residual < 1e-9
 
@@ -206,13 +209,13 @@ def test_an_optimum_where_two_constraints_meet():
 def test_an_optimum_is_the_least_norm(scale):
     region = FREE._replace(scale=np.asarray(scale))
     (norm, u, v), *_ = minima(one_dip, region)
-    start = FrontierPoint(1.2 * one_dip(1.1 * v), 1.1 * v, np.inf)
-    found = optimum(above(one_dip), Scenario(), region, start)
+    start = np.array([1.2 * one_dip(1.1 * v), 1.1 * v])
+    found = optimum(problem(above(one_dip), region), start)
     assert found.norm == pytest.approx(norm, rel=1e-8) and found.residual < 1e-6
     np.testing.assert_allclose(found.gains, (u, v), rtol=1e-4)
     assert found.active == (0,) and not found.at_limit
     higher = region._replace(lower=np.asarray([1e-9, 1.5 * v]))
-    found = optimum(above(one_dip), Scenario(), higher, FrontierPoint(1.0, 1.5 * v, np.inf))
+    found = optimum(problem(above(one_dip), higher), np.array([1.0, 1.5 * v]))
     np.testing.assert_allclose(found.gains, (one_dip(1.5 * v), 1.5 * v), rtol=1e-6)
     assert found.at_limit
 
@@ -221,12 +224,12 @@ def test_an_optimum_without_a_slope(monkeypatch):
     """The margin jumps where it is met: the least norm is still found, if only to a grid."""
 
     steps = Needed(lambda u, v: jnp.sign(u - one_dip(v)))
-    start = FrontierPoint(float(1.2 * one_dip(1.1)), 1.1, 2.0)
-    assert optimum(steps, Scenario(), FREE, start) is None
+    start = np.array([1.2 * one_dip(1.1), 1.1])
+    assert optimum(problem(steps), start) is None
     monkeypatch.setattr(solve_module, "optimum", lambda *_: None)
-    found = solve(one_dip, Scenario(), FREE)
+    found = solve(problem(one_dip))
     assert found.optima[0].norm == pytest.approx(minima(one_dip)[0][0], rel=1e-6)
-    assert found.optima[0].residual == 1.0 and found.smaller_found == 0
+    assert found.optima[0].residual == 1.0 and found.certificate.smaller_found == 0
 
 
 # ---- the certificate -------------------------------------------------------------------------
@@ -249,10 +252,11 @@ def optimum_at(v, needed=one_dip):
 def test_a_dense_grid_finds_what_is_smaller(factor, lower, found):
     _, _, v = minima(one_dip)[0]
     told, region = optimum_at(factor * v), FREE._replace(lower=np.asarray([1e-9, lower * v]))
-    tried, smaller = _dense(one_dip, Scenario(), Scenario(), region, [told])
+    asked = problem(one_dip, region)
+    tried, smaller = _dense(asked, asked, [told])
     assert tried > 100
-    assert (smaller is not None) == found
-    if smaller is not None:
+    assert (len(smaller) > 0) == found
+    if found:
         assert np.all(np.hypot(*smaller.T) < told.norm) and np.all(smaller[:, 1] >= lower * v)
         assert np.all(smaller[:, 0] >= one_dip(smaller[:, 1]))
 
@@ -260,24 +264,23 @@ def test_a_dense_grid_finds_what_is_smaller(factor, lower, found):
 def solved(monkeypatch, stuck):
     """A solution where the first start is none; `stuck`: whatever starts, the same comes out."""
 
-    def ends(requirement, scenarios, region, start):
-        if stuck or start.v == 2.0:
+    def ends(asked, start):
+        if stuck or start[1] == 2.0:
             return optimum_at(2.0)
-        return optimum(above(requirement), scenarios, region, start)
+        return optimum(problem(above(asked.requirement)), start)
 
     monkeypatch.setattr(solve_module, "optimum", ends)
-    bad = optimum_at(2.0)
-    monkeypatch.setattr(solve_module, "minima", lambda *_: [FrontierPoint(*bad.gains, bad.norm)])
+    monkeypatch.setattr(solve_module, "minima", lambda *_: [optimum_at(2.0).gains])
     monkeypatch.setattr(solve_module, "alone", lambda *_: [])
-    return solve(one_dip, Scenario(), FREE)
+    return solve(problem(one_dip))
 
 
 def test_what_the_certificate_finds_is_a_new_start(monkeypatch):
     found = solved(monkeypatch, stuck=False)
-    assert found.rounds > 1 and found.smaller_found == 0
+    assert found.certificate.rounds > 1 and found.certificate.smaller_found == 0
     assert found.optima[0].norm == pytest.approx(minima(one_dip)[0][0], rel=1e-8)
 
 
 def test_a_certificate_that_fails_says_so(monkeypatch):
     found = solved(monkeypatch, stuck=True)
-    assert found.smaller_found > 0 and found.optima[0].norm == optimum_at(2.0).norm
+    assert found.certificate.smaller_found > 0 and found.optima[0].norm == optimum_at(2.0).norm

@@ -12,7 +12,7 @@ from scipy.signal import cont2discrete
 from scipy.special import lambertw
 
 from jaxfric import InputError, find_gains, law_from_parameters
-from jaxfric.gains.frontier import Region, largest_alone
+from jaxfric.gains.frontier import GainTask, Region, largest_alone
 from jaxfric.gains.margins import slacks
 from jaxfric.gains.requirement import Requirement
 from jaxfric.gains.scenarios import Scenarios
@@ -176,7 +176,7 @@ def test_the_largest_gains_of_a_late_controller():
     slope = float(late.friction.slope[0])
     assert slope > 0
     region = Region(np.ones(2), np.ones(2), np.array([1e-9, 0.0]), np.full(2, np.inf))
-    k_p, k_v = largest_alone(Requirement({"modulus": 0.5}), late, region)
+    k_p, k_v = largest_alone(GainTask(Requirement({"modulus": 0.5}), late, region))
     for gains, most in (((k_p, 0.0), k_p), ((1e-9, k_v), k_v)):
         assert most > 0
         p, more = (np.array([1.0, *(g * np.asarray(gains)), slope, 0, 1, 3e-3]) for g in (1, 1.03))

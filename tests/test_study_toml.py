@@ -192,10 +192,10 @@ def test_only_what_is_out_of_reach_has_no_gains(monkeypatch: pytest.MonkeyPatch)
     """Whatever is raised is an error, with its text, and be it of the kind `NoGains`."""
     from jaxfric.gains.solve import Infeasible, NoGains
 
-    def seek(law, machine, *policy):
-        if machine.velocity[0] > 3e-6:
-            return Infeasible("too much is asked")
-        raise NoGains("k_p is odd") if machine.velocity[0] > 1.5e-6 else InputError("k_p is odder")
+    def seek(law, asked):
+        if asked.velocity[0] > 3e-6:
+            return Infeasible("phase", 1.0, 0.5, {}, None, None)
+        raise NoGains("k_p is odd") if asked.velocity[0] > 1.5e-6 else InputError("k_p is odder")
 
     monkeypatch.setattr("jaxfric.gains.gains.seek_gains", seek)
     text = 'compute = ["gains"]\n' + GOOD.partition("\n")[2].partition("\n")[2]
@@ -213,7 +213,7 @@ def test_only_what_is_out_of_reach_has_no_gains(monkeypatch: pytest.MonkeyPatch)
 def test_a_study_of_nothing_but_errors_says_where_and_what(monkeypatch: pytest.MonkeyPatch) -> None:
     """One line with the first member and its error; no store is left."""
 
-    def seek(law, *policy):
+    def seek(law, asked):
         raise InputError("k_p is odd")
 
     monkeypatch.setattr("jaxfric.gains.gains.seek_gains", seek)

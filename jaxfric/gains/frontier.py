@@ -1,23 +1,21 @@
 """The frontier of feasible gains: for every k_v the smallest k_p that meets the requirement.
 
-Gains are in natural units here: u = k_p/K0, v = k_v/C0 (`natural_units`). The norm grows with u,
-so the smallest norm lies on the frontier u(v), and its local minima along v are the local optima.
+The norm grows with k_p, so the smallest norm lies on the frontier k_p(k_v), and its local minima
+along k_v are the local optima.
 """
 
 from typing import NamedTuple
 
 import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import ArrayLike
+from jaxtyping import ArrayLike, Bool, Float
 
 from ..coordinate import Coordinate
 from ..rig.friction import AbstractLaw
 from .margins import slacks
-from .natural import NaturalSizes, natural_units, sizes
+from .natural import NaturalSizes, sizes
 from .requirement import Requirement
-from .scenarios import Scenarios, padded
+from .scenarios import SMALL_TILE, Scenarios, in_tiles
 
 _BISECTIONS = 28
 # Of `zoom`: ever finer grids, points of each along v and u, and how far about its start.
@@ -42,107 +40,93 @@ class Region(NamedTuple):
         """Norm sqrt((k_p/s_p)^2 + (k_v/s_v)^2) of pairs of gains along the last axis."""
         return np.sqrt(np.sum(np.square(np.asarray(gains) / self.scale), axis=-1))
 
+    def axes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Values of k_p and of k_v that cover all that can matter, ascending, within the limits."""
+        u = np.concatenate([np.geomspace(1e-9, 1e4, 53), np.linspace(0.2, 2.0, 10)])
+        v = np.concatenate([np.geomspace(1e-5, 1e3, 57), np.linspace(0.05, 1.5, 30), [0.0]])
+        return self._limited(u, 0), self._limited(v, 1)
 
-def region_units(scenarios: Scenarios) -> np.ndarray:
-    """The natural units (K0, C0) of many scenarios (`natural_units`)."""
-    return np.asarray(natural_units(_sizes(scenarios)))
-
-
-_sizes_of = eqx.filter_jit(sizes)
-
-
-def _sizes(scenarios: Scenarios) -> NaturalSizes:
-    rows = padded(np.arange(len(scenarios)), size=scenarios.tile)
-    mass = np.zeros(len(scenarios)) if scenarios.mass is None else scenarios.mass
-    found = _sizes_of(scenarios.take(rows).friction, jnp.asarray(mass[rows]))
-    return jax.tree.map(lambda x: x[: len(scenarios)], found)
+    def _limited(self, values: np.ndarray, i: int) -> np.ndarray:
+        """Values in natural units, in SI and within the limits, with the limits themselves."""
+        ends = [x for x in (self.lower[i], self.upper[i]) if np.isfinite(x)]
+        return np.unique(np.clip([*values * self.unit[i], *ends], self.lower[i], self.upper[i]))
 
 
-def axes(region: Region) -> tuple[np.ndarray, np.ndarray]:
-    """Values of u and of v that cover all the gains that can matter, ascending, within limits."""
-    u = np.concatenate([np.geomspace(1e-9, 1e4, 53), np.linspace(0.2, 2.0, 10)])
-    v = np.concatenate([np.geomspace(1e-5, 1e3, 57), np.linspace(0.05, 1.5, 30), [0.0]])
-    low, high = region.lower / region.unit, region.upper / region.unit
-    return _within(u, low[0], high[0]), _within(v, low[1], high[1])
+_sizes = eqx.filter_jit(sizes)
 
 
-def _within(values: np.ndarray, low: float, high: float) -> np.ndarray:
-    ends = [low, high] if np.isfinite(high) else [low]
-    kept = values[(values > low) & (values < high)]
-    return np.unique(np.concatenate([kept, ends]))
+def sizes_of(scenarios: Scenarios) -> NaturalSizes:
+    """What sets the size of the gains, in every scenario."""
+
+    def found(rows: np.ndarray) -> NaturalSizes:
+        some = scenarios.take(rows)
+        return _sizes(some.friction, some.setting.mass)
+
+    return in_tiles(found, len(scenarios), SMALL_TILE)
+
+
+class GainTask(NamedTuple):
+    """Gains within a region, for a requirement in some scenarios."""
+
+    requirement: Requirement
+    scenarios: Scenarios
+    region: Region
+
+    def among(self, scenarios: Scenarios) -> "GainTask":
+        """The task of other scenarios."""
+        return self._replace(scenarios=scenarios)
+
+    def slacks(self, gains: np.ndarray) -> Float[np.ndarray, "p n"]:
+        """Least slack of every scenario (columns) at every pair of gains (rows)."""
+        return slacks(self.requirement, self.scenarios, self.region.unit, gains)
+
+    def accepts(self, gains: np.ndarray) -> Bool[np.ndarray, " p"]:
+        """Which pairs of gains (rows) meet the requirement in every scenario."""
+        return np.min(self.slacks(gains), axis=1) >= 0
 
 
 def lowest(
-    requirement: Requirement,
-    scenarios: Scenarios,
-    region: Region,
-    u: np.ndarray,
-    v: np.ndarray,
-    *,
-    along: int = 0,
-) -> np.ndarray:
-    """For each v the smallest u that all scenarios accept; inf if none of the given `u` is.
+    task: GainTask, tried: np.ndarray, given: np.ndarray, *, along: int = 0
+) -> Float[np.ndarray, " n"]:
+    """The smallest k_p that all scenarios accept with each `given` k_v; inf if none `tried` is.
 
-    `u` ascends. The first accepted one is refined by bisection towards the one before it.
-    With `along` 1 the two change places: u is damping and v stiffness.
+    `tried` ascends. The first accepted one is refined by bisection towards the one before it.
+    With `along` 1 the two change places: `tried` is damping and `given` stiffness.
     """
 
-    def accepted(u: np.ndarray, v: np.ndarray) -> np.ndarray:
-        pair = np.stack([u, v] if along == 0 else [v, u], axis=-1) * region.unit
-        found = slacks(requirement, scenarios, region.unit, pair.reshape(-1, 2))
-        return np.min(found, axis=1).reshape(u.shape) >= 0
+    def accepted(tried: np.ndarray, given: np.ndarray) -> np.ndarray:
+        pair = np.broadcast_arrays(tried, given)
+        gains = np.stack(pair if along == 0 else pair[::-1], axis=-1)
+        return task.accepts(gains.reshape(-1, 2)).reshape(gains.shape[:-1])
 
-    good = accepted(*np.broadcast_arrays(u[None, :], v[:, None]))
-    first = np.argmax(good, axis=1)
-    some = good.any(axis=1)
-    low, high = u[np.maximum(first - 1, 0)][some], u[first][some]
+    good = accepted(tried[None, :], given[:, None])
+    first, some = np.argmax(good, axis=1), good.any(axis=1)
+    low, high = tried[np.maximum(first - 1, 0)], tried[first]
     for _ in range(_BISECTIONS if some.any() else 0):
         middle = np.where(low > 0, np.sqrt(low * high), 0.5 * high)
-        good = accepted(middle, v[some])
+        good = accepted(middle, given)
         low, high = np.where(good, low, middle), np.where(good, middle, high)
-    result = np.full(v.size, np.inf)
-    result[some] = high
-    return result
+    return np.where(some, high, np.inf)
 
 
-class FrontierPoint(NamedTuple):
-    """A local minimum of the norm along the frontier, in natural units, and its distance."""
-
-    u: float
-    v: float
-    norm: float
-
-
-def minima(requirement: Requirement, scenarios: Scenarios, region: Region) -> list[FrontierPoint]:
-    """Local minima of the norm along the whole frontier, among its points on a grid of v."""
-    u, v = axes(region)
-    found = lowest(requirement, scenarios, region, u, v)
-    norm = region.norm(np.stack([found, v], axis=1) * region.unit)
-    starts = []
-    for i in range(v.size):
-        left = norm[i - 1] if i else np.inf
-        right = norm[i + 1] if i + 1 < v.size else np.inf
-        if np.isfinite(norm[i]) and norm[i] <= left and norm[i] < right:
-            starts.append(FrontierPoint(float(found[i]), float(v[i]), float(norm[i])))
-    return starts
+def minima(task: GainTask) -> list[Float[np.ndarray, " 2"]]:
+    """Local minima of the norm along the whole frontier, among its points on a grid of k_v."""
+    k_p, k_v = task.region.axes()
+    gains = np.stack([lowest(task, k_p, k_v), k_v], axis=1)
+    norm = task.region.norm(gains)
+    left, right = np.append(np.inf, norm[:-1]), np.append(norm[1:], np.inf)
+    return list(gains[np.isfinite(norm) & (norm <= left) & (norm < right)])
 
 
-def alone(requirement: Requirement, scenarios: Scenarios, region: Region) -> list[FrontierPoint]:
+def alone(task: GainTask) -> list[Float[np.ndarray, " 2"]]:
     """The smallest stiffness with the least damping, and the smallest damping with the least
     stiffness: how the slider is held by one of the two alone. Those that exist."""
+    low = task.region.lower
     found = []
-    low = region.lower / region.unit
-    for along, axis in enumerate(axes(region)):
-        value = lowest(
-            requirement, scenarios, region, axis, low[1 - along : 2 - along], along=along
-        )[0]
+    for along, axis in enumerate(task.region.axes()):
+        (value,) = lowest(task, axis, low[[1 - along]], along=along)
         if np.isfinite(value):
-            pair = np.where(np.arange(2) == along, value, low)
-            found.append(
-                FrontierPoint(
-                    float(pair[0]), float(pair[1]), float(region.norm(pair * region.unit))
-                )
-            )
+            found.append(np.where(np.arange(2) == along, value, low))
     return found
 
 
@@ -161,17 +145,15 @@ class Alone(NamedTuple):
 
 def alone_of(meets: tuple[bool, bool], scenarios: Scenarios, region: Region) -> Alone:
     """What is known of stiffness and of damping alone."""
-    most = [float(axis[-1] * unit) for axis, unit in zip(axes(region), region.unit, strict=True)]
+    k_p, k_v = region.axes()
     edge = None
     if isinstance(scenarios.law(0), AbstractLaw) and scenarios.integral is None:
-        critical, fall, slope, *_ = _sizes(scenarios)
-        edge = float(np.max(critical)), max(0.0, float(np.max(fall - slope)))
-    return Alone(meets, (most[0], most[1]), edge)
+        of = sizes_of(scenarios)
+        edge = float(np.max(of.critical)), max(0.0, float(np.max(of.fall - of.slope)))
+    return Alone(meets, (float(k_p[-1]), float(k_v[-1])), edge)
 
 
-def largest_alone(
-    requirement: Requirement, scenarios: Scenarios, region: Region
-) -> tuple[float, float]:
+def largest_alone(task: GainTask) -> tuple[float, float]:
     """Stiffness with the least damping, and damping with the least stiffness, up to which all
     gains meet the requirement: (k_p, k_v), SI, to 2 % from below.
 
@@ -179,13 +161,12 @@ def largest_alone(
     """
 
     def met(along: int, tried: np.ndarray) -> np.ndarray:
-        gains = np.tile(region.lower, (tried.size, 1))
+        gains = np.tile(task.region.lower, (tried.size, 1))
         gains[:, along] = tried
-        return np.all(slacks(requirement, scenarios, region.unit, gains) >= 0, axis=1)
+        return task.accepts(gains)
 
     most = [0.0, 0.0]
-    for along, axis in enumerate(axes(region)):
-        tried = axis * region.unit[along]
+    for along, tried in enumerate(task.region.axes()):
         held = met(along, tried)
         if held.all():
             most[along] = np.inf
@@ -196,30 +177,27 @@ def largest_alone(
     return most[0], most[1]
 
 
-def zoom(
-    requirement: Requirement, scenarios: Scenarios, region: Region, start: FrontierPoint
-) -> FrontierPoint:
-    """The least norm of the frontier about one of its points, by ever finer grids of v.
+def zoom(task: GainTask, start: Float[np.ndarray, " 2"]) -> Float[np.ndarray, " 2"]:
+    """The gains of least norm on the frontier about one of its points, by ever finer grids of k_v.
 
     For optima where the margin has no slope, which the steps of `solve.optimum` do not find: the
     phase margin of a massless slider jumps from -0.4 to inf where two crossings of |L| = 1 meet
     and vanish. There `start` alone is up to 1.4e-4 too long (3 of 5 laws of `fits.many_gains`).
     """
-    best, limits = start, (region.lower / region.unit, region.upper / region.unit)
-    u = np.asarray([start.u])
-    v = np.clip([start.v / _ABOUT, start.v * _ABOUT], limits[0][1], limits[1][1])
+    best, region = start, task.region
+    k_p = start[:1]
+    k_v = np.clip([start[1] / _ABOUT, start[1] * _ABOUT], region.lower[1], region.upper[1])
     for _ in range(_ZOOMS):
-        inside = u[np.isfinite(u)]
+        inside = k_p[np.isfinite(k_p)]
         if not inside.size:
             break
         row = np.geomspace(0.1 * np.min(inside), 10 * np.max(inside), _LOCAL_POINTS)
-        v = np.linspace(v[0], v[-1], _ZOOM_POINTS)
-        row = np.clip(row, limits[0][0], limits[1][0])
-        u = lowest(requirement, scenarios, region, row, v)
-        norm = region.norm(np.stack([u, v], axis=1) * region.unit)
+        k_v = np.linspace(k_v[0], k_v[-1], _ZOOM_POINTS)
+        k_p = lowest(task, np.clip(row, region.lower[0], region.upper[0]), k_v)
+        norm = region.norm(np.stack([k_p, k_v], axis=1))
         i = int(np.argmin(norm))
-        if norm[i] < best.norm:
-            best = FrontierPoint(float(u[i]), float(v[i]), float(norm[i]))
+        if norm[i] < region.norm(best):
+            best = np.asarray([k_p[i], k_v[i]])
         near = slice(max(i - 1, 0), i + 2)
-        u, v = u[near], v[near]
+        k_p, k_v = k_p[near], k_v[near]
     return best

@@ -17,14 +17,14 @@ from ..silent import silent
 from ..stability.linear import controller_delay, integral_gain
 from ..stability.margin_table import MARGINS, meaningless
 from ..units import parse_values
-from .frontier import Region, alone_of, largest_alone
+from .frontier import GainTask, Region, alone_of, largest_alone
 from .hunting import Hunting, hunting
-from .margins import several_margins, slacks
+from .margins import several_margins
 from .requirement import DEFAULT, Requirement, refuse_controller
 from .rest import friction_at_rest
-from .result import SHORTEST_DELAY, Certificate, Gains, LocalOptimum, WorstCase
+from .result import SHORTEST_DELAY, Gains, LocalOptimum, WorstCase
 from .scenarios import Scenarios
-from .solve import Infeasible, NoGains, Optima, Optimum, Pair, make_region, solve
+from .solve import Infeasible, NoGains, Optimum, Pair, make_region, solve
 from .verify import CheckReport, choose, verify
 
 _CONFIDENCE_ROUNDS = 6
@@ -91,42 +91,32 @@ def find_gains(
     InputError : a bad argument; of the kind `NoGains` where no gains within the limits meet the
         requirement.
     """
-    machine = Machine(velocity, mass, sample_time, delay, integral_gain)
-    measure = Measure(scale, lower, upper, accuracy)
-    source = law_source(law, normal_force)
-    found = seek_gains(source, machine, margin, measure, confidence=confidence, progress=progress)
+    controller = sample_time, delay, integral_gain
+    asked = Wanted(velocity, mass, margin, confidence, scale, lower, upper, *controller, accuracy)
+    found = seek_gains(law_source(law, normal_force), asked, progress)
     if isinstance(found, Infeasible):
         raise NoGains(found.text)
     return found
 
 
-class Machine(NamedTuple):
-    """The situations of a machine that gains are for; see `find_gains`."""
+class Wanted(NamedTuple):
+    """What gains are for, what they must reach and between which limits they lie: `find_gains`."""
 
     velocity: ArrayLike | str
     mass: ArrayLike | str | None
-    sample_time: float | None = None
-    delay: float | None = None
-    integral_gain: float | None = None
-
-
-class Measure(NamedTuple):
-    """Units of the norm of (k_p, k_v), and between which limits they lie; see `find_gains`."""
-
+    margin: Mapping[str, float] | Requirement | str = DEFAULT
+    confidence: float = 1.0
     scale: Pair = (None, None)
     lower: Pair = (None, None)
     upper: Pair = (None, None)
+    sample_time: float | None = None
+    delay: float | None = None
+    integral_gain: float | None = None
     accuracy: float | None = None
 
 
 def seek_gains(
-    law: LawSource | Law,
-    machine: Machine,
-    margin: Mapping[str, float] | Requirement | str,
-    measure: Measure = Measure(),  # noqa: B008
-    *,
-    confidence: float = 1.0,
-    progress: Callable[[str], None] | None = None,
+    law: LawSource | Law, asked: Wanted, progress: Callable[[str], None] | None = None
 ) -> Gains | Infeasible:
     """The gains of `find_gains`, or, where no gains within the limits meet the requirement, why.
 
@@ -134,9 +124,9 @@ def seek_gains(
     ------
     InputError : a bad argument.
     """
-    source = law_source(law, None)
-    velocity = machine.velocity
-    mass = source.mass if machine.mass is None else machine.mass
+    source, tell = law_source(law, None), progress or silent
+    velocity, margin, confidence = asked.velocity, asked.margin, asked.confidence
+    mass = source.mass if asked.mass is None else asked.mass
     told = {
         "velocity": (velocity if isinstance(velocity, str) else None, "m/s"),
         "mass": (mass if isinstance(mass, str) else None, "kg"),
@@ -151,44 +141,78 @@ def seek_gains(
     requirement = margin if isinstance(margin, Requirement) else Requirement.with_default(margin)
     if not 0 < confidence <= 1:
         raise InputError(f"confidence is {confidence:g}; it must be above 0 and at most 1")
-    _check_pairs(*measure[:3])
-    delay = controller_delay(machine.sample_time, machine.delay)
-    k_i = integral_gain(machine.integral_gain)
-    told_late = "a sample time" if machine.delay is None else "a delay of the controller"
+    _check_pairs(asked)
+    delay = controller_delay(asked.sample_time, asked.delay)
+    k_i = integral_gain(asked.integral_gain)
+    told_late = "a sample time" if asked.delay is None else "a delay of the controller"
     refuse_controller(requirement, source.law, mass, delay, k_i, told_late)
     scenarios = Scenarios.product(source.samples, velocity, mass, delay, k_i)
     resting = friction_at_rest(scenarios) if source.level_known else None
-    measure = _accurate(measure, resting, k_i)
-    region = make_region(scenarios, *measure[:3], coordinate)
-    tell = progress or silent
+    lower = _accurate(asked, resting, k_i)
+    region = make_region(scenarios, asked.scale, lower, asked.upper, coordinate)
+    task = GainTask(requirement, scenarios, region)
     tell(f"searching over {len(scenarios)} scenarios")
-    samples = np.unique(scenarios.sample)
+    kept = samples = np.unique(scenarios.sample)
     dropped = int(np.floor((1 - confidence) * samples.size + 1e-9))
-    kept = samples
-    solution = solve(requirement, scenarios, region)
+    solution = solve(task)
     for _ in range(_CONFIDENCE_ROUNDS if dropped else 0):
         if isinstance(solution, Infeasible):
             break
-        order = _difficulty(requirement, scenarios, region, solution.optima[0])
-        chosen = np.sort(samples[np.argsort(order)[: samples.size - dropped]])
+        slack = task.slacks(solution.optima[0].gains)[0]
+        least = [np.min(slack[scenarios.sample == sample]) for sample in samples]
+        chosen = np.sort(samples[np.argsort(-np.asarray(least))[: samples.size - dropped]])
         if np.array_equal(chosen, kept):
             break
         kept = chosen
         tell(f"again without the {dropped} samples that ask for most")
         few = scenarios.take(np.flatnonzero(np.isin(scenarios.sample, kept)))
-        solution = solve(requirement, few, region)
+        solution = solve(task.among(few))
     if isinstance(solution, Infeasible):
         return solution
-    found = _result(source, requirement, solution, confidence, kept.size)
-    known = {"rest_friction": resting, "accuracy": measure.accuracy}
-    return replace(found, sample_time=machine.sample_time, **known)
+    task, scenarios = solution.task, solution.task.scenarios
+    worst = _worst(scenarios, solution.optima[0].gains)
+    optima = [_local(task, one, minimum=True) for one in solution.optima]
+    optima += [_local(task, one, minimum=False) for one in solution.alone]
+    gains = Gains(
+        kp=optima[0].kp,
+        kv=optima[0].kv,
+        norm=optima[0].norm,
+        optima=tuple(optima),
+        margins=worst,
+        scenarios=scenarios,
+        requirement=requirement,
+        region=region,
+        confidence=confidence,
+        kept_samples=kept.size,
+        certificate=solution.certificate,
+        law=source.text,
+        warnings=(
+            *source.warnings,
+            *source.unseen(scenarios.velocity),
+            *_warnings(optima[0], region, worst, delay),
+        ),
+        delay=delay,
+        alone=alone_of(solution.meets, scenarios, region),
+        sample_time=asked.sample_time,
+        rest_friction=resting,
+        accuracy=asked.accuracy,
+    )
+    return _bounded(gains)
 
 
-def _accurate(measure: Measure, resting: float | None, k_i: float | None) -> Measure:
-    """The measure with k_p >= F_s/accuracy among its limits, where an accuracy is asked for."""
-    accuracy = measure.accuracy
+def _bounded(found: Gains) -> Gains:
+    """A copy that says up to which gains a late controller may go where none are needed."""
+    if not found.none_needed or found.delay is None:
+        return found
+    task = GainTask(found.requirement, found.scenarios, found.region)
+    return replace(found, largest=largest_alone(task))
+
+
+def _accurate(asked: Wanted, resting: float | None, k_i: float | None) -> Pair:
+    """The lower limits, with k_p >= F_s/accuracy among them where an accuracy is asked for."""
+    accuracy, (low, high) = asked.accuracy, (asked.lower[0], asked.upper[0])
     if accuracy is None:
-        return measure
+        return asked.lower
     if not accuracy > 0:
         raise InputError(f"accuracy is {accuracy:g}; it must be positive")
     if k_i is not None:
@@ -200,75 +224,23 @@ def _accurate(measure: Measure, resting: float | None, k_i: float | None) -> Mea
             "accuracy needs the static friction, and this law does not tell it; give the level of"
             " friction (f0 of slip and ageing), or a lower limit of k_p"
         )
-    low = max(measure.lower[0] or 0.0, resting / accuracy)
-    if measure.upper[0] is not None and not low < measure.upper[0]:
+    low = max(low or 0.0, resting / accuracy)
+    if high is not None and not low < high:
         raise InputError(
             f"accuracy {accuracy:g} asks for k_p >= {low:.4g} (static friction {resting:.4g}), and"
-            f" the upper limit of k_p is {measure.upper[0]:g}; allow more of one of them"
+            f" the upper limit of k_p is {high:g}; allow more of one of them"
         )
-    return measure._replace(lower=(low, measure.lower[1]))
+    return low, asked.lower[1]
 
 
-def _check_pairs(scale: Pair, lower: Pair, upper: Pair) -> None:
-    for what, pair in (("scale", scale), ("upper limit", upper), ("lower limit", lower)):
+def _check_pairs(asked: Wanted) -> None:
+    pairs = {"scale": asked.scale, "upper limit": asked.upper, "lower limit": asked.lower}
+    for what, pair in pairs.items():
         for name, value in zip(("k_p", "k_v"), pair, strict=True):
-            if value is not None and not (value > 0 or (value == 0 and pair is lower)):
-                must = "must not be negative" if pair is lower else "must be positive"
+            none = value == 0 and what == "lower limit"
+            if value is not None and not (value > 0 or none):
+                must = "must not be negative" if what == "lower limit" else "must be positive"
                 raise InputError(f"{what} of {name} is {value:g}; it {must}")
-
-
-def _difficulty(
-    requirement: Requirement, scenarios: Scenarios, region: Region, optimum: Optimum
-) -> np.ndarray:
-    """For each sample of the law, minus its least slack at the optimum: larger is harder."""
-    slack = slacks(requirement, scenarios, region.unit, optimum.gains)[0]
-    samples = np.unique(scenarios.sample)
-    return np.asarray([-np.min(slack[scenarios.sample == s]) for s in samples])
-
-
-def _result(
-    source: LawSource, requirement: Requirement, solution: Optima, confidence: float, kept: int
-) -> Gains:
-    region, scenarios = solution.region, solution.scenarios
-    best = solution.optima[0]
-    kp, kv = (float(x) for x in best.gains)
-    worst = _worst(scenarios, best.gains)
-    parts = [_local(requirement, solution, one, minimum=True) for one in solution.optima]
-    parts += [_local(requirement, solution, one, minimum=False) for one in solution.alone]
-    certificate = Certificate(
-        best.residual, solution.grid_points, solution.smaller_found, solution.rounds
-    )
-    return _bounded(
-        Gains(
-            kp,
-            kv,
-            best.norm,
-            tuple(parts),
-            worst,
-            scenarios,
-            requirement,
-            region,
-            confidence,
-            kept,
-            certificate,
-            source.text,
-            warnings=(
-                *source.warnings,
-                *source.unseen(scenarios.velocity),
-                *_warnings(parts[0], region, worst, scenarios.delay),
-            ),
-            delay=None if scenarios.delay is None else float(scenarios.delay[0]),
-            alone=alone_of(solution.meets, scenarios, region),
-        )
-    )
-
-
-def _bounded(found: Gains) -> Gains:
-    """A copy that says up to which gains a late controller may go where none are needed."""
-    if not found.none_needed or found.delay is None:
-        return found
-    largest = largest_alone(found.requirement, found.scenarios, found.region)
-    return replace(found, largest=largest)
 
 
 def _worst(scenarios: Scenarios, gains: np.ndarray) -> dict[str, WorstCase]:
@@ -282,26 +254,23 @@ def _worst(scenarios: Scenarios, gains: np.ndarray) -> dict[str, WorstCase]:
     return worst
 
 
-def _local(
-    requirement: Requirement, solution: Optima, one: Optimum, *, minimum: bool
-) -> LocalOptimum:
-    unit = solution.region.unit
-    u, v = one.gains / unit
+def _local(task: GainTask, one: Optimum, *, minimum: bool) -> LocalOptimum:
+    u, v = one.gains / task.region.unit
     return LocalOptimum(
         "damped" if v > u else "stiff",
         float(one.gains[0]),
         float(one.gains[1]),
         one.norm,
-        float(np.min(slacks(requirement, solution.scenarios, unit, one.gains))),
+        float(np.min(task.slacks(one.gains))),
         one.residual,
-        tuple(solution.scenarios.describe(index) for index in one.active),
+        tuple(task.scenarios.describe(index) for index in one.active),
         one.at_limit,
         minimum,
     )
 
 
 def _warnings(
-    best: LocalOptimum, region: Region, worst: dict[str, WorstCase], delay: np.ndarray | None
+    best: LocalOptimum, region: Region, worst: dict[str, WorstCase], delay: float | None
 ) -> list[str]:
     texts = []
     if delay is None and worst["delay"].value < SHORTEST_DELAY:
@@ -339,54 +308,59 @@ def check_gains(
     """
     if basin is not None and not basin >= 1:
         raise InputError(f"basin is {basin:g}; it is a factor, 1 or more")
-    if not isinstance(gains.scenarios.law(0), AbstractLaw):
-        return replace(
-            gains, warnings=(*gains.warnings, "gains under a delay law are not simulated")
-        )
-    if gains.integral is not None:
-        found = _hunting(gains, gains.integral, progress or silent)
-        text = "gains with integral action are not simulated: only their margins are known"
-        if found is not None:
-            text = "gains with integral action are simulated at rest only, not in motion"
-        return replace(gains, hunting=found, warnings=(*gains.warnings, text))
-    if gains.any_stiffness:
-        text = "not simulated: k_p stands for any positive stiffness; give a lower limit of k_p"
-        return replace(gains, warnings=(*gains.warnings, text))
     tell = progress or silent
+    law = gains.scenarios.law(0)
+    if not isinstance(law, AbstractLaw):
+        return _warned(gains, "gains under a delay law are not simulated")
+    if gains.integral is not None:
+        found = _hunting(gains, law, gains.integral, tell)
+        if found is None:
+            return _warned(
+                gains, "gains with integral action are not simulated: only their margins are known"
+            )
+        text = "gains with integral action are simulated at rest only, not in motion"
+        return replace(_warned(gains, text), hunting=found)
+    if gains.any_stiffness:
+        return _warned(
+            gains, "not simulated: k_p stands for any positive stiffness; give a lower limit of k_p"
+        )
     values = np.asarray([gains.kp, gains.kv])
-    slack = _least_slack(gains, values)
-    few = gains.scenarios.take(choose(gains.scenarios, slack, number=number))
+    task = GainTask(gains.requirement, gains.scenarios, gains.region)
+    few = gains.scenarios.take(choose(gains.scenarios, task.slacks(values)[0], number=number))
     tell(f"simulating {len(few)} scenarios")
     largest = 10.0 if basin is None else max(10.0, 2 * basin)
     report = verify(few, values, largest=largest)
     if basin is None or (report.basin or 0) >= basin:
-        warnings = (*gains.warnings, *unresolved_warnings(report))
-        return replace(gains, simulation=report, warnings=warnings)
+        return replace(_warned(gains, *unresolved_warnings(report)), simulation=report)
     tell(f"raising the gains until the basin is {basin:g}")
     factor = _raise(few, values, basin, largest)
-    report = verify(few, factor * values, largest=largest)
     raised = factor * values
-    worst = _worst(gains.scenarios, raised)
-    text = f"the gains were raised by a factor {factor:.4g} for a basin of {basin:g}"
-    missed = float(np.min(_least_slack(gains, raised)))
-    warnings = [*gains.warnings, text, *unresolved_warnings(report)]
+    report = verify(few, raised, largest=largest)
+    texts = [f"the gains were raised by a factor {factor:.4g} for a basin of {basin:g}"]
+    texts += unresolved_warnings(report)
+    missed = float(np.min(task.slacks(raised)))
     if missed < -1e-6:
-        warnings.append(f"the raised gains miss a required margin by {-missed:.2g} of it")
+        texts.append(f"the raised gains miss a required margin by {-missed:.2g} of it")
     return replace(
-        gains,
+        _warned(gains, *texts),
         kp=float(raised[0]),
         kv=float(raised[1]),
         norm=float(gains.region.norm(raised)),
-        margins=worst,
+        margins=_worst(gains.scenarios, raised),
         simulation=report,
-        warnings=tuple(warnings),
     )
 
 
-def _hunting(gains: Gains, k_i: float, tell: Callable[[str], None]) -> Hunting | None:
+def _warned(gains: Gains, *texts: str) -> Gains:
+    return replace(gains, warnings=(*gains.warnings, *texts))
+
+
+def _hunting(
+    gains: Gains, law: AbstractLaw, k_i: float, tell: Callable[[str], None]
+) -> Hunting | None:
     """Whether the slider hunts at rest: of the first sample of the law and the largest mass."""
-    law, masses = gains.scenarios.law(0), gains.scenarios.mass
-    if gains.rest_friction is None or masses is None or not isinstance(law, AbstractLaw):
+    masses = gains.scenarios.mass
+    if gains.rest_friction is None or masses is None:
         return None
     tell("simulating the slider at rest")
     fastest = float(np.max(gains.scenarios.velocity))
@@ -403,10 +377,6 @@ def unresolved_warnings(report: CheckReport) -> tuple[str, ...]:
         " stopped before it could be seen whether they settle. They speak neither for these gains"
         " nor against them; look at one of them with 'jaxfric simulate'",
     )
-
-
-def _least_slack(gains: Gains, values: np.ndarray) -> np.ndarray:
-    return slacks(gains.requirement, gains.scenarios, gains.region.unit, values)[0]
 
 
 def _raise(few: Scenarios, values: np.ndarray, basin: float, largest: float) -> float:

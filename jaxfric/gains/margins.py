@@ -15,12 +15,7 @@ from jaxtyping import Array, PyTree
 from ..stability.linear import LinearFriction, LinearSlider, Setting
 from ..stability.margins import several
 from .requirement import Requirement
-from .scenarios import Scenarios, tiles
-
-
-def margin_values(name: str, scenarios: Scenarios, gains: np.ndarray) -> np.ndarray:
-    """Values of one margin in every scenario at gains (k_p, k_v), shape (n,)."""
-    return several_margins([name], scenarios, gains)[name]
+from .scenarios import SMALL_TILE, Scenarios, in_tiles
 
 
 def several_margins(
@@ -28,9 +23,9 @@ def several_margins(
 ) -> dict[str, np.ndarray]:
     """Margins in every scenario at gains (k_p, k_v), each of shape (n,)."""
     names, number = tuple(names), len(scenarios)
-    of, size = jax.tree_util.Partial(several, names), 64 if number <= 512 else scenarios.tile
     every = np.broadcast_to(np.asarray(gains, float), (number, 2))
-    found = _tiled(of, scenarios, every, np.arange(number), size)
+    of = eqx.Partial(several, names)
+    found = _tiled(of, scenarios, every, np.arange(number), SMALL_TILE)
     return {name: found[name] for name in names}  # compiled functions sort them
 
 
@@ -52,12 +47,8 @@ def paired_slacks(
     index: np.ndarray,
 ) -> np.ndarray:
     """Least slack of scenario `index[i]` at `gains[i]`, shape (n,)."""
-    of = jax.tree_util.Partial(_slack, requirement, jnp.asarray(unit))
+    of = eqx.Partial(requirement.slack, unit=jnp.asarray(unit))
     return _tiled(of, scenarios, gains, index, scenarios.tile) if len(index) else np.empty(0)
-
-
-def _slack(requirement: Requirement, unit: Array, slider: LinearSlider) -> Array:
-    return requirement.slack(slider, unit)
 
 
 def _tiled(
@@ -68,12 +59,12 @@ def _tiled(
     size: int,
 ) -> PyTree:
     """A function of the slider in scenario `index[i]` with `gains[i]`, for all i."""
-    parts = []
-    for rows, used in tiles(len(index), size):
+
+    def found(rows: np.ndarray) -> PyTree:
         some = scenarios.take(index[rows])
-        found = _tile(function, some.friction, some.setting, jnp.asarray(gains[rows]))
-        parts.append(jax.tree.map(lambda x, used=used: np.asarray(x)[:used], found))
-    return jax.tree.map(lambda *x: np.concatenate(x), *parts)
+        return _tile(function, some.friction, some.setting, jnp.asarray(gains[rows]))
+
+    return in_tiles(found, len(index), size)
 
 
 @eqx.filter_jit

@@ -124,8 +124,7 @@ class Gains(Described, Drawable, Tabular):
     @property
     def integral(self) -> float | None:
         """Integral gain k_i of the controller [N/(m s)]; None: it has none."""
-        k_i = self.scenarios.integral
-        return None if k_i is None else float(k_i[0])
+        return self.scenarios.integral
 
     @property
     def dead_band(self) -> float | None:

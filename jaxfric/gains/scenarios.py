@@ -1,7 +1,7 @@
 """The set of situations in which gains must hold: velocities, masses, samples of the law."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import equinox as eqx
 import jax
@@ -15,8 +15,9 @@ from ..stability.kernel import AbstractRationalKernel
 from ..stability.linear import LinearFriction, Setting, linear_friction, refuse_without_steady_state
 
 _TILE = 2048
-# Margins of kernels that are not rational hold thousands of frequencies for every pair.
-_SMALL_TILE = 64
+SMALL_TILE = 64
+"""Scenarios to evaluate at once where they are few, or where much is computed of each: margins of
+kernels that are not rational hold thousands of frequencies."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,10 +33,10 @@ class Scenarios:
     sample: np.ndarray
     """Index into `laws`."""
     friction: LinearFriction
-    delay: np.ndarray | None = None
-    """Delay of the controller in every scenario [s]; None: it has none."""
-    integral: np.ndarray | None = None
-    """Integral gain in every scenario [force/(m s)]; None: it has none."""
+    delay: float | None = None
+    """Delay of the controller [s]; None: it has none."""
+    integral: float | None = None
+    """Integral gain [force/(m s)]; None: it has none."""
 
     def __len__(self) -> int:
         return self.velocity.shape[0]
@@ -44,12 +45,12 @@ class Scenarios:
     def setting(self) -> Setting:
         """Mass, delay and integral gain of every scenario, as arrays of JAX."""
         known = (self.mass, self.delay, self.integral)
-        return Setting(*(None if x is None else jnp.asarray(x, float) for x in known))
+        return Setting(*(None if x is None else jnp.full(len(self), x, float) for x in known))
 
     @property
     def tile(self) -> int:
-        """Number of scenarios to evaluate at once, one shape to compile (`tiles`)."""
-        return _TILE if isinstance(self.friction.kernel, AbstractRationalKernel) else _SMALL_TILE
+        """Number of scenarios to evaluate at once, one shape to compile (`in_tiles`)."""
+        return _TILE if isinstance(self.friction.kernel, AbstractRationalKernel) else SMALL_TILE
 
     @staticmethod
     def product(
@@ -72,8 +73,8 @@ class Scenarios:
         samples = np.arange(number_of_samples(laws))
         grid = np.meshgrid(samples, V, np.zeros(1) if m is None else m, indexing="ij")
         sample, velocity, mass = (axis.reshape(-1) for axis in grid)
-        of_all = (None if x is None else np.full(len(velocity), x) for x in (delay, integral))
-        return Scenarios.at(laws, velocity, None if m is None else mass, sample, *of_all)
+        mass = None if m is None else mass
+        return Scenarios.at(laws, velocity, mass, sample, delay, integral)
 
     @staticmethod
     def at(
@@ -81,43 +82,43 @@ class Scenarios:
         velocity: ArrayLike,
         mass: np.ndarray | None,
         sample: ArrayLike,
-        delay: np.ndarray | None = None,
-        integral: np.ndarray | None = None,
+        delay: float | None = None,
+        integral: float | None = None,
     ) -> "Scenarios":
         """Scenarios listed one by one."""
         velocity, sample = np.asarray(velocity, float), np.asarray(sample)
-        number = len(velocity)
-        rows = padded(np.arange(number), size=_SMALL_TILE if number <= 512 else _TILE)
-        found = linearised(laws, jnp.asarray(velocity[rows]), jnp.asarray(sample[rows]))
-        friction = jax.tree.map(lambda leaf: np.asarray(leaf)[:number], found)
+
+        def found(rows: np.ndarray) -> LinearFriction:
+            return linearised(laws, jnp.asarray(velocity[rows]), jnp.asarray(sample[rows]))
+
+        friction = in_tiles(found, len(velocity), SMALL_TILE)
         refuse_without_steady_state(velocity, friction)
         return Scenarios(laws, velocity, mass, sample, friction, delay, integral)
 
     @property
     def _rows(self) -> dict[str, PyTree]:
         """What has a row for each scenario."""
-        return {name: value for name, value in vars(self).items() if name != "laws"}
+        names = ("velocity", "mass", "sample", "friction")
+        return {name: getattr(self, name) for name in names}
 
     def take(self, index: ArrayLike | Sequence[int]) -> "Scenarios":
         """The scenarios at some indices."""
-        rows = np.asarray(index)
-        return Scenarios(self.laws, **jax.tree.map(lambda leaf: leaf[rows], self._rows))
+        rows = np.asarray(index, int)
+        return replace(self, **jax.tree.map(lambda leaf: leaf[rows], self._rows))
 
     def at_velocities(self, index: ArrayLike, velocity: np.ndarray) -> "Scenarios":
         """Scenarios that differ from those at `index` in velocity only."""
         of = self.take(np.broadcast_to(np.asarray(index), velocity.shape))
-        return Scenarios.at(self.laws, velocity, of.mass, of.sample, of.delay, of.integral)
+        return Scenarios.at(self.laws, velocity, of.mass, of.sample, self.delay, self.integral)
 
     def join(self, other: "Scenarios") -> "Scenarios":
         """These scenarios followed by the others."""
         rows = jax.tree.map(lambda *both: np.concatenate(both), self._rows, other._rows)
-        return Scenarios(self.laws, **rows)
+        return replace(self, **rows)
 
     def law(self, index: int) -> Law:
         """The law of one scenario."""
-        chosen = int(self.sample[index])
-        arrays, rest = eqx.partition(self.laws, eqx.is_array)
-        return eqx.combine(jax.tree.map(lambda leaf: leaf[chosen], arrays), rest)
+        return law_of(self.laws, int(self.sample[index]))
 
     def describe(self, index: int) -> dict[str, float | int | None]:
         """Velocity, mass and sample of one scenario."""
@@ -134,11 +135,13 @@ def padded(index: np.ndarray, *, size: int = 32) -> np.ndarray:
     return np.concatenate([index, np.full(more, index[0], index.dtype)])
 
 
-def tiles(number: int, size: int) -> Iterator[tuple[np.ndarray, int]]:
-    """Indices 0..number-1 in rows of `size`; the last is filled up. With each, how many count."""
+def in_tiles(function: Callable[[np.ndarray], PyTree], number: int, size: int) -> PyTree:
+    """What a function of `size` indices gives for 0..number-1; the last call is filled up."""
+    parts = []
     for begin in range(0, number, size):
-        row = np.arange(begin, min(begin + size, number))
-        yield padded(row, size=size), row.size
+        found = function(padded(np.arange(begin, min(begin + size, number)), size=size))
+        parts.append(jax.tree.map(lambda x, end=number - begin: np.asarray(x)[:end], found))
+    return jax.tree.map(lambda *x: np.concatenate(x), *parts)
 
 
 def number_of_samples(laws: Law) -> int:
@@ -146,16 +149,15 @@ def number_of_samples(laws: Law) -> int:
     return jax.tree.leaves(eqx.filter(laws, eqx.is_array))[0].shape[0]
 
 
+def law_of(laws: Law, index: int | Array | np.ndarray) -> Law:
+    """One law of a batch, or some of them."""
+    return jax.tree.map(lambda leaf: leaf[index] if eqx.is_array(leaf) else leaf, laws)
+
+
 @eqx.filter_jit
 def linearised(laws: Law, velocity: Array, sample: Array) -> LinearFriction:
     """Friction of the samples of a law, by their index, linearised about velocities [m/s], (n,)."""
-    arrays, rest = eqx.partition(laws, eqx.is_array)
-
-    def one(V: Array, index: Array) -> LinearFriction:
-        law = eqx.combine(jax.tree.map(lambda leaf: leaf[index], arrays), rest)
-        return linear_friction(law, V)
-
-    return jax.vmap(one)(velocity, sample)
+    return jax.vmap(lambda V, index: linear_friction(law_of(laws, index), V))(velocity, sample)
 
 
 def _positive(values: ArrayLike, what: str, unit: str) -> np.ndarray:

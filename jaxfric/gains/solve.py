@@ -19,17 +19,19 @@ from typing import NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
-from ..coordinate import Coordinate, unit_of
+from ..coordinate import Coordinate
+from ..described import said
 from ..errors import InputError
 from ..stability.kernel import AbstractRationalKernel
-from .frontier import FrontierPoint, Region, alone, minima, region_units, zoom
-from .kkt import WEAK, kkt_of
-from .margins import margin_values, slacks
+from .frontier import GainTask, Region, alone, minima, sizes_of, zoom
+from .kkt import POSITIVE, WEAK, kkt_of
+from .margins import several_margins
+from .natural import natural_units
 from .requirement import Requirement
-from .scenarios import Scenarios, number_of_samples, padded
-from .search import CARRIED, ROUNDS, TRUST, GainProblem, Steps, steps
+from .result import Certificate
+from .scenarios import Scenarios, padded
+from .search import CARRIED, ROUNDS, TRUST, GainProblem, steps
 
 Pair = tuple[float | None, float | None]
 """(k_p, k_v), each None where it is not given."""
@@ -39,7 +41,7 @@ _ADDED = 3
 _REFINED = 4
 _FINE = 33
 _VIOLATED = 1e-7
-_LOWEST = 1e-9
+_ALIKE = 1e-3
 
 
 class NoGains(InputError):
@@ -49,8 +51,19 @@ class NoGains(InputError):
 class Infeasible(NamedTuple):
     """The requirement cannot be met, as a value and not an error: the input itself is sound."""
 
-    text: str
-    """Sentences on where the requirement fails, by how much, and what to do."""
+    margin: str
+    """The margin that is missed most, in the worst scenario at the best compromise."""
+    required: float
+    reached: float
+    scenario: dict
+    gains: np.ndarray
+    """The best compromise (k_p, k_v), SI: its worst scenario misses least."""
+    task: GainTask
+
+    @property
+    def text(self) -> str:
+        """Sentences on where the requirement fails, by how much, and what to do."""
+        return said("gains_text.infeasible", self)
 
 
 class Optimum(NamedTuple):
@@ -74,11 +87,9 @@ class Optima(NamedTuple):
     """Gains that hold the slider by stiffness or by damping alone, where they are no optimum."""
     meets: tuple[bool, bool]
     """Whether stiffness alone and damping alone hold it, as an optimum or not."""
-    scenarios: Scenarios
-    region: Region
-    rounds: int
-    grid_points: int
-    smaller_found: int
+    task: GainTask
+    """That of all scenarios, with velocities that were added."""
+    certificate: Certificate
 
 
 def make_region(
@@ -92,9 +103,9 @@ def make_region(
 
     Scales default to the natural units; k_p has the lower limit 1e-9 K0: any positive stiffness.
     """
-    unit = region_units(scenarios)
+    unit = np.asarray(natural_units(sizes_of(scenarios)))
     chosen = np.asarray([u if s is None else s for s, u in zip(scale, unit, strict=True)], float)
-    least = [max(_LOWEST * unit[0], lower[0] or 0.0), lower[1] or 0.0]
+    least = [max(POSITIVE * unit[0], lower[0] or 0.0), lower[1] or 0.0]
     most = [np.inf if x is None else x for x in upper]
     for name, low, high in zip(("k_p", "k_v"), least, most, strict=True):
         if not low < high:
@@ -102,183 +113,136 @@ def make_region(
     return Region(unit, chosen, np.asarray(least), np.asarray(most), coordinate)
 
 
-def solve(requirement: Requirement, scenarios: Scenarios, region: Region) -> Optima | Infeasible:
+def solve(task: GainTask) -> Optima | Infeasible:
     """All local optima over all scenarios, with a certificate; or why there are none."""
-    carried = scenarios.take(_first(requirement, scenarios, region))
-    starts = minima(requirement, carried, region)
-    if not starts:
-        return _infeasible(requirement, carried, region)
+    region = task.region
+    carried = task.among(task.scenarios.take(_first(task)))
+    starts = minima(carried)
     for rounds in range(1, _ROUNDS + 1):
-        optima = _optima(requirement, scenarios, carried, region, starts)
-        single = alone(requirement, carried, region)
-        every = [*(o.gains for o in optima), *(np.asarray(s[:2]) * region.unit for s in single)]
-        worse = _violated(requirement, scenarios, region, every)
+        if not starts:
+            return _infeasible(carried)
+        optima = _optima(task, carried, starts)
+        single = alone(carried)
+        worse = _violated(task, [*(o.gains for o in optima), *single])
         if not worse.size:
-            extra = _between(requirement, scenarios, region, optima)
-            if extra is not None:
-                scenarios = scenarios.join(extra)
-                worse = np.arange(len(scenarios) - len(extra), len(scenarios))
+            before, task = len(task.scenarios), _refined(task, optima)
+            worse = np.arange(before, len(task.scenarios))
         if worse.size:
-            carried = carried.join(scenarios.take(worse))
-            starts = minima(requirement, carried, region)
-            if not starts:
-                return _infeasible(requirement, carried, region)
+            carried = carried.among(carried.scenarios.join(task.scenarios.take(worse)))
+            starts = minima(carried)
             continue
-        points, smaller = _dense(requirement, scenarios, carried, region, optima)
-        if smaller is None or rounds == _ROUNDS:
-            found = 0 if smaller is None else len(smaller)
+        points, smaller = _dense(task, carried, optima)
+        if not len(smaller) or rounds == _ROUNDS:
             others = [
-                _held(requirement, scenarios, region, one, np.inf, at_limit=True)
-                for one in _others(single, optima, region)
+                _held(task, gains, np.inf, at_limit=True)
+                for gains in single
+                if not any(_alike(gains, one, region) for one in optima)
             ]
-            low = region.lower / region.unit
-            meets = any(s.v == low[1] for s in single), any(s.u == low[0] for s in single)
-            return Optima(optima, others, meets, scenarios, region, rounds, points, found)
-        least = smaller[np.argmin(region.norm(smaller))]
-        starts = [*starts, FrontierPoint(*(least / region.unit), float(region.norm(least)))]
+            low = region.lower
+            meets = any(s[1] == low[1] for s in single), any(s[0] == low[0] for s in single)
+            known = Certificate(optima[0].residual, points, len(smaller), rounds)
+            return Optima(optima, others, meets, task, known)
+        starts = [*starts, smaller[np.argmin(region.norm(smaller))]]
     raise AssertionError("unreachable")
 
 
-def _first(requirement: Requirement, scenarios: Scenarios, region: Region) -> np.ndarray:
+def _first(task: GainTask) -> np.ndarray:
     """The worst scenarios at a handful of gains."""
     u, v = np.meshgrid([1e-3, 0.1, 1.0, 3.0], [0.0, 0.1, 0.5, 1.2])
-    gains = np.stack([u.ravel(), v.ravel()], axis=1) * region.unit
-    gains = np.clip(gains, region.lower, region.upper)
-    worst = np.argmin(slacks(requirement, scenarios, region.unit, gains), axis=1)
-    return np.unique(worst)
+    gains = np.stack([u.ravel(), v.ravel()], axis=1) * task.region.unit
+    gains = np.clip(gains, task.region.lower, task.region.upper)
+    return np.unique(np.argmin(task.slacks(gains), axis=1))
 
 
-@eqx.filter_jit
-def _judged(end: Steps) -> tuple[Array, Array, Array]:
-    """Residual of the KKT equations, the scenarios that decide, and whether a limit does."""
-    return kkt_of(end).residual, end.decided, jnp.any(end.at_limit)
+_kkt = eqx.filter_jit(kkt_of)
 
 
-def optimum(
-    requirement: Requirement, scenarios: Scenarios, region: Region, start: FrontierPoint
-) -> Optimum | None:
-    """The optimum near `start` under all scenarios; None where the steps do not settle."""
-    scale = jnp.asarray(region.scale)
-    pairs = [jnp.asarray(x) for x in (region.unit, scale, region.lower, region.upper)]
-    y, size = jnp.asarray(np.asarray(start[:2]) * region.unit) / scale, jnp.asarray(TRUST)
+def optimum(task: GainTask, start: np.ndarray) -> Optimum | None:
+    """The optimum near the gains `start` under all scenarios; None if the steps do not settle."""
+    region = task.region
+    limits = [jnp.asarray(x) for x in (region.unit, region.scale, region.lower, region.upper)]
+    y, size = jnp.asarray(start / region.scale), jnp.asarray(TRUST)
     decided: list[int] = []
     for _ in range(ROUNDS):
-        slack = slacks(requirement, scenarios, region.unit, np.asarray(y * scale))[0]
-        worst, half = np.argsort(slack), CARRIED // 2
+        worst, half = np.argsort(task.slacks(np.asarray(y) * region.scale)[0]), CARRIED // 2
         some = dict.fromkeys([*worst[:half], *decided[:half], *worst[half:]])
         worst = padded(np.array(list(some)[:CARRIED]), size=CARRIED)
-        few = scenarios.take(worst)
-        problem = GainProblem(few.friction, few.setting, requirement, *pairs)
-        found = steps(problem, jnp.asarray(worst), y, size)
+        few = task.scenarios.take(worst)
+        found = steps(
+            GainProblem(few.friction, few.setting, task.requirement, *limits),
+            jnp.asarray(worst),
+            y,
+            size,
+        )
         y, size = found.y, found.size
-        residual, ones, limited = (np.asarray(x) for x in _judged(found))
-        active = sorted({int(i) for i in ones if i >= 0})
+        residual = float(_kkt(found).residual)
+        active = sorted({int(i) for i in found.decided if i >= 0})
         decided = [*active, *decided]
         if found.settled and residual <= WEAK:
-            gains = np.asarray(y * scale)
-            norm = float(region.norm(gains))
-            return Optimum(gains, norm, float(residual), tuple(active), bool(limited))
+            gains, limited = np.asarray(y) * region.scale, bool(np.any(found.at_limit))
+            return Optimum(gains, float(region.norm(gains)), residual, tuple(active), limited)
     return None
 
 
-def _optima(
-    requirement: Requirement,
-    scenarios: Scenarios,
-    carried: Scenarios,
-    region: Region,
-    starts: list[FrontierPoint],
-) -> list[Optimum]:
+def _optima(task: GainTask, carried: GainTask, starts: list[np.ndarray]) -> list[Optimum]:
     """The optima that differ, smallest norm first.
 
     A start from which the steps do not settle gives one only if its norm is below all others, by
     `zoom`; its residual is 1, that of no constraint at all.
     """
-    found = [optimum(requirement, scenarios, region, start) for start in starts]
+    norm = task.region.norm
+    found = [optimum(task, start) for start in starts]
     kept: list[Optimum] = []
     for one in sorted((o for o in found if o is not None), key=lambda o: o.norm):
         if not any(np.allclose(one.gains, other.gains, rtol=1e-5) for other in kept):
             kept.append(one)
     lost = [start for start, one in zip(starts, found, strict=True) if one is None]
-    least = min(lost, key=lambda start: start.norm, default=None)
-    if least is not None and not (kept and kept[0].norm <= least.norm):
-        near = zoom(requirement, carried, region, least)
-        kept.insert(0, _held(requirement, scenarios, region, near, 1.0, at_limit=False))
+    least = min(lost, key=norm, default=None)
+    if least is not None and not (kept and kept[0].norm <= norm(least)):
+        kept.insert(0, _held(task, zoom(carried, least), 1.0, at_limit=False))
     return kept
 
 
-def _held(
-    requirement: Requirement,
-    scenarios: Scenarios,
-    region: Region,
-    point: FrontierPoint,
-    residual: float,
-    *,
-    at_limit: bool,
-) -> Optimum:
+def _held(task: GainTask, gains: np.ndarray, residual: float, *, at_limit: bool) -> Optimum:
     """A point of the frontier that the steps did not end at, with its worst scenario."""
-    gains = np.asarray(point[:2]) * region.unit
-    worst = int(np.argmin(slacks(requirement, scenarios, region.unit, gains)[0]))
-    return Optimum(gains, point.norm, residual, (worst,), at_limit)
+    worst = int(np.argmin(task.slacks(gains)[0]))
+    return Optimum(gains, float(task.region.norm(gains)), residual, (worst,), at_limit)
 
 
-def _others(
-    single: list[FrontierPoint], optima: list[Optimum], region: Region
-) -> list[FrontierPoint]:
-    """The points of `single` that are not, within a thousandth, an optimum."""
-    near = 1e-3
-    return [
-        one
-        for one in single
-        if not any(
-            np.allclose(np.asarray(one[:2]), o.gains / region.unit, rtol=near, atol=near * one.norm)
-            for o in optima
-        )
-    ]
+def _alike(gains: np.ndarray, one: Optimum, region: Region) -> bool:
+    """Whether gains are, within a thousandth, those of an optimum."""
+    near = _ALIKE * float(region.norm(gains))
+    return np.allclose(gains / region.unit, one.gains / region.unit, rtol=_ALIKE, atol=near)
 
 
-def _violated(
-    requirement: Requirement, scenarios: Scenarios, region: Region, gains: list[np.ndarray]
-) -> np.ndarray:
-    slack = slacks(requirement, scenarios, region.unit, np.asarray(gains))
+def _violated(task: GainTask, gains: list[np.ndarray]) -> np.ndarray:
+    """The scenarios that miss the requirement most at some of the gains."""
+    slack = task.slacks(np.asarray(gains))
     worst = np.argsort(slack, axis=1)[:, :_ADDED]
     rows = np.arange(len(gains))[:, None]
     return np.unique(worst[slack[rows, worst] < -_VIOLATED])
 
 
-def _between(
-    requirement: Requirement, scenarios: Scenarios, region: Region, optima: list[Optimum]
-) -> Scenarios | None:
-    """Velocities between those of the set that violate the requirement where it is just met."""
+def _refined(task: GainTask, optima: list[Optimum]) -> GainTask:
+    """The task with velocities between those of the set that violate the requirement where it
+    is just met."""
+    scenarios = found = task.scenarios
     velocities = np.unique(scenarios.velocity)
-    if velocities.size < 2:
-        return None
-    found: list[Scenarios] = []
-    for optimum in optima:
-        slack = slacks(requirement, scenarios, region.unit, optimum.gains)[0]
+    for optimum in optima if velocities.size > 1 else ():
+        slack = task.slacks(optimum.gains)[0]
         for index in np.argsort(slack)[:_REFINED]:
             at = np.searchsorted(velocities, scenarios.velocity[index])
             low, high = velocities[max(at - 1, 0)], velocities[min(at + 1, velocities.size - 1)]
             fine = scenarios.at_velocities(index, np.geomspace(low, high, _FINE))
-            value = slacks(requirement, fine, region.unit, optimum.gains)[0]
+            value = task.among(fine).slacks(optimum.gains)[0]
             if np.min(value) < -_VIOLATED:
-                found.append(fine.take([int(np.argmin(value))]))
-    if not found:
-        return None
-    extra = found[0]
-    for one in found[1:]:
-        extra = extra.join(one)
-    return extra
+                found = found.join(fine.take([int(np.argmin(value))]))
+    return task.among(found)
 
 
-def _dense(
-    requirement: Requirement,
-    scenarios: Scenarios,
-    carried: Scenarios,
-    region: Region,
-    optima: list[Optimum],
-) -> tuple[int, np.ndarray | None]:
+def _dense(task: GainTask, carried: GainTask, optima: list[Optimum]) -> tuple[int, np.ndarray]:
     """Number of gains of smaller norm that were tried, and those of them that are feasible."""
-    best = optima[0]
+    best, region, scenarios = optima[0], task.region, task.scenarios
     size = best.norm * region.scale
     rational = isinstance(scenarios.friction.kernel, AbstractRationalKernel)
     even, log = (257, 65) if rational else (33, 9)  # others take a thousand times as long
@@ -288,59 +252,28 @@ def _dense(
     within = np.all((grid >= region.lower) & (grid <= region.upper), axis=1)
     grid = grid[within & (region.norm(grid) < best.norm * (1 - 1e-3))]
     tried = len(grid)
-    hardest = scenarios.take(list(best.active)).join(carried) if best.active else carried
+    hardest = scenarios.take(list(best.active)).join(carried.scenarios)
     for index in range(len(hardest)):
-        if not len(grid):
-            break
-        grid = grid[_feasible(requirement, hardest.take([index]), region, grid)]
-    if len(grid):
-        grid = grid[:64][_feasible(requirement, scenarios, region, grid[:64])]
-    return tried, (grid if len(grid) else None)
+        grid = grid[task.among(hardest.take([index])).accepts(grid)]
+    return tried, grid[:64][task.accepts(grid[:64])]
 
 
-def _feasible(
-    requirement: Requirement, scenarios: Scenarios, region: Region, grid: np.ndarray
-) -> np.ndarray:
-    """Mask (p,) of the rows of gains in `grid` that every scenario accepts."""
-    return np.min(slacks(requirement, scenarios, region.unit, grid), axis=1) >= 0
-
-
-def _infeasible(requirement: Requirement, scenarios: Scenarios, region: Region) -> Infeasible:
+def _infeasible(task: GainTask) -> Infeasible:
     """An `Infeasible` that names the worst scenario at the gains whose worst scenario is best."""
+    requirement, scenarios, region = task
     u = np.geomspace(1e-6, 1e4, 61)
     v = np.concatenate([[0.0], np.geomspace(1e-5, 1e3, 61)])
     grid = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2) * region.unit
     grid = np.unique(np.clip(grid, region.lower, region.upper), axis=0)
-    slack = slacks(requirement, scenarios, region.unit, grid)
+    slack = task.slacks(grid)
     best = int(np.argmax(np.min(slack, axis=1)))
     worst = int(np.argmin(slack[best]))
-    name, required, reached = _missed(requirement, scenarios.take([worst]), region, grid[best])
-    where = scenarios.describe(worst)
-    units = ("N/m", "N s/m", "m/s", "kg")
-    k_p, k_v, speed, inertia = (unit_of(unit, region.coordinate) for unit in units)
-    mass = "" if where["mass"] is None else f", mass {where['mass']:g} {inertia}"
-    sample = f" (sample {where['sample']})" if number_of_samples(scenarios.laws) > 1 else ""
-    limited = bool(np.any(np.isfinite(region.upper)))
-    limits = f"k_p up to {region.upper[0]:g} {k_p}, k_v up to {region.upper[1]:g} {k_v}"
-    which = f"within the limits ({limits})" if limited else "of any size"
-    advice = ["lower the margin", *(["widen the limits"] if limited else [])]
-    advice += [] if scenarios.delay is None else ["let the controller answer sooner"]
-    return Infeasible(
-        f"no gains {which} meet the requirement: {name}={required:g} is missed"
-        f" at velocity {where['velocity']:.3g} {speed}{mass}{sample}, where the best"
-        f" compromise, k_p = {grid[best][0]:.3g} {k_p} and k_v = {grid[best][1]:.3g} {k_v}, reaches"
-        f" {reached:.3g}; {', '.join(advice)} or leave that scenario out"
-    )
-
-
-def _missed(
-    requirement: Requirement, scenario: Scenarios, region: Region, gains: np.ndarray
-) -> tuple[str, float, float]:
-    single = [
-        Requirement({name: value})
-        for name, value in zip(requirement.names, requirement.values, strict=True)
-    ]
-    slack = [float(slacks(one, scenario, region.unit, gains)[0, 0]) for one in single]
-    i = int(np.argmin(slack))
-    value = margin_values(requirement.names[i], scenario, gains)
-    return requirement.names[i], requirement.values[i], float(value[0])
+    here = scenarios.take([worst])
+    each = {
+        name: float(GainTask(Requirement({name: least}), here, region).slacks(grid[best])[0, 0])
+        for name, least in zip(requirement.names, requirement.values, strict=True)
+    }
+    name = min(each, key=each.__getitem__)
+    required = requirement.values[requirement.names.index(name)]
+    reached = float(several_margins([name], here, grid[best])[name][0])
+    return Infeasible(name, required, reached, scenarios.describe(worst), grid[best], task)

@@ -17,10 +17,10 @@ from ..rig import Inertial, QuasiStatic, Rig
 from ..rig.friction.law import AbstractLaw
 from ..simulation import Start, jump_start, rest_start, step_start, velocity_start
 from ..simulation.start import regularised
-from ..stability.linear import LinearFriction, Setting
+from ..stability.linear import linearise
 from ..stability.margins import poles
 from .ends import ENDS, EndState
-from .scenarios import Scenarios, padded, tiles
+from .scenarios import Scenarios, in_tiles, law_of
 from .settle import PERIODS, end_state, slowest_mode
 
 STARTS = ("faster", "slower", "spring longer", "spring shorter", "at rest")
@@ -87,64 +87,24 @@ def verify(
     if starts:
         where = np.repeat(np.arange(len(scenarios)), len(STARTS))
         kind = np.tile(np.arange(len(STARTS)), len(scenarios))
-        ends, numbers = _simulated(scenarios, gains, where, kind, np.zeros(where.size))
-        known = np.isfinite(numbers) & (ends == "limit_cycle")[:, None]
-        rows = [
-            CheckedStart(
-                scenarios.describe(i),
-                STARTS[j],
-                str(end),
-                *(float(x) if told else None for x, told in zip(of, some, strict=True)),
-            )
-            for i, j, end, of, some in zip(where, kind, ends, numbers, known, strict=True)
-        ]
-    counts = [sum(row.end == name for row in rows) for name in _NAMES]
+        ends, names = _simulated(scenarios.take(where), gains, kind, np.zeros(where.size))
+        numbers = zip(ends.velocity_amplitude, ends.period, ends.least_velocity, strict=True)
+        for i, j, end, of in zip(where, kind, names, numbers, strict=True):
+            told = [float(x) if np.isfinite(x) and end == "limit_cycle" else None for x in of]
+            rows.append(CheckedStart(scenarios.describe(i), STARTS[j], str(end), *told))
     sizes = jump_sizes(scenarios, gains, largest=largest)
     smaller = np.minimum(sizes.up, sizes.down)
     least = int(np.argmin(smaller))
-    lost = sizes.lost[least]
     return CheckReport(
         len(rows),
-        *counts,
+        *(sum(row.end == name for row in rows) for name in _NAMES),
         float(smaller[least]),
-        None if lost == "steady" else lost,
+        None if sizes.lost[least] == "steady" else sizes.lost[least],
         tuple(rows),
     )
 
 
 _NAMES = ("steady", "limit_cycle", "escape", "unresolved")
-
-
-def _rigs(scenarios: Scenarios, gains: np.ndarray) -> tuple[Rig, jnp.ndarray]:
-    """A batch of rigs, one for each scenario."""
-    arrays, rest = eqx.partition(scenarios.laws, eqx.is_array)
-    law = eqx.combine(jax.tree.map(lambda leaf: leaf[scenarios.sample], arrays), rest)
-    assert isinstance(law, AbstractLaw)
-    kp, kv = (jnp.full(len(scenarios), float(g)) for g in gains)
-    if scenarios.mass is None:
-        machine = QuasiStatic(kp, kv)
-    else:
-        machine = Inertial(jnp.asarray(scenarios.mass), kp, kv)
-    return regularised(Rig(machine, law)), jnp.asarray(scenarios.velocity)
-
-
-def _times(scenarios: Scenarios, gains: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Horizon [s] and slowest decay [1/s] of each scenario, from the linear poles."""
-    some = scenarios.take(padded(np.arange(len(scenarios))))
-    at_once = Setting(some.setting.mass)
-    horizon, decay = _paces(some.friction, at_once, jnp.asarray(gains, float))
-    return np.asarray(horizon)[: len(scenarios)], np.asarray(decay)[: len(scenarios)]
-
-
-@eqx.filter_jit
-def _paces(
-    friction: LinearFriction, setting: Setting, gains: Array
-) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
-    def one(friction: LinearFriction, setting: Setting) -> tuple[Array, Array]:
-        s = poles(setting.slider(gains, friction))
-        return PERIODS * 2 * jnp.pi / slowest_mode(s), -jnp.max(s.real)
-
-    return jax.vmap(one)(friction, setting)
 
 
 class JumpSizes(NamedTuple):
@@ -169,12 +129,19 @@ def jump_sizes(scenarios: Scenarios, gains: np.ndarray, *, largest: float = 10.0
     step = np.full((2, number), np.log(largest) / _POINTS)
     for _ in range(_ROUNDS):
         grid = low[..., None] + step[..., None] * np.arange(1, _POINTS + 1)
-        sign = np.asarray([1.0, -1.0])[:, None, None]
-        where = np.broadcast_to(np.arange(number)[None, :, None], grid.shape)
-        log_ratio = (sign * grid).ravel()
-        kind = np.full(log_ratio.size, len(STARTS))
-        names, _ = _simulated(scenarios, gains, where.ravel(), kind, log_ratio)
-        low, high, ends = _narrowed(grid, names.reshape(grid.shape), low, high, ends)
+        log_ratio = (np.asarray([1.0, -1.0])[:, None, None] * grid).ravel()
+        where = np.broadcast_to(np.arange(number)[:, None], grid.shape).ravel()
+        kind = np.full(where.size, len(STARTS))
+        names = _simulated(scenarios.take(where), gains, kind, log_ratio)[1].reshape(grid.shape)
+        # the first loss, or what is known of one beyond the grid
+        lost = np.concatenate([names != "steady", np.ones((2, number, 1), bool)], axis=-1)
+        first = np.argmax(lost, axis=-1)[..., None]
+        edges = np.concatenate([low[..., None], grid, high[..., None]], axis=-1)
+        names = np.concatenate([names, ends[..., None]], axis=-1)
+        low, high, ends = (
+            np.take_along_axis(x, at, axis=-1)[..., 0]
+            for x, at in ((edges, first), (edges, first + 1), (names, first))
+        )
         if np.all(np.isinf(high)):
             break
         step = np.where(np.isinf(high), 0.0, high - low) / (_POINTS + 1)
@@ -183,62 +150,39 @@ def jump_sizes(scenarios: Scenarios, gains: np.ndarray, *, largest: float = 10.0
     return JumpSizes(up, down, list(reason))
 
 
-def _narrowed(
-    grid: np.ndarray, names: np.ndarray, low: np.ndarray, high: np.ndarray, ends: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The bracket of the first loss, and how that ends."""
-    lost = names != "steady"
-    some = lost.any(axis=-1)
-    first = np.argmax(lost, axis=-1)[..., None]
-    before = np.take_along_axis(grid, np.maximum(first - 1, 0), axis=-1)[..., 0]
-    at, name = (np.take_along_axis(x, first, axis=-1)[..., 0] for x in (grid, names))
-    safe = np.where(some, np.where(first[..., 0] > 0, before, low), grid[..., -1])
-    return safe, np.where(some, at, high), np.where(some, name, ends)
-
-
 def _simulated(
-    scenarios: Scenarios,
-    gains: np.ndarray,
-    where: np.ndarray,
-    kind: np.ndarray,
-    log_ratio: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:
-    """How simulations end, each in scenario `where`, from the start `kind` (see `_start`): names,
-    and amplitude of the velocity, period and least velocity of each."""
-    horizon, decay = _times(scenarios, gains)
-    names, numbers = [], []
-    for lane, used in tiles(len(where), _LANES):
-        at = where[lane]
-        rigs, velocity = _rigs(scenarios.take(at), gains)
-        lanes = _Lanes(
-            velocity, *map(jnp.asarray, (horizon[at], decay[at], kind[lane], log_ratio[lane]))
-        )
-        ends = _ends(rigs, lanes)
-        masks = [np.asarray(ends.code == getattr(ENDS, name)) for name in _NAMES]
-        names.append(np.asarray(_NAMES, object)[np.argmax(masks, axis=0)][:used])
-        found = np.stack([ends.velocity_amplitude, ends.period, ends.least_velocity], axis=1)
-        numbers.append(found[:used])
-    return np.concatenate(names), np.concatenate(numbers)
+    scenarios: Scenarios, gains: np.ndarray, kind: np.ndarray, log_ratio: np.ndarray
+) -> tuple[EndState, np.ndarray]:
+    """How simulations end, one in each scenario, from the start `kind` (`_start`): ends, and their
+    names."""
+
+    def found(lane: np.ndarray) -> EndState:
+        some = scenarios.take(lane)
+        law = law_of(some.laws, some.sample)
+        assert isinstance(law, AbstractLaw)
+        kp, kv = (jnp.full(len(some), float(g)) for g in gains)
+        mass = some.setting.mass
+        machine = QuasiStatic(kp, kv) if mass is None else Inertial(mass, kp, kv)
+        of_each = (jnp.asarray(x) for x in (some.velocity, kind[lane], log_ratio[lane]))
+        return _ends(Rig(machine, law), *of_each)
+
+    ends = in_tiles(found, len(scenarios), _LANES)
+    masks = [np.asarray(ends.code == getattr(ENDS, name)) for name in _NAMES]
+    return ends, np.asarray(_NAMES, object)[np.argmax(masks, axis=0)]
 
 
 @eqx.filter_jit
-def _ends(rigs: Rig, lanes: "_Lanes") -> EndState:
-    def one(rig: Rig, lane: _Lanes) -> EndState:
-        start = _start(rig, lane.velocity, lane.kind, jnp.exp(lane.log_ratio))
-        return end_state(rig, lane.velocity, start, horizon=lane.horizon, decay=lane.decay)
+def _ends(rigs: Rig, velocity: Array, kind: Array, log_ratio: Array) -> EndState:
+    """Ends of a batch of simulations; the time of each is by the poles of the linear theory."""
 
-    return eqx.filter_vmap(one)(rigs, lanes)
+    def one(rig: Rig, V: Array, kind: Array, log_ratio: Array) -> EndState:
+        s = poles(linearise(rig, V))
+        rig = regularised(rig)
+        horizon = PERIODS * 2 * jnp.pi / slowest_mode(s)
+        start = _start(rig, V, kind, jnp.exp(log_ratio))
+        return end_state(rig, V, start, horizon=horizon, decay=-jnp.max(s.real))
 
-
-class _Lanes(NamedTuple):
-    """Inputs of a batch of simulations: commanded velocities, horizons and decays of the linear
-    theory, starts (`_start`) and logarithms of the steps of the command."""
-
-    velocity: Array
-    horizon: Array
-    decay: Array
-    kind: Array
-    log_ratio: Array
+    return eqx.filter_vmap(one)(rigs, velocity, kind, log_ratio)
 
 
 def _start(rig: Rig, V: Array, kind: Array, ratio: Array) -> Start:

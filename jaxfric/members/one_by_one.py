@@ -111,16 +111,18 @@ class LeastGains:
 
     def __call__(self, varied: Mapping[str, float]) -> dict[str, float]:
         """Outputs of a member."""
-        from ..gains.gains import Machine, Measure, seek_gains
+        from ..gains.gains import Wanted, seek_gains
         from ..gains.solve import Infeasible
 
         p = {**self.fixed, **varied}
-        found = seek_gains(
-            rate_state(self.law, p, self.states),
-            Machine(np.asarray([p["V0"]]), np.asarray([p["m"]]) if "m" in p else None),
+        asked = Wanted(
+            np.asarray([p["V0"]]),
+            np.asarray([p["m"]]) if "m" in p else None,
             self.margin,
-            Measure((self.scale[0], self.scale[1]), upper=(self.upper[0], self.upper[1])),
+            scale=(self.scale[0], self.scale[1]),
+            upper=(self.upper[0], self.upper[1]),
         )
+        found = seek_gains(rate_state(self.law, p, self.states), asked)
         if isinstance(found, Infeasible):
             return {"gains": 1, "least_k_p": np.inf, "least_k_v": np.inf, "norm": np.inf}
         return {"gains": 0, "least_k_p": found.kp, "least_k_v": found.kv, "norm": found.norm}

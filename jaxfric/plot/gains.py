@@ -175,8 +175,7 @@ def _at(scenarios: Scenarios, velocities: np.ndarray) -> Scenarios:
     sample, mass = (np.repeat(x, len(velocities)) for x in pairs.T)
     V = np.tile(velocities, len(pairs))
     masses = None if scenarios.mass is None else mass
-    known = (scenarios.delay, scenarios.integral)
-    of_all = (None if x is None else np.full(len(V), x[0]) for x in known)
+    of_all = (scenarios.delay, scenarios.integral)
     return Scenarios.at(scenarios.laws, V, masses, sample.astype(int), *of_all)
 
 

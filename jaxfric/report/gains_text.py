@@ -2,10 +2,14 @@
 
 import math
 
+import numpy as np
+
+from ..coordinate import unit_of
 from ..gains.hunting import Hunting
 from ..gains.requirement import FRAGILE, Requirement
 from ..gains.result import NOTHING, SHOWN, Certificate, Gains, LocalOptimum, norm_text
 from ..gains.scenarios import number_of_samples
+from ..gains.solve import Infeasible
 from ..stability.margin_table import MARGINS
 from ..units import between, factor, read_as, speed_text
 
@@ -254,3 +258,23 @@ def _simulation(gains: Gains) -> list[str]:
         text = f"velocity may jump by a factor {checked.basin:.3g}{more}, either way{late}"
         lines.append(text)
     return lines
+
+
+def infeasible(found: Infeasible) -> str:
+    """Where no gains meet the requirement, by how much the best ones miss it, and what to do."""
+    _, scenarios, region = found.task
+    where, gains = found.scenario, found.gains
+    k_p, k_v, speed, inertia = (unit_of(unit, region.coordinate) for unit in (*_UNITS, "m/s", "kg"))
+    mass = "" if where["mass"] is None else f", mass {where['mass']:g} {inertia}"
+    sample = f" (sample {where['sample']})" if number_of_samples(scenarios.laws) > 1 else ""
+    limited = bool(np.any(np.isfinite(region.upper)))
+    limits = f"k_p up to {region.upper[0]:g} {k_p}, k_v up to {region.upper[1]:g} {k_v}"
+    which = f"within the limits ({limits})" if limited else "of any size"
+    advice = ["lower the margin", *(["widen the limits"] if limited else [])]
+    advice += [] if scenarios.delay is None else ["let the controller answer sooner"]
+    return (
+        f"no gains {which} meet the requirement: {found.margin}={found.required:g} is missed"
+        f" at velocity {where['velocity']:.3g} {speed}{mass}{sample}, where the best"
+        f" compromise, k_p = {gains[0]:.3g} {k_p} and k_v = {gains[1]:.3g} {k_v}, reaches"
+        f" {found.reached:.3g}; {', '.join(advice)} or leave that scenario out"
+    )

@@ -20,6 +20,7 @@ import numpy as np
 
 import jaxfric as jf
 from jaxfric.gains import LawSource, Requirement, find_gains
+from jaxfric.gains.frontier import GainTask
 from jaxfric.gains.scenarios import Scenarios
 from jaxfric.gains.solve import make_region, solve
 from jaxfric.laws.source import stack
@@ -51,12 +52,13 @@ def random_cases(number: int) -> None:
         begun = time.perf_counter()
         one = stack([law(p["A"], p["B"], p["L"], p["V"])])
         scenarios = Scenarios.product(one, [p["V"]], [p["m"]])
-        found = solve(requirement, scenarios, make_region(scenarios, scale, free, free))
+        region = make_region(scenarios, scale, free, free)
+        found = solve(GainTask(requirement, scenarios, region))
         spent += time.perf_counter() - begun
         best = found.optima[0]
         place = np.abs(best.gains / scale - (kp / scale[0], kv / scale[1]))
         worst = max(worst, abs(best.norm / norm - 1))
-        wrong += bool(np.max(place) > 1e-4 * norm) or found.smaller_found > 0
+        wrong += bool(np.max(place) > 1e-4 * norm) or found.certificate.smaller_found > 0
     print(
         f"{number} random cases: norm to {worst:.1e}, {wrong} in a wrong basin,"
         f" {1e3 * spent / number:.0f} ms each",
