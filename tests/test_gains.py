@@ -304,7 +304,7 @@ def test_worst_velocity_between_the_given_ones_is_found():
     assert len(found.scenarios) > given.size
 
 
-def test_confidence_leaves_out_the_hardest_samples():
+def test_confidence_leaves_out_the_hardest_samples(monkeypatch):
     source = sampled_source(20)
     margins = {"modulus": 0, "stiffness": 1.0}
     every = find_gains(source, velocity=2e-3, mass=2.0, margin=margins)
@@ -314,6 +314,10 @@ def test_confidence_leaves_out_the_hardest_samples():
     assert 0 < missed.sum() <= 2 and most.kept_samples == 18
     assert most.norm < every.norm
     assert np.all(every.kp >= critical(every.kv, A, B, L, 2e-3, 2.0) * (1 - 1e-7))
+    monkeypatch.setattr("jaxfric.gains.solve._ROUNDS", 1)
+    monkeypatch.setattr("jaxfric.gains.solve._first", lambda task: np.arange(1))
+    with pytest.raises(InputError, match="the worst still changed after 1 rounds"):
+        find_gains(source, velocity=2e-3, mass=2.0, margin=margins)
     with pytest.raises(InputError, match="confidence is 2"):
         find_gains(source, velocity=2e-3, mass=2.0, margin=margins, confidence=2.0)
 

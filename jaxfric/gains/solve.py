@@ -114,7 +114,12 @@ def make_region(
 
 
 def solve(task: GainTask) -> Optima | Infeasible:
-    """All local optima over all scenarios, with a certificate; or why there are none."""
+    """All local optima over all scenarios, with a certificate; or why there are none.
+
+    Raises
+    ------
+    InputError : after `_ROUNDS` rounds other scenarios than those known are still the worst.
+    """
     region = task.region
     carried = task.among(task.scenarios.take(_first(task)))
     starts = minima(carried)
@@ -143,7 +148,10 @@ def solve(task: GainTask) -> Optima | Infeasible:
             known = Certificate(optima[0].residual, points, len(smaller), rounds)
             return Optima(optima, others, meets, task, known)
         starts = [*starts, smaller[np.argmin(region.norm(smaller))]]
-    raise AssertionError("unreachable")
+    raise InputError(
+        f"gains: which scenarios are the worst still changed after {_ROUNDS} rounds; no gains are"
+        " known to hold over all of them. Narrow the ranges of velocity, mass or parameters"
+    )
 
 
 def _first(task: GainTask) -> np.ndarray:
