@@ -7,7 +7,7 @@ make sense for it, so that it has no method that only refuses.
 """
 
 import importlib
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from arviz import InferenceData
@@ -24,8 +24,8 @@ def _shown(result: object, how: str):
     return getattr(importlib.import_module(_VIEWS), how)(result)
 
 
-def said(words: str, result: object, *units: object) -> str:
-    """What "module.function" of `jaxfric.report` says of a result, in some units."""
+def said(words: str, result: object, *units: object) -> Any:
+    """What "module.function" of `jaxfric.report` makes of a result, in some units."""
     module, _, function = words.partition(".")
     return getattr(importlib.import_module(f"{_REPORT}.{module}"), function)(result, *units)
 

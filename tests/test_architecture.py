@@ -67,6 +67,7 @@ WITHIN_A_FLOOR = {
     ("compensation", "loop"),
     ("prediction", "loop"),
     ("protocol", "loop"),
+    ("plot", "report"),
 }
 
 

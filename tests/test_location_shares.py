@@ -5,7 +5,7 @@ import pytest
 
 from jaxfric.loop.location import _profile, further_shares
 from jaxfric.loop.result import LocationProfile
-from jaxfric.loop.where import OTHERS, added_shares, shares_told
+from jaxfric.report.location_text import OTHERS, added_shares, shares_told
 
 
 def nested(parts, left, order):

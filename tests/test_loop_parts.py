@@ -28,7 +28,6 @@ from jaxfric.loop.gates import FITTED, Part, Trial, loose, refusal_of
 from jaxfric.loop.refit import Candidate
 from jaxfric.loop.refusal import Fault, Refusal
 from jaxfric.loop.residual_tests import (
-    QUESTIONS,
     chi_square_tail,
     holm,
     merged,
@@ -43,6 +42,7 @@ from jaxfric.loop.screen import (
 from jaxfric.loop.split import split, trained_steps
 from jaxfric.loop.thresholds import ASKED
 from jaxfric.loop.verdict import _groups, _rivals
+from jaxfric.report.location_text import QUESTIONS
 from jaxfric.threads import side_by_side
 
 

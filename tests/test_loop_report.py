@@ -49,8 +49,8 @@ from jaxfric.loop.result import (
     Score,
     ScreenedEffect,
 )
-from jaxfric.loop.sentences import Told
 from jaxfric.loop.split import NAMES, split
+from jaxfric.loop.verdict import Told
 from jaxfric.loop.words import AXIS, SLIDER
 from jaxfric.plot.loop import DRAWERS, FIGURES, draw_loop, panel_title, residual_figure
 from jaxfric.plot.stability import tidy
@@ -70,6 +70,7 @@ from jaxfric.report.loop_text import (
     splitting,
     traded,
 )
+from jaxfric.report.verdict_text import change
 from jaxfric.stability.claims import Curve, Unseen
 
 HOSTILE = "<b>&.csv"
@@ -847,7 +848,7 @@ def test_one_sigma_for_the_sentence_the_table_the_figure_and_the_file(
         assert both == pytest.approx(values)
         assert errors(loop).rows[NAMES.index(name)][-1] == f"{factor * values[1]:.3f}"
     held = [s.rms["report"] / (1.25 * loop.sigma) for s in (loop.before, loop.after)]
-    told = re.findall(r"[\d.]+", Told(held[0], held[1], 1.1, 1.0).change())
+    told = re.findall(r"[\d.]+", change(Told(("a",), *held[:2], 1.1, 1.0, 20.0)))
     assert told == [f"{x:.2f}" for x in held]
     assert [f"{x:.3f}" for x in held] == list(errors(noisy).rows[-1][-2:])
     assert "0.375 × 10⁻³" in errors(noisy).note and "0.375" not in errors(loop).note

@@ -10,14 +10,16 @@ from scipy import stats
 from jaxfric.loop.location import _profile, _ripples, share_of
 from jaxfric.loop.refusal import Fault, Refusal
 from jaxfric.loop.result import LocationProfile
-from jaxfric.loop.sentences import Told, sentence_of
-from jaxfric.loop.where import where_it_sits
+from jaxfric.loop.unfixed import unfixed
+from jaxfric.loop.verdict import Conclusion, Told
+from jaxfric.report.location_text import where_it_sits
 
 
-def said(verdict, effects, told, rivals=(), located="", tried=()):
-    final = SimpleNamespace(effects=effects, bic=100.0)
-    search = SimpleNamespace(base=SimpleNamespace(effects=(), bic=150.0), final=final, tried=tried)
-    return sentence_of(verdict, search, Told(*told), rivals, located)
+def said(verdict, effects, told, tried=()):
+    """Of a model whose BIC is 100, and that of the base 150."""
+    possible = ((c, 150.0 - c.bic) for c in tried if c.physical and not c.failed)
+    found = Told(effects, *told, 50.0, closer=unfixed(possible, 50.0))
+    return Conclusion(verdict, found, (), (), {}).sentence
 
 
 VERDICTS = [

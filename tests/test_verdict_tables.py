@@ -21,6 +21,7 @@ from jaxfric.loop.screen import Screened
 from jaxfric.loop.search import search
 from jaxfric.loop.split import NAMES
 from jaxfric.loop.verdict import conclude, facts_of, verdict_of
+from jaxfric.report.verdict_text import why_untold
 from jaxfric.threads import one_by_one
 
 SIGMA = 2e-3
@@ -227,9 +228,7 @@ def concluded(search, *, edge=None, tests=None, floor=None, curve=None, moved=()
         ),
     )
     search.engine = engine
-    return conclude(
-        search, floor or FLOOR, tests or {}, edge=edge, located="", curve=curve, moved=moved
-    )
+    return conclude(search, floor or FLOOR, tests or {}, edge=edge, curve=curve, moved=moved)
 
 
 @pytest.mark.parametrize(
@@ -376,7 +375,7 @@ def test_what_is_said_of_a_family():
     )
     assert content["fitting"] == ["a quadratic in ln V"]
     assert [one["velocity"] for one in content["decided_by"]] == [1e-4, 2.3e-7]
-    assert "2.0 higher" in told.families[0].why()
+    assert "2.0 higher" in why_untold(told.families[0])
 
 
 def test_what_is_left_keeps_a_family_from_being_named():

@@ -26,7 +26,6 @@ from .split import NAMES
 from .subject import Subject
 from .thresholds import MANY
 from .verdict import conclude
-from .where import where_it_sits
 
 
 def close(subject: Subject[P], *, most: int, begun: float, progress: Callable[[str], None]) -> Loop:
@@ -55,7 +54,8 @@ def close(subject: Subject[P], *, most: int, begun: float, progress: Callable[[s
         floor,
         tests,
         edge=subject.edge,
-        located=where_it_sits(location, base_fit.steps.velocities),
+        location=location,
+        velocities=base_fit.steps.velocities,
         curve=curve_family(engine, found.final, subject.curves(engine, found.final)),
         moved=_moved(before, after),
         withheld=subject.withheld,

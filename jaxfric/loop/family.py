@@ -9,7 +9,6 @@ which it is. That a curve is missing is then certain; which one is not.
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from ..units import read_as, speed_text
 from .thresholds import ACCEPT
 
 _AND = 2
@@ -70,33 +69,6 @@ class CurveFamily(NamedTuple):
     def untold(self) -> bool:
         """Whether the record leaves the shape of the curve open."""
         return self.interpolates or bool(self.fitting)
-
-    def name(self) -> str:
-        """The missing effect in words."""
-        fit = "is one that fits" if len(self.effects) == 1 else "together are one that fits"
-        also = f", {listed(self.fitting)} another" if len(self.fitting) == 1 else ""
-        also = f", {listed(self.fitting)} are others" if len(self.fitting) > 1 else also
-        return f"a steady curve of velocity ({listed(self.effects)} {fit}{also})"
-
-    def wanted(self) -> str:
-        """Velocities that would decide, in words; nothing where there are none."""
-        if not self.decided_by:
-            return ""
-        rotary = self.unit == "rad/s"
-        told = [f"{d.velocity:.2g} rad/s" if rotary else read_as(speed_text(d.velocity, 2))
-                for d in self.decided_by]  # fmt: skip
-        return f"steady sliding at {listed(told, 'or')}"
-
-    def why(self) -> str:
-        """The reason why the shape is open, in words."""
-        parts = []
-        if self.interpolates:
-            parts.append(f"{self.velocities} velocities, {self.parameters} parameters of the curve")
-        for other in self.others:
-            if other.worse < ACCEPT:
-                side = "lower" if other.worse < 0 else "higher"
-                parts.append(f"{other.shape}: BIC {abs(other.worse):.1f} {side}")
-        return "; ".join(parts)
 
     def to_json(self) -> dict:
         """The entry of this family in `loop.json`; SI."""

@@ -1,6 +1,5 @@
-"""What a loop finds, each with the rows that it rests on, and its words."""
+"""What a loop finds, with the rows that it rests on; its words are in `report.verdict_text`."""
 
-import typing
 from collections.abc import Mapping, Sequence
 from enum import StrEnum
 from typing import TYPE_CHECKING
@@ -8,8 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..findings import Finding, Severity, deciding_rows
-from .refusal import Move
-from .residual_tests import QUESTIONS, p_text
 from .split import Blocks
 from .thresholds import ACCEPT
 
@@ -48,12 +45,6 @@ class LoopCode(StrEnum):
     """Other joints move in the record of an axis; values: their columns."""
     SPRING = "never_slid"
     """The force of an axis is that of a spring; values: stiffness, std, hysteresis, unit."""
-
-
-_MOST_NAMED = 6
-WITHHELD = ": the verdict is withheld"
-BLOCK_NAMES = {"report": "test", "select": "validation", "train": "train"}
-"""Blocks as sentences name them, the one that is told first ahead."""
 
 
 def effect_findings(
@@ -121,61 +112,3 @@ def left_over(
             values = {"block": block, "error": value, "most": most}
             found.append(Finding(LoopCode.BLOCK, Severity.CAUTION, values, blocks.of(block)))
     return found
-
-
-def words_of(finding: Finding) -> str:
-    """A finding as a line of a report."""
-    v: Mapping[str, typing.Any] = finding.values
-    match finding.code:
-        case LoopCode.STRUCTURE:
-            left = (f"{QUESTIONS.get(n, n)}, {p_text(p)}" for n, p in v.items())
-            return "structure is left in the residual: " + "; ".join(left)
-        case LoopCode.BLOCK:
-            return (
-                f"the {BLOCK_NAMES[str(v['block'])]} error is {v['error']:.3f} sigma; noise alone"
-                f" gives up to {v['most']:.2f}"
-            )
-        case LoopCode.UNFITTED:
-            return (
-                f"{v['rival']} could not be fitted in place of {v['effect']}: it is not ruled out"
-            )
-        case LoopCode.MOVED:
-            moves: Sequence[Move] = v["moves"]
-            return " and ".join(f"{m.name} moves from {m.text(' to ')}" for m in moves)
-        case LoopCode.EDGE:
-            return f"K/K_cr is {v['ratio']:.2f}{WITHHELD}"
-        case LoopCode.RUNS_AWAY:
-            return f"the fit runs away{WITHHELD}"
-        case LoopCode.FEEDBACK:
-            late = v["late"]
-            after = f" {1e3 * late:.2g} ms before" if late else ""
-            return (
-                f"the force is that of the position{after} alone, without inertia and friction:"
-                f" feedback, as of a controller that carries a weight{WITHHELD}"
-            )
-        case LoopCode.SPRING:
-            return (
-                "the axis never slid: its force goes with the position and with no more than"
-                f" {100 * v['hysteresis']:.2g} % of hysteresis, which comes back over the whole"
-                f" stroke as in presliding. Its stiffness is {v['stiffness']:.4g} ±"
-                f" {v['std']:.2g} {v['unit']}; Coulomb and viscous friction, inertia, stability and"
-                f" a feedforward are not in such a record: move it farther{WITHHELD}"
-            )
-        case LoopCode.OTHERS:
-            columns = v["columns"]
-            shown = ", ".join(columns[:_MOST_NAMED]) + (
-                f" and {len(columns) - _MOST_NAMED} more" if len(columns) > _MOST_NAMED else ""
-            )
-            return (
-                f"other joints move in this record (columns {shown}): their weight and inertia act"
-                " here, the model has neither, and an effect may stand for them; hold them still"
-            )
-        case LoopCode.EFFECT:
-            sure = "" if finding.severity is Severity.CLAIM else ", or what looks like it"
-            return f"{v['effect']}{sure}"
-        case LoopCode.FRICTION:
-            return f"friction {v['direction']}"
-        case LoopCode.STABILITY:
-            return f"friction {'grows' if v['kind'] == 'free' else 'falls'} with speed"
-        case _:
-            return finding.code.value.replace("_", " ")

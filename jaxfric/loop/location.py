@@ -67,7 +67,7 @@ class Left(NamedTuple):
     location: tuple[LocationProfile, ...]
     """Profiles, the most telling variable first."""
     chances: dict[str, float]
-    """p-values of `residual_tests.QUESTIONS`, each alone."""
+    """p-values of the questions of `report.location_text`, each alone."""
 
 
 def locate(engine: Engine, base: Candidate, found: Found, bumps: Sequence[Bumps]) -> Left:

@@ -11,22 +11,6 @@ are corrected together: noise alone then fails one of them once in 1/p records.
 
 import math
 
-QUESTIONS = {
-    "block_means": "slow changes along the record",
-    "step_locked": "the same shape after every change of velocity",
-    "slip": "follows the slip",
-    "position": "follows the position",
-    "time": "follows time",
-    "log_velocity": "follows the velocity",
-    "velocity": "follows the velocity",
-    "state": "follows the state of the contact",
-    "time_since_step": "follows the time since a step",
-    "relaxation_length": "follows the slip since a step",
-    "since_reversal": "follows the distance since a stop",
-    "wavelength": "a ripple along the path",
-}
-"""Words for the structure that each test looks for, by the name of the test or variable."""
-
 
 def asked(tests: dict[str, float]) -> int:
     """Questions that one verdict asks of a residual: the tests, and the sizes of two errors."""

@@ -6,8 +6,7 @@ Where there are some, what is missing may well be in the catalogue: the record d
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple, Protocol
 
-from .family import listed
-from .refusal import Fault, Refusal, takes
+from .refusal import Fault, Refusal
 from .thresholds import ACCEPT
 
 _MOST = 3
@@ -50,25 +49,6 @@ def unfixed(models: Iterable[tuple[_Refused, float]], taken: float) -> list[Unfi
     least = [one for key, one in found.items() if not any(other < key for other in found)]
     order = sorted(least, key=_lower, reverse=True)
     return [one for one in order if order[0].lower - one.lower < ACCEPT][:_MOST]
-
-
-def words_of_unfixed(found: Sequence[Unfixed], named: str) -> str:
-    """What such models would bring beside the model taken, `named` by its effects or not at all."""
-    than = f" than that of {named}" if named else ""
-    told = [
-        f"{' + '.join(one.effects)} would explain most (BIC {one.lower:.0f} lower{than}), but"
-        f" {one.refused.words}: it is not confirmed."
-        for one in found
-        if takes(one.refused)
-    ]
-    if open_ := [one for one in found if not takes(one.refused)]:
-        names = listed([" + ".join(one.effects) for one in open_], "or")
-        lower = listed(list(dict.fromkeys(f"{one.lower:.0f}" for one in open_)), "or")
-        told.append(
-            f"{names} would explain most (BIC {lower} lower{than}), but the rows that are fitted do"
-            " not fix the parameters of such a model."
-        )
-    return " ".join(told)
 
 
 def _lower(one: Unfixed) -> float:

@@ -3,17 +3,22 @@
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+import numpy as np
+
+from ..described import said
 from ..effects import effect_of
 from ..findings import Finding, Severity
 from .engine import Engine
 from .family import CurveFamily
-from .findings import BLOCK_NAMES, LoopCode, left_over, words_of
+from .findings import LoopCode, left_over
 from .floor import Floor
 from .refusal import Move
+from .result import LocationProfile
 from .rivals import rival_fits
 from .search import Search
-from .sentences import Told, moved_sentence, sentence_of, withheld_sentence
+from .split import NAMES
 from .thresholds import ACCEPT, ALIAS, EDGE, HELD_OUT, HINT, SIGNIFICANT
+from .unfixed import Unfixed, unfixed
 
 
 class Facts(NamedTuple):
@@ -50,11 +55,37 @@ def verdict_of(facts: Facts) -> str:
     return next(verdict for condition, verdict in TABLE if condition(facts))
 
 
+class Told(NamedTuple):
+    """What the sentence of a verdict tells; errors are of the report block, in sigma."""
+
+    effects: tuple[str, ...]
+    before: float
+    after: float
+    most: float
+    """The error that noise alone explains."""
+    p_value: float
+    """The smallest p-value of the residual tests."""
+    gain: float
+    """Fall of BIC from the base to the model."""
+    rivals: Sequence[tuple[str, str]] = ()
+    """Pairs of an effect found, and one that may be in its place."""
+    closer: Sequence[Unfixed] = ()
+    location: tuple[LocationProfile, ...] = ()
+    velocities: Sequence[float] | np.ndarray = ()
+    """Those of the record, in their order."""
+
+    @property
+    def helped(self) -> bool:
+        """Whether the test error falls, by the two digits that are shown."""
+        return round(self.after, 2) < round(self.before, 2)
+
+
 class Conclusion(NamedTuple):
     """The fields of `Loop` that the verdict fills."""
 
     verdict: str
-    sentence: str
+    told: Told | None
+    """None where the verdict is withheld."""
     findings: tuple[Finding, ...]
     """What speaks against more."""
     alias_groups: tuple[tuple[str, ...], ...]
@@ -64,9 +95,14 @@ class Conclusion(NamedTuple):
     most_held_out: float = float("nan")
 
     @property
+    def sentence(self) -> str:
+        """The verdict in words."""
+        return said("verdict_text.sentence", self)
+
+    @property
     def reasons(self) -> tuple[str, ...]:
         """Why not more is said, a line each."""
-        return tuple(words_of(one) for one in self.findings if one.code is not LoopCode.MOVED)
+        return said("verdict_text.reasons", self)
 
 
 def withheld_by(search: Search, edge: float | None) -> Finding | None:
@@ -101,29 +137,38 @@ def conclude(
     tests: dict[str, float],
     *,
     edge: float | None,
-    located: str,
+    location: tuple[LocationProfile, ...] = (),
+    velocities: Sequence[float] | np.ndarray = (),
     curve: CurveFamily | None = None,
     moved: Sequence[Move] = (),
     withheld: Finding | None = None,
 ) -> Conclusion:
-    """The conclusion. `edge` is K/K_cr of the base fit, `located` a sentence of the location map,
+    """The conclusion. `edge` is K/K_cr of the base fit, `location` where structure sits,
     `curve` the shapes that fit in place of the steady curve that the search found, `moved` the
     headline parameters that move by many of their errors, `withheld` why nothing may be said."""
     engine, final = search.engine, search.final
     why = withheld or withheld_by(search, edge)
     if why is not None:
-        verdict, said = verdict_of(Facts(withheld=True)), withheld_sentence(why)
-        return Conclusion(verdict, said, (why,), (), {}, sigma_held_out=floor.later)
-    errors = [(b, final.rms[b] / floor.level(b), floor.most[b]) for b in BLOCK_NAMES]
+        verdict = verdict_of(Facts(withheld=True))
+        return Conclusion(verdict, None, (why,), (), {}, sigma_held_out=floor.later)
+    errors = [(b, final.rms[b] / floor.level(b), floor.most[b]) for b in reversed(NAMES)]
     against = left_over(tests, errors, engine.blocks, SIGNIFICANT)
     unfitted, train = _unfitted(search), engine.blocks.train
     rivals = sorted({*_rivals(search), *unfitted})
     families = () if curve is None or not curve.untold else (curve,)
+    start, gain = search.base.bic, search.base.bic - final.bic
+    possible = ((c, start - c.bic) for c in search.tried if c.physical and not c.failed)
     told = Told(
+        final.effects,
         search.base.rms["report"] / floor.later,
         final.rms["report"] / floor.later,
         floor.most["report"],
         min(tests.values(), default=1.0),
+        gain,
+        rivals,
+        unfixed(possible, gain),
+        location,
+        velocities,
     )
     doubts = [
         Finding(LoopCode.UNFITTED, Severity.CAUTION, {"effect": id, "rival": other}, train)
@@ -135,15 +180,11 @@ def conclude(
     verdict = verdict_of(facts_of(search, against, [*rivals, *families, *doubts], floor))
     if verdict != "ambiguous":
         doubts, families = [], ()
-    sentence = sentence_of(verdict, search, told, rivals, located, families)
-    for one in doubts:
-        if one.code is LoopCode.MOVED:
-            sentence = moved_sentence(one, search, told)
     groups = _groups(search)
     separations = {id: effect_of_engine(engine, id).separated_by for g in groups for id in g}
     return Conclusion(
         verdict,
-        sentence,
+        told,
         (*against, *doubts),
         groups,
         separations,

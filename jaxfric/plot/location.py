@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from ..loop.residual_tests import p_text
 from ..loop.result import LocationProfile, Loop
 from ..loop.thresholds import SIGNIFICANT
-from ..loop.where import added_shares, share_text, shares_told, variable_words
+from ..report.location_text import added_shares, share_text, shares_told, variable_words
 from .palette import BLACK, BLUE, GREY, ORANGE
 from .stability import new_figure, prefixed, save, tidy
 from .ticks import plain_log

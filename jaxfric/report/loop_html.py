@@ -6,8 +6,8 @@ from math import isfinite
 from ..fitting.table import noise_text
 from ..loop.family import listed
 from ..loop.result import Loop
-from ..loop.where import shares_told
 from ..units import read_as
+from .location_text import shares_told
 from .loop_next import meanings, next_steps
 from .loop_text import (
     answer,

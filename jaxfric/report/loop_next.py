@@ -13,10 +13,11 @@ from ..loop.findings import LoopCode
 from ..loop.refusal import Fault, Refusal
 from ..loop.result import CandidateScore, Loop
 from ..loop.thresholds import ACCEPT
-from ..loop.where import grow_together
 from ..loop.words import AXIS
 from ..units import factor, read_as
+from .location_text import grow_together
 from .loop_plan import PlannedRun, deciding_run, own_run, plannable, unplanned
+from .verdict_text import where_told
 
 _MEMORY = "rate_and_state"
 _SECOND, _LAW = "second_state", "ageing"
@@ -180,7 +181,7 @@ def _of_families(loop: Loop) -> list[NextStep]:
     return [
         NextStep(
             f"The shape of {listed(family.effects)} is not told. A run that would decide:"
-            f" {family.wanted()}."
+            f" {where_told(family)}."
         )
         for family in loop.families
         if family.decided_by

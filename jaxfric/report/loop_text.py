@@ -11,13 +11,15 @@ from ..findings import Severity, support
 from ..fitting import Estimate
 from ..fitting.table import CORRELATED, DIFFERENCE, decimals, noise_text, shown_name
 from ..loop.family import CurveFamily, listed
-from ..loop.findings import LoopCode, words_of
-from ..loop.residual_tests import QUESTIONS, p_text
+from ..loop.findings import LoopCode
+from ..loop.residual_tests import p_text
 from ..loop.result import ROLES, CandidateScore, Loop, TextTable
 from ..loop.split import NAMES
 from ..loop.thresholds import ACCEPT, ALIAS, FAR, SIGNIFICANT, TIE
 from ..units import factor, format_si, read_as
+from .location_text import QUESTIONS
 from .tables import print_tables
+from .verdict_text import where_told, why_untold, words_of
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -480,8 +482,8 @@ def likeliest(loop: Loop, id: str, others: Sequence[str]) -> list[str]:
 def _of_family(id: str, family: CurveFamily) -> str:
     """Words on effects easily taken for one, where the shape of its curve is not told."""
     text = f"{id}: this record does not tell it from a steady curve of another shape"
-    text += f" ({family.why()})"
-    return f"{text}; what would: {family.wanted()}" if family.decided_by else text
+    text += f" ({why_untold(family)})"
+    return f"{text}; what would: {where_told(family)}" if family.decided_by else text
 
 
 def alias_pairs(loop: Loop) -> list[tuple[str, str, float]]:

@@ -12,6 +12,7 @@ from pathlib import Path
 import jax.numpy as jnp
 import numpy as np
 
+from ...described import said
 from ...effects import AXIS_CATALOGUE, AbstractEffect, effect_of, ids_of
 from ...effects.axis import ANGLE, IN_TIME
 from ...findings import Finding, Severity
@@ -28,7 +29,7 @@ from ...silent import silent
 from ..case import MOST, Case, Choice, NoiseBounds, Offered, offered
 from ..close import close
 from ..engine import Engine
-from ..findings import WITHHELD, LoopCode, words_of
+from ..findings import LoopCode
 from ..result import Loop, Score
 from ..search import Search
 from ..split import Blocks
@@ -152,7 +153,7 @@ def axis_subject(
     )
     spring, length = spring_of(problem, rows), length_of(record)
     stopped = _stopped(record, problem, rows, spring)
-    reason = "" if stopped is None else words_of(stopped).removesuffix(WITHHELD)
+    reason = "" if stopped is None else said("verdict_text.reason_of", stopped)
     known = KnownAxis(record, reading, directions, spring, reason)
     others: tuple[Finding, ...] = ()
     if record.others:
@@ -187,7 +188,7 @@ def axis_subject(
         if not held:
             interval = float(np.median(np.diff(record.time)))
             seen += held_command(engine.values(final.z), final.effects, interval)
-        seen += [words_of(one) for one in others]
+        seen += [said("verdict_text.words_of", one) for one in others]
         return (*reading.warnings, *own.warnings(length), *seen)
 
     def details(

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .family import listed
-from .residual_tests import p_text
-from .result import LocationProfile
-from .thresholds import SIGNIFICANT
+from ..loop.family import listed
+from ..loop.residual_tests import p_text
+from ..loop.result import LocationProfile
+from ..loop.thresholds import SIGNIFICANT
 
 _NEARLY = 0.9
 _LEAST_SHOWN = 0.005
@@ -25,6 +25,22 @@ _VARIABLES = {
     "time_since_step": "the time since a step",
     "state": "the state",
 }
+
+QUESTIONS = {
+    "block_means": "slow changes along the record",
+    "step_locked": "the same shape after every change of velocity",
+    "slip": "follows the slip",
+    "position": "follows the position",
+    "time": "follows time",
+    "log_velocity": "follows the velocity",
+    "velocity": "follows the velocity",
+    "state": "follows the state of the contact",
+    "time_since_step": "follows the time since a step",
+    "relaxation_length": "follows the slip since a step",
+    "since_reversal": "follows the distance since a stop",
+    "wavelength": "a ripple along the path",
+}
+"""Words for the structure that each test looks for, by the name of the test or variable."""
 
 
 def where_it_sits(
