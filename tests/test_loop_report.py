@@ -16,6 +16,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -56,6 +57,7 @@ from jaxfric.plot.loop import DRAWERS, FIGURES, draw_loop, panel_title, residual
 from jaxfric.plot.stability import tidy
 from jaxfric.records import VelocitySteps, from_arrays
 from jaxfric.records.record import Provenance
+from jaxfric.report.axis_loop_text import gains_table
 from jaxfric.report.loop_html import page
 from jaxfric.report.loop_next import next_steps, takes_gains
 from jaxfric.report.loop_plan import CHANGES, PlannedRun, deciding_run
@@ -366,7 +368,8 @@ def commands(loop: Loop, words: str = "") -> list[str]:
 
 def in_axis_words(loop: Loop, doubted: bool = False) -> Loop:
     """The loop with an answer, as an axis has one."""
-    details: Any = SimpleNamespace(
+    details = Mock(
+        spec=AxisDetails,
         short=lambda: "stick-slip: nothing can be said",
         tables=list,
         doubted=lambda: doubted,
@@ -1264,7 +1267,7 @@ def test_the_line_of_a_model_ends_where_the_recorder_paused(pause: float) -> Non
 def test_a_drive_of_which_nothing_is_known_has_no_column(drive, columns) -> None:
     record: Any = SimpleNamespace(force_unit="N", drive=drive, coordinate="linear")
     details = AxisDetails((), Preparation(50.0, 1), 1e-3, record, AxisGains(1.0, -2.0, 2.0, None))
-    table = details._gains("m")
+    table = gains_table(details)
     assert len(table.head) == columns and {len(row) for row in table.rows} == {columns}
     told = details.to_json()["axis"]["drive"]  # for a feedforward of the file
     assert told == (drive and {"k_p": None, "k_v": 2.0})

@@ -7,10 +7,9 @@ import pytest
 from rich.console import Console
 
 from jaxfric.cli.common import stdout_console
-from jaxfric.loop.result import TextTable
 from jaxfric.report.comparison import _BIC, _HELD_OUT, _SHOWN
 from jaxfric.report.fits_table import TabledFit, text_table
-from jaxfric.report.tables import print_tables
+from jaxfric.report.tables import TextTable, print_tables
 from jaxfric.runs.table import measured
 
 HEAD = ("law", "A-B", "A", "B", "L [µm]", "misfit", "BIC above least", "held-out error [σ]", "")

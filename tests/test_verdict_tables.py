@@ -21,6 +21,7 @@ from jaxfric.loop.screen import Screened
 from jaxfric.loop.search import search
 from jaxfric.loop.split import NAMES
 from jaxfric.loop.verdict import conclude, facts_of, verdict_of
+from jaxfric.report.loop_json import family
 from jaxfric.report.verdict_text import why_untold
 from jaxfric.threads import one_by_one
 
@@ -367,14 +368,14 @@ def test_what_is_said_of_a_family():
         " another): test error 1.00 sigma with, 1.00 without, BIC 100 lower. Steady sliding at"
         " 100 µm/s or 0.23 µm/s would tell."
     )
-    content = told.families[0].to_json()
+    content = family(told.families[0])
     assert (content["family"], content["effects"], content["velocities"]) == (
         "steady_curve",
-        ["a"],
+        ("a",),
         7,
     )
-    assert content["fitting"] == ["a quadratic in ln V"]
-    assert [one["velocity"] for one in content["decided_by"]] == [1e-4, 2.3e-7]
+    assert content["fitting"] == ("a quadratic in ln V",)
+    assert [one.velocity for one in content["decided_by"]] == [1e-4, 2.3e-7]
     assert "2.0 higher" in why_untold(told.families[0])
 
 

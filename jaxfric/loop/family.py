@@ -22,10 +22,6 @@ class OtherShape(NamedTuple):
     worse: float
     """BIC with it less that of the fit; below 0 it fits better."""
 
-    def to_json(self) -> dict:
-        """The entry of this shape in `loop.json`."""
-        return {"shape": self.shape, "worse_by": self.worse}
-
 
 class Decisive(NamedTuple):
     """A velocity at which curves that fit differ."""
@@ -34,10 +30,6 @@ class Decisive(NamedTuple):
     """The velocity [m/s], or [rad/s]."""
     errors: float
     """Range of the curves there, over the standard error of the mean of one more step."""
-
-    def to_json(self) -> dict:
-        """The entry of this velocity in `loop.json`."""
-        return {"velocity": self.velocity, "errors": self.errors}
 
 
 class CurveFamily(NamedTuple):
@@ -69,18 +61,6 @@ class CurveFamily(NamedTuple):
     def untold(self) -> bool:
         """Whether the record leaves the shape of the curve open."""
         return self.interpolates or bool(self.fitting)
-
-    def to_json(self) -> dict:
-        """The entry of this family in `loop.json`; SI."""
-        return {
-            "family": "steady_curve",
-            "effects": list(self.effects),
-            "velocities": self.velocities,
-            "parameters": self.parameters,
-            "others": [other.to_json() for other in self.others],
-            "fitting": list(self.fitting),
-            "decided_by": [one.to_json() for one in self.decided_by],
-        }
 
 
 def listed(names: Sequence[str], last: str = "and") -> str:

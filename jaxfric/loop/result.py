@@ -1,21 +1,20 @@
 """Result of closing the loop: verdict, the fits before and after, and all that was tried."""
 
-import typing
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
-from ..described import Described, Drawable, Gridded, Tabular
+from ..described import Described, Drawable, Gridded, Tabular, said
 from ..findings import Finding
-from ..fitting import Estimate, NoiseEstimate
+from ..fitting import Estimate, Fit, NoiseEstimate
 from ..fitting.derived import amplitudes, rate_dependence
-from ..plain import plain
-from ..records import Provenance, Sampling, VelocitySteps
+from ..records import Record, VelocitySteps
+from ..runs.joined import Joined
+from .axis.result import AxisBase, AxisDetails, PreparedRecord
 from .family import CurveFamily
-from .refusal import SOURCES, Refusal
-from .split import NAMES, Blocks
+from .refusal import Refusal
+from .split import Blocks
 from .unfixed import Unfixed, unfixed
 from .words import LoopWords
 
@@ -114,69 +113,47 @@ class LocationProfile:
     takes most away first: these add up, and what they leave is not explained. nan as above."""
 
 
-class LoopRecord(typing.Protocol):
-    """What a loop needs of a record: a `Record`, or the prepared rows of an axis."""
+@dataclass(frozen=True, eq=False)
+class RunBase:
+    """The base model of a run as reports see it: its phases are those of the run."""
+
+    fit: Fit
+    steps: VelocitySteps
 
     @property
-    def relative_time(self) -> np.ndarray: ...
-    @property
-    def friction_unit(self) -> str: ...
-    @property
-    def friction(self) -> np.ndarray: ...
-    @property
-    def units(self) -> Mapping[str, str]: ...
-    @property
-    def provenance(self) -> Provenance: ...
-    def sampling(self) -> Sampling: ...
-    def __len__(self) -> int: ...
+    def law(self) -> str:
+        """The name of the law."""
+        return self.fit.law
+
+    def values(self) -> dict[str, float]:
+        """Parameter values by name (SI), from the base fit of all windows."""
+        return self.fit.values()
 
 
-class LoopBase(typing.Protocol):
-    """What a loop needs of a base model: a `Fit`, or the base model of an axis."""
+@dataclass(frozen=True, eq=False)
+class RunDetails:
+    """The stretches of a run: from when to when, under which stress, at which level."""
 
-    @property
-    def law(self) -> str: ...
-    @property
-    def steps(self) -> VelocitySteps: ...
-    def values(self) -> dict[str, float]: ...
+    joined: Joined
+    after: Score
+    claims: tuple[Finding, ...] = ()
+    """None beside the effects."""
 
+    def tables(self) -> list:
+        """A row for every stretch, as a table of a report."""
+        return said("loop_text.stretches", self)
 
-class TextTable(NamedTuple):
-    """A table of text: its title, column heads, rows, a remark, the rows that matter most."""
-
-    title: str
-    head: tuple[str, ...]
-    rows: Sequence[tuple[str, ...]]
-    note: str = ""
-    marked: tuple[int, ...] = ()
+    def to_json(self) -> dict:
+        """The stretches, as an entry of `loop.json`."""
+        return said("loop_json.run", self)
 
 
-class LoopDetails(typing.Protocol):
-    """Results of one kind of rig only: further tables, and further entries of `loop.json`."""
-
-    @property
-    def claims(self) -> tuple[Finding, ...]:
-        """What is claimed beside the effects, with the rows that support it."""
-        ...
-
-    def short(self) -> str:
-        """What the result means for the motion, in a sentence; '' where that is not asked."""
-        ...
-
-    def found(self) -> str:
-        """What is known in place of the parameters; '' where these are."""
-        ...
-
-    def doubt(self) -> str:
-        """Which parameters two fits of the model have otherwise, in words; '' where none."""
-        ...
-
-    def doubted(self) -> bool:
-        """Whether the fitted model is known to describe no friction."""
-        ...
-
-    def tables(self) -> list[TextTable]: ...
-    def to_json(self) -> dict: ...
+LoopRecord = Record | PreparedRecord
+"""What a loop shows of a record."""
+LoopBase = Fit | RunBase | AxisBase
+"""What a loop shows of a base model."""
+LoopDetails = AxisDetails | RunDetails
+"""Results of one kind of rig only."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -221,7 +198,7 @@ class Loop(Described, Drawable, Gridded, Tabular):
     """What is claimed and what speaks against more, each with the rows that it rests on."""
     velocity: np.ndarray
     """Velocity of the load point or of the axis at every row [m/s or rad/s]."""
-    details: "LoopDetails | None" = None
+    details: LoopDetails | None = None
     """Results of this kind of rig only."""
     families: tuple[CurveFamily, ...] = ()
     """Families of curves where the record does not tell the shape of the curve that is missing: the
@@ -336,71 +313,4 @@ class Loop(Described, Drawable, Gridded, Tabular):
 
     def to_json(self) -> dict:
         """The content of `loop.json`, schema "jaxfric.loop/1"; SI, null for what is not known."""
-        origin, values, steps = self.record.provenance, self.base_fit.values(), self.base_fit.steps
-        table = {
-            "schema": SCHEMA,
-            "record": {"path": origin.path, "sha256": origin.sha256, "rows": len(self.record)},
-            "friction_unit": self.record.friction_unit,
-            "law": self.base_fit.law,
-            "stiffness": values.get("K"),
-            "reference_velocity": values.get("V0"),
-            "steps": np.stack([steps.times, steps.velocities], axis=1),
-            "verdict": self.verdict,
-            "sentence": self.sentence,
-            "reasons": self.reasons,
-            "findings": [one.to_json(self.velocity) for one in self.findings],
-            "effects": self.effects,
-            "alias_groups": self.alias_groups,
-            "separations": self.separations,
-            "families": [family.to_json() for family in self.families],
-            "candidates": self.candidates,
-            "rules": {fault.value: source for fault, source in SOURCES.items()},
-            "screened": self.screened,
-            "before": self._score(self.before),
-            "after": self._score(self.after),
-            "shifts_in_sigma": self.shifts(),
-            "noise": {
-                "sigma": self.sigma,
-                "sigma_held_out": self.sigma_held_out,
-                "most_held_out": self.most_held_out,
-                **self.after.noise.to_json(),
-                "hum": [line.to_json() for line in self.after.noise.hum],
-            },
-            "tests": {
-                name: {"before": p, "after": self.after.tests[name]}
-                for name, p in self.before.tests.items()
-            },
-            "location_map": self.location,
-            "aliasing": {"ids": self.alias_ids, "cosines": self.alias_cosines},
-            "blocks": {
-                "by_step": self.blocks.by_step,
-                **{name: int(self.blocks.of(name).sum()) for name in NAMES},
-            },
-            **({} if self.details is None else self.details.to_json()),
-            "warnings": self.warnings,
-            "seconds": self.seconds,
-        }
-        return plain(table)
-
-    def _score(self, score: Score) -> dict[str, object]:
-        """Errors, parameters and their covariance; no interval of what is not determined."""
-        of, step = self.blocks.of, self.blocks.step
-        rate = score.A_minus_B
-        return {
-            **{f"{name}_rms": rms for name, rms in score.rms.items()},
-            "in_sigma": {name: v / self.sigma_of(of(name)) for name, v in score.rms.items()},
-            "per_step_in_sigma": [
-                v / self.sigma_of(step == k) for k, v in enumerate(score.per_step)
-            ],
-            **({} if rate is None else {"A_minus_B": _estimated(rate)}),
-            "parameters": {name: _estimated(e) for name, e in score.parameters.items()},
-            "free": score.free,
-            "covariance": score.covariance,
-        }
-
-
-def _estimated(estimate: Estimate) -> dict[str, object]:
-    """An estimate; no interval of what is not determined."""
-    fields = ("value", "std", "lower", "upper", "unit", "free", "determined")
-    found: dict[str, object] = {field: getattr(estimate, field) for field in fields}
-    return found if estimate.determined else found | dict.fromkeys(("std", "lower", "upper"))
+        return said("loop_json.content", self)

@@ -13,23 +13,20 @@ import jax
 import numpy as np
 
 from ..errors import InputError
-from ..findings import Finding
 from ..fitting import Fit, fit
 from ..fitting.fit import few_rows
 from ..fitting.padding import bucket, filled
 from ..fitting.problem import Problem
-from ..fitting.result import tidy_unit
 from ..records import Record, VelocitySteps
 from ..records.record import frozen
 from ..runs.events import Event
 from ..runs.fits import HowFitted, fit_run
 from ..runs.joined import Joined, join
-from ..units import format_si
 from .case import Offered
 from .close import close
 from .family import listed
 from .residual_tests import merged, p_text
-from .result import Loop, Score, TextTable
+from .result import Loop, RunBase, RunDetails
 from .slider import refuse_failed, slider_subject, with_channels
 from .split import Blocks, split_again, split_units
 from .subject import Subject
@@ -198,71 +195,6 @@ def _units(joined: Joined) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarr
     phases = joined.phases
     unit, velocity = (np.array(x) for x in ([p.unit for p in phases], [p.velocity for p in phases]))
     return joined.record.time, joined.phase, unit, velocity
-
-
-@dataclasses.dataclass(frozen=True)
-class RunBase:
-    """The base model of a run as reports see it: its phases are those of the run."""
-
-    fit: Fit
-    steps: VelocitySteps
-
-    @property
-    def law(self) -> str:
-        """The name of the law."""
-        return self.fit.law
-
-    def values(self) -> dict[str, float]:
-        """Parameter values by name (SI), from the base fit of all windows."""
-        return self.fit.values()
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class RunDetails:
-    """The stretches of a run: from when to when, under which stress, at which level."""
-
-    joined: Joined
-    after: Score
-
-    @property
-    def claims(self) -> tuple[Finding, ...]:
-        """None beside the effects."""
-        return ()
-
-    def found(self) -> str:
-        """'': the parameters say it."""
-        return ""
-
-    def doubt(self) -> str:
-        """'': there is one fit."""
-        return ""
-
-    def short(self) -> str:
-        """Nothing: a run's motion is that of the press."""
-        return ""
-
-    def doubted(self) -> bool:
-        """No: a run is told by its stretches."""
-        return False
-
-    def tables(self) -> list[TextTable]:
-        """A row for every stretch."""
-        rows = []
-        for k, s in enumerate(self.joined.stretches):
-            units = {p.unit for p in self.joined.phases if p.stretch == k and p.unit >= 0}
-            stress = "" if s.normal_stress is None else format_si(s.normal_stress, "Pa", "MPa", 4)
-            level = self.after.parameters.get(f"level{k + 1}")
-            shown = "0" if level is None else f"{level.value:.4g} ± {level.std:.2g}"
-            rows.append((f"{s.start:.6g} to {s.stop:.6g} s", str(len(units)), stress, shown))
-        head = ("stretch", "steps and holds", "normal stress", "level")
-        unit = tidy_unit(self.joined.record.friction_unit)
-        of = "" if unit == "1" else f" [{unit}]"
-        note = f"level{of}: friction less that of the first stretch, fitted with the rest"
-        return [TextTable("The run's stretches", head, rows, note)]
-
-    def to_json(self) -> dict:
-        """The stretches, as an entry of `loop.json`."""
-        return {"stretches": [s._asdict() for s in self.joined.stretches]}
 
 
 def _base_fit(

@@ -4,10 +4,10 @@ from collections.abc import Callable, Mapping
 
 from ..fitting.misfit import EXCESS, excess
 from ..loop.compare import LawComparison, LawScore
-from ..loop.result import TextTable
 from ..loop.thresholds import ACCEPT
 from ..runs.table import amount, short
 from .fits_table import TabledFit, text_table
+from .tables import TextTable
 
 SCHEMA = "jaxfric.comparison/1"
 

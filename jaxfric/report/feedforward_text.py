@@ -5,7 +5,7 @@ import math
 from ..compensation.pieces import SIGN, uses_position
 from ..compensation.result import Feedforward
 from ..compensation.spot import FrictionAt
-from ..loop.result import TextTable
+from .tables import TextTable
 from .version import installed_version
 
 

@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..loop.result import TextTable
 from ..runs.table import BRACKETS, amount, measured
+from .tables import TextTable
 
 _SKIPPED = (".zarr", ".git")
 _LENGTHS = frozenset(("L", "L2", "L3"))

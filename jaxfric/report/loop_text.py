@@ -9,16 +9,18 @@ import numpy as np
 from ..effects import parameters
 from ..findings import Severity, support
 from ..fitting import Estimate
+from ..fitting.result import tidy_unit
 from ..fitting.table import CORRELATED, DIFFERENCE, decimals, noise_text, shown_name
+from ..loop.axis.result import AxisDetails
 from ..loop.family import CurveFamily, listed
 from ..loop.findings import LoopCode
 from ..loop.residual_tests import p_text
-from ..loop.result import ROLES, CandidateScore, Loop, TextTable
+from ..loop.result import ROLES, CandidateScore, Loop, RunDetails
 from ..loop.split import NAMES
 from ..loop.thresholds import ACCEPT, ALIAS, FAR, SIGNIFICANT, TIE
 from ..units import factor, format_si, read_as
 from .location_text import QUESTIONS
-from .tables import print_tables
+from .tables import TextTable, print_tables
 from .verdict_text import where_told, why_untold, words_of
 
 if TYPE_CHECKING:
@@ -90,13 +92,12 @@ def lines(loop: Loop) -> list[str]:
 def answer(loop: Loop) -> list[str]:
     """Of an axis: what friction it has, whether that makes it stick-slip, and the error before and
     after, each in a line. Nothing of others, whose sentence says it."""
-    means = "" if loop.details is None else loop.details.short()
-    if not means:
+    details, base = loop.details, loop.words.base
+    if not isinstance(details, AxisDetails):
         return []
-    base, doubted = loop.words.base, loop.details is not None and loop.details.doubted()
-    if loop.details is not None and (known := loop.details.found()):
+    if known := details.found():
         found = known
-    elif doubted and loop.verdict in ("no_missing_effect", "effects"):
+    elif details.doubted() and loop.verdict in ("no_missing_effect", "effects"):
         fitted = listed([base, *loop.effects])
         found = f"these rows do not tell it, though what {fitted} leave looks like noise"
     elif loop.verdict == "no_missing_effect":
@@ -107,11 +108,11 @@ def answer(loop: Loop) -> list[str]:
         found = f"{base} do not describe it: {headline(loop)[0].lower()}{headline(loop)[1:]}"
     models = (loop.before, loop.after) if loop.effects else (loop.before,)
     error = " -> ".join(f"{loop.test_error(model):.3g}" for model in models)
-    doubt = "" if loop.details is None else loop.details.doubt()
+    doubt = details.doubt()
     return [
         f"friction: {found}",
         *([f"not sure: {doubt}"] if doubt else []),
-        means,
+        details.short(),
         f"test error: {error} sigma (of the report block alone; noise alone gives 1)",
     ]
 
@@ -400,6 +401,22 @@ def _role(loop: Loop, candidate: CandidateScore) -> str:
     if abs(worse) <= TIE:
         return f"{text}: as good, BIC within {TIE:g} of the model"
     return f"{text}: BIC {worse:.0f} worse than the model" if worse > TIE else text
+
+
+def stretches(details: RunDetails) -> list[TextTable]:
+    """The stretches of a run: when, the steps and holds, the normal stress, the level."""
+    joined, rows = details.joined, []
+    for k, s in enumerate(joined.stretches):
+        units = {p.unit for p in joined.phases if p.stretch == k and p.unit >= 0}
+        stress = "" if s.normal_stress is None else format_si(s.normal_stress, "Pa", "MPa", 4)
+        level = details.after.parameters.get(f"level{k + 1}")
+        shown = "0" if level is None else f"{level.value:.4g} ± {level.std:.2g}"
+        rows.append((f"{s.start:.6g} to {s.stop:.6g} s", str(len(units)), stress, shown))
+    head = ("stretch", "steps and holds", "normal stress", "level")
+    unit = tidy_unit(joined.record.friction_unit)
+    of = "" if unit == "1" else f" [{unit}]"
+    note = f"level{of}: friction less that of the first stretch, fitted with the rest"
+    return [TextTable("The run's stretches", head, rows, note)]
 
 
 def rests_on(loop: Loop) -> TextTable:

@@ -2,8 +2,8 @@
 
 import math
 
-from ..loop.result import TextTable
 from ..prediction import Prediction
+from .tables import TextTable
 
 
 def tables(found: Prediction) -> list[TextTable]:

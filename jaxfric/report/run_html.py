@@ -4,7 +4,6 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from ..loop.result import TextTable
 from ..runs import cycles as of_cycles
 from ..runs import holds as of_holds
 from ..runs import ramps as of_ramps
@@ -27,6 +26,7 @@ from .page import (
     picture,
     printable,
 )
+from .tables import TextTable
 
 _COLOUR = "#1f4e79"
 _KINDS = {

@@ -7,13 +7,13 @@ import numpy as np
 from ..fitting.noise import step_words
 from ..fitting.table import noise_lines
 from ..gains.axis_result import AxisGains, Shown
-from ..loop.result import TextTable
 from ..loop.steady.findings import steady_findings
 from ..loop.steady.loop import SteadyLoop, steady_gains
 from ..loop.steady.model import SteadyModel
 from ..loop.steady.noise import SteadyNoise
 from ..records.steady import SteadyCurve
 from ..records.steady_load import Load
+from .tables import TextTable
 
 SCHEMA = "jaxfric.steady/1"
 

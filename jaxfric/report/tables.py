@@ -1,9 +1,7 @@
 """Tables of text on a terminal: numbers stay whole however narrow it is."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
-from ..loop.result import TextTable
+from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -12,6 +10,16 @@ _WIDE = 105
 _GAP = 2
 _LONGEST_WORD, _LONGEST_NUMBER = 24, 48
 """Characters: of a word that is not broken, and of a cell that may be numbers."""
+
+
+class TextTable(NamedTuple):
+    """A table of text: its title, column heads, rows, a remark, the rows that matter most."""
+
+    title: str
+    head: tuple[str, ...]
+    rows: Sequence[tuple[str, ...]]
+    note: str = ""
+    marked: tuple[int, ...] = ()
 
 
 def print_tables(console: "Console", shown_tables: Sequence[TextTable]) -> None:

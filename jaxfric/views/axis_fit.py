@@ -1,7 +1,7 @@
 """A fit of an axis in a line, a page and a table."""
 
 from ..fitting.axis_fit import AxisFit
-from ..loop.result import TextTable
+from ..report.tables import TextTable
 from .view import Frame, Page, View, number
 
 

@@ -4,8 +4,8 @@ import dataclasses
 
 from ..fitting.result import Estimate, Fit
 from ..fitting.table import DIFFERENCE, Row, rows, summary
-from ..loop.result import TextTable
 from ..plot.label import printable
+from ..report.tables import TextTable
 from .view import Arrays, Frame, Page, Variable, View
 
 

@@ -1,9 +1,9 @@
 """A posterior in a line, a page, a figure and a table."""
 
-from ..loop.result import TextTable
 from ..plot.label import printable
 from ..posterior.result import DIFFERENCE, Posterior
 from ..report.posterior_text import posterior_lines, posterior_rows
+from ..report.tables import TextTable
 from .view import Frame, Page, View
 
 

@@ -2,8 +2,8 @@
 
 from collections import Counter
 
-from ..loop.result import TextTable
 from ..plot.label import printable
+from ..report.tables import TextTable
 from ..runs.fits import RunFit
 from ..runs.joint import told
 from ..runs.table import BRACKETS, HEAD, MISFIT, headline, rows, text_cells

@@ -4,7 +4,7 @@ import dataclasses
 
 from ..coordinate import unit_of
 from ..gains.schedule import Schedule
-from ..loop.result import TextTable
+from ..report.tables import TextTable
 from .view import Frame, Page, View, number
 
 

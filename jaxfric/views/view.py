@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 import numpy as np
 
 from ..errors import InputError
-from ..loop.result import TextTable
 from ..report.page import bullets, escaped, folded, html_table
-from ..report.tables import print_tables
+from ..report.tables import TextTable, print_tables
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

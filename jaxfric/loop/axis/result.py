@@ -1,27 +1,21 @@
 """The rows of an axis record that a loop works on, and its base model."""
 
-import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
+from ...described import said
 from ...findings import Finding
 from ...fitting import Estimate
 from ...fitting.axis_fit import AxisFit
 from ...fitting.axis_preparation import Preparation
-from ...gains.axis_result import AxisGains, Shown, StiffOptimum
+from ...gains.axis_result import AxisGains
 from ...records import Provenance, Sampling, VelocitySteps
 from ...records.axis_record import AxisRecord
 from ...rig.axis import LAW
-from ..family import listed
-from ..result import TextTable
-from .driven import ONE_SPEED, UNKNOWN, Driven, at_one_speed, words_of_driven
-
-_APART, _FACTOR = 4.0, 1.5
-_MEASURED = ("M", "F_c", "F_v")
-_PAGE = "of the documentation's page 'theory'"
+from .driven import Driven
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,244 +140,29 @@ class AxisDetails:
     claims: tuple[Finding, ...] = ()
     """Friction in each direction and stability, with the rows that support them."""
 
-    def tables(self) -> list[TextTable]:
-        """Parameters and errors of the fits, side by side."""
-        fits = [fit for _, fit in self.fits]
-        names = list(dict.fromkeys(name for fit in fits for name in fit.values))
-        rows: list[tuple[str, ...]] = []
-        rows += [(name, *(_of(fit, name) for fit in fits), self._looped(name)) for name in names]
-        unit = "m" if self.record.coordinate == "linear" else "rad"
-        units = {"inverse dynamics": self.record.force_unit}
-        errors = (f"{100 * fit.relative_error:.4g} %" for fit in fits)
-        rows.append(("relative error", *errors, ""))
-        sizes = (f"{fit.rms:.3g} {units.get(fit.method, unit)}" for fit in fits)
-        rows.append(("rms", *sizes, ""))
-        heads = [*(f"{when}: {fit.method}" for when, fit in self.fits), "the loop"]
-        note = (
-            "SI. Inverse dynamics: relative to the prepared motor force; output error: relative to"
-            f" the position. Cutoff {self.preparation.cutoff:.3g} Hz, one row in"
-            f" {self.preparation.decimation}; the sign of the velocity is smoothed over"
-            f" {self.width:.2g} {unit}/s.{self._noted()} Rows are all but those at rest, and the"
-            " force acts at once, as in published fits; the loop's values are of its train block,"
-            f" with its noise.{self._differing()}"
-        )
-        both = "The two fits" if len({fit.method for fit in fits}) > 1 else "The fit"
-        fitted = TextTable(f"{both}, over all rows", ("parameter", *heads), rows, note)
-        return [fitted, self._gains(unit)]
-
-    def _least(self, force: str, unit: str) -> list[tuple[str, str, str]]:
-        """The least slope, the k_v that covers it and two of its errors, the other optimum."""
-        gains, drive, damping = self.gains, self.record.drive, f"{force} s/{unit}"
-        k_v = gains.claim.damping
-        gain = k_v / drive.gain if drive is not None and drive.gain else None
-        own = _drive(gain, "V" if drive is None else drive.signal, unit)
-        return [
-            ("worst velocity", f"{gains.worst_velocity:.4g} {unit}/s", ""),
-            ("slope of friction there", f"{gains.slope:.4g} {damping}", ""),
-            ("least k_v", f"{k_v:.4g} {damping}", own),
-            *_stiff_rows(gains, force, unit),
-        ]
+    def tables(self) -> list:
+        """Parameters and errors of the fits side by side, and the gains, as tables of a report."""
+        return said("axis_loop_text.tables", self)
 
     def short(self) -> str:
         """Whether the axis stick-slips, and what holds it."""
-        return f"stick-slip: {self.gains.short(*self._units())}"
+        return said("axis_loop_text.short", self)
 
     def found(self) -> str:
         """What is known where one speed a direction leaves the parameters of friction open, or the
         force is feedback; '' elsewhere."""
-        if self.withheld or not at_one_speed(self.driven):
-            return self.withheld
-        unit = "m" if self.record.coordinate == "linear" else "rad"
-        said = words_of_driven(self.driven, self.record.force_unit, f"{unit}/s")
-        return f"{said}; {listed(UNKNOWN)} are not known, as {ONE_SPEED}"
+        return said("axis_loop_text.found", self)
 
     def doubt(self) -> str:
         """Mass and friction that least squares over all rows has otherwise than the loop, by more
         than their errors and a factor of 1.5; '' where none."""
-        fit = self.fits[-1][1] if self.fits else None
-        told = [
-            f"{name} is {_shown(own.value, own.std)} by the loop and"
-            f" {_shown(fit.values[name], fit.std[name])} by least squares over all rows"
-            for name, own in self.loop.items()
-            if fit is not None and name in _MEASURED and _far_apart(fit, name, own)
-        ]
-        return f"{'; '.join(told)}: neither is a measurement" if told else ""
+        return said("axis_loop_text.doubt", self)
 
     def doubted(self) -> bool:
         """Whether a reason against its slope concerns all speeds."""
         curve = self.gains.curve
         return curve is not None and any(np.isinf(one.speed) for one in curve.unseen)
 
-    def _said(self) -> str:
-        return self.gains.sentence(*self._units())
-
-    def _units(self) -> tuple[Shown, Shown]:
-        """The units of damping and of velocity in sentences."""
-        unit = "m" if self.record.coordinate == "linear" else "rad"
-        return Shown(f"{self.record.force_unit} s/{unit}"), Shown(f"{unit}/s")
-
-    def _looped(self, name: str) -> str:
-        """The value that the loop ended with, as text."""
-        found = self.loop.get(name)
-        if found is None:
-            return ""
-        return _shown(found.value, found.std) if found.determined else "undetermined"
-
-    def _differing(self) -> str:
-        """A sentence on values in which the fits differ beyond their errors, or nothing."""
-        last = self.fits[-1][0]
-        names = [
-            name
-            for name, own in self.loop.items()
-            if any(_apart(fit, name, own) for when, fit in self.fits if when == last)
-        ]
-        if not names:
-            return ""
-        return (
-            f" They differ by more than their errors in {', '.join(names)}: the errors of one fit"
-            " do not hold for the other, and the model is not the whole truth"
-        )
-
-    def _noted(self) -> str:
-        return "".join(f" {note[0].upper()}{note[1:]}." for note in self.notes)
-
-    def _gains(self, unit: str) -> TextTable:
-        """Gains in force, and the least damping that friction asks for, in both units."""
-        force, drive, gains = self.record.force_unit, self.record.drive, self.gains
-        damping = f"{force} s/{unit}"
-        rows = [("least k_v", "nothing is said", "")]
-        if gains.claim.kind != "open":
-            rows = self._least(force, unit)
-        if drive is not None and drive.K_d is not None:
-            rows.append(
-                (
-                    "k_v in force",
-                    f"{drive.K_d:.4g} {damping}",
-                    _drive(drive.velocity_gain, drive.signal, unit),
-                )
-            )
-        if drive is not None and drive.K_p is not None:
-            damped = _drive(drive.velocity_gain, drive.signal, unit)
-            own = f"{drive.position_gain:.4g} 1/s times {damped}"
-            rows.append(("k_p in force", f"{drive.K_p:.4g} {force}/{unit}", own))
-        if self.bears is not None:
-            held = f"{1e3 * self.bears:.3g} ms" if self.bears > 0 else "none: they do not hold it"
-            rows.append(("delay they bear", held, ""))
-        note = self._said()
-        if gains.claim.kind != "open" and gains.stiff is None:
-            note += f" By equation (13) {_PAGE}"
-        elif gains.claim.kind != "open":
-            note += (
-                f" By equation (13), (18)-(20) and (25) {_PAGE}: linear, and of an ideal drive;"
-                " lags and sampling ask for more. The critical k_p at the drive is in 1/s at its"
-                " k_v"
-            )
-        head = ("", "in force", "at the drive")
-        if not any(row[-1] for row in rows):  # a drive of which nothing is known
-            head, rows = head[:-1], [row[:-1] for row in rows]
-        return TextTable("Gains", head, rows, note)
-
     def to_json(self) -> dict:
         """The entry "axis" of `loop.json`: preparation, gains and fits; `drive` is in force."""
-        drive, gains = self.record.drive, self.gains
-        least = {
-            "worst_velocity": gains.worst_velocity,
-            "slope": gains.slope,
-            "least_damping": gains.least_damping,
-            "velocity_gain": gains.velocity_gain,
-            "stiff": _stiff_json(gains.stiff),
-        }
-        if gains.claim.kind == "open":
-            least = dict.fromkeys(least)
-        return {
-            "axis": {
-                "coordinate": self.record.coordinate,
-                "cutoff": self.preparation.cutoff,
-                "decimation": self.preparation.decimation,
-                "notes": list(self.notes),
-                "width": self.width,
-                "reach": self.reach,
-                "acceleration": self.acceleration,
-                "drive": None if drive is None else {"k_p": drive.K_p, "k_v": drive.K_d},
-                "bears": self.bears,
-                "driven": self.driven,
-                "withheld": self.withheld,
-                "spring": self.spring,
-                "covariance": self.covariance,
-                "gains": {
-                    **least,
-                    "claim": gains.claim.kind,
-                    "slowest": None if gains.curve is None else gains.curve.slowest,
-                    "fastest": None if gains.curve is None else gains.curve.fastest,
-                    "sentence": self._said(),
-                },
-                "fits": [
-                    {
-                        "model": when,
-                        "method": fit.method,
-                        "values": fit.values,
-                        "std": {k: v if np.isfinite(v) else None for k, v in fit.std.items()},
-                        "undetermined": list(fit.loose),
-                        "relative_error": fit.relative_error,
-                        "rms": fit.rms,
-                        "converged": fit.converged,
-                    }
-                    for when, fit in self.fits
-                ],
-            }
-        }
-
-
-def _stiff_rows(gains: AxisGains, force: str, unit: str) -> list[tuple[str, str, str]]:
-    """The optimum of stiffness, where there is one."""
-    stiff = gains.stiff
-    if stiff is None:
-        return []
-    if not np.isfinite(stiff.critical_stiffness):
-        return [("critical k_p without k_v", f"none at {stiff.worst_velocity:.4g} {unit}/s", "")]
-    own = "" if stiff.position_gain is None else f"{stiff.position_gain:.4g} 1/s"
-    return [
-        ("critical k_p without k_v", f"{stiff.critical_stiffness:.4g} {force}/{unit}", own),
-        ("its worst velocity", f"{stiff.worst_velocity:.4g} {unit}/s", ""),
-        ("its frequency", f"{stiff.frequency:.4g} rad/s", ""),
-    ]
-
-
-def _stiff_json(stiff: StiffOptimum | None) -> dict | None:
-    """The values, with null where one is not finite: no stiffness suffices."""
-    if stiff is None:
-        return None
-    values = dataclasses.asdict(stiff)
-    return {k: v if v is not None and np.isfinite(v) else None for k, v in values.items()}
-
-
-def _drive(gain: float | None, signal: str, unit: str) -> str:
-    return "" if gain is None else f"{gain:.4g} {signal} s/{unit}"
-
-
-def _apart(fit: AxisFit, name: str, own: Estimate) -> bool:
-    if name not in fit.values or name in fit.loose or not own.determined:
-        return False
-    error = float(np.hypot(fit.std[name], own.std))
-    return abs(fit.values[name] - own.value) > _APART * error
-
-
-def _far_apart(fit: AxisFit, name: str, own: Estimate) -> bool:
-    """Whether two fits have a parameter otherwise by more than their errors and a factor."""
-    values = sorted((abs(own.value), abs(fit.values.get(name, own.value))))
-    return _apart(fit, name, own) and values[1] > _FACTOR * values[0]
-
-
-def _of(fit: AxisFit, name: str) -> str:
-    if name in fit.loose:
-        return "undetermined"
-    return _shown(fit.values.get(name), fit.std.get(name))
-
-
-def _shown(value: float | None, std: float | None) -> str:
-    if value is None or std is None:
-        return ""
-    if not (np.isfinite(std) and std > 0):
-        return f"{value:.4g}"
-    digits = max(0, int(np.floor(np.log10(abs(value) / std)) + 2)) if value else 2
-    return f"{value:.{max(digits, 2)}g} ± {std:.2g}"
+        return said("loop_json.axis", self)

@@ -1,0 +1,152 @@
+"""A closed loop as the content of loop.json."""
+
+import numpy as np
+
+from ..fitting import Estimate
+from ..loop.axis.result import AxisDetails
+from ..loop.family import CurveFamily
+from ..loop.refusal import SOURCES
+from ..loop.result import SCHEMA, Loop, RunDetails, Score
+from ..loop.split import NAMES
+from ..plain import plain
+from .axis_loop_text import stability
+
+
+def content(loop: Loop) -> dict:
+    """The content of `loop.json`, schema "jaxfric.loop/1"; SI, null for what is not known."""
+    origin, values, steps = loop.record.provenance, loop.base_fit.values(), loop.base_fit.steps
+    table = {
+        "schema": SCHEMA,
+        "record": {"path": origin.path, "sha256": origin.sha256, "rows": len(loop.record)},
+        "friction_unit": loop.record.friction_unit,
+        "law": loop.base_fit.law,
+        "stiffness": values.get("K"),
+        "reference_velocity": values.get("V0"),
+        "steps": np.stack([steps.times, steps.velocities], axis=1),
+        "verdict": loop.verdict,
+        "sentence": loop.sentence,
+        "reasons": loop.reasons,
+        "findings": [one.to_json(loop.velocity) for one in loop.findings],
+        "effects": loop.effects,
+        "alias_groups": loop.alias_groups,
+        "separations": loop.separations,
+        "families": [family(one) for one in loop.families],
+        "candidates": loop.candidates,
+        "rules": {fault.value: source for fault, source in SOURCES.items()},
+        "screened": loop.screened,
+        "before": _score(loop, loop.before),
+        "after": _score(loop, loop.after),
+        "shifts_in_sigma": loop.shifts(),
+        "noise": {
+            "sigma": loop.sigma,
+            "sigma_held_out": loop.sigma_held_out,
+            "most_held_out": loop.most_held_out,
+            **loop.after.noise.to_json(),
+            "hum": [line.to_json() for line in loop.after.noise.hum],
+        },
+        "tests": {
+            name: {"before": p, "after": loop.after.tests[name]}
+            for name, p in loop.before.tests.items()
+        },
+        "location_map": loop.location,
+        "aliasing": {"ids": loop.alias_ids, "cosines": loop.alias_cosines},
+        "blocks": {
+            "by_step": loop.blocks.by_step,
+            **{name: int(loop.blocks.of(name).sum()) for name in NAMES},
+        },
+        **({} if loop.details is None else loop.details.to_json()),
+        "warnings": loop.warnings,
+        "seconds": loop.seconds,
+    }
+    return plain(table)
+
+
+def _score(loop: Loop, score: Score) -> dict[str, object]:
+    """Errors, parameters and their covariance; no interval of what is not determined."""
+    of, step = loop.blocks.of, loop.blocks.step
+    rate = score.A_minus_B
+    return {
+        **{f"{name}_rms": rms for name, rms in score.rms.items()},
+        "in_sigma": {name: v / loop.sigma_of(of(name)) for name, v in score.rms.items()},
+        "per_step_in_sigma": [v / loop.sigma_of(step == k) for k, v in enumerate(score.per_step)],
+        **({} if rate is None else {"A_minus_B": _estimated(rate)}),
+        "parameters": {name: _estimated(e) for name, e in score.parameters.items()},
+        "free": score.free,
+        "covariance": score.covariance,
+    }
+
+
+def _estimated(estimate: Estimate) -> dict[str, object]:
+    """An estimate; no interval of what is not determined."""
+    fields = ("value", "std", "lower", "upper", "unit", "free", "determined")
+    found: dict[str, object] = {field: getattr(estimate, field) for field in fields}
+    return found if estimate.determined else found | dict.fromkeys(("std", "lower", "upper"))
+
+
+def family(curve: CurveFamily) -> dict[str, object]:
+    """The entry of a family of curves; SI."""
+    return {
+        "family": "steady_curve",
+        "effects": curve.effects,
+        "velocities": curve.velocities,
+        "parameters": curve.parameters,
+        "others": [{"shape": other.shape, "worse_by": other.worse} for other in curve.others],
+        "fitting": curve.fitting,
+        "decided_by": curve.decided_by,
+    }
+
+
+def run(details: RunDetails) -> dict[str, object]:
+    """The stretches of a run."""
+    return {"stretches": [one._asdict() for one in details.joined.stretches]}
+
+
+def axis(details: AxisDetails) -> dict[str, object]:
+    """The entry "axis": preparation, gains and fits; `drive` is in force."""
+    drive, gains = details.record.drive, details.gains
+    least = {
+        "worst_velocity": gains.worst_velocity,
+        "slope": gains.slope,
+        "least_damping": gains.least_damping,
+        "velocity_gain": gains.velocity_gain,
+        "stiff": gains.stiff,
+    }
+    if gains.claim.kind == "open":
+        least = dict.fromkeys(least)
+    return {
+        "axis": {
+            "coordinate": details.record.coordinate,
+            "cutoff": details.preparation.cutoff,
+            "decimation": details.preparation.decimation,
+            "notes": details.notes,
+            "width": details.width,
+            "reach": details.reach,
+            "acceleration": details.acceleration,
+            "drive": None if drive is None else {"k_p": drive.K_p, "k_v": drive.K_d},
+            "bears": details.bears,
+            "driven": details.driven,
+            "withheld": details.withheld,
+            "spring": details.spring,
+            "covariance": details.covariance,
+            "gains": {
+                **least,
+                "claim": gains.claim.kind,
+                "slowest": None if gains.curve is None else gains.curve.slowest,
+                "fastest": None if gains.curve is None else gains.curve.fastest,
+                "sentence": stability(details),
+            },
+            "fits": [
+                {
+                    "model": when,
+                    "method": fit.method,
+                    "values": fit.values,
+                    "std": fit.std,
+                    "undetermined": fit.loose,
+                    "relative_error": fit.relative_error,
+                    "rms": fit.rms,
+                    "converged": fit.converged,
+                }
+                for when, fit in details.fits
+            ],
+        }
+    }
