@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..fitting.table import noise_lines
-from ..loop.steady.loop import SteadyLoop
+from ..loop.steady.loop import SteadyLoop, shown_units
 from ..loop.steady.noise import SteadyNoise
 from ..records.steady import SteadyCurve
 from .label import printable
@@ -42,7 +42,7 @@ def draw_steady(loop: SteadyLoop, folder: str | Path) -> list[str]:
 def steady_figure(loop: SteadyLoop) -> Figure:
     """Figure of friction at steady speeds: runs, base and model, and what these leave."""
     curve = loop.curve
-    unit, _, size = loop.units()
+    unit, _, size = shown_units(loop.curve)
     factor, shown = speed_shown(curve)
     figure = new_figure(9.5, 7.0)
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=[2, 1.2])

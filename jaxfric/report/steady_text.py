@@ -8,7 +8,7 @@ from ..fitting.noise import step_words
 from ..fitting.table import noise_lines
 from ..gains.axis_result import AxisGains, Shown
 from ..loop.steady.findings import steady_findings
-from ..loop.steady.loop import SteadyLoop, steady_gains
+from ..loop.steady.loop import SteadyLoop, shown_units, steady_gains
 from ..loop.steady.model import SteadyModel
 from ..loop.steady.noise import SteadyNoise
 from ..records.steady import SteadyCurve
@@ -20,7 +20,7 @@ SCHEMA = "jaxfric.steady/1"
 
 def sentence(loop: SteadyLoop) -> str:
     """Sentences on gains by the curve, in the units that are shown."""
-    force, _, size = loop.units()
+    force, _, size = shown_units(loop.curve)
     rotary = loop.curve.coordinate == "rotary"
     speed = Shown("rpm", np.pi / 30) if rotary else Shown("m/s")
     unit = f"{force} s/rad" if rotary else f"{force} s/m"
@@ -48,7 +48,7 @@ def _range(samples: np.ndarray) -> str:
 
 def tables(loop: SteadyLoop) -> list[TextTable]:
     """Models that were fitted, and parameters of base and final model."""
-    unit, speed, size = loop.units()
+    unit, speed, size = shown_units(loop.curve)
     rows = [
         (
             " + ".join(m.effects) or "base",

@@ -19,9 +19,9 @@ def steady_findings(loop: SteadyLoop) -> tuple[Finding, ...]:
     for one in curve.stick_slip:
         values = {"speed": one.speed, "at_rest": one.at_rest}
         found.append(_claim(LoopCode.STICK_SLIP, values, names == one.run))
-    if loop.withheld or gains.curve is None:
+    if loop.doubts or gains.curve is None:
         return tuple(found)
-    found += [_effect(loop, id) for id in loop.final.effects if id not in loop.base.effects]
+    found += [_effect(loop, id) for id in loop.added]
     ends, used = (gains.curve.slowest, gains.curve.fastest), loop.used
     for direction, sign in (("forwards", 1), ("backwards", -1)):
         told = {"direction": direction}

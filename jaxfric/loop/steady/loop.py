@@ -14,23 +14,23 @@ the others are too few for a line each way.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 
-from ...described import Described, Drawable, Tabular
+from ...described import Described, Drawable, Tabular, said
 from ...effects import ids_of
 from ...errors import InputError
 from ...gains.axis import axis_gains
 from ...gains.axis_result import AxisGains
 from ...records.steady import SteadyCurve
-from ...records.steady_load import Load
 from ...stability.claims import SURE, Unseen, above_curve
 from ..curves import distinct
 from ..thresholds import ACCEPT
 from .model import SteadyModel, fit_model
 
 STEADY_EFFECTS = ("direction_asymmetry", "stribeck", "cubic")
-_FEWEST, _FEWEST_OF_EACH = 8, 3
+FEWEST, FEWEST_OF_EACH = 8, 3
 """Runs, and runs of each direction, from which effects are tried: the largest model has six
 parameters and a spread."""
 _FEWEST_OF_BASE = 4
@@ -41,10 +41,15 @@ _REVERSED = 3.0
 _NEGLIGIBLE = 0.02
 """Share of the largest force below which negative friction is taken for zero, as of an axis."""
 _GRID = 101
-_COUNTED = (
-    "runs that stick and slip count in the fit, as too few others are left, so that the fitted line"
-    " is no friction of steady sliding"
-)
+
+
+class Doubt(StrEnum):
+    """Why neither friction nor gains may be taken from a fit."""
+
+    WANDERS = "force_changes_within_runs"
+    DRIVES = "friction_would_drive"
+    COUNTED = "stick_slip_counts"
+    """Runs that stick and slip count in the fit, as too few others are left."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -55,19 +60,56 @@ class SteadyLoop(Described, Drawable, Tabular):
     base: SteadyModel
     final: SteadyModel
     candidates: tuple[SteadyModel, ...]
-    verdict: str
-    """One of "no_missing_effect", "effects", "too_weak" or "ambiguous", as in `jaxfric.loop`;
-    "stick_slip": runs stick and slip, and no effect is named; "too_few": runs for the base alone.
-    """
-    sentence: str
+    tested: bool
+    """Whether there are runs enough to try effects."""
     used: np.ndarray
     """Mask of the runs that were fitted."""
-    withheld: tuple[str, ...] = ()
-    """Why neither friction nor gains may be taken from the fit, in words; empty where they may."""
+    doubts: tuple[Doubt, ...] = ()
 
-    def units(self) -> tuple[str, str, float]:
-        """Units of force and speed to show, and the size of the force unit in SI."""
-        return shown_units(self.curve)
+    @property
+    def verdict(self) -> str:
+        """One of "no_missing_effect", "effects", "too_weak" or "ambiguous", as in `jaxfric.loop`;
+        "stick_slip": runs stick and slip, and no effect is named; "too_few": runs for the base
+        alone."""
+        if Doubt.COUNTED in self.doubts:
+            return "stick_slip"
+        found = "ambiguous" if self.doubts else self.found
+        stands = found in ("effects", "ambiguous") or not self.curve.stick_slip
+        return found if stands else "stick_slip"
+
+    @property
+    def found(self) -> str:
+        """The verdict by the runs that were fitted alone."""
+        if self.curve.wanders:
+            return "ambiguous"
+        if not self.tested:
+            return "too_few"
+        if self.added:
+            return "effects"
+        if self.lower > _HINT:
+            return "too_weak"
+        return "stick_slip" if self.curve.stick_slip else "no_missing_effect"
+
+    @property
+    def added(self) -> tuple[str, ...]:
+        """The effects beyond those of the base."""
+        return tuple(e for e in self.final.effects if e not in self.base.effects)
+
+    @property
+    def lower(self) -> float:
+        """By how much BIC of the best other model is below that of the final one."""
+        others = (self.final.bic - m.bic for m in self.candidates if m is not self.final)
+        return max(others, default=0.0)
+
+    @property
+    def sentence(self) -> str:
+        """The verdict in words."""
+        return said("steady_verdict_text.sentence", self)
+
+    @property
+    def withheld(self) -> tuple[str, ...]:
+        """The `doubts` in words."""
+        return said("steady_verdict_text.withheld", self)
 
 
 def shown_units(curve: SteadyCurve) -> tuple[str, str, float]:
@@ -105,7 +147,7 @@ def close_steady_loop(
     base = fit_model(curve, with_, used)
     _refuse_reversed(curve, base, used)
     counted = bool(np.any(curve.slipping() & used))
-    few = len(speed) < _FEWEST or min(np.sum(speed > 0), np.sum(speed < 0)) < _FEWEST_OF_EACH
+    few = len(speed) < FEWEST or min(np.sum(speed > 0), np.sum(speed < 0)) < FEWEST_OF_EACH
     few = few or counted
     current, tried = base, [base]
     while not (few or curve.wanders):
@@ -116,21 +158,10 @@ def close_steady_loop(
         if not better:
             break
         current = min(better, key=lambda m: m.bic)
-    withheld = tuple(filter(None, (_wanders(curve), _drives(curve, current))))
-    best = max((current.bic - m.bic for m in tried if m is not current), default=0.0)
-    verdict, text = _said(curve, base, current, best, few=few)
-    if curve.load is not None:
-        text += f" {_loaded(curve, curve.load)}"
-    if withheld:
-        told = "; ".join(withheld)
-        verdict, text = "ambiguous", f"{told[0].upper()}{told[1:]}. {text}"
-    elif counted:
-        verdict, text, withheld = "stick_slip", "", (_COUNTED,)
-    if curve.stick_slip:
-        text = f"{_slips(curve, counted=counted)} {text}".rstrip()
-        verdict = verdict if verdict in ("effects", "ambiguous") else "stick_slip"
+    known = ((Doubt.WANDERS, curve.wanders), (Doubt.DRIVES, driving(curve, current) is not None))
+    doubts = tuple(one for one, there in known if there) or (Doubt.COUNTED,) * counted
     ranked = tuple(sorted(tried, key=lambda m: m.bic))
-    return SteadyLoop(curve, base, current, ranked, verdict, text, used, withheld)
+    return SteadyLoop(curve, base, current, ranked, not few, used, doubts)
 
 
 def _fitted(curve: SteadyCurve) -> np.ndarray:
@@ -145,7 +176,7 @@ def _fitted(curve: SteadyCurve) -> np.ndarray:
         if len(speed) >= _FEWEST_OF_BASE and min(ways) > 0 and sum(ways) > 2:
             return used
     forward, backward = int(np.sum(curve.speed > 0)), int(np.sum(curve.speed < 0))
-    slips = f"{_slips(curve, counted=False)} The" if curve.stick_slip else "the"
+    slips = f"{said('steady_verdict_text.slips', curve, False)} The" if curve.stick_slip else "the"
     raise InputError(
         f"{slips} curve has {forward} runs forwards and {backward} backwards; {_FEWEST_OF_BASE} in"
         " all, at two speeds or more, and both directions are needed: one direction alone does not"
@@ -161,29 +192,19 @@ def _refuse_reversed(curve: SteadyCurve, base: SteadyModel, used: np.ndarray) ->
         return
     unit, shown, size = shown_units(curve)
     k = int(np.argmin(force))
+    wanders = f" Or {said('steady_verdict_text.wanders', curve)}" if curve.wanders else ""
     raise InputError(
         f"{curve.provenance.path}: the runs have a friction of {force[k] / size:.3g} {unit} at"
         f" {abs(speed[k]):.3g} {shown}, so that friction would drive the axis: is the sign of the"
-        " force reversed (--flip force)?" + (f" Or {_wanders(curve)}" if curve.wanders else "")
+        f" force reversed (--flip force)?{wanders}"
     )
 
 
-def _wanders(curve: SteadyCurve) -> str:
-    """That the force changes within the runs, in words; empty where it does not."""
-    if not curve.wanders:
-        return ""
-    placed = bool(curve.rows) and all(rows.position is not None for rows in curve.rows)
-    return (
-        "the force changes along the runs as slowly as a weight or a spring changes it (a run is"
-        f" worth {np.median(curve.effective):.0f} independent samples), so that friction is not"
-        " told from such a load, nor how well the means are known. Record "
-        + ("longer runs" if placed else "the position as well")
-    )
-
-
-def _drives(curve: SteadyCurve, model: SteadyModel, sure: float = SURE) -> str:
-    """That the friction of a model would drive the axis, by more than `sure` standard errors, in
-    words; empty where it takes energy."""
+def driving(
+    curve: SteadyCurve, model: SteadyModel, sure: float = SURE
+) -> tuple[float | None, float, float] | None:
+    """Where the friction of a model would drive the axis most, by more than `sure` standard errors:
+    the speed (None: Coulomb friction), the friction and its error; None where it takes energy."""
     size = np.abs(curve.speed)
     speed = np.geomspace(size.min(), size.max(), _GRID)
     force, std = model.friction(speed)
@@ -192,43 +213,9 @@ def _drives(curve: SteadyCurve, model: SteadyModel, sure: float = SURE) -> str:
     most = _NEGLIGIBLE * float(np.max(np.abs(curve.force)))
     wrong = np.flatnonzero((force < -most) & (force < -sure * std))
     if not len(wrong):
-        return ""
-    unit, shown, one = shown_units(curve)
-    k = wrong[np.argmin(force[wrong])]
-    what = "the fitted friction" if k < _GRID else "the fitted Coulomb friction"
-    where = f" at {speed[k]:.3g} {shown}" if k < _GRID else ""
-    return (
-        f"{what} is negative{where}, {force[k] / one:.3g} ± {std[k] / one:.2g} {unit}: it would"
-        " drive the axis, so that the model is wrong"
-    )
-
-
-def _slips(curve: SteadyCurve, *, counted: bool) -> str:
-    """The speeds at which runs stick and slip, how much of the time each is at rest, and whether
-    they are `counted` in the fit."""
-    speed = "rad/s" if curve.coordinate == "rotary" else "m/s"
-    each = "; ".join(
-        f"at {one.speed:.3g} {speed} the axis rests {100 * one.at_rest:.0f} % of the time"
-        f" ({one.stops} stops) and moves at {one.moving_speed:.3g} {speed} between"
-        for one in sorted(curve.stick_slip, key=lambda one: abs(one.speed))
-    )
-    how = _COUNTED if counted else "these runs have no steady friction and are not fitted"
-    return f"Stick-slip: {each}; {how}."
-
-
-def _loaded(curve: SteadyCurve, load: Load) -> str:
-    """What the force has along the travel, and that it is taken out."""
-    unit, shown, one = shown_units(curve)
-    length = shown.removesuffix("/s")
-    size, std = (x / one for x in load.size())
-    if load.effect == "gravity":
-        what = f"with the sine of the angle, {size:.4g} ± {std:.2g} {unit} at most"
-    else:
-        what = f"with the position, {load.values[0] / one:.4g} ± {std:.2g} {unit}/{length}"
-    return (
-        f"The force goes {what}, the same both ways, as a weight or a spring: it is taken out of"
-        " the friction; F_0 holds it in the middle of the travel."
-    )
+        return None
+    k = int(wrong[np.argmin(force[wrong])])
+    return float(speed[k]) if k < _GRID else None, float(force[k]), float(std[k])
 
 
 def steady_gains(loop: SteadyLoop) -> AxisGains:
@@ -249,7 +236,7 @@ def steady_gains(loop: SteadyLoop) -> AxisGains:
             unseen.append(Unseen(f"{names} {what}", float(speed[some].max())))
     if curve.stuck:
         unseen.append(Unseen(f"no steady motion in {', '.join(curve.stuck)}", 0.0))
-    if len(loop.candidates) == 1 and int(loop.used.sum()) < _FEWEST:
+    if len(loop.candidates) == 1 and int(loop.used.sum()) < FEWEST:
         unseen.append(
             Unseen(
                 f"{loop.used.sum()} runs do not tell whether friction falls at some speed", np.inf
@@ -285,45 +272,5 @@ def _acceptable(current: SteadyModel, model: SteadyModel, curve: SteadyCurve) ->
     an amplitude better than itself, a velocity better than a factor of e."""
     better = current.bic - model.bic > ACCEPT and model.heldout < current.heldout
     fixed = all(model.std[k] < abs(model.values[k]) for k in ("fs", "vs") if k in model.values)
-    return better and fixed and model.values.get("fs", 1.0) > 0 and not _drives(curve, model, 0.0)
-
-
-def _said(
-    curve: SteadyCurve, base: SteadyModel, final: SteadyModel, best: float, *, few: bool
-) -> tuple[str, str]:
-    unit, speed, size = shown_units(curve)
-    before, after = base.rms / size, final.rms / size
-    untested = f"Whether friction lacks an effect ({', '.join(STEADY_EFFECTS)}) is not tested"
-    if curve.wanders:
-        return "ambiguous", f"{untested}."
-    if few:
-        known = ", ".join(
-            f"{name} = {base.values[name] / size:.4g} ± {base.std[name] / size:.2g} {own}"
-            for name, own in (("F_c", unit), ("F_v", f"{unit}/({speed})"), ("F_0", unit))
-        )
-        return "too_few", (
-            f"A line each way fits the runs: {known} (rms {before:.3g} {unit}). {untested}:"
-            f" {_FEWEST} runs are needed, {_FEWEST_OF_EACH} of each direction."
-        )
-    refused = [e for e in ("stribeck", "direction_asymmetry") if e not in final.effects]
-    rest = f" Not supported: {', '.join(refused)}." if refused else ""
-    added = [e for e in final.effects if e not in base.effects]
-    if added:
-        return "effects", (
-            f"The curve lacks {' and '.join(added)}: rms {before:.3g} -> {after:.3g} {unit}, BIC"
-            f" {base.bic - final.bic:.0f} lower.{rest}"
-        )
-    if best > _HINT:
-        return "too_weak", (
-            f"Something may be missing, but no effect is supported by more than {ACCEPT:g} of BIC"
-            f" (best {best:.1f})."
-        )
-    if curve.stick_slip:
-        return "stick_slip", (
-            f"The others fit Coulomb and viscous friction (rms {before:.3g} {unit}): where friction"
-            f" falls with speed they do not show.{rest}"
-        )
-    return (
-        "no_missing_effect",
-        f"These points show nothing that is missing: rms {before:.3g} {unit}.{rest}",
-    )
+    possible = model.values.get("fs", 1.0) > 0 and driving(curve, model, 0.0) is None
+    return better and fixed and possible
