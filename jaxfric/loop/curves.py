@@ -73,30 +73,25 @@ def curve_family(engine: Engine, final: Candidate, rig: CurveRig) -> CurveFamily
         return rig.level(final.z, V) - rig.level(null, V)
 
     shapes = _shapes(rig, speeds)
-    if not shapes:
-        return CurveFamily(
-            rig.effects, len(speeds) if rig.counted else None, parameters, (), (), rig.unit
-        )
     index = engine.free(final.effects)
     rows = engine.evaluate(final.z, index)
     gone = [*engine.model.columns(rig.effects), *(engine.names.index(n) for n in rig.replaced)]
     kept = [k for k, i in enumerate(index) if i not in gone]
-    widths = [curve(speeds).shape[1] for _, curve in shapes]
     sent = rig.send(
         lambda V: np.concatenate([added(V)[:, None], *(c(V) for _, c in shapes)], axis=1)
     )
     first, begin = rig.base(speeds).shape[1], 0
     grid = _grid(speeds, counted=rig.counted)
-    named, found = rig.level(final.z, grid), []
-    for (words, curve), width in zip(shapes, widths, strict=True):
+    named, without, found = rig.level(final.z, grid), rig.level(null, grid), []
+    for words, curve in shapes:
+        shape = np.concatenate([rig.base(grid), curve(grid)], axis=1)
+        width = shape.shape[1] - first
         at = [*range(first), *range(first + 1 + begin, first + 1 + begin + width)]
         begin += width
         left, weights = _refitted(engine, final, rows, kept, sent, first, at)
         count = len(index) - len(engine.model.columns(rig.effects)) + width
         worse = bic(engine, left, count)[0] - final.bic
-        level = rig.level(null, grid)
-        level = level + np.concatenate([rig.base(grid), curve(grid)], axis=1) @ weights
-        found.append((OtherShape(words, float(worse)), level))
+        found.append((OtherShape(words, float(worse)), without + shape @ weights))
     error = step_error(engine, final)
     return CurveFamily(
         rig.effects,

@@ -75,7 +75,7 @@ def _without(search: "Search", id: str) -> "Candidate":
     return min(known, key=lambda c: (-len(c.effects), c.bic), default=search.base)
 
 
-def claim_between(
+def _claim_between(
     code: LoopCode,
     told: Mapping[str, object],
     velocity: np.ndarray,
@@ -93,6 +93,25 @@ def claim_between(
         rows &= sign * velocity > 0
     values = {**told, "slowest": slowest, "fastest": fastest}
     return Finding(code, Severity.CLAIM, values, rows)
+
+
+def claims_of_friction(
+    kind: str,
+    ways: Sequence[tuple[str, float, tuple[float, float]]],
+    ends: tuple[float, float],
+    velocity: np.ndarray,
+    used: np.ndarray,
+) -> list[Finding]:
+    """Friction in each of the `ways` (direction, sign, its slowest and fastest speed), and of what
+    `kind` stability is between the speeds `ends`, where anything is said."""
+    friction = LoopCode.FRICTION
+    found = [
+        _claim_between(friction, {"direction": way}, velocity, used, speeds, sign=sign)
+        for way, sign, speeds in ways
+    ]
+    if kind != "open":
+        found.append(_claim_between(LoopCode.STABILITY, {"kind": kind}, velocity, used, ends))
+    return found
 
 
 def left_over(

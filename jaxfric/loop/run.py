@@ -7,7 +7,6 @@ level of its own. Held out are whole steps and holds; others, where nothing is n
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -29,7 +28,6 @@ from .residual_tests import merged, p_text
 from .result import Loop, RunBase, RunDetails
 from .slider import refuse_failed, slider_subject, with_channels
 from .split import Blocks, split_again, split_units
-from .subject import Subject
 from .thresholds import ACCEPT, SIGNIFICANT
 
 _NAMED = ("effects", "ambiguous")
@@ -55,15 +53,35 @@ def run_loop(
     ------
     InputError : fewer than three steps and holds that count; or as in `jaxfric.fit`.
     """
-    run, asked = _run_of(record, events, how, rows, asked, progress)
+    joined, thinning = join(record, events), ()
+    if rows is not None:
+        joined, thinning = _thinned(joined, rows)
+    asked = with_channels(joined.record, how.law, asked, stress=False)
+    units = _units(joined)
+    blocks = split_units(*units, record.provenance.path)
+    levels = _levels(joined, blocks.train)
+    base_fit = _base_fit(joined, levels, how, _start(record, events, how, progress), progress)
+    refuse_failed(joined.record, base_fit)
 
     def search(blocks: Blocks) -> Loop:
-        return close(run.subject(blocks), most=asked.most, begun=begun, progress=progress)
+        subject = slider_subject(
+            joined.record,
+            base_fit,
+            joined.steps(fine=True),
+            blocks,
+            asked,
+            changed=lambda problem: _in_stretches(problem, joined),
+            levels={f"level{k + 2}": float(v) for k, v in enumerate(levels[1:])},
+            shown=(joined.rows, RunBase(base_fit, joined.shown_steps())),
+            thinning=thinning,
+            details=lambda after: RunDetails(joined, after),
+        )
+        return close(subject, most=asked.most, begun=begun, progress=progress)
 
     def again() -> Blocks | None:
-        return split_again(*_units(run.joined), run.blocks) if asked.most else None
+        return split_again(*units, blocks) if asked.most else None
 
-    return asked_twice(search, run.blocks, again, progress=progress)
+    return asked_twice(search, blocks, again, progress=progress)
 
 
 def asked_twice(
@@ -109,58 +127,6 @@ def asked_twice(
         chance = p_text(_together(found, second))
         said += f"; noise alone leaves as much in both together: {chance}"
     return dataclasses.replace(second, warnings=(*second.warnings, said))
-
-
-class _JoinedRun(NamedTuple):
-    """The joined record of a run and the fit of its base."""
-
-    joined: Joined
-    base_fit: Fit
-    steps: VelocitySteps
-    levels: np.ndarray
-    """Friction of every stretch less that of the first, to begin with."""
-    blocks: Blocks
-    asked: Offered
-    thinning: tuple[str, ...]
-
-    def subject(self, blocks: Blocks) -> Subject[Problem]:
-        """What the loop is given, with some blocks: the base fit, the levels that it was aligned
-        with, step times as found."""
-        joined, base = self.joined, self.base_fit
-        return slider_subject(
-            joined.record,
-            base,
-            self.steps,
-            blocks,
-            self.asked,
-            changed=lambda problem: _in_stretches(problem, joined),
-            levels={f"level{k + 2}": float(v) for k, v in enumerate(self.levels[1:])},
-            shown=(joined.rows, RunBase(base, joined.shown_steps())),
-            thinning=self.thinning,
-            details=lambda after: RunDetails(joined, after),
-        )
-
-
-def _run_of(
-    record: Record,
-    events: Sequence[Event],
-    how: HowFitted,
-    rows: int | None,
-    asked: Offered,
-    progress: Callable[[str], None],
-) -> tuple[_JoinedRun, Offered]:
-    """A run with its base fitted, and the effects that it can have."""
-    joined, thinning = join(record, events), ()
-    if rows is not None:
-        joined, thinning = _thinned(joined, rows)
-    asked = with_channels(joined.record, how.law, asked, stress=False)
-    blocks = split_units(*_units(joined), record.provenance.path)
-    levels = _levels(joined, blocks.train)
-    steps = joined.steps(fine=True)
-    start = _start(record, events, how, progress)
-    base_fit = _base_fit(joined, levels, how, start, progress)
-    refuse_failed(joined.record, base_fit)
-    return _JoinedRun(joined, base_fit, steps, levels, blocks, asked, thinning), asked
 
 
 def _stands(second: Loop, first: Loop) -> bool:

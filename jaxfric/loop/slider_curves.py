@@ -32,15 +32,6 @@ def slider_curves(engine: Engine[Problem], final: Candidate, velocities: np.ndar
     effects = tuple(id for id in final.effects if id in STEADY_CURVES)
     known = engine.blocks.train | engine.blocks.select
     speeds = velocities[np.unique(engine.blocks.step[known])]
-    laws: dict[bytes, ExtendedLaw] = {}  # a rig takes longer to make than its curve
-
-    def level(z: np.ndarray, V: np.ndarray) -> np.ndarray:
-        if z.tobytes() not in laws:
-            law = rig_at(engine.problem, z).friction
-            assert isinstance(law, ExtendedLaw)
-            laws[z.tobytes()] = law
-        return _level(laws[z.tobytes()], V)
-
     return CurveRig(
         effects=effects,
         declared=tuple(id for id in engine.always if id in STEADY_CURVES),
@@ -50,14 +41,16 @@ def slider_curves(engine: Engine[Problem], final: Candidate, velocities: np.ndar
         base=lambda V: np.stack([np.ones_like(V), np.log(V), np.log(V)], axis=1),
         lowest=2,
         parameters=2,
-        level=level,
+        level=lambda z, V: _level(engine.problem, z, V),
         send=lambda curve: _sent(engine, final, curve, late=set(effects) == {_LATE}),
         unit="m/s",
     )
 
 
-def _level(law: ExtendedLaw, V: np.ndarray) -> np.ndarray:
+def _level(problem: Problem, z: np.ndarray, V: np.ndarray) -> np.ndarray:
     """Friction of steady sliding, without what has states of its own or follows slip or time."""
+    law = rig_at(problem, z).friction
+    assert isinstance(law, ExtendedLaw)
     padded = filled(V, bucket(len(V), _FEWEST))
     return np.asarray(_levels(law, padded))[: len(V)]
 

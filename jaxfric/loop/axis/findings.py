@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from ...findings import Finding
-from ..findings import LoopCode, claim_between
+from ..findings import claims_of_friction
 from .driven import Driven, at_one_speed
 from .result import AxisDetails, AxisRows
 
@@ -19,13 +19,10 @@ def axis_claims(
     curve, single = details.gains.curve, at_one_speed(directions)
     if details.withheld or curve is None or (details.doubted() and not single):
         return ()
-    whole, found = (curve.slowest, curve.fastest), []
-    for one in directions:
-        ends = (one.slowest, one.fastest) if single else whole
-        told, way = {"direction": one.direction}, one.sign
-        friction = LoopCode.FRICTION
-        found.append(claim_between(friction, told, rows.velocity, rows.used, ends, sign=way))
-    if (kind := details.gains.claim.kind) != "open":
-        stability = LoopCode.STABILITY
-        found.append(claim_between(stability, {"kind": kind}, rows.velocity, rows.used, whole))
-    return tuple(found)
+    whole = curve.slowest, curve.fastest
+    ways = [
+        (one.direction, one.sign, (one.slowest, one.fastest) if single else whole)
+        for one in directions
+    ]
+    kind = details.gains.claim.kind
+    return tuple(claims_of_friction(kind, ways, whole, rows.velocity, rows.used))

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ...findings import Finding, Severity, deciding_rows
-from ..findings import LoopCode, claim_between
+from ..findings import LoopCode, claims_of_friction
 from ..thresholds import ACCEPT
 from .loop import SteadyLoop, steady_gains
 
@@ -22,13 +22,9 @@ def steady_findings(loop: SteadyLoop) -> tuple[Finding, ...]:
     if loop.doubts or gains.curve is None:
         return tuple(found)
     found += [_effect(loop, id) for id in loop.added]
-    ends, used = (gains.curve.slowest, gains.curve.fastest), loop.used
-    for direction, sign in (("forwards", 1), ("backwards", -1)):
-        told = {"direction": direction}
-        found.append(claim_between(LoopCode.FRICTION, told, signed, used, ends, sign=sign))
-    if (kind := gains.claim.kind) != "open":
-        found.append(claim_between(LoopCode.STABILITY, {"kind": kind}, signed, used, ends))
-    return tuple(found)
+    ends = gains.curve.slowest, gains.curve.fastest
+    ways = [("forwards", 1.0, ends), ("backwards", -1.0, ends)]
+    return (*found, *claims_of_friction(gains.claim.kind, ways, ends, signed, loop.used))
 
 
 def _claim(code: LoopCode, values: dict, runs: np.ndarray) -> Finding:
