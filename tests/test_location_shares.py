@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jaxfric.loop.location import _profile, further_shares
+from jaxfric.loop.location import Bumps, _profile, further_shares
 from jaxfric.loop.result import LocationProfile
 from jaxfric.report.location_text import OTHERS, added_shares, shares_told
 
@@ -51,7 +51,7 @@ def test_the_first_share_is_what_the_variable_explains_alone():
     left = own @ np.linspace(0.1, 0.4, 12) / 90 + random.normal(size=800)
     left += 2 * np.sin(np.arange(800) / 9)
     whole = float(left @ left), 800.0
-    one = _profile("slip", "m", np.arange(12.0), own, left, whole, 1e3).profile
+    one = _profile(Bumps("slip", "m", np.arange(12.0), own), left, whole, 1e3).profile
     assert 0 < one.explained < 1
     assert further_shares([[own]], left, whole) == [pytest.approx(one.explained, rel=1e-12)]
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from jaxfric.loop.location import _profile, _ripples, share_of
+from jaxfric.loop.location import Bumps, _profile, _ripples, share_of
 from jaxfric.loop.refusal import Fault, Refusal
 from jaxfric.loop.result import LocationProfile
 from jaxfric.loop.unfixed import unfixed
@@ -103,7 +103,7 @@ def test_missing_friction_is_found_where_it_is_seen_and_stays_small_where_not():
     own = columns[:, :3] * [1e5, 1e5, 10.0]
     left = rng.standard_normal(n) - own @ [4e-4, -2e-4, 0.1] + 45 * columns[:, 3]
     whole, size = (float(left @ left), float(n)), 1e-3
-    asked = _profile("slip", "m", np.arange(3.0), own, left, whole, size)
+    asked = _profile(Bumps("slip", "m", np.arange(3.0), own), left, whole, size)
     gain, found = asked.gain, asked.profile
     fall = left @ left - np.sum((left - own @ np.linalg.lstsq(own, left, rcond=None)[0]) ** 2)
     assert gain == pytest.approx(fall - 3, rel=1e-3)
@@ -121,7 +121,7 @@ def test_errors_of_missing_friction_are_of_what_the_base_does_not_take_up():
     own = (columns - columns.mean(axis=1, keepdims=True)) / error
     left = rng.standard_normal(n) - own[:, 2] * 5 * error
     whole = float(left @ left), float(n)
-    found = _profile("slip", "m", np.arange(8.0), own, left, whole, 0.1).profile
+    found = _profile(Bumps("slip", "m", np.arange(8.0), own), left, whole, 0.1).profile
     np.testing.assert_allclose(found.errors, error * np.sqrt(7 / 8), rtol=0.1)
     above = found.amplitudes / found.errors
     assert np.argmax(above) == 2 and above[2] > 3 and np.abs(np.delete(above, 2)).max() < 3
@@ -133,7 +133,7 @@ def test_the_best_of_many_ripples_is_one_of_as_many_chances():
     own, _ = np.linalg.qr(rng.standard_normal((n, 40)))
     left = own @ rng.standard_normal(40)
     left += own[:, 12] * (5 - own[:, 12] @ left)
-    asked = _ripples("wavelength", "m", np.arange(20.0), own, left, (float(n), float(n)), 1.0)
+    asked = _ripples(Bumps("wavelength", "m", np.arange(20.0), own), left, (float(n), float(n)))
     assert np.argmax(asked.profile.amplitudes) == 6
     assert (asked.columns, asked.times) == ((12, 13), 20)
 

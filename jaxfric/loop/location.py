@@ -10,7 +10,7 @@ the errors and in p. p allows for the errors of the noise itself (`fitting.noise
 """
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from math import nan
 from typing import NamedTuple
 
@@ -46,6 +46,15 @@ class Bumps(NamedTuple):
     unit: str
     centres: np.ndarray
     columns: np.ndarray
+
+    @property
+    def pairs(self) -> bool:
+        """Whether each centre is a wavelength, with a sine and a cosine."""
+        return self.columns.shape[1] == 2 * len(self.centres)
+
+    def groups(self) -> list[np.ndarray]:
+        """Columns that are asked together: all bumps, or every wavelength's pair."""
+        return np.split(self.columns, len(self.centres), axis=1) if self.pairs else [self.columns]
 
 
 class Asked(NamedTuple):
@@ -83,26 +92,21 @@ def locate(engine: Engine, base: Candidate, found: Found, bumps: Sequence[Bumps]
     basis = orthonormal(white[:, 1:])
     left = white[:, 0] - basis @ (basis.T @ white[:, 0])
     whole = float(left @ left), float(engine.weight.sum()) - basis.shape[1]
-    seen = np.concatenate([one.columns for one in bumps], axis=1)
-    seen = engine.whiten(seen * train, found.noise)
-    seen = seen - basis @ (basis.T @ seen)
+    seen = engine.whiten(_beside(bumps) * train, found.noise)
+    parts = _with_columns(bumps, seen - basis @ (basis.T @ seen))
     size = _LARGEST * base.rms["train"]
-    asked, parts, begin = [], [], 0
-    for variable, unit, centres, columns in bumps:
-        own = seen[:, begin : begin + columns.shape[1]]
-        begin += columns.shape[1]
-        parts.append(own)
-        profile = _ripples if own.shape[1] == 2 * len(centres) else _profile
-        asked.append(profile(variable, unit, centres, own, left, whole, size))
+    asked = [
+        _ripples(own, left, whole) if own.pairs else _profile(own, left, whole, size)
+        for own in parts
+    ]
     questions = [
         Question("block_means", engine.smooth[:, :ALONG]),
         Question("step_locked", engine.smooth[:, ALONG:]),
     ]
-    for one, (variable, _, _, columns) in zip(asked, bumps, strict=True):
-        questions.append(Question(variable, columns[:, list(one.columns)], one.times))
+    for one, own in zip(asked, bumps, strict=True):
+        questions.append(Question(own.variable, own.columns[:, list(one.columns)], one.times))
     p = chances(engine, rows, found, questions)
-    further = further_shares([_groups(part, one) for part, one in zip(parts, asked, strict=True)],
-                             left, whole)  # fmt: skip
+    further = further_shares([own.groups() for own in parts], left, whole)
     both = sorted(zip(asked, further, strict=True), key=lambda pair: -pair[0].gain)
     location = (
         dataclasses.replace(one.profile, p_value=p[one.profile.variable], further=share)
@@ -111,11 +115,16 @@ def locate(engine: Engine, base: Candidate, found: Found, bumps: Sequence[Bumps]
     return Left(tuple(location), p)
 
 
-def _groups(own: np.ndarray, asked: Asked) -> list[np.ndarray]:
-    """Columns of a variable that are asked together: all bumps, or every wavelength's pair."""
-    if asked.times == 1:
-        return [own]
-    return [own[:, k : k + 2] for k in range(0, own.shape[1], 2)]
+def _beside(bumps: Sequence[Bumps]) -> np.ndarray:
+    """The columns of all variables side by side."""
+    return np.concatenate([one.columns for one in bumps], axis=1)
+
+
+def _with_columns(bumps: Sequence[Bumps], columns: np.ndarray) -> list[Bumps]:
+    """The bumps with other columns in place of theirs, which lie side by side."""
+    ends = np.cumsum([one.columns.shape[1] for one in bumps])[:-1]
+    both = zip(bumps, np.split(columns, ends, axis=1), strict=True)
+    return [one._replace(columns=own) for one, own in both]
 
 
 def further_shares(
@@ -192,25 +201,13 @@ def friction_bumps(engine: Engine[Problem], base: Candidate) -> list[Bumps]:
         engine.evaluator.simulated(base.z, engine.problem), jax.device_put(base.z)
     )
     bumps = _variables(engine, response)
-    forces = np.concatenate([columns for _, _, _, columns in bumps], axis=1)
-    seen = respond(response, forces)[0] / float(engine.problem.noise_scale)
-    ends = np.cumsum([columns.shape[1] for _, _, _, columns in bumps])[:-1]
-    parts = np.split(seen, ends, axis=1)
-    return [
-        Bumps(variable, unit, centres, part)
-        for (variable, unit, centres, _), part in zip(bumps, parts, strict=True)
-    ]
+    seen = respond(response, _beside(bumps))[0] / float(engine.problem.noise_scale)
+    return _with_columns(bumps, seen)
 
 
-def _profile(
-    variable: str,
-    unit: str,
-    centres: np.ndarray,
-    own: np.ndarray,
-    left: np.ndarray,
-    whole: tuple[float, float],
-    size: float,
-) -> Asked:
+def _profile(bumps: Bumps, left: np.ndarray, whole: tuple[float, float], size: float) -> Asked:
+    """All bumps together; missing friction is of about this `size` before anything is known."""
+    own = bumps.columns
     gram, side = own.T @ own, own.T @ left
     values, vectors = np.linalg.eigh(gram)
     used = values > _RANK * max(values[-1], 1e-300)
@@ -230,24 +227,14 @@ def _profile(
     unseen = np.diag(gram) <= 1e-9 * max(np.max(np.diag(gram)), 1e-300)
     amplitudes, errors = np.where(unseen, np.nan, amplitudes), np.where(unseen, np.nan, errors)
     explained = share_of(gain, degrees, whole)
-    profile = LocationProfile(variable, unit, centres, amplitudes, errors, explained, nan)
+    profile = LocationProfile(*bumps[:3], amplitudes, errors, explained, nan)
     return Asked(profile, gain - degrees, tuple(range(own.shape[1])), 1)
 
 
-def _ripples(
-    variable: str,
-    unit: str,
-    centres: np.ndarray,
-    own: np.ndarray,
-    left: np.ndarray,
-    whole: tuple[float, float],
-    size: float,
-) -> Asked:
+def _ripples(bumps: Bumps, left: np.ndarray, whole: tuple[float, float]) -> Asked:
     """Fits a sine and a cosine for each wavelength alone: many together would follow anything."""
-    del size  # a sine and a cosine are known each for itself
-    amplitudes, errors, gains = np.zeros((3, len(centres)))
-    for k in range(len(centres)):
-        pair = own[:, 2 * k : 2 * k + 2]
+    amplitudes, errors, gains = np.zeros((3, len(bumps.centres)))
+    for k, pair in enumerate(bumps.groups()):
         gram, side = pair.T @ pair, pair.T @ left
         inverse = np.linalg.pinv(gram, rcond=1e-9, hermitian=True)
         amplitudes[k] = np.linalg.norm(inverse @ side)
@@ -257,15 +244,13 @@ def _ripples(
     beyond = np.maximum((whole[0] - gains) / max(whole[1] - 2, 1.0), 1.0)
     errors *= np.sqrt(beyond)
     explained = share_of(best, 2, whole)
-    profile = LocationProfile(variable, unit, centres, amplitudes, errors, explained, nan)
+    profile = LocationProfile(*bumps[:3], amplitudes, errors, explained, nan)
     k = int(np.argmax(gains))
-    return Asked(profile, best - 2, (2 * k, 2 * k + 1), len(centres))
+    return Asked(profile, best - 2, (2 * k, 2 * k + 1), len(bumps.centres))
 
 
-def _variables(
-    engine: Engine[Problem], response: Response
-) -> list[tuple[str, str, np.ndarray, np.ndarray]]:
-    """Name, unit, centres and forces along the motion of the bumps of every variable."""
+def _variables(engine: Engine[Problem], response: Response) -> list[Bumps]:
+    """The bumps of every variable, their columns forces along the motion."""
     law = response.rig.friction
     assert isinstance(law, ExtendedLaw)
     time = np.concatenate([[float(response.start)], np.asarray(response.middle)])
@@ -287,28 +272,17 @@ def _variables(
     waves = total / np.linspace(2, 60, _WAVES)  # half a period apart over the record
     phases = 2 * np.pi * slip[:, None] / waves
     fourier = np.stack([np.sin(phases), np.cos(phases)], axis=2).reshape(len(slip), -1)
+    recent = np.log(np.maximum(since, shortest))
+    after = np.linspace(np.log(shortest), np.log(since.max()), _COARSE)
+    relaxing = np.exp(-slipped[:, None] / lengths) * steps[k][:, None]
     return [
-        ("slip", "m", *_hats(slip, np.linspace(slip.min(), slip.max(), _FINE))),
-        ("time", "s", *_hats(time, np.linspace(time[0], time[-1], _FINE))),
-        ("log_velocity", "1", *_hats(log_velocity, _spread(log_velocity, _COARSE))),
-        ("state", "F", *_hats(lag, _spread(lag, _COARSE))),
-        (
-            "time_since_step",
-            "s",
-            *_hats(
-                np.log(np.maximum(since, shortest)),
-                np.linspace(np.log(shortest), np.log(since.max()), _COARSE),
-                inverse=np.exp,
-                factor=stepped,
-            ),
-        ),
-        (
-            "relaxation_length",
-            "m",
-            lengths,
-            np.exp(-slipped[:, None] / lengths) * steps[k][:, None],
-        ),
-        ("wavelength", "m", waves, fourier),
+        Bumps("slip", "m", *hats(slip, np.linspace(slip.min(), slip.max(), _FINE))),
+        Bumps("time", "s", *hats(time, np.linspace(time[0], time[-1], _FINE))),
+        Bumps("log_velocity", "1", *hats(log_velocity, _spread(log_velocity, _COARSE))),
+        Bumps("state", "F", *hats(lag, _spread(lag, _COARSE))),
+        Bumps("time_since_step", "s", np.exp(after), hats(recent, after)[1] * stepped),
+        Bumps("relaxation_length", "m", lengths, relaxing),
+        Bumps("wavelength", "m", waves, fourier),
     ]
 
 
@@ -323,13 +297,8 @@ def _spread(x: np.ndarray, number: int) -> np.ndarray:
     return np.linspace(low, max(high, low + 1e-9), number)
 
 
-def _hats(
-    x: np.ndarray,
-    centres: np.ndarray,
-    *,
-    inverse: Callable[[np.ndarray], np.ndarray] = lambda c: c,
-    factor: float | np.ndarray = 1.0,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Centres, and a hat on each: 1 there, 0 at its neighbours; the outer ones stay at 1."""
+def hats(x: np.ndarray, centres: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Centres, and a hat on each over x (n,): 1 there, 0 at its neighbours; the outer ones stay
+    at 1."""
     columns = [np.interp(x, centres, row) for row in np.eye(len(centres))]
-    return inverse(centres), np.stack(columns, axis=1) * factor
+    return centres, np.stack(columns, axis=1)

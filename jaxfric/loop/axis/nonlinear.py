@@ -8,9 +8,10 @@ import numpy as np
 from ...effects import RecordScales
 from ...effects.effect import AbstractEffect
 from ...fitting.axis_problem import AxisProblem, shape_columns
+from ...fitting.padding import filled
 from ..case import Column, Sensitivities
 from ..engine import Engine
-from ..location import Bumps
+from ..location import Bumps, hats
 from ..nonlinear import columns_of, shapes_of
 from .result import AxisRows
 
@@ -58,17 +59,13 @@ def friction_bumps(engine: Engine[AxisProblem], rows: AxisRows, *, unit: str = "
         ("time", "s", rows.time),
         ("since_reversal", unit, np.sqrt(since)),
     ):
-        centres = np.linspace(x[train].min(), x[train].max(), _COARSE)
-        hats = np.zeros((len(engine.weight), len(centres)))
-        for k in range(len(centres)):
-            hat = np.interp(x, centres, np.arange(len(centres)) == k)
-            hats[: len(x), k] = hat / float(engine.problem.noise_scale)
+        centres, columns = hats(x, np.linspace(x[train].min(), x[train].max(), _COARSE))
         shown = centres**2 if variable == "since_reversal" else centres
-        found.append(Bumps(variable, shown_unit, shown, hats))
+        found.append(Bumps(variable, shown_unit, shown, columns))
     travel = float(np.ptp(rows.position))
     waves = np.geomspace(travel / 100, travel, _WAVES)
     phase = 2 * np.pi * rows.position[:, None] / waves
-    pairs = np.zeros((len(engine.weight), 2 * _WAVES))
-    pairs[: len(phase), 0::2], pairs[: len(phase), 1::2] = np.cos(phase), np.sin(phase)
-    pairs /= float(engine.problem.noise_scale)
-    return [*found, Bumps("wavelength", unit, waves, pairs)]
+    pairs = np.stack([np.cos(phase), np.sin(phase)], axis=2).reshape(len(phase), -1)
+    found.append(Bumps("wavelength", unit, waves, pairs))
+    size, scale = len(engine.weight), float(engine.problem.noise_scale)
+    return [one._replace(columns=filled(one.columns, size, 0.0) / scale) for one in found]
