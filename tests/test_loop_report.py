@@ -72,7 +72,7 @@ from jaxfric.report.loop_text import (
     splitting,
     traded,
 )
-from jaxfric.report.verdict_text import change
+from jaxfric.report.verdict_text import change, words_of_refusal
 from jaxfric.stability.claims import Curve, Unseen
 
 HOSTILE = "<b>&.csv"
@@ -606,7 +606,7 @@ def test_a_clear_verdict_says_what_the_next_run_would_show(snapshot) -> None:
 
 def said(why):
     """A refusal in words; empty where there is none."""
-    return "" if why is None else why.words
+    return "" if why is None else words_of_refusal(why)
 
 
 OPEN_L2 = Refusal(Fault.NOT_FIXED, ("second_state.L2",))

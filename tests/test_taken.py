@@ -7,7 +7,8 @@ import pytest
 from jaxfric.fitting import Estimate
 from jaxfric.loop.close import moves_far
 from jaxfric.loop.gates import taken
-from jaxfric.loop.refusal import Move, words_of_moves
+from jaxfric.loop.refusal import Move
+from jaxfric.report.verdict_text import words_of_moves
 
 
 def estimate(value, std, *, determined=True):

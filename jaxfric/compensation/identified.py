@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..described import said
 from ..effects import effect_of
 from ..errors import InputError
 from ..findings import Finding, read_findings
@@ -28,7 +29,7 @@ from ..laws.saved import (
     values_of,
 )
 from ..loop import Loop
-from ..loop.axis.driven import ONE_SPEED, Driven, at_one_speed, words_of_driven
+from ..loop.axis.driven import ONE_SPEED, Driven, at_one_speed
 from ..loop.findings import LoopCode
 from ..loop.steady.loop import SteadyLoop, steady_gains
 from ..loop.steady.model import curve_covariance
@@ -308,13 +309,13 @@ def _refuse_one_speed(about: Content, source: str, force: str) -> None:
         directions = [Driven(**one) for one in known]
         single = at_one_speed(directions)
         unit = "rad/s" if about.get("coordinate") == "rotary" else "m/s"
-        said = words_of_driven(directions, force, unit) if single else ""
+        told = said("axis_loop_text.words_of_driven", directions, force, unit) if single else ""
     except (TypeError, ValueError):
         refuse_damage(Path(source), LOOP, "axis.driven is no list of directions")
         return
     if single:
         raise NothingToCompensate(
-            f"{source}: {ONE_SPEED}, so that friction is known there alone ({said}); record several"
+            f"{source}: {ONE_SPEED}, so that friction is known there alone ({told}); record several"
             " speeds in both directions"
         )
 

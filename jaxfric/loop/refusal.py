@@ -1,14 +1,11 @@
 """Why a search does not take a model: a code, with the value and the threshold that decided.
 
-The rules are in `gates`; words for reports are made here, from the code, and `SOURCES` says what
-each rule rests on.
+The rules are in `gates`, words in `report.verdict_text`; `SOURCES` says what each rule rests on.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from enum import StrEnum
 from typing import NamedTuple
-
-import numpy as np
 
 from ..fitting import Estimate
 
@@ -40,10 +37,6 @@ class Move(NamedTuple):
     before: Estimate
     after: Estimate
 
-    def text(self, between: str = " -> ") -> str:
-        """Both values with their errors."""
-        return f"{_text(self.before)}{between}{_text(self.after)}"
-
 
 class Refusal(NamedTuple):
     """A fault of a model, with what it was found by."""
@@ -57,32 +50,7 @@ class Refusal(NamedTuple):
     threshold: float = float("nan")
     """The fall of BIC and the least that is asked; nan where the fault is no number."""
 
-    @property
-    def words(self) -> str:
-        """The fault as a report says it."""
-        if self.fault is Fault.NOT_FIXED:
-            return f"{', '.join(self.parameters)} not fixed"
-        return words_of_moves(self.moves) if self.moves else _WORDS[self.fault]
-
-
-_WORDS: Mapping[Fault, str] = {
-    Fault.FAILED: "did not converge",
-    Fault.IMPOSSIBLE: "impossible parameters",
-    Fault.WEAK: "too little evidence",
-}
-
 
 def takes(refusal: Refusal | None) -> bool:
     """Whether a model is refused for what it takes of the base."""
     return refusal is not None and refusal.fault is Fault.TAKES
-
-
-def words_of_moves(moves: Sequence[Move]) -> str:
-    """What becomes of parameters, "takes B: 0.00176 ± 2e-05 -> -0.0014 ± 0.0007"."""
-    return "takes " + "; ".join(f"{move.name}: {move.text()}" for move in moves)
-
-
-def _text(estimate: Estimate) -> str:
-    if not (estimate.determined and np.isfinite(estimate.std)):
-        return "undetermined"
-    return f"{estimate.value:.3g} ± {estimate.std:.2g}"

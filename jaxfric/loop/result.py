@@ -21,16 +21,6 @@ from .words import LoopWords
 SCHEMA = "jaxfric.loop/1"
 VERDICTS = ("no_missing_effect", "effects", "ambiguous", "outside_catalogue", "too_weak")
 
-ROLES = {
-    "model": "the model",
-    "base": "the start",
-    "passed": "on the way",
-    "tried": "not taken",
-    "impossible": "impossible parameters",
-    "failed": "did not converge",
-}
-"""The role of a fitted model in the search, in words."""
-
 
 @dataclass(frozen=True, eq=False)
 class Score:
@@ -215,11 +205,6 @@ class Loop(Described, Drawable, Gridded, Tabular):
         rotary = self.record.units.get("load_point_displacement") == "rad"
         return "rad" if rotary else "m"
 
-    @property
-    def base_name(self) -> str:
-        """The base model in words."""
-        return self.words.base.format(law=self.base_fit.law)
-
     def shifts(self) -> dict[str, float]:
         """Shift of every parameter of the base, in standard deviations of the fit after."""
         moved = {}
@@ -270,7 +255,8 @@ class Loop(Described, Drawable, Gridded, Tabular):
         return unfixed(models, self.gain() or 0.0)
 
     def role(self, candidate: CandidateScore) -> str:
-        """The role of a fitted model in the search, one of `ROLES`."""
+        """The role of a fitted model in the search: "model", "base", "passed" (on the way to the
+        model), "tried", "impossible" or "failed"."""
         effects = frozenset(candidate.effects)
         if effects == frozenset(self.after.effects):
             return "model"
@@ -281,35 +267,6 @@ class Loop(Described, Drawable, Gridded, Tabular):
         if not candidate.converged:
             return "failed"
         return "tried" if candidate.physical else "impossible"
-
-    def readable(self) -> tuple[float, str]:
-        """Factor and unit that bring the noise of friction to a readable number."""
-        level = 10 * self.sigma
-        unit = self.record.friction_unit
-        if unit == "%":
-            return 1.0, unit
-        if unit != "1":
-            return (
-                (1e3, f"m{unit}")
-                if level < 0.1
-                else (1.0, unit)
-                if level < 1e3
-                else (1e-3, f"k{unit}")
-            )
-        if level < 1e-4:
-            return 1e6, "10⁻⁶"
-        return (1e3, "10⁻³") if level < 0.1 else (1.0, "")
-
-    def sigma_texts(self) -> tuple[str, ...]:
-        """`sigma` as text, and the noise of the rows held out where that is another number."""
-        held = self.sigma_of(self.blocks.select | self.blocks.report)
-        return tuple(dict.fromkeys(map(self.in_words, (self.sigma, held))))
-
-    def in_words(self, friction: float) -> str:
-        """A size of friction as text: "0.301 × 10⁻³", "1.2 mN"."""
-        size, unit = self.readable()
-        times = " × " if unit.startswith("10") else " "
-        return f"{size * friction:.3g}{times}{unit}".rstrip()
 
     def to_json(self) -> dict:
         """The content of `loop.json`, schema "jaxfric.loop/1"; SI, null for what is not known."""

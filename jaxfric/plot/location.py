@@ -11,6 +11,7 @@ from ..loop.residual_tests import p_text
 from ..loop.result import LocationProfile, Loop
 from ..loop.thresholds import SIGNIFICANT
 from ..report.location_text import added_shares, share_text, shares_told, variable_words
+from ..report.loop_text import in_words, readable
 from .palette import BLACK, BLUE, GREY, ORANGE
 from .stability import new_figure, prefixed, save, tidy
 from .ticks import plain_log
@@ -80,7 +81,7 @@ def save_profiles(loop: Loop, folder: Path) -> list[str]:
     figure = new_figure(4.3 * columns, 3.3 * rows + 0.18 * (1 + told.count("\n")))
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
     for axis, profile in zip(panels, loop.location, strict=False):
-        _profile(axis, profile, loop, loop.readable()[0])
+        _profile(axis, profile, loop, readable(loop)[0])
     for axis in panels[::columns]:
         axis.set_ylabel("missing friction / rms left")
     for axis in panels[number:]:
@@ -96,7 +97,7 @@ def _how_to_read(loop: Loop) -> list[str]:
     return [
         "Where friction differs from the base model. Each variable is asked alone: shares overlap"
         " and do not add up to 100 %.",
-        f"In units of the rms that the base leaves in its train block, {loop.in_words(left)},"
+        f"In units of the rms that the base leaves in its train block, {in_words(loop, left)},"
         f" of which the noise of a {loop.words.row} is the dotted {loop.sigma / left:.2g}.",
         "Left out is what the base's own parameters take up. The machine shows a part only, and"
         " neighbours of opposite sign cancel. Bars: standard error.",
@@ -116,7 +117,7 @@ def _profile(axis: Axes, profile: LocationProfile, loop: Loop, size: float) -> N
         factor, unit = prefixed(min(largest, loop.words.most.get(unit, np.inf)), unit)
         x = factor * x
     if unit == "F":
-        x, unit = size * x, loop.readable()[1]
+        x, unit = size * x, readable(loop)[1]
     left = loop.before.rms["train"]
     amplitude, error = profile.amplitudes / left, profile.errors / left
     known = np.isfinite(amplitude) & np.isfinite(error)

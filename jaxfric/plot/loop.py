@@ -17,6 +17,7 @@ from ..loop.result import CandidateScore, Loop
 from ..loop.split import NAMES
 from ..loop.thresholds import ACCEPT, ALIAS
 from ..records.joints import gaps
+from ..report.loop_text import base_name, sigma_texts
 from .label import printable
 from .location import save_location, save_profiles
 from .noise import clocks, draw_autocorrelation, error_of_mean, mark_glitches
@@ -100,7 +101,7 @@ def residual_figure(loop: Loop) -> Figure:
     columns = max(len(shades), len(drawn))
     figure.legend(handles=both, loc="outside lower left", ncol=columns, frameon=False, fontsize=8.5)
     name = printable(loop.record.provenance.path)
-    noise = ", in rows held out ".join(loop.sigma_texts())
+    noise = ", in rows held out ".join(sigma_texts(loop))
     title = f"{name}: record and model; what is left in units of the noise σ = {noise}"
     figure.suptitle(panel_title(title), x=0.01, ha="left", fontsize=11, parse_math=False)
     figure.align_ylabels([top, record, *axes])
@@ -126,7 +127,7 @@ def _record_and_model(axis: Axes, loop: Loop, along: np.ndarray) -> None:
 
 def _base(loop: Loop) -> str:
     """The base model in words: its law, and effects that were declared from the start."""
-    return " with ".join([loop.base_name, *loop.before.effects])
+    return " with ".join([base_name(loop), *loop.before.effects])
 
 
 def _abscissa(loop: Loop) -> tuple[np.ndarray, str, np.ndarray]:

@@ -7,7 +7,7 @@ import numpy as np
 from ..fitting import Estimate
 from ..fitting.axis_fit import AxisFit
 from ..gains.axis_result import AxisGains, Shown
-from ..loop.axis.driven import ONE_SPEED, UNKNOWN, at_one_speed, words_of_driven
+from ..loop.axis.driven import ONE_SPEED, UNKNOWN, Driven, at_one_speed
 from ..loop.axis.result import AxisDetails
 from ..loop.family import listed
 from .tables import TextTable
@@ -29,6 +29,16 @@ def found(details: AxisDetails) -> str:
         return details.withheld
     told = words_of_driven(details.driven, details.record.force_unit, f"{_length(details)}/s")
     return f"{told}; {listed(UNKNOWN)} are not known, as {ONE_SPEED}"
+
+
+def words_of_driven(directions: Sequence[Driven], force: str, speed: str) -> str:
+    """The friction of each direction at its own speed; `force` and `speed` are units."""
+    each = (
+        f"{one.force:.4g}{'' if np.isnan(one.error) else f' ± {one.error:.2g}'} {force}"
+        f" {one.direction} at {one.speed:.3g} {speed} ({one.slowest:.3g} to {one.fastest:.3g})"
+        for one in directions
+    )
+    return " and ".join(each)
 
 
 def doubt(details: AxisDetails) -> str:

@@ -12,6 +12,7 @@ from .loop_next import meanings, next_steps
 from .loop_text import (
     answer,
     apart,
+    base_name,
     by_velocity,
     candidates,
     headline,
@@ -150,7 +151,7 @@ def page(loop: Loop, figures: Mapping[str, bytes], *, version: str, command: str
 
 
 def _head(loop: Loop, name: str) -> str:
-    law = loop.base_name
+    law = base_name(loop)
     declared = listed(loop.before.effects)
     asked = f"{name}: what does the {law}{' with ' + declared if declared else ''} lack?"
     return (

@@ -17,7 +17,7 @@ from ..loop.words import AXIS
 from ..units import factor, read_as
 from .location_text import grow_together
 from .loop_plan import PlannedRun, deciding_run, own_run, plannable, unplanned
-from .verdict_text import where_told
+from .verdict_text import where_told, words_of_refusal
 
 _MEMORY = "rate_and_state"
 _SECOND, _LAW = "second_state", "ageing"
@@ -271,7 +271,7 @@ def _beside_compare(loop: Loop, run: PlannedRun | None = None) -> list[NextStep]
     refused, alike, told = _refused_second(loop), _like_second(loop), []
     if refused is not None:
         gain, why = refused
-        told.append(f"does not take one (BIC {gain:.0f} lower, but {why.words})")
+        told.append(f"does not take one (BIC {gain:.0f} lower, but {words_of_refusal(why)})")
     if alike:
         told.append(f"cannot tell one from {listed(alike, 'or')}")
     if not told:

@@ -15,13 +15,13 @@ from ..loop.axis.result import AxisDetails
 from ..loop.family import CurveFamily, listed
 from ..loop.findings import LoopCode
 from ..loop.residual_tests import p_text
-from ..loop.result import ROLES, CandidateScore, Loop, RunDetails
+from ..loop.result import CandidateScore, Loop, RunDetails
 from ..loop.split import NAMES
 from ..loop.thresholds import ACCEPT, ALIAS, FAR, SIGNIFICANT, TIE
 from ..units import factor, format_si, read_as
 from .location_text import QUESTIONS
 from .tables import TextTable, print_tables
-from .verdict_text import where_told, why_untold, words_of
+from .verdict_text import where_told, why_untold, words_of, words_of_refusal
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -38,6 +38,15 @@ BLOCKS = {
     "select": "predicted, has a say in the choice",
     "report": "scored once",
 }
+_ROLES = {
+    "model": "the model",
+    "base": "the start",
+    "passed": "on the way",
+    "tried": "not taken",
+    "impossible": "impossible parameters",
+    "failed": "did not converge",
+}
+"""The role of a fitted model in the search, in words."""
 _TOLD = 10.0
 _NOT_NOISE = (LoopCode.STRUCTURE, LoopCode.BLOCK)
 _MOST_CANDIDATES = 10
@@ -147,7 +156,7 @@ def print_loop(loop: Loop, console: "Console") -> None:
 
 def errors(loop: Loop) -> TextTable:
     """rms of the residual by block, in the unit of friction and in sigma."""
-    size, unit = loop.readable()
+    size, unit = readable(loop)
     within = f" [{unit}]" if unit else ""
     rows = []
     for name in NAMES:
@@ -184,7 +193,7 @@ def _target(loop: Loop) -> str:
 
 
 def _what_sigma_is(loop: Loop) -> str:
-    here, *later = loop.sigma_texts()
+    here, *later = sigma_texts(loop)
     row = loop.words.row
     if not later:
         return f"σ = {here} is the noise of a {row}"
@@ -391,11 +400,11 @@ def _role(loop: Loop, candidate: CandidateScore) -> str:
     that is lower by more than `TIE`.
     """
     role = loop.role(candidate)
-    text = ROLES[role]
+    text = _ROLES[role]
     if role != "tried":
         return text
     if candidate.refused is not None:
-        return f"{text}: {candidate.refused.words}"
+        return f"{text}: {words_of_refusal(candidate.refused)}"
     gain = loop.gain()
     worse = math.nan if gain is None else gain - candidate.delta_bic
     if abs(worse) <= TIE:
@@ -570,6 +579,38 @@ def _whole_parts(loop: Loop) -> str:
 
 
 # ---- numbers -------------------------------------------------------------------------------
+
+
+def base_name(loop: Loop) -> str:
+    """The base model in words."""
+    return loop.words.base.format(law=loop.base_fit.law)
+
+
+def readable(loop: Loop) -> tuple[float, str]:
+    """Factor and unit that bring the noise of friction to a readable number."""
+    level, unit = 10 * loop.sigma, loop.record.friction_unit
+    if unit == "%":
+        return 1.0, unit
+    if unit == "1" and level < 1e-4:
+        return 1e6, "10⁻⁶"
+    if level < 0.1:
+        return 1e3, "10⁻³" if unit == "1" else f"m{unit}"
+    if unit == "1":
+        return 1.0, ""
+    return (1.0, unit) if level < 1e3 else (1e-3, f"k{unit}")
+
+
+def sigma_texts(loop: Loop) -> tuple[str, ...]:
+    """`sigma` as text, and the noise of the rows held out where that is another number."""
+    held = loop.sigma_of(loop.blocks.select | loop.blocks.report)
+    return tuple(dict.fromkeys(in_words(loop, size) for size in (loop.sigma, held)))
+
+
+def in_words(loop: Loop, friction: float) -> str:
+    """A size of friction as text: "0.301 × 10⁻³", "1.2 mN"."""
+    size, unit = readable(loop)
+    times = " × " if unit.startswith("10") else " "
+    return f"{size * friction:.3g}{times}{unit}".rstrip()
 
 
 def _length(loop: Loop) -> str:

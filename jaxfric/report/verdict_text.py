@@ -1,12 +1,14 @@
 """The verdict of a loop in words: its sentence, the reasons why not more is said, every finding."""
 
+import math
 import typing
 from collections.abc import Mapping, Sequence
 
 from ..findings import Finding, Severity
+from ..fitting import Estimate
 from ..loop.family import CurveFamily, listed
 from ..loop.findings import LoopCode
-from ..loop.refusal import Move, takes
+from ..loop.refusal import Fault, Move, Refusal, takes
 from ..loop.residual_tests import p_text
 from ..loop.thresholds import ACCEPT, FAR, SIGNIFICANT
 from ..loop.unfixed import Unfixed
@@ -16,6 +18,11 @@ from .location_text import QUESTIONS, where_it_sits
 
 _MOST_NAMED = 6
 _WITHHELD = ": the verdict is withheld"
+_FAULTS = {
+    Fault.FAILED: "did not converge",
+    Fault.IMPOSSIBLE: "impossible parameters",
+    Fault.WEAK: "too little evidence",
+}
 _BLOCKS = {"report": "test", "select": "validation", "train": "train"}
 
 
@@ -145,7 +152,7 @@ def _unfixed(found: Sequence[Unfixed], named: str) -> str:
     than = f" than that of {named}" if named else ""
     told = [
         f"{' + '.join(one.effects)} would explain most (BIC {one.lower:.0f} lower{than}), but"
-        f" {one.refused.words}: it is not confirmed."
+        f" {words_of_refusal(one.refused)}: it is not confirmed."
         for one in found
         if takes(one.refused)
     ]
@@ -215,7 +222,7 @@ def words_of(finding: Finding) -> str:
             )
         case LoopCode.MOVED:
             moves: Sequence[Move] = v["moves"]
-            return " and ".join(f"{m.name} moves from {m.text(' to ')}" for m in moves)
+            return " and ".join(f"{m.name} moves from {_both(m, ' to ')}" for m in moves)
         case LoopCode.EDGE | LoopCode.RUNS_AWAY | LoopCode.FEEDBACK | LoopCode.SPRING:
             return reason_of(finding) + _WITHHELD
         case LoopCode.OTHERS:
@@ -260,3 +267,29 @@ def reason_of(finding: Finding) -> str:
             )
         case _:
             return "the fit runs away"
+
+
+# ---- why a model is not taken --------------------------------------------------------------------
+
+
+def words_of_refusal(why: Refusal) -> str:
+    """The fault of a model."""
+    if why.fault is Fault.NOT_FIXED:
+        return f"{', '.join(why.parameters)} not fixed"
+    return words_of_moves(why.moves) if why.moves else _FAULTS[why.fault]
+
+
+def words_of_moves(moves: Sequence[Move]) -> str:
+    """What becomes of parameters, "takes B: 0.00176 ± 2e-05 -> -0.0014 ± 0.0007"."""
+    return "takes " + "; ".join(f"{move.name}: {_both(move, ' -> ')}" for move in moves)
+
+
+def _both(move: Move, between: str) -> str:
+    """Both values of a parameter with their errors."""
+    return between.join(map(_with_error, (move.before, move.after)))
+
+
+def _with_error(estimate: Estimate) -> str:
+    if not (estimate.determined and math.isfinite(estimate.std)):
+        return "undetermined"
+    return f"{estimate.value:.3g} ± {estimate.std:.2g}"

@@ -75,16 +75,6 @@ def at_one_speed(directions: Sequence[Driven]) -> bool:
     return bool(directions) and all(one.one_speed for one in directions)
 
 
-def words_of_driven(directions: Sequence[Driven], force: str, speed: str) -> str:
-    """The friction of each direction at its own speed; `force` and `speed` are units."""
-    each = (
-        f"{one.force:.4g}{'' if np.isnan(one.error) else f' ± {one.error:.2g}'} {force}"
-        f" {one.direction} at {one.speed:.3g} {speed} ({one.slowest:.3g} to {one.fastest:.3g})"
-        for one in directions
-    )
-    return " and ".join(each)
-
-
 OF_SPEED = (DirectionAsymmetry.id, *AXIS_STEADY_CURVES, RateAndState.id)
 """Effects by which friction changes with speed, or with direction and speed."""
 UNKNOWN = ("F_v", "F_c", "F_0")
