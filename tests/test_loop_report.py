@@ -52,7 +52,6 @@ from jaxfric.loop.result import (
 )
 from jaxfric.loop.split import NAMES, split
 from jaxfric.loop.verdict import Told
-from jaxfric.loop.words import AXIS, SLIDER
 from jaxfric.plot.loop import DRAWERS, FIGURES, draw_loop, panel_title, residual_figure
 from jaxfric.plot.stability import tidy
 from jaxfric.records import VelocitySteps, from_arrays
@@ -72,6 +71,7 @@ from jaxfric.report.loop_text import (
     splitting,
     traded,
 )
+from jaxfric.report.rig_words import AXIS, SLIDER
 from jaxfric.report.verdict_text import change, words_of_refusal
 from jaxfric.stability.claims import Curve, Unseen
 
@@ -129,7 +129,7 @@ def make_loop(
     return Loop(
         record=record,
         base_fit=fit,
-        words=SLIDER,
+        kind="slider",
         blocks=blocks,
         verdict=verdict,
         sentence=SENTENCES[verdict],
@@ -376,8 +376,7 @@ def in_axis_words(loop: Loop, doubted: bool = False) -> Loop:
         found=str,
         doubt=str,
     )
-    words = loop.words._replace(base=AXIS.base)
-    return dataclasses.replace(loop, details=details, words=words)
+    return dataclasses.replace(loop, details=details)
 
 
 @pytest.mark.parametrize(("words", "other"), [(SLIDER, AXIS), (AXIS, SLIDER)])
@@ -385,7 +384,8 @@ def test_each_rig_has_its_own_words(words, other, snapshot) -> None:
     """What is said of one rig is not said of the other: what its record is split by, its base, its
     parameters, its effects and what marks their beginning."""
     slider = words is SLIDER
-    loop = dataclasses.replace(make_loop("effects"), words=words, effects=("stribeck",))
+    kind = "slider" if slider else "axis"
+    loop = dataclasses.replace(make_loop("effects"), kind=kind, effects=("stribeck",))
     text, html = " ".join(printed(loop).split()), page_of(loop).text
     for shown in (text, html):
         assert words.part in shown and words.errors in shown
@@ -394,7 +394,7 @@ def test_each_rig_has_its_own_words(words, other, snapshot) -> None:
     assert other.catalogue["stribeck"].equation not in html
     assert ("0 s: 1 µm/s" in html) == slider and ("0 s: 0.001 mm/s" in html) != slider
     assert words.marks in figure_of(loop, "residual").axes[0].get_title(loc="left")
-    snapshot(f"words_of_{'slider' if slider else 'axis'}", {"page": html})
+    snapshot(f"words_of_{kind}", {"page": html})
 
 
 @pytest.mark.parametrize("verdict", VERDICTS)
@@ -551,7 +551,7 @@ def test_the_two_that_would_explain_most_are_asked_for_first() -> None:
 def test_a_run_that_no_plan_changes_is_said_as_it_was(snapshot) -> None:
     loop = of_rock([("gain", "stiffness")], "outside_catalogue")
     assert [step.also for step in next_steps(loop)] == [False, False, True, True]
-    axis = dataclasses.replace(loop, words=AXIS)
+    axis = dataclasses.replace(loop, kind="axis")
     assert commands(loop, "protocol") and not commands(axis, "protocol")
     snapshot("no_plan", {"a known load": to_do(loop), "of an axis": to_do(axis)})
 
@@ -599,7 +599,7 @@ def test_a_clear_verdict_says_what_the_next_run_would_show(snapshot) -> None:
         found = commands(loop, "protocol")
         assert [line.endswith(end) for line in found] == ([True] if end else [])
         assert all(parsed(shlex.split(line)[1:]) for line in found)
-        axis = dataclasses.replace(loop, words=AXIS, effects=(), after=loop.before)
+        axis = dataclasses.replace(loop, kind="axis", effects=(), after=loop.before)
         assert not commands(axis, "protocol")
     snapshot("next_runs", texts)
 
@@ -654,9 +654,9 @@ def test_gains_are_offered_where_they_are_taken() -> None:
     """As `jaxfric.laws` reads loops: of a slider, and of an axis with a memory, in newtons."""
     loop = make_loop("effects")
     assert takes_gains(loop) and not takes_gains(make_loop("outside_catalogue"))
-    assert not takes_gains(dataclasses.replace(loop, words=AXIS))
+    assert not takes_gains(dataclasses.replace(loop, kind="axis"))
     after = dataclasses.replace(loop.after, effects=("rate_and_state",))
-    axis = dataclasses.replace(make_loop("effects", unit="N"), words=AXIS, after=after)
+    axis = dataclasses.replace(make_loop("effects", unit="N"), kind="axis", after=after)
     assert takes_gains(axis)
     text = next(s for s in next_steps(axis) if "gains" in s.command).command
     assert "--normal-force" not in text and '--velocity "0.001..0.01 mm/s"' in text
@@ -1105,7 +1105,7 @@ def test_the_old_spelling_of_a_rig(old: str, new: str, verb: str) -> None:
 
 def test_an_axis_in_both_spellings(closed: dict[str, Any], monkeypatch) -> None:
     """The same is asked, written to the same folder and told; the old one tells the new."""
-    made = dataclasses.replace(make_loop("no_missing_effect"), words=AXIS)
+    made = dataclasses.replace(make_loop("no_missing_effect"), kind="axis")
 
     def close_axis_loop(record, *, progress, **options) -> Loop:
         closed.update(options, read=len(record))

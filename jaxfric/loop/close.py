@@ -67,7 +67,7 @@ def close(subject: Subject[P], *, most: int, begun: float, progress: Callable[[s
     return Loop(
         record=record,
         base_fit=base_fit,
-        words=subject.words,
+        kind=subject.kind,
         blocks=engine.blocks,
         verdict=told.verdict,
         sentence=told.sentence,

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -16,7 +17,6 @@ from .family import CurveFamily
 from .refusal import Refusal
 from .split import Blocks
 from .unfixed import Unfixed, unfixed
-from .words import LoopWords
 
 SCHEMA = "jaxfric.loop/1"
 VERDICTS = ("no_missing_effect", "effects", "ambiguous", "outside_catalogue", "too_weak")
@@ -153,8 +153,7 @@ class Loop(Described, Drawable, Gridded, Tabular):
     record: LoopRecord
     base_fit: LoopBase
     """Fit of the base to the whole record; of an axis, what its base model is."""
-    words: LoopWords
-    """Words for reports and figures of this kind of rig."""
+    kind: Literal["slider", "axis"]
     blocks: Blocks
     verdict: str
     """One of `VERDICTS`."""
@@ -198,6 +197,11 @@ class Loop(Described, Drawable, Gridded, Tabular):
     most_held_out: float = float("nan")
     """The error of the report block, in its noise, up to which it counts as noise; nan if not
     known."""
+
+    @property
+    def words(self):
+        """Words for reports and figures of this kind of rig, a `report.rig_words.LoopWords`."""
+        return said("rig_words.of", self)
 
     @property
     def length_unit(self) -> str:

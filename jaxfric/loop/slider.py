@@ -33,7 +33,6 @@ from .search import Search
 from .slider_curves import slider_curves
 from .split import Blocks
 from .subject import ScoredRows, Subject
-from .words import SLIDER
 
 # Errors of step times too small to matter to a fit add up over steps to what looks like a lag.
 _FELT = 0.1
@@ -83,7 +82,7 @@ def slider_subject(
         start=start,
         scales=scales_of(record, base_fit.steps, known["L"].value),
         friction_unit=record.friction_unit,
-        words=SLIDER,
+        kind="slider",
         bumps=friction_bumps,
         curves=lambda engine, final: slider_curves(engine, final, steps.velocities),
         rows=rows,

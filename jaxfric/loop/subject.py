@@ -6,7 +6,7 @@ Three functions make one: `slider.slider_subject` of a record of steps or of a r
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Generic, NamedTuple
+from typing import Generic, Literal, NamedTuple
 
 import numpy as np
 
@@ -20,7 +20,6 @@ from .location import Bumps
 from .refit import Candidate
 from .result import LoopBase, LoopDetails, LoopRecord, Score
 from .search import Search
-from .words import LoopWords
 
 
 class ScoredRows(NamedTuple):
@@ -50,7 +49,7 @@ class Subject(Generic[P]):
     scales: RecordScales
     """Sizes of the record, for starting values of shapes."""
     friction_unit: str
-    words: LoopWords
+    kind: Literal["slider", "axis"]
     bumps: Callable[[Engine[P], Candidate], Sequence[Bumps]]
     """Bumps over the variables on which missing friction may depend."""
     curves: Callable[[Engine[P], Candidate], CurveRig]

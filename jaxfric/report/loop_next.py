@@ -13,10 +13,10 @@ from ..loop.findings import LoopCode
 from ..loop.refusal import Fault, Refusal
 from ..loop.result import CandidateScore, Loop
 from ..loop.thresholds import ACCEPT
-from ..loop.words import AXIS
 from ..units import factor, read_as
 from .location_text import grow_together
 from .loop_plan import PlannedRun, deciding_run, own_run, plannable, unplanned
+from .rig_words import AXIS
 from .verdict_text import where_told, words_of_refusal
 
 _MEMORY = "rate_and_state"

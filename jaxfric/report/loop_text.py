@@ -20,6 +20,7 @@ from ..loop.split import NAMES
 from ..loop.thresholds import ACCEPT, ALIAS, FAR, SIGNIFICANT, TIE
 from ..units import factor, format_si, read_as
 from .location_text import QUESTIONS
+from .rig_words import AXIS
 from .tables import TextTable, print_tables
 from .verdict_text import where_told, why_untold, words_of, words_of_refusal
 
@@ -101,7 +102,7 @@ def lines(loop: Loop) -> list[str]:
 def answer(loop: Loop) -> list[str]:
     """Of an axis: what friction it has, whether that makes it stick-slip, and the error before and
     after, each in a line. Nothing of others, whose sentence says it."""
-    details, base = loop.details, loop.words.base
+    details, base = loop.details, AXIS.base
     if not isinstance(details, AxisDetails):
         return []
     if known := details.found():

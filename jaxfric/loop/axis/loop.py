@@ -34,7 +34,6 @@ from ..result import Loop, Score
 from ..search import Search
 from ..split import Blocks
 from ..subject import ScoredRows, Subject
-from ..words import AXIS
 from .curves import axis_curves
 from .details import KnownAxis, details_of
 from .driven import OF_SPEED, UNKNOWN, at_one_speed, driven
@@ -208,7 +207,7 @@ def axis_subject(
         start=_start(problem, reading.blocks),
         scales=scales_of(rows, prepared, reading.blocks),
         friction_unit=record.force_unit,
-        words=AXIS,
+        kind="axis",
         bumps=lambda engine, candidate: friction_bumps(engine, counted(engine), unit=length),
         curves=lambda engine, final: axis_curves(engine, final, counted(engine), length),
         rows=scored,

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 from ..effects import AXIS_CATALOGUE, CATALOGUE, AbstractEffect
 from ..fitting.problem import quantity_of
+from ..loop.result import Loop
 from ..quantity import Quantity, quantities
 from ..rig.axis import AxisRig
 
@@ -71,3 +72,8 @@ AXIS = LoopWords(
     row="filtered row",
     most={},
 )
+
+
+def of(loop: Loop) -> LoopWords:
+    """The words for the rig of a loop."""
+    return {"slider": SLIDER, "axis": AXIS}[loop.kind]
