@@ -17,7 +17,7 @@ from jaxfric.plot.noise import autocorrelation
 from jaxfric.records.steady import SteadyCurve
 from jaxfric.records.steady_mean import effective_samples
 from jaxfric.records.steady_run import SteadyRows
-from jaxfric.report.steady_text import noise_text, to_json
+from jaxfric.report.steady_text import noise_text, to_json, turn_text
 
 pytestmark = pytest.mark.computes
 
@@ -114,7 +114,7 @@ def test_noise_over_time_of_an_axis_in_metres():
     """A memory of 0.05 s at every speed is not one of the path."""
     random, kept = np.random.default_rng(3), np.exp(-DT / 0.05)
     noise = steady_noise(made([correlated(kept, random) for _ in SPEEDS], "linear"))
-    assert noise is not None and noise.after_a_turn is None and not noise.turn_text()
+    assert noise is not None and noise.after_a_turn is None and not turn_text(noise)
     part = noise.estimate.parts[0]
     assert part.over in ("time", "rows")  # of one sampling rate they are the same
     apart = 0.05 if part.over == "time" else 5.0

@@ -145,12 +145,8 @@ def further_shares(
     """
     if np.isnan(share_of(0.0, 0, whole)):
         return [nan] * len(parts)
-    shares, open_, taken, rest = (
-        [0.0] * len(parts),
-        set(range(len(parts))),
-        left[:, None][:, :0],
-        left,
-    )
+    shares, open_ = [0.0] * len(parts), set(range(len(parts)))
+    taken, rest = np.zeros((len(left), 0)), left
     while open_:
         found = {k: _best_group(parts[k], taken, rest) for k in open_}
         best = max(open_, key=lambda k: found[k][0] - found[k][1].shape[1])

@@ -13,6 +13,7 @@ from ..fitting.table import noise_lines
 from ..loop.steady.loop import SteadyLoop, shown_units
 from ..loop.steady.noise import SteadyNoise
 from ..records.steady import SteadyCurve
+from ..report.steady_text import turn_text
 from .label import printable
 from .noise import draw_autocorrelation
 from .palette import BLACK, BLUE, GREY, ORANGE
@@ -105,7 +106,7 @@ def draw_noise(curve: SteadyCurve, noise: SteadyNoise, folder: str | Path) -> li
     tidy(left, "Rows of a run about its mean, all runs together")
     _samples(right, curve, noise)
     tidy(right, "Independent samples that a run is worth")
-    words = [*noise_lines(noise.estimate, "the runs"), *filter(None, [noise.turn_text()])]
+    words = [*noise_lines(noise.estimate, "the runs"), *turn_text(noise)]
     figure.suptitle(
         "\n".join(textwrap.fill(line, _NOISE_WIDTH) for line in words),
         fontsize=9.5, x=0.01, ha="left", parse_math=False,

@@ -31,7 +31,7 @@ def noise_text(noise: SteadyNoise, curve: SteadyCurve) -> list[str]:
     """Lines on the noise of the runs, and on how many samples their rows are worth."""
     what, *rest = noise_lines(noise.estimate, "the runs")
     lines = ["; ".join([what, *rest])]
-    lines += [noise.turn_text()] if noise.turn_text() else []
+    lines += turn_text(noise)
     low, middle, high = np.quantile(noise.effective / curve.effective, [0.0, 0.5, 1.0])
     lines.append(
         f"independent samples of a run: {_range(noise.effective)} by this noise,"
@@ -40,6 +40,14 @@ def noise_text(noise: SteadyNoise, curve: SteadyCurve) -> list[str]:
     )
     lines += step_words(noise.estimate.steps, noise.estimate.sigma, curve.provenance.path)
     return lines
+
+
+def turn_text(noise: SteadyNoise) -> list[str]:
+    """A line on the correlation of rows a turn apart; none where that is not known."""
+    if noise.after_a_turn is None:
+        return []
+    share = 100 * max(noise.after_a_turn, 0.0)
+    return [f"{share:.0f} % of the variance of a run is there again one turn later"]
 
 
 def _range(samples: np.ndarray) -> str:

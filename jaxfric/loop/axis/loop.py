@@ -178,8 +178,7 @@ def axis_subject(
 
     def shown(engine: Engine[AxisProblem]) -> tuple[PreparedRecord, AxisBase]:
         own = counted(engine)
-        base = AxisBase(own.steps(), own.width, prepared.preparation)
-        return own.as_record(record, prepared.force), base
+        return own.as_record(record, prepared.force), AxisBase(own.steps(), own.width)
 
     def warnings(engine: Engine[AxisProblem], found: Search) -> tuple[str, ...]:
         own, final = counted(engine), found.final

@@ -213,16 +213,9 @@ def _split(
             return prepared, rows, blocks, []
         told = f"low-pass of the position at {one.cutoff:.3g} Hz, rows of"
         told += f" {1e3 * one.decimation * interval:.3g} ms and a threshold of"
-        return (
-            prepared,
-            rows,
-            blocks,
-            [
-                f"{told} {2 * rows.width:.2g} {unit}/s: with {chosen.cutoff:.3g} Hz and rows of"
-                f" {1e3 * chosen.decimation * interval:.3g} ms too few were faster than the noise"
-                " of the velocity"
-            ],
-        )
+        told += f" {2 * rows.width:.2g} {unit}/s: with {chosen.cutoff:.3g} Hz and rows of"
+        told += f" {1e3 * chosen.decimation * interval:.3g} ms too few were faster than the noise"
+        return prepared, rows, blocks, [f"{told} of the velocity"]
     assert refused is not None
     if free:
         raise refused

@@ -82,7 +82,6 @@ class AxisBase:
     steps: VelocitySteps
     width: float
     """Width of the smoothed sign of the velocity [m/s]."""
-    preparation: Preparation
 
     @property
     def law(self) -> str:

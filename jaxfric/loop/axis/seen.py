@@ -77,13 +77,8 @@ def seen(
     size, at = _stairs(rows, prepared)
     if size > 0:
         what = f"position in {unit}" if prepared.of_position else f"velocity in {unit}/s"
-        unseen.append(
-            Unseen(
-                f"the low-pass at {prepared.preparation.cutoff:.3g} Hz took stairs of {size:.1g}"
-                f" ({what}) away",
-                at,
-            )
-        )
+        cutoff = f"the low-pass at {prepared.preparation.cutoff:.3g} Hz"
+        unseen.append(Unseen(f"{cutoff} took stairs of {size:.1g} ({what}) away", at))
     edges = [one.speed for one in unseen if np.isfinite(one.speed)]
     slowest, why = max(slowest_told(own, rows.width, unit, edges) for own in ways)
     if slowest >= fastest:

@@ -237,11 +237,8 @@ def steady_gains(loop: SteadyLoop) -> AxisGains:
     if curve.stuck:
         unseen.append(Unseen(f"no steady motion in {', '.join(curve.stuck)}", 0.0))
     if len(loop.candidates) == 1 and int(loop.used.sum()) < FEWEST:
-        unseen.append(
-            Unseen(
-                f"{loop.used.sum()} runs do not tell whether friction falls at some speed", np.inf
-            )
-        )
+        untold = f"{loop.used.sum()} runs do not tell whether friction falls at some speed"
+        unseen.append(Unseen(untold, np.inf))
     if not slowest < fastest:
         unseen.append(Unseen("no two speeds of both directions moved evenly", np.inf))
         slowest = float(speed.min())

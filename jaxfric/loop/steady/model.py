@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from ...fitting.uncertainty import normal_inverse
 from ...records.steady import SteadyCurve, force_covariance
 
 _SPEEDS = 60
@@ -175,14 +176,7 @@ def _parameter_covariance(
     frame = _Frame.of(np.zeros(len(speed)), covariance)
     rows = frame.axes @ _jacobian(speed, effects, shape, values.get("fs", 0.0))
     names = [*_names(effects), *(["vs"] if shape is not None else [])]
-    return names, _covariance(rows / np.sqrt(frame.variance + spread**2)[:, None])
-
-
-def _covariance(rows: np.ndarray) -> np.ndarray:
-    """(J' J)^-1 of columns of very different sizes."""
-    size = np.sqrt(np.sum(rows**2, axis=0))
-    size = np.where(size > 0, size, 1.0)
-    return np.linalg.pinv((rows / size).T @ (rows / size), hermitian=True) / np.outer(size, size)
+    return names, normal_inverse(rows / np.sqrt(frame.variance + spread**2)[:, None])
 
 
 def _likeliest_shape(

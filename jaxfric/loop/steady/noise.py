@@ -74,13 +74,6 @@ class SteadyNoise:
     effective: np.ndarray
     after_a_turn: float | None = None
 
-    def turn_text(self) -> str:
-        """A sentence on the correlation of rows a turn apart; empty where that is not known."""
-        if self.after_a_turn is None:
-            return ""
-        share = 100 * max(self.after_a_turn, 0.0)
-        return f"{share:.0f} % of the variance of a run is there again one turn later"
-
 
 def steady_noise(curve: SteadyCurve) -> SteadyNoise | None:
     """The noise of the runs of a curve; None where no rows were kept or no force ever changes.
