@@ -1,6 +1,6 @@
 """What a loop finds, with the rows that it rests on; its words are in `report.verdict_text`."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
@@ -75,26 +75,6 @@ def _without(search: "Search", id: str) -> "Candidate":
     return min(known, key=lambda c: (-len(c.effects), c.bic), default=search.base)
 
 
-def _claim_between(
-    code: LoopCode,
-    told: Mapping[str, object],
-    velocity: np.ndarray,
-    used: np.ndarray,
-    ends: tuple[float, float],
-    *,
-    sign: float = 0.0,
-) -> Finding:
-    """A claim on friction between two speeds: its rows are those `used` (n) whose `velocity` (n) is
-    there; of one direction where it has a `sign`. Values: what is `told`, and the speeds."""
-    slowest, fastest = ends
-    speed = np.abs(velocity)
-    rows = used & (slowest <= speed) & (speed <= fastest)
-    if sign:
-        rows &= sign * velocity > 0
-    values = {**told, "slowest": slowest, "fastest": fastest}
-    return Finding(code, Severity.CLAIM, values, rows)
-
-
 def claims_of_friction(
     kind: str,
     ways: Sequence[tuple[str, float, tuple[float, float]]],
@@ -103,14 +83,22 @@ def claims_of_friction(
     used: np.ndarray,
 ) -> list[Finding]:
     """Friction in each of the `ways` (direction, sign, its slowest and fastest speed), and of what
-    `kind` stability is between the speeds `ends`, where anything is said."""
-    friction = LoopCode.FRICTION
+    `kind` stability is between the speeds `ends`, where anything is said: each by the rows `used`
+    (n) whose `velocity` (n) is there."""
+    speed = np.abs(velocity)
+
+    def claim(code: LoopCode, told: dict, ends: tuple[float, float], of: np.ndarray) -> Finding:
+        slowest, fastest = ends
+        rows = used & (slowest <= speed) & (speed <= fastest) & of
+        values = {**told, "slowest": slowest, "fastest": fastest}
+        return Finding(code, Severity.CLAIM, values, rows)
+
     found = [
-        _claim_between(friction, {"direction": way}, velocity, used, speeds, sign=sign)
+        claim(LoopCode.FRICTION, {"direction": way}, speeds, sign * velocity > 0)
         for way, sign, speeds in ways
     ]
     if kind != "open":
-        found.append(_claim_between(LoopCode.STABILITY, {"kind": kind}, velocity, used, ends))
+        found.append(claim(LoopCode.STABILITY, {"kind": kind}, ends, used))
     return found
 
 

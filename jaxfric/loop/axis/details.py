@@ -7,6 +7,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
+from ...findings import Finding
 from ...fitting.axis_fit import AxisFit, inverse_dynamics, output_error
 from ...fitting.axis_preparation import Prepared
 from ...fitting.axis_problem import AxisProblem
@@ -23,6 +24,7 @@ from ..engine import Engine
 from ..estimates import estimates
 from ..search import Search
 from .driven import Driven
+from .findings import axis_claims
 from .reading import Reading
 from .result import AxisDetails, AxisRows, Spring
 from .seen import Seen, seen
@@ -54,20 +56,24 @@ class KnownAxis(NamedTuple):
     """That of an axis which never slid, as by `spring_of`."""
     withheld: str
     """Why there is no verdict, in words; '' where there is one."""
+    others: tuple[Finding, ...]
+    """That other joints move in the record."""
 
 
 def details_of(
     known: KnownAxis,
+    counted: AxisRows,
     engine: Engine[AxisProblem],
     found: Search,
     told: Mapping[str, Estimate],
     missed: float,
     progress: Callable[[str], None],
 ) -> AxisDetails:
-    """Both fits of the base and of the final model, over all rows; `told` are the parameters that
-    the loop ends with, which stand beside them; `missed`: what the model leaves of the report block
+    """Both fits of the base and of the final model, over all rows; gains; and friction and
+    stability as far as the rows `counted` support them. `told` are the parameters that the loop
+    ends with, which stand beside the fits; `missed`: what the model leaves of the report block
     beyond its noise [F]."""
-    record, reading, directions, spring, withheld = known
+    record, reading, directions, spring, withheld, others = known
     problem = engine.case.problem
     prepared, rows = reading.prepared, reading.rows
     usual_force = as_published(problem, prepared, rows)
@@ -96,7 +102,7 @@ def details_of(
         why = f"{what}, where friction is {own:.2g} {unit_of}"
         supported = supported._replace(unseen=(*supported.unseen, Unseen(why, np.inf)))
     gains = _gains(rig, place, supported, record.drive)
-    return AxisDetails(
+    details = AxisDetails(
         tuple(fits),
         prepared.preparation,
         rows.width,
@@ -114,6 +120,8 @@ def details_of(
         withheld,
         spring,
     )
+    claims = axis_claims(counted, directions, details)
+    return dataclasses.replace(details, claims=(*claims, *others))
 
 
 def turning_acceleration(rows: AxisRows, acceleration: np.ndarray) -> float:

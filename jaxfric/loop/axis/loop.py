@@ -7,6 +7,7 @@ evidence, tests and verdict are those of `jaxfric.loop`.
 import dataclasses
 import time
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import jax.numpy as jnp
@@ -30,17 +31,16 @@ from ..case import MOST, Case, Choice, NoiseBounds, Offered, offered
 from ..close import close
 from ..engine import Engine
 from ..findings import LoopCode
-from ..result import Loop, Score
+from ..result import Loop
 from ..search import Search
 from ..split import Blocks
 from ..subject import ScoredRows, Subject
 from .curves import axis_curves
 from .details import KnownAxis, details_of
 from .driven import OF_SPEED, UNKNOWN, at_one_speed, driven
-from .findings import axis_claims
 from .nonlinear import axis_sensitivities, friction_bumps
 from .reading import Reading, read_rows
-from .result import AxisBase, AxisDetails, AxisRows, PreparedRecord, Spring
+from .result import AxisBase, AxisRows, PreparedRecord, Spring
 from .rows import scales_of
 from .seen import doubts, follows, held_command, spring_of
 
@@ -89,7 +89,7 @@ def close_axis_loop(
     """
     begun = time.monotonic()
     record, with_, without = as_axis_record(record), ids_of(with_), ids_of(without)
-    asked = offered(AXIS_CATALOGUE, own, with_, without, most, _axis_effect)
+    asked = offered(AXIS_CATALOGUE, own, with_, without, most, partial(effect_of, rig=AxisRig))
     asked = _seen_by(record, asked)
     progress("preparing the record")
     held = record.drive is not None if held is None else held
@@ -109,10 +109,6 @@ def _seen_by(record: AxisRecord, asked: Offered) -> Offered:
             " in rad or deg; leave it out of --with"
         ),
     )
-
-
-def _axis_effect(id: str) -> type[AbstractEffect]:
-    return effect_of(id, AxisRig)
 
 
 def axis_subject(
@@ -153,11 +149,11 @@ def axis_subject(
     spring, length = spring_of(problem, rows), length_of(record)
     stopped = _stopped(record, problem, rows, spring)
     reason = "" if stopped is None else said("verdict_text.reason_of", stopped)
-    known = KnownAxis(record, reading, directions, spring, reason)
     others: tuple[Finding, ...] = ()
     if record.others:
         values = {"columns": record.others}
         others = (Finding(LoopCode.OTHERS, Severity.CAUTION, values, rows.used),)
+    known = KnownAxis(record, reading, directions, spring, reason, others)
 
     def counted(engine: Engine[AxisProblem]) -> AxisRows:
         """The rows, but for those that are glitches."""
@@ -189,18 +185,6 @@ def axis_subject(
         seen += [said("verdict_text.words_of", one) for one in others]
         return (*reading.warnings, *own.warnings(length), *seen)
 
-    def details(
-        engine: Engine[AxisProblem],
-        found: Search,
-        after: Score,
-        missed: float,
-        progress: Callable[[str], None],
-    ) -> AxisDetails:
-        """Fits over all rows, gains, and friction and stability as far as rows support them."""
-        more = details_of(known, engine, found, after.parameters, missed, progress)
-        claims = axis_claims(counted(engine), directions, more)
-        return dataclasses.replace(more, claims=(*claims, *others))
-
     return Subject(
         case=case,
         start=_start(problem, reading.blocks),
@@ -213,7 +197,9 @@ def axis_subject(
         named=named,
         shown=shown,
         warnings=warnings,
-        details=details,
+        details=lambda engine, found, after, missed, progress: details_of(
+            known, counted(engine), engine, found, after.parameters, missed, progress
+        ),
         withheld=stopped,
     )
 
