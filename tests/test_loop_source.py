@@ -13,7 +13,7 @@ from command import assert_refused, run
 from scipy.optimize import brentq
 
 from jaxfric.cli.common import read_law
-from jaxfric.effects.friction import _SecondStateTerm, _ViscousTerm
+from jaxfric.effects.friction import SecondState, Viscous
 from jaxfric.errors import InputError
 from jaxfric.gains import find_gains
 from jaxfric.laws.file import law_from_fit
@@ -216,10 +216,10 @@ def test_samples(tmp_path):
     assert isinstance(found.samples, ExtendedLaw)
     base = found.samples.base
     second, viscous = found.samples.terms
-    assert isinstance(second, _SecondStateTerm) and isinstance(viscous, _ViscousTerm)
+    assert isinstance(second, SecondState) and isinstance(viscous, Viscous)
     A, B = np.asarray(base.A)[1:], np.asarray(base.B)[1:, 0]
     assert np.corrcoef(A, B)[0, 1] == pytest.approx(0.8, abs=0.03)
-    L2 = np.asarray(second.L)
+    L2 = np.asarray(second.L2)
     assert L2[0] == 40 * UM and np.std(L2[1:]) / L2[0] == pytest.approx(0.01, rel=0.06)
     c = np.asarray(viscous.c)
     assert c[0] == 150 * NORMAL and np.mean(c[1:]) == pytest.approx(c[0], rel=1e-3)

@@ -45,6 +45,14 @@ class AbstractAxisEffect(AbstractEffect[AxisRig]):
     rigs: ClassVar[tuple[type[eqx.Module], ...]] = (AxisRig,)
 
 
+class AbstractAxisTermEffect(AbstractAxisEffect, AbstractAxisTerm):
+    """An effect that is itself the force that it adds to those of the axis."""
+
+    def embed(self, rig: AxisRig) -> AxisRig:
+        """The rig with this force among its terms."""
+        return _with(rig, self)
+
+
 class AbstractLinearAxisEffect(AbstractLinearEffect[AxisRig]):
     """One effect of an axis without shapes."""
 
@@ -59,14 +67,7 @@ def _remembering(rig: AxisRig, state: AbstractAxisState) -> AxisRig:
     return eqx.tree_at(lambda r: r.states, rig, (*rig.states, state))
 
 
-class _Even(AbstractAxisTerm):
-    d: Array
-
-    def force(self, at: AxisPoint):
-        return self.d * at.velocity * at.sign
-
-
-class DirectionAsymmetry(AbstractLinearAxisEffect):
+class DirectionAsymmetry(AbstractLinearAxisEffect, AbstractAxisTermEffect):
     """+ d |v|: viscous friction F_v + d forwards and F_v - d backwards.
 
     Coulomb friction that differs by direction is the offset of the base law.
@@ -78,24 +79,16 @@ class DirectionAsymmetry(AbstractLinearAxisEffect):
     meaning: ClassVar[str] = "Friction grows faster with speed in one direction than in the other."
     confused_with: ClassVar[tuple[str, ...]] = ("position_dependence",)
     separated_by: ClassVar[str] = "several speeds in both directions over the same travel"
-    channel: ClassVar[str | None] = None
     d: Float[Array, ""] = quantity("d", "F s/m", "half the difference by direction", default=0.0)
 
-    def embed(self, rig: AxisRig) -> AxisRig:
-        return _with(rig, _Even(self.d))
+    def force(self, at: AxisPoint) -> Array:
+        return self.d * at.velocity * at.sign
 
     def physical(self) -> Bool[Array, ""]:
         return jax.device_put(_ALWAYS)
 
 
-class _Cubic(AbstractAxisTerm):
-    c: Array
-
-    def force(self, at: AxisPoint):
-        return self.c * at.velocity**3
-
-
-class Cubic(AbstractLinearAxisEffect):
+class Cubic(AbstractLinearAxisEffect, AbstractAxisTermEffect):
     """Friction cubic in velocity: + c v^3."""
 
     id: ClassVar[str] = "cubic"
@@ -106,28 +99,16 @@ class Cubic(AbstractLinearAxisEffect):
     )
     confused_with: ClassVar[tuple[str, ...]] = ("stribeck",)
     separated_by: ClassVar[str] = "four speeds, the slowest well below the others"
-    channel: ClassVar[str | None] = None
     c: Float[Array, ""] = quantity("c", "F s^3/m^3", "cubic friction", default=0.0)
 
-    def embed(self, rig: AxisRig) -> AxisRig:
-        return _with(rig, _Cubic(self.c))
+    def force(self, at: AxisPoint) -> Array:
+        return self.c * at.velocity**3
 
     def physical(self) -> Bool[Array, ""]:
         return jax.device_put(_ALWAYS)
 
 
-class _Stribeck(AbstractAxisTerm):
-    fs: Array
-    vs: Array
-    n: Array
-
-    def force(self, at: AxisPoint):
-        # the speed stays off 0, where its power has no derivative
-        share = jnp.maximum(jnp.abs(at.velocity) / self.vs, _TINY)
-        return self.fs * jnp.exp(-(share**self.n)) * at.sign
-
-
-class AxisStribeck(AbstractAxisEffect):
+class AxisStribeck(AbstractAxisTermEffect):
     """+ fs exp(-(|v|/vs)^n) sgn v; n = 1 (Bo and Pavelescu 1982) and 2 are starts."""
 
     id: ClassVar[str] = "stribeck"
@@ -139,14 +120,15 @@ class AxisStribeck(AbstractAxisEffect):
     )
     confused_with: ClassVar[tuple[str, ...]] = ("cubic", "presliding", "log_viscous")
     separated_by: ClassVar[str] = "steady speeds around vs, apart from reversals"
-    channel: ClassVar[str | None] = None
     fs: Float[Array, ""] = quantity("fs", "F", "more friction at low speed", default=0.0)
     vs: Float[Array, ""] = quantity("vs", "m/s", "Stribeck velocity", lower=0.0, default=1.0)
 
     n: Float[Array, ""] = quantity("n", "1", "exponent", lower=0.3, upper=3.0, default=1.0)
 
-    def embed(self, rig: AxisRig) -> AxisRig:
-        return _with(rig, _Stribeck(self.fs, self.vs, self.n))
+    def force(self, at: AxisPoint) -> Array:
+        # the speed stays off 0, where its power has no derivative
+        share = jnp.maximum(jnp.abs(at.velocity) / self.vs, _TINY)
+        return self.fs * jnp.exp(-(share**self.n)) * at.sign
 
     def grid(self, scales: RecordScales) -> dict[str, tuple[float, ...]]:
         speeds = np.geomspace(0.3 * scales.slowest, 0.7 * scales.fastest, 14)
@@ -156,15 +138,7 @@ class AxisStribeck(AbstractAxisEffect):
         return self.fs > 0
 
 
-class _LogViscous(AbstractAxisTerm):
-    c: Array
-    v_c: Array
-
-    def force(self, at: AxisPoint):
-        return self.c * jnp.log1p(jnp.abs(at.velocity) / self.v_c) * at.sign
-
-
-class LogViscous(AbstractAxisEffect):
+class LogViscous(AbstractAxisEffect, AbstractAxisTerm):
     """+ c ln(1 + |v|/v_c) sgn v: friction that grows with speed, ever less.
 
     Like viscous friction c v/v_c well below v_c, c more for every factor of e above it: a lubricant
@@ -182,7 +156,6 @@ class LogViscous(AbstractAxisEffect):
     )
     confused_with: ClassVar[tuple[str, ...]] = ("viscous", "stribeck")
     separated_by: ClassVar[str] = "two decades of speed"
-    channel: ClassVar[str | None] = None
     c: Float[Array, ""] = quantity("c", "F", "growth over a factor of e in speed", default=0.0)
     v_c: Float[Array, ""] = quantity(
         "v_c", "m/s", "speed of the bend", lower=0.0, default=1.0, shape_only=True
@@ -190,7 +163,10 @@ class LogViscous(AbstractAxisEffect):
     limits: ClassVar[Mapping[str, Limit]] = _CUT_OFF_LIMIT
 
     def embed(self, rig: AxisRig) -> AxisRig:
-        return _with(rig, _LogViscous(self.c, jnp.maximum(self.v_c, rig.width)))
+        return _with(rig, LogViscous(self.c, jnp.maximum(self.v_c, rig.width)))
+
+    def force(self, at: AxisPoint) -> Array:
+        return self.c * jnp.log1p(jnp.abs(at.velocity) / self.v_c) * at.sign
 
     def grid(self, scales: RecordScales) -> dict[str, tuple[float, ...]]:
         return {"v_c": tuple(np.geomspace(0.1 * scales.slowest, scales.fastest, 12))}
@@ -199,17 +175,7 @@ class LogViscous(AbstractAxisEffect):
         return self.c > 0
 
 
-class _Ripple(AbstractAxisTerm):
-    c: Array
-    s: Array
-    wavelength: Array
-
-    def force(self, at: AxisPoint):
-        phase = 2 * jnp.pi * at.position / self.wavelength
-        return self.c * jnp.cos(phase) + self.s * jnp.sin(phase)
-
-
-class AxisPositionPeriodic(AbstractAxisEffect, AbstractPlaceEffect[AxisRig]):
+class AxisPositionPeriodic(AbstractAxisTermEffect, AbstractPlaceEffect[AxisRig]):
     """+ c cos(2 pi q/wavelength) + s sin(...): the pitch of a screw, the teeth of a belt, cogging.
 
     The pitch is looked for from twice the travel down to what the decimated rows resolve at the
@@ -226,7 +192,6 @@ class AxisPositionPeriodic(AbstractAxisEffect, AbstractPlaceEffect[AxisRig]):
     )
     confused_with: ClassVar[tuple[str, ...]] = ("position_dependence",)
     separated_by: ClassVar[str] = "more travel"
-    channel: ClassVar[str | None] = None
     c: Float[Array, ""] = quantity("c", "F", "cosine amplitude", default=0.0)
     s: Float[Array, ""] = quantity("s", "F", "sine amplitude", default=0.0)
     wavelength: Float[Array, ""] = quantity("lambda", "m", "wavelength", lower=0.0, default=1.0)
@@ -234,8 +199,9 @@ class AxisPositionPeriodic(AbstractAxisEffect, AbstractPlaceEffect[AxisRig]):
         {"wavelength": lambda at, scales: scales.total_slip < _WAVES * at.wavelength}
     )
 
-    def embed(self, rig: AxisRig) -> AxisRig:
-        return _with(rig, _Ripple(self.c, self.s, self.wavelength))
+    def force(self, at: AxisPoint) -> Array:
+        phase = 2 * jnp.pi * at.position / self.wavelength
+        return self.c * jnp.cos(phase) + self.s * jnp.sin(phase)
 
     def softest_spring(self) -> Float[Array, ""]:
         """-2 pi sqrt(c^2 + s^2)/lambda, half way down a wave."""
@@ -253,15 +219,7 @@ class AxisPositionPeriodic(AbstractAxisEffect, AbstractPlaceEffect[AxisRig]):
         return jax.device_put(_ALWAYS)
 
 
-class _Weight(AbstractAxisTerm):
-    a: Array
-    b: Array
-
-    def force(self, at: AxisPoint):
-        return self.a * jnp.sin(at.position) + self.b * jnp.cos(at.position)
-
-
-class Gravity(AbstractLinearAxisEffect, AbstractPlaceEffect[AxisRig]):
+class Gravity(AbstractLinearAxisEffect, AbstractAxisTermEffect, AbstractPlaceEffect[AxisRig]):
     """+ a sin q + b cos q, q in radians: m g l of what a joint carries, from any zero of its angle.
 
     Of a joint's angle, so of rotary axes only; on the motor's side of a gear it has another period.
@@ -280,8 +238,8 @@ class Gravity(AbstractLinearAxisEffect, AbstractPlaceEffect[AxisRig]):
     a: Float[Array, ""] = quantity("a", "F", "torque of the weight with the sine", default=0.0)
     b: Float[Array, ""] = quantity("b", "F", "torque of the weight with the cosine", default=0.0)
 
-    def embed(self, rig: AxisRig) -> AxisRig:
-        return _with(rig, _Weight(self.a, self.b))
+    def force(self, at: AxisPoint) -> Array:
+        return self.a * jnp.sin(at.position) + self.b * jnp.cos(at.position)
 
     def softest_spring(self) -> Float[Array, ""]:
         """-sqrt(a^2 + b^2) per radian, where the weight is at its highest."""
@@ -291,16 +249,9 @@ class Gravity(AbstractLinearAxisEffect, AbstractPlaceEffect[AxisRig]):
         return jax.device_put(_ALWAYS)
 
 
-class _Along(AbstractAxisTerm):
-    k: Array
-    m: Array
-    centre: Array
-
-    def force(self, at: AxisPoint):
-        return (self.k + self.m * at.sign) * (at.position - self.centre)
-
-
-class PositionDependence(AbstractLinearAxisEffect, AbstractPlaceEffect[AxisRig]):
+class PositionDependence(
+    AbstractLinearAxisEffect, AbstractAxisTermEffect, AbstractPlaceEffect[AxisRig]
+):
     """+ (k + m sgn v) q: a spring or a slope, and friction that grows along the travel."""
 
     id: ClassVar[str] = "position_dependence"
@@ -312,12 +263,11 @@ class PositionDependence(AbstractLinearAxisEffect, AbstractPlaceEffect[AxisRig])
     )
     confused_with: ClassVar[tuple[str, ...]] = ("direction_asymmetry", "time_drift")
     separated_by: ClassVar[str] = "several passes over the same travel in both directions"
-    channel: ClassVar[str | None] = None
     k: Float[Array, ""] = quantity("k", "F/m", "stiffness along the travel", default=0.0)
     m: Float[Array, ""] = quantity("m", "F/m", "growth of friction along the travel", default=0.0)
 
-    def embed(self, rig: AxisRig) -> AxisRig:
-        return _with(rig, _Along(self.k, self.m, jnp.zeros_like(self.k)))
+    def force(self, at: AxisPoint) -> Array:
+        return (self.k + self.m * at.sign) * at.position
 
     def softest_spring(self) -> Float[Array, ""]:
         """Least stiffness over both directions: k - |m|."""
@@ -327,15 +277,7 @@ class PositionDependence(AbstractLinearAxisEffect, AbstractPlaceEffect[AxisRig])
         return jax.device_put(_ALWAYS)
 
 
-class _Drift(AbstractAxisTerm):
-    r: Array
-    s: Array
-
-    def force(self, at: AxisPoint):
-        return (self.r + self.s * at.sign) * at.time
-
-
-class AxisTimeDrift(AbstractLinearAxisEffect):
+class AxisTimeDrift(AbstractLinearAxisEffect, AbstractAxisTermEffect):
     """+ (r + s sgn v) t: an offset or friction that drifts, as with warming up."""
 
     id: ClassVar[str] = "time_drift"
@@ -344,12 +286,11 @@ class AxisTimeDrift(AbstractLinearAxisEffect):
     meaning: ClassVar[str] = "Force or friction drifts with time, as with warming up."
     confused_with: ClassVar[tuple[str, ...]] = ("position_dependence",)
     separated_by: ClassVar[str] = "the first motion repeated at the end"
-    channel: ClassVar[str | None] = None
     r: Float[Array, ""] = quantity("r", "F/s", "drift of the offset", default=0.0)
     s: Float[Array, ""] = quantity("s", "F/s", "drift of Coulomb friction", default=0.0)
 
-    def embed(self, rig: AxisRig) -> AxisRig:
-        return _with(rig, _Drift(self.r, self.s))
+    def force(self, at: AxisPoint) -> Array:
+        return (self.r + self.s * at.sign) * at.time
 
     def physical(self) -> Bool[Array, ""]:
         return jax.device_put(_ALWAYS)
@@ -374,7 +315,6 @@ class Presliding(AbstractAxisEffect):
     )
     confused_with: ClassVar[tuple[str, ...]] = ("servo_lag", "stribeck")
     separated_by: ClassVar[str] = "slow reversals, smaller than the presliding distance"
-    channel: ClassVar[str | None] = None
     a: Float[Array, ""] = quantity("a", "F", "part of Coulomb friction on a bristle", default=0.0)
     sigma_1: Float[Array, ""] = quantity(
         "sigma_1", "F s/m", "damping of the bristle", default=0.0, shape_only=True
@@ -424,7 +364,6 @@ class RateAndState(AbstractAxisEffect):
     )
     confused_with: ClassVar[tuple[str, ...]] = ("stribeck", "presliding", "cubic", "log_viscous")
     separated_by: ClassVar[str] = "steps of velocity within a stroke, and reversals"
-    channel: ClassVar[str | None] = None
     A: Float[Array, ""] = quantity("A", "F", "direct effect", default=0.0)
     B: Float[Array, ""] = quantity("B", "F", "evolution effect", default=0.0)
     L: Float[Array, ""] = quantity("L", "m", "characteristic slip length", lower=0.0, default=1.0)
@@ -454,7 +393,6 @@ class AxisServoLag(AbstractLinearAxisEffect):
     meaning: ClassVar[str] = "The motor's force follows the recorded one late."
     confused_with: ClassVar[tuple[str, ...]] = ("sensor_delay", "sensor_lag", "presliding")
     separated_by: ClassVar[str] = "the motor's measured current in place of its command"
-    channel: ClassVar[str | None] = None
     tau: Float[Array, ""] = quantity("tau", "s", "time constant of the motor", default=0.0)
 
     def embed(self, rig: AxisRig) -> AxisRig:
@@ -475,7 +413,6 @@ class AxisSensorLag(AbstractLinearAxisEffect):
     )
     confused_with: ClassVar[tuple[str, ...]] = ("sensor_delay", "servo_lag")
     separated_by: ClassVar[str] = "a force step into a blocked axis"
-    channel: ClassVar[str | None] = None
     tau: Float[Array, ""] = quantity("tau", "s", "time constant of the force channel", default=0.0)
 
     def embed(self, rig: AxisRig) -> AxisRig:
@@ -494,7 +431,6 @@ class AxisSensorDelay(AbstractLinearAxisEffect):
     meaning: ClassVar[str] = "Position and force are recorded at different moments."
     confused_with: ClassVar[tuple[str, ...]] = ("servo_lag", "sensor_lag", "presliding")
     separated_by: ClassVar[str] = "the motor's measured current in place of its command"
-    channel: ClassVar[str | None] = None
     d: Float[Array, ""] = quantity("d", "s", "delay of the position behind the force", default=0.0)
 
     def embed(self, rig: AxisRig) -> AxisRig:

@@ -6,81 +6,50 @@ An effect of one's own becomes one of the catalogue by `register`, for every rig
 from ..errors import InputError, did_you_mean
 from ..rig import Rig
 from ..rig.axis import AxisRig
-from .axis import (
-    AxisPositionPeriodic,
-    AxisSensorDelay,
-    AxisSensorLag,
-    AxisServoLag,
-    AxisStribeck,
-    AxisTimeDrift,
-    Cubic,
-    DirectionAsymmetry,
-    Gravity,
-    LogViscous,
-    PositionDependence,
-    Presliding,
-    RateAndState,
-)
-from .delay import FrictionalDelay
-from .drive import ServoLag
+from . import axis, delay, drive, friction, machine, sensor
 from .effect import AbstractEffect, id_of
-from .friction import (
-    Ageing,
-    EvolutionCutoff,
-    NormalStressState,
-    PositionPeriodic,
-    RunIn,
-    SecondState,
-    SlipTrend,
-    Stribeck,
-    Thermal,
-    VelocityDependentLength,
-    Viscous,
-)
-from .machine import Damping, Inertia, Stiffness
-from .sensor import Gain, SensorDelay, SensorLag, TimeDrift
 
 _ALL: tuple[type[AbstractEffect], ...] = (
-    SecondState,
-    Ageing,
-    VelocityDependentLength,
-    EvolutionCutoff,
-    Viscous,
-    Stribeck,
-    SlipTrend,
-    RunIn,
-    PositionPeriodic,
-    NormalStressState,
-    Thermal,
-    FrictionalDelay,
-    Stiffness,
-    Damping,
-    Inertia,
-    ServoLag,
-    SensorLag,
-    SensorDelay,
-    TimeDrift,
-    Gain,
-    DirectionAsymmetry,
-    Cubic,
-    AxisStribeck,
-    LogViscous,
-    Gravity,
-    AxisPositionPeriodic,
-    PositionDependence,
-    AxisTimeDrift,
-    Presliding,
-    RateAndState,
-    AxisServoLag,
-    AxisSensorLag,
-    AxisSensorDelay,
+    friction.SecondState,
+    friction.Ageing,
+    friction.VelocityDependentLength,
+    friction.EvolutionCutoff,
+    friction.Viscous,
+    friction.Stribeck,
+    friction.SlipTrend,
+    friction.RunIn,
+    friction.PositionPeriodic,
+    friction.NormalStressState,
+    friction.Thermal,
+    delay.FrictionalDelay,
+    machine.Stiffness,
+    machine.Damping,
+    machine.Inertia,
+    drive.ServoLag,
+    sensor.SensorLag,
+    sensor.SensorDelay,
+    sensor.TimeDrift,
+    sensor.Gain,
+    axis.DirectionAsymmetry,
+    axis.Cubic,
+    axis.AxisStribeck,
+    axis.LogViscous,
+    axis.Gravity,
+    axis.AxisPositionPeriodic,
+    axis.PositionDependence,
+    axis.AxisTimeDrift,
+    axis.Presliding,
+    axis.RateAndState,
+    axis.AxisServoLag,
+    axis.AxisSensorLag,
+    axis.AxisSensorDelay,
 )
 CATALOGUE: dict[str, type[AbstractEffect]] = {}
 """The effects of a slider by id."""
 AXIS_CATALOGUE: dict[str, type[AbstractEffect]] = {}
 """The effects of an axis by id."""
 _CATALOGUES: dict[type, dict[str, type[AbstractEffect]]] = {Rig: CATALOGUE, AxisRig: AXIS_CATALOGUE}
-STEADY_CURVES = (EvolutionCutoff.id, Viscous.id, Stribeck.id)
+STEADY_CURVES = (friction.EvolutionCutoff.id, friction.Viscous.id, friction.Stribeck.id)
 """Effects that only change friction of steady sliding as a function of velocity."""
 
 

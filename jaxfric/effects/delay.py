@@ -160,7 +160,6 @@ class FrictionalDelay(AbstractHeavyEffect[Rig]):
     meaning: ClassVar[str] = "Friction answers the velocity of a moment ago, not that of now."
     confused_with: ClassVar[tuple[str, ...]] = ("sensor_lag", "inertia")
     separated_by: ClassVar[str] = "fast sampling, oscillating velocity"
-    channel: ClassVar[str | None] = None
     alpha: Float[Array, ""] = quantity("alpha", "s", "delay of friction", default=0.0)
 
     def embed(self, rig: Rig) -> Rig:

@@ -21,7 +21,6 @@ class ServoLag(AbstractLinearEffect[Rig]):
     )
     confused_with: ClassVar[tuple[str, ...]] = ("sensor_lag", "sensor_delay")
     separated_by: ClassVar[str] = "a load-point encoder channel"
-    channel: ClassVar[str | None] = None
     tau: Float[Array, ""] = quantity("tau", "s", "time constant of the drive", default=0.0)
 
     def embed(self, rig: Rig) -> Rig:

@@ -78,13 +78,14 @@ class AbstractEffect(eqx.Module, Generic[R]):
     limits: ClassVar[Mapping[str, Limit]] = MappingProxyType({})
     """By field name, whether a value is beyond what a record can show (`beyond`)."""
 
+    channel: ClassVar[str | None] = None
+    """The optional channel of a record that it needs, if any."""
+
     id: AbstractClassVar[str]
     room: AbstractClassVar[str]
     equation: AbstractClassVar[str]
     confused_with: AbstractClassVar[tuple[str, ...]]
     separated_by: AbstractClassVar[str]
-    channel: AbstractClassVar[str | None]
-    """The optional channel of a record that it needs, if any."""
 
     @abc.abstractmethod
     def embed(self, rig: R) -> R:

@@ -27,31 +27,15 @@ from .effect import (
 _TRUE = np.asarray(True)
 
 
-class _SecondStateTerm(AbstractTerm):
-    moves: ClassVar[bool] = False
-    states: ClassVar[int] = 1
-    couples: ClassVar[bool] = False
-    B: Float[Array, ""]
-    L: Float[Array, ""]
+class AbstractTermEffect(AbstractEffect[Rig], AbstractTerm):
+    """An effect that is itself the term that it adds to friction."""
 
-    def force(self, at: Contact) -> Array:
-        return at.state[0]
-
-    def rate(self, at: Contact, force: Array) -> Array:
-        del force
-        r = jnp.abs(at.V) / at.base.V0
-        log_r = jnp.log(jnp.where(r > 0, r, 1.0))
-        return jnp.where(r > 0, -(jnp.abs(at.V) / self.L) * (at.state + self.B * log_r), 0.0)
-
-    def steady_state(self, V: Array, base: AbstractRateState, force: Array) -> Array:
-        del force
-        return -self.B * jnp.log(jnp.abs(V) / base.V0)[None]
-
-    def shift(self, at: Contact):
-        del at
+    def embed(self, rig: Rig) -> Rig:
+        """The rig with this term in its friction."""
+        return with_term(rig, self)
 
 
-class SecondState(AbstractEffect[Rig]):
+class SecondState(AbstractTermEffect):
     """f + theta_2, dtheta_2/dt = -(V/L2) [theta_2 + B2 ln(V/V0)] (slip law)."""
 
     id: ClassVar[str] = "second_state"
@@ -63,12 +47,27 @@ class SecondState(AbstractEffect[Rig]):
     )
     confused_with: ClassVar[tuple[str, ...]] = ("slip_trend", "run_in")
     separated_by: ClassVar[str] = "up and down steps, longer than 3 L2"
-    channel: ClassVar[str | None] = None
+    moves: ClassVar[bool] = False
+    states: ClassVar[int] = 1
+    couples: ClassVar[bool] = False
     B2: Float[Array, ""] = quantity("B2", "F", "second evolution effect", default=0.0)
     L2: Float[Array, ""] = quantity("L2", "m", "second slip length", lower=0.0, default=5e-5)
 
-    def embed(self, rig: Rig) -> Rig:
-        return with_term(rig, _SecondStateTerm(self.B2, self.L2))
+    def force(self, at: Contact) -> Array:
+        return at.state[0]
+
+    def rate(self, at: Contact, force: Array) -> Array:
+        del force
+        r = jnp.abs(at.V) / at.base.V0
+        log_r = jnp.log(jnp.where(r > 0, r, 1.0))
+        return jnp.where(r > 0, -(jnp.abs(at.V) / self.L2) * (at.state + self.B2 * log_r), 0.0)
+
+    def steady_state(self, V: Array, base: AbstractRateState, force: Array) -> Array:
+        del force
+        return -self.B2 * jnp.log(jnp.abs(V) / base.V0)[None]
+
+    def shift(self, at: Contact):
+        del at
 
     def grid(self, scales: RecordScales) -> dict[str, tuple[float, ...]]:
         low, high = 0.2 * scales.slip_length, max(scales.step_slip, 5 * scales.slip_length)
@@ -91,7 +90,6 @@ class Ageing(AbstractEvolutionEffect):
     confused_with: ClassVar[tuple[str, ...]] = ("velocity_dependent_L", "stiffness")
     separated_by: ClassVar[str] = "equal up and down steps of two sizes, holds"
     law: ClassVar[Mapping[str, float]] = MappingProxyType({"q": 1.0})
-    channel: ClassVar[str | None] = None
     q: Float[Array, ""] = quantity("q", "1", "change of the ageing share", default=0.0)
 
     def embed(self, rig: Rig) -> Rig:
@@ -112,7 +110,6 @@ class VelocityDependentLength(AbstractEvolutionEffect):
     )
     confused_with: ClassVar[tuple[str, ...]] = ("ageing",)
     separated_by: ClassVar[str] = "equal steps at several velocities"
-    channel: ClassVar[str | None] = None
     n: Float[Array, ""] = quantity("n", "1", "exponent of L with velocity", default=0.0)
 
     def embed(self, rig: Rig) -> Rig:
@@ -134,7 +131,6 @@ class EvolutionCutoff(AbstractEvolutionEffect):
     )
     confused_with: ClassVar[tuple[str, ...]] = ("viscous",)
     separated_by: ClassVar[str] = "transients, not levels, at high velocity"
-    channel: ClassVar[str | None] = None
     c: Float[Array, ""] = quantity("c", "s/m", "inverse cutoff velocity", default=0.0)
 
     def embed(self, rig: Rig) -> Rig:
@@ -144,16 +140,7 @@ class EvolutionCutoff(AbstractEvolutionEffect):
         return self.c > 0
 
 
-class _ViscousTerm(AbstractStatelessTerm):
-    moves: ClassVar[bool] = True
-    states: ClassVar[int] = 0
-    c: Float[Array, ""]
-
-    def force(self, at: Contact) -> Array:
-        return self.c * at.V
-
-
-class Viscous(AbstractLinearEffect[Rig]):
+class Viscous(AbstractLinearEffect[Rig], AbstractTermEffect, AbstractStatelessTerm):
     """Viscous friction: f + c V."""
 
     id: ClassVar[str] = "viscous"
@@ -164,19 +151,19 @@ class Viscous(AbstractLinearEffect[Rig]):
     )
     confused_with: ClassVar[tuple[str, ...]] = ("stribeck", "evolution_cutoff")
     separated_by: ClassVar[str] = "three velocities over two decades"
-    channel: ClassVar[str | None] = None
+    moves: ClassVar[bool] = True
     c: Float[Array, ""] = quantity("c", "F s/m", "viscous friction", default=0.0)
 
-    def embed(self, rig: Rig) -> Rig:
-        return with_term(rig, _ViscousTerm(self.c))
+    def force(self, at: Contact) -> Array:
+        return self.c * at.V
 
     def physical(self) -> Bool[Array, ""]:
         return self.c > 0
 
 
+# Not the effect itself: a fit may take d to its bounds, at which a rig's own quantity is refused.
 class _StribeckTerm(AbstractStatelessTerm):
     moves: ClassVar[bool] = True
-    states: ClassVar[int] = 0
     fs: Float[Array, ""]
     Vs: Float[Array, ""]
     d: Float[Array, ""]
@@ -197,7 +184,6 @@ class Stribeck(AbstractEffect[Rig]):
     )
     confused_with: ClassVar[tuple[str, ...]] = ("viscous",)
     separated_by: ClassVar[str] = "four velocities around Vs"
-    channel: ClassVar[str | None] = None
     fs: Float[Array, ""] = quantity("fs", "F", "Stribeck amplitude", default=0.0)
     Vs: Float[Array, ""] = quantity("Vs", "m/s", "Stribeck velocity", lower=0.0, default=1e-5)
 
@@ -215,16 +201,9 @@ class Stribeck(AbstractEffect[Rig]):
         return jax.device_put(_TRUE)
 
 
-class _SlipTrendTerm(AbstractStatelessTerm):
-    moves: ClassVar[bool] = False
-    states: ClassVar[int] = 0
-    s: Float[Array, ""]
-
-    def force(self, at: Contact) -> Array:
-        return self.s * at.slip
-
-
-class SlipTrend(AbstractLinearEffect[Rig], AbstractPlaceEffect[Rig]):
+class SlipTrend(
+    AbstractLinearEffect[Rig], AbstractPlaceEffect[Rig], AbstractTermEffect, AbstractStatelessTerm
+):
     """A linear trend of friction with slip: f + s x."""
 
     id: ClassVar[str] = "slip_trend"
@@ -236,11 +215,11 @@ class SlipTrend(AbstractLinearEffect[Rig], AbstractPlaceEffect[Rig]):
     )
     confused_with: ClassVar[tuple[str, ...]] = ("time_drift", "run_in")
     separated_by: ClassVar[str] = "different velocities at equal slip, a slow dwell"
-    channel: ClassVar[str | None] = None
+    moves: ClassVar[bool] = False
     s: Float[Array, ""] = quantity("s", "F/m", "change of friction with slip", default=0.0)
 
-    def embed(self, rig: Rig) -> Rig:
-        return with_term(rig, _SlipTrendTerm(self.s))
+    def force(self, at: Contact) -> Array:
+        return self.s * at.slip
 
     def softest_spring(self) -> Float[Array, ""]:
         """The stiffness s [F/m], wherever the slider is."""
@@ -250,17 +229,7 @@ class SlipTrend(AbstractLinearEffect[Rig], AbstractPlaceEffect[Rig]):
         return jax.device_put(_TRUE)
 
 
-class _RunInTerm(AbstractStatelessTerm):
-    moves: ClassVar[bool] = False
-    states: ClassVar[int] = 0
-    d: Float[Array, ""]
-    dc: Float[Array, ""]
-
-    def force(self, at: Contact) -> Array:
-        return self.d * -jnp.expm1(-jnp.maximum(at.slip, 0.0) / self.dc)
-
-
-class RunIn(AbstractPlaceEffect[Rig]):
+class RunIn(AbstractPlaceEffect[Rig], AbstractTermEffect, AbstractStatelessTerm):
     """Friction that changes over a slip dc: f + d (1 - exp(-x/dc))."""
 
     id: ClassVar[str] = "run_in"
@@ -271,12 +240,12 @@ class RunIn(AbstractPlaceEffect[Rig]):
     )
     confused_with: ClassVar[tuple[str, ...]] = ("slip_trend", "second_state")
     separated_by: ClassVar[str] = "the first velocity repeated at the end"
-    channel: ClassVar[str | None] = None
+    moves: ClassVar[bool] = False
     d: Float[Array, ""] = quantity("d", "F", "change of friction by run-in", default=0.0)
     dc: Float[Array, ""] = quantity("dc", "m", "slip of the run-in", lower=0.0, default=3e-4)
 
-    def embed(self, rig: Rig) -> Rig:
-        return with_term(rig, _RunInTerm(self.d, self.dc))
+    def force(self, at: Contact) -> Array:
+        return self.d * -jnp.expm1(-jnp.maximum(at.slip, 0.0) / self.dc)
 
     def softest_spring(self) -> Float[Array, ""]:
         """d/dc at the start, where that softens; 0 in the end."""
@@ -289,19 +258,7 @@ class RunIn(AbstractPlaceEffect[Rig]):
         return jax.device_put(_TRUE)
 
 
-class _PeriodicTerm(AbstractStatelessTerm):
-    moves: ClassVar[bool] = False
-    states: ClassVar[int] = 0
-    a: Float[Array, ""]
-    b: Float[Array, ""]
-    wavelength: Float[Array, ""]
-
-    def force(self, at: Contact) -> Array:
-        phase = 2 * jnp.pi * at.slip / self.wavelength
-        return self.a * jnp.sin(phase) + self.b * jnp.cos(phase)
-
-
-class PositionPeriodic(AbstractPlaceEffect[Rig]):
+class PositionPeriodic(AbstractPlaceEffect[Rig], AbstractTermEffect, AbstractStatelessTerm):
     """f + a sin(2 pi x/lambda) + b cos(2 pi x/lambda)."""
 
     id: ClassVar[str] = "position_periodic"
@@ -312,13 +269,14 @@ class PositionPeriodic(AbstractPlaceEffect[Rig]):
     )
     confused_with: ClassVar[tuple[str, ...]] = ("second_state",)
     separated_by: ClassVar[str] = "the same wavelength at every velocity"
-    channel: ClassVar[str | None] = None
+    moves: ClassVar[bool] = False
     a: Float[Array, ""] = quantity("a", "F", "sine amplitude", default=0.0)
     b: Float[Array, ""] = quantity("b", "F", "cosine amplitude", default=0.0)
     wavelength: Float[Array, ""] = quantity("lambda", "m", "wavelength", lower=0.0, default=1e-4)
 
-    def embed(self, rig: Rig) -> Rig:
-        return with_term(rig, _PeriodicTerm(self.a, self.b, self.wavelength))
+    def force(self, at: Contact) -> Array:
+        phase = 2 * jnp.pi * at.slip / self.wavelength
+        return self.a * jnp.sin(phase) + self.b * jnp.cos(phase)
 
     def softest_spring(self) -> Float[Array, ""]:
         """-2 pi sqrt(a^2 + b^2)/lambda, half way down a wave."""
@@ -336,28 +294,7 @@ class PositionPeriodic(AbstractPlaceEffect[Rig]):
         return jax.device_put(_TRUE)
 
 
-class _LinkerTerm(AbstractTerm):
-    moves: ClassVar[bool] = False
-    states: ClassVar[int] = 0
-    couples: ClassVar[bool] = False
-    alpha: Float[Array, ""]
-
-    def force(self, at: Contact) -> Array:
-        return jnp.zeros_like(at.V) if at.stress is None else -self.alpha * jnp.log(at.stress)
-
-    def rate(self, at: Contact, force: Array) -> Array:
-        del force
-        return at.state
-
-    def steady_state(self, V: Array, base: AbstractRateState, force: Array) -> Array:
-        del base, force
-        return jnp.zeros((0,), V.dtype)
-
-    def shift(self, at: Contact):
-        return None if at.stress is None else self.force(at)
-
-
-class NormalStressState(AbstractLinearEffect[Rig]):
+class NormalStressState(AbstractLinearEffect[Rig], AbstractTermEffect):
     """dtheta/dt - alpha n'/n, n normal stress over the one at the start (Linker, Dieterich 1992).
 
     Integrated is theta + alpha ln n, so no derivative of the recorded n is needed. That the machine
@@ -375,35 +312,29 @@ class NormalStressState(AbstractLinearEffect[Rig]):
     confused_with: ClassVar[tuple[str, ...]] = ("time_drift",)
     separated_by: ClassVar[str] = "steps of normal stress"
     channel: ClassVar[str | None] = "normal_stress"
+    moves: ClassVar[bool] = False
+    states: ClassVar[int] = 0
+    couples: ClassVar[bool] = False
     alpha: Float[Array, ""] = quantity(
         "alpha", "F", "fall of friction with normal stress", default=0.0
     )
 
-    def embed(self, rig: Rig) -> Rig:
-        return with_term(rig, _LinkerTerm(self.alpha))
+    def force(self, at: Contact) -> Array:
+        return jnp.zeros_like(at.V) if at.stress is None else -self.alpha * jnp.log(at.stress)
+
+    def rate(self, at: Contact, force: Array) -> Array:
+        del force
+        return at.state
+
+    def steady_state(self, V: Array, base: AbstractRateState, force: Array) -> Array:
+        del base, force
+        return jnp.zeros((0,), V.dtype)
+
+    def shift(self, at: Contact):
+        return None if at.stress is None else self.force(at)
 
     def physical(self) -> Bool[Array, ""]:
         return self.alpha > 0
-
-
-class _ThermalTerm(AbstractTerm):
-    moves: ClassVar[bool] = False
-    states: ClassVar[int] = 1
-    couples: ClassVar[bool] = True
-    a: Float[Array, ""]
-    tau: Float[Array, ""]
-
-    def force(self, at: Contact) -> Array:
-        return -at.state[0]
-
-    def rate(self, at: Contact, force: Array) -> Array:
-        return (self.a * _power(at.V, at.base, force) - at.state) / self.tau
-
-    def steady_state(self, V: Array, base: AbstractRateState, force: Array) -> Array:
-        return (self.a * _power(V, base, force))[None]
-
-    def shift(self, at: Contact):
-        del at
 
 
 def _power(
@@ -413,7 +344,7 @@ def _power(
     return force * V / (base.f0 * base.V0)
 
 
-class Thermal(AbstractEffect[Rig]):
+class Thermal(AbstractTermEffect):
     """f - a_T T, tau_T dT/dt = f V/(f0 V0) - T: T is 1 in steady sliding at V0."""
 
     id: ClassVar[str] = "thermal"
@@ -424,12 +355,23 @@ class Thermal(AbstractEffect[Rig]):
     )
     confused_with: ClassVar[tuple[str, ...]] = ("second_state", "time_drift")
     separated_by: ClassVar[str] = "the same velocity for other durations"
-    channel: ClassVar[str | None] = None
+    moves: ClassVar[bool] = False
+    states: ClassVar[int] = 1
+    couples: ClassVar[bool] = True
     a_T: Float[Array, ""] = quantity("a_T", "F", "fall of friction at the heat of V0", default=0.0)
     tau_T: Float[Array, ""] = quantity("tau_T", "s", "thermal time", lower=0.0, default=10.0)
 
-    def embed(self, rig: Rig) -> Rig:
-        return with_term(rig, _ThermalTerm(self.a_T, self.tau_T))
+    def force(self, at: Contact) -> Array:
+        return -at.state[0]
+
+    def rate(self, at: Contact, force: Array) -> Array:
+        return (self.a_T * _power(at.V, at.base, force) - at.state) / self.tau_T
+
+    def steady_state(self, V: Array, base: AbstractRateState, force: Array) -> Array:
+        return (self.a_T * _power(V, base, force))[None]
+
+    def shift(self, at: Contact):
+        del at
 
     def grid(self, scales: RecordScales) -> dict[str, tuple[float, ...]]:
         low = max(3 * scales.interval, scales.slip_length / scales.fastest)

@@ -20,7 +20,6 @@ class Stiffness(AbstractLinearEffect[Rig]):
     meaning: ClassVar[str] = "The machine is softer or stiffer than was declared."
     confused_with: ClassVar[tuple[str, ...]] = ("ageing", "servo_lag")
     separated_by: ClassVar[str] = "elastic loading, a slip channel"
-    channel: ClassVar[str | None] = None
     kappa: Float[Array, ""] = quantity(
         "kappa", "1", "log of the true over the declared stiffness", default=0.0
     )
@@ -45,7 +44,6 @@ class Damping(AbstractLinearEffect[Rig]):
     )
     confused_with: ClassVar[tuple[str, ...]] = ("viscous",)
     separated_by: ClassVar[str] = "free response"
-    channel: ClassVar[str | None] = None
     k_v: Float[Array, ""] = quantity("k_v", "F s/m", "damping not declared", default=0.0)
 
     def embed(self, rig: Rig) -> Rig:
@@ -80,7 +78,6 @@ class Inertia(AbstractHeavyEffect[Rig]):
     meaning: ClassVar[str] = "The slider's mass takes part of the force where velocity changes."
     confused_with: ClassVar[tuple[str, ...]] = ("sensor_lag", "frictional_delay")
     separated_by: ClassVar[str] = "free response, a slip channel"
-    channel: ClassVar[str | None] = None
     m: Float[Array, ""] = quantity("m", "F s^2/m", "mass not declared", default=0.0)
 
     def embed(self, rig: Rig) -> Rig:

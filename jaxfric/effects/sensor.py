@@ -32,7 +32,6 @@ class SensorLag(AbstractLinearEffect[Rig]):
     meaning: ClassVar[str] = "The force sensor follows friction late, as a low-pass filter does."
     confused_with: ClassVar[tuple[str, ...]] = ("servo_lag", "sensor_delay")
     separated_by: ClassVar[str] = "a slip channel, a slow dwell"
-    channel: ClassVar[str | None] = None
     tau: Float[Array, ""] = quantity("tau", "s", "time constant of the sensor", default=0.0)
 
     def embed(self, rig: Rig) -> Rig:
@@ -51,7 +50,6 @@ class SensorDelay(AbstractLinearEffect[Rig]):
     meaning: ClassVar[str] = "Friction is recorded later, or earlier, than it acted."
     confused_with: ClassVar[tuple[str, ...]] = ("sensor_lag", "servo_lag")
     separated_by: ClassVar[str] = "fast sampling"
-    channel: ClassVar[str | None] = None
     d: Float[Array, ""] = quantity("d", "s", "delay of the sensor", default=0.0)
 
     def embed(self, rig: Rig) -> Rig:
@@ -70,7 +68,6 @@ class TimeDrift(AbstractLinearEffect[Rig]):
     meaning: ClassVar[str] = "The force sensor drifts with time, whether the slider moves or not."
     confused_with: ClassVar[tuple[str, ...]] = ("slip_trend", "run_in")
     separated_by: ClassVar[str] = "a dwell, a zero-load baseline"
-    channel: ClassVar[str | None] = None
     r: Float[Array, ""] = quantity("r", "F/s", "drift of the sensor", default=0.0)
 
     def embed(self, rig: Rig) -> Rig:
@@ -89,7 +86,6 @@ class Gain(AbstractLinearEffect[Rig]):
     meaning: ClassVar[str] = "The force sensor has another scale than was declared."
     confused_with: ClassVar[tuple[str, ...]] = ("stiffness",)
     separated_by: ClassVar[str] = "a known load"
-    channel: ClassVar[str | None] = None
     g: Float[Array, ""] = quantity("g", "1", "error of the force channel's gain", default=0.0)
 
     def embed(self, rig: Rig) -> Rig:

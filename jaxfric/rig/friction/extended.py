@@ -87,6 +87,7 @@ class AbstractTerm(eqx.Module):
 class AbstractStatelessTerm(AbstractTerm):
     """An addition to friction that has no states."""
 
+    states: ClassVar[int] = 0
     couples: ClassVar[bool] = False
 
     def rate(self, at: Contact, force: Scalar) -> Float[Array, " 0"]:
