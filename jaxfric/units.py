@@ -260,3 +260,10 @@ def between(low: float, high: float, unit: str, *, digits: int = 3) -> str:
     """A range in words, "2 to 5 s"; one number where both ends read the same."""
     ends = [f"{value:.{digits}g}" for value in (low, high)]
     return f"{ends[0]} {unit}" if ends[0] == ends[1] else f"{ends[0]} to {ends[1]} {unit}"
+
+
+def decimals(std: float) -> int:
+    """Decimal places that show two digits of a standard deviation."""
+    if not math.isfinite(std) or std <= 0:
+        return 6
+    return min(max(1 - math.floor(math.log10(std)), 0), 12)

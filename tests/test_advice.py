@@ -23,9 +23,9 @@ from pages import PAGES, blocks_of
 
 from jaxfric.cli.app import app
 from jaxfric.cli.common import axis_roles
+from jaxfric.cli.fit import parse_start
 from jaxfric.cli.protocol import TYPICAL
 from jaxfric.errors import InputError, words_of_the_command
-from jaxfric.fitting.start_text import parse_start
 from jaxfric.gains.requirement import Requirement
 from jaxfric.laws.source import law_from_parameters
 from jaxfric.records import VelocitySteps, read, read_axis

@@ -13,10 +13,10 @@ from jaxfric.fitting.derived import (
     difference,
     rate_dependence,
 )
-from jaxfric.fitting.table import rows, shown_name, summary
 from jaxfric.laws.registry import rate_state
 from jaxfric.laws.source import without_first
 from jaxfric.records import VelocitySteps, from_arrays
+from jaxfric.report.fit_text import rows, shown_name, summary
 from jaxfric.report.stability_json import content
 from jaxfric.report.stability_text import describe
 from jaxfric.stability.analysis import study, with_samples

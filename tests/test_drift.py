@@ -15,8 +15,8 @@ import jaxfric as jf
 from jaxfric import VelocitySteps, from_arrays
 from jaxfric.fitting.drift import drift_before, drift_warning, drift_warning_of
 from jaxfric.fitting.misfit import misfit_warning, scatter
-from jaxfric.fitting.table import summary
 from jaxfric.loop.slider import repeated
+from jaxfric.report.fit_text import summary
 from jaxfric.runs.table import ask_on, misses
 
 STEPS = VelocitySteps(np.array([0.0, 20.0]), np.array([1e-6, 1e-5]))

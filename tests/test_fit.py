@@ -25,9 +25,9 @@ from jaxfric.fitting.result import Estimate, Fit
 from jaxfric.fitting.solve import known_at
 from jaxfric.fitting.stages import Begun, FitTask, prepare
 from jaxfric.fitting.start import OneStateMotion, more_state_starts, one_state_starts
-from jaxfric.fitting.table import summary
 from jaxfric.fitting.uncertainty import QUANTILE
 from jaxfric.plot.fit import fit_figure
+from jaxfric.report.fit_text import summary
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 # a, b, Dc [m] and their standard deviations as published for p655, step 1, slip law, k = 1.6e-3/um

@@ -8,7 +8,7 @@ from test_derived import VALUES, covariance_of, fit_of
 
 from jaxfric.fitting import NoiseEstimate, NoisePart
 from jaxfric.fitting.assemble import _warn
-from jaxfric.fitting.table import _above_rms, noise_text
+from jaxfric.report.fit_text import _above_rms, noise_text
 
 
 def part(share, over="time", memory=2.0):

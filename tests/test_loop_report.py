@@ -36,7 +36,6 @@ from jaxfric.findings import Finding, Severity
 from jaxfric.fitting import Estimate, Fit, NoiseEstimate, NoisePart
 from jaxfric.fitting.axis_preparation import Preparation
 from jaxfric.fitting.problem import Model
-from jaxfric.fitting.table import noise_text, summary
 from jaxfric.gains.axis_result import AxisGains
 from jaxfric.loop import LoopCode
 from jaxfric.loop.axis.result import AxisDetails
@@ -57,6 +56,7 @@ from jaxfric.plot.stability import tidy
 from jaxfric.records import VelocitySteps, from_arrays
 from jaxfric.records.record import Provenance
 from jaxfric.report.axis_loop_text import gains_table
+from jaxfric.report.fit_text import noise_text, summary
 from jaxfric.report.loop_html import page
 from jaxfric.report.loop_next import next_steps, takes_gains
 from jaxfric.report.loop_plan import CHANGES, PlannedRun, deciding_run

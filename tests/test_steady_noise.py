@@ -9,7 +9,6 @@ from command import run
 
 from jaxfric.errors import InputError
 from jaxfric.fitting.noise import ROTARY_CLOCKS, NoiseEstimate, NoisePart
-from jaxfric.fitting.table import noise_lines
 from jaxfric.loop.steady.loop import close_steady_loop
 from jaxfric.loop.steady.noise import after_a_turn, steady_noise
 from jaxfric.plot import steady
@@ -17,6 +16,7 @@ from jaxfric.plot.noise import autocorrelation
 from jaxfric.records.steady import SteadyCurve
 from jaxfric.records.steady_mean import effective_samples
 from jaxfric.records.steady_run import SteadyRows
+from jaxfric.report.fit_text import noise_lines
 from jaxfric.report.steady_text import noise_text, to_json, turn_text
 
 pytestmark = pytest.mark.computes

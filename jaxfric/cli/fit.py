@@ -117,7 +117,6 @@ def fit(
 
     def fitting(number: int, measured: "Record", say: "Callable[[str], None]") -> "Fit":
         from ..fitting import fit as run
-        from ..fitting.start_text import parse_start
 
         return run(
             measured,
@@ -246,7 +245,7 @@ def _not_converged(result: "Fit", folder: Folder) -> str:
 def _print_fit(result: "Fit") -> None:
     from rich.table import Table
 
-    from ..fitting.table import rows, summary
+    from ..report.fit_text import rows, summary
 
     table = Table(title=f"{result.model.law} law", title_justify="left", box=None, pad_edge=False)
     for heading in ("", "", "value", "std", "95 % interval", "unit"):
@@ -257,3 +256,24 @@ def _print_fit(result: "Fit") -> None:
     console.print(table)
     for line in summary(result):
         console.print(line)
+
+
+def parse_start(text: str, friction_unit: str) -> dict[str, float]:
+    """Starting values (SI) by name, of "A=0.01, B=0.012, L=20 um". Raises `InputError` for text
+    that is not of this form."""
+    from ..errors import InputError
+    from ..fitting.problem import quantity_of
+    from ..fitting.result import unit_of
+    from ..pairs import read_pairs
+    from ..units import parse_quantity
+
+    found: dict[str, float] = {}
+    for name, value in read_pairs(text, "start", "'A=0.01, L=20 um'").items():
+        try:
+            quantity_of(name)
+        except KeyError:
+            raise InputError(f"start: '{name}' is no parameter; they are f0, A, B, L, K") from None
+        found[name] = parse_quantity(value, unit_of(name, friction_unit), f"start of {name}")
+    if not found:
+        raise InputError("start: nothing given; write it as in 'A=0.01, L=20 um'")
+    return found

@@ -5,8 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..fitting.table import decimals
-from ..units import parse_values
+from ..units import decimals, parse_values
 from .curve import FrictionCurve
 
 _WHOLE = 0.995

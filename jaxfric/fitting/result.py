@@ -195,6 +195,16 @@ def tidy_unit(unit: str) -> str:
     return unit.removeprefix("1 ") if unit.startswith("1 ") else unit
 
 
+def display_unit(name: str, fit: Fit) -> str:
+    """The unit in which a parameter is shown: the record's own for lengths and velocities."""
+    friction = fit.record.friction_unit
+    length = fit.record.units.get("load_point_displacement", "um")
+    length = "um" if length.startswith("micro") else length
+    unit = quantity_of(name).unit
+    shown = {"F": friction, "m": length, "F/m": f"{friction}/{length}", "m/s": f"{length}/s"}
+    return shown.get(unit, quantity_of(name).unit_for(friction))
+
+
 def _plain(estimate: Estimate) -> dict:
     known = estimate.determined
     return {

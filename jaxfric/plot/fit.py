@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from ..fitting import Fit
 from ..fitting.misfit import excess, is_of_misfit, scatter
-from ..fitting.table import rows
+from ..report.fit_text import rows
 from .label import friction_label, printable
 from .noise import clocks, draw_autocorrelation, mark_glitches
 from .palette import BLUE, GREY, ORANGE

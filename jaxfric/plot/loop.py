@@ -12,11 +12,11 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 from matplotlib.ticker import FuncFormatter
 
-from ..fitting.table import noise_lines
 from ..loop.result import CandidateScore, Loop
 from ..loop.split import NAMES
 from ..loop.thresholds import ACCEPT, ALIAS
 from ..records.joints import gaps
+from ..report.fit_text import noise_lines
 from ..report.loop_text import base_name, sigma_texts
 from .label import printable
 from .location import save_location, save_profiles

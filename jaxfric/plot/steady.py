@@ -9,10 +9,10 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..fitting.table import noise_lines
 from ..loop.steady.loop import SteadyLoop, shown_units
 from ..loop.steady.noise import SteadyNoise
 from ..records.steady import SteadyCurve
+from ..report.fit_text import noise_lines
 from ..report.steady_text import turn_text
 from .label import printable
 from .noise import draw_autocorrelation

@@ -19,8 +19,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..fitting.problem import quantity_of
-from ..fitting.result import Fit
-from ..fitting.table import display_unit
+from ..fitting.result import Fit, display_unit
 from ..units import factor
 from .result import DIFFERENCE, Chains, Posterior, named
 from .sampler import MISSING, Draws

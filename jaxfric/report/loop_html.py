@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 from math import isfinite
 
-from ..fitting.table import noise_text
 from ..loop.family import listed
 from ..loop.result import Loop
 from ..units import read_as
+from .fit_text import noise_text
 from .location_text import shares_told
 from .loop_next import meanings, next_steps
 from .loop_text import (

@@ -10,7 +10,6 @@ from ..effects import parameters
 from ..findings import Severity, support
 from ..fitting import Estimate
 from ..fitting.result import tidy_unit
-from ..fitting.table import CORRELATED, DIFFERENCE, decimals, noise_text, shown_name
 from ..loop.axis.result import AxisDetails
 from ..loop.family import CurveFamily, listed
 from ..loop.findings import LoopCode
@@ -18,7 +17,8 @@ from ..loop.residual_tests import p_text
 from ..loop.result import CandidateScore, Loop, RunDetails
 from ..loop.split import NAMES
 from ..loop.thresholds import ACCEPT, ALIAS, FAR, SIGNIFICANT, TIE
-from ..units import factor, format_si, read_as
+from ..units import decimals, factor, format_si, read_as
+from .fit_text import CORRELATED, DIFFERENCE, noise_text, shown_name
 from .location_text import QUESTIONS
 from .rig_words import AXIS
 from .tables import TextTable, print_tables

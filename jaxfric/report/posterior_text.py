@@ -2,9 +2,10 @@
 
 from typing import NamedTuple
 
-from ..fitting.table import decimals, shown_name
 from ..posterior.inference_data import unit_name, unit_size
 from ..posterior.result import DIFFERENCE, Fitted, Posterior, Spread
+from ..units import decimals
+from .fit_text import shown_name
 
 
 class PosteriorRow(NamedTuple):

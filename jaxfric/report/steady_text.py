@@ -5,7 +5,6 @@ import dataclasses
 import numpy as np
 
 from ..fitting.noise import step_words
-from ..fitting.table import noise_lines
 from ..gains.axis_result import AxisGains, Shown
 from ..loop.steady.findings import steady_findings
 from ..loop.steady.loop import SteadyLoop, shown_units, steady_gains
@@ -13,6 +12,7 @@ from ..loop.steady.model import SteadyModel
 from ..loop.steady.noise import SteadyNoise
 from ..records.steady import SteadyCurve
 from ..records.steady_load import Load
+from .fit_text import noise_lines
 from .tables import TextTable
 
 SCHEMA = "jaxfric.steady/1"

@@ -3,8 +3,8 @@
 import dataclasses
 
 from ..fitting.result import Estimate, Fit
-from ..fitting.table import DIFFERENCE, Row, rows, summary
 from ..plot.label import printable
+from ..report.fit_text import DIFFERENCE, Row, rows, summary
 from ..report.tables import TextTable
 from .view import Arrays, Frame, Page, Variable, View
 

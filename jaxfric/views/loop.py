@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from ..fitting.table import DIFFERENCE
 from ..loop.result import Loop, Score
 from ..loop.split import NAMES
 from ..plot.label import printable
+from ..report.fit_text import DIFFERENCE
 from ..report.loop_text import apart, headline, lines, moved, splitting, tables
 from .fit import estimated
 from .view import Arrays, Frame, Page, Variable, View

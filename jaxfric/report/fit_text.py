@@ -5,15 +5,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..fitting.derived import SAMPLES
+from ..fitting.drift import Drift, told_drift
+from ..fitting.misfit import misfit_warning
+from ..fitting.noise import NoiseEstimate
+from ..fitting.problem import quantity_of
+from ..fitting.result import Estimate, Fit, display_unit
 from ..stability.claims import SURE
-from ..units import factor, format_si, read_as
-from .derived import SAMPLES
-from .drift import Drift, told_drift
-from .estimate import Estimate
-from .misfit import misfit_warning
-from .noise import NoiseEstimate
-from .problem import quantity_of
-from .result import Fit
+from ..units import decimals, factor, format_si, read_as
 
 _LEAST, _SMALL = 0.005, 0.05
 """Shares of a noise below which a part is not named, and is named as small."""
@@ -49,16 +48,6 @@ def shown_name(name: str) -> str:
     return f"{name} ({_OTHER_NAMES[letter]}{last[len(letter) :]})"
 
 
-def display_unit(name: str, fit: Fit) -> str:
-    """The unit in which a parameter is shown: the record's own for lengths and velocities."""
-    friction = fit.record.friction_unit
-    length = fit.record.units.get("load_point_displacement", "um")
-    length = "um" if length.startswith("micro") else length
-    unit = quantity_of(name).unit
-    shown = {"F": friction, "m": length, "F/m": f"{friction}/{length}", "m/s": f"{length}/s"}
-    return shown.get(unit, quantity_of(name).unit_for(friction))
-
-
 def rows(fit: Fit) -> list[Row]:
     """A-B, then the parameters, free ones first in the order of the fit, then the given ones."""
     first = _row(DIFFERENCE, "below 0: weakening", fit.A_minus_B, fit)
@@ -77,13 +66,6 @@ def _row(name: str, meaning: str, estimate: Estimate, fit: Fit) -> Row:
     low, high, digits = estimate.lower / size, estimate.upper / size, decimals(std)
     texts = f"{value:.{digits}f}", f"{std:.{digits}f}", f"{low:.{digits}f} to {high:.{digits}f}"
     return Row(shown_name(name), meaning, *texts, shown)
-
-
-def decimals(std: float) -> int:
-    """Decimal places that show two digits of a standard deviation."""
-    if not np.isfinite(std) or std <= 0:
-        return 6
-    return int(np.clip(1 - np.floor(np.log10(std)), 0, 12))
 
 
 def correlations(fit: Fit, least: float = CORRELATED) -> list[str]:
