@@ -13,11 +13,12 @@ from test_derived import VALUES, covariance_of, fit_of
 
 import jaxfric as jf
 from jaxfric import VelocitySteps, from_arrays
-from jaxfric.fitting.drift import drift_before, drift_warning, drift_warning_of
+from jaxfric.fitting.drift import drift_before, drift_warning
 from jaxfric.fitting.misfit import misfit_warning, scatter
 from jaxfric.loop.slider import repeated
 from jaxfric.report.fit_text import summary
 from jaxfric.runs.table import ask_on, misses
+from jaxfric.runs.warned import drift_warning_of
 
 STEPS = VelocitySteps(np.array([0.0, 20.0]), np.array([1e-6, 1e-5]))
 TIME = np.linspace(0.0, 50.0, 800)

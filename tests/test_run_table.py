@@ -12,13 +12,7 @@ from test_derived import VALUES, covariance_of, fit_of
 
 from jaxfric.cli.call import Call
 from jaxfric.cli.plan_line import run_line
-from jaxfric.fitting.misfit import (
-    misfit_warning,
-    misfit_warning_of,
-    missed_warning,
-    missed_warning_of,
-    scatter,
-)
+from jaxfric.fitting.misfit import misfit_warning, misfit_warning_of, scatter
 from jaxfric.fitting.noise import Glitches
 from jaxfric.records.thin import blur_warning
 from jaxfric.report.run_html import Commands, page
@@ -38,6 +32,7 @@ from jaxfric.runs.table import (
     text_lines,
     xlook_rows,
 )
+from jaxfric.runs.warned import missed_warning, missed_warning_of
 
 
 def left(times=1.0, *, off=0.0, at=24.0, glitches=(), **model):

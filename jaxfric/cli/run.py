@@ -334,15 +334,11 @@ def _tell(result: "RunFit", holds: "Sequence[Hold]", others: "Findings") -> None
 
 def _warnings(result: "RunFit", how: "HowFitted") -> list[str]:
     """What the fits warn of, with the numbers of the steps of each warning."""
-    from ..fitting.drift import drift_warning_of, is_of_drift
-    from ..fitting.misfit import (
-        is_of_misfit,
-        misfit_warning_of,
-        missed_warning,
-        missed_warning_of,
-    )
+    from ..fitting.drift import is_of_drift
+    from ..fitting.misfit import is_of_misfit, misfit_warning_of
     from ..records.thin import blur_warning_of, is_of_blur
     from ..runs.fits import by_step
+    from ..runs.warned import drift_warning_of, missed_warning, missed_warning_of
 
     fits = [(step.number, step.fit) for step in result.steps if step.fit is not None]
     missed = [(n, fit) for n, fit in fits if missed_warning(fit)]

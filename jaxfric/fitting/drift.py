@@ -8,7 +8,6 @@ counts as it should; p is by Student's t with six degrees of freedom.
 """
 
 import math
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -106,23 +105,3 @@ _BEFORE = "before the velocity step friction changes by"
 def is_of_drift(warning: str) -> bool:
     """Whether a warning of a fit is that of `drift_warning`."""
     return warning.startswith(_BEFORE)
-
-
-def drift_warning_of(fits: Sequence[Fit]) -> tuple[str, ...]:
-    """The warning of all `fits` of one kind of model that have one, in one sentence."""
-    found = [(fit, drift) for fit in fits if (drift := told_drift(fit)) is not None]
-    if len(found) < 2:
-        return tuple(text for fit, _ in found for text in drift_warning(fit))
-    if not found[0][0].model.slip_trend:
-        slopes = ", ".join(f"{1e-3 * drift.slope:+.2g}" for _, drift in found)
-        return (
-            f"before these velocity steps friction changes by {slopes} per mm, where the model is"
-            " steady; if that goes on, A-B is off by more than its error (--slip-trend)",
-        )
-    own = [fit.parameters["slip_trend"].value for fit, _ in found]
-    slopes = ", ".join(f"{1e-3 * (o + d.slope):+.2g}" for o, (_, d) in zip(own, found, strict=True))
-    return (
-        f"before these velocity steps friction changes by {slopes} per mm, not by the"
-        f" {', '.join(f'{1e-3 * o:+.2g}' for o in own)} of the fitted slip trends: these took up"
-        " something else, and A-B with it",
-    )

@@ -9,9 +9,10 @@ import numpy as np
 
 from ..fitting import Estimate, Fit
 from ..fitting.drift import is_contradicted
-from ..fitting.misfit import COLUMN, MISSED, excess, missed_warning
+from ..fitting.misfit import COLUMN, excess
 from ..fitting.result import difference as difference
 from .fits import RunFit, StepFit
+from .warned import MISSED, missed_warning
 
 if TYPE_CHECKING:
     pass
