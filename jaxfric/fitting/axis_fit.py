@@ -23,7 +23,7 @@ from ..rig.axis import AxisRig
 from ..simulation.axis_closed_loop import Controller, closed_loop, substeps
 from .axis_problem import AxisProblem
 from .encompassing import EncompassingModel
-from .marquardt import levenberg_marquardt
+from .marquardt import Descent, levenberg_marquardt
 from .uncertainty import normal_inverse
 
 _TOLERANCE = 1e-9
@@ -120,17 +120,9 @@ class _Setting(NamedTuple):
     substeps: int
 
 
-class _Minimum(NamedTuple):
-    z: np.ndarray
-    residual: np.ndarray
-    jacobian: np.ndarray
-    """Derivatives of the residual with respect to the fitted parameters."""
-    converged: bool
-
-
-def _solve(both: Callable, z: np.ndarray, free: np.ndarray) -> _Minimum:
-    """Least squares over the parameters `free`; `both` returns the residual and its Jacobian by a
-    few of them, for it is compiled for one number."""
+def _solve(both: Callable, z: np.ndarray, free: np.ndarray) -> Descent:
+    """Least squares over the parameters `free`, to a point of all of them; `both` returns the
+    residual and its Jacobian by a few of them, for it is compiled for one number."""
     z = np.array(z)
     beyond = (0, -len(free) % _AT_ONCE)
     parts = np.pad(free, beyond, constant_values=len(z)).reshape(-1, _AT_ONCE)
@@ -141,21 +133,15 @@ def _solve(both: Callable, z: np.ndarray, free: np.ndarray) -> _Minimum:
         jacobian = np.concatenate([np.asarray(slopes) for _, slopes in found], axis=1)
         return np.asarray(found[0][0]), jacobian[:, : len(free)]
 
-    scale = float(np.sqrt(np.mean(at(z[free])[0] ** 2))) or 1.0
-
-    def scaled(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        residual, jacobian = at(y)
-        return residual / scale, jacobian / scale
-
-    found = levenberg_marquardt(scaled, z[free], ftol=_TOLERANCE, xtol=_TOLERANCE, most=_TRIALS)
+    found = levenberg_marquardt(at, z[free], ftol=_TOLERANCE, xtol=_TOLERANCE, most=_TRIALS)
     z[free] = found.y
-    return _Minimum(z, scale * found.residual, scale * found.jacobian, found.converged)
+    return found._replace(y=z)
 
 
 def _fit(
-    method: str, problem: AxisProblem, found: _Minimum, free: np.ndarray, recorded: np.ndarray
+    method: str, problem: AxisProblem, found: Descent, free: np.ndarray, recorded: np.ndarray
 ) -> AxisFit:
-    names, z, residual = problem.model.names(), found.z, found.residual
+    names, z, residual = problem.model.names(), found.y, found.residual
     of = problem.coordinates
     natural, slopes = of.from_free(z), of.slopes(z)
     rms = float(np.sqrt(np.mean(residual**2)))

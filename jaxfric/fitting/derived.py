@@ -26,7 +26,7 @@ from ..stability.linear import linear_friction
 from ..stability.theorem import theorem
 from ..traced import traced
 from .estimate import Estimate
-from .problem import Model, build_rig, quantity_of
+from .problem import Model, quantity_of
 from .uncertainty import QUANTILE
 
 SAMPLES = 4096
@@ -110,7 +110,7 @@ def _critical_at(
     V0: Float[Array | np.ndarray, ""],
     K: Float[Array | np.ndarray, ""],
 ) -> Float[Array, ""]:
-    law = build_rig(model, jnp.asarray(values), jnp.asarray(V0), jnp.asarray(K)).friction
+    law = model.rig(jnp.asarray(values), jnp.asarray(V0), jnp.asarray(K)).friction
     assert isinstance(law, AbstractRateState)
     return _critical(law)
 

@@ -113,7 +113,9 @@ def fit(
     """
     require_float64()
     record = as_record(record)
-    model = _model(law, states, fit_stiffness, slip_trend, weighting)
+    model = wanted_model(law, states, fit_stiffness, slip_trend)
+    if weighting not in WEIGHTINGS:
+        raise InputError(f"weighting '{weighting}' is not known; choose {' or '.join(WEIGHTINGS)}")
     K, m = _stiffness(stiffness, record, fit_stiffness), _mass(mass, record)
     progress("velocity steps")
     steps = steps_of(record, steps)
@@ -169,19 +171,8 @@ def finished(
     whitened: bool = False,
     profile: Callable[[str], None] | None = None,
 ) -> Fit:
-    """The `Fit` of a solution, with the noise that it leaves."""
-    return assembled(task, _with_noise(task, problem, solution, whitened=whitened), profile)
-
-
-def assembled(task: FitTask, solved: Solved, profile: Callable[[str], None] | None = None) -> Fit:
-    """The `Fit` of a solution and its noise; `profile` as in `assemble`."""
-    found = assemble(task.record, task.given, task.sign, solved, profile=profile)
-    return dataclasses.replace(found, warnings=(*task.doubts, *found.warnings))
-
-
-def _with_noise(task: FitTask, problem: Problem, solution: Solution, *, whitened: bool) -> Solved:
-    """The solution with the noise that it leaves, found again where that noise changes it: without
-    glitches, with fair weights on the times of steps, and `whitened` by it."""
+    """The `Fit` of a solution with the noise that it leaves, found again where that noise changes
+    it: without glitches, with fair weights on the times of steps, and `whitened` by it."""
     written = recorded_steps(task.record.friction)
     found = _noise(problem, solution, written)
     solved, found = _without_glitches(problem, solution, found, task.steps, written)
@@ -195,7 +186,14 @@ def _with_noise(task: FitTask, problem: Problem, solution: Solution, *, whitened
         noise = _noise(problem, known_at(problem, solution.z), written, like=found).noise
         problem = problem.whitened(noise)
         solution = solve(problem, np.asarray(solution.z)[None], refine=1)
-    return solved._replace(problem=problem, solution=solution, noise=noise)
+    solved = solved._replace(problem=problem, solution=solution, noise=noise)
+    return assembled(task, solved, profile)
+
+
+def assembled(task: FitTask, solved: Solved, profile: Callable[[str], None] | None = None) -> Fit:
+    """The `Fit` of a solution and its noise; `profile` as in `assemble`."""
+    found = assemble(task.record, task.given, task.sign, solved, profile=profile)
+    return dataclasses.replace(found, warnings=(*task.doubts, *found.warnings))
 
 
 def require_float64() -> None:
@@ -218,18 +216,12 @@ def few_rows(record: Record, rows: int, steps: VelocitySteps) -> tuple[Record, t
 
 def wanted_model(law: str, states: int, fit_stiffness: bool, slip_trend: bool) -> Model:
     """The model that is asked for. Raises `InputError` for one that there is not."""
-    return _model(law, states, fit_stiffness, slip_trend, "ordinary")
-
-
-def _model(law: str, states: int, fit_stiffness: bool, slip_trend: bool, weighting: str) -> Model:
     law = known_law(law)
     always = fixed_states(law)
     if not 1 <= states <= _MAX_STATES:
         raise InputError(f"states is {states}; choose 1 to {_MAX_STATES}")
     if always is not None and states not in (1, always):
         raise InputError(f"states is {states}; the {law} law has {always}")
-    if weighting not in WEIGHTINGS:
-        raise InputError(f"weighting '{weighting}' is not known; choose {' or '.join(WEIGHTINGS)}")
     return Model(law, always or int(states), bool(fit_stiffness), bool(slip_trend))
 
 

@@ -89,8 +89,12 @@ class Model(NamedTuple):
     def rig(
         self, values: Float[Array, " p"], V0: Float[Array, ""], stiffness: Float[Array, ""]
     ) -> Rig:
-        """The rig with given values of the parameters, see `build_rig`."""
-        return build_rig(self, values, V0, stiffness)
+        """The rig with natural (SI) values of the parameters, in the order of `names`."""
+        p = {**dict(zip(self.names(), values, strict=True)), "V0": V0}
+        direct = RegularisedEffect() if self.regularised else LogarithmicEffect()
+        states = fixed_states(self.law) or self.states
+        law = rate_state(self.law, p, states, direct=direct)
+        return Rig(QuasiStatic(p.get("K", stiffness)), law)
 
 
 class Channel(eqx.Module):
@@ -291,17 +295,6 @@ def rig_at(problem: Problem, z: Float[Array | np.ndarray, " q"]) -> Rig:
 def step_times_at(problem: Problem, z: Float[Array | np.ndarray, " q"]) -> Float[Array, " m"]:
     """Times of the velocity steps [s] of a problem at the parameters `z`."""
     return problem.step_times(jnp.asarray(z))
-
-
-def build_rig(
-    model: Model, values: Float[Array, " p"], V0: Float[Array, ""], stiffness: Float[Array, ""]
-) -> Rig:
-    """The rig of a model with natural (SI) parameter values in the order of `model.names()`."""
-    p = {**dict(zip(model.names(), values, strict=True)), "V0": V0}
-    direct = RegularisedEffect() if model.regularised else LogarithmicEffect()
-    states = fixed_states(model.law) or model.states
-    law = rate_state(model.law, p, states, direct=direct)
-    return Rig(QuasiStatic(p.get("K", stiffness)), law)
 
 
 class ProblemSizes(NamedTuple):

@@ -10,6 +10,7 @@ import numpy as np
 from ..described import Described, Drawable, Gridded, Tabular
 from ..findings import Finding
 from ..motion import PiecewiseVelocity
+from ..plain import plain
 from ..records import Record, VelocitySteps
 from ..rig import Rig
 from ..stability.claims import Claim, held_with_trend, rate_state_claim
@@ -26,7 +27,7 @@ from .derived import difference as difference
 from .estimate import Estimate as Estimate
 from .findings import stability_finding
 from .noise import NoiseEstimate
-from .problem import Model, build_rig, quantity_of
+from .problem import Model, quantity_of
 from .solved import Solved
 from .trend import shift_with_trend
 
@@ -79,7 +80,7 @@ class Fit(Described, Drawable, Gridded, Tabular):
         """The fitted rig."""
         values = self.values()
         vector = jnp.asarray([values[name] for name in self.model.names()])
-        return build_rig(self.model, vector, jnp.asarray(values["V0"]), jnp.asarray(values["K"]))
+        return self.model.rig(vector, jnp.asarray(values["V0"]), jnp.asarray(values["K"]))
 
     def motion(self) -> PiecewiseVelocity:
         """The commanded motion that was fitted with; time from the record's first row."""
@@ -146,7 +147,7 @@ class Fit(Described, Drawable, Gridded, Tabular):
 
     def _noise(self) -> dict:
         """The noise as JSON values; null where the fit did not converge."""
-        found = {"sigma": _number(self.noise.sigma), **self.noise.to_json()}
+        found = {"sigma": self.noise.sigma, **self.noise.to_json()}
         return found if self.converged else dict.fromkeys(found)
 
     def to_json(self) -> dict:
@@ -154,35 +155,32 @@ class Fit(Described, Drawable, Gridded, Tabular):
         origin = self.record.provenance
         kcr, trend = self.critical(), self.with_trend
         velocity = self.steps.velocity(self.record.relative_time)
-        return {
+        table = {
             "schema": SCHEMA,
             "record": {"path": origin.path, "sha256": origin.sha256, "rows": len(self.record)},
             "law": self.model.law,
             "states": self.model.states,
             "friction_unit": self.record.friction_unit,
-            "A_minus_B": _plain(self.A_minus_B),
-            "parameters": {name: _plain(e) for name, e in self.parameters.items()},
-            "A_minus_B_with_trend": trend and [_number(x) for x in trend],
-            "findings": [one.to_json(velocity) for one in self.findings],
-            "free": list(self.free),
-            "covariance": _numbers(self.covariance),
-            "correlation": _numbers(self.correlation),
-            "steps": {
-                "times": self.steps.times.tolist(),
-                "velocities": self.steps.velocities.tolist(),
-            },
-            "critical_stiffness": _number(kcr.stiffness.value) if self.converged else None,
-            "critical_stiffness_interval": _interval(kcr.stiffness),
-            "stiffness_over_critical_interval": _interval(kcr.ratio),
-            "sum_of_squares": _number(self.sum_of_squares),
-            "rms": _number(self.rms),
+            "A_minus_B": _told(self.A_minus_B),
+            "parameters": {name: _told(e) for name, e in self.parameters.items()},
+            "A_minus_B_with_trend": trend,
+            "free": self.free,
+            "covariance": self.covariance,
+            "correlation": self.correlation,
+            "steps": {"times": self.steps.times, "velocities": self.steps.velocities},
+            "critical_stiffness": kcr.stiffness.value if self.converged else None,
+            "critical_stiffness_interval": (kcr.stiffness.lower, kcr.stiffness.upper),
+            "stiffness_over_critical_interval": (kcr.ratio.lower, kcr.ratio.upper),
+            "sum_of_squares": self.sum_of_squares,
+            "rms": self.rms,
             "noise": self._noise(),
             "weighting": self.weighting,
             "converged": self.converged,
             "iterations": self.iterations,
             "result": self.result,
-            "warnings": list(self.warnings),
+            "warnings": self.warnings,
         }
+        return plain(table) | {"findings": [one.to_json(velocity) for one in self.findings]}
 
 
 def unit_of(name: str, friction_unit: str) -> str:
@@ -205,28 +203,16 @@ def display_unit(name: str, fit: Fit) -> str:
     return shown.get(unit, quantity_of(name).unit_for(friction))
 
 
-def _plain(estimate: Estimate) -> dict:
+def _told(estimate: Estimate) -> dict[str, object]:
+    """An estimate in a file; no interval of what is not determined."""
     known = estimate.determined
     return {
-        "value": _number(estimate.value),
-        "std": _number(estimate.std) if known else None,
-        "lower": _number(estimate.lower) if known else None,
-        "upper": _number(estimate.upper) if known else None,
+        "value": estimate.value,
+        "std": estimate.std if known else None,
+        "lower": estimate.lower if known else None,
+        "upper": estimate.upper if known else None,
         "unit": estimate.unit,
         "free": estimate.free,
         "determined": known,
         "interval": "profile" if estimate.profiled else "covariance",
     }
-
-
-def _interval(estimate: Estimate) -> list[float | None]:
-    """The ends of a 95 % interval; null where there is none, and for one at infinity."""
-    return [_number(estimate.lower), _number(estimate.upper)]
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
-
-
-def _numbers(matrix: np.ndarray) -> list:
-    return [[_number(value) for value in row] for row in np.asarray(matrix)]

@@ -140,7 +140,7 @@ def one_state_starts(
     sought = seek(t, f, steps, V0=V0, stiffness=stiffness)
     members, intervals, reference, begin = jax.device_put(sought)
     evolution = first_evolution(model.law)
-    linear, misfit = _grid_misfit(members, intervals, reference, begin, evolution, model.slip_trend)
+    linear, misfit = grid_misfit(members, intervals, reference, begin, evolution, model.slip_trend)
     return sought.best(np.asarray(linear), np.asarray(misfit), model, number)
 
 
@@ -314,18 +314,6 @@ _Moved = tuple[Array, Array, Array, Array]
 
 
 @traced
-def _grid_misfit(
-    members: Members,
-    intervals: Intervals,
-    V0: Float[Array, ""],
-    first_velocity: Float[Array, ""],
-    evolution: AbstractEvolution,
-    trend: bool,
-) -> tuple[Float[Array, "m 2"], Float[Array, " m"]]:
-    """`grid_misfit` of one record, compiled."""
-    return grid_misfit(members, intervals, V0, first_velocity, evolution, trend)
-
-
 def grid_misfit(
     members: Members,
     intervals: Intervals,

@@ -27,7 +27,6 @@ from ..fitting.problem import (
     Model,
     Problem,
     ProblemSizes,
-    build_rig,
     make_problem,
 )
 from ..fitting.result import critical_stiffness_of, tidy_unit
@@ -270,7 +269,7 @@ def _model(
 def _critical(setup: _Setup) -> float:
     values, stiffness = setup.values, setup.planned.stiffness
     row = jnp.asarray([values[name] for name in setup.model.names()], float)
-    rig = build_rig(setup.model, row, jnp.asarray(values["V0"]), jnp.asarray(stiffness))
+    rig = setup.model.rig(row, jnp.asarray(values["V0"]), jnp.asarray(stiffness))
     assert isinstance(rig.friction, AbstractRateState)
     return critical_stiffness_of(rig.friction)
 

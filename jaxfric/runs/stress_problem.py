@@ -23,7 +23,7 @@ from jaxtyping import Array, Bool, Float
 from ..effects.friction import NormalStressState
 from ..fitting.abstract_problem import FAILED_MISFIT
 from ..fitting.padding import bucket, filled
-from ..fitting.problem import Model, build_rig
+from ..fitting.problem import Model
 from ..motion import PiecewiseVelocity
 from ..rig.normal_stress import NormalStress
 from ..simulation import RESULTS, simulate
@@ -81,7 +81,7 @@ class StressStep(eqx.Module):
         p = self.natural(z)
         model = Model(self.law, 1, False, True)
         values = [p[name] for name in ("f0", "A", "B", "L", "slip_trend")]
-        rig = build_rig(model, jnp.stack(values), self.velocity, p["K"])
+        rig = model.rig(jnp.stack(values), self.velocity, p["K"])
         rig = NormalStressState(p["alpha"]).embed(rig)
         rig = eqx.tree_at(
             lambda r: r.normal_stress,
