@@ -22,13 +22,13 @@ import numpy as np
 from jaxtyping import Array
 
 from ..coordinate import Coordinate, unit_of
-from ..effects import AbstractEffect, AbstractPlaceEffect, made
-from ..effects.axis import AxisTimeDrift, DirectionAsymmetry, RateAndState
+from ..effects import AbstractEffect, made
+from ..effects.axis import DirectionAsymmetry, RateAndState
 from ..errors import InputError
 from ..quantity import quantities
 from ..rig.axis import LAW, AxisRig, BaseLaw
 from ..rig.axis_law import AxisLaw, axis_law
-from .loop_source import effects_in, loop_damage, verdict_words
+from .loop_source import checked, effects_in, in_law, left_out, loop_damage, verdict_words
 from .saved import (
     LOOP,
     Saved,
@@ -39,11 +39,15 @@ from .saved import (
     table_damage,
     values_of,
 )
-from .source import LawSource, first_of, force_of_unit, left_out_words, seen_velocities
+from .source import LawSource, first_of, force_of_unit, seen_velocities
 
 Effects = Sequence[type[AbstractEffect]]
 
 _CURVE = BaseLaw().names()[1:]
+_APPARATUS = (
+    "it belongs to the {room} of the record, and the law was fitted together with it; a lag that"
+    " stays asks for larger gains"
+)
 _DIRECT = f"{RateAndState.id}.A"
 # Width of the law's smoothed sign over that of the record, so that it is sharp wherever the
 # record has rows that count, and can still be simulated through rest.
@@ -95,7 +99,7 @@ def law_from_axis_loop(
     _refuse_other(path, content, effects)
     force_of_unit(content["friction_unit"], normal_force, path)
     coordinate = _coordinate(content)
-    inside = [effect for effect in effects if _in_law(effect)]
+    inside = [effect for effect in effects if in_law(effect)]
     columns = sampled(after, _positive(path, inside, values, coordinate), samples, seed, path)
     width, reach = (float(about.get(key) or 0.0) for key in ("width", "reach"))
     build = _builder(inside, tuple(columns), values["M"], width or _NO_WIDTH, reach)
@@ -111,18 +115,12 @@ def law_from_axis_loop(
             *own_warnings(content),
             *verdict_words(content),
             *_claim(about),
-            *_told(effects, values, coordinate),
+            *left_out(effects, values, apparatus=_APPARATUS, moves="axis", coordinate=coordinate),
         ),
         seen_velocities([step[-1] for step in steps if isinstance(step, list) and step]),
         values["M"],
         coordinate,
     )
-
-
-def _in_law(effect: type[AbstractEffect]) -> bool:
-    """Whether an effect belongs to friction in steady motion."""
-    place = issubclass(effect, AbstractPlaceEffect)
-    return effect.room == "friction" and not place and effect is not AxisTimeDrift
 
 
 def _builder(
@@ -188,15 +186,14 @@ def _positive(
     about = {q.symbol: q for q in base.values() if q.symbol in _CURVE}
     for effect in effects:
         about |= {f"{effect.id}.{name}": q for name, q in quantities(effect).items()}
-    for name, quantity in about.items():
-        quantity.check(values[name], f"{path}: parameter {name}")
+    positive = checked(path, about, values)
     if not values[_DIRECT] > 0:
         raise InputError(
             f"{path}: parameter {_DIRECT}: the direct effect is {values[_DIRECT]:g}"
             f" {unit_of('N', coordinate)}; without one"
             " above 0 sliding with a memory is ill-posed"
         )
-    return {name: q.lower >= 0.0 or name == _DIRECT for name, q in about.items()}
+    return positive | {_DIRECT: True}
 
 
 def _claim(about: Mapping) -> list[str]:
@@ -206,28 +203,3 @@ def _claim(about: Mapping) -> list[str]:
         return []
     sentence = " ".join(str(gains.get("sentence") or "Nothing is said of stability.").split())
     return [f"of the axis itself: {sentence}"]
-
-
-def _told(effects: Effects, values: Mapping[str, float], coordinate: Coordinate) -> list[str]:
-    """Warnings of effects that are not in the law, and of one that depends on direction."""
-    lines = []
-    for effect in effects:
-        id = effect.id
-        if issubclass(effect, AbstractPlaceEffect):
-            own = {name: values[f"{id}.{name}"] for name in quantities(effect)}
-            spring = float(made(effect, own).softest_spring())
-            lines.append(left_out_words(id, spring, "axis", coordinate))
-        elif id == AxisTimeDrift.id:
-            lines.append(f"{id} is left out of the law: it is of the time of the record")
-        elif effect.room != "friction":
-            lines.append(
-                f"{id} is left out of the law: it belongs to the {effect.room} of the record, and"
-                " the law was fitted together with it; a lag that stays asks for larger gains"
-            )
-        elif effect is DirectionAsymmetry:
-            way = "backwards" if values[f"{id}.d"] > 0 else "forwards"
-            lines.append(
-                f"{id}: the law is that of motion {way}, where viscous friction is less; a sample"
-                " takes its own worse direction"
-            )
-    return lines

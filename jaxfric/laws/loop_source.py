@@ -26,10 +26,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..coordinate import Coordinate
 from ..effects import AbstractEffect, AbstractPlaceEffect, effect_of, made, parameters
+from ..effects.axis import DirectionAsymmetry
 from ..effects.friction import SlipTrend
 from ..errors import InputError
-from ..quantity import numbered_names
+from ..quantity import Quantity, numbered_names
 from ..rig import QuasiStatic, Rig
 from ..rig.axis import AxisRig
 from ..rig.friction import AbstractLaw
@@ -56,7 +58,12 @@ from .source import LawSource, first_of, force_of_unit, left_out_words, seen_vel
 CERTAIN = ("no_missing_effect", "effects", "ambiguous")
 """Verdicts whose model describes the record."""
 
-_STRESS = "normal_stress"
+_WHILE = {
+    "normal_stress": "it acts only while the normal force changes",
+    "time_drift": "it is of the time of the record",
+}
+"""Effects in friction that steady motion does not have, and why."""
+_APPARATUS = "it belongs to the {room} of the record; the law was fitted together with it"
 _ROOMS = {"machine": "machine", "drive": "drive", "sensor": "force sensor"}
 
 
@@ -104,17 +111,20 @@ def law_from_loop(
         p.setdefault("V0", jnp.asarray(velocity, float))
         return _law(p, content["law"], states, effects, scale)
 
-    rows = jnp.asarray(np.stack(list(columns.values()), axis=-1))
-    found = [effect.id for effect in effects if _in_law(effect)]
+    found = [effect.id for effect in effects if in_law(effect)]
     text = f"{content['law']} law" + (f" with {', '.join(found)}" if found else "")
     text += f", from the loop ({content['verdict']}): {path}"
-    laws = eqx.filter_jit(eqx.filter_vmap(build))(rows)
+    laws = eqx.filter_jit(eqx.filter_vmap(build))(jnp.asarray(np.stack([*columns.values()], -1)))
+    told = effects
+    if "slip_trend" in values:  # declared in the base law itself
+        told, values = (*effects, SlipTrend), {**values, "slip_trend.s": values["slip_trend"]}
+    without = left_out(told, values, apparatus=_APPARATUS, scale=scale)
     return LawSource(
         first_of(laws),
         laws,
         text,
         velocity,
-        (*own_warnings(content), *verdict_words(content), *_left_out(effects, values, scale)),
+        (*own_warnings(content), *verdict_words(content), *without),
         seen_velocities([step[-1] for step in content.get("steps", []) if isinstance(step, list)]),
     )
 
@@ -127,7 +137,7 @@ def _law(
     scale: float,
 ) -> AbstractLaw:
     """The law of one set of parameters, SI and the unit of the fit."""
-    inside = [effect for effect in effects if _in_law(effect)]
+    inside = [effect for effect in effects if in_law(effect)]
     if kind == "slip" and [effect.id for effect in inside] == ["second_state"]:
         states += 1
         p |= {f"{letter}{states}": p[f"second_state.{letter}2"] for letter in "BL"}
@@ -146,9 +156,10 @@ def _law(
     return rig.friction
 
 
-def _in_law(effect: type[AbstractEffect]) -> bool:
+def in_law(effect: type[AbstractEffect]) -> bool:
+    """Whether an effect belongs to friction in steady motion."""
     place = issubclass(effect, AbstractPlaceEffect)
-    return effect.room == "friction" and not place and effect.id != _STRESS
+    return effect.room == "friction" and not place and effect.id not in _WHILE
 
 
 def effects_in(
@@ -177,8 +188,15 @@ def _positive(
     if "V0" in values:
         about["V0"] = law_quantity("V0")
     for effect in effects:
-        if _in_law(effect):
+        if in_law(effect):
             about |= {f"{effect.id}.{n}": q for n, q in parameters(effect).items()}
+    return checked(path, about, values)
+
+
+def checked(
+    path: Path, about: Mapping[str, Quantity], values: Mapping[str, float]
+) -> dict[str, bool]:
+    """Whether each parameter of a law is positive. Raises `InputError` for one out of bounds."""
     for name, quantity in about.items():
         quantity.check(values[name], f"{path}: parameter {name}")
     return {name: quantity.lower >= 0.0 for name, quantity in about.items()}
@@ -241,27 +259,32 @@ def verdict_words(content: Mapping) -> list[str]:
     return [text]
 
 
-def _left_out(
-    effects: Sequence[type[AbstractEffect]], values: Mapping[str, float], scale: float
+def left_out(
+    effects: Sequence[type[AbstractEffect]],
+    values: Mapping[str, float],
+    *,
+    apparatus: str,
+    scale: float = 1.0,
+    moves: str = "slider",
+    coordinate: Coordinate = "linear",
 ) -> list[str]:
-    """Warnings of effects that are not in the law, with the reason."""
+    """Warnings of effects that are not in the law, with the reason; of those in other rooms it is
+    the text `apparatus`, with the room put in."""
     lines = []
-    if "slip_trend" in values:  # declared in the base law itself
-        effects = (*effects, SlipTrend)
-        values = {**values, "slip_trend.s": values["slip_trend"]}
     for effect in effects:
         id = effect.id
         if issubclass(effect, AbstractPlaceEffect):
             own = {name: values[f"{id}.{name}"] for name in parameters(effect)}
             spring = scale * float(made(effect, own).softest_spring())
-            lines.append(left_out_words(id, spring))
-        elif id == _STRESS:
+            lines.append(left_out_words(id, spring, moves, coordinate))
+        elif not in_law(effect):
+            room = effect.room if moves == "axis" else _ROOMS.get(effect.room)
+            why = _WHILE[id] if effect.room == "friction" else apparatus.format(room=room)
+            lines.append(f"{id} is left out of the law: {why}")
+        elif effect is DirectionAsymmetry:
+            way = "backwards" if values[f"{id}.d"] > 0 else "forwards"
             lines.append(
-                f"{id} is left out of the law: it acts only while the normal force changes"
-            )
-        elif effect.room != "friction":
-            lines.append(
-                f"{id} is left out of the law: it belongs to the {_ROOMS[effect.room]} of the"
-                " record; the law was fitted together with it"
+                f"{id}: the law is that of motion {way}, where viscous friction is less; a sample"
+                " takes its own worse direction"
             )
     return lines

@@ -8,12 +8,11 @@ from numpy.typing import ArrayLike
 from ..coordinate import Coordinate, unit_of
 from ..errors import InputError
 from ..rig.friction.tabulated import TabulatedFriction
-from ..units import factor, has_dimension, is_angle, parse_quantity, scale
+from ..units import parse_quantity
 from .source import LawSource, force_of_unit, stack
 
 ENDINGS = (".csv", ".tsv", ".txt", ".dat")
 """Endings of files that hold a table, and no result of another verb."""
-_EXAMPLE = "'speed [mm/s],friction [N]'"
 
 
 def law_from_table(
@@ -43,7 +42,9 @@ def law_from_table(
         where, unit = "table of friction", "N"
     else:
         where = str(source)
-        speed, friction, unit, coordinate = _read(Path(source))
+        from ..records.friction_table import read_friction_table
+
+        speed, friction, unit, coordinate = read_friction_table(Path(source))
         friction = friction * force_of_unit(unit, normal_force, Path(source))
     if isinstance(memory, str):
         memory = parse_quantity(memory, unit_of("m", coordinate), "--memory")
@@ -70,49 +71,6 @@ def _warnings(memory: bool) -> tuple[str, ...]:
         " and what stiffness would do cannot be said; give the length of a memory if it is known,"
         " --memory '1 mm' (in Python law_from_table(..., memory=1e-3))",
     )
-
-
-def _read(path: Path) -> tuple[np.ndarray, np.ndarray, str, Coordinate]:
-    """Speed and friction in SI, the unit of friction ("1" or a force), and the coordinate."""
-    from ..records.columns import spelt
-    from ..records.formats import read_table
-
-    table = read_table(path)
-    found: dict[str, list[tuple[int, float, Coordinate | None]]] = {"speed": [], "friction": []}
-    for index, unit in enumerate(table.units):
-        kind = None if unit is None else _kind(spelt(unit))
-        if kind is not None:
-            found[kind[0]].append((index, kind[1], kind[2]))
-    for what, columns in found.items():
-        if len(columns) != 1:
-            number = "no column" if not columns else f"{len(columns)} columns"
-            raise InputError(
-                f"{path}: {number} of {what} (columns: {table.describe()}); a table of friction has"
-                f" two columns with their units, {_EXAMPLE} or 'speed [rad/s],torque [N m]'"
-            )
-    (v, v_size, coordinate), (f, f_size, of_force) = found["speed"][0], found["friction"][0]
-    assert coordinate is not None
-    if of_force not in (None, coordinate):
-        raise InputError(
-            f"{path}: units of a line and of a rotation: {table.describe()}; give m/s with N, or"
-            " rad/s with N m"
-        )
-    speed, friction = scale(table.columns[v], v_size), scale(table.columns[f], f_size)
-    whole = np.isfinite(speed) & np.isfinite(friction)
-    if not whole.all():
-        row = int(np.argmin(whole))
-        raise InputError(f"{path}: line {table.lines[row]}: a cell is no number")
-    return speed, friction, "1" if of_force is None else unit_of("N", coordinate), coordinate
-
-
-def _kind(unit: str) -> tuple[str, float, Coordinate | None] | None:
-    """What a column of this unit is, one of it in SI, and of which motion; None: neither."""
-    for coordinate in ("linear", "rotary"):
-        for what, si_unit in (("speed", "m/s"), ("friction", "N")):
-            si = unit_of(si_unit, coordinate)
-            if has_dimension(unit, si) and (is_angle(unit) or si != "rad/s"):
-                return what, factor(unit, si, "unit"), coordinate
-    return ("friction", 1.0, None) if unit in ("1", "-", "") else None
 
 
 def _one_direction(
