@@ -196,9 +196,8 @@ def law_from_parameters(kind: str, text: str) -> LawSource:
     if kind not in REGISTRY:
         raise InputError(f"law '{kind}' does not exist; there are: {', '.join(names_of_laws())}")
     pairs = read_pairs(text, "parameters", "'A=1 N, L=1 mm'")
-    coordinate = agreed({f"parameter {n}": (x, _unit(kind, n)) for n, x in pairs.items()})
+    law, coordinate = _built(kind, pairs)
     unsaid = is_rate_state(kind) and "f0" not in pairs
-    law = (_rate_state_of if is_rate_state(kind) else _other)(kind, pairs, coordinate)
     V0 = getattr(law, "V0", None)
     name = f"{kind} law: {text}"
     if unsaid and isinstance(law, AbstractRateState):
@@ -272,68 +271,49 @@ def first_of(laws: Law) -> Law:
     return eqx.combine(jax.tree.map(lambda leaf: leaf[0], arrays), rest)
 
 
-def _unit(kind: str, name: str) -> str:
-    """The SI unit of a law's parameter on a line; "1" where it has none of this name."""
+def _built(kind: str, pairs: Mapping[str, str]) -> tuple[Law, Coordinate]:
+    """The law with parameters as text, and whether they are of a line or of a rotation."""
+    entry = REGISTRY[kind]
     if is_rate_state(kind):
-        known = {n: law_quantity(n) for n in ("f0", "A", "B", "L", "V0")}
-        name = name.rstrip("0123456789") if name not in known else name
+        states = count_states(kind, pairs)
+        needed = ["A", *numbered_names(states), "V0"]
+        known = {name: law_quantity(name) for name in (*needed, "f0")}
+        least = ["A", *numbered_names(fixed_states(kind) or 1), "V0"]
+        listed = "A, B, L, V0, f0"
     else:
-        law = REGISTRY[kind]
-        assert isinstance(law, type)
-        known = {q.symbol: q for q in quantities(law).values()} | quantities(law)
-    return _si(known[name]) if name in known else "1"
+        assert isinstance(entry, type)
+        known = quantities(entry)
+        defaults = inspect.signature(entry).parameters
+        needed = [n for n in known if defaults[n].default is inspect.Parameter.empty]
+        least, listed = needed, ", ".join(known)
+    names = {about.symbol: name for name, about in known.items()} | {name: name for name in known}
+    si = {n: _si(known[names[n]]) if n in names else "1" for n in pairs}
+    coordinate = agreed({f"parameter {n}": (x, si[n]) for n, x in pairs.items()})
+    given = {names.get(n, n): x for n, x in pairs.items()}
+    for name in needed:
+        if name not in given:
+            raise InputError(
+                f"parameters: {name} is missing; the {kind} law needs {', '.join(least)}"
+            )
+    values = {}
+    for name in (name for name in known if name in given):
+        unit = unit_of(_si(known[name]), coordinate)
+        value = parse_quantity(given[name], unit, f"parameter {name}")
+        values[name] = known[name].check(value, "parameters")
+    for name in given:
+        if name not in known:
+            raise InputError(
+                f"parameters: '{name}' is no parameter of the {kind} law; it has: {listed}"
+            )
+    if is_rate_state(kind):
+        return rate_state(kind, {"f0": _F0 * values["A"], **values}, states), coordinate
+    assert isinstance(entry, type)
+    return _with(entry, values), coordinate
+
+
+def _with(law: Callable[..., Law], values: Mapping[str, float]) -> Law:
+    return law(**values)
 
 
 def _si(about: Quantity) -> str:
     return about.unit_for("N").removeprefix("1 ").replace(" ", "*")
-
-
-def _value(pairs: dict[str, str], name: str, about: Quantity, coordinate: Coordinate) -> float:
-    unit = unit_of(_si(about), coordinate)
-    value = parse_quantity(pairs.pop(name), unit, f"parameter {name}")
-    return about.check(value, "parameters")
-
-
-def _rate_state_of(kind: str, pairs: dict[str, str], coordinate: Coordinate) -> AbstractRateState:
-    states = count_states(kind, pairs)
-    names = numbered_names(states)
-    for name in ("A", *names, "V0"):
-        if name not in pairs:
-            needed = ", ".join(("A", *numbered_names(fixed_states(kind) or 1), "V0"))
-            raise InputError(f"parameters: {name} is missing; the {kind} law needs {needed}")
-    values = {
-        name: _value(pairs, name, law_quantity(name), coordinate) for name in ("A", *names, "V0")
-    }
-    values["f0"] = _F0 * values["A"]
-    if "f0" in pairs:
-        values["f0"] = _value(pairs, "f0", law_quantity("f0"), coordinate)
-    _refuse_rest(pairs, kind, "A, B, L, V0, f0")
-    return rate_state(kind, values, states)
-
-
-def _other(kind: str, pairs: dict[str, str], coordinate: Coordinate) -> Law:
-    law = REGISTRY[kind]
-    assert isinstance(law, type)
-    known = quantities(law)
-    fields = {about.symbol: name for name, about in known.items()}
-    pairs = {fields.get(name, name): value for name, value in pairs.items()}
-    defaults = {n: one.default for n, one in inspect.signature(law).parameters.items()}
-    optional = {name for name in known if defaults[name] is not inspect.Parameter.empty}
-    for name in known:
-        if name not in pairs and name not in optional:
-            needed = ", ".join(n for n in known if n not in optional)
-            raise InputError(f"parameters: {name} is missing; the {kind} law needs {needed}")
-    values = {name: _value(pairs, name, known[name], coordinate) for name in known if name in pairs}
-    _refuse_rest(pairs, kind, ", ".join(known))
-    return _built(law, values)
-
-
-def _built(law: Callable[..., Law], values: Mapping[str, float]) -> Law:
-    return law(**values)
-
-
-def _refuse_rest(pairs: dict[str, str], kind: str, known: str) -> None:
-    if pairs:
-        raise InputError(
-            f"parameters: '{next(iter(pairs))}' is no parameter of the {kind} law; it has: {known}"
-        )
