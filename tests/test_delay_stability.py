@@ -18,7 +18,7 @@ from jaxfric.stability.delay import (
     stable_stiffness_exists,
     unstable_roots,
 )
-from jaxfric.stability.delay_roots import rightmost_roots, roots_right_of
+from jaxfric.stability.delay_roots import rightmost_roots
 
 GOLDEN = (1.0, 0.2, 0.5, 0.3)  # mass, k_v, k_f, alpha
 GOLDEN_INTERVALS = [
@@ -184,7 +184,6 @@ def test_unstable_roots_equal_the_argument_principle():
     assert len(np.unique(counted)) >= 6, "the cases are to differ"
     assert 100 < np.sum(counted == 0) < 800
     np.testing.assert_array_equal(number_unstable(*CASES), counted)
-    np.testing.assert_array_equal(roots_right_of(*CASES, np.zeros(900)), counted)
 
 
 def test_unstable_roots_for_a_negative_stiffness():
@@ -192,14 +191,6 @@ def test_unstable_roots_for_a_negative_stiffness():
     counted = np.array([count_right_of(case, 0.0) for case in cases.T])
     assert len(np.unique(counted)) >= 3
     np.testing.assert_array_equal(number_unstable(*cases), counted)
-
-
-def test_counts_right_of_any_line():
-    cases = CASES[:, :200]
-    rate = np.sqrt(cases[1] / cases[0])
-    sigma = np.random.default_rng(2).uniform(-1, 1, 200) * np.minimum(rate, 3 / cases[4])
-    counted = [count_right_of(case, at) for case, at in zip(cases.T, sigma, strict=True)]
-    np.testing.assert_array_equal(roots_right_of(*cases, sigma), counted)
 
 
 # Intervals

@@ -25,7 +25,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 from jax.typing import DTypeLike
-from jaxtyping import Array, ArrayLike, Complex, Float, Int
+from jaxtyping import Array, ArrayLike, Complex, Float
 
 from ..errors import InputError
 from .undefined import is_double, root_without_derivative
@@ -113,23 +113,6 @@ def _count(slider: _Slider, sigma: Array):
     turns = passed - jnp.where(lower > 0, 2 * jnp.floor(phase(lower) / 2), start - 1)
     poles = jnp.where(P < 0, 1.0, jnp.where(slope < 0, jnp.where(P > 0, 2.0, 1.0), 0.0))
     return poles - jnp.where(exceeds, turns, 0.0)
-
-
-def roots_right_of(
-    mass: Float[ArrayLike, "*#s"],
-    k_p: Float[ArrayLike, "*#s"],
-    k_v: Float[ArrayLike, "*#s"],
-    k_f: Float[ArrayLike, "*#s"],
-    alpha: Float[ArrayLike, "*#s"],
-    sigma: Float[ArrayLike, "*#s"],
-) -> Int[Array, "*s"]:
-    """Number of roots with real part above sigma [1/s], with multiplicity; closed form.
-
-    Elementwise. At sigma = 0 it is `unstable_roots`, by another way.
-    """
-    slider = _slider(mass, k_p, k_v, k_f, alpha)
-    unit = _time_unit(slider)
-    return _count(_scaled(slider, unit), jnp.asarray(sigma) * unit).astype(int)
 
 
 def _bisect(slider: _Slider, rank: Array):
