@@ -13,8 +13,6 @@ both velocities of like size in an oscillation:
     dp/ds = h w v,   dv/ds = -h (w p + excess(v, v_delayed)/m),   w = sqrt(K/m),  h = alpha/pieces
 """
 
-import functools
-
 import diffrax
 import equinox as eqx
 import jax
@@ -22,15 +20,20 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import DTypeLike
 from jaxtyping import Array, Bool, Float, PyTree
-from numpy.polynomial import chebyshev, legendre
+from numpy.polynomial import chebyshev
 
 from ..rig import Inertial
 from ..rig.friction import AbstractDelayLaw
+from .radau import radau
 from .steps import RealScalar
 
 # Points in one step. 16 and more steps beat more points: linear algebra costs their cube.
 _NODES = 16
 _NEWTON_STEPS = 12
+
+_POINTS, _INTEGRATE = radau(_NODES)
+# Values at 0 and the points to Chebyshev coefficients.
+_TO_SERIES = np.linalg.inv(chebyshev.chebvander(np.append(-1.0, 2 * _POINTS - 1), _NODES))
 
 Unknowns = tuple[Float[Array, " 2"], Float[Array, ""]]
 """(p, v), and the margin: see `MethodOfSteps`."""
@@ -134,7 +137,7 @@ class MethodOfSteps(diffrax.AbstractSolver):
         equation, start, history = args, y0[0], solver_state
         points, converged = _collocate(equation, start, history[0])
         points = jnp.concatenate([start[None], points])
-        coefficients = jnp.asarray(_radau(_NODES)[1], start.dtype) @ points
+        coefficients = jnp.asarray(_TO_SERIES, start.dtype) @ points
         tail = jnp.max(jnp.abs(coefficients[-2:]))
         resolved = tail <= self.rtol * jnp.max(jnp.abs(points)) + 100 * equation.rounding()
         usable = resolved & converged
@@ -183,7 +186,7 @@ def _motion(
     equation: DelayEquation, y0: Float[Array, " 2"], z: Float[Array, " nodes"]
 ) -> tuple[Float[Array, " nodes"], Float[Array, " nodes"]]:
     """p and v at the points, from dv/ds there."""
-    S = jnp.asarray(_radau(z.shape[0])[0], z.dtype)
+    S = jnp.asarray(_INTEGRATE, z.dtype)
     v = y0[1] + S @ z
     return y0[0] + equation.duration() * equation.frequency() * (S @ v), v
 
@@ -195,7 +198,7 @@ def _residual(
     z: Float[Array, " nodes"],
 ) -> tuple[Float[Array, " nodes"], Float[Array, ""], Float[Array, "nodes nodes"]]:
     """z + a p + braking, the size at which one more Newton step reaches rounding, Jacobian."""
-    S = jnp.asarray(_radau(z.shape[0])[0], z.dtype)
+    S = jnp.asarray(_INTEGRATE, z.dtype)
     a = equation.duration() * equation.frequency()
     p, v = _motion(equation, y0, z)
     braking, slope = jax.vmap(jax.value_and_grad(equation.braking))(v, v_delayed)
@@ -212,27 +215,9 @@ def without_history(s: RealScalar, y: Unknowns, equation: DelayEquation) -> Unkn
     return jnp.stack([a * v, -a * p - equation.braking(v, jnp.zeros_like(v))]), jnp.zeros_like(v)
 
 
-@functools.cache
-def _radau(nodes: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Matrices for Radau's points of [0, 1], the roots of P_n(x) - P_(n-1)(x) with x = 2 s - 1.
-
-    Integration from 0 to each point; values at 0 and the points to Chebyshev coefficients;
-    and the points themselves.
-    """
-    difference = legendre.Legendre([*np.zeros(nodes - 1), -1.0, 1.0])
-    x = np.sort(difference.roots().real)
-    x = x - difference(x) / difference.deriv()(x)
-    integrals = np.stack(
-        [legendre.legval(x, legendre.legint(row, lbnd=-1)) for row in np.eye(nodes)], axis=1
-    )
-    integrate = 0.5 * integrals @ np.linalg.inv(legendre.legvander(x, nodes - 1))
-    values = chebyshev.chebvander(np.append(-1.0, x), nodes)
-    return integrate, np.linalg.inv(values), 0.5 * (1 + x)
-
-
 def step_points(dtype: DTypeLike) -> Float[Array, " n"]:
     """0 and Radau's points of a step, ascending."""
-    return jnp.append(0.0, jnp.asarray(_radau(_NODES)[2], dtype))
+    return jnp.append(0.0, jnp.asarray(_POINTS, dtype))
 
 
 def chebyshev_series(coefficients: Float[Array, "nodes *k"], s: Float[Array, "*n"]) -> Array:

@@ -17,8 +17,6 @@ yet, as a ripple of amplitude 0, and is shorter than a step of the solver, is no
 The rule of differentiation asks for the path again, and with it for the path's own derivatives: so
 derivatives of any order follow from it. All of it is arithmetic on arrays of a length that is known
 beforehand, which reverse mode can follow.
-
-Source: Hairer and Wanner, Solving ODEs II, IV.5 for Radau IIA.
 """
 
 from collections.abc import Callable
@@ -27,11 +25,11 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PyTree
 
 from .ode import SliderEquation, Unknowns
+from .radau import radau
 from .rodas import inverted, quartic, through
 
 STAGES = 4
@@ -39,18 +37,7 @@ STAGES = 4
 is of the degree of `rodas.quartic`."""
 
 
-def _radau() -> tuple[Float[np.ndarray, " s"], Float[np.ndarray, "s s"]]:
-    """Nodes and matrix of Radau IIA: collocation at the zeros of d^(s-1)/dx^(s-1) [x^(s-1)
-    (x-1)^s], the last of which is 1."""
-    polynomial = np.polynomial.Polynomial.fromroots([0.0] * (STAGES - 1) + [1.0] * STAGES)
-    nodes = np.sort(polynomial.deriv(STAGES - 1).roots().real)
-    nodes[-1] = 1.0
-    powers = np.vander(nodes, increasing=True)
-    integrals = powers * nodes[:, None] / np.arange(1, STAGES + 1)
-    return nodes, integrals @ np.linalg.inv(powers)
-
-
-_NODES, _RADAU = _radau()
+_NODES, _RADAU = radau(STAGES)
 
 
 class Knots(NamedTuple):
