@@ -80,7 +80,6 @@ if TYPE_CHECKING:
     from .rig.friction import RateState as RateState
     from .rig.friction import RegularisedEffect as RegularisedEffect
     from .rig.friction import SlipEvolution as SlipEvolution
-    from .rig.friction import critical_stiffness as critical_stiffness
     from .simulation import RESULTS as RESULTS
     from .simulation import Start as Start
     from .simulation import Trajectory as Trajectory
@@ -93,6 +92,7 @@ if TYPE_CHECKING:
     from .stability.linear import LinearSlider as LinearSlider
     from .stability.linear import linearise as linearise
     from .stability.margins import margin as margin
+    from .stability.theorem import critical_stiffness as critical_stiffness
     from .stability.theorem import theorem as theorem
 
 __version__ = "0.1.0"
@@ -147,7 +147,6 @@ _HOMES = {
     "RateState": "rig.friction",
     "RegularisedEffect": "rig.friction",
     "SlipEvolution": "rig.friction",
-    "critical_stiffness": "rig.friction",
     "RESULTS": "simulation",
     "Start": "simulation",
     "Trajectory": "simulation",
@@ -158,6 +157,7 @@ _HOMES = {
     "step_start": "simulation",
     "velocity_start": "simulation",
     "LinearSlider": "stability.linear",
+    "critical_stiffness": "stability.theorem",
     "linearise": "stability.linear",
     "margin": "stability.margins",
     "theorem": "stability.theorem",

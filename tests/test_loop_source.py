@@ -18,9 +18,10 @@ from jaxfric.errors import InputError
 from jaxfric.gains import find_gains
 from jaxfric.laws.file import law_from_fit
 from jaxfric.laws.loop_source import law_from_loop
-from jaxfric.rig.friction import Conditions, RateState, critical_stiffness
+from jaxfric.rig.friction import Conditions, RateState
 from jaxfric.rig.friction.extended import ExtendedLaw
 from jaxfric.stability.linear import linear_friction
+from jaxfric.stability.theorem import critical_stiffness
 
 UM, NORMAL = 1e-6, 500.0
 BASE = {"f0": 0.6, "A": 0.009, "B": 0.014, "L": 10 * UM}

@@ -15,7 +15,7 @@ from jaxfric.effects import effect_of, made
 from jaxfric.laws import REGISTRY
 from jaxfric.rig import QuasiStatic, Rig
 from jaxfric.rig.friction import RateState
-from jaxfric.rig.friction.rate_state import critical_stiffness
+from jaxfric.stability.theorem import critical_stiffness
 from jaxfric.traced import Traced, keep_traced
 
 

@@ -21,9 +21,8 @@ from jaxtyping import Array, Float
 
 from ..laws.registry import evolution_of
 from ..laws.saved import draw_samples
-from ..rig.friction import AbstractRateState, RateState, critical_stiffness
-from ..stability.linear import linear_friction
-from ..stability.theorem import theorem
+from ..rig.friction import AbstractRateState
+from ..stability.theorem import critical_stiffness
 from ..traced import traced
 from .estimate import Estimate
 from .problem import Model, quantity_of
@@ -115,12 +114,7 @@ def _critical_at(
     return _critical(law)
 
 
-@traced
-def _critical(law: AbstractRateState) -> Float[Array, ""]:
-    if isinstance(law, RateState):
-        return critical_stiffness(law)
-    friction = linear_friction(law, law.V0)
-    return theorem(friction.kernel, friction.slope, jnp.zeros_like(law.V0)).critical_stiffness
+_critical = traced(critical_stiffness)
 
 
 @traced

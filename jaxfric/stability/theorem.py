@@ -16,10 +16,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Bool, Float
 
+from ..rig.friction import AbstractRateState, RateState
 from . import polynomial as poly
 from .frequency import crossings
 from .kernel import AbstractKernel, AbstractRationalKernel, DelayKernel, kernel_total
-from .linear import LinearSlider
+from .linear import LinearSlider, linear_friction
 
 # The generic search looks this much beyond the frequencies that the kernel names.
 _BEYOND = 1e3
@@ -103,6 +104,19 @@ def apply_theorem(slider: LinearSlider, *, number: int = 4, points: int = 512) -
     friction = slider.friction
     damping = friction.slope + slider.damping
     return theorem(friction.kernel, damping, slider.inertia(), number=number, points=points)
+
+
+def critical_stiffness(law: AbstractRateState) -> Float[Array, ""]:
+    """Critical stiffness of a massless, undamped slider: (25) with m = k_v = 0 [force/m].
+
+    One state: (B - A)/L. Of other laws that of (18)-(20) at V0; of several states it does not
+    depend on velocity. Zero or negative: every positive stiffness is stable. Derivatives of any
+    order are exact.
+    """
+    if isinstance(law, RateState) and law.B.shape[0] == 1:
+        return (law.B[0] - law.A) / law.L[0]
+    friction = linear_friction(law, law.V0)
+    return theorem(friction.kernel, friction.slope, jnp.zeros_like(law.V0)).critical_stiffness
 
 
 def _rational(kernel: AbstractRationalKernel, damping: Float[Array, ""], mass: Float[Array, ""]):

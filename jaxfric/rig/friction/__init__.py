@@ -19,5 +19,4 @@ from .rate_state import LogarithmicEffect as LogarithmicEffect
 from .rate_state import RateState as RateState
 from .rate_state import RegularisedEffect as RegularisedEffect
 from .rate_state import SlipEvolution as SlipEvolution
-from .rate_state import critical_stiffness as critical_stiffness
 from .tabulated import TabulatedFriction as TabulatedFriction

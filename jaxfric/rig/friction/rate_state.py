@@ -23,9 +23,6 @@ from ...quantity import quantity, refuse_outside
 from .law import LOG_MAX, AbstractInvertibleLaw, Conditions, Scalar, States
 
 _NEWTON_STEPS = 4
-_CROSSING_STEPS = 5
-# The wave numbers that are searched reach so far, in ln w, on both sides of 1/L.
-_WIDE = 7.0
 
 
 class AbstractEvolution(eqx.Module):
@@ -205,45 +202,6 @@ class RateState(AbstractRateState):
 
     def force_scale(self) -> Scalar:
         return self.A
-
-
-def critical_stiffness(law: RateState) -> Scalar:
-    """Critical stiffness of a massless, undamped slider: (25) with m = k_v = 0 [force/m].
-
-    One state: (B - A)/L. Several: the largest k(w) = sum_i B_i w s_i/(1 + s_i^2) over the
-    wave numbers w at which sum_i B_i/(1 + s_i^2) = A, s_i = w L_i, each found on a logarithmic
-    grid and refined by Newton steps. It does not depend on velocity. Zero or negative: every
-    positive stiffness is stable. First and second derivatives are exact.
-    """
-    if law.B.shape[0] == 1:
-        return (law.B[0] - law.A) / law.L[0]
-
-    def excess(x: Scalar) -> Scalar:
-        return jnp.sum(law.B / (1 + (jnp.exp(x) * law.L) ** 2)) - law.A
-
-    grid = jnp.linspace(-_WIDE, _WIDE, 601) - jnp.log(jnp.max(law.L))
-    grid = jax.lax.stop_gradient(grid)
-    value = jax.lax.stop_gradient(jax.vmap(excess)(grid))
-    change = (value[:-1] > 0) != (value[1:] > 0)
-    # as many crossings as the degree of the equation in w^2 allows
-    (place,) = jnp.nonzero(change, size=law.B.shape[0], fill_value=0)
-    some = change[place]
-    part = jnp.where(some, value[place], 0.0)
-    part = part / jnp.where(some, value[place] - value[place + 1], 1.0)
-    start = grid[place] + part * (grid[1] - grid[0])
-
-    def stiffness(x: Scalar, some: Scalar) -> Scalar:
-        for i in range(_CROSSING_STEPS):  # the last two carry derivatives, an order each
-            if i < _CROSSING_STEPS - 1:
-                x = jax.lax.stop_gradient(x)
-            slope = jax.lax.stop_gradient(jax.jvp(excess, (x,), (jnp.ones_like(x),))[1])
-            x = x - jnp.where(some, excess(x) / jnp.where(slope == 0, 1.0, slope), 0.0)
-        s = jnp.exp(x) * law.L
-        return jnp.sum(law.B * s**2 / (law.L * (1 + s**2)))
-
-    found = jnp.where(some, jax.vmap(stiffness)(start, some), 0.0)
-    best = jnp.argmax(found)
-    return found[best]
 
 
 @jax.custom_jvp
