@@ -41,10 +41,8 @@ class QuasiStatic(AbstractMachine):
         *,
         first_order: bool = False,
     ):
-        self.stiffness = as_floats(stiffness)
-        self.damping = None if damping is None else as_floats(damping)
-        self.mass = None if mass is None else as_floats(mass)
-        self.first_order = first_order
+        self.stiffness, self.damping = as_floats(stiffness), as_floats(damping)
+        self.mass, self.first_order = as_floats(mass), first_order
 
     def __check_init__(self):
         refuse_outside(self, "QuasiStatic")
@@ -62,9 +60,8 @@ class Inertial(AbstractMachine):
     damping: Float[Array, ""] | None = quantity("k_v", "F s/m", "damping", lower=0.0, closed=True)
 
     def __init__(self, mass: ArrayLike, stiffness: ArrayLike, damping: ArrayLike | None = None):
-        self.mass = as_floats(mass)
-        self.stiffness = as_floats(stiffness)
-        self.damping = None if damping is None else as_floats(damping)
+        self.mass, self.stiffness = as_floats(mass), as_floats(stiffness)
+        self.damping = as_floats(damping)
 
     def __check_init__(self):
         refuse_outside(self, "Inertial")

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from ...quantity import quantity
 from .law import LOG_MAX, AbstractInvertibleLaw, Conditions, Scalar, States
@@ -191,8 +191,8 @@ class ExtendedLaw(AbstractInvertibleLaw):
 
 
 def _excess(
-    law: ExtendedLaw,
     V: Scalar,
+    law: ExtendedLaw,
     force: Scalar,
     state: States,
     at: Conditions,
@@ -211,7 +211,7 @@ def _balanced(
 
     # a loop, not written out: all terms are traced and compiled once, and no slower
     def nearer(_: int, V: Scalar) -> Scalar:
-        excess, slope = _by_velocity(law, V, force, state, at, damping)
+        excess, slope = _by_velocity(V, law, force, state, at, damping)
         rise = slope * V
         step = excess / jnp.where(rise == 0, jnp.inf, rise)
         return V * jnp.exp(jnp.clip(-step, -LOG_MAX, LOG_MAX))
@@ -223,27 +223,15 @@ def _balanced(
 @_balanced.def_jvp
 def _(primals: tuple, tangents: tuple) -> tuple[Scalar, Scalar]:
     """dV = -dF/F_V at the solution F = 0, which is asked for again: so its next order is right."""
-    law, force, state, at, damping = primals
-    V = _balanced(law, force, state, at, damping)
-    _, change = eqx.filter_jvp(lambda law, *others: _excess(law, V, *others), primals, tangents)
-    _, slope = _by_velocity(law, V, force, state, at, damping)
+    V = _balanced(*primals)
+    _, change = eqx.filter_jvp(lambda *given: _excess(V, *given), primals, tangents)
+    _, slope = _by_velocity(V, *primals)
     return V, jnp.zeros_like(V) if change is None else -change / slope
 
 
-def _by_velocity(
-    law: ExtendedLaw,
-    V: Scalar,
-    force: Scalar,
-    state: States,
-    at: Conditions,
-    damping: Scalar | None,
-) -> tuple[Scalar, Scalar]:
-    """The excess and its derivative by V."""
-
-    def excess(V: Scalar) -> Scalar:
-        return _excess(law, V, force, state, at, damping)
-
-    return jax.jvp(excess, (V,), (jnp.ones_like(V),))
+def _by_velocity(V: Scalar, *given: PyTree) -> tuple[Scalar, Scalar]:
+    """The excess and its derivative by V; `given` is what `_excess` takes beside V."""
+    return jax.jvp(lambda V: _excess(V, *given), (V,), (jnp.ones_like(V),))
 
 
 class BlendedEvolution(AbstractEvolution):
