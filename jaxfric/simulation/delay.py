@@ -1,7 +1,6 @@
 """Simulation of a slider whose friction answers late, by the method of steps."""
 
 import math
-from typing import NamedTuple
 
 import diffrax
 import jax
@@ -76,26 +75,22 @@ def simulate_delay(
         `ts` that descends or is not finite.
     TypeError : the rig has another machine or another kind of law.
     """
-    how = _Stepping(intervals, rtol, pieces, runaway, adjoint)
-    return _solve(rig, velocity, ts, Start() if start is None else start, how)
-
-
-class _Stepping(NamedTuple):
-    """How a simulation is solved; see `simulate_delay`."""
-
-    intervals: int | None
-    rtol: float
-    pieces: int
-    runaway: float
-    adjoint: diffrax.AbstractAdjoint | None
-
-
-def _solve(
-    rig: Rig, velocity: Float[ArrayLike, ""], ts: Float[Array, " n"], start: Start, how: _Stepping
-) -> Trajectory:
-    intervals, rtol, pieces, runaway, adjoint = how
-    machine, law = _rooms(rig)
-    _check(start, rtol, pieces, intervals)
+    start = Start() if start is None else start
+    machine, law = rig.machine, rig.friction
+    if not isinstance(machine, Inertial):
+        raise TypeError(
+            f"a delay law needs a slider with mass, not a {type(machine).__name__}: "
+            "use an Inertial machine"
+        )
+    if not isinstance(law, AbstractDelayLaw):
+        raise TypeError(f"{type(law).__name__} is no delay law; `simulate` is for laws with states")
+    if start.state is not None:
+        raise InputError("simulate_delay: a delay law has no states; leave `start.state` None")
+    if not 0 < rtol <= 0.1:
+        raise InputError(f"simulate_delay: rtol is {rtol}; it must be in (0, 0.1]")
+    for name, number in (("pieces", pieces), ("intervals", intervals)):
+        if number is not None and number < 1:
+            raise InputError(f"simulate_delay: {name} is {number}; take 1 at least")
     refuse_impossible("simulate_delay", rig, ts, start)
     ts = jnp.asarray(ts)
     V0 = jnp.asarray(velocity, jnp.result_type(float, velocity, ts))
@@ -200,29 +195,6 @@ def _sample(
         end=jnp.where(enough, ts[-1], ts[0] + equation.duration() * end),
         num_steps=solution.stats["num_steps"],
     )
-
-
-def _rooms(rig: Rig) -> tuple[Inertial, AbstractDelayLaw]:
-    machine, law = rig.machine, rig.friction
-    if not isinstance(machine, Inertial):
-        raise TypeError(
-            f"a delay law needs a slider with mass, not a {type(machine).__name__}: "
-            "use an Inertial machine"
-        )
-    if not isinstance(law, AbstractDelayLaw):
-        raise TypeError(f"{type(law).__name__} is no delay law; `simulate` is for laws with states")
-    return machine, law
-
-
-def _check(start: Start, rtol: float, pieces: int, intervals: int | None) -> None:
-    if start.state is not None:
-        raise InputError("simulate_delay: a delay law has no states; leave `start.state` None")
-    if not 0 < rtol <= 0.1:
-        raise InputError(f"simulate_delay: rtol is {rtol}; it must be in (0, 0.1]")
-    if pieces < 1:
-        raise InputError(f"simulate_delay: pieces is {pieces}; take 1 at least")
-    if intervals is not None and intervals < 1:
-        raise InputError(f"simulate_delay: intervals is {intervals}; take 1 at least")
 
 
 def _intervals_needed(delay: Float[Array, ""], ts: Float[Array, " n"]) -> int:
