@@ -10,7 +10,6 @@ For stick-slip over many periods the steps themselves are better samples than gi
 """
 
 import math
-from typing import NamedTuple
 
 import diffrax
 import equinox as eqx
@@ -113,9 +112,28 @@ def simulate(
         sampled = follow(equation, initial, ts_used, jnp.asarray(tolerance), how)
         found = _sampled(equation, sampled, ts)
     else:
-        own = _Diffrax(at_steps, tolerance, max_steps, away, solver, controller, adjoint)
-        solution = own.solve(equation, ts_used, initial, stiff=stiff)
-        found = (_at_steps if at_steps else _interpolated)(equation, solution, ts)
+        if solver is None:
+            solver = Rodas5P() if stiff else diffrax.Tsit5()
+        if controller is None:
+            controller = _controller(equation, solver, tolerance)
+        jumps = motion.breakpoints()
+        if jumps.shape[0]:  # none is what the clipping controller cannot take
+            controller = diffrax.ClipStepSizeController(controller, jump_ts=jumps)
+        solution = diffrax.diffeqsolve(
+            diffrax.ODETerm(equation.derivative),
+            solver,
+            ts_used[0],
+            ts_used[-1],
+            None,
+            initial,
+            saveat=diffrax.SaveAt(t0=at_steps, steps=at_steps, dense=not at_steps),
+            stepsize_controller=controller,
+            event=diffrax.Event(eqx.Partial(_ran_away, equation, away)),
+            adjoint=diffrax.ForwardMode() if adjoint is None else adjoint,
+            max_steps=max_steps,
+            throw=False,
+        )
+        found = _of_diffrax(equation, solution, ts)
     return only_if(possible, found)
 
 
@@ -143,101 +161,41 @@ def _sampled(equation: SliderEquation, found: Sampled, ts: Float[Array, " n"]) -
     return _trajectory(equation.rig, ts, slider, result, found.end, found.steps)
 
 
-class _Diffrax(NamedTuple):
-    """How `diffrax.diffeqsolve` solves a motion."""
-
-    at_steps: bool
-    tolerance: float | Float[Array, ""]
-    max_steps: int
-    log_runaway: float
-    solver: diffrax.AbstractSolver | None
-    controller: diffrax.AbstractStepSizeController | None
-    adjoint: diffrax.AbstractAdjoint | None
-
-    def solve(
-        self, equation: SliderEquation, ts: Float[Array, " n"], initial: Unknowns, *, stiff: bool
-    ) -> diffrax.Solution:
-        """The solution between the first and the last of `ts`."""
-        solver = self.solver
-        if solver is None:
-            solver = Rodas5P() if stiff else diffrax.Tsit5()
-        saveat = (
-            diffrax.SaveAt(t0=True, steps=True) if self.at_steps else diffrax.SaveAt(dense=True)
-        )
-        return diffrax.diffeqsolve(
-            diffrax.ODETerm(equation.derivative),
-            solver,
-            ts[0],
-            ts[-1],
-            None,
-            initial,
-            saveat=saveat,
-            stepsize_controller=self._controller(equation, solver),
-            event=diffrax.Event(_RanAway(equation, self.log_runaway)),
-            adjoint=diffrax.ForwardMode() if self.adjoint is None else self.adjoint,
-            max_steps=self.max_steps,
-            throw=False,
-        )
-
-    def _controller(
-        self, equation: SliderEquation, solver: diffrax.AbstractSolver
-    ) -> diffrax.AbstractStepSizeController:
-        controller = self.controller
-        if controller is None:
-            tolerance = self.tolerance
-            controller = diffrax.PIDController(rtol=tolerance, atol=tolerance, norm=padded_norm)
-            if not isinstance(solver, diffrax.AbstractImplicitSolver | Rodas5P):
-                controller = StableStepController(controller, constant(equation).derivative)
-        jumps = equation.motion.breakpoints()
-        if jumps.shape[0] == 0:  # which the clipping controller cannot take
-            return controller
-        return diffrax.ClipStepSizeController(controller, jump_ts=jumps)
+def _controller(
+    equation: SliderEquation, solver: diffrax.AbstractSolver, tolerance: float | Float[Array, ""]
+) -> diffrax.AbstractStepSizeController:
+    controller = diffrax.PIDController(rtol=tolerance, atol=tolerance, norm=padded_norm)
+    if isinstance(solver, diffrax.AbstractImplicitSolver | Rodas5P):
+        return controller
+    return StableStepController(controller, constant(equation).derivative)
 
 
-class _RanAway(eqx.Module):
-    """The end of a simulation; no lambda, which would be compiled anew at every call."""
-
-    equation: SliderEquation
-    limit: float = eqx.field(static=True)
-
-    def __call__(self, t: Array, y: Unknowns, args: None, **_: object) -> Bool[Array, ""]:
-        del args
-        return self.equation.log_speed(t, y) > self.limit
-
-
-def _interpolated(
-    equation: SliderEquation, solution: diffrax.Solution, ts: Float[Array, " n"]
-) -> Trajectory:
-    interpolation = solution.interpolation
-    assert interpolation is not None
-    end = interpolation.t1
-    reached = jnp.minimum(ts, end)
-    slider = jax.vmap(lambda t: equation.physical(t, interpolation.evaluate(t)))(reached)
-    return _of_diffrax(equation.rig, solution, ts, end, slider)
-
-
-def _at_steps(
-    equation: SliderEquation, solution: diffrax.Solution, ts: Float[Array, " n"]
-) -> Trajectory:
-    del ts
-    assert solution.ts is not None
-    last = solution.stats["num_accepted_steps"]
-    rows = jnp.minimum(jnp.arange(solution.ts.shape[0]), last)
-    ts, ys = jax.tree.map(lambda x: x[rows], (solution.ts, solution.ys))
-    slider = jax.vmap(equation.physical)(ts, ys)
-    return _of_diffrax(equation.rig, solution, ts, ts[-1], slider)
+def _ran_away(
+    equation: SliderEquation, limit: float, t: Array, y: Unknowns, args: None, **_: object
+) -> Bool[Array, ""]:
+    del args
+    return equation.log_speed(t, y) > limit
 
 
 def _of_diffrax(
-    rig: Rig,
-    solution: diffrax.Solution,
-    ts: Float[Array, " n"],
-    end: Float[Array, ""],
-    slider: Slider,
+    equation: SliderEquation, solution: diffrax.Solution, ts: Float[Array, " n"]
 ) -> Trajectory:
+    """The motion at `ts`, or at the steps if they are what was saved."""
+    between = solution.interpolation
+    if between is None:
+        assert solution.ts is not None
+        last = solution.stats["num_accepted_steps"]
+        rows = jnp.minimum(jnp.arange(solution.ts.shape[0]), last)
+        ts, ys = jax.tree.map(lambda x: x[rows], (solution.ts, solution.ys))
+        end = ts[-1]
+        slider = jax.vmap(equation.physical)(ts, ys)
+    else:
+        end = between.t1
+        reached = jnp.minimum(ts, end)
+        slider = jax.vmap(lambda t: equation.physical(t, between.evaluate(t)))(reached)
     ran_away = solution.result == diffrax.RESULTS.event_occurred
     result = RESULTS.where(ran_away, RESULTS.ran_away, RESULTS.promote(solution.result))
-    return _trajectory(rig, ts, slider, result, end, solution.stats["num_steps"])
+    return _trajectory(equation.rig, ts, slider, result, end, solution.stats["num_steps"])
 
 
 def _trajectory(
@@ -248,14 +206,7 @@ def _trajectory(
     end: Float[Array, ""],
     steps: Int[Array, ""],
 ) -> Trajectory:
+    recorded = rig.sensor.read(ts, slider.force)
     return Trajectory(
-        time=ts,
-        force=slider.force,
-        recorded=rig.sensor.read(ts, slider.force),
-        velocity=slider.velocity,
-        slip=slider.slip,
-        state=slider.state,
-        result=result,
-        end=end,
-        num_steps=steps,
+        ts, slider.force, recorded, slider.velocity, slider.slip, slider.state, result, end, steps
     )

@@ -54,24 +54,15 @@ class StableStepController(diffrax.AbstractAdaptiveStepSizeController[PyTree, Re
 
     controller: diffrax.PIDController
     derivative: Callable[[RealScalar, PyTree], PyTree]
+    rtol: RealScalar
+    atol: RealScalar
+    norm: Callable[[PyTree], RealScalar]
 
     def __init__(
         self, controller: diffrax.PIDController, derivative: Callable[[RealScalar, PyTree], PyTree]
     ):
-        self.controller = controller
-        self.derivative = derivative
-
-    @property
-    def rtol(self):  # ty: ignore[incompatible-property-override]
-        return self.controller.rtol
-
-    @property
-    def atol(self):  # ty: ignore[incompatible-property-override]
-        return self.controller.atol
-
-    @property
-    def norm(self):  # ty: ignore[incompatible-property-override]
-        return self.controller.norm
+        self.controller, self.derivative = controller, derivative
+        self.rtol, self.atol, self.norm = controller.rtol, controller.atol, controller.norm
 
     def wrap(self, direction: int | Array | np.ndarray) -> "StableStepController":
         return eqx.tree_at(lambda c: c.controller, self, self.controller.wrap(direction))

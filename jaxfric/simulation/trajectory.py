@@ -1,8 +1,9 @@
 """The result of a simulation, and the ways in which it can end."""
 
+import dataclasses
+
 import diffrax
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
@@ -72,14 +73,10 @@ class Trajectory(Described, Drawable, Gridded, Tabular, eqx.Module):
 
 def only_if(possible: Bool[Array, ""], found: Trajectory) -> Trajectory:
     """The trajectory, or zeros and `RESULTS.impossible` where nothing could be simulated."""
-    kept = jax.tree.map(
-        lambda x: jnp.where(possible, x, jnp.zeros_like(x)),
-        (found.force, found.recorded, found.velocity, found.slip, found.state, found.end),
-    )
     names = ("force", "recorded", "velocity", "slip", "state", "end")
-    values = dict(zip(names, kept, strict=True))
+    values = {name: jnp.where(possible, getattr(found, name), 0.0) for name in names}
     result = RESULTS.where(possible, found.result, RESULTS.impossible)
-    return Trajectory(time=found.time, result=result, num_steps=found.num_steps, **values)
+    return dataclasses.replace(found, result=result, **values)
 
 
 _WORDS = {
