@@ -95,21 +95,11 @@ C = _lower(
         -9.48861652309627,
     ),
 )
-NODES = np.array(
-    [0, 0.6358126895828704, 0.4095798393397535, 0.9769306725060716, 0.4288403609558664, 1, 1, 1]
-)
-D = np.array(
-    [
-        GAMMA,
-        -0.42387512638858027,
-        -0.3384627126235924,
-        1.8046452872882734,
-        2.325825639765069,
-        0,
-        0,
-        0,
-    ]
-)
+# With Gamma = (1/gamma - C)^-1 the method's own coefficients are A Gamma and Gamma, and c and d the
+# sums of their rows; of the last three stages exactly 1 and 0, which rounding must not move.
+_SUMMED = np.linalg.inv(np.eye(STAGES) / GAMMA - C)
+NODES = np.append((A @ _SUMMED).sum(axis=1)[:-3], np.ones(3))
+D = np.append(_SUMMED.sum(axis=1)[:-3], np.zeros(3))
 DENSE = np.array(
     [
         [
