@@ -14,7 +14,7 @@ Sources: (18)-(20) of the 1994 note; Rice & Ruina (1983, doi:10.1115/1.3167042).
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Bool, Float
+from jaxtyping import Array, Bool, Float
 
 from ..rig.friction import AbstractRateState, RateState
 from . import polynomial as poly
@@ -76,7 +76,8 @@ def theorem(
     damping, mass = jnp.asarray(damping), jnp.asarray(mass)
     largest = total = kernel_total(kernel)
     if isinstance(kernel, AbstractRationalKernel):
-        w, k, integrable, complete = _rational(kernel, damping, mass)
+        w, k, integrable = _rational(kernel, damping, mass)
+        complete = jnp.ones((), bool)
     elif isinstance(kernel, DelayKernel):
         w = jnp.full((1,), jnp.inf)
         k, integrable, complete = -w, jnp.zeros((), bool), jnp.ones((), bool)
@@ -99,11 +100,10 @@ def theorem(
     return Theorem(w, k, k_cr, w_cr, integrable, damped, damping < total, complete)
 
 
-def apply_theorem(slider: LinearSlider, *, number: int = 4, points: int = 512) -> Theorem:
+def apply_theorem(slider: LinearSlider) -> Theorem:
     """The theorem for a linearised slider; its own stiffness k_p plays no part."""
     friction = slider.friction
-    damping = friction.slope + slider.damping
-    return theorem(friction.kernel, damping, slider.inertia(), number=number, points=points)
+    return theorem(friction.kernel, friction.slope + slider.damping, slider.inertia())
 
 
 def critical_stiffness(law: AbstractRateState) -> Float[Array, ""]:
@@ -120,39 +120,15 @@ def critical_stiffness(law: AbstractRateState) -> Float[Array, ""]:
 
 
 def _rational(kernel: AbstractRationalKernel, damping: Float[Array, ""], mass: Float[Array, ""]):
-    """Solutions of (19) as real roots in y = w^2 of Re(N conj D) - damping |D|^2."""
+    """Solutions of (19) as real roots in y = w^2 of Re(N conj D) - damping |D|^2, and stability."""
     N, D = kernel.fraction()
-    stable = poly.is_hurwitz(D)
-    if D.shape[0] == 1:
-        return jnp.full((1,), jnp.inf), jnp.full((1,), -jnp.inf), stable, jnp.ones((), bool)
-    if D.shape[0] == 2:
-        w, k = critical_one_exponential(N[0], D[0], damping, mass)
-        some = (w > 0) & jnp.isfinite(w)
-        w, k = jnp.where(some, w, jnp.inf)[None], jnp.where(some, k, -jnp.inf)[None]
-        return w, k, stable, jnp.ones((), bool)
     real, imaginary = poly.cross(N, D)
     size, _ = poly.cross(D, D)
     y, some = poly.positive_roots(poly.total(real, -damping * size))
     # w int g sin(w t) dt = -w Im G(i w) = -y I(y)/|D|^2
     k = mass * y - y * poly.value(imaginary, y) / poly.value(size, y)
     w = jnp.where(some, jnp.sqrt(y), jnp.inf)
-    return w, jnp.where(some, k, -jnp.inf), stable, jnp.ones((), bool)
-
-
-def critical_one_exponential(
-    amplitude: ArrayLike, rate: ArrayLike, damping: ArrayLike, mass: ArrayLike
-) -> tuple[Float[Array, " *s"], Float[Array, " *s"]]:
-    """w_cr [rad/s] and k_cr [force/m] of g(t) = g exp(-r t), elementwise.
-
-    (19) is g r/(r^2 + w^2) = d, so w^2 = g r/d - r^2, and (20) is k = w^2 (m + d/r).
-    """
-    damped = jnp.asarray(damping) > 0
-    damping = jnp.where(damped, damping, 1.0)
-    square = jnp.maximum(amplitude * rate / damping - jnp.square(rate), 0.0)
-    some = square > 0
-    frequency = jnp.where(some, jnp.sqrt(jnp.where(some, square, 1.0)), 0.0)
-    stiffness = square * (mass + damping / rate)
-    return jnp.where(damped, frequency, jnp.inf), jnp.where(damped, stiffness, jnp.inf)
+    return w, jnp.where(some, k, -jnp.inf), poly.is_hurwitz(D)
 
 
 def critical_points(
