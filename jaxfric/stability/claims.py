@@ -189,11 +189,9 @@ def _step(matrix: np.ndarray, values: np.ndarray, own: np.ndarray) -> tuple[floa
     """The first coefficient and its standard error; variance own^2 + spread^2."""
     free = max(len(values) - matrix.shape[1], 1)
     spread = 0.0
-    for _ in range(2):
+    for _ in range(3):  # the last has the weights of the spread before
         root = np.sqrt(own**2 + spread)[:, None] + 1e-300
         inverse = np.linalg.pinv(matrix / root)
         left = values - matrix @ (inverse @ (values / root[:, 0]))
         spread = max(0.0, float(left @ left) / free - float(np.mean(own**2)))
-    root = np.sqrt(own**2 + spread)[:, None] + 1e-300
-    inverse = np.linalg.pinv(matrix / root)
     return float(inverse[0] @ (values / root[:, 0])), float(np.sqrt(inverse[0] @ inverse[0]))

@@ -143,7 +143,11 @@ class Analysis:
     """Quantities that several margins of one slider need, each computed once."""
 
     def __init__(self, slider: LinearSlider):
-        _require_float64(slider)
+        if jnp.result_type(*jax.tree.leaves(slider)) != jnp.float64:
+            raise InputError(
+                "margins need 64-bit numbers: add jax.config.update('jax_enable_x64', True) after"
+                " 'import jax', before any array is made; in a study precision='float64'"
+            )
         self.slider = slider
 
     @functools.cached_property
@@ -159,20 +163,19 @@ class Analysis:
     @functools.cached_property
     def real(self) -> Crossing:
         """Frequencies w > 0 at which L(i w) is real."""
-        return _real_crossings(self.slider)
+        if not isinstance(self.slider.friction.kernel, AbstractRationalKernel):
+            return _searched(self.slider, jnp.angle, wrapped=True)
+        _, controller, load = self.slider.polynomials()
+        return _solved(poly.cross(controller, load)[1], controller, load)
 
     @functools.cached_property
     def unit(self) -> Crossing:
         """Frequencies w > 0 at which |L(i w)| = 1."""
-        return _unit_crossings(self.slider)
-
-
-def _require_float64(slider: LinearSlider) -> None:
-    if jnp.result_type(*jax.tree.leaves(slider)) != jnp.float64:
-        raise InputError(
-            "margins need 64-bit numbers: add jax.config.update('jax_enable_x64', True) after"
-            " 'import jax', before any array is made; in a study precision='float64'"
-        )
+        if not isinstance(self.slider.friction.kernel, AbstractRationalKernel):
+            return _searched(self.slider, lambda L: jnp.log(jnp.abs(L)), wrapped=False)
+        _, controller, load = self.slider.polynomials()
+        above, below = (poly.cross(c, c)[0] for c in (controller, load))
+        return _solved(poly.total(above, -below), controller, load)
 
 
 def stiffness(of: Analysis) -> Float[Array, ""]:
@@ -271,23 +274,6 @@ def delay(of: Analysis) -> Float[Array, ""]:
         return found
     at_once = jnp.abs(of.slider.damping) > jnp.abs(of.slider.friction.slope)
     return jnp.where(at_once, 0.0, found)
-
-
-def _real_crossings(slider: LinearSlider) -> Crossing:
-    """Frequencies w > 0 at which L(i w) is real."""
-    if not isinstance(slider.friction.kernel, AbstractRationalKernel):
-        return _searched(slider, jnp.angle, wrapped=True)
-    _, controller, load = slider.polynomials()
-    return _solved(poly.cross(controller, load)[1], controller, load)
-
-
-def _unit_crossings(slider: LinearSlider) -> Crossing:
-    """Frequencies w > 0 at which |L(i w)| = 1."""
-    if not isinstance(slider.friction.kernel, AbstractRationalKernel):
-        return _searched(slider, lambda L: jnp.log(jnp.abs(L)), wrapped=False)
-    _, controller, load = slider.polynomials()
-    above, below = (poly.cross(c, c)[0] for c in (controller, load))
-    return _solved(poly.total(above, -below), controller, load)
 
 
 def _searched(
