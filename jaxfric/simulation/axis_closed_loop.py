@@ -100,14 +100,11 @@ def closed_loop(
         t, target, added = row
         force = controller.force(target, y[0], before_last) + added
 
-        def piece(k: int, y: _Moving) -> _Moving:
-            t0 = t + k * h
-            state = solver.init(term, t0, t0 + h, y, force)
-            return solver.step(term, t0, t0 + h, y, force, state, made_jump=True)[0]
-
         after = y
         for k in range(substeps):
-            after = piece(k, after)
+            t0 = t + k * h
+            state = solver.init(term, t0, t0 + h, after, force)
+            after = solver.step(term, t0, t0 + h, after, force, state, made_jump=True)[0]
         return (after, y[0], last), (y[0], y[1], force)
 
     speed = (first[2] - first[0]) / (2 * controller.interval)

@@ -27,10 +27,10 @@ def refuse_impossible(
     if jnp.ndim(ts) != 1 or jnp.size(ts) == 0:
         raise InputError(f"{where}: ts has shape {jnp.shape(ts)}; give one row of times, not empty")
     refuse_outside(rig, where)
-    for name, value in (("velocity", start.velocity), ("elongation", start.elongation)):
-        _refuse_infinite(f"{where}: start.{name}", value)
-    _refuse_infinite(f"{where}: start.state", start.state)
-    _refuse_infinite(f"{where}: ts", ts)
+    given = {f"start.{name}": value for name, value in vars(start).items()} | {"ts": ts}
+    for name, value in given.items():
+        if value is not None and is_known(value) and not np.all(np.isfinite(np.asarray(value))):
+            raise InputError(f"{where}: {name} holds a value that is not finite")
     if not is_known(ts):
         return
     times = np.asarray(ts)
@@ -59,11 +59,6 @@ def refuse_no_steady_state(initial: dict[str, Array], V: Array) -> None:
             " begin with a velocity that is not 0, and give the velocity, elongation and state of"
             " another start with `start=Start(...)`"
         )
-
-
-def _refuse_infinite(what: str, value: Array | None) -> None:
-    if value is not None and is_known(value) and not np.all(np.isfinite(np.asarray(value))):
-        raise InputError(f"{what} holds a value that is not finite")
 
 
 def is_possible(

@@ -27,7 +27,7 @@ from jaxtyping import Array, Float
 
 from ..errors import InputError
 from ..motion import AbstractMotion, PiecewiseVelocity
-from ..rig import Inertial, QuasiStatic, Rig
+from ..rig import FirstOrderDrive, Inertial, QuasiStatic, Rig
 from ..rig.friction import AbstractInvertibleLaw, AbstractLaw, Conditions
 from .start import Start, law_with_states
 from .steps import RealScalar, traced_once
@@ -140,29 +140,19 @@ class SliderEquation(eqx.Module):
         if isinstance(machine, Inertial):
             force = self.reference + scale * y["phi"]
             return Slider(force, law.velocity(force, state, at), slip, state), None
-        still = self._balance(t, y, law, slip, state)
+        # without mass the velocity is the one at which friction balances the pull
+        stress = self._stress(t)
+        pull = self._pull(t, y, jnp.zeros_like(t)) / stress
+        damping = None if machine.damping is None else machine.damping / stress
+        velocity = law.velocity(pull, state, at, damping=damping)
+        force = pull if damping is None else pull - damping * velocity
+        still = Slider(force, velocity, slip, state)
         if not self.is_late():
             return self._with_small_mass(t, still), None
         behind, time, share = self._following(t, still, y["w"])
         lacks = share * ((2 - share) * behind[0] - (1 - share) * behind[1])
         V = still.velocity * jnp.exp(-lacks)
         return Slider(law.force(V, state, at), V, slip, state), behind / time
-
-    def _balance(
-        self,
-        t: Scalar,
-        y: Unknowns,
-        law: AbstractInvertibleLaw,
-        slip: Scalar,
-        state: Float[Array, " n"],
-    ) -> Slider:
-        """The slider without mass: its velocity is the one at which friction balances the pull."""
-        machine, stress = self.rig.machine, self._stress(t)
-        pull = self._pull(t, y, jnp.zeros_like(t)) / stress
-        damping = None if machine.damping is None else machine.damping / stress
-        velocity = law.velocity(pull, state, self._at(slip, t), damping=damping)
-        force = pull if damping is None else pull - damping * velocity
-        return Slider(force, velocity, slip, state)
 
     def is_late(self) -> bool:
         """Whether the velocity lags behind that of the force balance, as with a small mass."""
@@ -238,22 +228,14 @@ class SliderEquation(eqx.Module):
         drift = stress * self._force_rate(t, still, rest, state_rate)
         if self.rig.normal_stress is not None:
             drift = drift + still.force * jax.jvp(self._stress, (t,), (jnp.ones_like(t),))[1]
-        load = self.rig.drive.lag_rate(self.motion, t) + self._not_yet(t, mass / whole)
+        load = self.rig.drive.lag_rate(self.motion, t)
+        if isinstance(self.motion, PiecewiseVelocity):
+            load = load + FirstOrderDrive(mass / whole).lag_rate(self.motion, t)
         pull_rate = machine.stiffness * (self.motion.velocity(t) - load - V)
         change = -mass * (pull_rate - drift) / (whole**2 * V)
         change = change / jnp.sqrt(1 + change**2)
         force = still.force + slope * V * change
         return Slider(force, V * jnp.exp(change), still.slip, still.state)
-
-    def _not_yet(self, t: Scalar, time: Scalar) -> Scalar:
-        """Velocity of the command that a lag of `time` has not yet followed."""
-        motion = self.motion
-        if not isinstance(motion, PiecewiseVelocity):
-            return jnp.zeros_like(t)
-        begun = (t >= motion.times[1:]) & (time > 0)
-        since = jnp.where(begun, t - jnp.where(begun, motion.times[1:], 0.0), 0.0)
-        left = jnp.exp(-since / jnp.where(time > 0, time, 1.0))
-        return jnp.sum(jnp.where(begun, jnp.diff(motion.velocities) * left, 0.0))
 
     def _at(self, slip: Scalar, t: Scalar) -> Conditions:
         moves = self.rig.normal_stress is not None
