@@ -79,15 +79,9 @@ def only_if(possible: Bool[Array, ""], found: Trajectory) -> Trajectory:
     return dataclasses.replace(found, result=result, **values)
 
 
-_WORDS = {
-    "successful": "successful",
-    "ran_away": "ran away",
-    "came_to_rest": "came to rest",
-    "too_few_intervals": "too few intervals",
-    "unresolved": "unresolved",
-    "impossible": "impossible",
-    "max_steps_reached": "exhausted max_steps",
-}
+_OWN = ("successful", "ran_away", "came_to_rest", "too_few_intervals", "unresolved", "impossible")
+_WORDS = {name: name.replace("_", " ") for name in _OWN}
+_WORDS |= {"max_steps_reached": "exhausted max_steps"}
 
 
 def result_words(result: RESULTS) -> str | np.ndarray:
