@@ -11,7 +11,7 @@ from itertools import pairwise
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
-from ..stability.kernel import AbstractRationalKernel
+from ..stability.kernel import StateSpaceKernel
 from ..stability.linear import LinearSlider
 from ..stability.margins import Analysis, damping_ratios, margin, squared_distances
 
@@ -30,7 +30,7 @@ def branches(
     than decay, damping and modulus, or where the kernel is not rational. `rate` [1/s] is the size
     beside which decay rates count.
     """
-    if isinstance(slider.friction.kernel, AbstractRationalKernel):
+    if isinstance(slider.friction.kernel, StateSpaceKernel):
         analysis = Analysis(slider)
         if name == "decay":
             characteristic = slider.polynomials()[0]

@@ -11,7 +11,7 @@ from jaxtyping import Array, ArrayLike, PyTree
 
 from ..errors import InputError
 from ..laws.registry import Law
-from ..stability.kernel import AbstractRationalKernel
+from ..stability.kernel import StateSpaceKernel
 from ..stability.linear import LinearFriction, Setting, linear_friction, refuse_without_steady_state
 
 _TILE = 2048
@@ -50,7 +50,7 @@ class Scenarios:
     @property
     def tile(self) -> int:
         """Number of scenarios to evaluate at once, one shape to compile (`in_tiles`)."""
-        return _TILE if isinstance(self.friction.kernel, AbstractRationalKernel) else SMALL_TILE
+        return _TILE if isinstance(self.friction.kernel, StateSpaceKernel) else SMALL_TILE
 
     @staticmethod
     def product(

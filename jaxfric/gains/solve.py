@@ -23,7 +23,7 @@ import numpy as np
 from ..coordinate import Coordinate
 from ..described import said
 from ..errors import InputError
-from ..stability.kernel import AbstractRationalKernel
+from ..stability.kernel import StateSpaceKernel
 from .frontier import GainTask, Region, alone, minima, sizes_of, zoom
 from .kkt import POSITIVE, WEAK, kkt_of
 from .margins import several_margins
@@ -252,7 +252,7 @@ def _dense(task: GainTask, carried: GainTask, optima: list[Optimum]) -> tuple[in
     """Number of gains of smaller norm that were tried, and those of them that are feasible."""
     best, region, scenarios = optima[0], task.region, task.scenarios
     size = best.norm * region.scale
-    rational = isinstance(scenarios.friction.kernel, AbstractRationalKernel)
+    rational = isinstance(scenarios.friction.kernel, StateSpaceKernel)
     even, log = (257, 65) if rational else (33, 9)  # others take a thousand times as long
     u = np.concatenate([np.linspace(0, 1, even)[1:], np.geomspace(1e-6, 1, log)]) * size[0]
     v = np.concatenate([np.linspace(0, 1, even), np.geomspace(1e-6, 1, log)]) * size[1]

@@ -34,16 +34,8 @@ class AbstractKernel(eqx.Module):
         """Lowest and highest angular frequency between which G changes [rad/s]."""
 
 
-class AbstractRationalKernel(AbstractKernel):
-    """A kernel with G = N/D."""
-
-    @abc.abstractmethod
-    def fraction(self) -> tuple[Float[Array, " n"], Float[Array, " n+1"]]:
-        """Ascending coefficients of N (degree n - 1) and of the monic D (degree n)."""
-
-
-class StateSpaceKernel(AbstractRationalKernel):
-    """g(t) = c exp(a t) b and G(s) = c (s - a)^-1 b: what any law with states gives.
+class StateSpaceKernel(AbstractKernel):
+    """g(t) = c exp(a t) b and G(s) = c (s - a)^-1 b = N/D: what any law with states gives.
 
     Parameters
     ----------
@@ -54,7 +46,8 @@ class StateSpaceKernel(AbstractRationalKernel):
     b: Float[Array, " n"] = eqx.field(converter=jnp.asarray)
     c: Float[Array, " n"] = eqx.field(converter=jnp.asarray)
 
-    def fraction(self):
+    def fraction(self) -> tuple[Float[Array, " n"], Float[Array, " n+1"]]:
+        """Ascending coefficients of N (degree n - 1) and of the monic D (degree n)."""
         # Faddeev and LeVerrier: the adjoint of (s - a) and its determinant, power by power
         n = self.b.shape[0]
         numerator, denominator = [], [jnp.ones_like(jnp.sum(self.b) + 1.0)]

@@ -34,7 +34,7 @@ from ..rig.friction.delay import AbstractDelayLaw
 from ..rig.friction.law import AbstractLaw, Conditions
 from ..units import parse_quantity
 from . import polynomial as poly
-from .kernel import AbstractKernel, AbstractRationalKernel, DelayKernel, StateSpaceKernel
+from .kernel import AbstractKernel, DelayKernel, StateSpaceKernel
 
 _PADE = 4
 """Order of the approximant of exp(-T s)."""
@@ -104,7 +104,7 @@ class LinearSlider(eqx.Module):
         both times s, and the degree is one more.
         """
         kernel = self.friction.kernel
-        if not isinstance(kernel, AbstractRationalKernel):
+        if not isinstance(kernel, StateSpaceKernel):
             raise TypeError(f"a {type(kernel).__name__} has no polynomials; it is not rational")
         N, D = kernel.fraction()
         f_v = jnp.asarray(self.friction.slope)

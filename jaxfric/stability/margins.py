@@ -39,7 +39,7 @@ from . import polynomial as poly
 from .delay import unstable_roots
 from .delay_roots import rightmost_roots
 from .frequency import axis, crossings, encirclements, smallest
-from .kernel import AbstractKernel, AbstractRationalKernel, DelayKernel
+from .kernel import AbstractKernel, DelayKernel, StateSpaceKernel
 from .linear import LinearSlider
 from .margin_table import MARGINS, known_margin, meaningless, refuse_meaningless
 from .theorem import apply_theorem
@@ -77,7 +77,7 @@ def margins(slider: LinearSlider) -> dict[str, Float[Array, ""]]:
 
 def available(slider: LinearSlider) -> tuple[str, ...]:
     """Names of the margins that have a meaning for the slider's kernel and controller."""
-    has_poles = isinstance(slider.friction.kernel, AbstractRationalKernel | DelayKernel)
+    has_poles = isinstance(slider.friction.kernel, StateSpaceKernel | DelayKernel)
     late, integral = slider.delay is not None, slider.integral is not None
     return tuple(
         name
@@ -102,7 +102,7 @@ def poles(slider: LinearSlider) -> Complex[Array, " n"]:
     InputError : the kernel is a function of time, or a delay without mass.
     """
     kernel = _kernel(slider)
-    if isinstance(kernel, AbstractRationalKernel):
+    if isinstance(kernel, StateSpaceKernel):
         return poly.simple_roots(slider.polynomials()[0])
     if isinstance(kernel, DelayKernel):
         return rightmost_roots(*_delay_slider(slider, kernel))
@@ -115,7 +115,7 @@ def poles(slider: LinearSlider) -> Complex[Array, " n"]:
 def is_stable(slider: LinearSlider) -> Bool[Array, ""]:
     """Whether steady sliding is asymptotically stable."""
     kernel = _kernel(slider)
-    if isinstance(kernel, AbstractRationalKernel):
+    if isinstance(kernel, StateSpaceKernel):
         return poly.is_hurwitz(slider.polynomials()[0])
     if isinstance(kernel, DelayKernel):
         return unstable_roots(*_delay_slider(slider, kernel)) == 0
@@ -131,7 +131,7 @@ def _kernel(slider: LinearSlider) -> AbstractKernel:
         )
     if slider.delay is not None and isinstance(kernel, DelayKernel):
         raise InputError("a late controller under a delay law is not analysed; take another law")
-    if slider.integral is not None and not isinstance(kernel, AbstractRationalKernel):
+    if slider.integral is not None and not isinstance(kernel, StateSpaceKernel):
         raise InputError(
             "integral action is analysed under laws with states or without memory only: not under"
             " a delay law, nor with a kernel that is a function of time"
@@ -163,7 +163,7 @@ class Analysis:
     @functools.cached_property
     def real(self) -> Crossing:
         """Frequencies w > 0 at which L(i w) is real."""
-        if not isinstance(self.slider.friction.kernel, AbstractRationalKernel):
+        if not isinstance(self.slider.friction.kernel, StateSpaceKernel):
             return _searched(self.slider, jnp.angle, wrapped=True)
         _, controller, load = self.slider.polynomials()
         return _solved(poly.cross(controller, load)[1], controller, load)
@@ -171,7 +171,7 @@ class Analysis:
     @functools.cached_property
     def unit(self) -> Crossing:
         """Frequencies w > 0 at which |L(i w)| = 1."""
-        if not isinstance(self.slider.friction.kernel, AbstractRationalKernel):
+        if not isinstance(self.slider.friction.kernel, StateSpaceKernel):
             return _searched(self.slider, lambda L: jnp.log(jnp.abs(L)), wrapped=False)
         _, controller, load = self.slider.polynomials()
         above, below = (poly.cross(c, c)[0] for c in (controller, load))
@@ -223,7 +223,7 @@ def squared_distances(of: Analysis) -> Float[Array, " n"]:
     Q' M = Q M', a polynomial in y = w^2. Any y gives a bound, so roots need no sorting out.
     inf where there is none.
     """
-    if not isinstance(of.slider.friction.kernel, AbstractRationalKernel):
+    if not isinstance(of.slider.friction.kernel, StateSpaceKernel):
         square = smallest(of.slider, lambda w: 1 + of.slider.loop(1j * w))
     else:
         whole, controller, load = of.slider.polynomials()

@@ -19,7 +19,7 @@ from jaxtyping import Array, Bool, Float
 from ..rig.friction import AbstractRateState, RateState
 from . import polynomial as poly
 from .frequency import crossings
-from .kernel import AbstractKernel, AbstractRationalKernel, DelayKernel, kernel_total
+from .kernel import AbstractKernel, DelayKernel, StateSpaceKernel, kernel_total
 from .linear import LinearSlider, linear_friction
 
 # The generic search looks this much beyond the frequencies that the kernel names.
@@ -75,7 +75,7 @@ def theorem(
     """
     damping, mass = jnp.asarray(damping), jnp.asarray(mass)
     largest = total = kernel_total(kernel)
-    if isinstance(kernel, AbstractRationalKernel):
+    if isinstance(kernel, StateSpaceKernel):
         w, k, integrable = _rational(kernel, damping, mass)
         complete = jnp.ones((), bool)
     elif isinstance(kernel, DelayKernel):
@@ -86,7 +86,7 @@ def theorem(
         w, k, complete = critical_points(kernel, damping, mass, number=number, points=points)
         integrable = jnp.ones((), bool)
     damped = damping > 0
-    if isinstance(kernel, AbstractRationalKernel):
+    if isinstance(kernel, StateSpaceKernel):
         applies = damped & integrable
     else:
         applies = damped & (integrable | (damping >= largest))
@@ -119,7 +119,7 @@ def critical_stiffness(law: AbstractRateState) -> Float[Array, ""]:
     return theorem(friction.kernel, friction.slope, jnp.zeros_like(law.V0)).critical_stiffness
 
 
-def _rational(kernel: AbstractRationalKernel, damping: Float[Array, ""], mass: Float[Array, ""]):
+def _rational(kernel: StateSpaceKernel, damping: Float[Array, ""], mass: Float[Array, ""]):
     """Solutions of (19) as real roots in y = w^2 of Re(N conj D) - damping |D|^2, and stability."""
     N, D = kernel.fraction()
     real, imaginary = poly.cross(N, D)
