@@ -269,6 +269,24 @@ def test_roots_in_single_precision(n):
     assert np.all(np.abs(terms.sum(axis=0)) < 2e-6 * np.abs(terms).sum(axis=0))
 
 
+def test_roots_where_several_coefficients_are_0():
+    """Leading ones leave roots at infinity, the first ones at 0: the others by NumPy, whose
+    polynomial has neither."""
+    rng = np.random.default_rng(5)
+    c = rng.uniform(0.2, 3.0, (300, 6)) * rng.choice([-1, 0, 1], (300, 6), p=[0.3, 0.4, 0.3])
+    c = np.concatenate([[[2.56e-2, 4.63e-5, 0, 0, 0, 0]], c[np.any(c != 0, axis=1)]])
+    every = np.asarray(jax.jit(jax.vmap(poly.roots))(jnp.asarray(c)))
+    for row, found in zip(c, every, strict=True):
+        low, high = np.flatnonzero(row)[[0, -1]]
+        found = found[np.argsort(np.abs(found))]
+        assert np.all(np.abs(found[:low]) < 1e-20) and np.all(np.abs(found[high:]) > 1e100)
+        left = list(found[low:high])
+        for known in np.roots(row[low : high + 1][::-1]):
+            nearest = min(left, key=lambda s: abs(s - known))
+            assert abs(nearest - known) < 1e-6 * abs(known)
+            left.remove(nearest)
+
+
 def test_routh_against_roots():
     rng = np.random.default_rng(5)
     for n in (1, 2, 3, 5, 6):

@@ -247,12 +247,17 @@ def _divide(a: Array, b: Array, c: Array, d: Array) -> tuple[Array, Array]:
 def _start(c: Float[Array, " n+1"]):
     """Coefficients in a unit of s, the unit, and starting points, real and imaginary parts.
 
-    The unit is the middle radius, so that powers stay within the range of numbers.
+    The unit is the middle radius of the roots that are neither 0 nor at infinity, so that powers
+    stay within the range of numbers.
     """
     n = c.shape[0] - 1
     height = _heights(c)
     slopes = _newton_polygon(height)
-    middle = slopes[n // 2]
+    at = jnp.arange(n + 1)
+    lowest, highest = jnp.min(jnp.where(c == 0, n, at)), jnp.max(jnp.where(c == 0, 0, at))
+    middle = jnp.zeros_like(slopes[0])  # of one power alone
+    for k, slope in enumerate(slopes):
+        middle = jnp.where((lowest < highest) & ((lowest + highest) // 2 == k), slope, middle)
     most = _SPREAD / n * float(np.log(10.0))
     radii = [jnp.exp(jnp.clip(middle - slope, -most, most)) for slope in slopes]
     angle = 2 * np.pi * np.arange(n) / n + 0.7
