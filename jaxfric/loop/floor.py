@@ -11,7 +11,7 @@ from ..fitting.noise import Found, Noise, sandwich
 from ..fitting.padding import WIDE, padded_columns
 from .engine import Engine
 from .refit import Candidate
-from .screen import orthonormal
+from .screen import SEEN, orthonormal
 from .thresholds import ASKED, HELD_OUT, SIGNIFICANT, TRAIN_FLOOR
 
 
@@ -69,8 +69,10 @@ def _level(
     corrected for the noise that these columns take away."""
     mask = np.zeros(len(residual))
     mask[: len(rows)] = rows
-    columns = columns * mask[:, None]
-    smooth = orthonormal(columns[:, np.linalg.norm(columns, axis=0) > 0])
+    here = columns * mask[:, None]
+    # a shift of a step elsewhere is rounding here, and no direction
+    seen = np.linalg.norm(here, axis=0) > SEEN * np.linalg.norm(columns, axis=0)
+    smooth = orthonormal(here[:, seen])
     left = residual * mask
     left = left - smooth @ (smooth.T @ left)
     alone = noise._replace(sigma=np.ones(()))

@@ -22,6 +22,8 @@ from .refit import Candidate
 
 _KEPT = 8
 """Shapes of an effect whose likelihood is computed, under each of two noises."""
+SEEN = 1e-6
+"""Share of a column's length below which what is left of it is rounding."""
 
 
 class Screened(NamedTuple):
@@ -250,8 +252,7 @@ def _cosine(a: np.ndarray, b: np.ndarray) -> float:
 def _beyond(columns: np.ndarray, basis: np.ndarray) -> np.ndarray:
     """An orthonormal basis of the columns beyond those of `basis`."""
     rest = columns - basis @ (basis.T @ columns)
-    # what the fit absorbs to a millionth is not seen at all
-    seen = np.linalg.norm(rest, axis=0) > 1e-6 * np.linalg.norm(columns, axis=0)
+    seen = np.linalg.norm(rest, axis=0) > SEEN * np.linalg.norm(columns, axis=0)
     return orthonormal(rest[:, seen])
 
 
