@@ -45,8 +45,9 @@ def refit(
 ) -> Candidate:
     """The joint fit of base and effects from the start `z`, all their parameters free.
 
-    To 0.1 of BIC or so, which decides between candidates; `exact`: to what a parameter's error is
-    worth. Most candidates are wrong, and wander along valleys.
+    To a ten-thousandth of the squares, 0.1 of BIC where a thousand rows count and more in longer
+    records; `exact`: to what a parameter's error is worth. Most candidates are wrong, and wander
+    along valleys.
     """
     index, z, near = engine.free(effects), engine.problem.begun(z), ()
     rows, train = engine.evaluate(z, index), engine.weight[:, None]
