@@ -219,29 +219,32 @@ def refit_safely(
 def _on_the_way(
     engine: Engine, effects: tuple[str, ...], one: Screened, current: Candidate
 ) -> np.ndarray:
-    """The largest of `SHARES` of the way to the first-order start at which the train rows are
-    fitted no worse than without the effect; the smallest where none is.
+    """The first-order start, or `current` with the largest share of the effect, of `SHARES`, at
+    which the train rows are fitted no worse than without it; the smallest where none is.
 
     Where two sensitivities are nearly one (a second state whose length is that of the first), their
     amplitudes to first order are opposite and a hundred times what they can be, and a descent from
     there ends anywhere.
     """
-    index, origin = engine.free(effects), np.array(one.z)
-    moved = np.setdiff1d(index, engine.model.columns((one.id,)))
-    amplitudes = engine.model.amplitudes(one.id)
-    origin[moved], origin[amplitudes] = current.z[moved], 0.0
+
+    def start(share: float) -> np.ndarray:
+        if share == 1:
+            return one.z
+        z, own = np.array(current.z), engine.model.columns((one.id,))
+        z[own] = one.z[own]
+        z[engine.model.amplitudes(one.id)] *= share
+        return z
 
     def squares(residual: np.ndarray) -> float:
         column = (residual * engine.weight)[:, None]
         return float(np.sum(np.square(engine.whiten(column, current.noise))))
 
-    least = squares(filled(current.residual, len(engine.weight)))
-    for share in SHARES:
-        z = origin + share * (one.z - origin)
-        rows = engine.evaluate(z, index)
+    least, index = squares(filled(current.residual, len(engine.weight))), engine.free(effects)
+    for share in SHARES[:-1]:
+        rows = engine.evaluate(start(share), index)
         if not rows.failed and squares(rows.residual) <= least:
-            break
-    return z
+            return start(share)
+    return start(SHARES[-1])
 
 
 def _without_needless(now: Search) -> Search:

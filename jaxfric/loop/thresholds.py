@@ -39,7 +39,7 @@ MANY = 5.0
 REFITS = 4
 """Most promising effects that are fitted jointly in a round."""
 SHARES = (1.0, 0.3, 0.1, 0.03, 0.01, 1e-3)
-"""Shares of the way to a first-order start that are tried, until the record is fitted no worse."""
+"""Shares of an effect to first order that are tried, until the record is fitted no worse."""
 
 HELD_OUT_FROM = 3
 """Velocity steps from which on laws are compared on some that are held out: of fewer, `split` cuts
