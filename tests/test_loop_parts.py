@@ -22,7 +22,6 @@ from jaxfric.fitting.noise import (
 from jaxfric.loop import search as search_module
 from jaxfric.loop.case import Choice, Column
 from jaxfric.loop.engine import Engine
-from jaxfric.loop.evaluate import Rows
 from jaxfric.loop.evidence import evidence
 from jaxfric.loop.floor import largest_rms
 from jaxfric.loop.gates import FITTED, Part, Trial, loose, refusal_of
@@ -432,16 +431,6 @@ class Fitted:
     def law(self, id, z):
         del id, z
 
-    def free(self, effects):
-        return self.model.columns(effects)
-
-    def evaluate(self, z, index):
-        return Rows(np.zeros(100), np.zeros((100, len(index))), np.ones(0), np.ones(0))
-
-    def whiten(self, columns, noise):
-        del noise
-        return columns
-
     def rms_error(self, used, noise):
         del noise
         return 1 / np.sqrt(2 * used.sum())
@@ -582,47 +571,41 @@ def test_what_a_record_does_not_fix(parts, names):
     assert loose([Part(*part) for part in parts], 0.6, SIZE) == names
 
 
-FAILS = np.nan
+FAILS = (np.inf, np.nan)
 
 
 @pytest.mark.parametrize(
-    ("left", "share"),
-    [  # rms of the train rows, which the model without the effect leaves as 1, at every share
-        ([0.9], 1.0),
-        ([1.0], 1.0),  # the effect does nothing
-        ([FAILS, 1.1, 0.9], 0.1),
-        ([1.1, 0.9], 0.3),
-        ([1.1, FAILS, 1.2, 1.1, 1.01], 1e-3),
+    ("fits", "best"),
+    [  # BIC and deviance of the train rows, less those of the model without the effect: of the
+        # first-order start, and of a tenth, a hundredth and a thousandth of the effect
+        ([(-20.0, -40.0)], -20.0),
+        ([(40.0, 1.9)], 40.0),  # the effect does nothing
+        ([(181.0, -27.0)], 181.0),  # fitted well, and it does not predict the select rows
+        ([(-5.0, 2.1), (-30.0, -50.0)], -30.0),
+        ([FAILS, (400.0, 300.0), (-30.0, -50.0)], -30.0),
+        ([(40.0, 30.0), (50.0, 40.0), FAILS, (60.0, 50.0)], 40.0),
+        ([FAILS] * 4, np.inf),
     ],
 )
-def test_a_refit_begins_where_the_record_is_fitted_no_worse(left, share, monkeypatch):
-    """To first order, or with the base as it was, and a share of the effect."""
-    found, asked = [], list(left)
-
-    def evaluate(z, index):
-        rms = asked.pop(0)
-        return SimpleNamespace(failed=not np.isfinite(rms), residual=np.full(10, rms))
+def test_a_fit_less_likely_than_without_its_effect_begins_again_nearer(fits, best, monkeypatch):
+    left, starts = list(fits), []
 
     def refit(engine, effects, z):
-        found.append(z)
-        return SimpleNamespace(failed=False, physical=True)
+        starts.append(float(z[1]))
+        bic, more = left.pop(0)
+        noise = SimpleNamespace(log_likelihood=100.0 - more / 2)
+        failed = not np.isfinite(bic)
+        return SimpleNamespace(effects=effects, bic=bic, failed=failed, noise=noise, physical=True)
 
-    monkeypatch.setattr(search_module, "refit", refit)
     model = SimpleNamespace(columns=lambda ids: [1, 2], amplitudes=lambda id: [1])
-    engine: Any = SimpleNamespace(
-        model=model,
-        weight=np.repeat([1.0, 0.0], [8, 2]),
-        free=lambda effects: np.arange(3),
-        evaluate=evaluate,
-        whiten=lambda columns, noise: columns,
-        law=lambda id, z: None,
-    )
-    residual = np.repeat([1.0, 9.0], [8, 1])  # a held-out row, and one of padding
-    current: Any = SimpleNamespace(z=np.array([1.0, 5.0, 7.0]), residual=residual, noise=None)
-    one = Screened("a", 20.0, np.array([3.0, 8.0, 4.0]))
-    search_module.refit_safely(engine, ("a",), one, current)
-    base = 3.0 if share == 1 else 1.0
-    assert found[0] == pytest.approx([base, 8 * share, 4.0]) and not asked
+    monkeypatch.setattr(search_module, "refit", refit)
+    engine: Any = SimpleNamespace(model=model, weight=np.ones(100), law=lambda id, z: None)
+    without = SimpleNamespace(log_likelihood=100.0)
+    current: Any = SimpleNamespace(bic=0.0, z=np.zeros(3), noise=without)
+    one = Screened("a", 20.0, np.array([0.0, 8.0, 3.0]))
+    found = search_module.refit_safely(engine, ("a",), one, current)
+    assert found.bic == best and not left
+    assert starts == pytest.approx([8.0, 0.8, 0.08, 0.008][: len(fits)])
 
 
 @pytest.mark.parametrize(

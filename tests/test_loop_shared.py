@@ -178,8 +178,8 @@ def test_a_users_effect_is_fitted_on_one_thread(own, monkeypatch):
         (8192, 5, [24]),
         (8192, 24, [24]),
         (8192, 25, [24, 24]),
-        (8193, 13, [8] * 2),
-        (24576, 26, [8] * 4),
+        (8193, 13, [16]),
+        (24576, 26, [16] * 2),
     ],
 )
 def test_a_jacobian_is_taken_in_passes_of_one_width(rows, directions, passes, monkeypatch):

@@ -123,8 +123,7 @@ def searched(monkeypatch, *screened, loose=(), takes=(), **fitted):
         always=(), blocks=BLOCKS, offered=[SimpleNamespace(id=id) for id in ids],
         addable=lambda effects: [e for e in ids if e not in effects],
         weight=np.ones(100), law=lambda *_: None, rms_error=lambda used, noise: 0.0,
-        each=one_by_one, free=lambda effects: [0], whiten=lambda columns, noise: columns,
-        evaluate=lambda z, index: Rows(np.zeros(100), np.zeros((100, 1)), np.ones(0), np.ones(0)),
+        each=one_by_one,
         model=SimpleNamespace(
             effects=[SimpleNamespace(id=id) for id in ids],
             columns=lambda some: [ids.index(id) for id in some],

@@ -192,7 +192,7 @@ PIECES: dict[str, Piece] = {
         (search, "_without_needless", lambda now: now), (search, "_swapped", lambda now, *_: now)
     ),
     "other law as a start": _gate((Engine, "law", _none)),
-    "part of the way as a start": _gate((search, "SHARES", (1.0,))),
+    "parts of an effect as starts": _gate((search, "PARTS", ())),
     "refits: two, not four": _gate((search, "REFITS", 2)),
     "select block in BIC": _noise((refit, "predictive", lambda *_: 0.0)),
     "rivals": _gate((verdict, "_rivals", lambda found: [])),

@@ -17,7 +17,7 @@ from .shared import SharedShifts
 
 P = TypeVar("P", bound=AbstractProblem)
 
-_AT_ONCE, _OF_LONG, _LONG = 24, 8, 8192
+_AT_ONCE, _OF_LONG, _LONG = 24, 16, 8192
 """Directions of one pass, and of a record with more rows than that, where those that only fill it
 up cost as much as others."""
 _HEAVY = 2

@@ -11,7 +11,6 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from ..effects import RecordScales
-from ..fitting.padding import filled
 from .engine import Engine
 from .gates import IN_PLACE, Trial, refusal_of, takes_nothing
 from .learn import learn_noise, seek_parts
@@ -21,8 +20,9 @@ from .screen import Screened, aliases, screen
 from .thresholds import (
     ACCEPT,
     ALIAS,
+    LOST_LIKELIHOOD,
+    PARTS,
     REFITS,
-    SHARES,
     TIE,
 )
 
@@ -202,49 +202,35 @@ def _at_null(engine: Engine, z: np.ndarray, ids: set[str]) -> np.ndarray:
 def refit_safely(
     engine: Engine, effects: tuple[str, ...], one: Screened, current: Candidate
 ) -> Candidate:
-    """Refit from the first-order start or a part of it (`_on_the_way`); where that ends nowhere,
-    from the fit of the law that the effect alone would be (`AbstractEffect.law`), too.
+    """Refit from the first-order start or, while that runs away, from a part of the effect; at last
+    from the fit of the law that the effect alone would be (`AbstractEffect.law`).
 
-    `current` is a fit without the effect.
+    `current` is a fit without the effect. Where two sensitivities are nearly one (a second state
+    whose length is that of the first), their amplitudes to first order are opposite and a hundred
+    times what they can be. A fit whose train rows are less likely than without the effect, which it
+    has at its null, is lost too. One that fits them well and does not predict the select rows is
+    not: nearer it ends in the same place.
     """
-    best = refit(engine, effects, _on_the_way(engine, effects, one, current))
+    own = engine.model.columns((one.id,))
+
+    def found(candidate: Candidate) -> bool:
+        less = float(current.noise.log_likelihood) - float(candidate.noise.log_likelihood)
+        return not candidate.failed and 2 * less < LOST_LIKELIHOOD
+
+    best = refit(engine, effects, one.z)
+    for part in PARTS:
+        if found(best):
+            break
+        start = np.array(current.z)
+        start[own] = one.z[own]
+        start[engine.model.amplitudes(one.id)] *= part
+        best = min(best, refit(engine, effects, start), key=lambda c: (c.failed, c.bic))
     law = engine.law(one.id, current.z)
-    if law is not None and (best.failed or not best.physical):
+    if law is not None and not (found(best) and best.physical):
         start = refit(engine, current.effects, law).z
         again = refit(engine, effects, start)
         best = min(best, again, key=lambda c: (c.failed, not c.physical, c.bic))
     return best
-
-
-def _on_the_way(
-    engine: Engine, effects: tuple[str, ...], one: Screened, current: Candidate
-) -> np.ndarray:
-    """The first-order start, or `current` with the largest share of the effect, of `SHARES`, at
-    which the train rows are fitted no worse than without it; the smallest where none is.
-
-    Where two sensitivities are nearly one (a second state whose length is that of the first), their
-    amplitudes to first order are opposite and a hundred times what they can be, and a descent from
-    there ends anywhere.
-    """
-
-    def start(share: float) -> np.ndarray:
-        if share == 1:
-            return one.z
-        z, own = np.array(current.z), engine.model.columns((one.id,))
-        z[own] = one.z[own]
-        z[engine.model.amplitudes(one.id)] *= share
-        return z
-
-    def squares(residual: np.ndarray) -> float:
-        column = (residual * engine.weight)[:, None]
-        return float(np.sum(np.square(engine.whiten(column, current.noise))))
-
-    least, index = squares(filled(current.residual, len(engine.weight))), engine.free(effects)
-    for share in SHARES[:-1]:
-        rows = engine.evaluate(start(share), index)
-        if not rows.failed and squares(rows.residual) <= least:
-            return start(share)
-    return start(SHARES[-1])
 
 
 def _without_needless(now: Search) -> Search:

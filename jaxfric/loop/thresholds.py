@@ -38,8 +38,10 @@ MANY = 5.0
 
 REFITS = 4
 """Most promising effects that are fitted jointly in a round."""
-SHARES = (1.0, 0.3, 0.1, 0.03, 0.01, 1e-3)
-"""Shares of an effect to first order that are tried, until the record is fitted no worse."""
+LOST_LIKELIHOOD = 2.0
+"""-2 ln L by which a fit may be less likely than without its effect, which it has at its null."""
+PARTS = (0.1, 0.01, 1e-3)
+"""Shares of the first-order amplitude from which a fit that ran away begins again."""
 
 HELD_OUT_FROM = 3
 """Velocity steps from which on laws are compared on some that are held out: of fewer, `split` cuts
