@@ -11,8 +11,8 @@ from ..fitting.noise import Found, Noise, sandwich
 from ..fitting.padding import WIDE, padded_columns
 from .engine import Engine
 from .refit import Candidate
-from .screen import SEEN, orthonormal
-from .thresholds import ASKED, HELD_OUT, SIGNIFICANT, TRAIN_FLOOR
+from .screen import orthonormal
+from .thresholds import ASKED, HELD_OUT, SEEN, SIGNIFICANT, TRAIN_FLOOR
 
 
 class Floor(NamedTuple):

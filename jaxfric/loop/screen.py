@@ -19,11 +19,10 @@ from .engine import Engine
 from .evaluate import Rows
 from .evidence import evidence
 from .refit import Candidate
+from .thresholds import SEEN
 
 _KEPT = 8
 """Shapes of an effect whose likelihood is computed, under each of two noises."""
-SEEN = 1e-6
-"""Share of a column's length below which what is left of it is rounding."""
 
 
 class Screened(NamedTuple):

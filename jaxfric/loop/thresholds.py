@@ -43,6 +43,8 @@ LOST_LIKELIHOOD = 2.0
 PARTS = (0.1, 0.01, 1e-3)
 """Shares of the first-order amplitude from which a fit that ran away begins again."""
 
+SEEN = 1e-6
+"""Share of a column's length below which what is left of it is rounding."""
 HELD_OUT_FROM = 3
 """Velocity steps from which on laws are compared on some that are held out: of fewer, `split` cuts
 into steps, and a law that is not fitted to a whole step is not asked to predict one."""

@@ -3,7 +3,6 @@
 import csv
 import io
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,9 +12,6 @@ from ..fitting.misfit import COLUMN, excess
 from ..fitting.result import difference as difference
 from .fits import RunFit, StepFit
 from .warned import MISSED, missed_warning
-
-if TYPE_CHECKING:
-    pass
 
 _SCALES = {"L": 1e6, "K": 1e-6, "slip_trend": 1e-3}
 """From SI to micrometres, but a slip trend to millimetres."""

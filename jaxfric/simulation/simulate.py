@@ -128,6 +128,7 @@ def simulate(
             initial,
             saveat=diffrax.SaveAt(t0=at_steps, steps=at_steps, dense=not at_steps),
             stepsize_controller=controller,
+            # no lambda, which would be compiled anew at every call
             event=diffrax.Event(eqx.Partial(_ran_away, equation, away)),
             adjoint=diffrax.ForwardMode() if adjoint is None else adjoint,
             max_steps=max_steps,
