@@ -385,7 +385,7 @@ def candidates(loop: Loop, *, most: int) -> TextTable:
     note = (
         "ΔBIC above 0: better than the base, a gain above 10 is needed to be taken; of models as"
         " good the first is kept. It counts the train rows, which are fitted, and how well the"
-        " select rows are predicted; a select error that is worse refuses a model besides"
+        " select rows are predicted"
     )
     if more > 0:
         note += f"; {more} more in loop.json"
