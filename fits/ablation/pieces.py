@@ -19,6 +19,7 @@ from jaxfric.fitting.noise import search as noise_search
 from jaxfric.loop import (
     close,
     engine,
+    estimates,
     evaluate,
     floor,
     gates,
@@ -200,6 +201,9 @@ PIECES: dict[str, Piece] = {
     "headline moves": _gate((close, "_moved", lambda before, after: ())),
     "curve families": _gate((close, "curve_family", _none)),
     "errors between models": _gate((close, "near_fits", lambda found: [])),
+    "errors between steps": _gate(
+        (estimates, "between_steps", lambda _, jacobian, *__: np.zeros(jacobian.shape[1]))
+    ),
     "error of the train block": _no_block_error(("train",)),
     "errors held out": _no_block_error(("select", "report")),
     "error floors (1.04, 1.06)": _gate((floor, "TRAIN_FLOOR", 1.0), (floor, "HELD_OUT", 1.0)),

@@ -36,15 +36,15 @@ def close(subject: Subject[P], *, most: int, begun: float, progress: Callable[[s
     progress("where the structure sits")
     floor = noise_floor(engine, found.final)
 
-    def scored(candidate: Candidate, rivals: Sequence[Candidate]):
+    def scored(candidate: Candidate, rivals: Sequence[Candidate] | None):
         left = locate(engine, candidate, floor.found, subject.bumps(engine, candidate))
         tests = structure(left.chances)
         return left.location, tests, _score(subject, engine, candidate, tests, rivals)
 
-    models: list[tuple[Candidate, Sequence[Candidate]]] = [(found.final, near_fits(found))]
+    models: list[tuple[Candidate, Sequence[Candidate] | None]] = [(found.final, near_fits(found))]
     if found.final is not found.base:
         progress("what is left")
-        models.insert(0, (found.base, ()))
+        models.insert(0, (found.base, None))
     done = engine.each(lambda model: scored(*model), models)
     location, _, before = done[0]
     _, tests, after = done[-1]
@@ -115,7 +115,7 @@ def _score(
     engine: Engine[P],
     candidate: Candidate,
     tests: dict[str, float],
-    rivals: Sequence[Candidate],
+    rivals: Sequence[Candidate] | None,
 ) -> Score:
     """Errors of a model, in all and for each velocity or stroke."""
     parameters, free, covariance = estimates(engine, candidate, subject.friction_unit, rivals)
