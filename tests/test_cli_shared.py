@@ -93,8 +93,9 @@ def test_codes_of_a_study_are_counted_and_quiet_reaches_the_verb() -> None:
 
 @pytest.mark.parametrize("silent", [True, False])
 def test_quiet_says_nothing_of_progress(silent: bool, capsys: pytest.CaptureFixture) -> None:
-    with telling(silent=silent), told(quiet=False) as progress:
-        progress("drawing figures")
+    with telling(silent=silent), told() as progress:
+        progress("reading run.csv")
+        progress.say("drawing figures")
     assert capsys.readouterr().err == ("" if silent else "jaxfric: drawing figures\n")
 
 

@@ -53,7 +53,7 @@ def axis(
     most = checked_most(most)
     declared, excluded = effect_ids(with_, "--with"), effect_ids(without, "--without")
     columns = AxisColumns.of(column, drive_gain, rated_torque, flip, drop_bad)
-    with told(quiet=json) as progress:
+    with told() as progress:
         progress(f"reading {file.name}")
         from ..records import read_axis
 

@@ -73,7 +73,7 @@ def compare(
     from ..report.comparison import tabled
 
     folder = choose_folder(out, file.stem, file)
-    with told(quiet=True) as progress:
+    with told() as progress:
         found = compare_laws(
             measured,
             stiffness=stiffness,

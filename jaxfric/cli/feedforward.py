@@ -76,7 +76,7 @@ def feedforward(
         return 1
     source = found.c(name, made_by=made_by(current_call().command))
     folder = choose_folder(out, source_name(model), model)
-    with told(quiet=json) as progress:
+    with told() as progress:
         content = json_text(found.to_json(asked))
         texts = {"json": content + "\n", "c": source, "csv": found.csv(), "tex": tex(found)}
         with folder.results() as to:

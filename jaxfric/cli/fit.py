@@ -166,7 +166,7 @@ def fit(
 
         wanted.check(Model(laws[0], int(states), fit_stiffness, slip_trend), measured.friction_unit)
     folder = choose_folder(out, file.stem, file, *([] if prior is None else [prior]))
-    with told(quiet=True) as progress:
+    with told() as progress:
         result = fitting(0, measured, progress)
         content = json_text(result.to_json())
         keeps = not result.converged and _has_converged(folder.path / "fit.json")

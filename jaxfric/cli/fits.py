@@ -69,7 +69,7 @@ def fit_files(
 
     source = f"{files[0].stem}-and-{len(files) - 1}-more"
     folder = choose_folder(out, source, *files)
-    with told(quiet=True) as progress:
+    with told() as progress:
         ends: dict[int, Fit | str] = {}
         read: dict[int, Record] = {}
         many = together is not None and len(files) >= _MANY

@@ -145,7 +145,7 @@ def gains(
     from ..report.gains_text import describe
 
     folder = choose_law_folder(out, from_, law)
-    with told(quiet=True) as progress:
+    with told() as progress:
         result = find_gains(
             source,
             velocity=velocities,

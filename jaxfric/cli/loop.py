@@ -74,7 +74,7 @@ def loop(
         )
     most = checked_most(most)
     declared, excluded = effect_ids(with_, "--with"), effect_ids(without, "--without")
-    with told(quiet=json) as progress:
+    with told() as progress:
         progress(f"reading {file.name}")
         record = read_record(file, column, drop_bad, since, until, reduce=reduce)
         inputs = (file,) if events is None else (file, events)

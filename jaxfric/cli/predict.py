@@ -84,7 +84,7 @@ def predict(
     else:
         measured = read_record(record, column, drop_bad, reduce=reduce)
     folder = choose_folder(out, f"{record.stem}-by-{source_name(model)}", record, model)
-    with told(quiet=json) as progress:
+    with told() as progress:
         result = run(
             model,
             measured,

@@ -89,7 +89,7 @@ def protocol(
     slip = wrong.of(lambda: _given(slip_per_step, "m", "--slip-per-step"))
     slip_noise = wrong.of(lambda: optional_quantity(slip_channel, "m", "--slip-channel"))
     asked = wrong.of(lambda: _pair_of(tell))
-    with told(quiet=json) as progress:
+    with told() as progress:
         base = wrong.of(lambda: _base(from_, parameters, law, stiffness))
         known, found_law, unit, more, warned = base or ({}, "", "1", (), ())
         K, sigma = known.pop("K", None), known.pop("noise", None)

@@ -137,7 +137,7 @@ def _show(
     content: Mapping[str, object] | None,
 ) -> int:
     """Draw, and print the lines, or the content as JSON where there is one."""
-    with told(quiet=True) as progress:
+    with told() as progress:
         progress("drawing the figure")
         with folder.results():
             pass  # what is understood is told; only the figure is written

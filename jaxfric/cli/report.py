@@ -39,7 +39,7 @@ def report(
             f"{why}; make one, as with jaxfric fit RECORD --stiffness 1.6e-3/um"
         )
     target = choose_folder(folder if out is None else out, "")
-    with told(quiet=True) as progress:
+    with told() as progress:
         progress(f"a page of {len(results)} results")
         text = page(folder, results, damaged, target.path, current_call().command)
         with target.results() as to:

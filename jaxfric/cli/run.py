@@ -85,7 +85,7 @@ def run(
     from ..runs.stiffness import MachineStiffness
 
     how = HowFitted(None, law, int(states), fit_stiffness, slip_trend, rows)
-    with told(quiet=json) as progress:
+    with told() as progress:
         progress(f"reading {file.name}")
         record = read_record(file, column, drop_bad, since, until, reduce=reduce)
         inputs = (file,) if events is None else (file, events)
@@ -117,7 +117,7 @@ def run(
     warnings = [*_warnings(result, how), *warnings_of(holds), *others.warnings]
     heads = {_head(line) for line in early}
     warn(line for line in warnings if _head(line) not in heads)
-    with told(quiet=json) as progress:
+    with told() as progress:
         progress("drawing figures")
         _draw_events(record, found, folder)
         _draw(result, holds, folder)

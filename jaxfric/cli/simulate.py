@@ -111,7 +111,7 @@ def simulate(
     warn(unseen)
     folder = choose_law_folder(out, from_, law)
     rig, notes = _rig(source.law, one_mass, k_p, k_v, velocities, given.unit("--velocity"))
-    with told(quiet=True) as progress:
+    with told() as progress:
         shown = _length_shown(velocity or steps or "", given.coordinate)
         run, lines = _run(rig, (times, velocities), length, at_rest, jumped, shown, progress)
         progress("drawing figures")

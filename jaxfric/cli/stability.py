@@ -67,7 +67,7 @@ def stability(
     from ..stability.linear import controller_delay
 
     late = controller_delay(sampled, told_late)
-    with told(quiet=True) as progress:
+    with told() as progress:
         progress("linear theory (1 of 2; then figures)")
         found = study(
             source.law,

@@ -50,7 +50,7 @@ def steady(
 
     curve = read_steady(file, **columns._asdict(), window=(since, until))
     folder = choose_folder(out, input_name(file), file)
-    with told(quiet=json) as progress:
+    with told() as progress:
         progress("fitting the curve of friction over velocity")
         result = close_steady_loop(curve, with_=declared, without=excluded)
         prepare_jax()

@@ -98,8 +98,8 @@ def study(
     from ..members import run_study
 
     begun = time.monotonic()
-    with told(quiet=False) as say:
-        teller = _Teller(say)
+    with told() as progress:
+        teller = _Teller(progress.say)
         before = signal.SIG_DFL
         try:
             with contextlib.suppress(ValueError):  # not in the main thread
@@ -295,7 +295,7 @@ def _draw(store: str, out: str | None, *, json: bool) -> int:
     inputs = [] if "://" in store else [Path(store)]
     warn(found.attrs.get("warnings", ()))
     folder = choose_folder(Path(out or f"{name}-figures"), "", *inputs)
-    with told(quiet=True) as progress:
+    with told() as progress:
         progress("drawing figures")
         with folder.results():
             pass

@@ -1,9 +1,8 @@
 """Telling on stderr what is being done, and that it is still being done.
 
-On a terminal one line changes. Elsewhere (a file, a pipe, a notebook) there is no such line: work
-that says nothing for five seconds is then told of by a line with the seconds spent so far and the
-last message, which says what is left where that is known ("trial 3 of at most 80"), and how long
-ago that was.
+On a terminal one line changes. Elsewhere (a file, a pipe, a notebook) there is no such line: a line
+every ten seconds has the seconds spent so far and the last message, which says what is left where
+that is known ("trial 3 of at most 80"), and how long ago that was.
 
 The command begins to tell before its verb imports anything, and the first word comes early: on a
 busy machine to import JAX alone takes many seconds. What is quick says nothing.
@@ -14,20 +13,20 @@ import contextvars
 import sys
 import threading
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 
 FIRST = 0.6
 """The longest silence [s] before the first word, where there is no terminal."""
-BEAT = 5.0
+BEAT = 10.0
 """The longest silence [s] after it."""
 
 
 class Teller:
-    """Lines on stderr: one for every message if `each`, and one wherever there was silence for
-    `first` s at the beginning, for `beat` s later."""
+    """A line on stderr wherever there was silence for `first` s at the beginning, for `beat` s
+    later."""
 
-    def __init__(self, *, each: bool, first: float, beat: float):
-        self.each, self.longest, self.beat = each, first, beat
+    def __init__(self, *, first: float, beat: float):
+        self.longest, self.beat = first, beat
         self.message = "starting"
         self.begun = self.last = self.since = time.monotonic()
         self.lock, self.ended = threading.Lock(), threading.Event()
@@ -43,15 +42,14 @@ class Teller:
             self.thread.start()
 
     def __call__(self, message: str) -> None:
-        """Say what is being done from now on."""
-        with self.lock:
-            self.doing(message)
-            if self.each:
-                self._print(message)
-
-    def doing(self, message: str) -> None:
-        """Note what is being done now, without printing a line."""
+        """Note what is being done from now on."""
         self.message, self.since = message, time.monotonic()
+
+    def say(self, message: str) -> None:
+        """Note it, and print it now: for what is said seldom."""
+        with self.lock:
+            self(message)
+            self._print(message)
 
     def end(self) -> None:
         """Break no more silence; to be called twice is no mistake."""
@@ -80,7 +78,6 @@ class Line:
     def __init__(self):
         from rich.console import Console
 
-        self.each = False
         self.status = Console(stderr=True, highlight=False).status("starting")
         self.begin()
 
@@ -94,8 +91,8 @@ class Line:
 
         self.status.update(escape(message))
 
-    def doing(self, message: str) -> None:
-        """Note what is being done: there is but one line."""
+    def say(self, message: str) -> None:
+        """Say it: there is but one line."""
         self(message)
 
     def end(self) -> None:
@@ -106,13 +103,10 @@ class Line:
 class Silent:
     """Tells nothing, as --quiet asks."""
 
-    def __init__(self):
-        self.each = False
-
     def __call__(self, message: str) -> None:
         """Tell nothing of it."""
 
-    def doing(self, message: str) -> None:
+    def say(self, message: str) -> None:
         """Tell nothing of it."""
 
     def begin(self) -> None:
@@ -128,7 +122,7 @@ _NOW: contextvars.ContextVar[Teller | Line | Silent | None] = contextvars.Contex
 
 
 def _begin() -> Teller | Line:
-    return Line() if sys.stderr.isatty() else Teller(each=False, first=FIRST, beat=BEAT)
+    return Line() if sys.stderr.isatty() else Teller(first=FIRST, beat=BEAT)
 
 
 @contextlib.contextmanager
@@ -145,13 +139,12 @@ def telling(*, silent: bool = False) -> Generator[None]:
 
 
 @contextlib.contextmanager
-def told(*, quiet: bool) -> Generator[Callable[[str], None]]:
-    """Tell on stderr what is being done, see this file. With `quiet` only silences are broken.
+def told() -> Generator[Teller | Line | Silent]:
+    """Tell on stderr what is being done, see this file.
 
     What is printed after the block is not disturbed by a line of a terminal.
     """
     teller = _NOW.get() or _begin()
-    teller.each = not quiet
     teller.begin()
     try:
         yield teller
@@ -160,7 +153,7 @@ def told(*, quiet: bool) -> Generator[Callable[[str], None]]:
 
 
 def doing(message: str) -> None:
-    """Say it where a silence is broken, and on a terminal; no line of its own."""
+    """Note what is being done from now on, outside a `told`."""
     teller = _NOW.get()
     if teller is not None:
-        teller.doing(message)
+        teller(message)
