@@ -54,7 +54,7 @@ def test_a_rival_fits_about_as_well_in_place_of_an_effect(other, rival):
     [
         ({}, True),
         ({"fault": Fault.WEAK}, True),
-        ({"fault": Fault.NOT_FIXED}, False),
+        ({"fault": Fault.NOT_FIXED}, True),
         ({"takes": True}, False),
         ({"physical": False}, False),
         ({"failed": True}, False),

@@ -21,11 +21,12 @@ def rival_fits(search: Search, id: str) -> dict[str, Candidate]:
 
 
 def near_fits(search: Search) -> list[Candidate]:
-    """The best fit of every other set of effects that was tried, where nothing but the evidence
-    speaks against it: which of them is true is not known for certain, and an error says so."""
+    """The best fit of every other set of effects that was tried, where nothing speaks against it
+    but the evidence, or that the record does not fix its effects: which of them is true is not
+    known for certain, and an error says so."""
     found: dict[frozenset[str], Candidate] = {}
     for c in sorted(search.tried, key=lambda c: c.bic):
         why = None if c.refused is None else c.refused.fault
-        if c.physical and not c.failed and why in (None, Fault.WEAK):
+        if c.physical and not c.failed and why in (None, Fault.WEAK, Fault.NOT_FIXED):
             found.setdefault(frozenset(c.effects), c)
     return [c for effects, c in found.items() if effects != frozenset(search.final.effects)]
