@@ -40,6 +40,7 @@ def axis(
     since: options.Since = None,
     until: options.Until = None,
     out: options.Out = None,
+    details: options.Details = False,
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> int:
@@ -77,7 +78,7 @@ def axis(
             progress=progress,
         )
         content = save_loop(result, folder, progress)
-    return tell_loop(result, content if json else "", folder)
+    return tell_loop(result, content if json else "", folder, details=details)
 
 
 def _filtered(record: "AxisRecord", cutoff: str | None) -> "Preparation | None":

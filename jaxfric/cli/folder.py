@@ -47,6 +47,7 @@ _READ_AND_TOLD = (
     "plot",
     "name",
     "out",
+    "details",
     "json",
     "quiet",
     "scheduler",

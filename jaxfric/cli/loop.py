@@ -49,6 +49,7 @@ def loop(
     since: options.Since = None,
     until: options.Until = None,
     out: options.Out = None,
+    details: options.Details = False,
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> int:
@@ -103,4 +104,4 @@ def loop(
             progress=progress,
         )
         content = save_loop(result, folder, progress)
-    return tell_loop(result, content if json else "", folder)
+    return tell_loop(result, content if json else "", folder, details=details)

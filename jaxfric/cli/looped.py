@@ -41,26 +41,27 @@ def save_loop(result: "Loop", folder: Folder, progress: Callable[[str], None]) -
     return content
 
 
-def tell_loop(result: "Loop", content: str, folder: Folder) -> int:
-    """Print the JSON's text where there is one, else the tables; warn; the verb's exit code, 1
-    where the verdict is withheld."""
+def tell_loop(result: "Loop", content: str, folder: Folder, *, details: bool = False) -> int:
+    """Print the JSON's text where there is one, else the answer, with `details` all tables; warn;
+    the verb's exit code, 1 where the verdict is withheld."""
     from ..findings import Severity  # only here: the command begins without NumPy
 
     if content:
         print(content)
     else:
-        _print(result, folder)
+        _print(result, folder, details)
     warn(result.warnings)
     withheld = any(one.severity is Severity.WITHHELD for one in result.findings)
     return folder.close() or int(withheld)
 
 
-def _print(result: "Loop", folder: Folder) -> None:
+def _print(result: "Loop", folder: Folder, details: bool) -> None:
+    from ..report.brief import print_brief
     from ..report.loop_next import next_steps
     from ..report.loop_text import print_loop
 
     console = stdout_console()
-    print_loop(result, console)
+    (print_loop if details else print_brief)(result, console)
     names = folder.files
     pictures = sorted({Path(name).stem for name in names if name.endswith((".png", ".svg"))})
     page = "loop.html (open it in a browser)" if "loop.html" in names else ""

@@ -142,6 +142,13 @@ Json = Annotated[
     bool,
     Parameter(negative=(), help="Print one JSON document on stdout instead of tables and lines."),
 ]
+Details = Annotated[
+    bool,
+    Parameter(
+        negative=(),
+        help="Print all tables: errors by block and velocity, tests, models, what is alike.",
+    ),
+]
 Quiet = Annotated[
     bool,
     Parameter(negative=(), help="Say nothing of progress on stderr; warnings and errors stay."),

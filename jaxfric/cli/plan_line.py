@@ -13,7 +13,7 @@ _OF_STEPS = ("states", "fit_stiffness", "slip_trend", "rows")
 if TYPE_CHECKING:
     from ..protocol.design import Change
 
-_LEFT_OUT = ("file", "velocities", "out", "json", "quiet")
+_LEFT_OUT = ("file", "velocities", "out", "details", "json", "quiet")
 """Options that are said before, and those of the folder and of how it is told."""
 
 

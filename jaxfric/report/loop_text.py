@@ -113,7 +113,7 @@ def answer(loop: Loop) -> list[str]:
     elif loop.verdict == "no_missing_effect":
         found = f"{base} describe all that the rows show"
     elif loop.verdict == "effects" and not loop.families:
-        found = f"{base}, and {listed([_named(loop, id) for id in loop.effects])}"
+        found = f"{base}, and {listed([named(loop, id) for id in loop.effects])}"
     else:
         found = f"{base} do not describe it: {headline(loop)[0].lower()}{headline(loop)[1:]}"
     models = (loop.before, loop.after) if loop.effects else (loop.before,)
@@ -127,10 +127,16 @@ def answer(loop: Loop) -> list[str]:
     ]
 
 
-def _named(loop: Loop, id: str) -> str:
+def named(loop: Loop, id: str) -> str:
     """An effect with its meaning, as part of a sentence."""
-    meaning = loop.words.catalogue[id].meaning if id in loop.words.catalogue else ""
-    return f"{id} ({meaning[0].lower()}{meaning[1:].rstrip('.')})" if meaning else id
+    told = meaning(loop, id)
+    return f"{id} ({told})" if told else id
+
+
+def meaning(loop: Loop, id: str) -> str:
+    """What an effect means, as part of a sentence; empty where it does not say."""
+    told = loop.words.catalogue[id].meaning if id in loop.words.catalogue else ""
+    return f"{told[0].lower()}{told[1:].rstrip('.')}" if told else ""
 
 
 def _reasons(loop: Loop) -> list[str]:
@@ -216,7 +222,7 @@ def _errors(both: list[float], size: float, sigma: float) -> tuple[str, ...]:
 def by_velocity(loop: Loop, *, most: int | None = None) -> TextTable:
     """rms [sigma] of every velocity of the record, or of the `most` with the largest after."""
     steps, rows, worst = loop.base_fit.steps, [], []
-    length = _length(loop)
+    length = length_of(loop)
     for k, (time, velocity) in enumerate(zip(steps.times, steps.velocities, strict=True)):
         here = loop.blocks.step == k
         if k >= len(loop.before.per_step) or not here.any():
@@ -252,7 +258,7 @@ def moved(loop: Loop) -> TextTable:
 
 
 def _moved(loop: Loop, name: str, before: Estimate | None, after: Estimate) -> tuple[str, ...]:
-    unit, size = shown_unit(after, _length(loop))
+    unit, size = shown_unit(after, length_of(loop))
     value, std, interval = _estimate(after, size)
     old = "–" if before is None else _estimate(before, size)[0]
     shift = ""
@@ -282,7 +288,7 @@ def traded(loop: Loop) -> list[str]:
 
 
 def _traded(loop: Loop, name: str, spread: np.ndarray) -> str:
-    after, length = loop.after, _length(loop)
+    after, length = loop.after, length_of(loop)
     one, i = after.parameters[name], after.free.index(name)
     unit, size = shown_unit(one, length)
     own = f"{np.sqrt(spread[i, i]) / size:.2g}"
@@ -432,7 +438,7 @@ def stretches(details: RunDetails) -> list[TextTable]:
 def rests_on(loop: Loop) -> TextTable:
     """What is claimed, and the rows that it rests on, by direction and speed."""
     rows, unit = [], f"{loop.length_unit}/s"
-    shown = f"{_length(loop)}/s"
+    shown = f"{length_of(loop)}/s"
     for one in loop.findings:
         if one.severity not in (Severity.CLAIM, Severity.OPEN):
             continue
@@ -614,7 +620,7 @@ def in_words(loop: Loop, friction: float) -> str:
     return f"{size * friction:.3g}{times}{unit}".rstrip()
 
 
-def _length(loop: Loop) -> str:
+def length_of(loop: Loop) -> str:
     """The record's unit of length by its symbol; um where it has none, as "0.05 um"."""
     told = loop.record.units.get("load_point_displacement", "um")
     if told == "rad":
