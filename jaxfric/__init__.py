@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from . import report as report
     from . import rig as rig
     from . import runs as runs
+    from . import saved as saved
     from . import simulation as simulation
     from . import stability as stability
     from . import study as study
@@ -46,9 +47,7 @@ if TYPE_CHECKING:
     from .gains import find_gains as find_gains
     from .gains import minimum_gains as minimum_gains
     from .gains import schedule as schedule
-    from .laws import law_from_fit as law_from_fit
     from .laws import law_from_parameters as law_from_parameters
-    from .laws import law_from_table as law_from_table
     from .loop import Loop as Loop
     from .loop import close_loop as close_loop
     from .loop import compare_laws as compare_laws
@@ -80,6 +79,8 @@ if TYPE_CHECKING:
     from .rig.friction import RateState as RateState
     from .rig.friction import RegularisedEffect as RegularisedEffect
     from .rig.friction import SlipEvolution as SlipEvolution
+    from .saved import law_from_fit as law_from_fit
+    from .saved import law_from_table as law_from_table
     from .simulation import RESULTS as RESULTS
     from .simulation import Start as Start
     from .simulation import Trajectory as Trajectory
@@ -112,9 +113,9 @@ _HOMES = {
     "check_gains": "gains",
     "find_gains": "gains",
     "minimum_gains": "gains",
-    "law_from_fit": "laws",
+    "law_from_fit": "saved",
     "law_from_parameters": "laws",
-    "law_from_table": "laws",
+    "law_from_table": "saved",
     "schedule": "gains",
     "Loop": "loop",
     "close_loop": "loop",
@@ -180,6 +181,7 @@ _MODULES = (
     "report",
     "rig",
     "runs",
+    "saved",
     "simulation",
     "stability",
     "study",

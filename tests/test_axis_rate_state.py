@@ -24,13 +24,13 @@ from jaxfric.cli.folder import Folder
 from jaxfric.effects.axis import DirectionAsymmetry, Presliding, RateAndState
 from jaxfric.gains import find_gains
 from jaxfric.gains.axis import axis_gains, state_gains
-from jaxfric.laws.file import law_from_fit
 from jaxfric.motion import MeasuredMotion
 from jaxfric.plain import plain
 from jaxfric.records import Drive, axis_from_arrays
 from jaxfric.rig.axis import AxisRig
 from jaxfric.rig.axis_state import AxisRateState
 from jaxfric.rig.friction import Conditions
+from jaxfric.saved import law_from_fit
 from jaxfric.simulation.axis_closed_loop import Controller, simulate_closed_loop, substeps
 from jaxfric.stability.claims import Curve
 from jaxfric.stability.linear import linear_friction
@@ -386,9 +386,9 @@ def without(name):
         ({"force": 5.0}, "normal_force is not wanted"),
         ({"after": without("F_c")}, "parameter F_c is missing"),
         ({"after": without("rate_and_state.L")}, "parameter rate_and_state.L is missing"),
-        ({"after": None}, "'after.' is no table"),
+        ({"after": None}, "has another form"),
         ({"effects": ["rate_and_stat"]}, "did you mean 'rate_and_state"),
-        ({"axis": {"width": "x"}}, "'axis.width' is 'x'"),
+        ({"axis": {"width": "x"}}, "'width' is 'x'"),
         ({"part": float("nan"), "samples": 2}, "undetermined"),
     ],
 )

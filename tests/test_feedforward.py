@@ -19,8 +19,8 @@ import jaxfric as jf
 from jaxfric.compensation import NothingToCompensate, fade_speed
 from jaxfric.compensation.fade import Memory, return_distance
 from jaxfric.errors import InputError
-from jaxfric.laws.loop_source import verdict_words
 from jaxfric.report.feedforward_text import spoken
+from jaxfric.saved.entry import verdict_words
 
 ROOT = Path(__file__).parents[1]
 STEADY = ROOT / "fits" / "screwdrive1" / "loop" / "steady.json"

@@ -27,9 +27,10 @@ from jaxfric.gains.result import LocalOptimum, WorstCase
 from jaxfric.gains.scenarios import Scenarios
 from jaxfric.gains.solve import Infeasible, NoGains, make_region, solve
 from jaxfric.gains.verify import JumpSizes
-from jaxfric.laws.source import seen_velocities, stack
+from jaxfric.laws.source import stack
 from jaxfric.report import gains_json
 from jaxfric.rig.friction import GaussianStribeck
+from jaxfric.saved.entry import seen_velocities
 
 FREE = ((None, None),) * 3
 GOLDEN = dict(A=1.0, B=3.0, L=1e-3, V=2e-3, m=2.0)
@@ -490,7 +491,7 @@ def test_samples_have_the_mean_and_covariance_of_the_fit(tmp_path):
         ({"free": ["A", "B", "Q"]}, 500.0, "not among the parameters"),
         ({"free": None}, 500.0, "damaged"),
         ({"states": "two"}, 500.0, "damaged"),
-        ({"states": 7}, 500.0, "parameter B2 is missing"),
+        ({"states": 7}, 500.0, "'B2' is missing"),
         ({"parameters": []}, 500.0, "damaged"),
         ({"parameters": {"A": {"value": "x"}}}, 500.0, "damaged"),
         ({"covariance": [[float("nan")] * 3] * 3}, 500.0, "undetermined"),
@@ -580,4 +581,4 @@ def test_a_law_is_told_to_be_asked_beyond_its_record(velocities, told):
     lines = LawSource(law, stack([law]), "fitted", 2e-3, seen=(1e-6, 1e-5)).unseen(velocities)
     assert len(lines) == (told is not None) and (told or "") in "".join(lines)
     assert LawSource(law, stack([law]), "stated", 2e-3).unseen([1.0]) == ()
-    assert seen_velocities([0.0, 1e-5, -1e-6]) == (1e-6, 1e-5) and seen_velocities([0.0]) is None
+    assert seen_velocities([0.0, 1e-5, -1e-6]) == [1e-6, 1e-5] and seen_velocities([0.0]) is None

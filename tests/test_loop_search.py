@@ -39,7 +39,7 @@ KEYS = {
     "schema", "record", "friction_unit", "law", "stiffness", "reference_velocity", "steps",
     "verdict", "sentence", "reasons", "effects", "alias_groups", "separations", "candidates",
     "rules", "screened", "before", "after", "shifts_in_sigma", "noise", "tests", "location_map",
-    "aliasing", "blocks", "warnings", "seconds", "families", "findings",
+    "aliasing", "blocks", "warnings", "seconds", "families", "findings", "friction_law",
 }  # fmt: skip
 
 

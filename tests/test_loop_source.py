@@ -16,10 +16,10 @@ from jaxfric.cli.common import read_law
 from jaxfric.effects.friction import SecondState, Viscous
 from jaxfric.errors import InputError
 from jaxfric.gains import find_gains
-from jaxfric.laws.file import law_from_fit
-from jaxfric.laws.loop_source import law_from_loop
 from jaxfric.rig.friction import Conditions, RateState
 from jaxfric.rig.friction.extended import ExtendedLaw
+from jaxfric.saved import law_from_fit
+from jaxfric.saved.entry import law_entry
 from jaxfric.stability.linear import linear_friction
 from jaxfric.stability.theorem import critical_stiffness
 
@@ -85,7 +85,7 @@ def written(folder: Path, content) -> Path:
 
 def source(folder, *effects, samples=0, **changes):
     path = written(folder, loop_content(*effects, **changes))
-    return law_from_loop(path, normal_force=NORMAL, samples=samples)
+    return law_from_fit(path, normal_force=NORMAL, samples=samples)
 
 
 def transfer(s, effects, *, A=BASE["A"], B=BASE["B"], L=BASE["L"]):
@@ -213,7 +213,7 @@ def test_samples(tmp_path):
         row[-1] = None
     after["covariance"][-1] = [None] * len(after["free"])
     path = written(tmp_path, content)
-    found = law_from_loop(path, normal_force=NORMAL, samples=3000)
+    found = law_from_fit(path, normal_force=NORMAL, samples=3000)
     assert isinstance(found.samples, ExtendedLaw)
     base = found.samples.base
     second, viscous = found.samples.terms
@@ -243,7 +243,7 @@ def test_effects_that_are_no_part_of_the_law(tmp_path, effect):
 def test_a_trend_that_stiffens_is_safe(tmp_path):
     content = loop_content("slip_trend")
     content["after"]["parameters"]["slip_trend.s"]["value"] = 3.0
-    (line,) = law_from_loop(written(tmp_path, content), normal_force=NORMAL, samples=0).warnings
+    (line,) = law_from_fit(written(tmp_path, content), normal_force=NORMAL, samples=0).warnings
     assert "safe" in line and "add" not in line
 
 
@@ -291,12 +291,12 @@ def with_value(name, value):
         (loop_content("viscous"), None, "normal_force=500"),
         (loop_content("viscous", friction_unit="N"), NORMAL, "not wanted"),
         (loop_content("viscous", law="linear"), NORMAL, "law 'linear' is not known"),
-        (loop_content("viscous", effects="viscous"), NORMAL, "effects are no list"),
+        (loop_content("viscous", effects="viscous"), NORMAL, "has another form"),
         (loop_content("viscous", effects=["viscos"]), NORMAL, "did you mean 'viscous'"),
         (loop_content(effects=["viscous"]), NORMAL, "viscous.c is missing"),
         (loop_content("viscous", warnings="odd"), NORMAL, "warnings are no list of lines"),
-        (loop_content("viscous", after=None), NORMAL, "'after.' is no table"),
-        (loop_content("viscous", reference_velocity=None), NORMAL, "reference velocity"),
+        (loop_content("viscous", after=None), NORMAL, "has another form"),
+        (loop_content("viscous", reference_velocity=None), NORMAL, "parameter V0 has no value"),
         (damaged(parameters={}), NORMAL, "damaged"),
         (damaged(free=["f0", "Q"]), NORMAL, r"shape \(5, 5\) for 2 free"),
         (damaged(covariance=[[float("nan")] * 5] * 5), NORMAL, "undetermined"),
@@ -322,12 +322,50 @@ def test_a_loop_at_hand_gives_the_law_of_its_file(tmp_path):
         law_from_fit(SimpleNamespace(to_json=lambda: {"kp": 1.0}))
 
 
+def test_a_file_is_read_by_the_entry_of_its_law_alone(tmp_path):
+    """Without what the entry was made of the law, its samples and its words are the same."""
+    content = loop_content("second_state", "viscous", "gain", "slip_trend", warnings=["odd"])
+    one = law_from_fit(written(tmp_path, content), normal_force=NORMAL, samples=3)
+    alone = {"schema": content["schema"], "friction_law": law_entry(content)}
+    other = law_from_fit(written(tmp_path, alone), normal_force=NORMAL, samples=3)
+    for a, b in zip(jax.tree.leaves(one.samples), jax.tree.leaves(other.samples), strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert (one.text, one.warnings, one.velocity) == (other.text, other.warnings, other.velocity)
+    assert len(one.warnings) == 3
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"states": 0}, "the number of states is '0'"),
+        ({"effects": ["viscos"]}, "did you mean 'viscous'"),
+        ({"effects": "viscous"}, "effects are no list of texts"),
+        ({"effects": ["viscous", "gain"]}, "parameter gain.g is missing"),
+        ({"coordinate": "round"}, "the coordinate is 'round'"),
+        ({"velocity": [1e-6]}, "the velocity is"),
+        ({"width": -1.0}, "'width' is -1.0"),
+        ({"parameters": {}}, "not among the parameters"),
+        ({"covariance": [[1.0]]}, "shape"),
+        ({"warnings": None}, "warnings are no list"),
+    ],
+)
+def test_a_damaged_entry_is_refused(tmp_path, change, words):
+    content = loop_content("viscous")
+    path = written(tmp_path, content | {"friction_law": law_entry(content) | change})
+    with pytest.raises(InputError, match=words) as told:
+        law_from_fit(path, normal_force=NORMAL)
+    assert str(told.value).startswith(str(path)) and "\n" not in str(told.value)
+    path = written(tmp_path, content | {"friction_law": [1]})
+    with pytest.raises(InputError, match=r"'friction_law\.' is no table; make it again with"):
+        law_from_fit(path, normal_force=NORMAL)
+
+
 def test_missing_entries(tmp_path):
     for key in ("law", "friction_unit", "verdict", "effects", "after"):
         content = loop_content("viscous")
         del content[key]
         with pytest.raises(InputError, match=f"'{key}' is missing; make it again with"):
-            law_from_loop(written(tmp_path, content), normal_force=NORMAL)
+            law_from_fit(written(tmp_path, content), normal_force=NORMAL)
 
 
 def test_what_the_verbs_read(tmp_path, capsys):

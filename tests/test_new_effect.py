@@ -15,13 +15,12 @@ from jaxfric.effects import AXIS_CATALOGUE, CATALOGUE, AbstractEffect, effect_of
 from jaxfric.errors import InputError
 from jaxfric.fitting.abstract_problem import Sizes, typical_size
 from jaxfric.fitting.encompassing import EncompassingModel
-from jaxfric.laws.axis_loop import law_from_axis_loop
-from jaxfric.laws.loop_source import law_from_loop
 from jaxfric.loop.case import offered
 from jaxfric.motion import MeasuredMotion
 from jaxfric.rig import QuasiStatic, Rig
 from jaxfric.rig.axis import AxisRig, BaseLaw
 from jaxfric.rig.friction import Conditions, RateState
+from jaxfric.saved import law_from_fit
 
 OWN = """
 from typing import ClassVar
@@ -182,7 +181,7 @@ def test_gains_take_the_loop_of_a_slider_with_it(own, tmp_path):
     values = {"f0": F0, "A": A, "B": B, "L": L, "drag.c": C, "spring.k": -2.0}
     more = {"friction_unit": "1", "reference_velocity": V0}
     path = loop_json(tmp_path, "slip", values, ["drag", "spring"], **more)
-    found = law_from_loop(path, normal_force=500.0, samples=0)
+    found = law_from_fit(path, normal_force=500.0, samples=0)
     V = jnp.asarray(5e-6)
     at = Conditions(jnp.asarray(1e-3), jnp.zeros(()))  # where the spring would pull by 1 N
     force = float(found.law.force(V, found.law.steady_state(V), at))
@@ -198,7 +197,7 @@ def test_gains_take_the_loop_of_an_axis_with_it(own, tmp_path):
     axis = {"coordinate": "linear", "width": 1e-5}
     effects = ["rate_and_state", "drag"]
     path = loop_json(tmp_path, "coulomb_viscous", values, effects, friction_unit="N", axis=axis)
-    law = law_from_axis_loop(path, samples=0).law
+    law = law_from_fit(path, samples=0).law
     V = jnp.asarray(0.02)
     force = float(law.force(V, law.steady_state(V), Conditions(jnp.zeros(()), jnp.zeros(()))))
     assert force == pytest.approx(6 + 20 * 0.02 + np.log(21) + 40 * 4e-4, rel=1e-9)

@@ -20,11 +20,11 @@ from scipy.optimize import brentq
 import jaxfric as jf
 from jaxfric.effects.effect import blended
 from jaxfric.fitting.start import Members, held
-from jaxfric.laws import REGISTRY, law_from_fit, law_from_parameters, name_of
-from jaxfric.laws.loop_source import law_from_loop
+from jaxfric.laws import REGISTRY, law_from_parameters, name_of
 from jaxfric.members import run_study
 from jaxfric.plot.stability import law_name
 from jaxfric.rig.friction import AbstractEvolution, Conditions
+from jaxfric.saved import law_from_fit
 from jaxfric.stability.analysis import study
 
 EVOLUTION = '''
@@ -267,7 +267,7 @@ def test_a_loop_finds_nothing_missing(plant, tmp_path):
     assert ("ageing" in {one.id for one in found.screened}) is not plant.two
     path = tmp_path / "loop.json"
     path.write_text(json.dumps(found.to_json()))
-    law = law_from_loop(path, normal_force=500.0, samples=2).law
+    law = law_from_fit(path, normal_force=500.0, samples=2).law
     assert name_of(law) == "own"
 
 

@@ -184,8 +184,8 @@ def test_static_imports_are_the_lazy_ones():
 
 PACKAGES = [
     "axis", "compensation", "effects", "fitting", "gains", "laws", "loop", "members", "motion",
-    "plot", "posterior", "prediction", "protocol", "records", "report", "rig", "runs", "simulation",
-    "stability", "study", "units",
+    "plot", "posterior", "prediction", "protocol", "records", "report", "rig", "runs", "saved",
+    "simulation", "stability", "study", "units",
 ]  # fmt: skip
 
 

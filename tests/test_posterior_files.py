@@ -23,7 +23,6 @@ import jaxfric
 from jaxfric import InputError
 from jaxfric.fitting.noise import noise_of
 from jaxfric.fitting.solve import known_at
-from jaxfric.laws import law_from_fit
 from jaxfric.plot.posterior import posterior_figure
 from jaxfric.posterior import find_posterior, inference_data, write_netcdf
 from jaxfric.posterior.inference_data import imported_arviz
@@ -31,6 +30,7 @@ from jaxfric.posterior.posterior import target_of
 from jaxfric.posterior.sampler import Draws
 from jaxfric.posterior.target import natural_of, point, target_of_problem
 from jaxfric.report.posterior_text import posterior_lines
+from jaxfric.saved import law_from_fit
 
 h5py = pytest.importorskip("h5py")
 try:
@@ -199,21 +199,34 @@ def test_what_claims_nothing_at_hand_gives_no_gains(fitted):
 
 
 def test_a_slip_trend_among_the_draws_is_no_part_of_the_law(folder, tmp_path):
-    copy = altered(folder[0], tmp_path)
+    at, _ = folder
+    known = entry_of(at / "out" / "posterior.nc")["parameters"]
+    trend = {"slip_trend.s": {"value": -3.0, "unit": "1/m", "determined": True}}
+    entry = {"parameters": known | trend, "effects": ["slip_trend"]}
+    copy = altered(at, tmp_path, entry=entry)
     with h5py.File(copy, "a") as file:
         draws = np.full(file["posterior"]["A"].shape, -3e-6)
-        trend = file["posterior"].create_dataset("slip_trend", data=draws)
-        trend.attrs["unit"], trend.attrs["map"] = "1/um", -3e-6
+        file["posterior"].create_dataset("slip_trend", data=draws).attrs["unit"] = "1/um"
     source = law_from_fit(copy, normal_force=500.0, samples=3)
     assert float(source.law.slip_trend) == 0 and not np.any(source.samples.slip_trend)
     assert "slip_trend is left out" in source.warnings[-1]
     assert source.warnings[-1].endswith("add 1.5e+03 N/m to k_p")
 
 
-def altered(at, to, **attributes):
-    """A copy of the posterior with other attributes; None takes one away."""
+def entry_of(path):
+    """The entry of a posterior that its law is read from."""
+    with h5py.File(path) as file:
+        return json.loads(file["posterior"].attrs["friction_law"])
+
+
+def altered(at, to, entry=None, **attributes):
+    """A copy of the posterior with other attributes, or in the entry of its law; None takes one
+    away."""
     copy = to / "posterior.nc"
     copy.write_bytes((at / "out" / "posterior.nc").read_bytes())
+    if entry is not None:
+        kept = entry_of(copy) | entry
+        attributes["friction_law"] = json.dumps({k: v for k, v in kept.items() if v is not None})
     with h5py.File(copy, "a") as file:
         for name, value in attributes.items():
             del file["posterior"].attrs[name]
@@ -225,13 +238,17 @@ def altered(at, to, **attributes):
 @pytest.mark.parametrize(
     ("attributes", "words"),
     [
-        ({"converged": 0, "warnings": '["the chains disagree"]'}, ["claims nothing", "disagree"]),
+        (
+            {"converged": 0, "entry": {"warnings": ["the chains disagree"]}},
+            ["claims nothing", "disagree"],
+        ),
         ({"converged": 0}, ["claims nothing", "no reason"]),
         ({"schema": "other/1"}, ["schema is 'other/1'"]),
         ({"schema": None}, ["no posterior of jaxfric"]),
-        ({"law": "slipp"}, ["law 'slipp'"]),
-        ({"friction_unit": None}, ["'friction_unit' is missing"]),
-        ({"warnings": "no list"}, ["warnings are no list"]),
+        ({"entry": {"name": "slipp"}}, ["law 'slipp'"]),
+        ({"friction_law": None}, ["damaged", "make it again with: jaxfric fit and a file of pr"]),
+        ({"entry": {"friction_unit": None}}, ["friction_unit' is missing"]),
+        ({"entry": {"warnings": "no list"}}, ["warnings are no list"]),
     ],
 )
 def test_a_posterior_that_is_not_to_be_used_is_refused(folder, tmp_path, attributes, words):

@@ -496,7 +496,7 @@ def test_the_law_of_a_file_stays_regularised() -> None:
     [
         ({"converged": False, "result": "still moving"}, ["did not converge (still moving)"]),
         ({"friction_unit": ...}, ["damaged: 'friction_unit' is missing"]),
-        ({"law": "coulomb_viscous"}, ["law 'coulomb_viscous' is not known"]),
+        ({"law": "coulomb_viscous"}, ["damaged: the number of states"]),
     ],
 )
 def test_fits_that_a_study_refuses(where: str, changes: dict, words: list[str]) -> None:

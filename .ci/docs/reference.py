@@ -29,7 +29,7 @@ PAGES: dict[str, tuple[str, tuple[str, ...]]] = {
         ),
     ),
     "effects": ("Effects", ("effects",)),
-    "laws": ("Laws by name", ("laws",)),
+    "laws": ("Laws by name", ("laws", "saved")),
     "fitting": ("Fits, posterior, prediction", ("fitting", "posterior", "prediction")),
     "gains": ("Gains and feedforward", ("gains", "compensation", "compensation.fade")),
     "loop": ("Loop and protocol", ("loop", "axis", "protocol")),

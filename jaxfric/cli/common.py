@@ -163,8 +163,8 @@ def read_law(
     memory: str | None = None,
 ) -> "LawSource":
     """The law that the options name, as a `LawSource`."""
-    from ..laws.file import law_from_fit
     from ..laws.source import law_from_parameters
+    from ..saved.law import law_from_fit
 
     if fit is not None:
         if law is not None or parameters is not None:
@@ -189,8 +189,8 @@ def read_law(
 def read_samples(fit: Path | None, normal_force: str | None, number: int = 256) -> "Law | None":
     """So many samples of the law that `read_law` has read from a file; None without a file, and of
     a fit that leaves parameters undetermined, which its law has warned of."""
-    from ..laws.file import law_from_fit
     from ..laws.source import without_first
+    from ..saved.law import law_from_fit
 
     if fit is None:
         return None

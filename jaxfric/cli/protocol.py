@@ -331,32 +331,22 @@ def _from_file(
     path: Path,
 ) -> tuple[dict[str, float], str, str, tuple[str, ...], tuple[str, ...]]:
     """Inputs of a plan from a fit.json, or from the fit after the loop of a loop.json."""
-    from ..laws.saved import (
-        FIT,
-        LOOP,
-        missing_key,
-        own_warnings,
-        read_saved,
-        refuse_damage,
-        table_damage,
-        values_of,
-    )
+    from ..saved.entry import fitted_law
+    from ..saved.files import FIT, LOOP, own_warnings, read_saved
 
-    content = read_saved(path, FIT, LOOP)
-    schema = content["schema"]
-    keys = ("law", "friction_unit", "noise", "after" if schema == LOOP else "parameters")
-    problem = missing_key(content, keys)
-    table = content.get("after", {}) if schema == LOOP else content
-    problem = problem or missing_key(table, ("parameters", "free", "covariance"))
-    refuse_damage(path, schema, problem or table_damage(table, ("f0", "A", "B", "L")))
-    values = values_of(table)
-    if "slip_trend" in values:
-        values["slip_trend.s"] = values.pop("slip_trend")
-    if schema == LOOP:
-        values = {**_numbers(content, V0="reference_velocity", K="stiffness"), **values}
-    values |= _numbers(content["noise"], noise="sigma")
-    effects = tuple(dict.fromkeys(name.split(".")[0] for name in values if "." in name))
-    return values, content["law"], content["friction_unit"], effects, own_warnings(content)
+    fitted, (_, content) = fitted_law(path), read_saved(path, FIT, LOOP)
+    if fitted.is_axis:
+        raise InputError(
+            f"{path}: it is of an axis, and a protocol is of a slider; give a fit.json, or the"
+            " loop.json of 'jaxfric loop'"
+        )
+    stiffness, noise = (
+        _numbers(content, K="stiffness"),
+        _numbers(content.get("noise"), noise="sigma"),
+    )
+    effects = tuple(effect.id for effect in fitted.effects)
+    values = {**stiffness, **fitted.parameters, **noise}
+    return values, fitted.name, fitted.friction_unit, effects, own_warnings(content)
 
 
 def _numbers(table: object, **keys: str) -> dict[str, float]:

@@ -17,8 +17,16 @@ from ..described import said
 from ..effects import effect_of
 from ..errors import InputError
 from ..findings import Finding, read_findings
-from ..laws.loop_source import verdict_words
-from ..laws.saved import (
+from ..loop import Loop
+from ..loop.axis.driven import ONE_SPEED, Driven, at_one_speed
+from ..loop.findings import LoopCode
+from ..loop.steady.loop import SteadyLoop, steady_gains
+from ..loop.steady.model import curve_covariance
+from ..quantity import Quantity, quantities
+from ..records.steady_load import Load
+from ..rig.axis import LAW, AxisRig, BaseLaw
+from ..saved.entry import verdict_words
+from ..saved.files import (
     LOOP,
     STEADY,
     missing_key,
@@ -28,14 +36,6 @@ from ..laws.saved import (
     table_damage,
     values_of,
 )
-from ..loop import Loop
-from ..loop.axis.driven import ONE_SPEED, Driven, at_one_speed
-from ..loop.findings import LoopCode
-from ..loop.steady.loop import SteadyLoop, steady_gains
-from ..loop.steady.model import curve_covariance
-from ..quantity import Quantity, quantities
-from ..records.steady_load import Load
-from ..rig.axis import LAW, AxisRig, BaseLaw
 from .units import amplitude, unit_of
 
 Content = Mapping
@@ -176,7 +176,7 @@ def identified(model: str | Path | Loop | SteadyLoop) -> Identified:
         found = [name for name in ("loop.json", "steady.json") if (path / name).is_file()]
         hint = f"; name the file in it, {path / found[0]}" if found else ""
         raise InputError(f"{path}: is a folder{hint or ' without a loop.json or steady.json'}")
-    content = read_saved(path, LOOP, STEADY)
+    _, content = read_saved(path, LOOP, STEADY)
     return (_of_axis if content["schema"] == LOOP else _of_curve)(content, str(path))
 
 

@@ -19,8 +19,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..laws.fitted import draw_samples
 from ..laws.registry import evolution_of
-from ..laws.saved import draw_samples
 from ..rig.friction import AbstractRateState
 from ..stability.theorem import critical_stiffness
 from ..traced import traced

@@ -7,10 +7,9 @@ from dataclasses import dataclass, field, replace
 import jax.numpy as jnp
 import numpy as np
 
-from ..described import Described, Drawable, Gridded, Tabular
+from ..described import Described, Drawable, Gridded, Tabular, said
 from ..findings import Finding
 from ..motion import PiecewiseVelocity
-from ..plain import plain
 from ..records import Record, VelocitySteps
 from ..rig import Rig
 from ..stability.claims import Claim, held_with_trend, rate_state_claim
@@ -30,8 +29,6 @@ from .noise import NoiseEstimate
 from .problem import Model, quantity_of
 from .solved import Solved
 from .trend import shift_with_trend
-
-SCHEMA = "jaxfric.fit/1"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -145,42 +142,9 @@ class Fit(Described, Drawable, Gridded, Tabular):
             return Claim("open", ("L is not determined",))
         return claim
 
-    def _noise(self) -> dict:
-        """The noise as JSON values; null where the fit did not converge."""
-        found = {"sigma": self.noise.sigma, **self.noise.to_json()}
-        return found if self.converged else dict.fromkeys(found)
-
     def to_json(self) -> dict:
         """The content of `fit.json`, schema "jaxfric.fit/1"; SI, null for what is not known."""
-        origin = self.record.provenance
-        kcr, trend = self.critical(), self.with_trend
-        velocity = self.steps.velocity(self.record.relative_time)
-        table = {
-            "schema": SCHEMA,
-            "record": {"path": origin.path, "sha256": origin.sha256, "rows": len(self.record)},
-            "law": self.model.law,
-            "states": self.model.states,
-            "friction_unit": self.record.friction_unit,
-            "A_minus_B": _told(self.A_minus_B),
-            "parameters": {name: _told(e) for name, e in self.parameters.items()},
-            "A_minus_B_with_trend": trend,
-            "free": self.free,
-            "covariance": self.covariance,
-            "correlation": self.correlation,
-            "steps": {"times": self.steps.times, "velocities": self.steps.velocities},
-            "critical_stiffness": kcr.stiffness.value if self.converged else None,
-            "critical_stiffness_interval": (kcr.stiffness.lower, kcr.stiffness.upper),
-            "stiffness_over_critical_interval": (kcr.ratio.lower, kcr.ratio.upper),
-            "sum_of_squares": self.sum_of_squares,
-            "rms": self.rms,
-            "noise": self._noise(),
-            "weighting": self.weighting,
-            "converged": self.converged,
-            "iterations": self.iterations,
-            "result": self.result,
-            "warnings": self.warnings,
-        }
-        return plain(table) | {"findings": [one.to_json(velocity) for one in self.findings]}
+        return said("fit_json.content", self)
 
 
 def unit_of(name: str, friction_unit: str) -> str:
@@ -201,18 +165,3 @@ def display_unit(name: str, fit: Fit) -> str:
     unit = quantity_of(name).unit
     shown = {"F": friction, "m": length, "F/m": f"{friction}/{length}", "m/s": f"{length}/s"}
     return shown.get(unit, quantity_of(name).unit_for(friction))
-
-
-def _told(estimate: Estimate) -> dict[str, object]:
-    """An estimate in a file; no interval of what is not determined."""
-    known = estimate.determined
-    return {
-        "value": estimate.value,
-        "std": estimate.std if known else None,
-        "lower": estimate.lower if known else None,
-        "upper": estimate.upper if known else None,
-        "unit": estimate.unit,
-        "free": estimate.free,
-        "determined": known,
-        "interval": "profile" if estimate.profiled else "covariance",
-    }

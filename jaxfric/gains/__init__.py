@@ -1,8 +1,8 @@
 """Minimum-norm PD gains whose margins hold in every scenario, checked by simulation."""
 
 from ..laws import LawSource as LawSource
-from ..laws import law_from_fit as law_from_fit
 from ..laws import law_from_parameters as law_from_parameters
+from ..saved import law_from_fit as law_from_fit
 from .gains import check_gains as check_gains
 from .gains import find_gains as find_gains
 from .kkt import DERIVATIVE as DERIVATIVE

@@ -10,9 +10,9 @@ from jaxtyping import ArrayLike
 from ..coordinate import agreed, unit_of
 from ..errors import InputError
 from ..laws import LawSource
-from ..laws.file import Result, law_source
 from ..laws.registry import Law
 from ..rig.friction import AbstractLaw
+from ..saved.law import Result, law_source
 from ..silent import silent
 from ..stability.linear import controller_delay, integral_gain
 from ..stability.margin_table import MARGINS, meaningless

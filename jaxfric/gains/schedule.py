@@ -17,8 +17,8 @@ from ..coordinate import Coordinate
 from ..described import Described, Tabular
 from ..errors import InputError
 from ..laws import LawSource
-from ..laws.file import Result, law_source
 from ..laws.registry import Law
+from ..saved.law import Result, law_source
 from ..silent import silent
 from .gains import find_gains
 from .requirement import DEFAULT, Requirement

@@ -1,10 +1,8 @@
-"""Sources of a friction law for control: the file of a fit, or parameters given one by one."""
+"""A friction law for control, with samples; and one whose parameters are given one by one."""
 
 import inspect
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import equinox as eqx
 import jax
@@ -17,7 +15,6 @@ from ..errors import InputError
 from ..pairs import read_pairs
 from ..quantity import Quantity, numbered_names, quantities
 from ..rig.friction import AbstractRateState
-from ..stability.claims import held_with_trend, rate_state_claim
 from ..units import between, parse_quantity
 from .registry import (
     REGISTRY,
@@ -28,17 +25,6 @@ from .registry import (
     law_quantity,
     names_of_laws,
     rate_state,
-)
-from .saved import (
-    FIT,
-    Saved,
-    content_of,
-    missing_key,
-    own_warnings,
-    refuse_damage,
-    sampled,
-    table_damage,
-    values_of,
 )
 
 _BEYOND = 2.0
@@ -86,101 +72,6 @@ class LawSource:
         )
 
 
-def law_of_fit(
-    source: Saved, *, normal_force: float | None = None, samples: int = 64, seed: int = 0
-) -> LawSource:
-    """The law of a Fit, or of its `fit.json`, in newtons, and samples from the fit's covariance.
-
-    Parameters with a lower bound (A, L) are sampled by their logarithms, the others as they are.
-    The direct effect is the regularised one, so that the law can be carried through rest. A slip
-    trend is left out, as by `law_from_loop`: it is of the run-in of the record, and with it no
-    motion is steady. That, and what the fit itself warned of, is in `warnings`.
-
-    Parameters
-    ----------
-    normal_force : [N], by which a friction coefficient is multiplied; must be given for a fit
-        of a coefficient and not for one of a force.
-    samples : number drawn besides the estimate.
-
-    Raises
-    ------
-    InputError : file missing, damaged or of another schema; a normal force missing or
-        not wanted; parameters that the fit left undetermined.
-    """
-    path, content = content_of(source, FIT)
-    refuse_damage(path, FIT, fit_damage(content))
-    scale = force_of_unit(content["friction_unit"], normal_force, path)
-    kind, states = content["law"], int(content["states"])
-    values = values_of(content)
-    own = {name: values[name] for name in ("f0", "A", *numbered_names(states), "V0")}
-    positive = {name: law_quantity(name).lower == 0.0 for name in own}
-    columns = sampled(content, positive, samples, seed, path)
-    law = rate_state(kind, own, states, scale=scale)
-    text = f"{kind} law, {states} state(s), fitted: {path}"
-    samples_of = rate_state(kind, columns, states, scale=scale)
-    steps = content.get("steps")
-    seen = seen_velocities(steps.get("velocities") if isinstance(steps, dict) else None)
-    return LawSource(law, samples_of, text, values["V0"], fit_warnings(content, scale), seen)
-
-
-def fit_warnings(content: Mapping, scale: float) -> tuple[str, ...]:
-    """Warnings of a fit.json, whose forces are in `scale` newtons: those that it holds, a line
-    where it says nothing of stability, and one where its slip trend is left out."""
-    doubts = _doubts(content, int(content["states"]))
-    trend = values_of(content).get("slip_trend")
-    return (*own_warnings(content), *doubts, *trend_words(trend, scale))
-
-
-def trend_words(trend: float | None, scale: float) -> tuple[str, ...]:
-    """A line where a file has a slip trend [its force/m], which its law is without."""
-    return () if not trend else (left_out_words("slip_trend", scale * trend),)
-
-
-def left_out_words(
-    id: str, stiffness: float, moves: str = "slider", coordinate: Coordinate = "linear"
-) -> str:
-    """That the law is without an effect that acts as a spring [N/m] beside k_p, and what to do."""
-    motion = "sliding" if moves == "slider" else "motion"
-    unit = unit_of("N/m", coordinate)
-    why = f"it depends on where the {moves} is, so no steady {motion} exists with it"
-    acts = "It acts as a spring that stiffens k_p, so leaving it out is safe"
-    if stiffness < 0:
-        acts = (
-            f"It acts as a spring of {stiffness:.3g} {unit} beside k_p: add {-stiffness:.3g} {unit}"
-        )
-        acts += " to k_p"
-    return f"{id} is left out of the law: {why}. {acts}"
-
-
-def seen_velocities(velocities: object) -> tuple[float, float] | None:
-    """Slowest and fastest [m/s] of the velocities in a file, rest left out; None without any."""
-    if not isinstance(velocities, list):
-        return None
-    sizes = [abs(v) for v in velocities if isinstance(v, int | float) and v != 0]
-    return (min(sizes), max(sizes)) if sizes else None
-
-
-def _doubts(content: Mapping, states: int) -> tuple[str, ...]:
-    """A warning where the fit itself says nothing of stability, else nothing."""
-    table, free = content["parameters"], content["free"]
-    amplitudes = numbered_names(states)[0::2]
-    weight = np.array([(name == "A") - (name in amplitudes) for name in free], float)
-    variance = float(weight @ np.asarray(content["covariance"], float) @ weight) if free else 0.0
-    claim = rate_state_claim(
-        table["A"]["value"],
-        [table[name]["value"] for name in amplitudes],
-        math.sqrt(variance) if variance >= 0 else math.nan,
-        determined=all(table[n].get("determined", True) for n in ("A", *numbered_names(states))),
-    )
-    claim = held_with_trend(claim, content.get("A_minus_B_with_trend"))
-    if claim.kind != "open":
-        return ()
-    return (
-        f"this fit says nothing of stability ({'; '.join(claim.reasons)}): what follows is of its"
-        " values and samples, not of the record",
-    )
-
-
 def law_from_parameters(kind: str, text: str) -> LawSource:
     """A law by its name and its parameters, "A=1 N, B=3 N, L=1 mm, V0=2 mm/s".
 
@@ -217,39 +108,6 @@ def law_from_parameters(kind: str, text: str) -> LawSource:
     )
 
 
-def force_of_unit(unit: str, normal_force: float | None, path: Path) -> float:
-    """Factor by which forces of a file in `unit` ("1" or "N") are multiplied to be in newtons.
-
-    Raises
-    ------
-    InputError : a normal force [N] is missing or not wanted.
-    """
-    if unit == "1" and normal_force is None:
-        raise InputError(
-            f"{path}: this is a fit of a friction coefficient; give the normal force that turns it"
-            " into newtons, as in --normal-force '500 N'"
-        )
-    if unit != "1" and normal_force is not None:
-        raise InputError(f"{path}: this is a fit of a force, so --normal-force is not wanted")
-    return 1.0 if normal_force is None else normal_force
-
-
-def fit_damage(content: dict) -> str | None:
-    """The fault of a fit.json, in words: what is missing or wrong."""
-    keys = ("law", "states", "friction_unit", "parameters", "free", "covariance")
-    problem = missing_key(content, keys)
-    if problem:
-        return problem
-    if not is_rate_state(content["law"]):
-        return f"law '{content['law']}' is not known"
-    states, always = content["states"], fixed_states(content["law"])
-    if isinstance(states, bool) or not isinstance(states, int) or states < 1:
-        return f"the number of states is '{states}'"
-    if always not in (None, states):
-        return f"the number of states is '{states}'"
-    return table_damage(content, ["f0", "A", "V0", *numbered_names(states)])
-
-
 def stack(laws: Sequence[Law]) -> Law:
     """A batch of laws of one kind."""
     parts = [eqx.partition(law, eqx.is_array) for law in laws]
@@ -259,16 +117,15 @@ def stack(laws: Sequence[Law]) -> Law:
 
 def without_first(laws: Law) -> Law | None:
     """A batch of laws without its first, which is the estimate; None where it has no other."""
-    arrays, rest = eqx.partition(laws, eqx.is_array)
-    if all(leaf.shape[0] < 2 for leaf in jax.tree.leaves(arrays)):
-        return None
-    return eqx.combine(jax.tree.map(lambda leaf: leaf[1:], arrays), rest)
+    arrays, _ = eqx.partition(laws, eqx.is_array)
+    few = all(leaf.shape[0] < 2 for leaf in jax.tree.leaves(arrays))
+    return None if few else taken(laws, slice(1, None))
 
 
-def first_of(laws: Law) -> Law:
-    """The first law of a batch."""
+def taken(laws: Law, which: int | slice) -> Law:
+    """A law of a batch, or some of its laws."""
     arrays, rest = eqx.partition(laws, eqx.is_array)
-    return eqx.combine(jax.tree.map(lambda leaf: leaf[0], arrays), rest)
+    return eqx.combine(jax.tree.map(lambda leaf: leaf[which], arrays), rest)
 
 
 def _built(kind: str, pairs: Mapping[str, str]) -> tuple[Law, Coordinate]:

@@ -6,7 +6,12 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError, did_you_mean
-from ..quantity import Quantity
+from ..laws import FittedLaw, LawSource, law_of, name_of
+from ..laws.fitted import force_of_unit
+from ..quantity import Quantity, numbered_names
+from ..rig.friction import AbstractRateState
+from ..saved.entry import fitted_law
+from ..saved.files import FIT
 from ..study import Axis, Grid, Normal, Samples, Uniform, linspace, logspace, values
 from ..study.grid import KINDS
 from .parameters import number, parameter, value_of
@@ -113,17 +118,18 @@ def _column(about: Quantity, kind: str, axis: Table, where: str) -> Uniform:
 def _draws(axis: Table, path: Path, where: str, files: dict[str, str]) -> Normal:
     """Columns from the covariance of a fit.json, those with a lower bound by their logarithm."""
     source = file_of(axis["from"], path, where, files)
-    content, scale, found = _fitted(axis, source, where)
-    names = [n for n in content["free"] if n in ("A", "f0") or n[0] in "BL"]
-    index = [content["free"].index(n) for n in names]
-    loose = [n for n in names if not content["parameters"][n].get("determined", True)]
-    covariance = np.asarray(content["covariance"], float)[np.ix_(index, index)]
+    fitted, force = _fitted(axis, source, where)
+    scale = force_of_unit(fitted.friction_unit, force, fitted.where)
+    names = [n for n in fitted.free if n in ("A", "f0") or n[0] in "BL"]
+    index = [fitted.free.index(n) for n in names]
+    loose = [n for n in names if n in fitted.loose]
+    covariance = fitted.covariance[np.ix_(index, index)]
     if not names or loose or not np.all(np.isfinite(covariance)):
         what = ", ".join(loose) or "a parameter"
         raise InputError(f"{where}: {source}: the fit leaves {what} undetermined; nothing to draw")
     abouts = [parameter(n, where) for n in names]
     size = np.asarray([scale if a.unit == "N" else 1.0 for a in abouts])
-    mean = size * [found[n] for n in names]
+    mean = size * [fitted.parameters[n] for n in names]
     log = np.asarray([a.lower == 0.0 for a in abouts])
     spread = np.where(log, size / mean, size)
     lowered, vectors = np.linalg.eigh(covariance * np.outer(spread, spread))
@@ -137,8 +143,6 @@ def posterior(
 ) -> tuple[str | None, dict[str, float], tuple[str, ...]]:
     """Law, parameters and warnings of the fit of an axis `from`; of the parameters only those that
     it does not draw."""
-    from ..laws.source import fit_warnings
-
     table = table_of(content, "axes", path.name)
     sources = [axis for axis in table.values() if isinstance(axis, dict) and "from" in axis]
     if not sources:
@@ -146,26 +150,30 @@ def posterior(
     if len(sources) > 1:
         raise InputError(f"{path.name} [axes]: two axes with from; a member has one law")
     (axis,) = sources
-    fit, scale, found = _fitted(axis, path.parent / axis["from"], f"{path.name} [axes]")
-    own = {}
-    for name, value in found.items():
-        if name == "V0":
-            own["V_ref"] = value
-        elif name in ("A", "f0") or name[0] == "B":
-            own[name] = value * scale
-        elif name[0] == "L":
-            own[name] = value
+    fitted, force = _fitted(axis, path.parent / axis["from"], f"{path.name} [axes]")
+    read = law_of(fitted, normal_force=force, samples=0)
+    kind, own = parameters_of(read)
     kept = {name: value for name, value in own.items() if name not in grid.names}
-    return law or fit["law"], {**kept, **fixed}, fit_warnings(fit, scale)
+    return law or kind, {**kept, **fixed}, read.warnings
 
 
-def _fitted(axis: Table, source: Path, where: str):
-    """Content of a fit.json, friction to force [N per its unit], and values of its parameters."""
-    from ..laws.saved import FIT, read_saved, refuse_damage, values_of
-    from ..laws.source import fit_damage, force_of_unit
+def parameters_of(source: LawSource) -> tuple[str | None, dict[str, float]]:
+    """Name and parameters (SI) of a rate-and-state law by the names of a study; None and only a
+    mass, where it has one, of another law."""
+    law, kind = source.law, name_of(source.law)
+    if kind is None or not isinstance(law, AbstractRateState):
+        return None, {} if source.mass is None else {"m": source.mass}
+    pairs = np.stack([law.B, law.L], axis=-1).ravel()
+    own = {"f0": float(law.f0), "A": float(law.A), "V_ref": float(law.V0)}
+    own |= {name: float(x) for name, x in zip(numbered_names(len(law.B)), pairs, strict=True)}
+    return kind, own
 
-    content, force = read_saved(source, FIT), None
-    refuse_damage(source, FIT, fit_damage(content))
-    if "normal_force" in axis:
-        force = number(axis["normal_force"], "N", f"{where} normal_force")
-    return content, force_of_unit(content["friction_unit"], force, source), values_of(content)
+
+def _fitted(axis: Table, source: Path, where: str) -> tuple[FittedLaw, float | None]:
+    """The parameters of a fit.json, and the normal force [N] that goes with it."""
+    force = (
+        number(axis["normal_force"], "N", f"{where} normal_force")
+        if "normal_force" in axis
+        else None
+    )
+    return fitted_law(source, FIT), force

@@ -13,6 +13,7 @@ from ..errors import InputError
 from ..laws.registry import evolution_of
 from ..rig import Inertial, QuasiStatic, Rig
 from ..rig.friction import AbstractLaw
+from ..saved import law_from_fit
 from ..stability.linear import LinearSlider, linearise
 from .parameters import rate_state
 from .spec import Spec
@@ -69,8 +70,6 @@ def sliders_of(spec: Spec) -> Sliders:
     """
     if spec.law is not None:
         return Sliders(spec.law, spec.states, spec.fixed)
-    from ..laws.file import law_from_fit
-
     assert spec.source is not None
     law = law_from_fit(spec.source, normal_force=spec.normal_force, samples=0).law
     if not isinstance(law, AbstractLaw):

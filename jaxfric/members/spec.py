@@ -31,15 +31,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
-
 from ..errors import InputError, did_you_mean
-from ..laws.registry import count_states, known_law, name_of
-from ..quantity import numbered_names
-from ..rig.friction import AbstractRateState
+from ..laws.registry import count_states, known_law
+from ..saved import law_from_fit
 from ..study import Grid, Output
 from ..study.function import Cost, Function
-from .axes import posterior, read_grid
+from .axes import parameters_of, posterior, read_grid
 from .parameters import LAW, needed, number, parameter, read_value
 from .tables import Table, file_of, names_of, refuse_unknown, table_of, whole
 
@@ -276,19 +273,11 @@ def _rig(
 def _law_of_file(source: Path, force: float | None, fixed: dict[str, float], where: str):
     """The evolution and the parameters of a file, None and only a velocity for another law; and
     what it warns of."""
-    from ..laws.file import law_from_fit
-
     read = law_from_fit(source, normal_force=force, samples=0)
-    found, kind = read.law, name_of(read.law)
-    if kind is None or not isinstance(found, AbstractRateState):
-        given = [name for name in fixed if name in LAW or name[:-1] in ("B", "L")]
-        if given:
-            raise InputError(f"{where}: {given[0]} cannot be set: the law of {source} is whole")
-        own_mass = {} if read.mass is None else {"m": read.mass}
-        return None, {**own_mass, **fixed}, read.warnings
-    own = {"f0": float(found.f0), "A": float(found.A), "V_ref": float(found.V0)}
-    pairs = np.stack([found.B, found.L], axis=-1).ravel()
-    own |= {name: float(x) for name, x in zip(numbered_names(len(found.B)), pairs, strict=True)}
+    kind, own = parameters_of(read)
+    given = [name for name in fixed if name in LAW or name[:-1] in ("B", "L")]
+    if kind is None and given:
+        raise InputError(f"{where}: {given[0]} cannot be set: the law of {source} is whole")
     return kind, {**own, **fixed}, read.warnings
 
 

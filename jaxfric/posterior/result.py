@@ -10,7 +10,10 @@ import numpy as np
 
 from ..described import Described, Drawable, Drawn, Tabular
 from ..fitting.result import Fit
-from ..laws.posterior_file import POSTERIOR, PosteriorContent
+from ..quantity import numbered_names
+from ..saved.entry import ENTRY, law_entry, law_name, open_words
+from ..saved.files import POSTERIOR
+from ..stability.claims import rate_state_claim
 from .distributions import AbstractPrior
 from .laplace import Laplace
 from .sampler import Draws
@@ -130,17 +133,37 @@ class Posterior(Described, Drawable, Drawn, Tabular):
             return {}
         return {k: spread(v) for k, v in self.named(self.draws.values).items()}
 
-    def content(self) -> PosteriorContent:
-        """What a law is made of, as in its file: `attributes`, draws (without NUTS those of the
-        Laplace approximation) and maximum."""
+    def drawn(self) -> dict[str, np.ndarray]:
+        """Columns (n,) of the draws, without NUTS those of the Laplace approximation [SI]."""
         values = self.laplace.draws if self.draws is None else self.draws.values
-        draws = {name: np.ravel(column) for name, column in self.named(values).items()}
-        return PosteriorContent(self.attributes(), draws, self.maximum())
+        return {name: np.ravel(column) for name, column in self.named(values).items()}
+
+    def law_entry(self) -> dict[str, object]:
+        """The entry "friction_law" of its file (`saved.entry`): that of the fit, at the maximum,
+        with the covariance of the draws."""
+        entry, method = law_entry(self.fit.to_json()), LAPLACE if self.draws is None else NUTS
+        drawn, maximum = self.drawn(), {law_name(n): x for n, x in self.maximum().items()}
+        amplitudes = [maximum[name] for name in numbered_names(self.fit.model.states)[0::2]]
+        error = spread(drawn[DIFFERENCE]).std
+        claim = rate_state_claim(maximum["A"], amplitudes, error, determined=True)
+        return entry | {
+            "origin": f"{self.fit.model.states} state(s), posterior ({method})",
+            "parameters": {
+                name: {**item, "value": maximum.get(name, item["value"]), "determined": True}
+                for name, item in entry["parameters"].items()
+            },
+            "free": [law_name(name) for name in self.names],
+            "covariance": np.atleast_2d(np.cov([drawn[name] for name in self.names])).tolist(),
+            "warnings": [*self._warned(), *open_words("posterior", claim, "draws")],
+        }
+
+    def _warned(self) -> list[str]:
+        """What the fit and the posterior warn of."""
+        return [*(f"the fit warned: {line}" for line in self.fit.warnings), *self.warnings]
 
     def attributes(self) -> dict[str, object]:
         """What it is of; lists and tables as JSON, velocities and stiffness in SI."""
         fit = self.fit
-        warned = [*(f"the fit warned: {line}" for line in fit.warnings), *self.warnings]
         noise = {"sigma": fit.noise.sigma, **fit.noise.to_json()}
         return {
             "schema": POSTERIOR,
@@ -155,7 +178,8 @@ class Posterior(Described, Drawable, Drawn, Tabular):
             "velocities": json.dumps(np.asarray(fit.steps.velocities).tolist()),
             "noise": json.dumps(noise),
             "noise_held": self.noise,
-            "warnings": json.dumps(warned),
+            "warnings": json.dumps(self._warned()),
+            ENTRY: json.dumps(self.law_entry()),
         }
 
 

@@ -5,13 +5,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ..errors import InputError
-from ..laws.saved import (
+from ..saved.files import (
     FIT,
     LOOP,
     Saved,
-    content_of,
     missing_key,
     own_warnings,
+    read_saved,
     refuse_damage,
     table_damage,
     values_of,
@@ -84,7 +84,7 @@ def load_model(model: object) -> SavedModel:
             "the model to predict with is a fit.json or loop.json (its path), a Fit or a Loop;"
             f" not a {type(model).__name__}"
         )
-    path, content = content_of(model, FIT, LOOP)
+    path, content = read_saved(model, FIT, LOOP)
     schema = content["schema"]
     keys = ("before", "after", "effects") if schema == LOOP else ("parameters",)
     refuse_damage(path, schema, missing_key(content, ("law", "friction_unit", "steps", *keys)))

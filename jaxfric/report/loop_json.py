@@ -2,14 +2,15 @@
 
 import numpy as np
 
-from ..fitting import Estimate
 from ..loop.axis.result import AxisDetails
 from ..loop.family import CurveFamily
 from ..loop.refusal import SOURCES
 from ..loop.result import SCHEMA, Loop, RunDetails, Score
 from ..loop.split import NAMES
 from ..plain import plain
+from ..saved.entry import ENTRY, law_entry
 from .axis_loop_text import stability
+from .fit_json import estimated
 
 
 def content(loop: Loop) -> dict:
@@ -58,7 +59,8 @@ def content(loop: Loop) -> dict:
         "warnings": loop.warnings,
         "seconds": loop.seconds,
     }
-    return plain(table)
+    told = plain(table)
+    return told | {ENTRY: law_entry(told)}
 
 
 def _score(loop: Loop, score: Score) -> dict[str, object]:
@@ -69,18 +71,11 @@ def _score(loop: Loop, score: Score) -> dict[str, object]:
         **{f"{name}_rms": rms for name, rms in score.rms.items()},
         "in_sigma": {name: v / loop.sigma_of(of(name)) for name, v in score.rms.items()},
         "per_step_in_sigma": [v / loop.sigma_of(step == k) for k, v in enumerate(score.per_step)],
-        **({} if rate is None else {"A_minus_B": _estimated(rate)}),
-        "parameters": {name: _estimated(e) for name, e in score.parameters.items()},
+        **({} if rate is None else {"A_minus_B": estimated(rate)}),
+        "parameters": {name: estimated(e) for name, e in score.parameters.items()},
         "free": score.free,
         "covariance": score.covariance,
     }
-
-
-def _estimated(estimate: Estimate) -> dict[str, object]:
-    """An estimate; no interval of what is not determined."""
-    fields = ("value", "std", "lower", "upper", "unit", "free", "determined")
-    found: dict[str, object] = {field: getattr(estimate, field) for field in fields}
-    return found if estimate.determined else found | dict.fromkeys(("std", "lower", "upper"))
 
 
 def family(curve: CurveFamily) -> dict[str, object]:

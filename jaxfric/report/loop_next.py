@@ -7,12 +7,12 @@ from typing import NamedTuple
 import numpy as np
 
 from ..effects import CATALOGUE
-from ..laws.loop_source import CERTAIN
 from ..loop.family import listed
 from ..loop.findings import LoopCode
 from ..loop.refusal import Fault, Refusal
 from ..loop.result import CandidateScore, Loop
 from ..loop.thresholds import ACCEPT
+from ..saved.entry import CERTAIN
 from ..units import factor, read_as
 from .location_text import grow_together
 from .loop_plan import PlannedRun, deciding_run, own_run, plannable, unplanned

@@ -7,9 +7,11 @@ from numpy.typing import ArrayLike
 
 from ..coordinate import Coordinate, unit_of
 from ..errors import InputError
+from ..laws.fitted import force_of_unit
+from ..laws.source import LawSource, stack
+from ..records.friction_table import read_friction_table
 from ..rig.friction.tabulated import TabulatedFriction
 from ..units import parse_quantity
-from .source import LawSource, force_of_unit, stack
 
 ENDINGS = (".csv", ".tsv", ".txt", ".dat")
 """Endings of files that hold a table, and no result of another verb."""
@@ -42,10 +44,8 @@ def law_from_table(
         where, unit = "table of friction", "N"
     else:
         where = str(source)
-        from ..records.friction_table import read_friction_table
-
         speed, friction, unit, coordinate = read_friction_table(Path(source))
-        friction = friction * force_of_unit(unit, normal_force, Path(source))
+        friction = friction * force_of_unit(unit, normal_force, where)
     if isinstance(memory, str):
         memory = parse_quantity(memory, unit_of("m", coordinate), "--memory")
     speed, friction = _one_direction(speed, friction, where)

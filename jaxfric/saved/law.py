@@ -1,17 +1,16 @@
 """The friction law of a result at hand, or of the file that another verb wrote of one."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 from ..errors import InputError
+from ..laws.fitted import law_of
+from ..laws.registry import Law
+from ..laws.source import LawSource, stack
 from ..rig.friction import AbstractDelayLaw, AbstractLaw
 from ..units import parse_quantity
-from .axis_loop import is_of_axis, law_from_axis_loop
-from .loop_source import law_from_loop
-from .posterior_file import Posterior, PosteriorResult, is_posterior, law_from_posterior
-from .registry import Law
-from .saved import FIT, LOOP, Saved, SavedResult, content_of
-from .source import LawSource, law_of_fit, stack
+from .entry import fitted_law
+from .files import Saved
+from .posterior_file import Posterior, PosteriorResult, is_posterior, posterior_law
 from .table import ENDINGS, law_from_table
 
 Result = Saved | Posterior
@@ -58,28 +57,16 @@ def law_from_fit(
             " a fit.json, posterior.nc or loop.json, jaxfric.law_from_parameters(...), or (to"
             " find_gains) a law itself, as RateState(...)"
         )
-    if isinstance(source, str | Path) and is_table(Path(source)):
-        return law_from_table(Path(source), memory=memory, normal_force=force)
+    in_file = isinstance(source, str | Path)
+    if in_file and Path(source).suffix.lower() in ENDINGS:
+        return law_from_table(source, memory=memory, normal_force=force)
     if memory is not None:
         raise InputError("--memory goes with a table of friction against speed; leave it out")
-    return _loader(source)(source, normal_force=force, samples=samples, seed=seed)
-
-
-def is_table(path: Path) -> bool:
-    """Whether a file is a table by its ending, and no result of another verb."""
-    return path.suffix.lower() in ENDINGS
-
-
-def _loader(source: Result) -> Callable[..., LawSource]:
-    """What reads the law of such a result."""
-    if isinstance(source, PosteriorResult):
-        return law_from_posterior
-    if not isinstance(source, SavedResult) and is_posterior(Path(source)):
-        return law_from_posterior
-    _, content = content_of(source, FIT, LOOP)
-    if content["schema"] == FIT:
-        return law_of_fit
-    return law_from_axis_loop if is_of_axis(content) else law_from_loop
+    if isinstance(source, PosteriorResult) or (in_file and is_posterior(Path(source))):
+        fitted = posterior_law(source)
+    else:
+        fitted = fitted_law(source)
+    return law_of(fitted, normal_force=force, samples=samples, seed=seed)
 
 
 def law_source(law: LawSource | Law | Result, normal_force: float | str | None) -> LawSource:

@@ -1,4 +1,4 @@
-"""Friction laws in files that other verbs saved: reading, checking and sampling them."""
+"""The JSON files of fits, loops and steady curves: read and checked."""
 
 import json
 import math
@@ -12,7 +12,13 @@ from ..effects.effect import id_of
 from ..errors import InputError
 
 FIT, LOOP, STEADY = "jaxfric.fit/1", "jaxfric.loop/1", "jaxfric.steady/1"
-_VERBS = {FIT: "jaxfric fit", LOOP: "jaxfric loop", STEADY: "jaxfric steady"}
+POSTERIOR = "jaxfric.posterior/1"
+VERBS = {
+    FIT: "jaxfric fit",
+    LOOP: "jaxfric loop",
+    STEADY: "jaxfric steady",
+    POSTERIOR: "jaxfric fit and a file of priors",
+}
 
 
 @typing.runtime_checkable
@@ -26,27 +32,23 @@ Saved = SavedResult | str | Path
 """A Fit or a Loop, or the path of its file."""
 
 
-def content_of(source: Saved, *schemas: str) -> tuple[Path, dict]:
+def read_saved(source: Saved, *schemas: str) -> tuple[Path, dict]:
     """A file of one of the `schemas`, or what stands for it in messages, and its content: of a
-    result at hand that which its file would have. Raises as `read_saved`."""
-    if not isinstance(source, SavedResult):
-        return Path(source), read_saved(Path(source), *schemas)
-    content = json.loads(json.dumps(source.to_json()), object_pairs_hook=_renamed)
-    of = content.get("record") if isinstance(content, dict) else None
-    of = f" of {of['path']}" if isinstance(of, dict) and "path" in of else ""
-    where = Path(f"{type(source).__name__}{of}")
-    return where, _checked(where, content, *schemas)
-
-
-def read_saved(path: Path, *schemas: str) -> dict:
-    """The content of a JSON file of one of the `schemas`.
+    result at hand that which its file would have.
 
     Raises
     ------
     InputError : no such file, no JSON, another schema, a fit that did not converge; warnings that
         are no list of lines.
     """
-    verbs = " or ".join(_VERBS[schema] for schema in schemas)
+    verbs = " or ".join(VERBS[schema] for schema in schemas)
+    if isinstance(source, SavedResult):
+        content = json.loads(json.dumps(source.to_json()), object_pairs_hook=_renamed)
+        of = content.get("record")
+        of = f" of {of['path']}" if isinstance(of, dict) and "path" in of else ""
+        path = Path(f"{type(source).__name__}{of}")
+        return path, _checked(path, content, *schemas)
+    path = Path(source)
     try:
         content = json.loads(path.read_text(encoding="utf-8"), object_pairs_hook=_renamed)
     except FileNotFoundError:
@@ -58,7 +60,7 @@ def read_saved(path: Path, *schemas: str) -> dict:
     except ValueError as error:
         place = f" (line {error.lineno})" if isinstance(error, json.JSONDecodeError) else ""
         raise InputError(f"{path}: not a JSON file, or damaged{place}; make it again") from None
-    return _checked(path, content, *schemas)
+    return path, _checked(path, content, *schemas)
 
 
 def _checked(path: Path, content: dict, *schemas: str) -> dict:
@@ -72,7 +74,7 @@ def _checked(path: Path, content: dict, *schemas: str) -> dict:
         )
     if schema not in schemas:
         found = f"its schema is '{schema}'" if schema else "it names no schema"
-        known = " or ".join(f"'{name}' ({_VERBS[name]})" for name in schemas)
+        known = " or ".join(f"'{name}' ({VERBS[name]})" for name in schemas)
         raise InputError(f"{path}: {found}; a file of schema {known} is needed")
     if schema == FIT and content.get("converged", True) is not True:
         if content["converged"] is not False:
@@ -82,7 +84,7 @@ def _checked(path: Path, content: dict, *schemas: str) -> dict:
             " its parameters mean nothing; fit the record again, with other steps, stiffness or"
             " starting values"
         )
-    if not _is_lines(content.get("warnings", [])):
+    if not is_lines(content.get("warnings", [])):
         refuse_damage(path, str(schema), "the warnings are no list of lines")
     return content
 
@@ -96,7 +98,8 @@ def _renamed(pairs: list[tuple[str, object]]) -> dict[str, object]:
     return {id_of(k): [now(x) for x in v] if isinstance(v, list) else now(v) for k, v in pairs}
 
 
-def _is_lines(warnings: object) -> bool:
+def is_lines(warnings: object) -> bool:
+    """Whether it is a list of texts."""
     return isinstance(warnings, list) and all(isinstance(line, str) for line in warnings)
 
 
@@ -116,7 +119,7 @@ def own_warnings(content: Mapping) -> tuple[str, ...]:
 def refuse_damage(path: Path, schema: str, problem: str | None) -> None:
     """Raise `InputError` where there is a problem with a file of the right schema."""
     if problem:
-        raise InputError(f"{path}: damaged: {problem}; make it again with: {_VERBS[schema]}")
+        raise InputError(f"{path}: damaged: {problem}; make it again with: {VERBS[schema]}")
 
 
 def missing_key(content: object, keys: Sequence[str], where: str = "") -> str | None:
@@ -159,53 +162,3 @@ def table_damage(table: Mapping, needed: Sequence[str]) -> str | None:
 def values_of(table: Mapping) -> dict[str, float]:
     """Parameter values by name (SI)."""
     return {name: float(item["value"]) for name, item in table["parameters"].items()}
-
-
-def sampled(
-    table: Mapping, positive: Mapping[str, bool], samples: int, seed: int, path: Path
-) -> dict[str, np.ndarray]:
-    """Columns of the parameters `positive` names: the estimate, then `samples` draws.
-
-    A free parameter that is positive is drawn by its logarithm, another as it is. Free
-    parameters that are not named are left out: the others have their marginal distribution.
-
-    Raises
-    ------
-    InputError : the fit leaves one of them undetermined.
-    """
-    values = values_of(table)
-    columns = {name: np.full(samples + 1, values[name]) for name in positive}
-    index = [i for i, name in enumerate(table["free"]) if name in positive]
-    free = [table["free"][i] for i in index]
-    if samples and free:
-        covariance = np.asarray(table["covariance"], float)[np.ix_(index, index)]
-        loose = [n for n in free if not table["parameters"][n].get("determined", True)]
-        if loose or not np.all(np.isfinite(covariance)):
-            names = ", ".join(loose) or "a parameter"
-            raise InputError(
-                f"{path}: the fit leaves {names} undetermined, so nothing can be sampled;"
-                " use --samples 0 for the estimate alone, or a record that fixes it"
-            )
-        mean = np.asarray([values[name] for name in free])
-        above = np.asarray([positive[name] for name in free])
-        for name, column in zip(
-            free, draw_samples(mean, covariance, above, samples, seed).T, strict=True
-        ):
-            columns[name][1:] = column
-    return columns
-
-
-def draw_samples(
-    mean: np.ndarray, covariance: np.ndarray, positive: np.ndarray, samples: int, seed: int
-) -> np.ndarray:
-    """Samples (samples, p) of parameters, those that are `positive` by their logarithms.
-
-    Normal about their `mean` with a `covariance` (SI), which need not be regular.
-    """
-    jacobian = np.where(positive, 1 / np.where(positive, mean, 1.0), 1.0)
-    spread = covariance * np.outer(jacobian, jacobian)
-    scale = np.sqrt(np.maximum(np.diag(spread), 1e-300))
-    lowered, vectors = np.linalg.eigh(spread / np.outer(scale, scale))
-    root = scale[:, None] * vectors * np.sqrt(np.maximum(lowered, 0.0))
-    z = np.random.default_rng(seed).standard_normal((samples, len(mean))) @ root.T
-    return np.where(positive, mean * np.exp(np.where(positive, z, 0.0)), mean + z)

@@ -1,0 +1,250 @@
+"""The entry "friction_law" of a result's file: the parameters of its law, the same of every result.
+
+    name            a rate-and-state law of the registry, or "coulomb_viscous" of an axis
+    states          of the law without effects; 0 of an axis
+    friction_unit   "1" of a friction coefficient, "N", "N m" or "%"; parameters are SI with it
+    coordinate      "linear" or "rotary"
+    origin          what made it, in words
+    effects         ids of the effects found, and of those that the base had
+    parameters      by name {value, unit, determined}: f0, A, B, L, B2, ..., V0 of a slider, M, F_v,
+                    F_c, F_0 of an axis, and effect.parameter
+    free            names of the parameters with an error, in the order of
+    covariance      (p, p)
+    velocity        slowest and fastest of the record [m/s]; null where it has none
+    width, reach    of an axis' record [m/s], [m]
+    warnings        lines to read before the law is relied on
+
+Files of versions without it have the same in other entries, of which it is made here.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..effects import effect_of
+from ..errors import InputError
+from ..laws.fitted import FittedLaw
+from ..laws.registry import count_states, fixed_states, is_rate_state
+from ..quantity import numbered_names
+from ..rig import Rig
+from ..rig.axis import LAW, AxisRig
+from ..stability.claims import Claim, held_with_trend, rate_state_claim
+from .files import (
+    FIT,
+    LOOP,
+    Saved,
+    is_lines,
+    missing_key,
+    own_warnings,
+    read_saved,
+    refuse_damage,
+    table_damage,
+    values_of,
+)
+
+ENTRY = "friction_law"
+CERTAIN = ("no_missing_effect", "effects", "ambiguous")
+"""Verdicts whose model describes the record."""
+_KEYS = (
+    *("name", "states", "friction_unit", "coordinate", "origin", "effects", "parameters", "free"),
+    *("covariance", "velocity", "width", "reach", "warnings"),
+)
+
+
+def fitted_law(source: Saved, *schemas: str) -> FittedLaw:
+    """The law of a Fit or a Loop, or of its file of one of the `schemas`, as its parameters.
+
+    Raises
+    ------
+    InputError : file missing, damaged or of another schema; a fit that did not converge; an effect
+        that is not in the catalogue.
+    """
+    path, content = read_saved(source, *(schemas or (FIT, LOOP)))
+    schema, entry = content["schema"], content.get(ENTRY)
+    if entry is None:
+        try:
+            problem = table_damage(_table(content), ())
+            entry = None if problem else law_entry(content)
+        except KeyError as error:
+            problem = f"{error} is missing"
+        except (AttributeError, TypeError, ValueError):
+            problem = "an entry that its law is made of has another form"
+        refuse_damage(path, schema, problem)
+    return read_entry(path, entry, schema)
+
+
+def read_entry(path: Path, entry: object, schema: str) -> FittedLaw:
+    """The law of the entry of a file of a `schema`, checked.
+
+    Raises
+    ------
+    InputError : damage; an effect that is not in the catalogue.
+    """
+    refuse_damage(path, schema, _damage(entry))
+    own: dict[str, Any] = {key: entry[key] for key in _KEYS}  # ty: ignore[not-subscriptable]
+    try:
+        rig = AxisRig if own["name"] == LAW else Rig
+        own["effects"] = tuple(effect_of(id, rig) for id in own["effects"])
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    own["loose"] = [n for n, item in own["parameters"].items() if not item.get("determined", True)]
+    own["parameters"] = values_of(own)
+    own["velocity"] = None if own["velocity"] is None else tuple(own["velocity"])
+    own["covariance"] = np.asarray(own["covariance"], float).reshape(2 * [len(own["free"])])
+    fitted = FittedLaw(str(path), **own)
+    missing = next((name for name in fitted.quantities() if name not in fitted.parameters), None)
+    refuse_damage(path, schema, missing and f"parameter {missing} is missing")
+    return fitted
+
+
+def _damage(entry: object) -> str | None:
+    """The fault of an entry by itself, in words: what is missing or wrong."""
+    problem = missing_key(entry, _KEYS, f"{ENTRY}.")
+    if problem:
+        return problem
+    assert isinstance(entry, dict)
+    name, states, seen = entry["name"], entry["states"], entry["velocity"]
+    if name != LAW and not is_rate_state(name):
+        return f"law '{name}' is not known"
+    always = 0 if name == LAW else fixed_states(name)
+    if states not in (range(1, 10) if always is None else (always,)):
+        return f"the number of states is '{states}'"
+    for key in ("effects", "warnings"):
+        if not is_lines(entry[key]):
+            return f"the {key} are no list of texts"
+    if entry["coordinate"] not in ("linear", "rotary"):
+        return f"the coordinate is '{entry['coordinate']}'"
+    for key in ("width", "reach"):
+        if not _is_size(entry[key]):
+            return f"'{key}' is {entry[key]!r}"
+    pair = isinstance(seen, list) and len(seen) == 2 and all(map(_is_size, seen))
+    if not (seen is None or pair):
+        return f"the velocity is {seen!r}"
+    return table_damage(entry, ())
+
+
+def _is_size(number: object) -> bool:
+    return isinstance(number, int | float) and 0 <= number < math.inf
+
+
+def law_entry(content: Mapping) -> dict[str, Any]:
+    """The entry of a fit.json or loop.json whose other entries are `content`.
+
+    Raises KeyError, TypeError, ValueError or AttributeError where those are damaged.
+    """
+    fit, law = content["schema"] == FIT, content["law"]
+    axis, table = law == LAW, _table(content)
+    known = {law_name(name): item for name, item in table["parameters"].items()}
+    if not axis:
+        known.setdefault("V0", {"value": content.get("reference_velocity"), "unit": "m/s"})
+    about = content.get("axis") or {}
+    if fit:
+        states, origin = content["states"], f"{content['states']} state(s), fitted"
+        velocities, found = (content.get("steps") or {}).get("velocities", []), []
+        warnings = _doubts(content)
+    else:
+        states = 0 if axis else count_states(law if is_rate_state(law) else None, known)
+        origin = f"from the loop ({content['verdict']})"
+        velocities, found = [step[-1] for step in content.get("steps", [])], content["effects"]
+        warnings = [*verdict_words(content), *_claim(about)]
+    declared = [name.split(".")[0] for name in known if "." in name]
+    return {
+        "name": law,
+        "states": states,
+        "friction_unit": content["friction_unit"],
+        "coordinate": about.get("coordinate") or "linear",
+        "origin": origin,
+        "effects": list(dict.fromkeys(found + declared)),
+        "parameters": {
+            name: {
+                "value": item["value"],
+                "unit": item.get("unit"),
+                "determined": item.get("determined", True),
+            }
+            for name, item in known.items()
+        },
+        "free": [law_name(name) for name in table["free"]],
+        "covariance": table["covariance"],
+        "velocity": seen_velocities(velocities),
+        "width": about.get("width") or 0.0,
+        "reach": about.get("reach") or 0.0,
+        "warnings": [*own_warnings(content), *warnings],
+    }
+
+
+def _table(content: Mapping) -> Mapping:
+    """Where a file has the parameters of its last model."""
+    return content if content["schema"] == FIT else content["after"]
+
+
+def law_name(name: str) -> str:
+    """The name of a parameter here: a slip trend of the base is that of an effect."""
+    return "slip_trend.s" if name == "slip_trend" else name
+
+
+def seen_velocities(velocities: Sequence[float]) -> list[float] | None:
+    """Slowest and fastest [m/s] of the velocities of a record, rest left out; None without any."""
+    sizes = [abs(v) for v in velocities if v != 0]
+    return [min(sizes), max(sizes)] if sizes else None
+
+
+def open_words(what: str, claim: Claim, of: str) -> list[str]:
+    """A warning where a result, `what`, says nothing of stability: what follows is of its `of`."""
+    if claim.kind != "open":
+        return []
+    return [
+        f"this {what} says nothing of stability ({'; '.join(claim.reasons)}): what follows is of"
+        f" its {of}, not of the record"
+    ]
+
+
+def _doubts(content: Mapping) -> list[str]:
+    """A warning where the parameters of a fit.json say nothing of stability, else nothing."""
+    known, free = content["parameters"], content["free"]
+    names = numbered_names(content["states"])
+    weight = np.array([(name == "A") - (name in names[0::2]) for name in free], float)
+    covariance = np.asarray(content["covariance"], float).reshape(len(free), len(free))
+    variance = float(weight @ covariance @ weight)
+    claim = rate_state_claim(
+        known["A"]["value"],
+        [known[name]["value"] for name in names[0::2]],
+        math.sqrt(variance) if variance >= 0 else math.nan,
+        determined=all(known[name].get("determined", True) for name in ("A", *names)),
+    )
+    claim = held_with_trend(claim, content.get("A_minus_B_with_trend"))
+    return open_words("fit", claim, "values and samples")
+
+
+def _claim(about: Mapping) -> list[str]:
+    """A warning where the loop of an axis itself says nothing of stability, else nothing."""
+    gains = about.get("gains") or {}
+    if gains.get("claim") != "open":
+        return []
+    sentence = " ".join(str(gains.get("sentence") or "Nothing is said of stability.").split())
+    return [f"of the axis itself: {sentence}"]
+
+
+def verdict_words(content: Mapping) -> list[str]:
+    """A warning where by its verdict a loop.json's model does not describe the record."""
+    if content["verdict"] in CERTAIN:
+        return []
+    sentence = str(content.get("sentence") or "").strip().rstrip(".")
+    more = f" ({sentence})" if sentence else ""
+    text = (
+        f"the loop's verdict is {content['verdict']}{more}: the law of its last model is used,"
+        " which does not describe the record"
+    )
+    errors = [
+        ((content.get(when) or {}).get("in_sigma") or {}).get("report")
+        for when in ("before", "after")
+    ]
+    before, after = (float(x) if isinstance(x, int | float) else np.nan for x in errors)
+    if content.get("effects") and after > before:
+        text += (
+            f"; rows that were never fitted it predicts worse than the base does ({after:.2f} sigma"
+            f" for {before:.2f}): run the loop again without an effect (--without)"
+        )
+    return [text]
