@@ -9,7 +9,6 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -20,7 +19,7 @@ from ..findings import Finding, read_findings
 from ..loop import Loop
 from ..loop.axis.driven import ONE_SPEED, Driven, at_one_speed
 from ..loop.findings import LoopCode
-from ..loop.steady.loop import SteadyLoop, steady_gains
+from ..loop.steady.loop import SteadyLoop
 from ..loop.steady.model import curve_covariance
 from ..quantity import Quantity, quantities
 from ..records.steady_load import Load
@@ -163,7 +162,7 @@ def identified(model: str | Path | Loop | SteadyLoop) -> Identified:
     NothingToCompensate : a model that did not converge.
     """
     if isinstance(model, SteadyLoop):
-        return _of_steady(model)
+        return _of_curve(said("steady_text.to_json", model), "this curve")
     if isinstance(model, Loop):
         return _of_axis(model.to_json(), "this loop")
     if not isinstance(model, str | Path):
@@ -360,21 +359,6 @@ def _middle(content: Content) -> float:
     return 0.5 * (min(places) + max(places)) if places else 0.0
 
 
-class _Fitted(NamedTuple):
-    """A model of a steady curve: its effects, its values by name, and tau; the runs it rests on,
-    and what the force has along the travel."""
-
-    effects: tuple[str, ...]
-    values: Mapping[str, float]
-    spread: float
-    points: np.ndarray
-    """Speed, force and its error of every run (n, 3)."""
-    used: np.ndarray
-    """Mask (n,) of the runs that were fitted."""
-    shared: np.ndarray | None
-    load: Load | None
-
-
 def _of_curve(content: Content, source: str) -> Identified:
     """The final curve of a steady.json; its covariance is computed anew from the runs."""
     path = Path(source)
@@ -401,9 +385,26 @@ def _of_curve(content: Content, source: str) -> Identified:
     except (TypeError, ValueError, KeyError):
         problem = f"{path}: damaged: a number of the curve is missing or no number; make it again"
         raise InputError(f"{problem} with: jaxfric steady") from None
-    about = str(curve["force_unit"]), str(curve["coordinate"])
-    fitted = _Fitted(tuple(content["effects"]), values, spread, points, used, shared, load)
-    return _curve(source, about, fitted, ends, str(gains.get("sentence") or ""))
+    effects, (speed, _, error) = tuple(content["effects"]), points[used].T
+    within = None if shared is None else shared[used]
+    names, covariance = curve_covariance(speed, error, spread, effects, values, within)
+    found = Identified(
+        source,
+        str(curve["force_unit"]),
+        str(curve["coordinate"]),
+        {_OF_CURVE.get(name, name): value for name, value in values.items()},
+        tuple(_OF_CURVE.get(name, name) for name in names),
+        covariance,
+        (),
+        effects,
+        0.0,
+        ends[0],
+        *ends,
+        "the slowest run that moved evenly",
+        points=points,
+        claim=str(gains.get("sentence") or ""),
+    )
+    return found if load is None else _with_load(found, load)
 
 
 def _load(content: Content) -> Load:
@@ -414,50 +415,6 @@ def _load(content: Content) -> Load:
     if arrays[1].shape != (len(names), len(names)) or not all(np.isfinite(x).all() for x in arrays):
         raise ValueError
     return Load(str(content["effect"]), names, *arrays)
-
-
-def _of_steady(loop: SteadyLoop) -> Identified:
-    if loop.withheld:
-        raise NothingToCompensate(f"this curve: {'; '.join(loop.withheld)}")
-    curve, model, gains = loop.curve, loop.final, steady_gains(loop)
-    assert gains.curve is not None
-    points = np.stack([curve.speed, curve.force, curve.error], axis=1)
-    about, ends = (curve.force_unit, curve.coordinate), (gains.curve.slowest, gains.curve.fastest)
-    fitted = _Fitted(
-        model.effects, model.values, model.spread, points, loop.used, curve.shared, curve.load
-    )
-    return _curve("this curve", about, fitted, ends, gains.sentence())
-
-
-def _curve(
-    source: str,
-    about: tuple[str, str],
-    fitted: _Fitted,
-    ends: tuple[float, float],
-    claim: str,
-) -> Identified:
-    """The friction of steady runs; `about` is the force's unit and the coordinate."""
-    speed, _, error = fitted.points[fitted.used].T
-    shared = None if fitted.shared is None else fitted.shared[fitted.used]
-    names, covariance = curve_covariance(
-        speed, error, fitted.spread, fitted.effects, fitted.values, shared
-    )
-    found = Identified(
-        source,
-        *about,
-        {_OF_CURVE.get(name, name): value for name, value in fitted.values.items()},
-        tuple(_OF_CURVE.get(name, name) for name in names),
-        covariance,
-        (),
-        fitted.effects,
-        0.0,
-        ends[0],
-        *ends,
-        "the slowest run that moved evenly",
-        points=fitted.points,
-        claim=claim,
-    )
-    return found if fitted.load is None else _with_load(found, fitted.load)
 
 
 def _with_load(about: Identified, load: Load) -> Identified:
