@@ -386,7 +386,7 @@ def without(name):
         ({"force": 5.0}, "normal_force is not wanted"),
         ({"after": without("F_c")}, "parameter F_c is missing"),
         ({"after": without("rate_and_state.L")}, "parameter rate_and_state.L is missing"),
-        ({"after": None}, "has another form"),
+        ({"after": None}, "'after.' is no table"),
         ({"effects": ["rate_and_stat"]}, "did you mean 'rate_and_state"),
         ({"axis": {"width": "x"}}, "'width' is 'x'"),
         ({"part": float("nan"), "samples": 2}, "undetermined"),

@@ -295,7 +295,7 @@ def with_value(name, value):
         (loop_content("viscous", effects=["viscos"]), NORMAL, "did you mean 'viscous'"),
         (loop_content(effects=["viscous"]), NORMAL, "viscous.c is missing"),
         (loop_content("viscous", warnings="odd"), NORMAL, "warnings are no list of lines"),
-        (loop_content("viscous", after=None), NORMAL, "has another form"),
+        (loop_content("viscous", after=None), NORMAL, "'after.' is no table"),
         (loop_content("viscous", reference_velocity=None), NORMAL, "parameter V0 has no value"),
         (damaged(parameters={}), NORMAL, "damaged"),
         (damaged(free=["f0", "Q"]), NORMAL, r"shape \(5, 5\) for 2 free"),

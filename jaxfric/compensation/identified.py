@@ -191,14 +191,13 @@ def _of_axis(content: Content, source: str) -> Identified:
             " 'jaxfric steady'"
         )
     after = content["after"]
-    problem = missing_key(after, ("parameters", "free", "covariance"), "after.")
-    refuse_damage(path, LOOP, problem or table_damage(after, _BASE))
+    refuse_damage(path, LOOP, table_damage(after, _BASE, "after."))
     values = values_of(after)
     effects = tuple(dict.fromkeys(n.partition(".")[0] for n in values if "." in n))
     about = content.get("axis") or {}
     refuse_damage(path, LOOP, _wrong_size(about, content["steps"]))
     if about.get("covariance") is not None:
-        problem = table_damage({**after, "covariance": about["covariance"]}, ())
+        problem = table_damage({**after, "covariance": about["covariance"]})
         refuse_damage(path, LOOP, problem and f"axis: {problem}")
     _refuse_unconverged(content, effects, source)
     if about.get("withheld"):

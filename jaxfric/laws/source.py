@@ -1,7 +1,7 @@
 """A friction law for control, with samples; and one whose parameters are given one by one."""
 
 import inspect
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import equinox as eqx
@@ -20,7 +20,6 @@ from .registry import (
     REGISTRY,
     Law,
     count_states,
-    fixed_states,
     is_rate_state,
     law_quantity,
     names_of_laws,
@@ -135,14 +134,11 @@ def _built(kind: str, pairs: Mapping[str, str]) -> tuple[Law, Coordinate]:
         states = count_states(kind, pairs)
         needed = ["A", *numbered_names(states), "V0"]
         known = {name: law_quantity(name) for name in (*needed, "f0")}
-        least = ["A", *numbered_names(fixed_states(kind) or 1), "V0"]
-        listed = "A, B, L, V0, f0"
     else:
         assert isinstance(entry, type)
         known = quantities(entry)
         defaults = inspect.signature(entry).parameters
         needed = [n for n in known if defaults[n].default is inspect.Parameter.empty]
-        least, listed = needed, ", ".join(known)
     names = {about.symbol: name for name, about in known.items()} | {name: name for name in known}
     si = {n: _si(known[names[n]]) if n in names else "1" for n in pairs}
     coordinate = agreed({f"parameter {n}": (x, si[n]) for n, x in pairs.items()})
@@ -150,7 +146,7 @@ def _built(kind: str, pairs: Mapping[str, str]) -> tuple[Law, Coordinate]:
     for name in needed:
         if name not in given:
             raise InputError(
-                f"parameters: {name} is missing; the {kind} law needs {', '.join(least)}"
+                f"parameters: {name} is missing; the {kind} law needs {', '.join(needed)}"
             )
     values = {}
     for name in (name for name in known if name in given):
@@ -160,16 +156,13 @@ def _built(kind: str, pairs: Mapping[str, str]) -> tuple[Law, Coordinate]:
     for name in given:
         if name not in known:
             raise InputError(
-                f"parameters: '{name}' is no parameter of the {kind} law; it has: {listed}"
+                f"parameters: '{name}' is no parameter of the {kind} law; it has:"
+                f" {', '.join(known)}"
             )
     if is_rate_state(kind):
         return rate_state(kind, {"f0": _F0 * values["A"], **values}, states), coordinate
     assert isinstance(entry, type)
-    return _with(entry, values), coordinate
-
-
-def _with(law: Callable[..., Law], values: Mapping[str, float]) -> Law:
-    return law(**values)
+    return entry(**values), coordinate
 
 
 def _si(about: Quantity) -> str:

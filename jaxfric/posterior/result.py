@@ -175,7 +175,6 @@ class Posterior(Described, Drawable, Drawn, Tabular):
             "friction_unit": fit.record.friction_unit,
             "stiffness": fit.parameters["K"].value,
             "reference_velocity": fit.parameters["V0"].value,
-            "velocities": json.dumps(np.asarray(fit.steps.velocities).tolist()),
             "noise": json.dumps(noise),
             "noise_held": self.noise,
             "warnings": json.dumps(self._warned()),

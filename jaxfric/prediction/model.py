@@ -91,6 +91,5 @@ def load_model(model: object) -> SavedModel:
     saved = SavedModel(path, content)
     needed = ("M", "F_v", "F_c", "F_0") if saved.is_axis else ("f0", "A", "B", "L", "K", "V0")
     for name, table in saved.tables().items():
-        problem = missing_key(table, ("parameters", "free", "covariance"), f"{name}.")
-        refuse_damage(path, schema, problem or table_damage(table, needed))
+        refuse_damage(path, schema, table_damage(table, needed, f"{name}."))
     return saved

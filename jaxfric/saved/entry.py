@@ -66,7 +66,8 @@ def fitted_law(source: Saved, *schemas: str) -> FittedLaw:
     schema, entry = content["schema"], content.get(ENTRY)
     if entry is None:
         try:
-            problem = table_damage(_table(content), ())
+            where = "" if schema == FIT else "after."
+            problem = table_damage(_table(content), where=where)
             entry = None if problem else law_entry(content)
         except KeyError as error:
             problem = f"{error} is missing"
@@ -123,7 +124,7 @@ def _damage(entry: object) -> str | None:
     pair = isinstance(seen, list) and len(seen) == 2 and all(map(_is_size, seen))
     if not (seen is None or pair):
         return f"the velocity is {seen!r}"
-    return table_damage(entry, ())
+    return table_damage(entry)
 
 
 def _is_size(number: object) -> bool:

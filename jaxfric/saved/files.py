@@ -5,6 +5,7 @@ import math
 import typing
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -129,8 +130,11 @@ def missing_key(content: object, keys: Sequence[str], where: str = "") -> str | 
     return next((f"'{where}{key}' is missing" for key in keys if key not in content), None)
 
 
-def table_damage(table: Mapping, needed: Sequence[str]) -> str | None:
+def table_damage(table: Any, needed: Sequence[str] = (), where: str = "") -> str | None:
     """The fault in the entries "parameters", "free" and "covariance" of a table, in words."""
+    problem = missing_key(table, ("parameters", "free", "covariance"), where)
+    if problem:
+        return problem
     parameters, free = table["parameters"], table["free"]
     if not isinstance(parameters, dict):
         return "the parameters are no table"
@@ -141,11 +145,8 @@ def table_damage(table: Mapping, needed: Sequence[str]) -> str | None:
             return f"parameter {name} is missing"
     for name, item in parameters.items():
         value = item.get("value") if isinstance(item, dict) else None
-        if (
-            isinstance(value, bool)
-            or not isinstance(value, int | float)
-            or not math.isfinite(value)
-        ):
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not (number and math.isfinite(value)):
             return f"parameter {name} has no value"
     try:
         matrix = np.asarray(table["covariance"], float)
