@@ -39,6 +39,7 @@ from jaxfric.report.protocol_text import (
     found_too_small,
 )
 
+AXIS = str(Path(__file__).parents[1] / "fits" / "emps" / "loop" / "loop.json")
 UM = 1e-6
 NOISE = 3e-4
 TWELVE = np.asarray([1, 10, 1, 3, 10, 3, 1, 10, 3, 1, 3, 10]) * UM
@@ -854,6 +855,7 @@ GOOD = {"--slip-per-step": "150um", "--stiffness": "5e-3/um", "--noise": "3e-4"}
             ],
         ),
         ("1,10 um/s", {"--from": "none.json"}, ["none.json", "no such file"]),
+        ("1,10 um/s", {"--from": AXIS}, ["loop.json: it is of an axis", "jaxfric loop"]),
         ("1,10 um/s", {"--from": "a", "--parameters": "A=1"}, ["--from excludes"]),
         ("1,10 um/s", {"--law": "dieterich"}, ["dieterich"]),
     ],
