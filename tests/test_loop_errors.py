@@ -6,6 +6,7 @@ import pytest
 from jaxfric.loop.estimates import between_steps
 
 STEPS, ROWS = 9, 40
+ALL = np.ones(3, bool)
 
 
 def _columns(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -27,7 +28,7 @@ def test_the_variance_is_that_of_fits_without_each_step():
         rows, to = np.r_[columns[on], prior], np.r_[recorded[on], at]
         without.append(np.linalg.lstsq(rows, to, rcond=None)[0])
     expected = (STEPS - 1) * np.var(without, axis=0)
-    found = between_steps(columns @ fit - recorded, columns, prior, step)
+    found = between_steps(columns @ fit - recorded, columns, prior, step, ALL)
     np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
@@ -42,6 +43,23 @@ def test_the_errors_hold_where_steps_differ(spread):
         slopes = 2.0 + spread * rng.standard_normal(STEPS)
         recorded = slopes[step] * design[:, 1] + rng.standard_normal(len(step))
         fit = np.linalg.lstsq(design, recorded, rcond=None)[0]
-        variance = between_steps(design @ fit - recorded, design, np.zeros((0, 2)), step)[1]
+        left = design @ fit - recorded
+        variance = between_steps(left, design, np.zeros((0, 2)), step, ALL[:2])[1]
         missed.append(abs(fit[1] - 2.0) > 2.306 * np.sqrt(variance))
     assert np.mean(missed) == pytest.approx(0.05, abs=4 * np.sqrt(0.05 * 0.95 / 400))
+
+
+def test_what_one_step_alone_shows_is_not_compared():
+    """Of a column that one step has no step is left out in its favour; of two steps none is."""
+    rng = np.random.default_rng(1)
+    step, columns = _columns(rng)
+    alone = np.where(step == 4, columns[:, 1], 0.0)
+    design = np.stack([columns[:, 0], alone], axis=1)
+    left = rng.standard_normal(len(step))
+    found = between_steps(left, design, np.zeros((0, 2)), step, np.array([False, True]))
+    others = step != 4
+    kept = between_steps(left[others], design[others, :1], np.zeros((0, 1)), step[others], ALL[:1])
+    assert found[0] == pytest.approx(kept[0], rel=0.5) and found[1] < 0.1
+    few = step < 2
+    none = between_steps(left[few], design[few, :1], np.zeros((0, 1)), step[few], ALL[:1])
+    np.testing.assert_array_equal(none, 0.0)

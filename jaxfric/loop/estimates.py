@@ -3,14 +3,14 @@
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from ..fitting import Estimate
 from ..fitting.result import tidy_unit
 from ..fitting.uncertainty import QUANTILE, determined, normal_inverse
 from .engine import Engine
 from .refit import Candidate
-from .thresholds import SEEN
+from .thresholds import HELD_OUT_FROM, SPARED
 
 _LEVEL = "f0"
 
@@ -43,12 +43,11 @@ def estimates(
         white = engine.whiten(columns, engine.noise_of(residual, train).noise)[: engine.rows]
         spread = normal_inverse(np.concatenate([white[:, 1:], rows.extra_jacobian]))
         if rivals is not None:
-            used = engine.blocks.train
-            between = between_steps(
-                white[used, 0], white[used, 1:], rows.extra_jacobian, engine.blocks.step[used]
-            )
-            own = np.isin(index, engine.base)
-            factor = max(1.0, float(np.median((between / np.diag(spread))[own])))
+            used, own = engine.blocks.train, np.isin(index, engine.base)
+            step = engine.blocks.step[used]
+            columns = white[used, 0], white[used, 1:], rows.extra_jacobian
+            between = between_steps(*columns, step, own)[own] / np.diag(spread)[own]
+            factor = max(1.0, float(np.median(between)))
             spread = factor * spread + disagreement(engine, candidate, rivals, index)
     place = {int(i): k for k, i in enumerate(index)}
     own = [place[int(i)] for i in named]
@@ -79,6 +78,7 @@ def between_steps(
     jacobian: Float[np.ndarray, "n m"],
     extra: Float[np.ndarray, "e m"],
     step: Int[np.ndarray, " n"],
+    own: Bool[np.ndarray, " m"],
 ) -> Float[np.ndarray, " m"]:
     """Variance of the parameters by how far they move when each step of a record is left out.
 
@@ -87,19 +87,21 @@ def between_steps(
 
         d_c = -(N - N_c)^-1 J_c^T r_c,   N = J^T J + E^T E,
 
-    and of G steps the variance is (G - 1)/G sum_c (d_c - mean)^2, whatever the noise is; 0 of one.
+    and of G steps the variance is (G - 1)/G sum_c (d_c - mean)^2, whatever the noise is. A step
+    without which errors of the parameters `own` would more than double, in the median, is not left
+    out: what one step alone shows, no other can agree with. 0 of fewer than three others.
 
     Source: the jackknife of MacKinnon & White 1985 (doi:10.1016/0304-4076(85)90158-7), here by
     step, within which rows are correlated.
     """
-    whole = jacobian.T @ jacobian + extra.T @ extra
-    moves = []
+    moves, variance = [], np.diag(normal_inverse(np.concatenate([jacobian, extra])))
     for c in np.unique(step):
-        left_out, missed = jacobian[step == c], residual[step == c]
-        rest = whole - left_out.T @ left_out
-        size = np.sqrt(np.where(np.diag(rest) > 0, np.diag(rest), 1.0))
-        inverse = np.linalg.pinv(rest / np.outer(size, size), rcond=SEEN, hermitian=True)
-        moves.append(inverse @ (left_out.T @ missed / size) / size)
+        out = step == c
+        rest = normal_inverse(np.concatenate([jacobian[~out], extra]))
+        if np.median(np.diag(rest)[own] / variance[own]) <= SPARED**2:
+            moves.append(rest @ jacobian[out].T @ residual[out])
+    if len(moves) < HELD_OUT_FROM:
+        return np.zeros(len(variance))
     return (len(moves) - 1) * np.var(moves, axis=0)
 
 

@@ -43,6 +43,9 @@ LOST_LIKELIHOOD = 2.0
 PARTS = (0.1, 0.01, 1e-3)
 """Shares of the first-order amplitude from which a fit that ran away begins again."""
 
+SPARED = 2.0
+"""Factor by which errors may grow without a velocity step for it to be one of several that agree on
+the parameters, or do not."""
 SEEN = 1e-6
 """Share of a column's length below which what is left of it is rounding."""
 HELD_OUT_FROM = 3
