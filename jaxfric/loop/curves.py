@@ -19,17 +19,15 @@ from .engine import Engine
 from .evaluate import Rows
 from .family import CurveFamily, Decisive, OtherShape
 from .refit import Candidate, bic
-from .thresholds import ACCEPT
+from .thresholds import ACCEPT, CLEAR, TOLD
 
 Curve = Callable[[np.ndarray], np.ndarray]
 """Speeds (m,) to friction (m, k)."""
 _HIGHEST = 3
 _DEGREES = {1: "a line in ln V", 2: "a quadratic in ln V", 3: "a cubic in ln V"}
 _FREE = "a value for every velocity"
-_CLEAR = 3.0
 _DECADE = 10.0
 _GRID = 241
-_MOST = 3
 
 
 class CurveRig(NamedTuple):
@@ -170,7 +168,7 @@ def _sorted_out(grid, named, found, speeds, error) -> tuple[tuple, tuple]:
 
     A shape that is nowhere clearly apart from the named one is that one, in other words.
     """
-    found = [f for f in found if np.max(np.abs(f[1] - named)) > _CLEAR * error]
+    found = [f for f in found if np.max(np.abs(f[1] - named)) > CLEAR * error]
     found = sorted(found, key=lambda f: f[0].worse)
     fitting = [level for other, level in found if other.worse < ACCEPT]
     levels = np.stack([named, *(fitting or [level for _, level in found])])
@@ -189,8 +187,8 @@ def deciding(
     apart = np.ptp(levels, axis=0) / error
     gap = np.searchsorted(speeds, grid)
     best = [max(np.flatnonzero(gap == k), key=lambda i: apart[i]) for k in np.unique(gap)]
-    clear = sorted((i for i in best if apart[i] > _CLEAR), key=lambda i: -apart[i])
-    return tuple(Decisive(float(grid[i]), float(apart[i])) for i in clear[:_MOST])
+    clear = sorted((i for i in best if apart[i] > CLEAR), key=lambda i: -apart[i])
+    return tuple(Decisive(float(grid[i]), float(apart[i])) for i in clear[:TOLD])
 
 
 def step_error(engine: Engine, final: Candidate) -> float:

@@ -11,8 +11,6 @@ from typing import NamedTuple
 
 from .thresholds import ACCEPT
 
-_AND = 2
-
 
 class OtherShape(NamedTuple):
     """A curve of another shape, fitted in place of the named one."""
@@ -65,6 +63,6 @@ class CurveFamily(NamedTuple):
 
 def listed(names: Sequence[str], last: str = "and") -> str:
     """Names as a list in words: "a", "a and b", "a, b and c"."""
-    if len(names) < _AND:
+    if len(names) < 2:
         return "".join(names)
     return f"{', '.join(names[:-1])} {last} {names[-1]}"

@@ -30,11 +30,10 @@ from .response import Response, linear_response
 from .result import LocationProfile
 from .screen import orthonormal
 from .smooth import ALONG
-from .thresholds import SIGNIFICANT
+from .thresholds import SEEN, SIGNIFICANT
 
 _COARSE, _FINE, _WAVES = 8, 16, 117
 _MOSTLY = 0.5
-_RANK = 1e-6
 _LARGEST = 3.0
 """Standard deviation of missing friction before anything is known, over the rms of the residual."""
 
@@ -171,7 +170,7 @@ def _best_group(
         new = columns - taken @ (taken.T @ columns)
         values, vectors = np.linalg.eigh(new.T @ new)
         # the rank as of `_profile`: the share of the first variable is what it explains alone
-        used = values > _RANK * max(np.linalg.eigvalsh(columns.T @ columns)[-1], 1e-300)
+        used = values > SEEN * max(np.linalg.eigvalsh(columns.T @ columns)[-1], 1e-300)
         basis = new @ (vectors[:, used] / np.sqrt(values[used]))
         gain = float(np.sum((basis.T @ rest) ** 2))
         if gain > best[0]:
@@ -206,7 +205,7 @@ def _profile(bumps: Bumps, left: np.ndarray, whole: tuple[float, float], size: f
     own = bumps.columns
     gram, side = own.T @ own, own.T @ left
     values, vectors = np.linalg.eigh(gram)
-    used = values > _RANK * max(values[-1], 1e-300)
+    used = values > SEEN * max(values[-1], 1e-300)
     seen = vectors[:, used].T @ side
     gain, degrees = float(np.sum(seen**2 / values[used])), int(used.sum())
     # structure that these bumps leave is no noise, and makes them as uncertain as if it were

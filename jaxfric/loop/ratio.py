@@ -25,10 +25,10 @@ from .engine import Engine
 from .evaluate import Rows
 from .evidence import Evidence, evidence
 from .residual_tests import chi_square_tail
+from .thresholds import SEEN
 
 _DRAWS, _SEED = 60, 20
 _SIZES, _MEMORIES = (-1.0, 0.0, 1.0), (-0.5, 0.0, 0.5)
-_SEEN = 1e-6
 
 
 class Question(NamedTuple):
@@ -109,7 +109,7 @@ def _ratios(
     gram = products[:, columns[:, None], columns]
     side = products[:, columns, :size]
     scale, vectors = np.linalg.eigh(gram)
-    used = scale > _SEEN * np.maximum(scale[:, -1:], 1e-300)
+    used = scale > SEEN * np.maximum(scale[:, -1:], 1e-300)
     degrees = int(np.min(np.sum(used, axis=1)))
     if not degrees:
         return np.zeros(size), 0

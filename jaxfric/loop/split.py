@@ -13,11 +13,11 @@ import numpy as np
 from ..errors import InputError
 from ..fitting.noise.thresholds import SAME_VELOCITY
 from ..records import VelocitySteps
+from .thresholds import FEWEST_ROWS
 
 NAMES = ("train", "select", "report")
 _TAIL = (0.6, 0.8)
 _QUARTER = 0.75
-_FEWEST = 20
 _UNITS = 3
 
 
@@ -156,7 +156,7 @@ def split_again(
     if number < 2:
         return None
     blocks = _with_held(unit[phase], phase, within[-number:])
-    return blocks if min(blocks.of(name).sum() for name in NAMES) >= _FEWEST else None
+    return blocks if min(blocks.of(name).sum() for name in NAMES) >= FEWEST_ROWS else None
 
 
 def _with_held(unit: np.ndarray, segment: np.ndarray, held: np.ndarray) -> Blocks:
@@ -184,10 +184,10 @@ def refuse_short(blocks: Blocks) -> None:
     """Raises `InputError` where a block has fewer than 20 rows."""
     for name in NAMES:
         rows = int(blocks.of(name).sum())
-        if rows < _FEWEST:
+        if rows < FEWEST_ROWS:
             raise InputError(
                 f"the record is too short to be split: its {name} block would have {rows} rows and"
-                f" needs {_FEWEST}; record longer steps, more of them, or sample faster"
+                f" needs {FEWEST_ROWS}; record longer steps, more of them, or sample faster"
             )
 
 

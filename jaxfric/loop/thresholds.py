@@ -55,3 +55,13 @@ LEAST_MEMORY = 10.0
 """Rows over which noise may be correlated at least, however few a velocity step has: without
 them BIC of simulated records whose noise lasts for eight rows, a sixth of a step, differs by up to
 six more between laws."""
+
+FEWEST_ROWS = 20
+"""Rows without which nothing is said of a block, a direction or a turn: of fewer that are
+correlated neither mean nor scatter is known."""
+CLEAR = 3.0
+"""Standard errors from which a sign or a difference of curves is clear: chance in one of 400."""
+TOLD = 3
+"""How many of a kind are told at most: models left open, velocities that decide."""
+UNEXPLAINED = 0.5
+"""A model explains too little of a force that leaves more than this share of its size."""

@@ -7,9 +7,8 @@ from collections.abc import Iterable, Sequence
 from typing import NamedTuple, Protocol
 
 from .refusal import Fault, Refusal
-from .thresholds import ACCEPT
+from .thresholds import ACCEPT, TOLD
 
-_MOST = 3
 _OPEN = (Fault.NOT_FIXED, Fault.TAKES)
 
 
@@ -48,7 +47,7 @@ def unfixed(models: Iterable[tuple[_Refused, float]], taken: float) -> list[Unfi
             found[frozenset(key)] = max(one, found.get(frozenset(key), one), key=_lower)
     least = [one for key, one in found.items() if not any(other < key for other in found)]
     order = sorted(least, key=_lower, reverse=True)
-    return [one for one in order if order[0].lower - one.lower < ACCEPT][:_MOST]
+    return [one for one in order if order[0].lower - one.lower < ACCEPT][:TOLD]
 
 
 def _lower(one: Unfixed) -> float:

@@ -23,14 +23,12 @@ from ...stability.margins import margin
 from ..engine import Engine
 from ..estimates import estimates
 from ..search import Search
+from ..thresholds import UNEXPLAINED
 from .driven import Driven
 from .findings import axis_claims
 from .reading import Reading
 from .result import AxisDetails, AxisRows, Spring
 from .seen import Seen, seen
-
-_LARGEST = 0.5
-"""Share of the friction that a model may miss of the force where it still tells the friction."""
 
 
 def as_published(problem: AxisProblem, prepared: Prepared, rows: AxisRows) -> AxisProblem:
@@ -96,7 +94,7 @@ def details_of(
     place = float(np.median(rows.position))
     usual = jnp.asarray(np.median(np.abs(rows.velocity[rows.used])))
     own = abs(float(rig.turning_friction(place, usual)))
-    if missed > _LARGEST * own:
+    if missed > UNEXPLAINED * own:
         unit_of = record.force_unit
         what = f"the model misses the test block by {missed:.2g} {unit_of} beyond noise"
         why = f"{what}, where friction is {own:.2g} {unit_of}"

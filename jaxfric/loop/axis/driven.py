@@ -10,11 +10,11 @@ from typing import NamedTuple
 import numpy as np
 
 from ...effects.axis import AXIS_STEADY_CURVES, DirectionAsymmetry, RateAndState
+from ..thresholds import FEWEST_ROWS
 
 _ENDS = (0.05, 0.95)
 _RANGE = 2.0
 _NEAR = 0.2
-_FEWEST = 20
 FORWARDS, BACKWARDS = "forwards", "backwards"
 ONE_SPEED = "each direction was driven at one speed"
 
@@ -56,7 +56,7 @@ def driven(
     found, speed = [], np.abs(velocity)
     for direction, sign in ((FORWARDS, 1.0), (BACKWARDS, -1.0)):
         here = used & (sign * velocity > 0)
-        if np.sum(here) < _FEWEST:
+        if np.sum(here) < FEWEST_ROWS:
             continue
         slowest, fastest = np.quantile(speed[here], _ENDS)
         middle = float(np.median(speed[here]))

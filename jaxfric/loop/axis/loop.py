@@ -44,9 +44,6 @@ from .result import AxisBase, AxisRows, PreparedRecord, Spring
 from .rows import scales_of
 from .seen import doubts, follows, held_command, spring_of
 
-# What a controller makes of encoder noise lasts about as long as a row; what lasts longer is
-# structure.
-_NOISE_ROWS = 1.0
 _LEAST_UNIT = 1e-3
 _LEAST_MASS = 1e-6
 """Lower limit of the mass to start from, in units of force over the largest acceleration."""
@@ -136,7 +133,8 @@ def axis_subject(
     )
     single = at_one_speed(directions)
     unseen = tuple(id for id in OF_SPEED if id not in asked.with_) if single else ()
-    longest = np.asarray([_NOISE_ROWS * float(problem.time[1] - problem.time[0])])
+    # what a controller makes of encoder noise lasts about as long as a row: longer is structure
+    longest = np.asarray([float(problem.time[1] - problem.time[0])])
     case = Case(
         problem,
         reading.blocks,

@@ -17,7 +17,8 @@ from ...errors import InputError
 from ...fitting.axis_preparation import Preparation, Prepared, acceleration_noise, prepare, usual
 from ...records.axis_record import AxisRecord
 from ...records.axis_units import inertia_unit
-from ..split import Blocks
+from ..split import NAMES, Blocks
+from ..thresholds import FEWEST_ROWS
 from .controller_check import disagreement, stretches
 from .result import AxisRows
 from .rough import holds_already, refuse_reversed, rough_fit, unexplained_rows
@@ -32,8 +33,6 @@ _SLOWEST = 10.0
 """Periods of the cutoff that a record lasts at least."""
 _THRESHOLDS = (1.0, 0.5, 0.25)
 _JITTER, _FEW = 0.2, 0.01
-_FEWEST = 60
-"""Rows that a cutoff leaves at least: those of three blocks (`split`)."""
 
 
 class Reading(NamedTuple):
@@ -147,7 +146,7 @@ def _cutoff(record: AxisRecord, force: np.ndarray, held: bool) -> tuple[Preparat
     for one in options:
         prepared = _prepare(record, force, one, held)
         rows = rows_of(prepared, None)
-        if rows.used.sum() >= _FEWEST:
+        if rows.used.sum() >= FEWEST_ROWS * len(NAMES):
             rough = rough_fit(prepared, rows.used, rows.width)
             noise = _from_row_to_row(rough.residual, rows.used) * np.sqrt(one.decimation)
             found.append((one, rough, acceleration_noise(prepared), noise))

@@ -14,8 +14,8 @@ import numpy as np
 
 from ...errors import InputError
 from ...fitting.axis_preparation import Prepared
+from ..thresholds import CLEAR
 
-_SURE = 3.0
 _HALF = 0.5
 _NEAR_ENOUGH = 0.2
 _TRIMS, _NEAR, _FAR = 8, 2.5, 10.0
@@ -77,11 +77,11 @@ def refuse_reversed(rough: Rough, work: float, path: str, force_unit: str, mass_
     that goes back and forth. Negative work with a friction below zero by more than its error is a
     sign, not a friction; a mass below zero says that it is the force's.
     """
-    if work >= 0 or rough.dissipation > -_SURE * rough.its_error:
+    if work >= 0 or rough.dissipation > -CLEAR * rough.its_error:
         return
     mass, mass_error = rough.values[0], rough.std[0]
     friction = f"a friction of {rough.dissipation:.3g} {force_unit}"
-    if mass < -_SURE * mass_error:
+    if mass < -CLEAR * mass_error:
         raise InputError(
             f"{path}: by least squares the axis has a mass of {mass:.3g} {mass_unit} and"
             f" {friction}: is the sign of the force reversed? Turn it with --flip force"
@@ -118,6 +118,6 @@ def holds_already(coefficient: float, error: float) -> bool | None:
     The axis feels F + d, so c is -1 where the record has F alone and 0 where it has both. None
     where c is near neither: the record does not answer to d.
     """
-    if error > _HALF / _SURE or not abs(abs(coefficient + _HALF) - _HALF) <= _NEAR_ENOUGH:
+    if error > _HALF / CLEAR or not abs(abs(coefficient + _HALF) - _HALF) <= _NEAR_ENOUGH:
         return None
     return bool(coefficient > -_HALF)

@@ -22,7 +22,7 @@ from ..engine import Engine
 from ..family import listed
 from ..refit import Candidate
 from ..search import Search
-from ..thresholds import HELD_OUT
+from ..thresholds import HELD_OUT, UNEXPLAINED
 from .driven import ONE_SPEED, Driven, at_one_speed
 from .result import AxisRows, Spring
 
@@ -38,8 +38,6 @@ _HYSTERESIS, _BEGUN, _ANEW, _STEPS = 0.2, 0.15, 0.6, 0.1
 """Largest share of the force that the position leaves where an axis never slid; the first part of a
 stroke; what is left there over its mean where it begins anew; and over its deviation where it is
 none."""
-_UNEXPLAINED = 0.5
-"""A fit explains too little that leaves more than this share of the force's deviation."""
 
 
 class Seen(NamedTuple):
@@ -126,7 +124,7 @@ def doubts(
     force = np.asarray(engine.problem.friction)[: len(rows.time)][rows.used]
     left = float(engine.problem.noise_scale) * found.residual[: len(rows.time)][rows.used]
     share = float(np.sqrt(np.mean(left**2)) / np.std(force))
-    if share > _UNEXPLAINED:
+    if share > UNEXPLAINED:
         why.append(f"the model leaves {100 * share:.0f} % of the force unexplained")
     before, after = (one.rms["report"] for one in (search.base, found))
     noise = float(engine.problem.noise_scale) * float(found.noise.sigma)

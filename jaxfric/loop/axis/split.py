@@ -8,9 +8,9 @@ import numpy as np
 
 from ...errors import InputError
 from ..split import NAMES, Blocks
+from ..thresholds import FEWEST_ROWS
 
 _FEWEST = 4
-_ROWS = 20
 _SHARE = 1 / 6
 _BACK = 0.02
 """Share of the way back in that forth up to which an axis moves in one direction."""
@@ -60,13 +60,13 @@ def split(segment: np.ndarray, used: np.ndarray, velocity: np.ndarray, path: str
     # what is held back is predicted within the velocities that were trained
     fastest, slowest = _extremes(segment[used], moving, rows)
     blocks = _blocks(segment, used, rows, fastest | slowest)
-    if min(_sizes(blocks).values()) < _ROWS:
+    if min(_sizes(blocks).values()) < FEWEST_ROWS:
         blocks = _blocks(segment, used, rows, fastest)
     for name, found in _sizes(blocks).items():
-        if found < _ROWS:
+        if found < FEWEST_ROWS:
             raise InputError(
-                f"{path}: the {name} block would have {found} rows and needs {_ROWS}; record more"
-                " or longer strokes"
+                f"{path}: the {name} block would have {found} rows and needs {FEWEST_ROWS}; record"
+                " more or longer strokes"
             )
     return blocks
 
@@ -86,7 +86,7 @@ def _extremes(
     fastest, slowest = set(), set()
     for sign in (1, -1):
         fastest.add(int(segment[np.argmax(sign * velocity)]))
-        speed = np.where((rows >= _ROWS) & (sign * mean > 0), sign * mean, np.inf)
+        speed = np.where((rows >= FEWEST_ROWS) & (sign * mean > 0), sign * mean, np.inf)
         if np.isfinite(speed).any():
             slowest.add(int(np.argmax(speed <= _ALIKE * speed.min())))
     return fastest, slowest

@@ -26,7 +26,7 @@ from ...gains.axis_result import AxisGains
 from ...records.steady import SteadyCurve
 from ...stability.claims import SURE, Unseen, above_curve
 from ..curves import distinct
-from ..thresholds import ACCEPT
+from ..thresholds import ACCEPT, CLEAR, HINT
 from .model import SteadyModel, fit_model
 
 STEADY_EFFECTS = ("direction_asymmetry", "stribeck", "cubic")
@@ -35,9 +35,6 @@ FEWEST, FEWEST_OF_EACH = 8, 3
 parameters and a spread."""
 _FEWEST_OF_BASE = 4
 """Runs from which the base is fitted: three parameters and a spread."""
-_HINT = 2.0
-_REVERSED = 3.0
-"""Standard errors below zero of a friction that asks whether the force has the other sign."""
 _NEGLIGIBLE = 0.02
 """Share of the largest force below which negative friction is taken for zero, as of an axis."""
 _GRID = 101
@@ -86,7 +83,7 @@ class SteadyLoop(Described, Drawable, Tabular):
             return "too_few"
         if self.added:
             return "effects"
-        if self.lower > _HINT:
+        if self.lower > HINT:
             return "too_weak"
         return "stick_slip" if self.curve.stick_slip else "no_missing_effect"
 
@@ -188,7 +185,7 @@ def _refuse_reversed(curve: SteadyCurve, base: SteadyModel, used: np.ndarray) ->
     """Raises `InputError` where force and motion differ in sign: friction takes energy."""
     speed = np.asarray(curve.speed)[used]
     force, std = base.friction(np.abs(speed))
-    if np.mean(np.asarray(curve.force)[used] * speed) >= 0 or np.any(force > -_REVERSED * std):
+    if np.mean(np.asarray(curve.force)[used] * speed) >= 0 or np.any(force > -CLEAR * std):
         return
     unit, shown, size = shown_units(curve)
     k = int(np.argmin(force))

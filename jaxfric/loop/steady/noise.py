@@ -39,13 +39,12 @@ from ...fitting.noise import (
     sandwich,
 )
 from ...records.steady import SteadyCurve
+from ..thresholds import FEWEST_ROWS
 
 _APART = 20.0
 """Longest memories between two runs: exp(-20) of a noise is left."""
 _MOST_RUNS, _MOST_ROWS = 64, 16384
 """Most runs and rows that noise is estimated from; of more runs some, evenly over speed."""
-_FEWEST = 20
-_TURN = 2 * math.pi
 _ANGLE = 1
 """The clock of the path."""
 _SIZE, _MEMORY, _SHORTER = 4.0, 0.9, (-3.0, -1.0)
@@ -211,10 +210,10 @@ def after_a_turn(angles: list[np.ndarray], left: list[np.ndarray]) -> float | No
     """
     products, squares = [], []
     for angle, x in zip(angles, left, strict=True):
-        if len(x) < _FEWEST or np.ptp(angle) < 2 * _TURN:
+        if len(x) < FEWEST_ROWS or np.ptp(angle) < 2 * math.tau:
             continue
-        first, last = angle + _TURN <= angle[-1], angle - _TURN >= angle[0]
-        later = np.interp(angle[first] + _TURN, angle, x)
+        first, last = angle + math.tau <= angle[-1], angle - math.tau >= angle[0]
+        later = np.interp(angle[first] + math.tau, angle, x)
         products.append(x[first] * later)
         # of rows, not of values between two rows, which are quieter
         size = 0.5 * (np.mean(x[first] ** 2) + np.mean(x[last] ** 2))
