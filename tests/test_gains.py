@@ -315,7 +315,7 @@ def test_confidence_leaves_out_the_hardest_samples(monkeypatch):
     assert 0 < missed.sum() <= 2 and most.kept_samples == 18
     assert most.norm < every.norm
     assert np.all(every.kp >= critical(every.kv, A, B, L, 2e-3, 2.0) * (1 - 1e-7))
-    monkeypatch.setattr("jaxfric.gains.solve._ROUNDS", 1)
+    monkeypatch.setattr("jaxfric.gains.solve.ROUNDS", 1)
     monkeypatch.setattr("jaxfric.gains.solve._first", lambda task: np.arange(1))
     with pytest.raises(InputError, match="the worst still changed after 1 rounds"):
         find_gains(source, velocity=2e-3, mass=2.0, margin=margins)

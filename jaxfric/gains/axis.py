@@ -20,9 +20,9 @@ from ..rig.axis_law import axis_law
 from ..stability.analysis import study
 from ..stability.claims import Above, Curve, Unseen
 from .axis_result import AxisGains, StiffOptimum
+from .thresholds import SPEEDS
 
 _SPEEDS = 4001
-_FEWER = 501
 
 
 def axis_gains(
@@ -67,7 +67,7 @@ def state_gains(
     None where friction has no memory about steady motion (a bristle has none). Not tried: lags
     and sampling of the drive, which ask for more; how friction changes with position.
     """
-    speed = np.geomspace(slowest, fastest, _FEWER)
+    speed = np.geomspace(slowest, fastest, SPEEDS)
     # what is the same at all speeds answers to none
     if not any(np.ptp(np.asarray(values)) > 0 for values in rig.steady(jnp.asarray(speed))):  # ty: ignore[unsupported-operator]
         return None

@@ -14,9 +14,8 @@ from jaxtyping import Array, ArrayLike, Float
 from ..stability.kernel import StateSpaceKernel
 from ..stability.linear import LinearSlider
 from ..stability.margins import Analysis, damping_ratios, margin, squared_distances
+from ..stability.polynomial import REAL
 
-# An imaginary part below this share of a pole is rounding: the pole is real.
-_REAL = 1e-9
 # Highest degree whose Hurwitz determinants are formed.
 _DEGREE = 5
 
@@ -85,7 +84,7 @@ def _expanded(at: Sequence[Sequence[int]], values: list[Array], sign: float) -> 
 
 def _once(s: Array, values: Array) -> Array:
     """Values of poles, once for a complex pair."""
-    return jnp.where(s.imag < -_REAL * jnp.abs(s), jnp.inf, values)
+    return jnp.where(s.imag < -REAL * jnp.abs(s), jnp.inf, values)
 
 
 def _modulus(analysis: Analysis) -> Float[Array, " n"]:

@@ -15,7 +15,7 @@ from ..rig.friction import AbstractLaw
 from .margins import slacks
 from .natural import NaturalSizes, sizes
 from .requirement import Requirement
-from .scenarios import SMALL_TILE, Scenarios, in_tiles
+from .scenarios import Scenarios, in_tiles
 
 _BISECTIONS = 28
 # Of `zoom`: ever finer grids, points of each along v and u, and how far about its start.
@@ -62,7 +62,7 @@ def sizes_of(scenarios: Scenarios) -> NaturalSizes:
         some = scenarios.take(rows)
         return _sizes(some.friction, some.setting.mass)
 
-    return in_tiles(found, len(scenarios), SMALL_TILE)
+    return in_tiles(found, len(scenarios))
 
 
 class GainTask(NamedTuple):

@@ -25,9 +25,9 @@ from .rest import friction_at_rest
 from .result import SHORTEST_DELAY, Gains, LocalOptimum, WorstCase
 from .scenarios import Scenarios
 from .solve import Infeasible, NoGains, Optimum, Pair, make_region, solve
+from .thresholds import ROUNDS
 from .verify import CheckReport, choose, verify
 
-_CONFIDENCE_ROUNDS = 6
 _MOST_RAISED = 30.0
 
 # Number of masses from a range that is given as text.
@@ -155,7 +155,7 @@ def seek_gains(
     kept = samples = np.unique(scenarios.sample)
     dropped = int(np.floor((1 - confidence) * samples.size + 1e-9))
     solution = solve(task)
-    for _ in range(_CONFIDENCE_ROUNDS if dropped else 0):
+    for _ in range(ROUNDS if dropped else 0):
         if isinstance(solution, Infeasible):
             break
         slack = task.slacks(solution.optima[0].gains)[0]

@@ -20,6 +20,7 @@ from ..rig.friction import AbstractLaw, AbstractStribeck
 from ..rig.friction.law import Conditions
 from ..stability.analysis import steady_points
 from .ends import upward
+from .thresholds import SLOWER, SPEEDS
 
 _OFFSETS = (2.0, 3.3, 5.7)
 """Distances to the target at the start, in F_s/k_p: the slider moves at once. Several, as from one
@@ -36,9 +37,7 @@ _DECAYED = 0.5
 """Range of the last quarter over that of the third below which a motion dies out."""
 _GROWN = 10.0
 """Range of x, in units of the largest offset, that no slider has which stays about its target."""
-_QUARTERS = ((0.5, 0.75), (0.75, 1.0))
 _SAMPLES, _MAX_STEPS, _RTOL = 8001, 200_000, 1e-6
-_SPEEDS = 401
 
 
 class Hunting(NamedTuple):
@@ -63,7 +62,7 @@ def hunting(
     k_p, _, k_i = gains
     band = static / k_p
     # kinetic friction: the least from the speed on at which friction is largest
-    steady = np.asarray(steady_points(law, fastest * np.geomspace(1e-6, 1.0, _SPEEDS)).force)
+    steady = np.asarray(steady_points(law, fastest * np.geomspace(SLOWER, 1.0, SPEEDS)).force)
     drop = max(static - float(np.min(steady[np.argmax(steady) :])), _LEAST_DROP * static)
     loose = k_p / k_i * static / drop
     if isinstance(law, AbstractStribeck) and law.width is None:
@@ -119,7 +118,7 @@ def _positions(
 def _described(time: np.ndarray, x: np.ndarray, band: float) -> Hunting:
     """Amplitude and period over the last half, where the motion goes on there."""
     duration = float(time[-1])
-    third, last = (x[(time >= a * duration) & (time <= b * duration)] for a, b in _QUARTERS)
+    *_, third, last = np.array_split(x, 4)
     still = np.ptp(last) < 2 * _STILL * band or np.ptp(last) < _DECAYED * np.ptp(third)
     if np.ptp(last) > _GROWN * max(_OFFSETS) * band:
         return Hunting(float("inf"), None, duration)

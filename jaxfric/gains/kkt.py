@@ -14,15 +14,7 @@ from jaxtyping import Array, Bool, Float
 from .implicit import implicit
 from .newton import multipliers
 from .search import GainProblem, Steps, above_zero
-
-# "Any positive stiffness" in natural units.
-POSITIVE = 1e-9
-# Share of |y| below which a constraint may be active.
-_CLOSE = 1e-7
-# Share of |y| below which a multiplier times its gradient counts as zero.
-WEAK = 1e-6
-# Least sine of the angle between two active constraints, and least curvature along one.
-_SHARP = 1e-6
+from .thresholds import FEASIBLE, POSITIVE, ZERO
 
 
 class DERIVATIVE(eqx.Enumeration):
@@ -66,20 +58,20 @@ def kkt_of(end: Steps) -> KKT:
 def derivative(problem: GainProblem, end: Steps, kkt: KKT) -> DERIVATIVE:
     """Whether the optimum moves smoothly with what it depends on."""
     near, length = end.near, jnp.linalg.norm(end.y)
-    weak = jnp.any(kkt.used & (kkt.multiplier <= WEAK * length))
+    weak = jnp.any(kkt.used & (kkt.multiplier <= ZERO * length))
     # other constraints that are met as well, by their distance
     size = jnp.linalg.norm(near.g, axis=1)
     c = jnp.concatenate([near.c[:-4], problem.limits(end.y)])
     least = 1e-3 * POSITIVE * problem.unit[0] / problem.scale[0]
-    close = jnp.where(near.scenario < 0, least, _CLOSE * length * size)
+    close = jnp.where(near.scenario < 0, least, FEASIBLE * length * size)
     met = (jnp.abs(c) <= close) & (size > 0)
     crowded = jnp.any(met & jnp.all(jnp.arange(met.size)[:, None] != end.slots, axis=1))
     t = jnp.stack([-kkt.n[0, 1], kkt.n[0, 0]])
     curvature = 1 - kkt.multiplier[0] * (t @ kkt.H[0] @ t)
-    flat = jnp.where(jnp.all(kkt.used), jnp.abs(kkt.sine) <= _SHARP, curvature <= _SHARP)
+    flat = jnp.where(jnp.all(kkt.used), jnp.abs(kkt.sine) <= ZERO, curvature <= ZERO)
     found = DERIVATIVE.where(weak, DERIVATIVE.weak, DERIVATIVE.exists)
     found = DERIVATIVE.where(crowded, DERIVATIVE.crowded, found)
-    return DERIVATIVE.where(flat | (kkt.residual > WEAK), DERIVATIVE.singular, found)
+    return DERIVATIVE.where(flat | (kkt.residual > ZERO), DERIVATIVE.singular, found)
 
 
 def carried(problem: GainProblem, end: Steps, kkt: KKT, exists: Array) -> Float[Array, " 2"]:

@@ -15,7 +15,7 @@ from jaxtyping import Array, PyTree
 from ..stability.linear import LinearFriction, LinearSlider, Setting
 from ..stability.margins import several
 from .requirement import Requirement
-from .scenarios import SMALL_TILE, Scenarios, in_tiles
+from .scenarios import TILE, Scenarios, in_tiles
 
 
 def several_margins(
@@ -25,7 +25,7 @@ def several_margins(
     names, number = tuple(names), len(scenarios)
     every = np.broadcast_to(np.asarray(gains, float), (number, 2))
     of = eqx.Partial(several, names)
-    found = _tiled(of, scenarios, every, np.arange(number), SMALL_TILE)
+    found = _tiled(of, scenarios, every, np.arange(number))
     return {name: found[name] for name in names}  # compiled functions sort them
 
 
@@ -56,7 +56,7 @@ def _tiled(
     scenarios: Scenarios,
     gains: np.ndarray,
     index: np.ndarray,
-    size: int,
+    size: int = TILE,
 ) -> PyTree:
     """A function of the slider in scenario `index[i]` with `gains[i]`, for all i."""
 

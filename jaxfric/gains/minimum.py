@@ -35,14 +35,13 @@ from ..stability.linear import (
     refuse_without_steady_state,
 )
 from ..stability.undefined import undefined
-from .kkt import DERIVATIVE, POSITIVE, WEAK, carried, derivative, kkt_of
+from .kkt import DERIVATIVE, carried, derivative, kkt_of
 from .natural import natural_units, sizes
 from .requirement import Requirement, refuse_controller
 from .scenarios import linearised
 from .search import GainProblem, search
+from .thresholds import FEASIBLE, POSITIVE, ZERO
 
-# How far a result may miss a constraint, relative to its requirement.
-_FEASIBLE = 1e-9
 Pair: TypeAlias = tuple[ArrayLike, ArrayLike]
 
 
@@ -218,11 +217,11 @@ def _solve(problem: GainProblem, possible: Bool[Array, ""]) -> MinimumGains:
     fixed = jax.lax.stop_gradient(problem)
     ends, slacks = jax.lax.stop_gradient(search(fixed))
     residual = jax.vmap(lambda end: kkt_of(end).residual)(ends)
-    sure = ends.settled & (residual <= WEAK) & possible
+    sure = ends.settled & (residual <= ZERO) & possible
     norms = jnp.where(sure, jnp.linalg.norm(ends.y, axis=1), jnp.inf)
     # without an optimum: of the ends that hold the shorter, else the one that misses least
     worst = jnp.min(slacks, axis=1)
-    holding = jnp.where(worst >= -_FEASIBLE, jnp.linalg.norm(ends.y, axis=1), jnp.inf)
+    holding = jnp.where(worst >= -FEASIBLE, jnp.linalg.norm(ends.y, axis=1), jnp.inf)
     holds = jnp.any(jnp.isfinite(holding))
     missed = jnp.where(holds, jnp.argmin(holding), jnp.argmax(worst))
     some = jnp.any(jnp.isfinite(norms))
@@ -231,7 +230,7 @@ def _solve(problem: GainProblem, possible: Bool[Array, ""]) -> MinimumGains:
     kkt = kkt_of(end)
     code = DERIVATIVE.where(some, derivative(fixed, end, kkt), DERIVATIVE.no_optimum)
     exists = code == DERIVATIVE.exists
-    held = some | (possible & jnp.all(slack >= -_FEASIBLE))
+    held = some | (possible & jnp.all(slack >= -FEASIBLE))
     y = carried(problem, end, kkt, exists)
     missing = jnp.where(held, 0.0, jnp.nan)  # added, so that slopes still pass
     gains = undefined(y * problem.scale + missing, ~exists)

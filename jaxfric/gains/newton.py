@@ -14,14 +14,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
+from .thresholds import ZERO
+
 # Least curvature of the Lagrangian along a constraint, relative to that of the norm.
 _CURVATURE = 0.1
-# Sine of the smallest angle between two constraints that are taken to cross.
-_ANGLE = 1e-9
 # Share of its rounding by which a candidate may miss a linearised constraint.
 _ROUNDING = 1e-12
-# Share of |y| below which a step to a candidate that pulls would stall there.
-_STALLED = 1e-6
 
 
 class NewtonStep(NamedTuple):
@@ -81,7 +79,7 @@ def _least(
     length = jnp.sqrt(jnp.sum(y**2))
     feasible = missed <= _ROUNDING * length
     pushing = jnp.min(multiplier, axis=1) >= -_ROUNDING * length
-    counting = feasible & (pushing | (far > _STALLED * length))
+    counting = feasible & (pushing | (far > ZERO * length))
     counting = jnp.where(jnp.any(counting), counting, feasible)
     within = counting & (far <= radius)
     nearest = jnp.argmin(jnp.where(counting, far, jnp.inf))
@@ -108,7 +106,7 @@ def _pairs(
 ) -> tuple[Array, Float[Array, "k 2"]]:
     """The step to the crossing of each pair of constraints, and its multipliers."""
     sine = n[i, 0] * n[j, 1] - n[i, 1] * n[j, 0]
-    some = (jnp.abs(sine) > _ANGLE) & jnp.isfinite(c[i]) & jnp.isfinite(c[j])
+    some = (jnp.abs(sine) > ZERO) & jnp.isfinite(c[i]) & jnp.isfinite(c[j])
     safe = jnp.where(some, sine, 1.0)
     a, b = jnp.where(some, c[i], 0.0), jnp.where(some, c[j], 0.0)
     d = jnp.stack([b * n[i, 1] - a * n[j, 1], a * n[j, 0] - b * n[i, 0]], axis=1) / safe[:, None]

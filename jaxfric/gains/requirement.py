@@ -21,11 +21,10 @@ from ..stability.margins import several
 from ..stability.theorem import apply_theorem
 from ..units import parse_quantity
 from .branches import branches
+from .thresholds import POSITIVE
 
 # A margin beyond this many times its requirement, or inf, counts as this many.
 _ENOUGH = 10.0
-# What stands for "greater than zero", in natural units.
-_POSITIVE = 1e-9
 DEFAULT = "modulus=0.5"
 """What is required beside whatever is named, unless modulus is named too; modulus=0: nothing."""
 FRAGILE = 0.2
@@ -157,7 +156,7 @@ def _stiffness_slack(
     k = jnp.where(jnp.isfinite(found.critical_stiffness), k, jnp.inf)
     needed = required * jnp.where(damping > 0, jnp.minimum(k, 1e9 * unit[0]), 0.0)
     stiff = (slider.stiffness + friction.trend - needed) / unit[0]
-    return jnp.append(stiff, damping / unit[1] - _POSITIVE)
+    return jnp.append(stiff, damping / unit[1] - POSITIVE)
 
 
 def _check(name: str, value: float) -> None:

@@ -12,11 +12,7 @@ from ..rig.friction import AbstractLaw
 from ..stability.analysis import steady_points
 from ..stability.kernel import kernel_total
 from .scenarios import Scenarios
-
-_SLOWER = 1e-6
-"""How much slower than the slowest velocity the curve of friction without memory is searched: the
-rise of a Stribeck curve towards rest has ended far above it."""
-_POINTS = 241
+from .thresholds import SLOWER, SPEEDS
 
 
 def friction_at_rest(scenarios: Scenarios) -> float | None:
@@ -30,7 +26,7 @@ def friction_at_rest(scenarios: Scenarios) -> float | None:
         return None  # a delay law is of motion only
     slowest = float(np.min(scenarios.velocity))
     total = np.asarray(jax.vmap(kernel_total)(scenarios.friction.kernel))
-    speeds = slowest * (np.ones(1) if np.any(total) else np.geomspace(_SLOWER, 1.0, _POINTS))
+    speeds = slowest * (np.ones(1) if np.any(total) else np.geomspace(SLOWER, 1.0, SPEEDS))
     points = eqx.filter_vmap(lambda law: steady_points(law, speeds))(scenarios.laws)
     largest = float(np.max(np.asarray(points.force)))
     return largest if np.isfinite(largest) and largest > 0 else None

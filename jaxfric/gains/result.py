@@ -13,8 +13,6 @@ from .requirement import FRAGILE, Requirement
 from .scenarios import Scenarios
 from .verify import CheckReport
 
-SHOWN = 1e-6
-"""Largest residual of the KKT equations at which gains are shown to be a local minimum."""
 SHORTEST_DELAY = 5e-5
 """Delay that any controller has [s]: that of one that samples at 30 kHz."""
 NOTHING = 1e-7

@@ -15,9 +15,9 @@ from ..stability.kernel import StateSpaceKernel
 from ..stability.linear import LinearFriction, Setting, linear_friction, refuse_without_steady_state
 
 _TILE = 2048
-SMALL_TILE = 64
-"""Scenarios to evaluate at once where they are few, or where much is computed of each: margins of
-kernels that are not rational hold thousands of frequencies."""
+TILE = 32
+"""Scenarios to evaluate at once where they are few, or where much is computed of each: one shape to
+compile, and margins of kernels that are not rational hold thousands of frequencies."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +50,7 @@ class Scenarios:
     @property
     def tile(self) -> int:
         """Number of scenarios to evaluate at once, one shape to compile (`in_tiles`)."""
-        return _TILE if isinstance(self.friction.kernel, StateSpaceKernel) else SMALL_TILE
+        return _TILE if isinstance(self.friction.kernel, StateSpaceKernel) else TILE
 
     @staticmethod
     def product(
@@ -91,7 +91,7 @@ class Scenarios:
         def found(rows: np.ndarray) -> LinearFriction:
             return linearised(laws, jnp.asarray(velocity[rows]), jnp.asarray(sample[rows]))
 
-        friction = in_tiles(found, len(velocity), SMALL_TILE)
+        friction = in_tiles(found, len(velocity))
         refuse_without_steady_state(velocity, friction)
         return Scenarios(laws, velocity, mass, sample, friction, delay, integral)
 
@@ -135,7 +135,7 @@ def padded(index: np.ndarray, *, size: int = 32) -> np.ndarray:
     return np.concatenate([index, np.full(more, index[0], index.dtype)])
 
 
-def in_tiles(function: Callable[[np.ndarray], PyTree], number: int, size: int) -> PyTree:
+def in_tiles(function: Callable[[np.ndarray], PyTree], number: int, size: int = TILE) -> PyTree:
     """What a function of `size` indices gives for 0..number-1; the last call is filled up."""
     parts = []
     for begin in range(0, number, size):

@@ -16,14 +16,15 @@ from ..stability.linear import LinearFriction, Setting
 from .natural import sizes
 from .newton import sqp_step
 from .requirement import Requirement
+from .thresholds import ROUNDS
 
 # The search: rays (half of them with more stiffness than damping), radii in natural units, and
 # halvings of the interval at whose end a ray becomes feasible.
 _RATIOS = np.geomspace(1e-4, 1e4, 14)
 _RADII = np.concatenate([[0.0], np.geomspace(3e-3, 3e3, 13)])
 _HALVINGS = 6
-# Rounds of choosing the worst scenarios of all, how many, steps in each, constraints of a step.
-ROUNDS, CARRIED, _STEPS, _LOWEST_ONES = 7, 8, 4, 6
+# The worst scenarios of all that a round takes, steps in each, constraints of a step.
+CARRIED, _STEPS, _LOWEST_ONES = 8, 4, 6
 # A step may change the norm by this share at first, and by less and less.
 TRUST, _SHRINK = 0.5, 0.9
 # Share of |y| below which a step has settled.

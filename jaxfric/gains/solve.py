@@ -25,22 +25,20 @@ from ..described import said
 from ..errors import InputError
 from ..stability.kernel import StateSpaceKernel
 from .frontier import GainTask, Region, alone, minima, sizes_of, zoom
-from .kkt import POSITIVE, WEAK, kkt_of
+from .kkt import kkt_of
 from .margins import several_margins
 from .natural import natural_units
 from .requirement import Requirement
 from .result import Certificate
 from .scenarios import Scenarios, padded
-from .search import CARRIED, ROUNDS, TRUST, GainProblem, steps
+from .search import CARRIED, TRUST, GainProblem, steps
+from .thresholds import FEASIBLE, POSITIVE, ROUNDS, ZERO
 
 Pair = tuple[float | None, float | None]
 """(k_p, k_v), each None where it is not given."""
 
-_ROUNDS = 20
-_ADDED = 3
 _REFINED = 4
 _FINE = 33
-_VIOLATED = 1e-7
 _ALIKE = 1e-3
 
 
@@ -118,12 +116,12 @@ def solve(task: GainTask) -> Optima | Infeasible:
 
     Raises
     ------
-    InputError : after `_ROUNDS` rounds other scenarios than those known are still the worst.
+    InputError : after `ROUNDS` rounds other scenarios than those known are still the worst.
     """
     region = task.region
     carried = task.among(task.scenarios.take(_first(task)))
     starts = minima(carried)
-    for rounds in range(1, _ROUNDS + 1):
+    for rounds in range(1, ROUNDS + 1):
         if not starts:
             return _infeasible(carried)
         optima = _optima(task, carried, starts)
@@ -137,7 +135,7 @@ def solve(task: GainTask) -> Optima | Infeasible:
             starts = minima(carried)
             continue
         points, smaller = _dense(task, carried, optima)
-        if not len(smaller) or rounds == _ROUNDS:
+        if not len(smaller) or rounds == ROUNDS:
             others = [
                 _held(task, gains, np.inf, at_limit=True)
                 for gains in single
@@ -149,7 +147,7 @@ def solve(task: GainTask) -> Optima | Infeasible:
             return Optima(optima, others, meets, task, known)
         starts = [*starts, smaller[np.argmin(region.norm(smaller))]]
     raise InputError(
-        f"gains: which scenarios are the worst still changed after {_ROUNDS} rounds; no gains are"
+        f"gains: which scenarios are the worst still changed after {ROUNDS} rounds; no gains are"
         " known to hold over all of them. Narrow the ranges of velocity, mass or parameters"
     )
 
@@ -186,7 +184,7 @@ def optimum(task: GainTask, start: np.ndarray) -> Optimum | None:
         residual = float(_kkt(found).residual)
         active = sorted({int(i) for i in found.decided if i >= 0})
         decided = [*active, *decided]
-        if found.settled and residual <= WEAK:
+        if found.settled and residual <= ZERO:
             gains, limited = np.asarray(y) * region.scale, bool(np.any(found.at_limit))
             return Optimum(gains, float(region.norm(gains)), residual, tuple(active), limited)
     return None
@@ -202,7 +200,7 @@ def _optima(task: GainTask, carried: GainTask, starts: list[np.ndarray]) -> list
     found = [optimum(task, start) for start in starts]
     kept: list[Optimum] = []
     for one in sorted((o for o in found if o is not None), key=lambda o: o.norm):
-        if not any(np.allclose(one.gains, other.gains, rtol=1e-5) for other in kept):
+        if not any(_alike(one.gains, other, task.region) for other in kept):
             kept.append(one)
     lost = [start for start, one in zip(starts, found, strict=True) if one is None]
     least = min(lost, key=norm, default=None)
@@ -219,16 +217,13 @@ def _held(task: GainTask, gains: np.ndarray, residual: float, *, at_limit: bool)
 
 def _alike(gains: np.ndarray, one: Optimum, region: Region) -> bool:
     """Whether gains are, within a thousandth, those of an optimum."""
-    near = _ALIKE * float(region.norm(gains))
-    return np.allclose(gains / region.unit, one.gains / region.unit, rtol=_ALIKE, atol=near)
+    return bool(region.norm(gains - one.gains) <= _ALIKE * one.norm)
 
 
 def _violated(task: GainTask, gains: list[np.ndarray]) -> np.ndarray:
     """The scenarios that miss the requirement most at some of the gains."""
     slack = task.slacks(np.asarray(gains))
-    worst = np.argsort(slack, axis=1)[:, :_ADDED]
-    rows = np.arange(len(gains))[:, None]
-    return np.unique(worst[slack[rows, worst] < -_VIOLATED])
+    return np.unique(np.argmin(slack, axis=1)[np.min(slack, axis=1) < -FEASIBLE])
 
 
 def _refined(task: GainTask, optima: list[Optimum]) -> GainTask:
@@ -237,13 +232,12 @@ def _refined(task: GainTask, optima: list[Optimum]) -> GainTask:
     scenarios = found = task.scenarios
     velocities = np.unique(scenarios.velocity)
     for optimum in optima if velocities.size > 1 else ():
-        slack = task.slacks(optimum.gains)[0]
-        for index in np.argsort(slack)[:_REFINED]:
+        for index in np.argsort(task.slacks(optimum.gains)[0])[:_REFINED]:
             at = np.searchsorted(velocities, scenarios.velocity[index])
             low, high = velocities[max(at - 1, 0)], velocities[min(at + 1, velocities.size - 1)]
             fine = scenarios.at_velocities(index, np.geomspace(low, high, _FINE))
             value = task.among(fine).slacks(optimum.gains)[0]
-            if np.min(value) < -_VIOLATED:
+            if np.min(value) < -FEASIBLE:
                 found = found.join(fine.take([int(np.argmin(value))]))
     return task.among(found)
 

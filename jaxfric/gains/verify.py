@@ -27,8 +27,6 @@ STARTS = ("faster", "slower", "spring longer", "spring shorter", "at rest")
 """The standard starts, in the order in which they are simulated."""
 _CHANGE = 0.5  # relative change of the velocity
 _SEED = 0.01  # spring force that goes with a velocity perturbation, in units of the force scale
-# Simulations in one call: one shape to compile.
-_LANES = 32
 # Factors tried in each round of the search for the basin.
 _POINTS = 8
 _ROUNDS = 2
@@ -166,7 +164,7 @@ def _simulated(
         of_each = (jnp.asarray(x) for x in (some.velocity, kind[lane], log_ratio[lane]))
         return _ends(Rig(machine, law), *of_each)
 
-    ends = in_tiles(found, len(scenarios), _LANES)
+    ends = in_tiles(found, len(scenarios))
     masks = [np.asarray(ends.code == getattr(ENDS, name)) for name in _NAMES]
     return ends, np.asarray(_NAMES, object)[np.argmax(masks, axis=0)]
 

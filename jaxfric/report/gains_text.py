@@ -7,9 +7,10 @@ import numpy as np
 from ..coordinate import unit_of
 from ..gains.hunting import Hunting
 from ..gains.requirement import FRAGILE, Requirement
-from ..gains.result import NOTHING, SHOWN, Certificate, Gains, LocalOptimum, norm_text
+from ..gains.result import NOTHING, Certificate, Gains, LocalOptimum, norm_text
 from ..gains.scenarios import number_of_samples
 from ..gains.solve import Infeasible
+from ..gains.thresholds import ZERO
 from ..stability.margin_table import MARGINS
 from ..units import between, factor, read_as, speed_text
 
@@ -64,7 +65,7 @@ def certified(known: Certificate) -> str:
     """How well the conditions of an optimum are met, and that no smaller gains would do."""
     how = "exactly" if known.kkt == 0 else f"to {known.kkt:.1e}"
     text = f"optimality conditions met {how}; "
-    if known.kkt > SHOWN:
+    if known.kkt > ZERO:
         text = "they meet all that is required; that they are the smallest is not shown; "
     if not known.grid_points:
         return text + "no smaller gains were tried: the limits leave none"

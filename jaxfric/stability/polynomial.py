@@ -17,7 +17,7 @@ _MAX_ITERATIONS = 60
 # unit (1e-7 in double, 1e-4 in single precision) one more step is exact to rounding.
 _NEARLY = 0.02
 # A root of a polynomial in w^2 counts as real below this ratio of its imaginary part.
-_REAL = 1e-6
+REAL = 1e-6
 # Decades, over n, that roots may spread on either side of the middle one: squares of polynomials
 # must be numbers.
 _SPREAD = 140.0
@@ -78,7 +78,7 @@ def double(c: Float[Array, " n+1"], s: Complex[Array, " n"]) -> Bool[Array, " n"
 def positive_roots(c: Float[Array, " n+1"]) -> tuple[Float[Array, " n"], Bool[Array, " n"]]:
     """Real parts of all roots, and which of them are real and positive (the others read 1)."""
     s = simple_roots(c)
-    real = (jnp.abs(s.imag) <= _REAL * jnp.abs(s)) & (s.real > 0) & jnp.isfinite(s.real)
+    real = (jnp.abs(s.imag) <= REAL * jnp.abs(s)) & (s.real > 0) & jnp.isfinite(s.real)
     real = real & (s.real < LARGEST)
     return jnp.where(real, s.real, 1.0), real
 
