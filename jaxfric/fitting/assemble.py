@@ -29,7 +29,8 @@ from .uncertainty import (
     profile_interval,
 )
 
-_NEAR_EDGE = 2.0
+NEAR_EDGE = 2.0
+"""K/K_cr below which steps of a usual size may leave the basin of steady sliding."""
 _FAR = 3.0
 _OTHER, _ROWS = 1.5, 20
 _WANDERS = "the residual wanders"
@@ -250,7 +251,7 @@ def _warn(fit: Fit, moved: list[tuple[int, float]], *, wanders: bool) -> Fit:
 
 def edge_warnings(K: float, critical: float) -> list[str]:
     """Warnings where the stiffness is below or near the critical one; none if that is 0 or less."""
-    if not critical > 0 or _NEAR_EDGE * critical <= K:
+    if not critical > 0 or NEAR_EDGE * critical <= K:
         return []
     ratio = f"K/K_cr = {K / critical:.2f}"
     if critical > K:

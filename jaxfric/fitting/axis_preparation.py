@@ -28,7 +28,6 @@ from .padding import bucket
 _ORDER = 4
 _BINS = 4000
 _CUTOFF_SHARE = 0.1
-_ROWS_PER_CUTOFF = 1.0
 _SLOW = 200.0
 _SLOW_CUTOFF_SHARE = 0.2
 _RIPPLE = 0.05
@@ -63,7 +62,7 @@ def usual(interval: float, cutoff: float | None = None) -> Preparation:
     what the position's low-pass takes is little in them at any cutoff.
     """
     rate = 1 / interval
-    share, rows = _CUTOFF_SHARE, round(_ROWS_PER_CUTOFF / _CUTOFF_SHARE)
+    share, rows = _CUTOFF_SHARE, round(1 / _CUTOFF_SHARE)
     if rate < _SLOW:
         share, rows = _SLOW_CUTOFF_SHARE, 1
     first = share * rate

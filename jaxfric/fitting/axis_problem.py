@@ -18,8 +18,12 @@ from .abstract_problem import FAILED_MISFIT, AbstractProblem, Sizes
 from .axis_preparation import AbstractSampler, Prepared, shifted
 from .encompassing import EncompassingModel
 
-_SLOWEST = 0.02
-_SPEEDS, _NEGLIGIBLE = 12, 0.02
+SLOWEST = 0.02
+"""Quantile of the speeds of the rows that count which is the slowest speed that a record tells of,
+and share of the largest one below which no friction is asked for."""
+_SPEEDS = 12
+NEGLIGIBLE = 0.02
+"""Share of the force below which a friction that drives is taken for zero."""
 _LAG = 1e-2
 _SHARES = (1e-3, 0.1)
 """Shares of the force that a mass takes at its largest acceleration: it is lost below the first,
@@ -64,9 +68,9 @@ class AxisProblem(AbstractProblem):
         Less than a fiftieth of the force below zero is taken for zero.
         """
         rig, at = self.rig(jnp.asarray(z)), jnp.mean(self.motion.position)
-        v = self.typical.velocity * jnp.geomspace(_SLOWEST, 1.0, _SPEEDS)
+        v = self.typical.velocity * jnp.geomspace(SLOWEST, 1.0, _SPEEDS)
         least = jnp.minimum(jnp.min(rig.turning_friction(at, v)), rig.coulomb)
-        return bool(least >= -_NEGLIGIBLE * self.sizes.force)
+        return bool(least >= -NEGLIGIBLE * self.sizes.force)
 
     def plain(self) -> "AxisProblem":
         """Itself: its residuals are in units of `noise_scale`, as correlated as they are."""
@@ -131,7 +135,7 @@ def make_problem(
             )
         )
     )
-    slowest = float(np.quantile(np.abs(v), _SLOWEST))
+    slowest = float(np.quantile(np.abs(v), SLOWEST))
     return AxisProblem(
         time=jnp.asarray(prepared.time),
         friction=jnp.asarray(prepared.force),

@@ -26,12 +26,11 @@ from ..stability.theorem import critical_stiffness
 from ..traced import traced
 from .estimate import Estimate
 from .problem import Model, quantity_of
-from .uncertainty import QUANTILE
+from .uncertainty import ENDS, QUANTILE
 
 SAMPLES = 4096
 """Samples behind an interval: its ends are then right to a few per cent of a standard deviation."""
 _AT_ONCE = 128
-_ENDS = (2.5, 97.5)
 
 
 class Estimated(Protocol):
@@ -172,6 +171,6 @@ def critical_of(fit: Estimated, model: Model, value: float, *, known: bool) -> C
 
 def _spread(samples: np.ndarray, value: float, unit: str) -> Estimate:
     """About `value`, the ends between which 95 % of the samples lie; std inf where some are."""
-    lower, upper = np.percentile(samples, _ENDS, method="nearest")
+    lower, upper = np.percentile(samples, ENDS, method="nearest")
     std = float(np.std(samples)) if np.all(np.isfinite(samples)) else np.inf
     return Estimate(value, std, float(lower), float(upper), unit)

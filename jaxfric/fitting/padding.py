@@ -5,7 +5,7 @@ from jaxtyping import Array, Float
 
 Numbers = Array | np.ndarray
 
-_FEWEST = 256  # rows
+FEWEST = 256  # rows
 
 
 def bucket(n: int, smallest: int) -> int:
@@ -47,7 +47,7 @@ def counted_rows(
     """
     clock, weight, columns, scale = (np.asarray(x) for x in (clock, weight, columns, scale))
     on = np.flatnonzero(weight > 0)
-    size = bucket(len(on), _FEWEST)
+    size = bucket(len(on), FEWEST)
     if size >= len(weight) or not len(on):
         return clock, weight, columns, scale
     if np.any(np.diff(clock, axis=0) < 0):

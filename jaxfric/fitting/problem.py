@@ -28,6 +28,7 @@ from ..rig.friction import LogarithmicEffect, RegularisedEffect
 from ..rig.normal_stress import NormalStress
 from ..rig.timing import LateSteps
 from ..simulation import RESULTS, simulate
+from ..simulation.simulate import STIFF
 from ..traced import traced
 from .abstract_problem import (
     FAILED_MISFIT,
@@ -39,9 +40,6 @@ from .noise import Noise, whiten
 from .padding import bucket, filled
 
 _TIME_SHARE = 1e-3
-_STIFF = 1000.0
-"""Spring force over the whole path, in changes of friction, from which the stiff method is used: A
-is about a third of such a change, and an explicit step as long as three relaxations over A/K."""
 _MACHINE_QUANTITIES = quantities(Inertial)
 _LEVEL = Quantity("level", "F", "friction of a later stretch of a run less that of the first")
 
@@ -363,7 +361,8 @@ def make_problem(
         model=model,
         max_steps=most_steps(len(steps)),
         stiff=sizes.mass is not None
-        or bool(sizes.stiffness * (path[-1] - path[0]) > _STIFF * sizes.force),
+        # A is about a third of a change of friction
+        or bool(sizes.stiffness * (path[-1] - path[0]) > STIFF / 3 * sizes.force),
     )
     return problem if on_host else jax.device_put(problem)  # together: a call costs as an array
 

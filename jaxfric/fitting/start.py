@@ -31,15 +31,15 @@ from jaxtyping import Array, Float
 from ..laws.registry import evolution_of
 from ..records import VelocitySteps
 from ..rig.friction import AbstractEvolution, AgeingEvolution, SlipEvolution
+from ..rig.friction.law import NEWTON_STEPS
 from ..traced import traced
+from .noise.thresholds import SAME_VELOCITY
 from .padding import bucket, filled
 from .problem import Model
 
-_SAME = 0.05  # change of ln V below which two velocities found are one commanded velocity
 HOLD = 3.0
 """Change of ln V for which the reload after a hold counts at least."""
 _GRID_PAIRS = 16
-_NEWTON_STEPS = 4
 
 
 class Fineness(NamedTuple):
@@ -165,6 +165,7 @@ def _grid(
     time, friction = data.time[full], data.friction[full]
     segment = np.searchsorted(times, time, side="right") - 1
     levels, logs, jump, resolved, held = [], [], 0.0, np.inf, False
+    same = -np.log(SAME_VELOCITY)
     for k in range(len(times)):
         here = np.flatnonzero(segment == k)
         if velocities[k] == 0:
@@ -176,12 +177,12 @@ def _grid(
         logs.append(np.log(abs(velocities[k])))
         change = abs(logs[-1] - logs[-2]) if len(logs) > 1 else 0.0
         change = max(change, HOLD) if held and len(logs) > 1 else change
-        if change > _SAME:
+        if change > same:
             jump = max(jump, np.max(np.abs(friction[here] - levels[-2])) / change)
             resolved = min(resolved, abs(velocities[k]) * (data.end[full][here[0]] - times[k]))
         held = False
     apart = np.asarray(logs) - np.mean(logs)
-    slope = apart @ levels / (apart @ apart) if np.ptp(logs) > _SAME else 0.0
+    slope = apart @ levels / (apart @ apart) if np.ptp(logs) > same else 0.0
     jump = max(jump, 1e-4 * np.ptp(friction), 1e-12)
     travel = float(np.sum(np.abs(velocities) * np.diff(np.append(times, data.end[-1]))))
     Ls = np.geomspace(max(0.3 * min(resolved, travel), 1e-5 * travel), travel, fineness.L)
@@ -346,7 +347,7 @@ def grid_misfit(
         speed = jnp.maximum(jnp.abs(v), 1e-6 * jnp.abs(first_velocity))
         near = jnp.clip(u, jnp.log(speed / V0) - 2.0, jnp.log(speed / V0) + 2.0)
         trial = jnp.where(v > 0, near, u)
-        for _ in range(_NEWTON_STEPS):
+        for _ in range(NEWTON_STEPS):
             gap, slope = jax.jvp(lambda u: balance(u)[0], (trial,), (jnp.ones_like(trial),))
             trial = trial - jnp.clip(gap / jnp.maximum(slope, 0.1 * A), -1.0, 1.0)
         trial = jnp.clip(trial, -40.0, 40.0)

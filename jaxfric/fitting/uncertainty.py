@@ -12,6 +12,8 @@ has risen by q^2 C_ii/G_ii: q^2 in units of the noise, scaled so that curvature 
 (Chandler & Bate 2007, doi:10.1093/biomet/asm015).
 """
 
+from statistics import NormalDist
+
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -20,11 +22,11 @@ from .noise import Noise, sandwich
 from .problem import Problem
 from .solve import Solution, descend
 
-QUANTILE = 1.959963984540054
+ENDS = (2.5, 97.5)
+"""Ends of an interval, in per cent of what may be: 95 % lie between."""
+QUANTILE = NormalDist().inv_cdf(ENDS[1] / 100)
 """Half width of a 95 % interval in standard deviations of a normal distribution."""
 
-_UNSEEN = 1e-60
-"""A parameter whose Jacobian column has a squared length below this is not seen at all."""
 
 _HALF_DECADE = 0.5 * np.log(10.0)
 _PROFILE_POINTS = (0.7, 1.4, 2.0, 2.8, 4.0, 6.0)
@@ -62,7 +64,7 @@ def _root(jacobian: Float[Array, "n p"] | np.ndarray) -> tuple[np.ndarray, np.nd
     if not np.isfinite(gram).all():  # a failed trial sees nothing
         gram = np.zeros_like(gram)
     diagonal = np.diag(gram)
-    scale = 1 / np.sqrt(np.where(diagonal > _UNSEEN, diagonal, 1.0))
+    scale = 1 / np.sqrt(np.where(diagonal > np.finfo(float).tiny, diagonal, 1.0))
     values, vectors = np.linalg.eigh(gram * scale[:, None] * scale)
     least = 1e-14 * max(values[-1], 1.0)
     root = vectors / np.sqrt(np.maximum(values, least)) * scale[:, None]
@@ -136,9 +138,6 @@ def profile_interval(
             roots.append(np.sqrt(rise / unit))
             if roots[-1] > QUANTILE:
                 break
-        if roots[-1] > QUANTILE:
-            reach = np.interp(QUANTILE, roots[-2:], distances[-2:])
-            ends.append(float(solution.z[index]) + side * std * reach)
-        else:
-            ends.append(side * np.inf)
+        reach = np.interp(QUANTILE, roots[-2:], distances[-2:], right=np.inf)
+        ends.append(float(solution.z[index]) + side * std * reach)
     return ends[0], ends[1]

@@ -8,15 +8,13 @@ from jaxtyping import Array
 
 from ..effects import AbstractEffect, RecordScales, null
 from ..effects.effect import made
-from ..fitting.padding import padded_columns
+from ..fitting.padding import WIDE, padded_columns
 from ..fitting.problem import Problem, rig_at
 from ..rig import Rig
 from ..rig.friction.extended import AbstractTerm, ExtendedLaw
 from .case import Column, Sensitivities
 from .engine import Engine
 from .response import Response, linear_response, term_forces
-
-_FORCES = 64
 
 
 def friction_sensitivities(
@@ -127,9 +125,9 @@ def _terms(
 def respond(response: Response, forces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The response to many forces, a number at a time for which it is compiled."""
     parts = []
-    for begin in range(0, forces.shape[1], _FORCES):
-        part = forces[:, begin : begin + _FORCES]
-        seen = response(jax.device_put(padded_columns(part, size=_FORCES)))
+    for begin in range(0, forces.shape[1], WIDE):
+        part = forces[:, begin : begin + WIDE]
+        seen = response(jax.device_put(padded_columns(part, size=WIDE)))
         parts.append([np.asarray(x)[:, : part.shape[1]] for x in seen])
     friction, slip = (np.concatenate(x, axis=1) for x in zip(*parts, strict=True))
     return friction, slip

@@ -11,7 +11,7 @@ from jaxtyping import Array
 from ..effects import AbstractEffect, RecordScales
 from ..errors import InputError
 from ..fitting import Fit
-from ..fitting.assemble import is_of_wander
+from ..fitting.assemble import NEAR_EDGE, is_of_wander
 from ..fitting.encompassing import EncompassingModel
 from ..fitting.misfit import is_of_misfit
 from ..fitting.noise import noise_words
@@ -38,7 +38,6 @@ from .subject import ScoredRows, Subject
 _FELT = 0.1
 _FINER = 0.1
 _FINE_ENOUGH = 0.02
-_NEAR = 2.0
 
 
 def slider_subject(
@@ -108,7 +107,7 @@ def slider_warnings(
     the loop."""
     own = noise_words(base_fit.noise, record)
     warnings = repeated([text for text in base_fit.warnings if text not in own])
-    if edge is not None and edge < _NEAR:
+    if edge is not None and edge < NEAR_EDGE:
         warnings.append(
             f"K/K_cr is {edge:.2f}: so near the edge of stability finite steps may leave the basin"
         )

@@ -7,7 +7,7 @@ from jaxtyping import Array, Float
 
 from ..effects import STEADY_CURVES
 from ..effects.effect import evolution_of
-from ..fitting.padding import bucket, filled
+from ..fitting.padding import FEWEST, bucket, filled
 from ..fitting.problem import Problem, rig_at
 from ..rig.friction.extended import Contact, ExtendedLaw
 from ..traced import traced
@@ -19,8 +19,6 @@ from .response import Response, linear_response
 
 _LATE = "evolution_cutoff"
 """The curve that friction reaches over the slip length, not at once."""
-_FEWEST = 256
-"""Velocities at which a curve is compiled at least."""
 
 
 def slider_curves(engine: Engine[Problem], final: Candidate, velocities: np.ndarray) -> CurveRig:
@@ -51,7 +49,7 @@ def _level(problem: Problem, z: np.ndarray, V: np.ndarray) -> np.ndarray:
     """Friction of steady sliding, without what has states of its own or follows slip or time."""
     law = rig_at(problem, z).friction
     assert isinstance(law, ExtendedLaw)
-    padded = filled(V, bucket(len(V), _FEWEST))
+    padded = filled(V, bucket(len(V), FEWEST))
     return np.asarray(_levels(law, padded))[: len(V)]
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..described import Described, Drawable, Drawn, Tabular
 from ..fitting.result import Fit
+from ..fitting.uncertainty import ENDS
 from ..quantity import numbered_names
 from ..saved.entry import ENTRY, law_entry, law_name, open_words
 from ..saved.files import POSTERIOR
@@ -24,7 +25,6 @@ DIFFERENCE = "A_minus_B"
 RHAT, ESS = 1.01, 400
 """Largest R-hat and least effective sample size at which draws are relied on (Vehtari et al. 2021,
 doi:10.1214/20-BA1221)."""
-_ENDS = (2.5, 97.5)
 
 
 class Spread(NamedTuple):
@@ -192,7 +192,7 @@ def named(names: Sequence[str], values: np.ndarray) -> dict[str, np.ndarray]:
 def spread(values: np.ndarray) -> Spread:
     """`Spread` of all values."""
     flat = np.ravel(values)
-    lower, upper = np.percentile(flat, _ENDS)
+    lower, upper = np.percentile(flat, ENDS)
     return Spread(float(np.mean(flat)), float(np.std(flat, ddof=1)), float(lower), float(upper))
 
 

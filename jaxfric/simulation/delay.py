@@ -23,8 +23,6 @@ from .method_of_steps import (
 from .start import Start
 from .trajectory import RESULTS, Trajectory, only_if
 
-_BISECTIONS = 50
-
 
 def simulate_delay(
     rig: Rig,
@@ -150,7 +148,7 @@ def _find_end(
     # A margin of exactly 0 may be positive here, by rounding: then it is the least one.
     j = jnp.where(jnp.any(margins <= 0), jnp.argmax(margins <= 0), jnp.argmin(margins))
     bracket = (points[jnp.maximum(j - 1, 0)], points[j])
-    inside, _ = jax.lax.fori_loop(0, _BISECTIONS, halve, bracket)
+    inside, _ = jax.lax.fori_loop(0, jnp.finfo(points.dtype).nmant, halve, bracket)
     V = V0 + chebyshev_series(v, points[j])
     return inside, runaway * V0 - V > V
 

@@ -35,8 +35,8 @@ from .steps import RealScalar, traced_once
 _CLOSED_FORM = 5
 """The inverse of a system of up to so many equations is written out."""
 
-_LEAST = 8
-"""Length of the shortest steps, in units of the rounding of time."""
+ROUNDINGS = 8
+"""Length of the shortest steps, in roundings of time."""
 
 STAGES = 8
 GAMMA = 0.21193756319429014
@@ -247,7 +247,7 @@ def _stepped(
     by_time = h * slopes[:, n]
     matrix = jnp.eye(n, dtype=y.dtype) / (h * GAMMA) - slopes[:, :n]
     inverse = inverted(jax.lax.stop_gradient(matrix))
-    least = h <= _LEAST * jnp.spacing(jnp.abs(jnp.asarray(t1, y.dtype)))
+    least = h <= ROUNDINGS * jnp.spacing(jnp.abs(jnp.asarray(t1, y.dtype)))
 
     def solved(side: Array) -> Array:
         # a step of refinement, which carries the derivatives of the matrix

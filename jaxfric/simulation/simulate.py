@@ -32,7 +32,7 @@ from .stepping import SAFETY, How, Sampled, constant, follow
 from .steps import StableStepController, padded_norm
 from .trajectory import RESULTS, Trajectory, only_if
 
-_STIFF = 3000.0
+STIFF = 3000.0
 """Relaxations of the spring on the way, from which the stiff method takes less time."""
 
 
@@ -148,7 +148,7 @@ def _is_stiff(rig: Rig, motion: AbstractMotion, ts: Array) -> bool:
     times, last = np.asarray(motion.times), np.asarray(ts)[-1]
     lasts = np.diff(np.minimum(np.append(times, np.inf), last))
     path = float(np.sum(np.abs(np.asarray(motion.velocities)) * lasts))
-    return bool(np.asarray(K) * path > _STIFF * np.asarray(scale))
+    return bool(np.asarray(K) * path > STIFF * np.asarray(scale))
 
 
 def _sampled(equation: SliderEquation, found: Sampled, ts: Float[Array, " n"]) -> Trajectory:

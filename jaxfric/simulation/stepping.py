@@ -26,7 +26,7 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 from .blocks import renewed
 from .explicit import explicit_step
 from .ode import SliderEquation, Unknowns
-from .rodas import quartic, stiff_step
+from .rodas import ROUNDINGS, quartic, stiff_step
 from .steps import padded_norm
 from .tangents import Knots, differentiable
 
@@ -48,8 +48,6 @@ _SMALL = 0.01
 _DECIDED = "decided"
 """What reverse mode keeps of a step: where it ends, and whether it was taken. Rounding decides of
 both, and that of a segment done again is another: it would end elsewhere than the next begins."""
-_ROUNDINGS = 4.0
-"""Length of the shortest step, in roundings of time."""
 
 
 class How(NamedTuple):
@@ -286,13 +284,13 @@ def _step(
     size = jnp.where(point.size == 0, size, point.size)
     size = size if how.stiff else jnp.minimum(size, _longest(equation, point.log_speed))
     stop = jnp.min(jnp.where(stops > t, stops, jnp.inf), initial=last)
-    shortest = _ROUNDINGS * jnp.spacing(jnp.abs(t))
+    shortest = ROUNDINGS * jnp.spacing(jnp.abs(t))
     room = stop - t
     lands = size >= room * (1 - 1e-12)
     end = jnp.where(lands, stop, t + jnp.maximum(size, shortest))
     end = checkpoint_name(end, _DECIDED)
     # a jump of the command belongs to the next step
-    before = jnp.where(lands, stop - _ROUNDINGS * jnp.spacing(jnp.abs(stop)), end)
+    before = jnp.where(lands, stop - ROUNDINGS * jnp.spacing(jnp.abs(stop)), end)
     before = checkpoint_name(jnp.where(before > t, before, end), _DECIDED)
     if how.stiff:
         y1, error, k = stiff_step(equation, t, before, y)

@@ -28,9 +28,8 @@ from jax.typing import DTypeLike
 from jaxtyping import Array, ArrayLike, Complex, Float
 
 from ..errors import InputError
+from ..rig.friction.law import NEWTON_STEPS
 from .undefined import is_double, root_without_derivative
-
-NEWTON_STEPS = 4
 
 
 class _Slider(NamedTuple):

@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Complex, Float, Int
 
+from ..rig.friction.law import NEWTON_STEPS
 from .kernel import DelayKernel
 from .linear import LinearSlider
 
@@ -17,7 +18,6 @@ _POINTS = 2048
 # Crossings that are kept, lowest frequency first, and minima that are refined.
 _NUMBER = 64
 _MINIMA = 4
-_NEWTON_STEPS = 4
 _BEYOND = 1e2
 # Slope over ln w from which on a crossing has a derivative: below it rounding moves the place by
 # as much as the slope changes.
@@ -90,7 +90,7 @@ def crossings(
         def newton(_: Array, x: Float[Array, ""]):
             return jnp.clip(x - step(x), low, high)
 
-        x = jax.lax.stop_gradient(jax.lax.fori_loop(0, _NEWTON_STEPS, newton, x))
+        x = jax.lax.stop_gradient(jax.lax.fori_loop(0, NEWTON_STEPS, newton, x))
         for _ in range(2):  # carry first and second derivatives
             x = x - step(x)
         return jnp.exp(x)
@@ -129,9 +129,9 @@ def smallest(
             better = jax.lax.stop_gradient(square(to) <= square(x) * (1 + _ROUNDING))
             return jnp.where(better, to, x)
 
-        end = jax.lax.stop_gradient(jax.lax.fori_loop(0, _NEWTON_STEPS, newton, x))
+        end = jax.lax.stop_gradient(jax.lax.fori_loop(0, NEWTON_STEPS, newton, x))
         x = step(x, end)
-        x = step(x, newton(_NEWTON_STEPS, x))  # carries the derivative of the place
+        x = step(x, newton(NEWTON_STEPS, x))  # carries the derivative of the place
         return square(x)
 
     places = jnp.append(best + 1, jnp.argmin(value))

@@ -72,9 +72,8 @@ class NoisePart:
             turns = f"{size / (2 * math.pi):.3g}"
             return f"{turns} turn" if turns == "1" else f"{turns} turns"
         if self.over == "path":
-            length = (
-                f"{size * 1e6:.3g} µm" if size < const.IN_MILLIMETRES else f"{size * 1e3:.3g} mm"
-            )
+            micrometres = float(f"{size * 1e6:.3g}")
+            length = f"{micrometres:g} µm" if micrometres < 1000 else f"{size * 1e3:.3g} mm"
             return f"{length} of load-point motion"
         return f"{size:.3g} s"
 

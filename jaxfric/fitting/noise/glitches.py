@@ -21,6 +21,7 @@ shifts by what noise predicts. Not tried: glitches at more than a hundredth of t
 than three rows.
 """
 
+from statistics import NormalDist
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -34,7 +35,7 @@ from .model import Noise
 ROUNDS = 2
 """Number of times that noise is learned anew without what stands out of it."""
 _UPPER = 0.5 * (1 + const.BODY)
-_NORMAL = 0.6744897501960817
+_NORMAL = NormalDist().inv_cdf(_UPPER)
 """Median size of a normal error of unit variance."""
 
 

@@ -87,8 +87,6 @@ SWING_SEEN = 1.5
 """w of a resonator from which its swing is seen: it has lost a factor 66 after a period."""
 MOST_OF_WHITE = 0.5
 """Share of the white part's variance above which it is a recorder's steps."""
-IN_MILLIMETRES = 0.9995e-3
-"""Memory over a path from which it is shown in millimetres [m]."""
 
 # ---- by velocity step
 

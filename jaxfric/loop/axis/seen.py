@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array
 
 from ...fitting.axis_preparation import Prepared
-from ...fitting.axis_problem import AxisProblem
+from ...fitting.axis_problem import SLOWEST, AxisProblem
 from ...fitting.uncertainty import normal_inverse
 from ...records.steady_mean import effective_samples
 from ...stability.claims import Above, Unseen, above_curve
@@ -29,7 +29,6 @@ from .result import AxisRows, Spring
 _BINS, _FEWEST_ROWS = 12, 8
 _STAIRS = 4.0
 """The low-pass took motion away where it took more than this many noises of the encoder."""
-_QUANTILE = 0.02
 _LATEST, _LAGS = 0.2, 101
 """The latest answer of a controller that is looked for [s], and how many are."""
 _PLACE = 0.05
@@ -81,7 +80,7 @@ def seen(
     slowest, why = max(slowest_told(own, rows.width, unit, edges) for own in ways)
     if slowest >= fastest:
         unseen.append(Unseen("the two directions were driven at no speed in common", np.inf))
-        slowest, fastest = (float(np.quantile(speed, _QUANTILE)), float(speed.max()))
+        slowest, fastest = (float(np.quantile(speed, SLOWEST)), float(speed.max()))
     unseen = [Unseen(why, np.nextafter(slowest, 0.0)), *unseen]
     unseen += [Unseen(why, np.inf) for why in doubts(engine, search, rows, withheld)]
     error = slope_error(engine, found, float(np.median(rows.position)))
@@ -96,20 +95,20 @@ def slowest_told(
     speed : of the rows that count. width : of the smoothed sign of the velocity. unseen : speeds up
     to which no steady motion was seen.
     """
-    rare = f"only {100 * _QUANTILE:g} % of the rows that count"
+    rare = f"only {100 * SLOWEST:g} % of the rows that count"
     limits = [
         (
             4 * width,
             f"rows below {2 * width:.2g} {unit}/s do not count, and up to twice that friction is"
             " rounded off where the velocity turns",
         ),
-        (float(np.quantile(speed, _QUANTILE)), f"{rare} are slower"),
+        (float(np.quantile(speed, SLOWEST)), f"{rare} are slower"),
     ]
     edge = max(unseen, default=0.0)
     faster = speed[speed > edge]
     if edge and len(faster):
         text = f"no steady motion up to {edge:.2g} {unit}/s was seen, and {rare} above are slower"
-        limits.append((float(np.quantile(faster, _QUANTILE)), text))
+        limits.append((float(np.quantile(faster, SLOWEST)), text))
     return max(limits)
 
 

@@ -7,6 +7,7 @@ samples share noise and structure, so whole segments are held back, never sample
 import numpy as np
 
 from ...errors import InputError
+from ...fitting.noise.thresholds import SAME_VELOCITY
 from ..split import NAMES, Blocks
 from ..thresholds import FEWEST_ROWS
 
@@ -14,7 +15,6 @@ _FEWEST = 4
 _SHARE = 1 / 6
 _BACK = 0.02
 """Share of the way back in that forth up to which an axis moves in one direction."""
-_ALIKE = 1.1
 
 
 def segments(slow: np.ndarray) -> np.ndarray:
@@ -88,7 +88,7 @@ def _extremes(
         fastest.add(int(segment[np.argmax(sign * velocity)]))
         speed = np.where((rows >= FEWEST_ROWS) & (sign * mean > 0), sign * mean, np.inf)
         if np.isfinite(speed).any():
-            slowest.add(int(np.argmax(speed <= _ALIKE * speed.min())))
+            slowest.add(int(np.argmax(speed <= speed.min() / SAME_VELOCITY)))
     return fastest, slowest
 
 

@@ -21,6 +21,7 @@ import numpy as np
 from ...described import Described, Drawable, Tabular, said
 from ...effects import ids_of
 from ...errors import InputError
+from ...fitting.axis_problem import NEGLIGIBLE
 from ...gains.axis import axis_gains
 from ...gains.axis_result import AxisGains
 from ...records.steady import SteadyCurve
@@ -35,8 +36,6 @@ FEWEST, FEWEST_OF_EACH = 8, 3
 parameters and a spread."""
 _FEWEST_OF_BASE = 4
 """Runs from which the base is fitted: three parameters and a spread."""
-_NEGLIGIBLE = 0.02
-"""Share of the largest force below which negative friction is taken for zero, as of an axis."""
 _GRID = 101
 
 
@@ -207,7 +206,7 @@ def driving(
     force, std = model.friction(speed)
     force = np.append(force, model.values["F_c"])
     std = np.append(std, model.std["F_c"])
-    most = _NEGLIGIBLE * float(np.max(np.abs(curve.force)))
+    most = NEGLIGIBLE * float(np.max(np.abs(curve.force)))
     wrong = np.flatnonzero((force < -most) & (force < -sure * std))
     if not len(wrong):
         return None

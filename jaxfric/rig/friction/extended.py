@@ -28,7 +28,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from ...quantity import quantity
-from .law import LOG_MAX, AbstractInvertibleLaw, Conditions, Scalar, States
+from .law import LOG_MAX, NEWTON_STEPS, AbstractInvertibleLaw, Conditions, Scalar, States
 from .rate_state import AbstractEvolution, AbstractRateState, AgeingEvolution, SlipEvolution
 
 if TYPE_CHECKING:  # which takes equinox's for a field of an instance
@@ -36,7 +36,6 @@ if TYPE_CHECKING:  # which takes equinox's for a field of an instance
 else:
     from equinox import AbstractClassVar
 
-_NEWTON_STEPS = 3
 # One is exact where states are proportional to the force, the next takes its rounding away.
 _SETTLING_STEPS = 2
 
@@ -217,7 +216,7 @@ def _balanced(
         return V * jnp.exp(jnp.clip(-step, -LOG_MAX, LOG_MAX))
 
     start = law._without_moving(force, state, at, damping)
-    return jax.lax.fori_loop(0, _NEWTON_STEPS, nearer, start)
+    return jax.lax.fori_loop(0, NEWTON_STEPS, nearer, start)
 
 
 @_balanced.def_jvp

@@ -21,9 +21,6 @@ from jaxtyping import Array, ArrayLike, Float
 from ...quantity import Quantity, quantity
 from .law import AbstractLaw, Conditions, Scalar, States
 
-# exp(-700) is negligible and its argument, and the powers that lead to it, are still finite.
-_POWER_MAX = 700.0
-
 
 class AbstractStribeck(AbstractLaw):
     """Steady curve (1) as a law with no states (state arrays have shape (0,)).
@@ -143,8 +140,9 @@ def worst_slope(law: AbstractStribeck) -> Scalar:
 
 
 def _power(u: Scalar, n: Scalar) -> Scalar:
-    """min(u^n, 700) for u >= 0, with derivatives that are finite at u = 0 and for large u."""
+    """u^n for u >= 0, with derivatives that are finite at u = 0 and for large u: no more than is
+    needed for exp(-u^n) to vanish."""
     moving = u > jnp.finfo(u.dtype).tiny
     log_power = n * jnp.log(jnp.where(moving, u, 1.0))
-    power = jnp.exp(jnp.minimum(log_power, jnp.log(_POWER_MAX)))
+    power = jnp.exp(jnp.minimum(log_power, jnp.log(-jnp.log(jnp.finfo(u.dtype).tiny))))
     return jnp.where(moving, power, 0.0)

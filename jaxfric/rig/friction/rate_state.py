@@ -20,9 +20,7 @@ from jaxtyping import Array, Float
 
 from ...errors import InputError
 from ...quantity import quantity, refuse_outside
-from .law import LOG_MAX, AbstractInvertibleLaw, Conditions, Scalar, States
-
-_NEWTON_STEPS = 4
+from .law import LOG_MAX, NEWTON_STEPS, AbstractInvertibleLaw, Conditions, Scalar, States
 
 
 class AbstractEvolution(eqx.Module):
@@ -123,7 +121,7 @@ class RegularisedEffect(AbstractDirectEffect):
             c = damping * V0 / A
             u = _damped_log(jnp.abs(g) - rest / A, c) + rest / A
             u = jax.lax.stop_gradient(jnp.sign(g) * u)
-            for _ in range(_NEWTON_STEPS):
+            for _ in range(NEWTON_STEPS):
                 v = _twice_sinh(u, rest / A)
                 slope = 1 + c * _twice_cosh(u, rest / A)
                 u = u - (u + c * v - g) / slope
