@@ -16,6 +16,7 @@ from jaxtyping import Array, Bool, Float
 from ..quantity import quantity
 from ..rig.axis import AbstractAxisTerm, AxisPoint, AxisRig
 from ..rig.axis_state import AbstractAxisState, AxisRateState, Bristle
+from ..rig.friction.law import NEAR_ZERO
 from .effect import (
     AbstractEffect,
     AbstractLinearEffect,
@@ -36,7 +37,6 @@ _CUT_OFF = 1e-3
 _CUT_OFF_LIMIT: Mapping[str, Limit] = MappingProxyType(
     {"v_c": lambda at, scales: at.v_c < _CUT_OFF * scales.slowest}
 )
-_TINY = 1e-12
 
 
 class AbstractAxisEffect(AbstractEffect[AxisRig]):
@@ -127,7 +127,7 @@ class AxisStribeck(AbstractAxisTermEffect):
 
     def force(self, at: AxisPoint) -> Array:
         # the speed stays off 0, where its power has no derivative
-        share = jnp.maximum(jnp.abs(at.velocity) / self.vs, _TINY)
+        share = jnp.maximum(jnp.abs(at.velocity) / self.vs, NEAR_ZERO)
         return self.fs * jnp.exp(-(share**self.n)) * at.sign
 
     def grid(self, scales: RecordScales) -> dict[str, tuple[float, ...]]:

@@ -30,7 +30,6 @@ from .uncertainty import ENDS, QUANTILE
 
 SAMPLES = 4096
 """Samples behind an interval: its ends are then right to a few per cent of a standard deviation."""
-_AT_ONCE = 128
 
 
 class Estimated(Protocol):
@@ -121,7 +120,7 @@ def _critical_of_samples(
     model: Model, vectors: Float[Array, "n p"], V0: Float[Array, ""], K: Float[Array, ""]
 ) -> Float[Array, " n"]:
     """Critical stiffness of each row of parameters, in the order of `model.names()`."""
-    return jax.lax.map(lambda row: _critical_at(model, row, V0, K), vectors, batch_size=_AT_ONCE)
+    return jax.vmap(lambda row: _critical_at(model, row, V0, K))(vectors)
 
 
 def samples_of(fit: Estimated, names: tuple[str, ...], number: int = SAMPLES) -> np.ndarray:

@@ -15,7 +15,8 @@ from .noise import least_noise, recorded_steps
 from .problem import Model, Problem, ProblemSizes, RigModel, make_problem
 from .start import Averaged, OneStateMotion, average, more_state_starts, split_state
 
-_FELT = 0.25
+FELT = 0.25
+"""Share of the noise of a row from which a known change of friction is felt by a fit."""
 
 
 class FitTask(NamedTuple):
@@ -72,7 +73,7 @@ def _felt(steps: VelocitySteps, stiffness: float, noise: float) -> np.ndarray | 
     if steps.time_errors is None:
         return None
     slack = np.abs(np.diff(steps.velocities, prepend=steps.velocities[0])) * steps.time_errors
-    return np.flatnonzero(stiffness * slack > _FELT * noise)
+    return np.flatnonzero(stiffness * slack > FELT * noise)
 
 
 class Begun(NamedTuple):

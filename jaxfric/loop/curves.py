@@ -23,7 +23,6 @@ from .thresholds import ACCEPT, CLEAR, TOLD
 
 Curve = Callable[[np.ndarray], np.ndarray]
 """Speeds (m,) to friction (m, k)."""
-_HIGHEST = 3
 _DEGREES = {1: "a line in ln V", 2: "a quadratic in ln V", 3: "a cubic in ln V"}
 _FREE = "a value for every velocity"
 _DECADE = 10.0
@@ -146,7 +145,7 @@ def _shapes(rig: CurveRig, speeds: np.ndarray) -> list[tuple[str, Curve]]:
         return lambda V: np.stack([(np.log(V) - centre) ** k for k in used], axis=1)
 
     found = [(words, powers(degree)) for degree, words in _DEGREES.items() if degree >= rig.lowest]
-    if rig.counted and len(speeds) - rig.parameters > _HIGHEST + 1 - rig.lowest:
+    if rig.counted and len(speeds) - rig.parameters > max(_DEGREES) + 1 - rig.lowest:
         corners = np.log(speeds[1:-1])
         found.append((_FREE, lambda V: np.maximum(np.log(V)[:, None] - corners, 0.0)))
     return found

@@ -13,6 +13,7 @@ from ..fitting import fit
 from ..fitting.fit import few_rows, steps_of
 from ..fitting.padding import bucket
 from ..fitting.problem import Problem
+from ..fitting.stages import FELT
 from ..laws.registry import known_law
 from ..records import Record, VelocitySteps
 from ..records.differences import noise_from_differences
@@ -29,8 +30,6 @@ from .run import run_loop
 from .slider import refuse_failed, slider_subject, with_channels
 from .split import split
 from .subject import Subject
-
-_STRESS_FELT = 0.3
 
 
 def close_loop(
@@ -125,7 +124,7 @@ def _stress(record: Record) -> NormalStress | None:
         return None
     moved = moved_stress(record.relative_time, record.normal_stress)
     moved *= float(np.mean(np.abs(record.friction)))
-    if not moved > _STRESS_FELT * noise_from_differences(record.friction):
+    if not moved > FELT * noise_from_differences(record.friction):
         return None
     stress = recorded_stress(record.relative_time, record.normal_stress)
     return stress.padded(bucket(len(stress.knots), 256))  # a few lengths are compiled

@@ -18,7 +18,6 @@ from .thresholds import FEWEST_ROWS
 NAMES = ("train", "select", "report")
 _TAIL = (0.6, 0.8)
 _QUARTER = 0.75
-_UNITS = 3
 
 
 class Blocks(NamedTuple):
@@ -133,10 +132,11 @@ def split_units(
     InputError : fewer than three units; a block would have fewer than 20 rows.
     """
     count = int(unit.max()) + 1
-    if count < _UNITS:
+    if count < len(NAMES):
         raise InputError(
             f"{path}: {count} step{'s' * (count != 1)} and holds can be fitted; the loop over a run"
-            f" holds whole ones out and needs {_UNITS}. Cut out one (--from, --to) and leave --run"
+            f" holds whole ones out and needs {len(NAMES)}. Cut out one (--from, --to) and leave"
+            " --run"
         )
     blocks = _with_held(unit[phase], phase, _held_out(*_of_units(time, phase, unit, velocity)))
     refuse_short(blocks)

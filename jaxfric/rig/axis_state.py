@@ -18,8 +18,6 @@ from jaxtyping import Array, ArrayLike, Float
 from ..motion import MeasuredMotion
 from ..quantity import quantity
 
-_TINY = 1e-300
-
 
 class AbstractAxisState(eqx.Module):
     """A state of one number, and the force that it takes part in."""
@@ -115,7 +113,7 @@ class AxisRateState(AbstractAxisState):
         begun, speed = jnp.abs(last), jnp.abs(v)
         half = 0.5 * jnp.diff(motion.time, prepend=motion.time[:1])
         turned, both = last * v < 0, begun + speed
-        share = half / jnp.maximum(both, _TINY)
+        share = half / jnp.maximum(both, jnp.finfo(both.dtype).tiny)
         first = jnp.where(turned, share * begun**2, half * both)
         second = jnp.where(turned, share * speed**2, 0.0)
         steady = self.steady(v)

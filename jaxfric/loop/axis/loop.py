@@ -45,8 +45,6 @@ from .rows import scales_of
 from .seen import doubts, follows, held_command, spring_of
 
 _LEAST_UNIT = 1e-3
-_LEAST_MASS = 1e-6
-"""Lower limit of the mass to start from, in units of force over the largest acceleration."""
 
 
 def close_axis_loop(
@@ -227,8 +225,8 @@ def _start(problem: AxisProblem, blocks: Blocks) -> np.ndarray:
     ]
     matrix = np.stack([np.asarray(problem.sampler(c))[at] for c in columns], axis=1)
     found, *_ = np.linalg.lstsq(matrix, np.asarray(problem.friction)[at], rcond=None)
-    largest = max(float(np.max(np.abs(matrix[:, 0]))), 1e-300)
-    found[0] = max(found[0], _LEAST_MASS * float(problem.sizes.force) / largest)
+    # what is left of a mass below zero is begun anew (`AxisProblem.begun`)
+    found[0] = max(found[0], np.finfo(float).tiny)
     return problem.coordinates.to_free(np.asarray([*found, *problem.model.nulls()]))
 
 

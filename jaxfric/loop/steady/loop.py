@@ -24,6 +24,7 @@ from ...errors import InputError
 from ...fitting.axis_problem import NEGLIGIBLE
 from ...gains.axis import axis_gains
 from ...gains.axis_result import AxisGains
+from ...gains.thresholds import SPEEDS
 from ...records.steady import SteadyCurve
 from ...stability.claims import SURE, Unseen, above_curve
 from ..curves import distinct
@@ -36,7 +37,6 @@ FEWEST, FEWEST_OF_EACH = 8, 3
 parameters and a spread."""
 _FEWEST_OF_BASE = 4
 """Runs from which the base is fitted: three parameters and a spread."""
-_GRID = 101
 
 
 class Doubt(StrEnum):
@@ -202,7 +202,7 @@ def driving(
     """Where the friction of a model would drive the axis most, by more than `sure` standard errors:
     the speed (None: Coulomb friction), the friction and its error; None where it takes energy."""
     size = np.abs(curve.speed)
-    speed = np.geomspace(size.min(), size.max(), _GRID)
+    speed = np.geomspace(size.min(), size.max(), SPEEDS)
     force, std = model.friction(speed)
     force = np.append(force, model.values["F_c"])
     std = np.append(std, model.std["F_c"])
@@ -211,7 +211,7 @@ def driving(
     if not len(wrong):
         return None
     k = int(wrong[np.argmin(force[wrong])])
-    return float(speed[k]) if k < _GRID else None, float(force[k]), float(std[k])
+    return float(speed[k]) if k < SPEEDS else None, float(force[k]), float(std[k])
 
 
 def steady_gains(loop: SteadyLoop) -> AxisGains:

@@ -36,9 +36,6 @@ if TYPE_CHECKING:  # which takes equinox's for a field of an instance
 else:
     from equinox import AbstractClassVar
 
-# One is exact where states are proportional to the force, the next takes its rounding away.
-_SETTLING_STEPS = 2
-
 
 class Contact(NamedTuple):
     """Variables that a term may depend on. SI; forces in the unit of friction."""
@@ -136,7 +133,7 @@ class ExtendedLaw(AbstractInvertibleLaw):
             return force - self.force(V, self._settled(V, force, at), at)
 
         force = self.force(V, state, at)
-        for _ in range(_SETTLING_STEPS):
+        for _ in range(NEWTON_STEPS):
             value, slope = jax.jvp(excess, (force,), (jnp.ones_like(force),))
             force = force - value / slope
         return self._settled(V, force, at)

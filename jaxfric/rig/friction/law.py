@@ -13,6 +13,8 @@ from jaxtyping import Array, Float
 
 LOG_MAX = 40.0
 """Largest logarithm of a ratio of velocities: a solver's trial step must stay a finite number."""
+NEAR_ZERO = 1e-12
+"""Share below which a power is continued by its value there: at 0 it may have no derivative."""
 NEWTON_STEPS = 4
 """Newton steps from a start that is near: each doubles the digits, from one to all of a double."""
 

@@ -11,10 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...quantity import quantity
-from .law import AbstractLaw, Conditions, Scalar, States
-
-# Distance to full sliding, relative to f_c, below which the power is continued linearly.
-_NEAR_SLIDING = 1e-12
+from .law import NEAR_ZERO, AbstractLaw, Conditions, Scalar, States
 
 
 class Dahl(AbstractLaw):
@@ -46,7 +43,7 @@ class Dahl(AbstractLaw):
     def rate(self, V: Scalar, state: States, at: Conditions) -> States:
         del at
         left = 1 - state / self.f_c * jnp.sign(V)
-        size = jnp.maximum(jnp.abs(left), _NEAR_SLIDING)
+        size = jnp.maximum(jnp.abs(left), NEAR_ZERO)
         return self.sigma * V * left * size ** (self.gamma - 1)
 
     def steady_state(self, V: Scalar) -> States:
