@@ -12,6 +12,7 @@ from ..units import format_si, read_as
 from .drift import drift_warning
 from .misfit import misfit_warning
 from .noise import Noise, longest_memory, noise_estimate, noise_words
+from .noise.thresholds import CLEAR
 from .plausible import bounds_of
 from .problem import (
     FAILED_MISFIT,
@@ -31,7 +32,6 @@ from .uncertainty import (
 
 NEAR_EDGE = 2.0
 """K/K_cr below which steps of a usual size may leave the basin of steady sliding."""
-_FAR = 3.0
 _OTHER, _ROWS = 1.5, 20
 _WANDERS = "the residual wanders"
 OTHERWISE = ", but the load point moves at"
@@ -91,7 +91,7 @@ def assemble(
     )
     shifts = np.asarray(solution.z)[len(names) :]
     pairs = zip(np.asarray(problem.shifted), shifts, strict=True)
-    moved = [(int(k), float(s)) for k, s in pairs if abs(s) > _FAR]
+    moved = [(int(k), float(s)) for k, s in pairs if abs(s) > CLEAR]
     return _warn(fit, moved, wanders=noise_wanders(problem.clock, noise))
 
 

@@ -5,10 +5,11 @@ from jaxtyping import Array, Float
 
 Numbers = Array | np.ndarray
 
-FEWEST = 256  # rows
+FEWEST = 256
+"""Rows, velocities or knots for which anything is compiled at least."""
 
 
-def bucket(n: int, smallest: int) -> int:
+def bucket(n: int, smallest: int = FEWEST) -> int:
     """The padded length for `n`: `smallest` times 2^k or 1.5 * 2^k."""
     size = smallest
     while size < n:
@@ -47,7 +48,7 @@ def counted_rows(
     """
     clock, weight, columns, scale = (np.asarray(x) for x in (clock, weight, columns, scale))
     on = np.flatnonzero(weight > 0)
-    size = bucket(len(on), FEWEST)
+    size = bucket(len(on))
     if size >= len(weight) or not len(on):
         return clock, weight, columns, scale
     if np.any(np.diff(clock, axis=0) < 0):

@@ -334,7 +334,7 @@ def make_problem(
     if len(shifted):  # to a few lengths; the first velocity has no step and no error
         shifted = filled(shifted, bucket(len(shifted), 4), 0)
     errors = np.zeros(len(steps)) if steps.time_errors is None else steps.time_errors
-    size, velocities = bucket(n, 256), bucket(len(steps), 4)
+    size, velocities = bucket(n), bucket(len(steps), 4)
     arrays: dict[str, Any] = {
         "time": filled(time, size),
         "friction": filled(friction, size),

@@ -34,7 +34,7 @@ from ..rig.friction import AbstractEvolution, AgeingEvolution, SlipEvolution
 from ..rig.friction.law import NEWTON_STEPS
 from ..traced import traced
 from .noise.thresholds import SAME_VELOCITY
-from .padding import bucket, filled
+from .padding import FEWEST, bucket, filled
 from .problem import Model
 
 HOLD = 3.0
@@ -109,7 +109,7 @@ def seek(
     grid = _grid(data, steps, stiffness, fineness)
     # the fewest intervals that hold as many means, so that others need not compile again
     grid_columns: Any = grid.T
-    size = bucket(len(data.time), 256 if fineness == FINE else 64)
+    size = bucket(len(data.time), FEWEST if fineness == FINE else 64)
     length, load = np.diff(data.end, prepend=0.0), steps.displacement(data.end)
     velocity = np.diff(load, prepend=0.0) / length
     dt: Any = filled(length, size, 0.0)

@@ -14,7 +14,8 @@ is believed only below this: the time between two slips is no decay."""
 CYCLES = 4
 """Least number of cycles in the last half of a motion, so two in a window."""
 SMALL = 1e-3
-"""Largest |V - V0|/V0 of a motion that counts as steady."""
+"""Largest |V - V0|/V0 of a motion that counts as steady; of a slider that hunts about its target,
+largest |x| over F_s/k_p."""
 RUNAWAY = 1e9
 """Velocity over the commanded one of a slider that has run away; light ones slip at 1e6."""
 

@@ -19,7 +19,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 from ..rig.friction import AbstractLaw, AbstractStribeck
 from ..rig.friction.law import Conditions
 from ..stability.analysis import steady_points
-from .ends import upward
+from .ends import SMALL, upward
 from .thresholds import SLOWER, SPEEDS
 
 _OFFSETS = (2.0, 3.3, 5.7)
@@ -31,8 +31,6 @@ _LEAST_DROP = 0.05
 """Share of F_s that counts as the drop where friction hardly falls: it bounds the time."""
 _CREEP = 1e-4
 """Share of F_s/k_p by which the smoothed sign may let a stuck slider creep before it is loose."""
-_STILL = 1e-3
-"""Half the range of x, in F_s/k_p, below which the slider rests."""
 _DECAYED = 0.5
 """Range of the last quarter over that of the third below which a motion dies out."""
 _GROWN = 10.0
@@ -119,7 +117,7 @@ def _described(time: np.ndarray, x: np.ndarray, band: float) -> Hunting:
     """Amplitude and period over the last half, where the motion goes on there."""
     duration = float(time[-1])
     *_, third, last = np.array_split(x, 4)
-    still = np.ptp(last) < 2 * _STILL * band or np.ptp(last) < _DECAYED * np.ptp(third)
+    still = np.ptp(last) < 2 * SMALL * band or np.ptp(last) < _DECAYED * np.ptp(third)
     if np.ptp(last) > _GROWN * max(_OFFSETS) * band:
         return Hunting(float("inf"), None, duration)
     half = time >= 0.5 * duration

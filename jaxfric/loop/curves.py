@@ -14,12 +14,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..fitting.noise.thresholds import SAME_VELOCITY
+from ..fitting.noise.thresholds import CLEAR, SAME_VELOCITY, TOLD
 from .engine import Engine
 from .evaluate import Rows
 from .family import CurveFamily, Decisive, OtherShape
 from .refit import Candidate, bic
-from .thresholds import ACCEPT, CLEAR, TOLD
+from .thresholds import ACCEPT
 
 Curve = Callable[[np.ndarray], np.ndarray]
 """Speeds (m,) to friction (m, k)."""

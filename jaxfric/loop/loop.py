@@ -127,7 +127,7 @@ def _stress(record: Record) -> NormalStress | None:
     if not moved > FELT * noise_from_differences(record.friction):
         return None
     stress = recorded_stress(record.relative_time, record.normal_stress)
-    return stress.padded(bucket(len(stress.knots), 256))  # a few lengths are compiled
+    return stress.padded(bucket(len(stress.knots)))  # a few lengths are compiled
 
 
 def _refuse_turns(record: Record, steps: VelocitySteps) -> None:

@@ -7,7 +7,7 @@ from jaxtyping import Array, Float
 
 from ..effects import STEADY_CURVES
 from ..effects.effect import evolution_of
-from ..fitting.padding import FEWEST, bucket, filled
+from ..fitting.padding import bucket, filled
 from ..fitting.problem import Problem, rig_at
 from ..rig.friction.extended import Contact, ExtendedLaw
 from ..traced import traced
@@ -49,7 +49,7 @@ def _level(problem: Problem, z: np.ndarray, V: np.ndarray) -> np.ndarray:
     """Friction of steady sliding, without what has states of its own or follows slip or time."""
     law = rig_at(problem, z).friction
     assert isinstance(law, ExtendedLaw)
-    padded = filled(V, bucket(len(V), FEWEST))
+    padded = filled(V, bucket(len(V)))
     return np.asarray(_levels(law, padded))[: len(V)]
 
 

@@ -6,7 +6,8 @@ ACCEPT = 10.0
 10 is "very strong" evidence (Kass and Raftery 1995, doi:10.1080/01621459.1995.10476572).
 """
 TIE = 2.0
-"""Difference of BIC that is no evidence: of models so near the first is kept."""
+"""Difference of BIC that is no evidence: of models so near the first is kept. What falls by more
+without being accepted is a hint."""
 ALIAS = 0.95
 """|cosine| of their sensitivities above which two effects are not told apart to first order."""
 SIGNIFICANT = 0.01
@@ -20,8 +21,6 @@ TRAIN_FLOOR = 1.04
 """The same of the train block, whose parameters were fitted to it."""
 ASKED = 12
 """About as many questions as are asked of a residual (`residual_tests.asked`)."""
-HINT = 2.0
-"""Fall of BIC from which an effect comes near to explaining what is left."""
 EDGE = 1.1
 """K/K_cr below which a small misfit of the law looks like a large effect."""
 
@@ -59,9 +58,5 @@ six more between laws."""
 FEWEST_ROWS = 20
 """Rows without which nothing is said of a block, a direction or a turn: of fewer that are
 correlated neither mean nor scatter is known."""
-CLEAR = 3.0
-"""Standard errors from which a sign or a difference of curves is clear: chance in one of 400."""
-TOLD = 3
-"""How many of a kind are told at most: models left open, velocities that decide."""
 UNEXPLAINED = 0.5
 """A model explains too little of a force that leaves more than this share of its size."""

@@ -6,8 +6,9 @@ Where there are some, what is missing may well be in the catalogue: the record d
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple, Protocol
 
+from ..fitting.noise.thresholds import TOLD
 from .refusal import Fault, Refusal
-from .thresholds import ACCEPT, TOLD
+from .thresholds import ACCEPT
 
 _OPEN = (Fault.NOT_FIXED, Fault.TAKES)
 

@@ -17,7 +17,7 @@ from .result import LocationProfile
 from .rivals import rival_fits
 from .search import Search
 from .split import NAMES
-from .thresholds import ACCEPT, ALIAS, EDGE, HELD_OUT, HINT, SIGNIFICANT
+from .thresholds import ACCEPT, ALIAS, EDGE, HELD_OUT, SIGNIFICANT, TIE
 from .unfixed import Unfixed, unfixed
 
 
@@ -127,7 +127,7 @@ def facts_of(
         left=bool(against),
         open=bool(doubts),
         seen=base.rms["train"] / floor.sigma > HELD_OUT,
-        hinted=bool(gains) and HINT < max(gains) <= ACCEPT,
+        hinted=bool(gains) and TIE < max(gains) <= ACCEPT,
     )
 
 

@@ -159,7 +159,7 @@ def _setting(
                 " needs; name its column"
             )
         stress = recorded_stress(record.relative_time, record.normal_stress)
-        padded = stress.padded(bucket(len(stress.knots), 256))
+        padded = stress.padded(bucket(len(stress.knots)))
         problem = dataclasses.replace(problem, normal_stress=padded)
     if effects:
         problem = seen_between(problem, values["A"] / float(K), values["L"])

@@ -137,7 +137,7 @@ def make_stress_step(
 ) -> StressStep:
     """The problem of some rows, padded to few lengths."""
     n, put = len(rows.time), jax.device_put
-    size = bucket(n, 256)
+    size = bucket(n)
     clock = np.stack([rows.time, velocity * rows.time, np.arange(n, dtype=float)], axis=1)
     return StressStep(
         put(filled(rows.time, size)),

@@ -208,7 +208,7 @@ def glitch_words(glitches: Glitches, record: ToldRecord) -> tuple[str, ...]:
         )
     if not glitches.rows:
         return ()
-    first, number = list(glitches.rows[: const.TOLD_GLITCHES]), len(glitches.rows)
+    first, number = list(glitches.rows[: const.TOLD]), len(glitches.rows)
     if origin.lines is not None and len(origin.lines) == len(time):
         where = f"row{'s' if number > 1 else ''} {', '.join(str(origin.lines[k]) for k in first)}"
     else:

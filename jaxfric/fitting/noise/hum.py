@@ -241,7 +241,7 @@ def _is_hum(
     if not _alike(speed[stands].min(), speed[stands].max()):
         return True
     known = [p for p, on in zip(resolving, stands, strict=True) if on]
-    off = const.MAINS_OFF + const.MAINS_ERRORS * _error(known, power[stands])
+    off = const.MAINS_OFF + const.CLEAR * _error(known, power[stands])
     return any(abs(f - mains) <= off for mains in const.MAINS)
 
 

@@ -126,8 +126,11 @@ NEAR_GLITCH = 0.6
 """Share of the limit for glitches that the rows beside a glitch must stay below."""
 SHARED = 20
 """Weight of the median of all steps against that of one, in rows."""
-TOLD_GLITCHES = 3
-"""Glitches whose places are told."""
+TOLD = 3
+"""How many of a kind are told at most: glitches, models left open, velocities that decide."""
+CLEAR = 3.0
+"""Standard errors from which something is off: a line the mains, a step the time that the load
+point shows, a curve another, a sign what is possible. Chance in one of 400."""
 
 # ---- hum
 
@@ -135,8 +138,6 @@ MAINS = (50.0, 60.0, 100.0, 120.0)
 """Frequencies of the mains and of their rectified current [Hz]."""
 MAINS_OFF = 0.2
 """How far the mains may be off [Hz]: the steady deviation that the grid of Europe allows itself."""
-MAINS_ERRORS = 3.0
-"""Errors by which a frequency may be off that of the mains."""
 CHANCE_OF_HUM = 1e-4
 """Chance that noise alone shows a line in a record, were the noise around it known; of 400 records
 of noise alone (`fits/hum`) none had one, of 300 at ten times the chance two."""

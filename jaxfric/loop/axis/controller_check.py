@@ -7,14 +7,13 @@ know: a disturbance that is not recorded, other gains, a drive at its limit.
 
 import numpy as np
 
+from ...fitting.axis_problem import NEGLIGIBLE
 from ...records.axis_record import AxisRecord
 
 _EVERYWHERE = 0.05
 """Median difference above which the two disagree everywhere, as a share of the force's rms."""
 _LOCAL = 10.0
 """Local disagreement: differences of more than this many scatters."""
-_SMALLEST = 0.02
-"""Share of the largest force below which differences are not reported."""
 _TOGETHER = 0.05
 """Rows that differ within this time [s] of each other belong to one stretch."""
 
@@ -53,7 +52,7 @@ def disagreement(record: AxisRecord, *, held: bool) -> str | None:
             " units (--position-gain, --velocity-gain, --drive-gain); do not trust the closed-loop"
             " fit"
         )
-    limit = max(_LOCAL * 1.4826 * middle, _SMALLEST * float(np.max(np.abs(force))))
+    limit = max(_LOCAL * 1.4826 * middle, NEGLIGIBLE * float(np.max(np.abs(force))))
     rows = np.flatnonzero(np.abs(off) > limit) + 2
     if not len(rows):
         return None

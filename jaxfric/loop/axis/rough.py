@@ -14,7 +14,7 @@ import numpy as np
 
 from ...errors import InputError
 from ...fitting.axis_preparation import Prepared
-from ..thresholds import CLEAR
+from ...fitting.noise.thresholds import CLEAR
 
 _HALF = 0.5
 _NEAR_ENOUGH = 0.2

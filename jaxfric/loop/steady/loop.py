@@ -22,13 +22,14 @@ from ...described import Described, Drawable, Tabular, said
 from ...effects import ids_of
 from ...errors import InputError
 from ...fitting.axis_problem import NEGLIGIBLE
+from ...fitting.noise.thresholds import CLEAR
 from ...gains.axis import axis_gains
 from ...gains.axis_result import AxisGains
 from ...gains.thresholds import SPEEDS
 from ...records.steady import SteadyCurve
 from ...stability.claims import SURE, Unseen, above_curve
 from ..curves import distinct
-from ..thresholds import ACCEPT, CLEAR, HINT
+from ..thresholds import ACCEPT, TIE
 from .model import SteadyModel, fit_model
 
 STEADY_EFFECTS = ("direction_asymmetry", "stribeck", "cubic")
@@ -82,7 +83,7 @@ class SteadyLoop(Described, Drawable, Tabular):
             return "too_few"
         if self.added:
             return "effects"
-        if self.lower > HINT:
+        if self.lower > TIE:
             return "too_weak"
         return "stick_slip" if self.curve.stick_slip else "no_missing_effect"
 

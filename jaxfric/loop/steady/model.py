@@ -16,8 +16,8 @@ from ...records.steady import SteadyCurve, force_covariance
 
 _SPEEDS = 60
 _POWERS = (1.0, 2.0)
-_NEAR = 1e-4
-"""Relative step of central differences."""
+_NEAR = float(np.cbrt(np.finfo(float).eps))
+"""Relative step of central differences, whose two errors are then alike."""
 
 
 @dataclass(frozen=True, eq=False)
