@@ -20,9 +20,7 @@ from ..rig.axis_law import axis_law
 from ..stability.analysis import study
 from ..stability.claims import Above, Curve, Unseen
 from .axis_result import AxisGains, StiffOptimum
-from .thresholds import SPEEDS
-
-_SPEEDS = 4001
+from .thresholds import SLOPES, SPEEDS
 
 
 def axis_gains(
@@ -43,7 +41,7 @@ def axis_gains(
     4001 speeds. Of friction without memory; for an axis with states see `state_gains`. Not tried:
     compliance between motor and load.
     """
-    speed = np.geomspace(slowest, fastest, _SPEEDS)
+    speed = np.geomspace(slowest, fastest, SLOPES)
     velocity = np.stack([speed, -speed])
     slope = np.stack([np.gradient(np.asarray(force(v)), v) for v in velocity])
     worst = np.unravel_index(np.argmin(slope), slope.shape)

@@ -25,13 +25,8 @@ from .rest import friction_at_rest
 from .result import SHORTEST_DELAY, Gains, LocalOptimum, WorstCase
 from .scenarios import Scenarios
 from .solve import Infeasible, NoGains, Optimum, Pair, make_region, solve
-from .thresholds import ROUNDS
+from .thresholds import MOST_RAISED, OF_A_RANGE, ROUNDS
 from .verify import CheckReport, choose, verify
-
-_MOST_RAISED = 30.0
-
-# Number of masses from a range that is given as text.
-_MASSES = 5
 
 
 def find_gains(
@@ -135,7 +130,7 @@ def seek_gains(
     if isinstance(velocity, str):
         velocity = np.asarray(parse_values(velocity, unit_of("m/s", coordinate), "velocity"))
     if isinstance(mass, str):
-        mass = np.asarray(parse_values(mass, unit_of("kg", coordinate), "mass", count=_MASSES))
+        mass = np.asarray(parse_values(mass, unit_of("kg", coordinate), "mass", count=OF_A_RANGE))
     if isinstance(margin, str):
         margin = Requirement.parse(margin.split(","))
     requirement = margin if isinstance(margin, Requirement) else Requirement.with_default(margin)
@@ -388,9 +383,9 @@ def _raise(few: Scenarios, values: np.ndarray, basin: float, largest: float) -> 
     low, high = 1.0, 1.25
     while size(high) < basin:
         low, high = high, high * 1.25
-        if high > _MOST_RAISED:
+        if high > MOST_RAISED:
             raise InputError(
-                f"basin={basin:g} is not reached by gains {_MOST_RAISED:g} times those of the"
+                f"basin={basin:g} is not reached by gains {MOST_RAISED:g} times those of the"
                 " margins; ask for less, or for a larger margin"
             )
     while high / low > 1.02:

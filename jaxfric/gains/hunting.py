@@ -20,21 +20,8 @@ from ..rig.friction import AbstractLaw, AbstractStribeck
 from ..rig.friction.law import Conditions
 from ..stability.analysis import steady_points
 from .ends import SMALL, upward
-from .thresholds import SLOWER, SPEEDS
+from .thresholds import CREEP, DECAYED, GROWN, LEAST_DROP, OFFSETS, SLOWER, SPEEDS, STICKS
 
-_OFFSETS = (2.0, 3.3, 5.7)
-"""Distances to the target at the start, in F_s/k_p: the slider moves at once. Several, as from one
-of them it may happen to stop so near its target that it comes loose only much later."""
-_STICKS = 30.0
-"""Time that is simulated, in times that a stuck slider needs to come loose."""
-_LEAST_DROP = 0.05
-"""Share of F_s that counts as the drop where friction hardly falls: it bounds the time."""
-_CREEP = 1e-4
-"""Share of F_s/k_p by which the smoothed sign may let a stuck slider creep before it is loose."""
-_DECAYED = 0.5
-"""Range of the last quarter over that of the third below which a motion dies out."""
-_GROWN = 10.0
-"""Range of x, in units of the largest offset, that no slider has which stays about its target."""
 _SAMPLES, _MAX_STEPS, _RTOL = 8001, 200_000, 1e-6
 
 
@@ -61,13 +48,13 @@ def hunting(
     band = static / k_p
     # kinetic friction: the least from the speed on at which friction is largest
     steady = np.asarray(steady_points(law, fastest * np.geomspace(SLOWER, 1.0, SPEEDS)).force)
-    drop = max(static - float(np.min(steady[np.argmax(steady) :])), _LEAST_DROP * static)
+    drop = max(static - float(np.min(steady[np.argmax(steady) :])), LEAST_DROP * static)
     loose = k_p / k_i * static / drop
     if isinstance(law, AbstractStribeck) and law.width is None:
         # a sign smooth enough to be simulated through rest, and no smoother
-        width = jnp.asarray(_CREEP * band / loose)
+        width = jnp.asarray(CREEP * band / loose)
         law = eqx.tree_at(lambda one: one.width, law, width, is_leaf=lambda x: x is None)
-    duration = _STICKS * loose
+    duration = STICKS * loose
     time = jnp.linspace(0.0, duration, _SAMPLES)
     x, ended = _positions(law, jnp.asarray([mass, *gains]), jnp.asarray(band), time)
     if not np.all(ended):
@@ -110,15 +97,15 @@ def _positions(
         assert found.ys is not None
         return band * found.ys[:, 0], found.result == diffrax.RESULTS.successful
 
-    return jax.vmap(one)(band * jnp.asarray(_OFFSETS))
+    return jax.vmap(one)(band * jnp.asarray(OFFSETS))
 
 
 def _described(time: np.ndarray, x: np.ndarray, band: float) -> Hunting:
     """Amplitude and period over the last half, where the motion goes on there."""
     duration = float(time[-1])
     *_, third, last = np.array_split(x, 4)
-    still = np.ptp(last) < 2 * SMALL * band or np.ptp(last) < _DECAYED * np.ptp(third)
-    if np.ptp(last) > _GROWN * max(_OFFSETS) * band:
+    still = np.ptp(last) < 2 * SMALL * band or np.ptp(last) < DECAYED * np.ptp(third)
+    if np.ptp(last) > GROWN * max(OFFSETS) * band:
         return Hunting(float("inf"), None, duration)
     half = time >= 0.5 * duration
     middle = 0.5 * (x[half].min() + x[half].max())

@@ -14,12 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
-from .thresholds import ZERO
-
-# Least curvature of the Lagrangian along a constraint, relative to that of the norm.
-_CURVATURE = 0.1
-# Share of its rounding by which a candidate may miss a linearised constraint.
-_ROUNDING = 1e-12
+from .thresholds import CURVATURE, ROUNDING, ZERO
 
 
 class NewtonStep(NamedTuple):
@@ -73,12 +68,12 @@ def _least(
     usable = jnp.concatenate([jnp.ones(1, bool), some, some[first] & some[second]])
     far = jnp.linalg.norm(d, axis=1)
     # the change of |y|^2/2 on the curved constraints
-    value = d @ y + 0.5 * jnp.maximum(jnp.einsum("ki,ij,kj->k", d, L, d), _CURVATURE * far**2)
+    value = d @ y + 0.5 * jnp.maximum(jnp.einsum("ki,ij,kj->k", d, L, d), CURVATURE * far**2)
     usable &= jnp.all(jnp.isfinite(d), axis=1) & jnp.isfinite(value)
     missed = jnp.where(usable, missed, jnp.inf)
     length = jnp.sqrt(jnp.sum(y**2))
-    feasible = missed <= _ROUNDING * length
-    pushing = jnp.min(multiplier, axis=1) >= -_ROUNDING * length
+    feasible = missed <= ROUNDING * length
+    pushing = jnp.min(multiplier, axis=1) >= -ROUNDING * length
     counting = feasible & (pushing | (far > ZERO * length))
     counting = jnp.where(jnp.any(counting), counting, feasible)
     within = counting & (far <= radius)
@@ -96,7 +91,7 @@ def _single(y: Array, c: Array, n: Array, L: Array) -> tuple[Array, Array]:
     """Newton's step along each constraint alone, and its multiplier."""
     t = jnp.stack([-n[:, 1], n[:, 0]], axis=1)
     down = -jnp.where(jnp.isfinite(c), c, 0.0)[:, None] * n
-    curvature = jnp.maximum(jnp.einsum("ki,ij,kj->k", t, L, t), _CURVATURE)
+    curvature = jnp.maximum(jnp.einsum("ki,ij,kj->k", t, L, t), CURVATURE)
     slope = jnp.sum(t * (y + down @ L), axis=1)
     return down - (slope / curvature)[:, None] * t, jnp.sum((y + down) * n, axis=1)
 

@@ -21,10 +21,8 @@ from ..stability.margins import several
 from ..stability.theorem import apply_theorem
 from ..units import parse_quantity
 from .branches import branches
-from .thresholds import POSITIVE
+from .thresholds import ENOUGH, POSITIVE
 
-# A margin beyond this many times its requirement, or inf, counts as this many.
-_ENOUGH = 10.0
 DEFAULT = "modulus=0.5"
 """What is required beside whatever is named, unless modulus is named too; modulus=0: nothing."""
 FRAGILE = 0.2
@@ -139,7 +137,7 @@ def refuse_controller(
 def _limited(beyond: Array, required: float) -> Array:
     """Relative to the requirement, and between the numbers that stand for infinite ones."""
     scale = jnp.where(required > 0, required, 1.0)
-    return jnp.clip(beyond, -1e9 * scale, (_ENOUGH - 1) * scale) / scale
+    return jnp.clip(beyond, -1e9 * scale, (ENOUGH - 1) * scale) / scale
 
 
 def _stiffness_slack(

@@ -23,10 +23,10 @@ from ..silent import silent
 from .gains import find_gains
 from .requirement import DEFAULT, Requirement
 from .scenarios import Scenarios
+from .thresholds import OF_A_RANGE
 from .verify import jump_sizes
 
 _MOST = 64
-_AROUND = 5
 
 
 @dataclass(frozen=True)
@@ -134,7 +134,7 @@ def _set_point(
     mass: ArrayLike | None,
     margin: Mapping[str, float] | Requirement | str,
 ) -> SetPoint:
-    around = V * np.geomspace(1 / reach, reach, _AROUND)
+    around = V * np.geomspace(1 / reach, reach, OF_A_RANGE)
     found = find_gains(law, velocity=around, mass=mass, margin=margin)
     heaviest = None if mass is None else np.atleast_1d(np.max(np.asarray(mass)))
     here = Scenarios.at(law.samples, np.asarray([V]), heaviest, np.asarray([0]))

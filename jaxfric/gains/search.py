@@ -16,20 +16,16 @@ from ..stability.linear import LinearFriction, Setting
 from .natural import sizes
 from .newton import sqp_step
 from .requirement import Requirement
-from .thresholds import ROUNDS
+from .thresholds import FAR, HALVINGS, ROUNDS, SETTLED
 
 # The search: rays (half of them with more stiffness than damping), radii in natural units, and
 # halvings of the interval at whose end a ray becomes feasible.
 _RATIOS = np.geomspace(1e-4, 1e4, 14)
 _RADII = np.concatenate([[0.0], np.geomspace(3e-3, 3e3, 13)])
-_HALVINGS = 6
 # The worst scenarios of all that a round takes, steps in each, constraints of a step.
 CARRIED, _STEPS, _LOWEST_ONES = 8, 4, 6
 # A step may change the norm by this share at first, and by less and less.
 TRUST, _SHRINK = 0.5, 0.9
-# Share of |y| below which a step has settled.
-_SETTLED = 1e-8
-_FAR = 1e30
 
 
 class GainProblem(eqx.Module):
@@ -71,7 +67,7 @@ class GainProblem(eqx.Module):
 
     def limits(self, y: Float[Array, " 2"]) -> Float[Array, " 4"]:
         """Distances of y to its lower and upper limits."""
-        high = jnp.minimum(self.upper / self.scale, _FAR)
+        high = jnp.minimum(self.upper / self.scale, FAR)
         return jnp.concatenate([y - self.lower / self.scale, high - y])
 
 
@@ -145,10 +141,10 @@ def _starts(problem: GainProblem) -> Float[Array, "2 2"]:
     slack = jax.lax.map(lambda radius: least(jnp.full(len(ray), radius)), radii)
     held, first = jnp.any(slack >= 0, axis=0), jnp.argmax(slack >= 0, axis=0)
     begin = radii[jnp.maximum(first - 1, 0)], radii[first]
-    _, far = jax.lax.fori_loop(0, _HALVINGS, halve, begin)
+    _, far = jax.lax.fori_loop(0, HALVINGS, halve, begin)
     y = point(jnp.where(held, far, radii[jnp.argmax(slack, axis=0)]))
     # rays without feasible gains come after all others, by how much they miss
-    missed = _FAR * (2 - jnp.tanh(jnp.max(slack, axis=0)))
+    missed = FAR * (2 - jnp.tanh(jnp.max(slack, axis=0)))
     cost = jnp.where(held, jnp.linalg.norm(y, axis=1), missed)
     half = len(ray) // 2
     return y[jnp.stack([jnp.argmin(cost[:half]), half + jnp.argmin(cost[half:])])]
@@ -225,12 +221,12 @@ def steps(few: GainProblem, index: Int[Array, " k"], y: Float[Array, " 2"], size
         slots = jnp.where(found.active >= 0, rows[found.active], -1)
         far = jnp.linalg.norm(found.d)
         d = found.d * jnp.minimum(1.0, size * length / above_zero(far))
-        settled = found.feasible & (far <= _SETTLED * length)
+        settled = found.feasible & (far <= SETTLED * length)
         return Steps(jnp.clip(y + d, low, high), size * _SHRINK, near, slots, settled)
 
     begin = _zeros(jax.eval_shape(step, y, size))._replace(y=y, size=size)
     last = jax.lax.fori_loop(0, _STEPS, lambda _, state: step(state.y, state.size), begin)
-    still = jnp.linalg.norm(last.y - y) <= _SETTLED * jnp.linalg.norm(last.y)
+    still = jnp.linalg.norm(last.y - y) <= SETTLED * jnp.linalg.norm(last.y)
     return last._replace(settled=last.settled & still)
 
 

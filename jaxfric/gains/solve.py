@@ -32,14 +32,10 @@ from .requirement import Requirement
 from .result import Certificate
 from .scenarios import Scenarios, padded
 from .search import CARRIED, TRUST, GainProblem, steps
-from .thresholds import FEASIBLE, POSITIVE, ROUNDS, ZERO
+from .thresholds import ALIKE, FEASIBLE, FINE, POSITIVE, REFINED, ROUNDS, ZERO
 
 Pair = tuple[float | None, float | None]
 """(k_p, k_v), each None where it is not given."""
-
-_REFINED = 4
-_FINE = 33
-_ALIKE = 1e-3
 
 
 class NoGains(InputError):
@@ -217,7 +213,7 @@ def _held(task: GainTask, gains: np.ndarray, residual: float, *, at_limit: bool)
 
 def _alike(gains: np.ndarray, one: Optimum, region: Region) -> bool:
     """Whether gains are, within a thousandth, those of an optimum."""
-    return bool(region.norm(gains - one.gains) <= _ALIKE * one.norm)
+    return bool(region.norm(gains - one.gains) <= ALIKE * one.norm)
 
 
 def _violated(task: GainTask, gains: list[np.ndarray]) -> np.ndarray:
@@ -232,10 +228,10 @@ def _refined(task: GainTask, optima: list[Optimum]) -> GainTask:
     scenarios = found = task.scenarios
     velocities = np.unique(scenarios.velocity)
     for optimum in optima if velocities.size > 1 else ():
-        for index in np.argsort(task.slacks(optimum.gains)[0])[:_REFINED]:
+        for index in np.argsort(task.slacks(optimum.gains)[0])[:REFINED]:
             at = np.searchsorted(velocities, scenarios.velocity[index])
             low, high = velocities[max(at - 1, 0)], velocities[min(at + 1, velocities.size - 1)]
-            fine = scenarios.at_velocities(index, np.geomspace(low, high, _FINE))
+            fine = scenarios.at_velocities(index, np.geomspace(low, high, FINE))
             value = task.among(fine).slacks(optimum.gains)[0]
             if np.min(value) < -FEASIBLE:
                 found = found.join(fine.take([int(np.argmin(value))]))
