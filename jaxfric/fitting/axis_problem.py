@@ -23,7 +23,8 @@ SLOWEST = 0.02
 and share of the largest one below which no friction is asked for."""
 _SPEEDS = 12
 NEGLIGIBLE = 0.02
-"""Share of the force below which a friction that drives is taken for zero."""
+"""Share of a force below which a friction that drives, or a difference, is taken for zero; of the
+way forth below which that back is none."""
 _LAG = 1e-2
 _SHARES = (1e-3, 0.1)
 """Shares of the force that a mass takes at its largest acceleration: it is lost below the first,

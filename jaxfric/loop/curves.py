@@ -19,14 +19,12 @@ from .engine import Engine
 from .evaluate import Rows
 from .family import CurveFamily, Decisive, OtherShape
 from .refit import Candidate, bic
-from .thresholds import ACCEPT
+from .thresholds import ACCEPT, GRID, REACH
 
 Curve = Callable[[np.ndarray], np.ndarray]
 """Speeds (m,) to friction (m, k)."""
 _DEGREES = {1: "a line in ln V", 2: "a quadratic in ln V", 3: "a cubic in ln V"}
 _FREE = "a value for every velocity"
-_DECADE = 10.0
-_GRID = 241
 
 
 class CurveRig(NamedTuple):
@@ -154,7 +152,7 @@ def _shapes(rig: CurveRig, speeds: np.ndarray) -> list[tuple[str, Curve]]:
 def _grid(speeds: np.ndarray, *, counted: bool) -> np.ndarray:
     """Speeds to ask for, of two digits, from a tenth of the slowest to ten times the fastest; not
     those that the record has."""
-    grid = np.geomspace(speeds[0] / _DECADE, _DECADE * speeds[-1], _GRID)
+    grid = np.geomspace(speeds[0] / REACH, REACH * speeds[-1], GRID)
     grid = np.unique([float(f"{V:.1e}") for V in grid])
     if not counted:
         return grid

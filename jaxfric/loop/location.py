@@ -30,12 +30,9 @@ from .response import Response, linear_response
 from .result import LocationProfile
 from .screen import orthonormal
 from .smooth import ALONG
-from .thresholds import SEEN, SIGNIFICANT
+from .thresholds import MOSTLY, PRIOR, SEEN, SIGNIFICANT
 
 _COARSE, _FINE, _WAVES = 8, 16, 117
-_MOSTLY = 0.5
-_LARGEST = 3.0
-"""Standard deviation of missing friction before anything is known, over the rms of the residual."""
 
 
 class Bumps(NamedTuple):
@@ -93,7 +90,7 @@ def locate(engine: Engine, base: Candidate, found: Found, bumps: Sequence[Bumps]
     whole = float(left @ left), float(engine.weight.sum()) - basis.shape[1]
     seen = engine.whiten(_beside(bumps) * train, found.noise)
     parts = _with_columns(bumps, seen - basis @ (basis.T @ seen))
-    size = _LARGEST * base.rms["train"]
+    size = PRIOR * base.rms["train"]
     asked = [
         _ripples(own, left, whole) if own.pairs else _profile(own, left, whole, size)
         for own in parts
@@ -214,7 +211,7 @@ def _profile(bumps: Bumps, left: np.ndarray, whole: tuple[float, float], size: f
     scaled = np.maximum(values, 0.0) / beyond + 1 / size**2
     # and it is left out, but of a bump of which the base takes up the greater part
     taken = values / beyond < 1 / size**2
-    mostly = np.sum(vectors[:, taken] ** 2, axis=1) > _MOSTLY
+    mostly = np.sum(vectors[:, taken] ** 2, axis=1) > MOSTLY
     kept = np.where(taken, mostly[:, None], True) * vectors
     # predicted minus recorded: what must be added has the other sign
     amplitudes = -(kept / scaled) @ (vectors.T @ side) / beyond

@@ -13,11 +13,9 @@ import numpy as np
 from ..errors import InputError
 from ..fitting.noise.thresholds import SAME_VELOCITY
 from ..records import VelocitySteps
-from .thresholds import FEWEST_ROWS
+from .thresholds import FEWEST_ROWS, QUARTER, TAIL
 
 NAMES = ("train", "select", "report")
-_TAIL = (0.6, 0.8)
-_QUARTER = 0.75
 
 
 class Blocks(NamedTuple):
@@ -60,13 +58,13 @@ def split(time: np.ndarray, steps: VelocitySteps) -> Blocks:
         held = _held_out(speeds, _longest_hold(time, steps, first), first=1)
         blocks = _with_held(unit, segment, held)
     elif last == 2:
-        select = (unit == 1) & (_share(time, steps, *first[1:]) >= _QUARTER)
+        select = (unit == 1) & (_share(time, steps, *first[1:]) >= QUARTER)
         report = unit == 2
         blocks = Blocks(~(select | report), select, report, segment, True)
     else:
         end = len(steps) - 1
         share = np.where(segment == end, _share(time, steps, end, end + 1), 0.0)
-        report, select = share >= _TAIL[1], (share >= _TAIL[0]) & (share < _TAIL[1])
+        report, select = share >= TAIL[1], (share >= TAIL[0]) & (share < TAIL[1])
         blocks = Blocks(~(select | report), select, report, segment, False)
     refuse_short(blocks)
     return blocks

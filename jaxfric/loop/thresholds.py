@@ -60,3 +60,34 @@ FEWEST_ROWS = 20
 correlated neither mean nor scatter is known."""
 UNEXPLAINED = 0.5
 """A model explains too little of a force that leaves more than this share of its size."""
+ENDS_OF_SPEED = (0.05, 0.95)
+"""Quantiles of the speeds of a direction between which it was driven: nine rows in ten."""
+ONE_SPEED_RANGE = 2.0
+"""Ratio of these below which a direction was driven at one speed: friction over it is not known."""
+NEAR_SPEED = 0.2
+"""Share by which a row may move faster or slower and count to a speed."""
+FEWEST_STROKES = 4
+"""Runs or strokes without which an axis is not fitted: of three parameters and a spread."""
+SHARE = 1 / 6
+"""Share of the rows of an axis in each block that is held out."""
+TAIL = (0.6, 0.8)
+"""Shares of the way of a single step that end its transient, and its select block."""
+QUARTER = 0.75
+"""Share of the way of the first of two steps that trains."""
+LOWER_CUTOFFS = 8
+"""Cutoffs are tried down by factors of sqrt 2, to a sixteenth."""
+PERIODS = 10.0
+"""Periods of the cutoff that a record lasts at least."""
+REACH = 10.0
+"""Times the fastest speed, and below the slowest, to which a curve is asked for."""
+GRID = 241
+"""Speeds at which it is, before they are rounded to two digits."""
+STAIRS = 4.0
+"""The low-pass took motion away where it took more than this many noises of the encoder."""
+SAME_FORCE = 0.05
+"""Share of a force that what describes it may leave: where position alone does there is neither
+inertia nor friction, where a stated controller does not it is another one."""
+MOSTLY = 0.5
+"""Share of a bump above which the base takes up the greater part of it."""
+PRIOR = 3.0
+"""Standard deviation of missing friction before anything is known, over the rms of the residual."""

@@ -9,9 +9,8 @@ import numpy as np
 
 from ...fitting.axis_problem import NEGLIGIBLE
 from ...records.axis_record import AxisRecord
+from ..thresholds import SAME_FORCE
 
-_EVERYWHERE = 0.05
-"""Median difference above which the two disagree everywhere, as a share of the force's rms."""
 _LOCAL = 10.0
 """Local disagreement: differences of more than this many scatters."""
 _TOGETHER = 0.05
@@ -45,7 +44,7 @@ def disagreement(record: AxisRecord, *, held: bool) -> str | None:
     off = (force - stated)[2:]
     middle = float(np.median(np.abs(off)))
     size = float(np.sqrt(np.mean(force**2)))
-    if middle > _EVERYWHERE * size:
+    if middle > SAME_FORCE * size:
         return (
             f"the recorded force and the stated controller disagree: by {middle:.3g} {unit} in half"
             f" of the rows, {100 * middle / size:.2g} % of the force. Check the gains and their"

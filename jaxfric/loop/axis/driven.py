@@ -10,11 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ...effects.axis import AXIS_STEADY_CURVES, DirectionAsymmetry, RateAndState
-from ..thresholds import FEWEST_ROWS
+from ..thresholds import ENDS_OF_SPEED, FEWEST_ROWS, NEAR_SPEED, ONE_SPEED_RANGE
 
-_ENDS = (0.05, 0.95)
-_RANGE = 2.0
-_NEAR = 0.2
 FORWARDS, BACKWARDS = "forwards", "backwards"
 ONE_SPEED = "each direction was driven at one speed"
 
@@ -42,7 +39,7 @@ class Driven(NamedTuple):
     @property
     def one_speed(self) -> bool:
         """Whether the fastest are less than twice as fast as the slowest."""
-        return self.fastest < _RANGE * self.slowest
+        return self.fastest < ONE_SPEED_RANGE * self.slowest
 
 
 def driven(
@@ -58,9 +55,9 @@ def driven(
         here = used & (sign * velocity > 0)
         if np.sum(here) < FEWEST_ROWS:
             continue
-        slowest, fastest = np.quantile(speed[here], _ENDS)
+        slowest, fastest = np.quantile(speed[here], ENDS_OF_SPEED)
         middle = float(np.median(speed[here]))
-        near = here & (np.abs(speed - middle) <= _NEAR * middle)
+        near = here & (np.abs(speed - middle) <= NEAR_SPEED * middle)
         strokes = [
             sign * float(np.mean(force[near & (segment == k)])) for k in np.unique(segment[near])
         ]

@@ -18,7 +18,7 @@ from ...fitting.axis_preparation import Preparation, Prepared, acceleration_nois
 from ...records.axis_record import AxisRecord
 from ...records.axis_units import inertia_unit
 from ..split import NAMES, Blocks
-from ..thresholds import FEWEST_ROWS
+from ..thresholds import FEWEST_ROWS, LOWER_CUTOFFS, PERIODS
 from .controller_check import disagreement, stretches
 from .result import AxisRows
 from .rough import holds_already, refuse_reversed, rough_fit, unexplained_rows
@@ -27,10 +27,6 @@ from .split import split
 
 _OF_NOISE, _OF_RESIDUAL = np.sqrt(0.5), 0.25
 """Largest share of the force's own noise, and of all that the base law leaves."""
-_HALVINGS = 8
-"""Cutoffs are tried down by factors of sqrt 2, to a sixteenth."""
-_SLOWEST = 10.0
-"""Periods of the cutoff that a record lasts at least."""
 _THRESHOLDS = (1.0, 0.5, 0.25)
 _JITTER, _FEW = 0.2, 0.01
 
@@ -135,8 +131,8 @@ def _acting(
 
 def _candidates(record: AxisRecord) -> list[Preparation]:
     interval = float(np.median(np.diff(record.time)))
-    first, least = usual(interval), _SLOWEST / float(record.relative_time[-1])
-    cutoffs = [first.cutoff / 2 ** (0.5 * k) for k in range(_HALVINGS + 1)]
+    first, least = usual(interval), PERIODS / float(record.relative_time[-1])
+    cutoffs = [first.cutoff / 2 ** (0.5 * k) for k in range(LOWER_CUTOFFS + 1)]
     return [usual(interval, c) for c in cutoffs if c >= least or c == first.cutoff]
 
 

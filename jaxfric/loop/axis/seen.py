@@ -22,17 +22,13 @@ from ..engine import Engine
 from ..family import listed
 from ..refit import Candidate
 from ..search import Search
-from ..thresholds import HELD_OUT, UNEXPLAINED
+from ..thresholds import HELD_OUT, SAME_FORCE, STAIRS, UNEXPLAINED
 from .driven import ONE_SPEED, Driven, at_one_speed
 from .result import AxisRows, Spring
 
 _BINS, _FEWEST_ROWS = 12, 8
-_STAIRS = 4.0
-"""The low-pass took motion away where it took more than this many noises of the encoder."""
 _LATEST, _LAGS = 0.2, 101
 """The latest answer of a controller that is looked for [s], and how many are."""
-_PLACE = 0.05
-"""Share of the force that the position leaves where there is neither inertia nor friction."""
 _HYSTERESIS, _BEGUN, _ANEW, _STEPS = 0.2, 0.15, 0.6, 0.1
 """Largest share of the force that the position leaves where an axis never slid; the first part of a
 stroke; what is left there over its mean where it begins anew; and over its deviation where it is
@@ -159,7 +155,7 @@ def follows(problem: AxisProblem, rows: AxisRows, rotary: bool) -> float | None:
     lags = np.linspace(0.0, _LATEST, _LAGS)
     alone = [left(late) for late in lags.tolist()]
     best = int(np.argmin(alone))
-    return float(lags[best]) if alone[best] < _PLACE * np.std(force) else None
+    return float(lags[best]) if alone[best] < SAME_FORCE * np.std(force) else None
 
 
 def spring_of(problem: AxisProblem, rows: AxisRows) -> Spring | None:
@@ -276,7 +272,7 @@ def _stairs(rows: AxisRows, prepared: Prepared) -> tuple[float, float]:
         return 0.0, 0.0
     parts = np.array_split(order, _BINS)
     level = np.asarray([float(np.sqrt(np.mean(taken[part] ** 2))) for part in parts])
-    large = level > _STAIRS * prepared.floor
+    large = level > STAIRS * prepared.floor
     count = len(large) if large.all() else int(np.argmin(large))
     if not count:
         return 0.0, 0.0

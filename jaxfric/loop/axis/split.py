@@ -7,14 +7,10 @@ samples share noise and structure, so whole segments are held back, never sample
 import numpy as np
 
 from ...errors import InputError
+from ...fitting.axis_problem import NEGLIGIBLE
 from ...fitting.noise.thresholds import SAME_VELOCITY
 from ..split import NAMES, Blocks
-from ..thresholds import FEWEST_ROWS
-
-_FEWEST = 4
-_SHARE = 1 / 6
-_BACK = 0.02
-"""Share of the way back in that forth up to which an axis moves in one direction."""
+from ..thresholds import FEWEST_ROWS, FEWEST_STROKES, SHARE
 
 
 def segments(slow: np.ndarray) -> np.ndarray:
@@ -52,10 +48,10 @@ def split(segment: np.ndarray, used: np.ndarray, velocity: np.ndarray, path: str
         )
     rows = np.bincount(segment[used], minlength=int(segment.max()) + 1)
     count = int(np.sum(rows > 0))
-    if count < _FEWEST:
+    if count < FEWEST_STROKES:
         raise InputError(
-            f"{path}: {count} motion segments between stops or reversals; {_FEWEST} are needed."
-            " Record more strokes"
+            f"{path}: {count} motion segments between stops or reversals; {FEWEST_STROKES} are"
+            " needed. Record more strokes"
         )
     # what is held back is predicted within the velocities that were trained
     fastest, slowest = _extremes(segment[used], moving, rows)
@@ -74,7 +70,7 @@ def split(segment: np.ndarray, used: np.ndarray, velocity: np.ndarray, path: str
 def one_way(velocity: np.ndarray) -> bool:
     """Whether nearly all of the way is in one direction."""
     ways = float(velocity[velocity > 0].sum()), -float(velocity[velocity < 0].sum())
-    return min(ways) <= _BACK * max(ways)
+    return min(ways) <= NEGLIGIBLE * max(ways)
 
 
 def _extremes(
@@ -96,8 +92,8 @@ def _blocks(segment: np.ndarray, used: np.ndarray, rows: np.ndarray, train: set[
     """The blocks where the segments `train` do in any case."""
     rows = np.where(np.isin(np.arange(len(rows)), list(train)), 0, rows)
     after = np.cumsum(rows[::-1])[::-1] / int(used.sum())  # share of the rows from a segment on
-    report = _from(after, _SHARE)
-    select = _from(after, after[report] + _SHARE)
+    report = _from(after, SHARE)
+    select = _from(after, after[report] + SHARE)
     held = used & ~np.isin(segment, list(train))
     return Blocks(
         used & ~(held & (segment >= select)),

@@ -29,15 +29,13 @@ from ...gains.thresholds import SPEEDS
 from ...records.steady import SteadyCurve
 from ...stability.claims import SURE, Unseen, above_curve
 from ..curves import distinct
-from ..thresholds import ACCEPT, TIE
+from ..thresholds import ACCEPT, FEWEST_STROKES, TIE
 from .model import SteadyModel, fit_model
 
 STEADY_EFFECTS = ("direction_asymmetry", "stribeck", "cubic")
 FEWEST, FEWEST_OF_EACH = 8, 3
 """Runs, and runs of each direction, from which effects are tried: the largest model has six
 parameters and a spread."""
-_FEWEST_OF_BASE = 4
-"""Runs from which the base is fitted: three parameters and a spread."""
 
 
 class Doubt(StrEnum):
@@ -170,12 +168,12 @@ def _fitted(curve: SteadyCurve) -> np.ndarray:
     for used in (steady, np.ones(len(curve), bool)):
         speed = np.asarray(curve.speed)[used]
         ways = [len(distinct(speed[speed * sign > 0])) for sign in (1, -1)]
-        if len(speed) >= _FEWEST_OF_BASE and min(ways) > 0 and sum(ways) > 2:
+        if len(speed) >= FEWEST_STROKES and min(ways) > 0 and sum(ways) > 2:
             return used
     forward, backward = int(np.sum(curve.speed > 0)), int(np.sum(curve.speed < 0))
     slips = f"{said('steady_verdict_text.slips', curve, False)} The" if curve.stick_slip else "the"
     raise InputError(
-        f"{slips} curve has {forward} runs forwards and {backward} backwards; {_FEWEST_OF_BASE} in"
+        f"{slips} curve has {forward} runs forwards and {backward} backwards; {FEWEST_STROKES} in"
         " all, at two speeds or more, and both directions are needed: one direction alone does not"
         " tell Coulomb friction from an offset of the force. Record more speeds, both ways"
     )
