@@ -16,8 +16,6 @@ from ..errors import InputError
 _KNOTS, _OF_A_HALF = 4096, 1024
 _FEWEST = 5
 _EACH = 64
-# A gauge that is that quiet, relative to its level, is taken as it is.
-_QUIET = 1e-9
 
 
 class NormalStress(eqx.Module):
@@ -95,8 +93,6 @@ def recorded_stress(time: ArrayLike, stress: ArrayLike, *, knots: int = _KNOTS) 
     # in units of the mean interval: in seconds the spline's equations may be ill-conditioned
     unit = (end - begin) / len(t)
     deviation = s / level - 1
-    if np.ptp(deviation) < _QUIET:
-        deviation = np.zeros_like(s)
     spline = make_smoothing_spline((t - begin) / unit, deviation, w=sizes / rows)
     pieces = PPoly.from_spline(spline)
     inside = np.diff(pieces.x) > 0
