@@ -56,7 +56,7 @@ def test_a_rotary_axis_is_told_in_radians(joint, monkeypatch):
         raise ValueError("no ink")
 
     monkeypatch.setitem(DRAWERS, "location", broken)
-    code, out, err = run(*joint)
+    code, out, err = run(*joint, "--details")
     assert code == 1
     assert err.count("no ink") == 1 and "location was not drawn" in err and "Traceback" not in err
     names = {p.name for p in Path("joint-loop").iterdir()}

@@ -84,8 +84,10 @@ def fit_cells(fit: Fit) -> dict[str, Cell]:
 
 def claimed(fit: Fit) -> dict[str, object]:
     """A fit as JSON that has no number for what its record does not determine, and none at all
-    of a fit that did not converge: unlike `Fit.to_json`, which keeps where a search stood."""
+    of a fit that did not converge: unlike `Fit.to_json`, which keeps where a search stood. The law
+    that other commands read is that of a file of its own."""
     content = fit.to_json()
+    del content["friction_law"]
     for estimate in (content["A_minus_B"], *content["parameters"].values()):
         if estimate["free"] and not (fit.converged and estimate["determined"]):
             estimate["value"] = None
