@@ -331,10 +331,11 @@ def _from_file(
     path: Path,
 ) -> tuple[dict[str, float], str, str, tuple[str, ...], tuple[str, ...]]:
     """Inputs of a plan from a fit.json, or from the fit after the loop of a loop.json."""
-    from ..saved.entry import fitted_law
+    from ..saved.entry import law_in
     from ..saved.files import FIT, LOOP, own_warnings, read_saved
 
-    fitted, (_, content) = fitted_law(path), read_saved(path, FIT, LOOP)
+    _, content = read_saved(path, FIT, LOOP)
+    fitted = law_in(path, content)
     if fitted.is_axis:
         raise InputError(
             f"{path}: it is of an axis, and a protocol is of a slider; give a fit.json, or the"

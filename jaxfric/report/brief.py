@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from ..fitting import Estimate
 from ..loop.result import Loop
-from .loop_text import answer, headline, length_of, meaning, moved, shown_unit
+from .loop_text import answer, headline, length_of, meaning, moved, shown_unit, test_errors
 from .tables import TextTable, print_tables
 
 if TYPE_CHECKING:
@@ -13,8 +13,6 @@ if TYPE_CHECKING:
 
 MOST_ROWS = 10
 """Parameters that a terminal shows: with headline, next commands and files a screen of 20 lines."""
-_MEANING = 1
-"""The column of a table of parameters that is left out, so that each is one line."""
 
 
 def with_error(value: float, std: float) -> str:
@@ -38,12 +36,10 @@ def lines(loop: Loop) -> list[str]:
     reason why it is not more."""
     if told := answer(loop):  # of an axis
         return told
-    models = (loop.before, loop.after) if loop.effects else (loop.before,)
-    error = " -> ".join(f"{loop.test_error(model):.2f}" for model in models)
     found = headline(loop)
     if loop.verdict == "effects" and not loop.families:
         found += ", confirmed"
-    found = f"{found}. Test error {error} sigma"
+    found = f"{found}. Test error {test_errors(loop, '.2f')} sigma"
     most = loop.most_held_out
     found += f" (noise alone gives up to {most:.2f})" if math.isfinite(most) else ""
     caution = [f"caution: {loop.reasons[0]}"] if loop.reasons else []
@@ -83,15 +79,14 @@ def _sign(rate: Estimate) -> str:
 def parameters(loop: Loop) -> TextTable:
     """The table of parameters, each in one line: the first of a base, and all of the effects."""
     table = moved(loop)
-    name = table.head.index("name")
     rows = sorted(range(len(table.rows)), key=lambda k: (k not in table.marked, k))[:MOST_ROWS]
     rows.sort()
-    kept = [k for k in range(len(table.head)) if k != _MEANING]
-    shown = [tuple(table.rows[k][column] for column in kept) for k in rows]
+    columns = [k for k, head in enumerate(table.head) if head != "meaning"]  # it takes lines
+    shown = [tuple(table.rows[k][column] for column in columns) for k in rows]
     left = len(table.rows) - len(rows)
     note = f"{left} more with --details" if left else ""
-    marked = tuple(k for k, row in enumerate(shown) if "." in row[name])
-    return TextTable(table.title, tuple(table.head[k] for k in kept), shown, note, marked)
+    marked = tuple(k for k, row in enumerate(rows) if row in table.marked)
+    return TextTable(table.title, tuple(table.head[k] for k in columns), shown, note, marked)
 
 
 def print_brief(loop: Loop, console: "Console") -> None:

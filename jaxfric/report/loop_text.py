@@ -116,15 +116,20 @@ def answer(loop: Loop) -> list[str]:
         found = f"{base}, and {listed([named(loop, id) for id in loop.effects])}"
     else:
         found = f"{base} do not describe it: {headline(loop)[0].lower()}{headline(loop)[1:]}"
-    models = (loop.before, loop.after) if loop.effects else (loop.before,)
-    error = " -> ".join(f"{loop.test_error(model):.3g}" for model in models)
     doubt = details.doubt()
     return [
         f"friction: {found}",
         *([f"not sure: {doubt}"] if doubt else []),
         details.short(),
-        f"test error: {error} sigma (of the report block alone; noise alone gives 1)",
+        f"test error: {test_errors(loop, '.3g')} sigma (of the report block alone; noise alone"
+        " gives 1)",
     ]
+
+
+def test_errors(loop: Loop, form: str) -> str:
+    """The test error before and after, in sigma; one number where no effect was found."""
+    models = (loop.before, loop.after) if loop.effects else (loop.before,)
+    return " -> ".join(format(loop.test_error(model), form) for model in models)
 
 
 def named(loop: Loop, id: str) -> str:

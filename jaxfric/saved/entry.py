@@ -62,7 +62,16 @@ def fitted_law(source: Saved, *schemas: str) -> FittedLaw:
     InputError : file missing, damaged or of another schema; a fit that did not converge; an effect
         that is not in the catalogue.
     """
-    path, content = read_saved(source, *(schemas or (FIT, LOOP)))
+    return law_in(*read_saved(source, *(schemas or (FIT, LOOP))))
+
+
+def law_in(path: Path, content: Mapping) -> FittedLaw:
+    """The law of a file whose content is known.
+
+    Raises
+    ------
+    InputError : damage; an effect that is not in the catalogue.
+    """
     schema, entry = content["schema"], content.get(ENTRY)
     if entry is None:
         try:
