@@ -57,6 +57,7 @@ from .uncertainty import data_part, fair_hold
 WEIGHTINGS = ("ordinary", "whitened")
 _MAX_STATES = 3
 _BLUR = 0.5
+_DESCENTS = 3  # one after the other, until one converges
 
 
 def fit(
@@ -177,17 +178,27 @@ def finished(
     found = _noise(problem, solution, written)
     solved, found = _without_glitches(problem, solution, found, task.steps, written)
     problem, solution, noise, *_ = solved
-    if len(problem.hold) and not whitened:
+    if not whitened and (len(problem.hold) or not solution.converged):
         problem = problem.holding(fair_hold(problem, solution, noise))
-        solution = solve(problem, np.asarray(solution.z)[None], refine=1)
+        solution = _settled(problem, solution)
         noise = _noise(problem, solution, written, like=found).noise
     if whitened and solution.cost < FAILED_MISFIT**2:
         solution = solve(problem.whitened(noise), np.asarray(solution.z)[None], refine=1)
         noise = _noise(problem, known_at(problem, solution.z), written, like=found).noise
         problem = problem.whitened(noise)
-        solution = solve(problem, np.asarray(solution.z)[None], refine=1)
+        solution = _settled(problem, solution)
     solved = solved._replace(problem=problem, solution=solution, noise=noise)
     return assembled(task, solved, profile)
+
+
+def _settled(problem: Problem, solution: Solution) -> Solution:
+    """The solution from where `solution` ended, descended again while it has not converged: a model
+    far from its record creeps where a step's time crosses a row."""
+    for _ in range(_DESCENTS):
+        solution = solve(problem, np.asarray(solution.z)[None], refine=1)
+        if solution.converged:
+            break
+    return solution
 
 
 def assembled(task: FitTask, solved: Solved, profile: Callable[[str], None] | None = None) -> Fit:
