@@ -189,3 +189,5 @@ def test_no_scheduler(tmp_path, monkeypatch):
     with pytest.raises(InputError, match="no Dask scheduler answers there"):
         f.run_slowly(tmp_path / "a", scheduler="tcp://127.0.0.1:9")
     assert not list(tmp_path.iterdir())
+    with pytest.raises(ValueError, match="client"):
+        distributed.get_client()  # what does not answer is no default for who goes on

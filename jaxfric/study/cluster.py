@@ -42,7 +42,7 @@ def connected(address: str) -> "Generator[Client]":
     InputError : Dask is not installed, or no scheduler answers.
     """
     client = _connect(address)
-    with _silent():
+    with _silent(), client.as_current():
         try:
             yield client
         finally:
@@ -169,7 +169,7 @@ def _connect(address: str) -> "Client":
         ) from None
     try:
         with _silent():
-            return Client(address, timeout=_PATIENCE, set_as_default=True)
+            return Client(address, timeout=_PATIENCE, set_as_default=False)
     except (OSError, ValueError, TypeError, TimeoutError) as error:
         reason = (str(error).splitlines() or [type(error).__name__])[0]
         raise InputError(
