@@ -594,21 +594,33 @@ def test_a_state_that_overflows_is_no_start():
     assert more_state_starts(seen, V0=1e-6, stiffness=1e3, model=model).shape == (0, 7)
 
 
-def test_a_model_far_from_its_record_is_descended_to_the_end():
-    """A law that misses its record by 60 standard deviations of noise: a descent of 80 trials
-    is still on its way; from another start the fit ends in the same minimum."""
-    made = random_record(3, law="ageing", pattern="mixed", samples=(600, 600), white=1e-4)
+@pytest.mark.parametrize("seed", [3, 15, 17])
+def test_a_model_far_from_its_record_is_descended_to_the_end(seed):
+    """A law that misses its record by 50 standard deviations of noise and more: a descent of 80
+    trials is still on its way. Where it ends, a fit that begins there stays."""
+    made = random_record(seed, law="ageing", pattern="mixed", samples=(600, 600), white=1e-4)
     moved = made.load_point_displacement - made.load_point_displacement[0]
     friction = made.friction + 0.01 * np.log1p(moved / (3 * made.truth.L))
     record = jaxfric.from_arrays(
         made.time, friction, load_point_displacement=made.load_point_displacement
     )
     steps = VelocitySteps(np.array(made.truth.starts), np.array(made.truth.velocities))
-    truth = {name: getattr(made.truth, name) for name in "ABL"}
-    ends = [
-        jaxfric.fit(record, stiffness=made.stiffness, steps=steps, start=start)
-        for start in (None, truth)
-    ]
-    assert all(end.converged for end in ends)
-    assert ends[0].rms == pytest.approx(ends[1].rms, rel=1e-6)
-    assert ends[0].rms > 50e-4
+    start = {name: getattr(made.truth, name) for name in "ABL"}
+    for _ in range(2):
+        end = jaxfric.fit(record, stiffness=made.stiffness, steps=steps, start=start)
+        assert end.converged and end.rms > 40e-4
+        start = {name: end.parameters[name].value for name in "ABL"}
+    assert end.rms < 70e-4
+
+
+def test_a_slow_change_is_not_taken_for_the_memory():
+    """Step 2 of p655: friction falls along 2.5 mm, which an L of a centimetre fits to .63e-3, and
+    a slip trend beside an L of ten micrometres to .38e-3."""
+    whole = jaxfric.read(public_record("p655intact100l"), reduce=public_record("p655_r"))
+    part = whole.window("3069.344 s", "3092.298 s")
+    at = 3081.2006 - float(part.time[0] - whole.time[0])
+    velocities, errors = np.array([23.31e-6, 228.7e-6]), np.array([0.0, 0.0143])
+    steps = VelocitySteps(np.array([0.0, at]), velocities, time_errors=errors)
+    found = jaxfric.fit(part, stiffness=2144.0, slip_trend=True, steps=steps)
+    assert found.converged and found.rms < 0.4e-3
+    assert 8e-6 < found.parameters["L"].value < 14e-6

@@ -113,8 +113,9 @@ def solve(
 
 
 def _in_turn(problem: Problem, starts: np.ndarray, most: int) -> Iterator[tuple[float, Solution]]:
-    """When it began, and the descent from the first start and, where more are asked for, from those
-    of least misfit; a first from which the slider runs away has its turn among them."""
+    """When it began, and the descent from the first start and, where more are asked for, from the
+    second and those of least misfit; a first from which the slider runs away has its turn among
+    them."""
     begun, away = time.perf_counter(), FAILED_MISFIT**2
     first = descend(problem, starts[0])
     able = first.cost < away
@@ -122,6 +123,8 @@ def _in_turn(problem: Problem, starts: np.ndarray, most: int) -> Iterator[tuple[
         yield begun, first
     cost = np.concatenate([[np.inf if able else away], misfits(problem, starts[1:])])
     order = np.argsort(cost)
+    if able and len(cost) > 1 and cost[1] < away:  # that of another valley, whatever it misses
+        order = np.array([1, *(k for k in order if k != 1)])
     if cost[order[0]] >= away and problem.damping is None and not able:
         # every start runs away: the record lies near that edge. Approach it with a dashpot.
         order = np.argsort(misfits(problem.damped(_DASHPOTS[0]), starts))

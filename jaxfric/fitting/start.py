@@ -253,14 +253,18 @@ class Sought(NamedTuple):
     def best(
         self, linear: np.ndarray, misfit: np.ndarray, model: Model, number: int
     ) -> Float[np.ndarray, "s p"]:
-        """The `number` best members that are not alike; rows in the order of `model.names()`.
+        """The `number` best members that are not alike, first the least of each valley along L;
+        rows in the order of `model.names()`.
 
-        `linear` (m, 2) and `misfit` (m,) are those of `grid_misfit`.
+        `linear` (m, 2) and `misfit` (m,) are those of `grid_misfit`. A slow change along a record
+        makes a valley of long L beside that of the evolution after the steps, and the coarse grid
+        does not say which is the deeper.
         """
         grid = np.stack(self.members, axis=1)
+        misfit = np.where(np.isfinite(misfit), misfit, np.inf)
         kept: list[int] = []
         shape = np.log(np.abs(grid[:, [0, 2, 3]]))
-        for i in np.argsort(np.where(np.isfinite(misfit), misfit, np.inf)):
+        for i in [*_valleys(grid[:, 2], misfit), *np.argsort(misfit)]:
             if all(np.max(np.abs(shape[i] - shape[j])) > 0.5 for j in kept):
                 kept.append(int(i))
             if len(kept) == number:
@@ -269,6 +273,15 @@ class Sought(NamedTuple):
         columns = [linear[kept, 0], A, B, L]
         columns += [K] * model.fit_stiffness + [linear[kept, 1]] * model.slip_trend
         return np.stack(columns, axis=1)
+
+
+def _valleys(L: np.ndarray, misfit: np.ndarray) -> list[int]:
+    """The member of least misfit of every L whose neighbours have none as small, best first."""
+    order = np.lexsort((misfit, L))
+    least = order[np.unique(L[order], return_index=True)[1]]
+    walled = np.pad(misfit[least], 1, constant_values=np.inf)
+    deep = least[(walled[1:-1] < walled[:-2]) & (walled[1:-1] < walled[2:])]
+    return deep[np.argsort(misfit[deep])].tolist()
 
 
 def first_evolution(law: str) -> AbstractEvolution:
