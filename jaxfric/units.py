@@ -262,8 +262,32 @@ def between(low: float, high: float, unit: str, *, digits: int = 3) -> str:
     return f"{ends[0]} {unit}" if ends[0] == ends[1] else f"{ends[0]} to {ends[1]} {unit}"
 
 
+_LARGE = 3
+"""An error of 10 to this power or more, and its value, are written with an exponent."""
+
+
 def decimals(std: float) -> int:
     """Decimal places that show two digits of a standard deviation."""
     if not math.isfinite(std) or std <= 0:
         return 6
     return min(max(1 - math.floor(math.log10(std)), 0), 12)
+
+
+def measured(value: float, error: float, *, short: bool = False) -> str:
+    """A value with its standard error in brackets, in units of the last digit: 0.00592(29),
+    3.34(36)e8. The error has two digits; `short`: one, or two where the first is a 1.
+
+    Without an error the value has four digits.
+    """
+    if not (math.isfinite(error) and error > 0):
+        return f"{value:.4g}"
+    digits = 1 if short and not f"{error:.1e}".startswith("1") else 2
+    power = int(f"{error:.{digits - 1}e}".partition("e")[2])  # of the error as it is rounded
+    last = power - digits + 1
+    if power < _LARGE:
+        places = min(max(-last, 0), 12)
+        if short and last > 0:
+            value, error = (round(x, -last) for x in (value, error))
+        return f"{value:.{places}f}({round(error * 10**places)})"
+    whole = math.floor(math.log10(max(abs(value), error)))
+    return f"{value / 10**whole:.{whole - last}f}({round(error / 10**last)})e{whole}"

@@ -130,9 +130,9 @@ def test_where_friction_itself_holds_it_the_words_are_plain():
 
 def test_either_alone_without_margins_is_the_number_of_stability():
     """(B - A)/V and k_cr of (25); `gains` says with margins and without, `stability` without."""
-    code, out, err = run("gains", *LAW, *MACHINE, "--no-check", "--out", "g")
+    code, out, err = run("gains", *LAW, *MACHINE, "--no-check", "--out", "g", "--details")
     assert code == 0, err
-    told = run("stability", *LAW, *MACHINE, "--out", "s").out
+    told = run("stability", *LAW, *MACHINE, "--out", "s", "--details").out
     known = json.loads(Path("s/stability.json").read_text())
     damping, stiffness = known["needed_damping"], known["theorem"]["critical_stiffness"]
     assert (damping, stiffness) == (pytest.approx(1000), pytest.approx(2016))

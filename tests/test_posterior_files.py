@@ -67,7 +67,7 @@ def folder(tmp_path_factory):
         module = sys.modules["jaxfric.posterior.posterior"]
         patch.setattr(module, "nuts", draws_of_the_normal_law)
         options = ("--prior", priors, "--draws", 400, "--chains", 3, "--out", at / "out")
-        told = run("fit", record, *STIFFNESS, *STEPS, *options)
+        told = run("fit", record, *STIFFNESS, *STEPS, *options, "--details")
     return at, told
 
 
@@ -141,7 +141,7 @@ def test_gains_take_its_draws_as_samples(folder, tmp_path, monkeypatch):
         "--margin",
         "modulus=0",
     )
-    code, text, err = run("gains", "--from", file, *FORCE, *out)
+    code, text, err = run("gains", "--from", file, *FORCE, *out, "--details")
     assert code == 0, err
     assert "posterior (NUTS)" in text and "6 samples of the law" in text
 

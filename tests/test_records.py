@@ -200,8 +200,7 @@ def test_columns_named_by_the_user(tmp_path: Path) -> None:
 def test_a_column_is_told_in_one_unit(tmp_path: Path, units, told) -> None:
     head = "time [s],displacement [{}],friction [1],normal_stress [{}]".format(*units)
     record = read(written(tmp_path, table_text(head)))
-    steps = VelocitySteps(np.zeros(1), np.ones(1))
-    lines = {line.split(":")[0].strip(): line for line in describe(record, steps)}
+    lines = {line.split(":")[0].strip(): line for line in describe(record)}
     assert lines["load_point_displacement"].endswith(told[0])
     assert lines["normal_stress"].endswith(told[1])
     assert "file" not in lines["friction"] + lines["time"]

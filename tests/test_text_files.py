@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from jaxfric.errors import InputError, words_of_the_command
-from jaxfric.records import read, read_axis, read_steady, read_table, record_steps
+from jaxfric.records import read, read_axis, read_steady, read_table
 from jaxfric.records.record import Record
 from jaxfric.records.registers import with_signs
 from jaxfric.records.table import Table
@@ -561,7 +561,7 @@ def test_what_is_stated_is_shown_as_it_was_stated(tmp_path: Path) -> None:
     path = written(tmp_path, "".join(f"{f:.4f}\n" for f in FRICTION))
     stated = {"time": "4 Hz", "load_point_velocity": "240 mm/s", "friction": "#1 [1]"}
     record = read(path, columns=stated)
-    lines = describe(record, record_steps(record))
+    lines = describe(record)
     assert "  load_point_velocity: 240 mm/s (stated)" in lines
     assert "  time: 0 to 9.75 s (4 Hz, stated)" in lines
 

@@ -10,7 +10,7 @@ from jaxfric.cli.common import stdout_console
 from jaxfric.report.comparison import _BIC, _HELD_OUT, _SHOWN
 from jaxfric.report.fits_table import TabledFit, text_table
 from jaxfric.report.tables import TextTable, print_tables
-from jaxfric.runs.table import measured
+from jaxfric.units import measured
 
 HEAD = ("law", "A-B", "A", "B", "L [µm]", "misfit", "BIC above least", "held-out error [σ]", "")
 TWO = ("slip, 2 states", "-0.003996(30)", "0.00694(87)", "-0.00108(81), 0.012011(88)")

@@ -194,7 +194,7 @@ def test_a_repr_is_one_short_line_that_names_the_class(result):
 def test_a_summary_begins_with_it_and_says_what_the_page_says(result):
     told = result.summary()
     assert told.replace("\n", " ").startswith(repr(result)[:60])
-    page = views.view_of(result).page(result)
+    page = views.view_of(result).report(result)
     for table in page.tables:
         assert table.title in told
     assert all(f"warning: {w}"[:60] in told.replace("\n", " ") for w in page.warnings)
@@ -205,7 +205,7 @@ def test_html_is_closed_and_escaped(result):
     tags.feed(text)
     assert tags.open == [] and text.startswith('<div class="jaxfric">')
     assert HOSTILE not in text and "<b>&.csv" not in text
-    for warning in views.view_of(result).page(result).warnings:
+    for warning in views.view_of(result).report(result).warnings:
         assert f"warning: {warning}" in tags.text
 
 

@@ -8,6 +8,7 @@ from . import options
 from .common import AxisColumns, effect_ids, prepare_jax, told, warn, windowed
 from .folder import choose_folder
 from .looped import checked_most, save_loop, tell_loop
+from .shown import Showing
 
 if TYPE_CHECKING:
     from ..fitting.axis_preparation import Preparation
@@ -78,7 +79,7 @@ def axis(
             progress=progress,
         )
         content = save_loop(result, folder, progress)
-    return tell_loop(result, content if json else "", folder, details=details)
+    return tell_loop(result, content, folder, Showing(json, details))
 
 
 def _filtered(record: "AxisRecord", cutoff: str | None) -> "Preparation | None":

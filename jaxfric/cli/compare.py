@@ -8,12 +8,12 @@ from cyclopts import Parameter
 from ..errors import InputError
 from . import options
 from .call import current_call
-from .common import doing, effect_ids, prepare_jax, read_record, stdout_console, told, warn
+from .common import doing, effect_ids, prepare_jax, read_record, told
 from .folder import choose_folder, json_text
 from .plan_line import loop_line
+from .shown import Showing, show
 
 if TYPE_CHECKING:
-    from ..loop.compare import LawComparison
     from ..report.fits_table import TabledFit
 
 
@@ -50,6 +50,7 @@ def compare(
     since: options.Since = None,
     until: options.Until = None,
     out: options.Out = None,
+    details: options.Details = False,
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> int:
@@ -90,12 +91,14 @@ def compare(
         progress("drawing the figure")
         names = ("compare.png", "compare.svg")
         folder.draw("the figure", lambda to: draw_comparison(found, *(to / n for n in names)))
-    if json:
-        print(content)
-    else:
-        _print(found)
-        print(folder.written)
-    warn(found.warnings)
+    from ..views import report
+
+    onwards = []
+    if found.next_step:
+        line = loop_line(current_call(), found.of_laws[0].fit.law)
+        onwards = [f"next: {found.next_step} {line}".rstrip()]
+    told_of = report(found)._replace(notes=())
+    show(told_of, folder.written, content, Showing(json, details), next_steps=onwards)
     return folder.close()
 
 
@@ -105,16 +108,3 @@ def _write(fits: "list[TabledFit]", to: Path) -> None:
 
     (to / "compare.csv").write_text(csv_text(csv_rows(fits, "model")), encoding="utf-8")
     (to / "compare.tex").write_text(latex_text(fits, "law"), encoding="utf-8")
-
-
-def _print(found: "LawComparison") -> None:
-    from ..report.comparison import table
-    from ..report.tables import print_tables
-
-    console = stdout_console()
-    console.print(found.sentence, markup=False)
-    print_tables(console, [table(found)])
-    if found.next_step:
-        line = loop_line(current_call(), found.of_laws[0].fit.law)
-        told = f"next: {found.next_step}" + f"\n\n  {line}\n" * bool(line)
-        console.print(told, markup=False, soft_wrap=True)

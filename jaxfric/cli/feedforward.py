@@ -1,7 +1,6 @@
 """`jaxfric feedforward`: the friction of an axis as a formula, a C function and a table."""
 
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,11 +8,12 @@ from cyclopts import Parameter
 
 from . import options
 from .call import current_call
-from .common import doing, prepare_jax, stdout_console, told, warn
-from .folder import Folder, choose_folder, json_text, source_name
+from .common import doing, prepare_jax, told
+from .folder import choose_folder, json_text, source_name
+from .shown import Showing, show
 
 if TYPE_CHECKING:
-    from ..compensation import Feedforward, FrictionAt
+    pass
 
 
 def feedforward(
@@ -51,6 +51,7 @@ def feedforward(
     ] = None,
     name: Annotated[str, Parameter(help="Name of the axis in C: NAME_feedforward.")] = "axis",
     out: options.Out = None,
+    details: options.Details = False,
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> int:
@@ -65,7 +66,7 @@ def feedforward(
     from ..compensation import feedforward as run
     from ..compensation.spot import speeds
     from ..plot.feedforward import draw_feedforward
-    from ..report.feedforward_text import made_by, tex
+    from ..report.feedforward_text import made_by, report, tex
 
     doing("computing the feedforward")
     try:
@@ -84,24 +85,6 @@ def feedforward(
                 (to / f"feedforward.{kind}").write_text(text, encoding="utf-8")
         progress("drawing the figure")
         folder.draw("the figure", lambda to: draw_feedforward(found, to))
-    if json:
-        print(content)
-    else:
-        _print(found, asked, folder)
-    warn(found.warnings)
+    told_of = report(found, asked)
+    show(told_of, folder.written, content, Showing(json, details))
     return folder.close()
-
-
-def _print(found: "Feedforward", asked: Sequence["FrictionAt"], folder: Folder) -> None:
-    from ..report.feedforward_text import lines, spoken, tables
-    from ..report.tables import print_tables
-
-    console = stdout_console()
-    for here in asked:
-        console.print(f"{spoken(found, here)}.", markup=False)
-    console.print(found.sentence, markup=False)
-    console.print(found.formula, markup=False, soft_wrap=True)
-    print_tables(console, tables(found))
-    for line in lines(found):
-        console.print(f"  - {line}", markup=False)
-    console.print(f"\n{folder.written}", markup=False, soft_wrap=True)

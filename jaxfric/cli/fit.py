@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from . import options
-from .common import doing, prepare_jax, read_record, stdout_console, told, warn
+from .common import doing, prepare_jax, read_record, told, warn
 from .fits import fit_files, for_each, refuse_for_several
 from .folder import Folder, choose_folder, json_text
-from .posterior import asked, draw, print_posterior, write_posterior
+from .posterior import asked, draw, write_posterior
+from .shown import Showing, show
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from ..fitting import Fit
     from ..posterior import Posterior
     from ..records import Record
+    from ..report.report import Report
 
 
 def fit(
@@ -96,6 +98,7 @@ def fit(
     chains: Annotated[int | None, Parameter(help="Chains of draws, 4 where not given.")] = None,
     seed: Annotated[int | None, Parameter(help="Seed of the draws, 0 where not given.")] = None,
     out: options.Out = None,
+    details: options.Details = False,
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> int:
@@ -157,7 +160,9 @@ def fit(
         refuse_for_several({"--prior": prior is not None})
         prepare_jax()
         alone = start is not None or weighting != "ordinary" or profile or rows is not None
-        return fit_files(every, out, reading, fitting, None if alone else together, json=json)
+        return fit_files(
+            every, out, reading, fitting, None if alone else together, Showing(json, details)
+        )
     doing(f"reading {file.name}")
     measured = reading(file)
     prepare_jax()
@@ -174,11 +179,16 @@ def fit(
         if not keeps:
             progress("drawing the figure")
             _save(result, content, posterior, folder)
-    if json:
-        print(content)
     if keeps:
+        if json:
+            print(content)
         return _complain_and_keep(result, folder)
-    return _tell(result, posterior, folder, tables=not json)
+    show(_report(result, posterior), folder.written, content, Showing(json, details))
+    code = folder.close()
+    if result.converged:
+        return 1 if posterior is not None and posterior.warnings else code
+    print(f"jaxfric: error: {_not_converged(result, folder)}", file=sys.stderr)
+    return 1
 
 
 def _save(result: "Fit", content: str, posterior: "Posterior | None", folder: Folder) -> None:
@@ -195,19 +205,20 @@ def _save(result: "Fit", content: str, posterior: "Posterior | None", folder: Fo
     draw(posterior, folder)
 
 
-def _tell(result: "Fit", posterior: "Posterior | None", folder: Folder, *, tables: bool) -> int:
-    """Print the tables where asked, and what there is to be warned of; the exit code."""
-    if tables:
-        _print_fit(result)
-        print_posterior(posterior)
-        print(folder.written)
-    doubts = () if posterior is None else posterior.warnings
-    warn((*result.warnings, *doubts))
-    code = folder.close()
-    if result.converged:
-        return 1 if doubts else code
-    print(f"jaxfric: error: {_not_converged(result, folder)}", file=sys.stderr)
-    return 1
+def _report(result: "Fit", posterior: "Posterior | None") -> "Report":
+    """The report of the fit; where there is a posterior its table comes first."""
+    from ..views import report
+
+    fit = report(result)
+    if posterior is None:
+        return fit
+    also = report(posterior)
+    return fit._replace(
+        tables=[*fit.tables, *also.tables],
+        notes=[*fit.notes, *also.notes],
+        warnings=[*fit.warnings, *also.warnings],
+        short=also.tables[0] if posterior.found else None,
+    )
 
 
 def _has_converged(file: Path) -> bool:
@@ -240,22 +251,6 @@ def _not_converged(result: "Fit", folder: Folder) -> str:
         " the steps right ('jaxfric record'), is the stiffness? Else cut the record to fewer steps"
         " (--from, --to), or state a start, as in --start 'A=0.01, B=0.012, L=20 um'"
     )
-
-
-def _print_fit(result: "Fit") -> None:
-    from rich.table import Table
-
-    from ..report.fit_text import rows, summary
-
-    table = Table(title=f"{result.model.law} law", title_justify="left", box=None, pad_edge=False)
-    for heading in ("", "", "value", "std", "95 % interval", "unit"):
-        table.add_column(heading, justify="left" if heading in ("", "unit") else "right")
-    for row in rows(result):
-        table.add_row(row.name, row.meaning, row.value, row.std, row.interval, row.unit)
-    console = stdout_console(100)
-    console.print(table)
-    for line in summary(result):
-        console.print(line)
 
 
 def parse_start(text: str, friction_unit: str) -> dict[str, float]:

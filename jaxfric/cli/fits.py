@@ -5,8 +5,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from ..errors import InputError
-from .common import stdout_console, told, warn
+from .common import told, warn
 from .folder import Folder, choose_folder, json_text
+from .shown import Showing, show
 
 if TYPE_CHECKING:
     from ..fitting import Fit
@@ -51,8 +52,7 @@ def fit_files(
     reading: "Callable[[Path], Record]",
     fitting: Fitting,
     together: Together | None,
-    *,
-    json: bool,
+    how: Showing,
 ) -> int:
     """Fit every file, write and print the table; the exit code, 1 where one failed.
 
@@ -103,11 +103,12 @@ def fit_files(
             if one.fit is not None:
                 progress(f"drawing {name}")
                 _draw(one.fit, name, folder)
-    if json:
-        print(content)
-    else:
-        _print(found, folder)
-    warn(_warnings(found))
+    from ..report.fits_table import text_table
+    from ..report.report import Report
+
+    table = text_table(found, "file", f"{len(found)} records", records=True)
+    told_of = Report(tables=[table], warnings=_warnings(found))
+    show(told_of, folder.written, content, how)
     failed = [one for one in found if not one.known]
     code = folder.close()
     told_of = (
@@ -169,12 +170,3 @@ def _warnings(found: "Sequence[TabledFit]") -> list[str]:
             for text in one.fit.warnings:
                 files.setdefault(text, []).append(one.name)
     return [f"{', '.join(names)}: {text}" for text, names in files.items()]
-
-
-def _print(found: "Sequence[TabledFit]", folder: Folder) -> None:
-    from ..report.fits_table import text_table
-    from ..report.tables import print_tables
-
-    table = text_table(found, "file", f"{len(found)} records", records=True)
-    print_tables(stdout_console(), [table])
-    print(folder.written)

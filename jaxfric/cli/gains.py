@@ -9,8 +9,9 @@ from cyclopts import Parameter
 from ..errors import InputError
 from ..stability.margin_table import named_with_units
 from . import options
-from .common import OfMotion, optional_quantity, prepare_jax, read_law, told, warn
+from .common import OfMotion, optional_quantity, prepare_jax, read_law, told
 from .folder import choose_law_folder
+from .shown import Showing, show
 
 if TYPE_CHECKING:
     from ..gains.result import Gains
@@ -95,6 +96,7 @@ def gains(
         ),
     ] = False,
     out: options.Out = None,
+    details: options.Details = False,
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> int:
@@ -142,7 +144,7 @@ def gains(
     from ..gains import check_gains, find_gains
     from ..plot.gains import draw_gains
     from ..report import gains_json
-    from ..report.gains_text import describe
+    from ..report.gains_text import report
 
     folder = choose_law_folder(out, from_, law)
     with told() as progress:
@@ -170,8 +172,9 @@ def gains(
         folder.draw("gains", lambda to: draw_gains(result, to))
         if map_:
             folder.draw("end_map", lambda to: _draw_map(result, to, progress))
-    print(content if json else "\n".join([*describe(result), folder.written]))
-    warn(line for line in result.warnings if line not in source.warnings)
+    new = tuple(line for line in result.warnings if line not in source.warnings)
+    told_of = report(result)._replace(warnings=new)
+    show(told_of, folder.written, content, Showing(json, details))
     code = folder.close()
     return code or int(bool(result.unsafe))
 

@@ -10,6 +10,7 @@ from . import options
 from .common import effect_ids, prepare_jax, read_record, told
 from .folder import choose_folder
 from .looped import checked_most, save_loop, tell_loop
+from .shown import Showing
 
 
 def loop(
@@ -104,4 +105,4 @@ def loop(
             progress=progress,
         )
         content = save_loop(result, folder, progress)
-    return tell_loop(result, content if json else "", folder, details=details)
+    return tell_loop(result, content, folder, Showing(json, details))

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 from ..errors import InputError
 from .call import current_call
-from .common import stdout_console, warn
 from .folder import Folder
+from .shown import Showing, show
 
 if TYPE_CHECKING:
     from ..loop import Loop
@@ -41,33 +41,25 @@ def save_loop(result: "Loop", folder: Folder, progress: Callable[[str], None]) -
     return content
 
 
-def tell_loop(result: "Loop", content: str, folder: Folder, *, details: bool = False) -> int:
-    """Print the JSON's text where there is one, else the answer, with `details` all tables; warn;
-    the verb's exit code, 1 where the verdict is withheld."""
+def tell_loop(result: "Loop", content: str, folder: Folder, how: Showing) -> int:
+    """Show the answer; the verb's exit code, 1 where the verdict is withheld."""
     from ..findings import Severity  # only here: the command begins without NumPy
+    from ..report.loop_next import next_steps
+    from ..report.loop_report import report
 
-    if content:
-        print(content)
-    else:
-        _print(result, folder, details)
-    warn(result.warnings)
+    steps = [
+        f"{step.lead()}: {step.text} {step.command}".rstrip()
+        for step in next_steps(result, str(folder.path / "loop.json"))
+    ]
+    show(report(result), _written(folder), content, how, next_steps=steps)
     withheld = any(one.severity is Severity.WITHHELD for one in result.findings)
     return folder.close() or int(withheld)
 
 
-def _print(result: "Loop", folder: Folder, details: bool) -> None:
-    from ..report.brief import print_brief
-    from ..report.loop_next import next_steps
-    from ..report.loop_text import print_loop
-
-    console = stdout_console()
-    (print_loop if details else print_brief)(result, console)
+def _written(folder: Folder) -> str:
+    """The page first, then the names of the figures, each of which there is in two formats."""
     names = folder.files
     pictures = sorted({Path(name).stem for name in names if name.endswith((".png", ".svg"))})
     page = "loop.html (open it in a browser)" if "loop.html" in names else ""
-    written = [f"{', '.join(pictures)} (.png, .svg)"] if pictures else []
-    written = ", ".join(filter(None, [page, "loop.json", *written]))
-    for step in next_steps(result, str(folder.path / "loop.json")):
-        told = f"{step.lead()}: {step.text} {step.command}".rstrip()
-        console.print(told, markup=False, soft_wrap=True)
-    console.print(f"\nwritten: {folder.path}/{written}", markup=False, soft_wrap=True)
+    files = [page, "loop.json", *([f"{', '.join(pictures)} (.png, .svg)"] if pictures else [])]
+    return f"written: {folder.path}/{', '.join(filter(None, files))}"

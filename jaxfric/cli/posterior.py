@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from ..errors import InputError
-from .common import stdout_console
 from .folder import Folder
 
 if TYPE_CHECKING:
@@ -91,31 +90,3 @@ def draw(posterior: "Posterior | None", folder: Folder) -> None:
 
     names = ("posterior.png", "posterior.svg")
     folder.draw("its figure", lambda to: draw_posterior(posterior, *(to / n for n in names)))
-
-
-def print_posterior(posterior: "Posterior | None") -> None:
-    """Tables of the maximum, its normal law and the draws beside the fit, where they were found."""
-    if posterior is None or not posterior.found:
-        return
-    from rich.table import Table
-
-    from ..report.posterior_text import posterior_lines, posterior_rows
-
-    rows = posterior_rows(posterior)
-    table = Table(title="posterior", title_justify="left", box=None, pad_edge=False)
-    spread = ("maximum", "mean", "std", "95 % interval", "unit")
-    for heading in ("", "prior", posterior.fit_name, *spread):
-        table.add_column(heading, justify="left" if heading in ("", "prior", "unit") else "right")
-    for row in rows:
-        table.add_row(row.name, row.prior, row.fit, row.maximum, *row.laplace, row.unit)
-    console = stdout_console(120)
-    console.print(table)
-    if posterior.draws is not None:
-        drawn = Table(title="draws", title_justify="left", box=None, pad_edge=False)
-        for heading in ("", "mean", "std", "95 % interval", "R-hat", "ESS bulk", "tail", "unit"):
-            drawn.add_column(heading, justify="left" if heading in ("", "unit") else "right")
-        for row in rows:
-            drawn.add_row(row.name, *row.draws, row.unit)
-        console.print(drawn)
-    for line in posterior_lines(posterior):
-        console.print(line)

@@ -12,14 +12,13 @@ from .common import (
     prepare_jax,
     read_record,
     refuse_unused,
-    stdout_console,
     told,
-    warn,
 )
-from .folder import Folder, choose_folder, source_name
+from .folder import choose_folder, source_name
+from .shown import Showing, show
 
 if TYPE_CHECKING:
-    from ..prediction import Prediction
+    pass
 
 
 def predict(
@@ -49,6 +48,7 @@ def predict(
     column: options.Columns = None,
     drop_bad: options.DropBad = False,
     out: options.Out = None,
+    details: options.Details = False,
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> int:
@@ -99,21 +99,7 @@ def predict(
 
         content = folder.save_json("prediction.json", result.to_json())
         folder.draw("the figure", lambda to: draw_prediction(result, to))
-    if json:
-        print(content)
-    else:
-        _print(result, folder)
-    warn(result.warnings)
+    from ..views import report
+
+    show(report(result), folder.written, content, Showing(json, details))
     return folder.close()
-
-
-def _print(result: "Prediction", folder: Folder) -> None:
-    from ..report.prediction_text import tables
-    from ..report.tables import print_tables
-
-    console = stdout_console()
-    console.print(result.sentence, markup=False)
-    for note in result.notes:
-        console.print(f"  - {note}", markup=False)
-    print_tables(console, tables(result))
-    console.print(f"\n{folder.written}", markup=False, soft_wrap=True)

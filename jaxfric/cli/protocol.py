@@ -11,9 +11,10 @@ from ..errors import InputError, did_you_mean
 from ..pairs import read_pairs
 from . import options
 from .call import current_call
-from .common import effect_ids, optional_quantity, prepare_jax, stdout_console, told, warn
-from .folder import Folder, choose_folder, source_name
+from .common import effect_ids, optional_quantity, prepare_jax, told
+from .folder import choose_folder, source_name
 from .plan_line import changed_line
+from .shown import Showing, show
 
 if TYPE_CHECKING:
     from ..protocol.design import Change, Pair, Protocol
@@ -75,6 +76,7 @@ def protocol(
     with_: options.With = None,
     without: options.Without = None,
     out: options.Out = None,
+    details: options.Details = False,
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> int:
@@ -130,11 +132,13 @@ def protocol(
         content = folder.save_json("protocol.json", found.to_json() | answer.to_json())
         ids, cosines = found.design.ids, found.design.cosines
         folder.draw("aliasing", lambda to: save_aliasing(ids, cosines, to, what="this plan"))
-    if json:
-        print(content)
-    else:
-        _print(found, folder, answer, typical=from_ is None and parameters is None)
-    warn(found.warnings)
+    from ..report.protocol_text import report
+
+    typical = from_ is None and parameters is None
+    pair, better, line, _, less = answer
+    told_of = report(found, typical=typical, pair=pair, better=better, less=less)
+    steps = [f"next: {line}"] if line else []
+    show(told_of, folder.written, content, Showing(json, details), next_steps=steps)
     return folder.close()
 
 
@@ -169,22 +173,6 @@ def _answer(found: "Protocol", asked: tuple[str, str], known: Mapping[str, float
     change = less if better is None else better.change
     line = "" if change is None else changed_line(current_call(), change)
     return _Answer(pair, better, line, found_too_small(found, pair, known), less)
-
-
-def _print(found: "Protocol", folder: Folder, told: _Answer, *, typical: bool) -> None:
-    from ..report.protocol_text import print_protocol
-
-    console = stdout_console()
-    print_protocol(
-        found,
-        console,
-        typical=typical,
-        pair=told.pair,
-        better=told.better,
-        command=told.line,
-        less=told.less,
-    )
-    console.print(f"\n{folder.written}", markup=False, soft_wrap=True)
 
 
 class _Wrong:

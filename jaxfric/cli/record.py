@@ -1,16 +1,18 @@
 """`jaxfric record`: what is understood of a record."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from . import options
-from .common import AxisColumns, doing, read_record, refuse_unused, told, warn, windowed
+from .common import AxisColumns, doing, read_record, refuse_unused, told, windowed
 from .folder import Folder, choose_folder, json_text
+from .shown import Showing, show
 
 if TYPE_CHECKING:
     from ..records import AxisRecord, Record
     from ..records.steady import SteadyCurve
+    from ..report.report import Report
 
 
 def record(
@@ -30,6 +32,7 @@ def record(
     rated_torque: options.RatedTorque = None,
     flip: options.Flip = None,
     out: options.Out = None,
+    details: options.Details = False,
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> int:
@@ -60,14 +63,14 @@ def record(
 
     if rig == "slider":
         slider = read_record(file, column, drop_bad, since, until, reduce=reduce)
-        return _slider(slider, file, steps, out, reduced=reduce is not None, json=json)
+        return _slider(slider, file, steps, out, Showing(json, details), reduced=reduce is not None)
     if rig == "steady":
         curve = read_steady(file, **columns._asdict(), window=(since, until))
-        return _steady(curve, file, out, json=json)
+        return _steady(curve, file, out, Showing(json, details))
     measured = read_axis(
         file, position_gain=position_gain, velocity_gain=velocity_gain, **columns._asdict()
     )
-    return _axis(windowed(measured, since, until), file, out, json=json)
+    return _axis(windowed(measured, since, until), file, out, Showing(json, details))
 
 
 def _slider(
@@ -75,9 +78,9 @@ def _slider(
     file: Path,
     steps: str | None,
     out: Path | None,
+    how: Showing,
     *,
     reduced: bool,
-    json: bool,
 ) -> int:
     from ..plot.raw import draw_raw
     from ..plot.record import draw_record
@@ -85,7 +88,7 @@ def _slider(
     from ..records.steps import speeds_without_steps
     from ..records.teeth import slips_told
     from ..report.record_json import record_content
-    from ..report.record_text import describe
+    from ..report.record_text import report
 
     found = record_steps(measured) if steps is None else VelocitySteps.parse(steps)
     found.refuse_end(measured.relative_time[-1])
@@ -96,58 +99,54 @@ def _slider(
         if reduced:
             draw_raw(read_table(file, raw=True), to / "raw.png")
 
-    content = record_content(measured, found) if json else None
-    code = _show(folder, draw, describe(measured, found), content)
-    warn(filter(None, [speeds_without_steps(measured, found), slips_told(measured, found)]))
-    return code
+    doubts = filter(None, [speeds_without_steps(measured, found), slips_told(measured, found)])
+    told_of = report(measured, found)._replace(warnings=list(doubts))
+    return _show(folder, draw, told_of, record_content(measured, found), how)
 
 
-def _axis(measured: "AxisRecord", file: Path, out: Path | None, *, json: bool) -> int:
+def _axis(measured: "AxisRecord", file: Path, out: Path | None, how: Showing) -> int:
     from ..plot.axis_record import draw_axis_record
     from ..records.strokes import find_strokes
     from ..report.axis_record_text import describe_axis
     from ..report.record_json import axis_content
+    from ..report.report import Report
 
     strokes = find_strokes(measured)
     folder = choose_folder(out, file.stem, file)
     return _show(
         folder,
         lambda to: draw_axis_record(measured, strokes, to / "record.png"),
-        describe_axis(measured, strokes),
-        axis_content(measured, strokes) if json else None,
+        Report(describe_axis(measured, strokes)),
+        axis_content(measured, strokes),
+        how,
     )
 
 
-def _steady(curve: "SteadyCurve", file: Path, out: Path | None, *, json: bool) -> int:
+def _steady(curve: "SteadyCurve", file: Path, out: Path | None, how: Showing) -> int:
     from ..plot.axis_record import draw_curve
     from ..report.axis_record_text import describe_steady
     from ..report.record_json import steady_content
+    from ..report.report import Report
 
     folder = choose_folder(out, file.resolve().name, file)
-    content = steady_content(curve) if json else None
-    return _show(
-        folder, lambda to: draw_curve(curve, to / "record.png"), describe_steady(curve), content
-    )
+    told_of, content = Report(describe_steady(curve)), steady_content(curve)
+    return _show(folder, lambda to: draw_curve(curve, to / "record.png"), told_of, content, how)
 
 
 def _show(
     folder: Folder,
     drawing: Callable[[Path], object],
-    lines: Sequence[str],
-    content: Mapping[str, object] | None,
+    report: "Report",
+    content: Mapping[str, object],
+    how: Showing,
 ) -> int:
-    """Draw, and print the lines, or the content as JSON where there is one."""
+    """Draw, and show the report."""
     with told() as progress:
         progress("drawing the figure")
         with folder.results():
             pass  # what is understood is told; only the figure is written
         folder.draw("the figure", drawing)
     figures = [str(folder.path / name) for name in folder.files]
-    if content is not None:
-        print(json_text({**content, "figures": figures}))
-        return folder.close()
-    for line in lines:
-        print(line)
-    if figures:
-        print("figure: " + ", ".join(figures))
+    text = json_text({**content, "figures": figures})
+    show(report, f"figure: {', '.join(figures)}" if figures else "", text, how)
     return folder.close()

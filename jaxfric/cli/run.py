@@ -14,6 +14,7 @@ from .call import current_call
 from .common import prepare_jax, read_record, told, warn
 from .folder import Folder, choose_folder, json_text
 from .plan_line import run_line
+from .shown import Showing, show
 
 if TYPE_CHECKING:
     from ..records import Record
@@ -29,7 +30,6 @@ _NO_STIFFNESS = (
     "--stiffness is missing; give that of machine and specimen, as in --stiffness 1.6e-3/um, or let"
     " every step find its own (--fit-stiffness)"
 )
-_NO_STEP = "no velocity step is fitted; events.toml says what was found and why"
 
 
 def run(
@@ -66,6 +66,7 @@ def run(
     since: options.Since = None,
     until: options.Until = None,
     out: options.Out = None,
+    details: options.Details = False,
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> int:
@@ -78,11 +79,13 @@ def run(
     stick_slip_laws.csv, and figures, to the output folder, by default ./NAME-run/ with the options
     that differ from their default.
     """
+    from ..report.run_report import report
     from ..runs.findings import findings_of
     from ..runs.fits import HowFitted, contradictions, decided_events
     from ..runs.holds import fit_holds, warnings_of
     from ..runs.ramps import RAMPS, stiffness_from_ramps
     from ..runs.stiffness import MachineStiffness
+    from ..runs.table import ask_on
 
     how = HowFitted(None, law, int(states), fit_stiffness, slip_trend, rows)
     with told() as progress:
@@ -109,10 +112,10 @@ def run(
             _write_events(record, found, to)
             _write_tables(result, holds, others, to)
             (to / "run.json").write_text(content + "\n", encoding="utf-8")
-    if json:
-        print(content)
-    else:
-        _tell(result, holds, others)
+    told_of = report(result, holds, others)._replace(warnings=())
+    asked = ask_on(result)
+    steps = [f"next: {asked}: {run_line(current_call())}".removesuffix(": ")] if asked else []
+    show(told_of, "", content, Showing(json, details), next_steps=steps)
     sys.stdout.flush()  # figures of many steps take minutes: who stops them has the numbers
     warnings = [*_warnings(result, how), *warnings_of(holds), *others.warnings]
     heads = {_head(line) for line in early}
@@ -303,33 +306,6 @@ def _content(result: "RunFit", holds: "Sequence[Hold]") -> dict[str, object]:
         ],
         "dependences": [asdict(one) for one in dependences(result.steps)],
     }
-
-
-def _tell(result: "RunFit", holds: "Sequence[Hold]", others: "Findings") -> None:
-    from collections import Counter
-
-    from ..runs.holds import not_fitted
-    from ..runs.holds import told as told_of_holds
-    from ..runs.joint import told as told_of_all
-    from ..runs.table import BRACKETS, MISFIT, ask_on, headline, text_lines
-
-    kinds = Counter(event.kind for event in result.events)
-    words = ", ".join(f"{count} {kind}" for kind, count in kinds.most_common())
-    number = len(result.events)
-    print(f"{len(result.record)} rows, {number} event{'' if number == 1 else 's'}: {words}")
-    for line in (headline(result), *text_lines(result)) if result.steps else (_NO_STEP,):
-        print(line)
-    rest = not_fitted(result.events, holds)
-    for line in (
-        *told_of_all(result.steps),
-        *told_of_holds(holds, result.record.friction_unit, rest),
-        *others.told(),
-    ):
-        print(line)
-    print(f"{BRACKETS}; -: not determined by its window" + f"; {MISFIT}" * bool(result.steps))
-    if text := ask_on(result):
-        line = run_line(current_call())
-        print(f"next: {text}" + f":\n\n  {line}\n" * bool(line))
 
 
 def _warnings(result: "RunFit", how: "HowFitted") -> list[str]:

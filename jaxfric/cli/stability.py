@@ -9,6 +9,7 @@ from ..errors import InputError
 from . import options
 from .common import OfMotion, optional_quantity, prepare_jax, read_law, read_samples, told, warn
 from .folder import choose_law_folder
+from .shown import Showing, show
 
 
 def stability(
@@ -38,6 +39,7 @@ def stability(
     sample_time: options.SampleTime = None,
     delay: options.Delay = None,
     out: options.Out = None,
+    details: options.Details = False,
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> int:
@@ -84,7 +86,7 @@ def stability(
         from ..plot.delay import draw_delay
         from ..plot.stability import drawers
         from ..report.stability_json import content
-        from ..report.stability_text import describe
+        from ..report.stability_text import report
 
         progress("drawing figures (2 of 2)")
         known = content(found, source.text, (*source.warnings, *unseen))
@@ -93,10 +95,6 @@ def stability(
             folder.draw(name, lambda to, draw=draw: draw(found, to))
         if found.delayed:
             folder.draw("delay_chart", lambda to: draw_delay(found, to))
-    if json:
-        print(written)
-    else:
-        for line in describe(found, source.text):
-            print(line)
-        print(folder.written)
+    told_of = report(found, source.text)
+    show(told_of, folder.written, written, Showing(json, details))
     return folder.close()

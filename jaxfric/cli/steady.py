@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from . import options
-from .common import AxisColumns, doing, effect_ids, prepare_jax, stdout_console, told
-from .folder import Folder, choose_folder, input_name
+from .common import AxisColumns, doing, effect_ids, prepare_jax, told
+from .folder import choose_folder, input_name
+from .shown import Showing, show
 
 if TYPE_CHECKING:
-    from ..loop.steady.loop import SteadyLoop
-    from ..loop.steady.noise import SteadyNoise
+    pass
 
 
 def steady(
@@ -30,6 +30,7 @@ def steady(
     since: options.Since = None,
     until: options.Until = None,
     out: options.Out = None,
+    details: options.Details = False,
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> int:
@@ -61,27 +62,9 @@ def steady(
         folder.draw("curve", lambda to: draw_steady(result, to))
         if noise is not None:
             folder.draw("noise", lambda to: draw_noise(curve, noise, to))
-    if json:
-        print(content)
-    else:
-        _print(result, noise, folder)
+    from ..report.steady_text import report
+
+    told_of = report(result, noise)
+    show(told_of, folder.written, content, Showing(json, details))
     code = folder.close()
     return 1 if result.verdict == "ambiguous" else code
-
-
-def _print(result: "SteadyLoop", noise: "SteadyNoise | None", folder: Folder) -> None:
-    from ..report.steady_text import noise_text, sentence, tables
-    from ..report.tables import print_tables
-
-    console = stdout_console()
-    console.print(f"{result.verdict}: {result.sentence}", markup=False)
-    for note in result.curve.provenance.notes:
-        console.print(f"  - {note}", markup=False)
-    print_tables(console, tables(result))
-    console.print(f"\nGains: {sentence(result)}", markup=False)
-    if noise is not None:
-        first, *more = noise_text(noise, result.curve)
-        console.print(f"\n{first[:1].upper()}{first[1:]}", markup=False)
-        for line in more:
-            console.print(f"  - {line}", markup=False)
-    console.print(folder.written, markup=False, soft_wrap=True)

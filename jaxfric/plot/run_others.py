@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from ..runs.cycles import StickSlip, drop_by_velocity
 from ..runs.stick_slip import MIDDLE, Rises
 from ..runs.stress_steps import FittedStress
-from ..runs.table import measured
+from ..units import measured
 from .palette import BLUE, GREY, ORANGE, SKY
 from .ticks import plain_log
 from .written import write

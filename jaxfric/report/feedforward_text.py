@@ -1,10 +1,12 @@
 """A feedforward as text: its terms, its fade speed, and what must be known to use it."""
 
 import math
+from collections.abc import Sequence
 
 from ..compensation.pieces import SIGN, uses_position
 from ..compensation.result import Feedforward
 from ..compensation.spot import FrictionAt
+from .report import Report
 from .tables import TextTable
 from .version import installed_version
 
@@ -64,9 +66,13 @@ def spoken(found: Feedforward, here: FrictionAt) -> str:
     return text
 
 
-def lines(found: Feedforward) -> list[str]:
-    """What is left out, and how it may be used."""
-    return [*(f"left out: {line}" for line in found.left_out), *found.cautions]
+def report(found: Feedforward, asked: Sequence[FrictionAt] = ()) -> Report:
+    """Friction at the speeds that were asked for, the sentence and the formula, the terms, and how
+    it may be used."""
+    told = [*(f"{spoken(found, here)}." for here in asked), found.sentence, found.formula]
+    notes = [f"  - left out: {line}" for line in found.left_out]
+    notes += [f"  - {line}" for line in found.cautions]
+    return Report(told, tables(found), notes=notes, warnings=found.warnings)
 
 
 def tex(found: Feedforward) -> str:

@@ -13,6 +13,7 @@ from ..fitting.problem import quantity_of
 from ..fitting.result import Estimate, Fit, display_unit
 from ..stability.claims import SURE
 from ..units import decimals, factor, format_si, read_as
+from .estimates import friction_line
 
 _LEAST, _SMALL = 0.005, 0.05
 """Shares of a noise below which a part is not named, and is named as small."""
@@ -66,6 +67,20 @@ def _row(name: str, meaning: str, estimate: Estimate, fit: Fit) -> Row:
     low, high, digits = estimate.lower / size, estimate.upper / size, decimals(std)
     texts = f"{value:.{digits}f}", f"{std:.{digits}f}", f"{low:.{digits}f} to {high:.{digits}f}"
     return Row(shown_name(name), meaning, *texts, shown)
+
+
+def headline(fit: Fit) -> list[str]:
+    """a - b, a, b and D_c, what they mean for stability, and how large the residual is."""
+    if not fit.converged:
+        return ["the fit did not converge: its numbers mean nothing"]
+    drift, rest = told_drift(fit), summary(fit)
+    length = fit.record.units.get("load_point_displacement", "um")
+    found = friction_line(fit.A_minus_B, fit.parameters, length)
+    return [
+        f"{fit.law} law: {found}",
+        _stability(fit, drift)[0],
+        (_drifts(fit, drift) or rest[2:])[0],
+    ]
 
 
 def correlations(fit: Fit, least: float = CORRELATED) -> list[str]:

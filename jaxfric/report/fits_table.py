@@ -11,7 +11,8 @@ from typing import NamedTuple
 from ..fitting import Fit
 from ..fitting.drift import is_of_drift
 from ..fitting.misfit import COLUMN, EXCESS, excess, is_of_misfit
-from ..runs.table import BRACKETS, Cell, csv_text, difference, fit_cells, measured
+from ..runs.table import BRACKETS, Cell, csv_text, difference, fit_cells
+from ..units import measured
 from .tables import TextTable
 
 _BRACKETS = f"{BRACKETS}; -: not determined"

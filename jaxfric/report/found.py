@@ -11,7 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..runs.table import BRACKETS, amount, measured
+from ..runs.table import BRACKETS, amount
+from ..units import measured
 from .tables import TextTable
 
 _SKIPPED = (".zarr", ".git")

@@ -7,12 +7,14 @@ import numpy as np
 from ..coordinate import unit_of
 from ..gains.hunting import Hunting
 from ..gains.requirement import FRAGILE, Requirement
-from ..gains.result import NOTHING, Certificate, Gains, LocalOptimum, norm_text
+from ..gains.result import NOTHING, Certificate, Gains, LocalOptimum, WorstCase, norm_text
 from ..gains.scenarios import number_of_samples
 from ..gains.solve import Infeasible
 from ..gains.thresholds import ZERO
 from ..stability.margin_table import MARGINS
 from ..units import between, factor, read_as, speed_text
+from .report import Report
+from .tables import TextTable
 
 _UNITS = ("N/m", "N s/m")
 """Of stiffness and of damping, on a line."""
@@ -48,6 +50,63 @@ def describe(gains: Gains) -> list[str]:
     lines += ["", "margins at these gains, worst scenario:"]
     lines += [f"  {name:<10}{_margin(gains, name)}" for name in gains.margins]
     return [*lines, "", certified(gains.certificate), *_simulation(gains)]
+
+
+def report(gains: Gains) -> Report:
+    """The gains with their margins, where they hold, and how well that is known; then all lines."""
+    held, unit = {"stiff": "stiffness", "damped": "damping"}, gains.unit("N s/m")
+    rows = [
+        (
+            held[one.name] + ("" if one.minimum else " alone"),
+            _kp(gains, one),
+            _size(one.kv, unit),
+            norm_text(one.norm),
+        )
+        for one in gains.optima
+    ]
+    heads = ("held by", "k_p", "k_v", "norm")
+    optima = TextTable("Other gains that meet the requirement", heads, rows[1:])
+    return Report(headline(gains), (), describe(gains), warnings=gains.warnings, short=optima)
+
+
+def headline(gains: Gains) -> list[str]:
+    """Doubts, the gains with their margins, rounded down, where they hold, and how they end."""
+    margins = [
+        f"{name} margin {_least(worst)}"
+        for name, worst in gains.margins.items()
+        if name in ("modulus", "delay", *gains.requirement.names)
+        and worst.value < _ANY.get(name, math.inf)
+    ]
+    kp = gains.smallest_kp if gains.any_stiffness else f"k_p = {_size(gains.kp, gains.unit('N/m'))}"
+    kv = f"k_v = {_size(gains.kv, gains.unit('N s/m'))}"
+    if gains.any_stiffness and gains.kv == 0:
+        kp, kv = "stable at any gain, for friction itself damps the motion", kp
+    told = f"{kp}, {kv}" + (f" ({', '.join(margins)})" if margins else "")
+    doubts = _doubts(gains)
+    rests = _at_rest(gains) if gains.simulation is not None else []
+    last = rests or _simulation(gains)
+    return [*doubts, told, f"scenarios: {_scenarios(gains)}", *([] if doubts else last[:1])]
+
+
+def _kp(gains: Gains, one: LocalOptimum) -> str:
+    tiny = one.kp <= 1e-8 * gains.region.unit[0]
+    return gains.smallest_kp if tiny else _size(one.kp, gains.unit("N/m"))
+
+
+def _size(value: float, unit: str) -> str:
+    """A gain with a prefix: "1.76 kN/m"."""
+    return f"{value / 1e3:.4g} k{unit}" if value >= 1e3 else f"{value:.4g} {unit}"
+
+
+def _least(worst: WorstCase) -> str:
+    """Three digits of a margin with its unit, rounded down."""
+    value = worst.value
+    if value > 0:
+        unit = 10.0 ** (math.floor(math.log10(value)) - 2)
+        value = math.floor(value / unit * (1 + 1e-9)) * unit
+    if worst.unit == "s":
+        return _time(value)
+    return f"{value:.3g} {worst.unit}".removesuffix(" 1")
 
 
 def _doubts(gains: Gains) -> list[str]:

@@ -18,14 +18,15 @@ from ..loop.result import CandidateScore, Loop, RunDetails
 from ..loop.split import NAMES
 from ..loop.thresholds import ACCEPT, ALIAS, FAR, SIGNIFICANT, TIE
 from ..units import decimals, factor, format_si, read_as
+from .estimates import shown_unit, with_error
 from .fit_text import CORRELATED, DIFFERENCE, noise_text, shown_name
 from .location_text import QUESTIONS
 from .rig_words import AXIS
-from .tables import TextTable, print_tables
+from .tables import TextTable
 from .verdict_text import where_told, why_untold, words_of, words_of_refusal
 
 if TYPE_CHECKING:
-    from rich.console import Console
+    pass
 
 HEADLINES = {
     "no_missing_effect": "No effect is missing",
@@ -111,9 +112,9 @@ def answer(loop: Loop) -> list[str]:
         fitted = listed([base, *loop.effects])
         found = f"these rows do not tell it, though what {fitted} leave looks like noise"
     elif loop.verdict == "no_missing_effect":
-        found = f"{base} describe all that the rows show"
+        found = f"{_base_of(loop)}; nothing else is missing"
     elif loop.verdict == "effects" and not loop.families:
-        found = f"{base}, and {listed([named(loop, id) for id in loop.effects])}"
+        found = f"{_base_of(loop)}; also found: {listed([named(loop, id) for id in loop.effects])}"
     else:
         found = f"{base} do not describe it: {headline(loop)[0].lower()}{headline(loop)[1:]}"
     doubt = details.doubt()
@@ -124,6 +125,14 @@ def answer(loop: Loop) -> list[str]:
         f"test error: {test_errors(loop, '.3g')} sigma (of the report block alone; noise alone"
         " gives 1)",
     ]
+
+
+def _base_of(loop: Loop) -> str:
+    """Coulomb and viscous friction and the mass of an axis, with errors."""
+    moving = "inertia" if length_of(loop) == "rad" else "mass"
+    names = {"F_c": "Coulomb", "F_v": "viscous", "M": moving}
+    known = {names[n]: e for n, e in loop.after.parameters.items() if n in names}
+    return ", ".join(f"{name} {with_error(one, length_of(loop))}" for name, one in known.items())
 
 
 def test_errors(loop: Loop, form: str) -> str:
@@ -146,21 +155,6 @@ def meaning(loop: Loop, id: str) -> str:
 
 def _reasons(loop: Loop) -> list[str]:
     return [f"  - {reason}" for reason in loop.reasons]
-
-
-def print_loop(loop: Loop, console: "Console") -> None:
-    """Print verdict, tables and aliases to a rich console."""
-    for line in (first := answer(loop)):
-        console.print(line, markup=False)
-    if first:
-        console.print("\nHow it was found", markup=False)
-    for line in lines(loop):
-        console.print(line, markup=False)
-    console.print(splitting(loop), markup=False)
-    print_tables(console, tables(loop))
-    console.print("\nWhat can be told apart", markup=False)
-    for line in apart(loop):
-        console.print(f"  {line}", markup=False)
 
 
 # ---- tables --------------------------------------------------------------------------------
@@ -632,27 +626,6 @@ def length_of(loop: Loop) -> str:
         return told
     size = factor(told, "m", "length")
     return next((name for name, one in _LENGTHS if math.isclose(size, one)), "um")
-
-
-def shown_unit(estimate: Estimate, length: str) -> tuple[str, float]:
-    """The unit in which a parameter is shown, and its size in SI.
-
-    Lengths and velocities are in the record's `length`, angles in rad, short times in
-    milliseconds.
-    """
-    unit = estimate.unit.replace("*", " ").strip().removeprefix("1 ")
-    size = 1.0 if length == "rad" else factor(length, "m", "length")
-    if unit in ("m", "m/s"):
-        shown = length if unit == "m" else f"{length}/s"
-    elif unit.endswith("/m"):
-        small = 0 < abs(estimate.value) * size < 1e-4
-        length, size = ("mm", 1e-3) if small else (length, size)
-        shown, size = f"{unit.removesuffix('/m')}/{length}", 1 / size
-    elif unit == "s" and abs(estimate.value) < 0.1:
-        shown, size = "ms", 1e-3
-    else:
-        shown, size = "" if unit == "1" else unit, 1.0
-    return read_as(shown), size
 
 
 def p_value(p: float) -> str:

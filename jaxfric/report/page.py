@@ -4,8 +4,7 @@ import base64
 from collections.abc import Sequence
 from html import escape
 
-from .loop_text import TextTable
-from .tables import numeric
+from .tables import TextTable, numeric
 from .version import installed_version as installed_version
 
 _STYLE = """

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,11 +12,9 @@ from ..loop.thresholds import ALIAS
 from ..protocol.design import BASE, Change, Design, Pair, Protocol, Smallest
 from ..protocol.remedy import Remedy
 from ..units import format_si, speed_text
-from .loop_text import TextTable, shown_unit
-from .tables import print_tables
-
-if TYPE_CHECKING:
-    from rich.console import Console
+from .estimates import shown_unit
+from .report import Report
+from .tables import TextTable
 
 _NOTE = (
     "smallest: the effect's amplitude at which its likelihood ratio exceeds 10 + p ln n in 19 of 20"
@@ -26,6 +23,7 @@ _NOTE = (
     " without the last velocities, which it holds out"
 )
 _SAME = 0.9995
+_FIRST = 4
 _TRIED = {
     "slip_x2": ("longer than",),
     "dwell": ("dwell",),
@@ -53,14 +51,19 @@ def headline(plan: Protocol, *, typical: bool = False) -> list[str]:
         f"plan: {len(V)} velocities, {_speeds(V)},"
         f" {_slip(plan.slip_per_step)} each: {_duration(plan.duration)},"
         f" {total} rows",
-        f"machine: K = {K * 1e-6:.4g} {unit}, {edge}; noise of a row {_number(plan.noise)}"
-        f"{'' if plan.friction_unit == '1' else ' ' + plan.friction_unit}"
-        + (f", from {plan.noise_from}" if plan.noise_from else "")
+        f"machine: K = {K * 1e-6:.4g} {unit}, {edge}; {_noise(plan)}"
         + (f"; slip channel, noise {_length(plan.slip_noise)}" if plan.slip_noise else ""),
         f"base: {plan.law} law, {base}"
         + (f"; with {', '.join(plan.with_)}" if plan.with_ else "")
         + (" (typical values: give yours with --parameters or --from)" if typical else ""),
     ]
+
+
+def _noise(plan: Protocol) -> str:
+    """The noise that the plan counts with, and where it is from."""
+    unit = "" if plan.friction_unit == "1" else f" {plan.friction_unit}"
+    origin = f", from {plan.noise_from}" if plan.noise_from else ""
+    return f"noise of a row {_number(plan.noise)}{unit}{origin}"
 
 
 def answer(
@@ -151,9 +154,14 @@ def _at(s: Smallest) -> str:
     return f" at {shape}" if shape else ""
 
 
-def _answered(plan: Protocol, pair: Pair) -> str:
+def _names(plan: Protocol, pair: Pair) -> list[str]:
+    """The two that were asked for, the base by its law and last."""
     names = [f"the {plan.law} law" if id == BASE else id for id in pair.ids]
-    a, b = names if pair.ids[0] != BASE else names[::-1]
+    return names if pair.ids[0] != BASE else names[::-1]
+
+
+def _answered(plan: Protocol, pair: Pair) -> str:
+    a, b = _names(plan, pair)
     if pair.apart:
         how = "" if pair.cosine is None else f" (|cosine| {_cosine(pair.cosine)})"
         sizes = f"from {_from_sizes(plan.design, pair)} on"
@@ -260,29 +268,56 @@ def changes(plan: Protocol, better: Remedy | None = None) -> TextTable:
     return TextTable(title, head, rows, "", marked)
 
 
-def print_protocol(
+def report(
     plan: Protocol,
-    console: "Console",
     *,
     typical: bool = False,
     pair: Pair | None = None,
     better: Remedy | None = None,
-    command: str = "",
     less: Change | None = None,
-) -> None:
-    """Print everything to a rich console, first the answer on the pair that was asked for, and the
-    command of the plan that tells it, or that tells it in less time."""
-    if pair is not None:
-        told = answer(plan, pair, better, less) + (f":\n\n  {command}" if command else "")
-        console.print(f"{told}\n", markup=False, soft_wrap=True)
-    for line in headline(plan, typical=typical):
-        console.print(line, markup=False)
-    console.print("\nWhat this plan cannot tell apart", markup=False)
-    for line in apart(plan, pair):
-        console.print(f"  {line}", markup=False)
-    print_tables(console, [t for t in (effects(plan), changes(plan, better)) if t.rows])
-    if plan.changes:
-        console.print("\n" + advice(plan, pair, better), markup=False)
+) -> Report:
+    """The answer on the pair that was asked for, or how many pairs the plan tells apart; the plan;
+    what would separate more. `better` and `less` as of `answer`."""
+    asked = [] if pair is None else [answer(plan, pair, better, less), ""]
+    lines = [*headline(plan, typical=typical), "", "What this plan cannot tell apart"]
+    lines += [f"  {line}" for line in apart(plan, pair)]
+    notes = [advice(plan, pair, better)] if plan.changes else []
+    tables = (effects(plan), changes(plan, better))
+    first = _counted(plan) if pair is None else asked[:1]
+    if pair is not None and pair.apart and better is None:
+        first = _in_short(plan, pair)
+    told = [*first, f"{headline(plan)[0]}; {_noise(plan)}", *_recommended(plan, better, less)][:3]
+    return Report(told, tables, [*asked, *lines], notes, plan.warnings)
+
+
+def _counted(plan: Protocol) -> list[str]:
+    """How many pairs of effects the plan tells apart, and the first that it does not."""
+    pairs, seen = plan.design.pairs(), len(plan.design.ids) - len(plan.design.unseen())
+    whole = seen * (seen - 1) // 2
+    text = f"This plan tells {whole - len(pairs)} of {whole} pairs of effects apart"
+    names = [f"{a}/{b}" for a, b, _ in pairs]
+    more = f" and {len(names) - _FIRST} more" if len(names) > _FIRST else ""
+    return [text + (f"; not {', '.join(names[:_FIRST])}{more}" if names else "")]
+
+
+def _in_short(plan: Protocol, pair: Pair) -> list[str]:
+    """Yes, with the sizes from which on, and a caution."""
+    likes = _other_likes(plan, pair)
+    sizes = _from_sizes(plan.design, pair)
+    a, b = _names(plan, pair)
+    told = f"yes: this plan tells {a} from {b}, from {sizes} on"
+    return [told, *([f"caution: {likes.removeprefix('; but ')}"] if likes else [])]
+
+
+def _recommended(plan: Protocol, better: Remedy | None, less: Change | None) -> list[str]:
+    """The change that is recommended, in a few words."""
+    if less is not None:
+        return [f"the same in less time ({_duration(less.duration)}): {less.text}"]
+    best = plan.recommended() if better is None else better.change
+    if best is None:
+        return []
+    left = "" if best.design is None else f": leaves {len(best.design.pairs())} pairs"
+    return [f"recommended: {best.text}{left if better is None else ''}"]
 
 
 # ---- cells ---------------------------------------------------------------------------------

@@ -4,6 +4,8 @@ import numpy as np
 
 from ..records import Record, VelocitySteps
 from ..units import format_si
+from .report import Report
+from .tables import TextTable
 
 
 def _folded(unit: str) -> str:
@@ -12,9 +14,21 @@ def _folded(unit: str) -> str:
     return "" if unit in ("1", "-") else unit
 
 
-def describe(record: Record, steps: VelocitySteps) -> list[str]:
+def report(record: Record, steps: VelocitySteps) -> Report:
+    """What is understood of a record: its columns, and a table of the velocity steps."""
+    errors = steps.time_errors if steps.time_errors is not None else np.zeros(len(steps))
+    rows = [
+        (f"{time:.6g}", f"{error:.2g}" if error else "", format_si(V, "m/s", "um/s", 5))
+        for time, error, V in zip(steps.times, errors, steps.velocities, strict=True)
+    ]
+    number = f"velocity steps: {len(steps) - 1 or '0 (none found)'}"
+    table = TextTable("", ("from [s]", "±", "velocity"), rows)
+    return Report([*describe(record), number], [table], warnings=record.provenance.doubts)
+
+
+def describe(record: Record) -> list[str]:
     """Columns with their range, and their unit in the file where that is another, or what was
-    stated in their place; rows dropped, sampling, and the velocity steps."""
+    stated in their place; rows dropped and sampling."""
     origin = record.provenance
     dropped = ", ".join(f"{n} {reason}" for reason, n in origin.dropped.items()) or "none"
     lines = [
@@ -51,10 +65,4 @@ def describe(record: Record, steps: VelocitySteps) -> list[str]:
         lines.append(f"  {role}: {low} to {high}{'' if same else f' ({in_file} in the file)'}")
     lines += [f"note: {note}" for note in origin.notes]
     lines += [f"  {step}" for step in origin.reduction]
-    lines.append(f"velocity steps: {len(steps) - 1}" + ("" if len(steps) > 1 else " (none found)"))
-    for k, (time, velocity) in enumerate(zip(steps.times, steps.velocities, strict=True)):
-        error = ""
-        if steps.time_errors is not None and k:
-            error = f" ± {steps.time_errors[k]:.2g} s"
-        lines.append(f"  from {time:.6g} s{error}: {format_si(velocity, 'm/s', 'um/s', 5)}")
     return lines

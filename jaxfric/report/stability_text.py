@@ -11,7 +11,9 @@ from ..stability.delay_analysis import delay_numbers, delay_summary, intervals_o
 from ..stability.margin_table import MARGINS
 from ..stability.theorem import Theorem
 from .gains_text import late_text
+from .report import Report
 from .stability_json import INTERVALS, intervals, solutions
+from .tables import TextTable
 
 _ROWS = 9
 
@@ -30,13 +32,41 @@ def _units(study: Study) -> _Units:
     return _Units(*map(study.unit, ("N", "N/m", "N s/m", "m/s", "kg")))
 
 
+def report(study: Study, law: str) -> Report:
+    """Whether the gains hold the slider or which would, and the critical stiffness; by velocity;
+    then all of linear theory."""
+    return Report(_headline(study), _table(study), describe(study, law))
+
+
+def _headline(study: Study) -> list[str]:
+    """The gains that were asked about, the conclusion of the theorem, and the damping that needs
+    no stiffness, at the hardest velocity."""
+    u, at = _units(study), study.here
+    several = len(study.points.velocity) > 1
+    where = f"at {_number(at.velocity)} {u.speed}" + (", the hardest velocity" if several else "")
+    told = []
+    if study.k_p is not None and study.margins is not None:
+        word = "STABLE" if bool(study.stable) else "UNSTABLE"
+        modulus = float(study.margins["modulus"]) if "modulus" in study.margins else math.nan
+        margin = f" (modulus margin {modulus:.3g})" if math.isfinite(modulus) else ""
+        gains = f"k_p = {study.k_p:g} {u.stiffness}, k_v = {study.k_v:g} {u.damping}"
+        told.append(f"{gains}: {word} {where}{margin}")
+    spread = _spread(study)
+    known = _delay(study) if study.delayed else _theorem(study)[: -len(spread) or None]
+    sign = "weakening" if float(at.steady_slope) < 0 else "strengthening"
+    told.append(f"velocity {sign} {where}: {known[-1].strip()}")
+    needed = float(at.needed_damping)
+    if needed > 0:
+        told.append(f"damping alone: k_v >= {needed:.4g} {u.damping}, {_without(study)}")
+    return [*told, *spread][:3]
+
+
 def describe(study: Study, law: str) -> list[str]:
     """The results of linear theory, for a reader who knows friction or control."""
     u = _units(study)
     mass = "none (quasi-static limit)" if study.mass is None else f"{study.mass:g} {u.mass}"
     lines = [law, f"mass: {mass}; damping k_v: {study.k_v:g} {u.damping}"]
     if len(study.points.velocity) > 1:
-        lines += ["", *_table(study)]
         why = "" if study.is_spring else " (the least modulus margin)"
         lines += ["", f"hardest velocity{why}: {_number(study.here.velocity)} {u.speed}; there"]
     else:
@@ -239,33 +269,32 @@ def _margin(name: str, value: float) -> str:
     return f"{value:.6g}{about.suffix}{degrees}"
 
 
-def _table(study: Study) -> list[str]:
-    """A table at some of the velocities: the ends, and evenly between."""
+def _table(study: Study) -> list[TextTable]:
+    """At some of several velocities, the ends and evenly between: what holds the slider there."""
     number, u = len(study.points.velocity), _units(study)
+    if number < 2:
+        return []
     rows = np.unique(np.linspace(0, number - 1, min(number, _ROWS)).round().astype(int))
     V, needed = np.asarray(study.points.velocity), np.asarray(study.points.needed_damping)
     speed, damping = f"velocity [{u.speed}]", f"k_v for all k_p [{u.damping}]"
-    wide = max(26, len(damping) + 2)
     if study.delayed:
         low, high = (x[:, 0] for x in _first_interval(study))
-        first = f"first stable k_p [{u.stiffness}]"
-        head = f"{speed:>16}{damping:>{wide}}{first:>34}"
-        body = [
-            f"{V[i]:>16.4g}{needed[i]:>{wide}.5g}{_interval(float(low[i]), float(high[i])):>34}"
+        heads = (speed, damping, f"first stable k_p [{u.stiffness}]")
+        cells = [
+            (f"{V[i]:.4g}", f"{needed[i]:.5g}", _interval(float(low[i]), float(high[i])))
             for i in rows
         ]
-        return [head, *body]
+        return [TextTable("By velocity", heads, cells)]
     k_cr = np.asarray(study.theorems.critical_stiffness)
     w_cr = np.asarray(study.theorems.critical_frequency)
-    columns = (speed, f"k_cr [{u.stiffness}]", "w_cr [rad/s]")
-    head = "".join(f"{name:>16}" for name in columns) + f"{damping:>{wide}}"
-    body = [f"{V[i]:>16.4g}{k_cr[i]:>16.6g}{w_cr[i]:>16.6g}{needed[i]:>{wide}.6g}" for i in rows]
+    heads = (speed, f"k_cr [{u.stiffness}]", "w_cr [rad/s]", damping)
+    cells = [(f"{V[i]:.4g}", f"{k_cr[i]:.6g}", f"{w_cr[i]:.6g}", f"{needed[i]:.6g}") for i in rows]
     notes = []
     if np.any(np.isinf(k_cr)):
         notes.append("k_cr inf: no stiffness suffices, f_v + k_v is not positive there")
     if np.any(k_cr == 0):
         notes.append("k_cr 0: every k_p > 0 is stable there")
-    return [head, *body, *notes]
+    return [TextTable("By velocity", heads, cells, "; ".join(notes))]
 
 
 def _first_interval(study: Study) -> tuple[np.ndarray, np.ndarray]:

@@ -13,9 +13,19 @@ from ..loop.steady.noise import SteadyNoise
 from ..records.steady import SteadyCurve
 from ..records.steady_load import Load
 from .fit_text import noise_lines
+from .report import Report
 from .tables import TextTable
 
 SCHEMA = "jaxfric.steady/1"
+
+
+def report(loop: SteadyLoop, noise: SteadyNoise | None = None) -> Report:
+    """The verdict, what follows for gains, the models, and the noise where it was asked for."""
+    told = (f"{loop.verdict}: {loop.sentence}", f"gains: {sentence(loop)}")
+    models, *rest = tables(loop)
+    notes = [f"  - {note}" for note in loop.curve.provenance.notes]
+    lines = [] if noise is None else noise_text(noise, loop.curve)
+    return Report(told, [*rest, models], notes=[*notes, *lines])
 
 
 def sentence(loop: SteadyLoop) -> str:

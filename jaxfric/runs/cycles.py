@@ -21,12 +21,13 @@ import numpy as np
 from ..fitting.uncertainty import QUANTILE
 from ..records import Record
 from ..silent import silent
+from ..units import measured
 from .events import Event
 from .holds import LAWS
 from .rise_fit import RiseFit, fit_rises
 from .stick_slip import Rises, find_rises
 from .stiffness import MachineStiffness, departure
-from .table import Cell, measured, short
+from .table import Cell, short
 from .weighted import WeightedLine, weighted_line
 
 _STRONG = 12.0

@@ -25,11 +25,12 @@ from ..fitting.problem import clock_of
 from ..records import Record, VelocitySteps
 from ..records.differences import noise_from_differences
 from ..silent import silent
+from ..units import measured
 from .events import Event
 from .fits import HowFitted
 from .left_out import SAME, LeftOut, joints_of, left_out, why_left_out
 from .stress import is_constant
-from .table import Cell, measured
+from .table import Cell
 from .weighted import WeightedLine, weighted_line
 
 LAWS = ("slip", "ageing")

@@ -29,9 +29,10 @@ import numpy as np
 
 from ..fitting import Fit
 from ..fitting.drift import chance
+from ..units import measured
 from .events import mean_velocity
 from .fits import StepFit
-from .table import difference, measured, misses
+from .table import difference, misses
 from .weighted import weighted_line
 
 _FEWEST = 4

@@ -25,10 +25,11 @@ import numpy as np
 
 from ..errors import InputError
 from ..records import Record
+from ..units import measured
 from .events import Event
 from .stiffness import MachineStiffness, departure
 from .stress import is_constant
-from .table import Cell, measured
+from .table import Cell
 
 RAMPS = "ramps"
 """The word for a stiffness that is to be taken from ramps."""

@@ -19,13 +19,14 @@ from ..fitting.uncertainty import QUANTILE
 from ..laws.registry import evolution_of
 from ..records import Record
 from ..silent import silent
+from ..units import measured
 from .events import Event, end_of
 from .fits import HowFitted, StepFit
 from .stress import StressChange, find_stress_changes, is_constant
 from .stress_fit import StressFit, fit_stress, prior_of, stiffness_of
 from .stress_problem import StressRows
 from .stress_ramp import find_ramp
-from .table import Cell, measured
+from .table import Cell
 
 _FEWEST = 10
 """Least number of rows before, and after."""

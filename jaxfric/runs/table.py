@@ -4,12 +4,11 @@ import csv
 import io
 from collections.abc import Mapping, Sequence
 
-import numpy as np
-
 from ..fitting import Estimate, Fit
 from ..fitting.drift import is_contradicted
 from ..fitting.misfit import COLUMN, excess
 from ..fitting.result import difference as difference
+from ..units import measured
 from .fits import RunFit, StepFit
 from .warned import MISSED, missed_warning
 
@@ -25,8 +24,6 @@ _STAR = (
 )
 MISFIT = f"{COLUMN}; *: the fit {_STAR}, so A, B and L need not be those of the step"
 """What the column of that name is, for a note."""
-_LARGE = 3
-"""An error of 10 to this power or more, and its value, are written with an exponent."""
 
 Cell = float | int | str | bool | None
 
@@ -235,19 +232,6 @@ def _estimate(estimate: Estimate) -> str:
     if not estimate.determined:
         return "-"
     return f"${measured(scale * estimate.value, scale * estimate.std)}$"
-
-
-def measured(value: float, error: float) -> str:
-    """A value with its standard error in brackets, as `BRACKETS` says: 0.00592(29), 3.34(36)e8."""
-    if not np.isfinite(error) or error <= 0:
-        return f"{value:.4g}"
-    power = int(f"{error:.1e}".partition("e")[2])  # of the error as it is rounded
-    if power < _LARGE:
-        places = int(np.clip(1 - power, 0, 12))
-        return f"{value:.{places}f}({round(error * 10**places)})"
-    whole = int(np.floor(np.log10(max(abs(value), error))))
-    places = whole + 1 - power
-    return f"{value / 10**whole:.{places}f}({round(error / 10 ** (power - 1))})e{whole}"
 
 
 HEAD = (

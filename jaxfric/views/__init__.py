@@ -8,7 +8,8 @@ import importlib
 from typing import TYPE_CHECKING
 
 from ..errors import InputError
-from .view import View, Words, html_of, in_notebook, pandas_of, text_of, xarray_of
+from ..report.report import Report, html_of, text_of
+from .view import View, Words, in_notebook, pandas_of, xarray_of
 
 if TYPE_CHECKING:
     from arviz import InferenceData
@@ -59,16 +60,21 @@ def json(result: object) -> dict:
     return content(result)
 
 
+def report(result: object) -> Report:
+    """The report of a result."""
+    return view_of(result).report(result)
+
+
 def summary(result: object) -> str:
     """A result as text."""
     view = view_of(result)
-    return text_of(view.line(result), view.page(result))
+    return text_of(view.line(result), view.report(result))
 
 
 def html(result: object) -> str:
     """A result as HTML for a notebook."""
     view = view_of(result)
-    return html_of(view.line(result), view.page(result))
+    return html_of(view.line(result), view.report(result))
 
 
 def figure(result: object) -> "Figure":

@@ -1,8 +1,9 @@
 """A fit of an axis in a line, a page and a table."""
 
 from ..fitting.axis_fit import AxisFit
+from ..report.report import Report
 from ..report.tables import TextTable
-from .view import Frame, Page, View, number
+from .view import Frame, View, number
 
 
 def line(fit: AxisFit) -> str:
@@ -13,13 +14,13 @@ def line(fit: AxisFit) -> str:
     return f"AxisFit({fit.method}: {error}, {values}; {end})"
 
 
-def page(fit: AxisFit) -> Page:
+def report(fit: AxisFit) -> Report:
     """The parameters with their errors, SI."""
     rows = [(name, *_texts(fit, name)) for name in fit.values]
     failed = () if fit.converged else ("the fit did not converge: its numbers mean nothing",)
     note = f"SI; rms of the residual {number(fit.rms)}"
     table = TextTable(fit.method, ("parameter", "value", "std if white"), rows, note)
-    return Page(tables=[table], warnings=failed)
+    return Report(tables=[table], warnings=failed)
 
 
 def _texts(fit: AxisFit, name: str) -> tuple[str, str]:
@@ -38,4 +39,4 @@ def frame(fit: AxisFit) -> Frame:
     return Frame(rows, "name", attrs)
 
 
-VIEW = View(line, page, frame=frame)
+VIEW = View(line, report, frame=frame)

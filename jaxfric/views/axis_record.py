@@ -5,8 +5,9 @@ from ..records import AxisRecord
 from ..records.axis_units import si_units
 from ..records.strokes import find_strokes
 from ..report.axis_record_text import describe_axis
+from ..report.report import Report
 from .record import over_time, rows_of
-from .view import Arrays, Frame, Page, View
+from .view import Arrays, Frame, View
 
 
 def line(record: AxisRecord) -> str:
@@ -17,9 +18,9 @@ def line(record: AxisRecord) -> str:
     )
 
 
-def page(record: AxisRecord) -> Page:
+def report(record: AxisRecord) -> Report:
     """Columns, sampling and strokes, as `jaxfric record` prints them."""
-    return Page(describe_axis(record, find_strokes(record)), warnings=record.provenance.doubts)
+    return Report(describe_axis(record, find_strokes(record)), warnings=record.provenance.doubts)
 
 
 def frame(record: AxisRecord) -> Frame:
@@ -44,4 +45,4 @@ def figure(record: AxisRecord):
     return axis_record_figure(record, find_strokes(record))
 
 
-VIEW = View(line, page, figure, frame, arrays)
+VIEW = View(line, report, figure, frame, arrays)

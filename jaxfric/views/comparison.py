@@ -4,7 +4,8 @@ from ..loop.compare import LawComparison
 from ..plot.label import printable
 from ..report.comparison import next_step, sentence, table, tabled, to_json, warnings
 from ..report.fits_table import csv_rows
-from .view import Frame, Page, View, Words
+from ..report.report import Report
+from .view import Frame, View, Words
 
 
 def line(found: LawComparison) -> str:
@@ -15,11 +16,11 @@ def line(found: LawComparison) -> str:
     return f"LawComparison({name}: {told}; {len(found.scores)} models)"
 
 
-def page(found: LawComparison) -> Page:
+def report(found: LawComparison) -> Report:
     """The sentence and the table, as `jaxfric compare` prints them."""
     told = words(found)
     notes = [told.next_step] if told.next_step else []
-    return Page((told.sentence,), [table(found)], notes, told.warnings)
+    return Report((told.sentence,), [table(found)], notes=notes, warnings=told.warnings)
 
 
 def frame(found: LawComparison) -> Frame:
@@ -40,4 +41,4 @@ def words(found: LawComparison) -> Words:
     return Words(sentence(found), next_step(found), warnings(found))
 
 
-VIEW = View(line, page, figure, frame, words=words, json=to_json)
+VIEW = View(line, report, figure, frame, words=words, json=to_json)

@@ -1,8 +1,8 @@
 """A feedforward in a line, a page, a figure and a table."""
 
 from ..compensation.result import Feedforward
-from ..report.feedforward_text import lines, tables
-from .view import Frame, Page, View, number
+from ..report.feedforward_text import report
+from .view import Frame, View, number
 
 
 def line(found: Feedforward) -> str:
@@ -14,11 +14,6 @@ def line(found: Feedforward) -> str:
         f" {number(here.backwards.force)} {about.force_unit} at {number(here.speed)} {unit}, fades"
         f" below {number(found.fade.speed)} {unit})"
     )
-
-
-def page(found: Feedforward) -> Page:
-    """The sentence, the formula, the tables and the cautions, as `jaxfric feedforward` prints."""
-    return Page((found.sentence, found.formula), tables(found), lines(found), found.warnings)
 
 
 def frame(found: Feedforward) -> Frame:
@@ -38,4 +33,4 @@ def figure(found: Feedforward):
     return feedforward_figure(found)
 
 
-VIEW = View(line, page, figure, frame)
+VIEW = View(line, report, figure, frame)

@@ -4,9 +4,10 @@ import dataclasses
 
 from ..fitting.result import Estimate, Fit
 from ..plot.label import printable
-from ..report.fit_text import DIFFERENCE, Row, rows, summary
+from ..report.fit_text import DIFFERENCE, Row, headline, rows, summary
+from ..report.report import Report
 from ..report.tables import TextTable
-from .view import Arrays, Frame, Page, Variable, View
+from .view import Arrays, Frame, Variable, View
 
 
 def line(fit: Fit) -> str:
@@ -25,13 +26,12 @@ def _with_error(row: Row) -> str:
     )
 
 
-def page(fit: Fit) -> Page:
+def report(fit: Fit) -> Report:
     """The table of parameters and the sentences below it, as `jaxfric fit` prints them."""
     head = ("", "", "value", "std", "95 % interval", "unit")
     states = "" if fit.model.states == 1 else f", {fit.model.states} states"
     table = TextTable(f"{fit.law} law{states}", head, [tuple(row) for row in rows(fit)])
-    failed = () if fit.converged else ("the fit did not converge: its numbers mean nothing",)
-    return Page((), [table], summary(fit), (*failed, *fit.warnings))
+    return Report(headline(fit), [table], notes=summary(fit), warnings=fit.warnings)
 
 
 def estimated(name: str, estimate: Estimate) -> dict[str, object]:
@@ -82,4 +82,4 @@ def figure(fit: Fit):
     return fit_figure(fit)
 
 
-VIEW = View(line, page, figure, frame, arrays)
+VIEW = View(line, report, figure, frame, arrays)

@@ -1,8 +1,8 @@
 """Gains in a line, a page, a figure and a table."""
 
 from ..gains.result import Gains
-from ..report.gains_text import describe
-from .view import Frame, Page, View, number
+from ..report.gains_text import report
+from .view import Frame, View, number
 
 
 def line(gains: Gains) -> str:
@@ -22,11 +22,6 @@ def line(gains: Gains) -> str:
         f"Gains({kp}, k_v = {number(gains.kv)} {gains.unit('N s/m')}: {held}; {required} in"
         f" {len(gains.scenarios)} scenarios)"
     )
-
-
-def page(gains: Gains) -> Page:
-    """What was asked, what was found, and why it is believed, as `jaxfric gains` prints it."""
-    return Page(describe(gains), warnings=gains.warnings)
 
 
 def frame(gains: Gains) -> Frame:
@@ -52,4 +47,4 @@ def figure(gains: Gains):
     return gains_figure(gains)
 
 
-VIEW = View(line, page, figure, frame)
+VIEW = View(line, report, figure, frame)

@@ -6,9 +6,10 @@ from ..loop.result import Loop, Score
 from ..loop.split import NAMES
 from ..plot.label import printable
 from ..report.fit_text import DIFFERENCE
-from ..report.loop_text import apart, headline, lines, moved, splitting, tables
+from ..report.loop_report import report
+from ..report.loop_text import headline
 from .fit import estimated
-from .view import Arrays, Frame, Page, Variable, View
+from .view import Arrays, Frame, Variable, View
 
 
 def line(loop: Loop) -> str:
@@ -18,14 +19,6 @@ def line(loop: Loop) -> str:
     found = headline(loop)
     told = f"test error {' -> '.join(dict.fromkeys(errors))} of the noise"
     return f"Loop({name}: {loop.verdict}. {found}; {told})"
-
-
-def page(loop: Loop) -> Page:
-    """The verdict, its reasons, and all tables, as `jaxfric loop` prints them."""
-    parameters, others = moved(loop), tables(loop)
-    rest = [table for table in others if table.title != parameters.title]
-    told = [*lines(loop), splitting(loop)]
-    return Page(told, [parameters, *rest], apart(loop), loop.warnings)
 
 
 def _attributes(loop: Loop) -> dict[str, object]:
@@ -76,4 +69,4 @@ def figure(loop: Loop):
     return residual_figure(loop)
 
 
-VIEW = View(line, page, figure, frame, arrays)
+VIEW = View(line, report, figure, frame, arrays)

@@ -3,8 +3,9 @@
 from ..plot.label import printable
 from ..posterior.result import DIFFERENCE, Posterior
 from ..report.posterior_text import posterior_lines, posterior_rows
+from ..report.report import Report
 from ..report.tables import TextTable
-from .view import Frame, Page, View
+from .view import Frame, View
 
 
 def line(posterior: Posterior) -> str:
@@ -20,7 +21,7 @@ def line(posterior: Posterior) -> str:
     return f"Posterior({name}, {posterior.fit.law} law, by {by}: {told}; {end})"
 
 
-def page(posterior: Posterior) -> Page:
+def report(posterior: Posterior) -> Report:
     """The fit of its weighting beside the maximum, its normal law and the draws."""
     rows = posterior_rows(posterior)
     head = ("", "prior", posterior.fit_name, "maximum", "mean", "std", "95 % interval", "unit")
@@ -29,7 +30,7 @@ def page(posterior: Posterior) -> Page:
     if posterior.draws is not None:
         head = ("", "mean", "std", "95 % interval", "R-hat", "ESS bulk", "tail", "unit")
         tables.append(TextTable("draws", head, [(r.name, *r.draws, r.unit) for r in rows]))
-    return Page((), tables, posterior_lines(posterior), posterior.warnings)
+    return Report((), tables, notes=posterior_lines(posterior), warnings=posterior.warnings)
 
 
 def frame(posterior: Posterior) -> Frame:
@@ -59,4 +60,4 @@ def figure(posterior: Posterior):
     return posterior_figure(posterior)
 
 
-VIEW = View(line, page, figure, frame)
+VIEW = View(line, report, figure, frame)

@@ -5,7 +5,8 @@ import dataclasses
 from ..plot.label import printable
 from ..prediction.result import Prediction
 from ..report.prediction_text import tables
-from .view import Arrays, Frame, Page, Variable, View
+from ..report.report import Report
+from .view import Arrays, Frame, Variable, View
 
 _VERDICTS = {
     "noise": "as good as the noise allows",
@@ -23,9 +24,11 @@ def line(found: Prediction) -> str:
     )
 
 
-def page(found: Prediction) -> Page:
+def report(found: Prediction) -> Report:
     """The sentence, the notes and the tables, as `jaxfric predict` prints them."""
-    return Page((found.sentence, *found.notes), tables(found), warnings=found.warnings)
+    notes = [f"  - {note}" for note in found.notes]
+    told = (found.sentence, *notes[:2])
+    return Report(told, tables(found), notes[2:], warnings=found.warnings)
 
 
 def _attributes(found: Prediction) -> dict[str, object]:
@@ -63,4 +66,4 @@ def figure(found: Prediction):
     return prediction_figure(found)
 
 
-VIEW = View(line, page, figure, frame, arrays)
+VIEW = View(line, report, figure, frame, arrays)

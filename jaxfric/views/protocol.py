@@ -1,8 +1,8 @@
 """A planned protocol in a line, a page, a figure and a table."""
 
 from ..protocol.design import Protocol
-from ..report.protocol_text import advice, apart, changes, effects, headline
-from .view import Frame, Page, View
+from ..report.protocol_text import report
+from .view import Frame, View
 
 
 def line(plan: Protocol) -> str:
@@ -12,13 +12,6 @@ def line(plan: Protocol) -> str:
         f"Protocol({len(plan.velocities)} velocities over {plan.duration:.6g} s, {plan.law} law:"
         f" {pairs} pairs of effects not told apart)"
     )
-
-
-def page(plan: Protocol) -> Page:
-    """The plan, what it cannot tell apart, and what would separate more, as the command prints."""
-    lines = [*headline(plan), "", "What this plan cannot tell apart", *apart(plan)]
-    notes = [advice(plan)] if plan.changes else []
-    return Page(lines, (effects(plan), changes(plan)), notes, plan.warnings)
 
 
 def frame(plan: Protocol) -> Frame:
@@ -43,4 +36,4 @@ def figure(plan: Protocol):
     return aliasing_figure(plan.design.ids, plan.design.cosines, what="this plan")
 
 
-VIEW = View(line, page, figure, frame)
+VIEW = View(line, report, figure, frame)

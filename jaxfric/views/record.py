@@ -5,19 +5,14 @@ from collections.abc import Mapping
 from ..plot.label import printable
 from ..records import AxisRecord, Record, record_steps
 from ..records.record import ROLES
-from ..report.record_text import describe
-from .view import Arrays, Frame, Page, Variable, View
+from ..report.record_text import report
+from .view import Arrays, Frame, Variable, View
 
 
 def line(record: Record) -> str:
     """Rows, duration and columns."""
     name, columns = printable(record.provenance.path), ", ".join(record.columns)
     return f"Record({name}: {len(record)} rows over {record.relative_time[-1]:.6g} s; {columns})"
-
-
-def page(record: Record) -> Page:
-    """Columns, sampling and velocity steps, as `jaxfric record` prints them."""
-    return Page(describe(record, record_steps(record)), warnings=record.provenance.doubts)
 
 
 def frame(record: Record) -> Frame:
@@ -54,4 +49,4 @@ def figure(record: Record):
     return record_figure(record, record_steps(record))
 
 
-VIEW = View(line, page, figure, frame, arrays)
+VIEW = View(line, lambda record: report(record, record_steps(record)), figure, frame, arrays)

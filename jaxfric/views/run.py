@@ -1,13 +1,10 @@
 """The fits of a whole run in a line, a page, a figure and a table."""
 
-from collections import Counter
-
 from ..plot.label import printable
-from ..report.tables import TextTable
+from ..report.run_report import report
 from ..runs.fits import RunFit
-from ..runs.joint import told
-from ..runs.table import BRACKETS, HEAD, MISFIT, headline, rows, text_cells
-from .view import Frame, Page, View
+from ..runs.table import headline, rows
+from .view import Frame, View
 
 
 def line(run: RunFit) -> str:
@@ -19,21 +16,6 @@ def line(run: RunFit) -> str:
     if rates:
         text += f"; A-B from {min(rates):.3g} to {max(rates):.3g}"
     return f"{text})"
-
-
-def page(run: RunFit) -> Page:
-    """The events by kind, the table of the steps, and what they share, as `jaxfric run` has it."""
-    kinds = Counter(event.kind for event in run.events)
-    events = f"{len(run.record)} rows: " + ", ".join(f"{n} {k}" for k, n in kinds.most_common())
-    cells = [(*c, *[""] * (len(HEAD) - len(c))) for c in map(text_cells, run.steps)]
-    note = f"{BRACKETS}; -: not determined; {MISFIT}"
-    warnings = [
-        f"step {step.number}: {text}"
-        for step in run.steps
-        for text in (step.fit.warnings if step.fit is not None else (step.failed,))
-    ]
-    table = TextTable("Velocity steps", HEAD, cells, note)
-    return Page([events], [table], told(run.steps), warnings)
 
 
 def frame(run: RunFit) -> Frame:
@@ -48,4 +30,4 @@ def figure(run: RunFit):
     return rates_figure(run)
 
 
-VIEW = View(line, page, figure, frame)
+VIEW = View(line, report, figure, frame)

@@ -4,8 +4,9 @@ import dataclasses
 
 from ..coordinate import unit_of
 from ..gains.schedule import Schedule
+from ..report.report import Report
 from ..report.tables import TextTable
-from .view import Frame, Page, View, number
+from .view import Frame, View, number
 
 
 def line(schedule: Schedule) -> str:
@@ -22,7 +23,7 @@ def line(schedule: Schedule) -> str:
     )
 
 
-def page(schedule: Schedule) -> Page:
+def report(schedule: Schedule) -> Report:
     """A table of the set points: gains, and the jumps of velocity that they survive."""
     units = [unit_of(unit, schedule.coordinate) for unit in ("m/s", "N/m", "N s/m")]
     pairs = zip(("velocity", "k_p", "k_v"), units, strict=True)
@@ -30,7 +31,7 @@ def page(schedule: Schedule) -> Page:
     rows = [tuple(number(x) for x in dataclasses.astuple(point)) for point in schedule.points]
     note = "jump: factor by which velocity may change at once for the slider to settle here"
     table = TextTable("Set points", head, rows, note)
-    return Page(tables=[table], warnings=schedule.warnings)
+    return Report(tables=[table], warnings=schedule.warnings)
 
 
 def frame(schedule: Schedule) -> Frame:
@@ -39,4 +40,4 @@ def frame(schedule: Schedule) -> Frame:
     return Frame([dataclasses.asdict(point) for point in schedule.points], "velocity", attrs)
 
 
-VIEW = View(line, page, frame=frame)
+VIEW = View(line, report, frame=frame)

@@ -2,8 +2,8 @@
 
 from ..loop.steady.loop import SteadyLoop
 from ..plot.label import printable
-from ..report.steady_text import sentence, tables
-from .view import Frame, Page, View
+from ..report.steady_text import report
+from .view import Frame, View
 
 
 def line(loop: SteadyLoop) -> str:
@@ -11,11 +11,6 @@ def line(loop: SteadyLoop) -> str:
     name, found = printable(loop.curve.provenance.path), " + ".join(loop.final.effects)
     told = f"{loop.verdict}{f': {found}' if found else ''}"
     return f"SteadyLoop({name}: {len(loop.curve.names)} runs; {told})"
-
-
-def page(loop: SteadyLoop) -> Page:
-    """The verdict, what follows for gains, and the tables, as `jaxfric steady` prints them."""
-    return Page((f"{loop.verdict}: {loop.sentence}", sentence(loop)), tables(loop))
 
 
 def frame(loop: SteadyLoop) -> Frame:
@@ -34,4 +29,4 @@ def figure(loop: SteadyLoop):
     return steady_figure(loop)
 
 
-VIEW = View(line, page, figure, frame)
+VIEW = View(line, report, figure, frame)

@@ -4,8 +4,9 @@ import numpy as np
 
 from ..errors import InputError
 from ..quantity import is_known
+from ..report.report import Report
 from ..simulation.trajectory import RESULTS, Trajectory, result_words
-from .view import Arrays, Frame, Page, Variable, View
+from .view import Arrays, Frame, Variable, View
 
 _UNITS = {"force": "F", "recorded": "F", "velocity": "m/s", "slip": "m"}
 _TEXTS = {
@@ -34,10 +35,10 @@ def line(found: Trajectory) -> str:
     return f"Trajectory({batch}{times} times{until}; {', '.join(shown)})"
 
 
-def page(found: Trajectory) -> Page:
+def report(found: Trajectory) -> Report:
     """What it reached, with the words of its result where it ended early."""
     if not is_known(found.end):
-        return Page()
+        return Report()
     lines = [
         f"{_TEXTS[name]} [{_UNITS[name]}]: {np.min(values):.6g} to {np.max(values):.6g}"
         for name in _UNITS
@@ -46,7 +47,7 @@ def page(found: Trajectory) -> Page:
     steps = np.asarray(found.num_steps)
     lines.append(f"steps of the solver: {np.max(steps)}{' at most' if steps.ndim else ''}")
     early = [] if _batch(found) or found.result == RESULTS.successful else [RESULTS[found.result]]
-    return Page(lines, warnings=[" ".join(text.split()) for text in early])
+    return Report(lines, warnings=[" ".join(text.split()) for text in early])
 
 
 def arrays(found: Trajectory) -> Arrays:
@@ -94,4 +95,4 @@ def figure(found: Trajectory):
     return trajectory_figure(found)
 
 
-VIEW = View(line, page, figure, frame, arrays)
+VIEW = View(line, report, figure, frame, arrays)

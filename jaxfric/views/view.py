@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 import numpy as np
 
 from ..errors import InputError
-from ..report.page import bullets, escaped, folded, html_table
-from ..report.tables import TextTable, print_tables
+from ..report.report import Report
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -17,24 +16,6 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
 R = TypeVar("R")
-_WIDTH, _OPEN = 120, 2
-_STYLE = (
-    ".jaxfric caption{text-align:left;font-weight:600;caption-side:top}"
-    ".jaxfric th,.jaxfric td{text-align:left;padding:.15em .7em .15em 0}"
-    ".jaxfric .n{text-align:right}.jaxfric .lines{white-space:pre-wrap;margin:.4em 0}"
-    ".jaxfric .m td{font-weight:600}.jaxfric .note{opacity:.7;font-size:.9em}"
-    ".jaxfric .scroll{overflow-x:auto}.jaxfric .warn{border-left:3px solid #c8501e}"
-)
-
-
-class Page(NamedTuple):
-    """A result in words: sentences, tables (the first ones are read first), what is said below
-    them, and warnings."""
-
-    lines: Sequence[str] = ()
-    tables: Sequence[TextTable] = ()
-    notes: Sequence[str] = ()
-    warnings: Sequence[str] = ()
 
 
 class Words(NamedTuple):
@@ -76,41 +57,12 @@ class View(NamedTuple, Generic[R]):
 
     line: Callable[[R], str]
     """One line, short, that begins with the class: what `repr` gives."""
-    page: Callable[[R], Page]
+    report: Callable[[R], Report]
     figure: "Callable[[R], Figure] | None" = None
     frame: Callable[[R], Frame] | None = None
     arrays: Callable[[R], Arrays] | None = None
     words: Callable[[R], Words] | None = None
     json: Callable[[R], dict] | None = None
-
-
-def text_of(title: str, page: Page) -> str:
-    """A page as text, as the command prints it."""
-    from rich.console import Console
-
-    out = io.StringIO()
-    console = Console(file=out, width=_WIDTH, highlight=False, color_system=None)
-    for line in (title, *page.lines):
-        console.print(line, markup=False, soft_wrap=True)
-    print_tables(console, page.tables)
-    for line in (*page.notes, *(f"warning: {warning}" for warning in page.warnings)):
-        console.print(line, markup=False, soft_wrap=True)
-    return "\n".join(line.rstrip() for line in out.getvalue().splitlines())
-
-
-def html_of(title: str, page: Page) -> str:
-    """A page as HTML for a notebook; tables after the first ones are folded."""
-    tables = [html_table(table) for table in page.tables if table.rows]
-    more = [folded(t.title, html_table(t)) for t in [t for t in page.tables if t.rows][_OPEN:]]
-    parts = [f"<p><b>{escaped(title)}</b></p>", _lines(page.lines), *tables[:_OPEN]]
-    parts += [_lines(page.notes), *more]
-    parts.append(bullets([f"warning: {w}" for w in page.warnings], "warn"))
-    return f'<div class="jaxfric"><style>{_STYLE}</style>{"".join(parts)}</div>'
-
-
-def _lines(lines: Sequence[str]) -> str:
-    """Lines below each other, as indented as they are."""
-    return f'<div class="lines">{escaped(chr(10).join(lines))}</div>' if lines else ""
 
 
 def pandas_of(frame: Frame) -> "DataFrame":

@@ -1,0 +1,64 @@
+"""The friction of a result in a line: a - b, a, b and D_c with their errors."""
+
+from collections.abc import Mapping
+
+from ..fitting import Estimate
+from ..units import factor, measured, read_as
+
+UNKNOWN = "not known"
+_SHORT = {"A": "a", "B": "b", "L": "D_c"}
+
+
+def friction_line(rate: Estimate, parameters: Mapping[str, Estimate], length: str) -> str:
+    """ "a - b = −0.01101(1), a = ..., b = ..., D_c = ... µm: velocity weakening.", of one state.
+
+    `rate` is A less all B; lengths are in the unit `length`.
+    """
+    shown = {"a - b": rate} | {
+        short: parameters[name] for name, short in _SHORT.items() if name in parameters
+    }
+    told = [
+        f"{name} is not known" if text == UNKNOWN else f"{name} = {text}"
+        for name, estimate in shown.items()
+        for text in [with_error(estimate, length)]
+    ]
+    return f"{', '.join(told)}: {_sign(rate)}."
+
+
+def with_error(estimate: Estimate, length: str) -> str:
+    """An estimate with its standard error in brackets, and its unit; `UNKNOWN` where it is not."""
+    if not (estimate.free and estimate.determined):
+        return UNKNOWN
+    unit, size = shown_unit(estimate, length)
+    text = measured(estimate.value / size, estimate.std / size, short=True).replace("-", "−")
+    return f"{text} {unit}".rstrip()
+
+
+def _sign(rate: Estimate) -> str:
+    """What the sign of A - B means, where its 95 % interval has one sign."""
+    if rate.upper < 0:
+        return "velocity weakening"
+    if rate.lower > 0:
+        return "velocity strengthening"
+    return "whether velocity weakens friction is not known"
+
+
+def shown_unit(estimate: Estimate, length: str) -> tuple[str, float]:
+    """The unit in which a parameter is shown, and its size in SI.
+
+    Lengths and velocities are in the record's `length`, angles in rad, short times in
+    milliseconds.
+    """
+    unit = estimate.unit.replace("*", " ").strip().removeprefix("1 ")
+    size = 1.0 if length == "rad" else factor(length, "m", "length")
+    if unit in ("m", "m/s"):
+        shown = length if unit == "m" else f"{length}/s"
+    elif unit.endswith("/m"):
+        small = 0 < abs(estimate.value) * size < 1e-4
+        length, size = ("mm", 1e-3) if small else (length, size)
+        shown, size = f"{unit.removesuffix('/m')}/{length}", 1 / size
+    elif unit == "s" and abs(estimate.value) < 0.1:
+        shown, size = "ms", 1e-3
+    else:
+        shown, size = "" if unit == "1" else unit, 1.0
+    return read_as(shown), size

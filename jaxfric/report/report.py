@@ -1,0 +1,121 @@
+"""One report a result: what a terminal, a notebook and a page show of it.
+
+`jaxfric.views` makes the report of a result; the command prints it in brief, or with all details.
+"""
+
+import io
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+from .page import bullets, escaped, folded, html_table
+from .tables import TextTable, print_tables
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+SCREEN = 20
+"""Lines that a terminal shows, unless details are asked for."""
+_FRAME = 4
+"""Lines of a table besides its rows: an empty one, the title, the heads, how many rows follow."""
+_WIDTH, _OPEN = 120, 2
+_STYLE = (
+    ".jaxfric caption{text-align:left;font-weight:600;caption-side:top}"
+    ".jaxfric th,.jaxfric td{text-align:left;padding:.15em .7em .15em 0}"
+    ".jaxfric .n{text-align:right}.jaxfric .lines{white-space:pre-wrap;margin:.4em 0}"
+    ".jaxfric .m td{font-weight:600}.jaxfric .note{opacity:.7;font-size:.9em}"
+    ".jaxfric .scroll{overflow-x:auto}.jaxfric .warn{border-left:3px solid #c8501e}"
+)
+
+
+class Report(NamedTuple):
+    """A result in words and tables, the most important first."""
+
+    headline: Sequence[str] = ()
+    """At most three lines: the result with its error, what it means, what speaks against it."""
+    tables: Sequence[TextTable] = ()
+    """The first stands below the headline, the others among the details."""
+    lines: Sequence[str] = ()
+    """Sentences of the details above the tables."""
+    notes: Sequence[str] = ()
+    """Sentences of the details below the tables."""
+    warnings: Sequence[str] = ()
+    short: TextTable | None = None
+    """The table below the headline where it is not the first of all."""
+
+
+def print_brief(report: Report, console: "Console", *, room: int = SCREEN) -> None:
+    """The headline, and as many rows of its table as `room` lines have place for; notes where there
+    is no table."""
+    _print_lines(console, report.headline)
+    room -= len(report.headline)
+    table = report.short or next((table for table in report.tables if table.rows), None)
+    if table is not None and table.rows:
+        print_tables(console, [cut(table, room - _FRAME)])
+    elif not report.lines:
+        _print_lines(console, report.notes[:room])
+
+
+def print_details(report: Report, console: "Console") -> None:
+    """All of a report but its warnings."""
+    _print_lines(console, report.headline)
+    if report.headline and report.lines:
+        console.print()
+    _print_lines(console, report.lines)
+    print_tables(console, [table for table in report.tables if table.rows])
+    if report.notes:
+        console.print()
+    _print_lines(console, report.notes)
+
+
+def cut(table: TextTable, most: int) -> TextTable:
+    """The table with at most so many rows, 3 at least: those that are marked, then the first.
+
+    Meanings are left out, as they take lines, and so is a note that is longer than a line.
+    """
+    most = max(most, 3)
+    shown = range(len(table.rows))
+    if len(table.rows) > most:
+        shown = sorted(sorted(shown, key=lambda k: (k not in table.marked, k))[:most])
+    columns = [k for k, head in enumerate(table.head) if head != "meaning"]
+    left = len(table.rows) - len(shown)
+    note = table.note if len(table.note) < _WIDTH else ""
+    return TextTable(
+        table.title,
+        tuple(table.head[k] for k in columns),
+        [tuple(table.rows[row][k] for k in columns) for row in shown],
+        f"{left} more with --details" if left else note,
+        tuple(k for k, row in enumerate(shown) if row in table.marked),
+    )
+
+
+def text_of(title: str, report: Report) -> str:
+    """A report as text, warnings below."""
+    from rich.console import Console
+
+    out = io.StringIO()
+    console = Console(file=out, width=_WIDTH, highlight=False, color_system=None)
+    _print_lines(console, [title])
+    print_details(report, console)
+    _print_lines(console, [f"warning: {warning}" for warning in report.warnings])
+    return "\n".join(line.rstrip() for line in out.getvalue().splitlines())
+
+
+def html_of(title: str, report: Report) -> str:
+    """A report as HTML for a notebook; tables after the first ones are folded."""
+    tables = [table for table in report.tables if table.rows]
+    parts = [f"<p><b>{escaped(title)}</b></p>", _lines(report.headline), _lines(report.lines)]
+    parts += [html_table(table) for table in tables[:_OPEN]]
+    parts.append(_lines(report.notes))
+    parts += [folded(table.title, html_table(table)) for table in tables[_OPEN:]]
+    parts.append(bullets([f"warning: {w}" for w in report.warnings], "warn"))
+    return f'<div class="jaxfric"><style>{_STYLE}</style>{"".join(parts)}</div>'
+
+
+def _print_lines(console: "Console", lines: Sequence[str]) -> None:
+    for line in lines:
+        console.print(line, markup=False, soft_wrap=True)
+
+
+def _lines(lines: Sequence[str]) -> str:
+    """Lines below each other, as indented as they are."""
+    return f'<div class="lines">{escaped(chr(10).join(lines))}</div>' if lines else ""
