@@ -177,7 +177,7 @@ def slider_model(path: str = "fit.json", **changes: object) -> Path:
 
 def test_a_slider_through_the_command(monkeypatch: pytest.MonkeyPatch) -> None:
     written(Path("run.csv"), record_text())
-    code, out, err = run("predict", slider_model(), "run.csv", *STEPS)
+    code, out, err = run("predict", slider_model(), "run.csv", *STEPS, "--details")
     assert code == 0 and "warning" not in err
     assert "stiffness is the model's, " in out and "(--stiffness, in" in out
     assert "of this record f0 was fitted" in out and "Have the parameters changed?" in out
