@@ -122,8 +122,8 @@ def test_the_figure_says_which_law_and_what_did_not_converge(of_slip) -> None:
     stuck = dataclasses.replace(ageing, fit=dataclasses.replace(ageing.fit, converged=False))
     scores = (first, stuck, *others)
     figure = comparison_figure(dataclasses.replace(of_slip, scores=scores))
-    assert "the record supports the slip law\n" in figure.get_suptitle()
-    assert "dashed: velocity steps; σ = 0.000" in figure.get_suptitle()
+    assert figure.get_suptitle().endswith("the record supports the slip law")
+    assert "σ = 0.000" in figure.axes[1].get_title(loc="left")
     words = [text.get_text() for axis in figure.axes[1:] for text in axis.texts]
     ended = ["did not converge" not in text for text in words]
     assert ended == [score.fit.converged for score in scores] and ended[:2] == [True, False]

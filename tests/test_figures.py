@@ -12,16 +12,15 @@ from jaxfric.gains.scenarios import Scenarios
 from jaxfric.laws.source import stack
 from jaxfric.loop.result import LocationProfile
 from jaxfric.loop.steady.loop import close_steady_loop
-from jaxfric.plot import gain_map, steady
+from jaxfric.plot import gain_map, steady, style
 from jaxfric.plot import run as plot_run
+from jaxfric.plot.aliasing import _cell
 from jaxfric.plot.location import _share_and_p
-from jaxfric.plot.loop import _cell
 from jaxfric.plot.marginals import draw_marginals
 from jaxfric.plot.side import by_factors
-from jaxfric.plot.stability import new_figure
 from jaxfric.plot.study import _map, _shares, _without_noise, draw_study
+from jaxfric.plot.style import new_figure, write
 from jaxfric.plot.ticks import plain_log, whole_numbers
-from jaxfric.plot.written import write
 from jaxfric.records.steady import SteadyCurve
 
 
@@ -304,25 +303,15 @@ def test_the_mark_of_a_step_that_tells_little_is_seen_though_its_bar_is_cut() ->
 
 def test_numbers_of_steps_beside_each_other_stand_in_two_lines() -> None:
     """Steps 60 rows apart of 30 000: their numbers would lie on each other. There is no third."""
-    record = SimpleRecord()
-    at = (10000, 19000, 19060, 19120, 25000)
-    events = [SimpleNamespace(fitted=True, time=float(t)) for t in at]
-    figure = new_figure(13, 4)
+    figure = new_figure(6.7, 4)
     axis = figure.subplots()
     axis.set_xlim(0, 30000)
-    plot_run._number(axis, record, events)
+    plot_run._number(axis, (10000, 19000, 19060, 19120, 25000))
     figure.draw_without_rendering()
     boxes = [text.get_window_extent() for text in axis.texts]
     assert [text.get_text() for text in axis.texts] == ["1", "2", "3", "5"]
     assert not any(a.overlaps(b) for a, b in itertools.combinations(boxes, 2))
     assert all(box.y0 >= axis.get_window_extent().y1 for box in boxes)
-
-
-class SimpleRecord:
-    relative_time = np.arange(30000.0)
-
-    def __len__(self) -> int:
-        return len(self.relative_time)
 
 
 def test_a_scale_of_colours_ends_where_its_values_do() -> None:
@@ -369,7 +358,7 @@ def test_no_legend_of_a_steady_curve_lies_on_a_panel(monkeypatch, tmp_path) -> N
     force = 2 * np.sign(speed) + np.sign(speed) * np.exp(-np.abs(speed))
     curve = SteadyCurve(speed, force, one, one, one, 0.01 * one, 0 * one, tuple("abcdefghijklmnop"))
     drawn = []
-    monkeypatch.setattr(steady, "save", lambda figure, *_: drawn.append(figure) or [])
+    monkeypatch.setattr(style, "save", lambda figure, *_: drawn.append(figure) or [])
     steady.draw_steady(close_steady_loop(curve), tmp_path)
     (figure,) = drawn
     figure.draw_without_rendering()
@@ -385,16 +374,12 @@ def test_no_legend_of_a_steady_curve_lies_on_a_panel(monkeypatch, tmp_path) -> N
 @pytest.mark.parametrize(
     ("explained", "p", "words"),
     [
-        (0.98, 0.0, "slip alone explains 98 %\np < 1e-12"),
-        (
-            0.004,
-            0.0,
-            "slip alone explains less than 1 %\np < 1e-12: hardly chance, but a tiny share",
-        ),
-        (0.011, 1e-3, "slip alone explains 1 %\np = 0.001"),
-        (0.5, 0.0101, "slip\np = 0.01: no more than chance"),
-        (np.nan, 1e-15, "slip\np < 1e-12; too little is left for a share"),
-        (np.nan, np.nan, "slip\np unknown"),
+        (0.98, 0.0, "slip: 98 %, p < 1e-12"),
+        (0.004, 0.0, "slip: less than 1 %, tiny, p < 1e-12"),
+        (0.011, 1e-3, "slip: 1 %, p = 0.001"),
+        (0.5, 0.0101, "slip: no more than chance, p = 0.01"),
+        (np.nan, 1e-15, "slip: too little for a share, p < 1e-12"),
+        (np.nan, np.nan, "slip: p unknown"),
     ],
 )
 def test_a_share_and_its_p_are_told_together(explained, p, words) -> None:
@@ -428,6 +413,6 @@ def test_a_figure_is_laid_out_once_for_all_its_files(tmp_path, monkeypatch):
     )
     write(made[0], tmp_path / "one.png", tmp_path / "one.svg")
     assert len(drawn) == 2 and all(file.stat().st_size for file in tmp_path.iterdir())
-    made[1].savefig(tmp_path / "two.png", dpi=130)
+    made[1].savefig(tmp_path / "two.png", dpi=style.DOTS)
     for a, b in zip(made[0].axes, made[1].axes, strict=True):
         np.testing.assert_allclose(a.get_position().bounds, b.get_position().bounds, atol=1e-12)

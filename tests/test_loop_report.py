@@ -24,7 +24,6 @@ from command import assert_refused, record_text, run, written
 from cyclopts import CycloptsError
 from matplotlib.figure import Figure
 from matplotlib.image import imread
-from matplotlib.text import Text
 from rich.console import Console
 
 from jaxfric.cli import options
@@ -51,8 +50,7 @@ from jaxfric.loop.result import (
 )
 from jaxfric.loop.split import NAMES, split
 from jaxfric.loop.verdict import Told
-from jaxfric.plot.loop import DRAWERS, FIGURES, draw_loop, panel_title, residual_figure
-from jaxfric.plot.stability import tidy
+from jaxfric.plot.loop import DRAWERS, FIGURES, draw_loop, residual_figure
 from jaxfric.records import VelocitySteps, from_arrays
 from jaxfric.records.record import Provenance
 from jaxfric.report.axis_loop_text import gains_table
@@ -740,7 +738,7 @@ def test_words_over_the_profiles_leave_them_room(number) -> None:
     above = figure._suptitle.get_window_extent()
     panel = figure.axes[0].get_window_extent()
     assert above.x1 < figure.bbox.x1 and above.y0 > panel.y1
-    assert panel.height > 0.5 * 3.3 * figure.dpi
+    assert panel.height > 0.5 * 1.75 * figure.dpi
     assert " × 10⁻³," in figure.get_suptitle()
 
 
@@ -784,9 +782,7 @@ def figure_of(loop: Loop, name: str) -> Figure:
     """The figure that would be saved."""
     drawn: list[Figure] = []
     with pytest.MonkeyPatch.context() as patch:
-        for module in ("loop", "location"):
-            place = f"jaxfric.plot.{module}.save"
-            patch.setattr(place, lambda figure, *_: drawn.append(figure) or [])
+        patch.setattr("jaxfric.plot.style.save", lambda figure, *_: drawn.append(figure) or [])
         DRAWERS[name](loop, Path())
     return drawn[0]
 
@@ -867,31 +863,39 @@ def test_one_sigma_for_the_sentence_the_table_the_figure_and_the_file(
     snapshot("noise_held_out", {"note": errors(noisy).note, "figure": "\n".join(shown)})
 
 
-def test_no_line_of_a_title_ends_in_a_number() -> None:
-    told = ": what is left in units of 2.48 × 10⁻³, in others of 1.29 × 10⁻³"
-    texts = [panel_title("r" * more + told) for more in range(20, 104)]
-    assert all("2.48 × 10⁻³" in text and "1.29 × 10⁻³" in text for text in texts)
-    torques = [
-        panel_title(f"{'r' * more}: σ = 2.3 N m, others 3.86 mN m") for more in range(60, 104)
-    ]
-    assert all("2.3 N m" in text and "3.86 mN m" in text for text in torques)
-    assert "\n" not in texts[0] and "\n" in texts[-1]
+@pytest.mark.parametrize("number", [0, 1, 9])
+def test_no_title_of_a_loop_is_longer_than_a_line(number: int) -> None:
+    """Whatever was added is named, or counted where the names are too long; the error is told."""
+    loop = make_loop("effects")
+    names = ("position_dependence", "direction_asymmetry", "log_viscous") * 3
+    after = dataclasses.replace(loop.after, effects=names[:number])
+    loop = dataclasses.replace(loop, effects=names[:number], after=after)
+    figure = residual_figure(loop)
+    figure.canvas.draw()
+    texts = [figure._suptitle, *(axis._left_title for axis in figure.axes)]
+    assert all("\n" not in text.get_text() for text in texts)
+    assert all(text.get_window_extent().x1 <= figure.bbox.x1 for text in texts)
+    told = {0: "no effect was added", 1: "with position_dependence", 9: "with 9 effects"}
+    title = texts[-1].get_text()
+    assert told[number] in title and title.endswith(f"{loop.test_error(after):.2f} σ)")
 
 
-def test_the_title_of_a_model_with_many_effects_fits_its_panel() -> None:
-    """Drawn in the panels' letters on a figure as wide as theirs; every word is there."""
-    names = " + ".join(["position_dependence", "direction_asymmetry", "log_viscous"] * 3)
-    text = panel_title(f"After: with {names}   (held-out error 11.47 σ)")
-    assert text.split() == f"After: with {names} (held-out error 11.47 σ)".split()
-    for more in range(40):  # the error stays in one piece wherever the line ends
-        assert "(held-out error 1.05 σ)" in panel_title(
-            "a" * (60 + more) + "   (held-out error 1.05 σ)"
-        )
-    figure = Figure(figsize=(10.0, 4.0))
-    axis = figure.add_axes((0.08, 0.1, 0.9, 0.7))
-    tidy(axis, text)
-    found = [t for t in figure.findobj(Text) if t.get_text() == text]
-    assert [t.get_window_extent().x1 <= figure.bbox.x1 for t in found] == [True]
+def test_the_residual_after_an_effect_has_a_scale_of_its_own() -> None:
+    loop = make_loop("effects")
+    large = dataclasses.replace(loop.before, residual=30 * loop.after.residual)
+    figure = residual_figure(dataclasses.replace(loop, before=large))
+    before, after = (axis.get_ylim()[1] for axis in figure.axes[2:])
+    assert before == pytest.approx(30 * after, rel=0.2) or after == 4.0 < before
+
+
+def test_better_models_have_a_change_of_bic_below_0() -> None:
+    loop = make_loop("effects")
+    axis = figure_of(loop, "candidates").axes[0]
+    assert "below 0: better" in axis.get_xlabel()
+    widths = [bar.get_width() for bar in axis.patches]
+    known = [c.delta_bic if np.isfinite(c.delta_bic) else 0.0 for c in loop.ranked()]
+    assert widths == [-gain for gain in known]
+    assert min(widths) == widths[0] == -loop.gain()
 
 
 TAKEN_OVER = [

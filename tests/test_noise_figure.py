@@ -13,7 +13,7 @@ from jaxfric.plot.noise import (
     draw_autocorrelation,
     error_of_mean,
 )
-from jaxfric.plot.stability import new_figure
+from jaxfric.plot.style import new_figure
 
 LAGS = np.asarray([1, 2, 5, 20])
 

@@ -31,7 +31,7 @@ from jaxfric.plot.gain_map import (
     draw_gain_map,
 )
 from jaxfric.plot.gains import _stiffness, draw_end_map, draw_gains
-from jaxfric.plot.stability import new_figure
+from jaxfric.plot.style import new_figure
 from jaxfric.stability.analysis import steady_point
 
 SLIP = ("--law", "slip", "--parameters", "A=1 N, B=3 N, L=1 mm, V0=2 mm/s")

@@ -3,60 +3,53 @@
 from pathlib import Path
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 
 from ..loop.compare import LawComparison, LawScore
 from ..runs.table import amount
+from . import style
 from .label import friction_label, printable
-from .palette import BLACK, EIGHT, HELD, SLATE
-from .written import write
-
-_COLOURS = EIGHT[:6]
-_RECORD, _STEP, _HELD = BLACK, SLATE, HELD
+from .palette import BLACK, EIGHT, HELD
 
 
 def draw_comparison(found: LawComparison, *paths: str | Path) -> None:
     """Write the figure to each of `paths` (PNG, SVG or PDF by its ending)."""
-    write(comparison_figure(found), *paths)
+    style.write(comparison_figure(found), *paths)
 
 
 def comparison_figure(found: LawComparison) -> Figure:
     """The figure."""
     scores = [score for score in found.scores if score.bic is not None]
-    figure = Figure(figsize=(10.5, 3.2 + 1.25 * len(scores)))
-    FigureCanvasAgg(figure)
-    axes = figure.subplots(
-        1 + len(scores), 1, sharex=True, squeeze=False, height_ratios=[2.2, *[1] * len(scores)]
-    )[:, 0]
-    figure.subplots_adjust(left=0.09, right=0.8, top=0.9, bottom=0.08, hspace=0.12)
-    time = found.record.relative_time
-    axes[0].plot(time, found.record.friction, color=_RECORD, lw=0.8, label="record")
+    record, place = found.record, style.along(found.steps, found.record.relative_time)
+    figure, (top, *below) = style.panels([1.9, *[0.85] * len(scores)])
+    style.samples(top, place.x, record.friction, colour=BLACK)
     limit, cut = _limit(found, scores), False
-    for k, (axis, score) in enumerate(zip(axes[1:], scores, strict=True)):
-        colour = _COLOURS[k % len(_COLOURS)]
-        axes[0].plot(time, score.fit.predicted, color=colour, lw=1.2, label=score.name)
+    for axis, score, colour in zip(below, scores, EIGHT, strict=False):
+        style.curve(top, place, score.fit.predicted, score.name, colour)
         residual = np.clip(score.fit.residual / found.sigma, -limit, limit)
         cut |= bool(np.any(np.abs(residual) == limit))
-        axis.plot(time, residual, color=colour, lw=0.7)
-        axis.axhline(0, color="0.3", lw=0.6)
+        style.samples(axis, place.x, residual, "", colour)
+        axis.axhline(0, color=BLACK, lw=0.6)
         axis.set_ylim(-1.05 * limit, 1.05 * limit)
         axis.set_ylabel("record − fit\n[σ]")
-        axis.text(1.015, 0.98, _words(found, score), transform=axis.transAxes, va="top",
-                  fontsize=8.5)  # fmt: skip
-    axes[0].set_ylabel(friction_label(found.record.friction_unit))
-    axes[0].legend(loc="upper left", bbox_to_anchor=(1.005, 1.02), frameon=False, fontsize=9)
-    axes[-1].set_xlabel("time since the first row [s]")
-    _mark(found, axes)
-    figure.align_ylabels(list(axes))
-    name = printable(found.record.provenance.path)
-    unit = " N" if found.record.friction_unit == "N" else ""
-    told = f"dashed: velocity steps; σ = {found.sigma:.3g}{unit}, the noise under the likeliest law"
-    told += f"; beyond ±{limit:.2g} σ lines are cut" if cut else ""
-    figure.suptitle(
-        f"{name}: {_answer(found)}\n{told}", x=0.01, ha="left", fontsize=11, parse_math=False
-    )
-    return figure
+        style.beside(axis, _words(found, score))
+    top.set_ylabel(friction_label(record.friction_unit))
+    below[-1].set_xlabel(place.label)
+    style.mark_steps([top, *below], place)
+    ends = np.append(place.starts, place.x[-1])
+    for axis in (top, *below):
+        style.tidy(axis)
+        for k in found.held_out_steps:
+            axis.axvspan(ends[k], ends[k + 1], color=HELD, lw=0, zorder=-1)
+    legend = [top, *([style.velocity_step()] if len(place.starts) > 1 else [])]
+    if found.held_out_steps:
+        legend.append(Patch(fc=HELD, ec="0.8", label="held out of a second fit"))
+    unit = " N" if record.friction_unit == "N" else ""
+    told = f"σ = {found.sigma:.3g}{unit}, the noise under the likeliest law"
+    style.tidy(below[0], told + (f"; beyond ±{limit:.2g} σ points are cut" if cut else ""))
+    name = printable(record.provenance.path)
+    return style.finish(figure, f"{name}: {_answer(found)}", legend=legend)
 
 
 def _answer(found: LawComparison) -> str:
@@ -81,24 +74,9 @@ def _limit(found: LawComparison, scores: list[LawScore]) -> float:
 def _words(found: LawComparison, score: LawScore) -> str:
     lines, above = [score.name], found.above(score)
     if above is not None:
-        lines.append("the least BIC" if above == 0 else f"BIC higher by {amount(above)}")
+        lines.append("ΔBIC 0, the least" if above == 0 else f"ΔBIC +{amount(above)}")
     if not score.fit.converged:
         lines.append("did not converge")
     if score.held_out is not None:
         lines.append(f"held-out error {score.held_out / found.sigma:.2f} σ")
     return "\n".join(lines)
-
-
-def _mark(found: LawComparison, axes: np.ndarray) -> None:
-    """Velocity steps as lines; those that were held out shaded."""
-    ends = np.append(found.steps.times, found.record.relative_time[-1])
-    for axis in axes:
-        axis.spines[["top", "right"]].set_visible(False)
-        axis.margins(x=0.01)
-        for time in found.steps.times[1:]:
-            axis.axvline(time, color=_STEP, lw=0.7, ls="--", zorder=0)
-        for k in found.held_out_steps:
-            axis.axvspan(ends[k], ends[k + 1], color=_HELD, lw=0, zorder=-1)
-    if found.held_out_steps:
-        place, across = ends[found.held_out_steps[0]], axes[0].get_xaxis_transform()
-        axes[0].text(place, 1.01, " held out of a second fit", transform=across, fontsize=8)

@@ -12,12 +12,13 @@ from ..motion import PiecewiseVelocity
 from ..rig import Inertial, Rig
 from ..simulation import Trajectory
 from ..stability.analysis import Law, steady_points
+from . import style
 from .palette import BLACK, BLUE, GREY, ORANGE
-from .stability import law_name, legend_below, mass_text, new_figure, prefixed, save, tidy
+from .stability import law_name, mass_text
 from .ticks import plain_log
 
-# Velocities this much below the command count as stuck, and are drawn no lower.
 _STUCK = 1e-4
+"""Velocities this much below the command count as stuck, and are drawn no lower."""
 _CURVE = 300
 
 
@@ -60,76 +61,67 @@ class Motion:
 
 
 def _save_series(motion: Motion, folder: Path) -> list[str]:
-    t_size, t_unit = prefixed(min(float(motion.time[-1]), 1.0), "s")
-    f_size, f_unit = prefixed(float(np.max(np.abs(motion.friction))), motion.unit("N"))
-    v_size, v_unit = prefixed(float(np.max(np.abs(motion.command))), motion.unit("m/s"))
-    far = max(np.max(np.abs(motion.slip)), np.max(np.abs(motion.load_point)))
-    x_size, x_unit = prefixed(float(far), motion.unit("m"))
-    figure = new_figure(9.0, 7.2)
-    axes = figure.subplots(3, 1, sharex=True, height_ratios=[1.3, 1.3, 1])
-    time = t_size * motion.time
-    axes[0].plot(time, f_size * motion.friction, color=BLUE, lw=1.3)
-    axes[0].set_ylabel(f"friction [{f_unit}]")
-    axes[1].plot(time, v_size * _drawn(motion), color=BLUE, lw=1.3, label="slider")
-    axes[1].plot(time, v_size * motion.command, color=ORANGE, lw=1.4, ls="--", label="command")
-    _velocity_scale(axes[1], "y", v_size * _drawn(motion), v_size * _slowest(motion))
-    axes[1].set_ylabel(f"velocity [{v_unit}]")
-    axes[1].legend(loc="lower right", bbox_to_anchor=(1, 1), ncol=2, frameon=False, fontsize=8.5)
-    axes[2].plot(time, x_size * motion.slip, color=BLUE, lw=1.5, label="slip")
-    axes[2].plot(
-        time, x_size * motion.load_point, color=ORANGE, lw=1.3, ls="--", label="load point"
-    )
-    axes[2].set_ylabel(f"displacement [{x_unit}]")
-    axes[2].legend(loc="lower right", bbox_to_anchor=(1, 1), ncol=2, frameon=False, fontsize=8.5)
-    axes[2].set_xlabel(f"time [{t_unit}]")
-    note = _stuck_note(motion)
-    tidy(axes[0], "Friction force on the slider")
-    tidy(axes[1], f"Velocity{note}")
-    tidy(axes[2], "Slip of the slider and path of the load point")
-    for axis in axes:
+    figure, axes = style.panels([1.4, 1.4, 1.1])
+    t_size, t_unit = style.prefixed(min(float(motion.time[-1]), 1.0), "s")
+    velocity, slow = _drawn(motion), _slowest(motion)
+    for axis, name, si, values, command in (
+        (axes[0], "friction", "N", motion.friction, None),
+        (axes[1], "velocity", "m/s", velocity, motion.command),
+        (axes[2], "displacement", "m", motion.slip, motion.load_point),
+    ):
+        largest = style.most(values if command is None else command)
+        size, unit = style.prefixed(largest, motion.unit(si))
+        axis.plot(t_size * motion.time, size * values, color=BLUE, lw=1.1, label="slider")
+        if command is not None:
+            x, y = t_size * motion.time, size * command
+            axis.plot(x, y, color=ORANGE, lw=1.1, ls="--", label="load point")
+        if name == "velocity":
+            _velocity_scale(axis, "y", size * values, size * slow)
+        axis.set_ylabel(f"{name} [{unit}]")
         axis.margins(x=0.01)
-    figure.align_ylabels(list(axes))
-    figure.suptitle(_heading(motion), x=0.01, ha="left", fontsize=11)
-    return save(figure, folder, "motion")
+        style.tidy(axis, _stuck_note(motion) if name == "velocity" else "")
+    axes[2].set_xlabel(f"time [{t_unit}]")
+    style.finish(figure, _heading(motion), legend=axes)
+    return style.save(figure, folder, "motion")
 
 
 def _save_plane(motion: Motion, folder: Path) -> list[str]:
     """Friction against velocity, with the steady curve behind."""
-    drawn, slow = _drawn(motion), _slowest(motion)
-    f_size, f_unit = prefixed(float(np.max(np.abs(motion.friction))), motion.unit("N"))
-    v_size, v_unit = prefixed(float(np.max(np.abs(motion.command))), motion.unit("m/s"))
-    figure = new_figure(7.6, 5.6)
+    drawn, slow, friction = _drawn(motion), _slowest(motion), motion.friction
+    f_size, f_unit = style.prefixed(style.most(friction), motion.unit("N"))
+    v_size, v_unit = style.prefixed(style.most(motion.command), motion.unit("m/s"))
+    figure = style.new_figure(style.DOUBLE, 4.2)
     axis = figure.subplots()
-    low, high = _velocity_limits(motion, drawn, slow)
+    low, high = _velocity_limits(drawn, slow)
     V = np.geomspace(low if low > 0 else 0.03 * slow, high, _CURVE)
     force = np.asarray(steady_points(motion.law, V).force)
-    seen = force > 0
-    axis.plot(v_size * V[seen], f_size * force[seen], color=GREY, lw=4, alpha=0.6,
-              label="steady friction")  # fmt: skip
+    force = np.where(force > 0, force, np.nan)
+    axis.plot(v_size * V, f_size * force, color=GREY, lw=3, alpha=0.6, label="steady friction")
     half = motion.time > 0.5 * motion.time[-1]
-    axis.plot(v_size * drawn, f_size * motion.friction, color=BLUE, lw=0.8, alpha=0.45,
-              label="motion: first half")  # fmt: skip
-    axis.plot(v_size * drawn[half], f_size * motion.friction[half], color=BLUE, lw=1.8,
-              label="second half")  # fmt: skip
-    for V0 in np.unique(motion.command[motion.command > 0]):
-        f0 = float(np.asarray(steady_points(motion.law, np.asarray([V0])).force)[0])
-        label = "steady sliding at the command" if motion.command[-1] == V0 else None
-        axis.plot(v_size * V0, f_size * f0, "o", color=ORANGE, ms=8, zorder=5, label=label)
-    _arrow(axis, v_size * drawn, f_size * motion.friction)
+    for part, width, alpha, label in (
+        (half | ~half, 0.8, 0.45, "motion: first half"),
+        (half, 1.5, 1.0, "second half"),
+    ):
+        x, y = v_size * drawn[part], f_size * friction[part]
+        axis.plot(x, y, color=BLUE, lw=width, alpha=alpha, label=label)
+    commands = np.unique(motion.command[motion.command > 0])
+    steady = np.asarray(steady_points(motion.law, commands).force)
+    words = "steady sliding at the command"
+    style.mark(axis, v_size * commands, f_size * steady, "o", words, ORANGE)
+    _arrow(axis, v_size * drawn, f_size * friction)
     _velocity_scale(axis, "x", v_size * drawn, v_size * slow)
-    spread = [f_size * motion.friction.min(), f_size * motion.friction.max()]
-    room = max(0.12 * (spread[1] - spread[0]), 1e-9 * abs(spread[1]))
-    axis.set_ylim(spread[0] - room, spread[1] + 2 * room)
+    least, top = f_size * friction.min(), f_size * friction.max()
+    room = max(0.12 * (top - least), 1e-9 * abs(top))
+    axis.set_ylim(least - room, top + 2 * room)
     axis.set_xlim(v_size * low, v_size * high)
-    axis.set_xlabel(f"velocity of the slider [{v_unit}]{_stuck_note(motion)}")
+    axis.set_xlabel(f"velocity of the slider [{v_unit}]")
     axis.set_ylabel(f"friction [{f_unit}]")
-    tidy(axis, "Phase plane: friction against velocity")
-    legend_below(axis, columns=4)
-    figure.suptitle(_heading(motion), x=0.01, ha="left", fontsize=10)
-    return save(figure, folder, "phase_plane")
+    style.tidy(axis, _stuck_note(motion))
+    style.finish(figure, _heading(motion), legend=[axis])
+    return style.save(figure, folder, "phase_plane")
 
 
-def _velocity_limits(motion: Motion, drawn: np.ndarray, slow: float) -> tuple[float, float]:
+def _velocity_limits(drawn: np.ndarray, slow: float) -> tuple[float, float]:
     """Limits of the velocity drawn, with some room: relative where the axis is logarithmic."""
     least, most = float(drawn.min()), float(drawn.max())
     if least > 0 and most > 5 * least:
@@ -139,26 +131,21 @@ def _velocity_limits(motion: Motion, drawn: np.ndarray, slow: float) -> tuple[fl
 
 
 def _arrow(axis: Axes, x: np.ndarray, y: np.ndarray) -> None:
-    """An arrow that tells the sense of the motion, where friction changes fast late in it."""
+    """An arrow in the sense of the motion, where friction changes fast late in it."""
     late = np.arange(len(x) // 2, len(x) - 1)
     span = np.ptp(y[late]) if len(late) else 0.0
     if span <= 0.01 * np.ptp(y):
         return
     middle = 0.5 * (np.max(y[late]) + np.min(y[late]))
     crossing = late[(y[late] < middle) != (y[late + 1] < middle)]
+    head = dict(arrowstyle="-|>", color=BLACK, mutation_scale=12)
     for at in crossing[-2:]:
-        axis.annotate(
-            "",
-            xy=(x[at + 1], y[at + 1]),
-            xytext=(x[at], y[at]),
-            arrowprops=dict(arrowstyle="-|>", color=BLACK, mutation_scale=16),
-        )
+        axis.annotate("", (x[at + 1], y[at + 1]), (x[at], y[at]), arrowprops=head)
 
 
 def _slowest(motion: Motion) -> float:
     """The slowest commanded speed that is not zero."""
-    speeds = np.abs(motion.command[motion.command != 0])
-    return float(speeds.min())
+    return float(np.abs(motion.command[motion.command != 0]).min())
 
 
 def _backward(motion: Motion) -> bool:
@@ -176,7 +163,7 @@ def _drawn(motion: Motion) -> np.ndarray:
 def _stuck_note(motion: Motion) -> str:
     if _backward(motion) or np.min(motion.velocity) >= _STUCK * _slowest(motion):
         return ""
-    return f"   (stuck: drawn at {_STUCK:g} of the command)"
+    return f"Stuck: drawn at {_STUCK:g} of the command"
 
 
 def _velocity_scale(axis: Axes, which: str, values: np.ndarray, slow: float) -> None:
@@ -190,10 +177,9 @@ def _velocity_scale(axis: Axes, which: str, values: np.ndarray, slow: float) -> 
 
 
 def _heading(motion: Motion) -> str:
-    k_size, k_unit = prefixed(motion.k_p, motion.unit("N/m"))
-    text = f"{law_name(motion.law)}, k_p = {k_size * motion.k_p:.4g} {k_unit}, "
-    text += f"k_v = {motion.k_v:g} {motion.unit('N s/m')}, "
-    return text + mass_text(motion.mass, motion.coordinate)
+    gains = f"k_p = {style.told(motion.k_p, motion.unit('N/m'))}, k_v = {motion.k_v:g}"
+    mass = mass_text(motion.mass, motion.coordinate)
+    return f"{law_name(motion.law)}, {gains} {motion.unit('N s/m')}, {mass}"
 
 
 DRAWERS: dict[str, Callable[[Motion, Path], list[str]]] = {

@@ -12,22 +12,24 @@ from matplotlib.axes import Axes
 from ..gains.margins import paired_slacks
 from ..gains.result import Gains, LocalOptimum, norm_text
 from ..gains.scenarios import Scenarios
+from ..stability.analysis import needed_damping
 from ..stability.linear import LinearFriction
 from ..stability.margins import is_stable
 from ..stability.theorem import theorem
+from . import style
 from .palette import BLACK, MEETS, STABLE, UNSTABLE
-from .stability import draw_boundaries, from_zero, gain_units, legend_below, shade, tidy
+from .stability import draw_boundaries, from_zero, gain_units, name_gains, shade_stable
 
 _GRID, _CELLS, _DAMPINGS, _FINER = 121, 12, 64, 5
 _ALONE = {"stiff": ">", "damped": "^"}
 _MEANS = {"stiff": "stiffness", "damped": "damping"}
 
 
-def draw_gain_map(axis: Axes, result: Gains) -> None:
+def draw_gain_map(axis: Axes, result: Gains) -> list:
     """Draw the gains that all scenarios accept, the limits of the linear theory, and the optima.
 
     At every gain only the scenarios count that are the worst at the corners of a coarser grid
-    around it, or at an optimum: a few of thousands.
+    around it, or at an optimum: a few of thousands. Returns what a legend explains.
     """
     k_cr_at, needed = _boundary(result.scenarios)
     k_p, k_v = _map_axes(result, k_cr_at, needed)
@@ -38,47 +40,33 @@ def draw_gain_map(axis: Axes, result: Gains) -> None:
     sizes, units = gain_units(k_p, k_v, result.coordinate)
     x, y = sizes[0] * k_p, sizes[1] * k_v
     finer = _finer(result, (k_p, k_v), stable, pairs)
-    shade(axis, _centres(x), _centres(y), finer.astype(int), [UNSTABLE, STABLE])
+    shade_stable(axis, _centres(x), _centres(y), finer)
     if (level == 2).any():
         axis.contourf(x, y, np.clip(slack, -1.0, 1.0), levels=[0.0, 2.0], colors=[MEETS])
-    for colour, text, code in (
+    named = (
         (MEETS, "meets the requirement in every scenario", 2),
         (STABLE, "stable, but misses it somewhere", 1),
         (UNSTABLE, "unstable somewhere", 0),
-    ):
-        if (level == code).any():
-            axis.plot([], [], "s", color=colour, ms=9, label=text)
+    )
+    squares = [style.square(colour, text) for colour, text, code in named if (level == code).any()]
     if result.is_spring:
         draw_boundaries(axis, k_v, k_cr_at(k_v), needed, sizes)
     _iso_norm(axis, result, sizes)
+    here = ""
     for one in result.optima:
-        if _is_recommended(one, result):
+        if np.allclose([one.kp, one.kv], [result.kp, result.kv], rtol=1e-6):
+            here += f", {_of(one)}"
             continue
-        axis.plot(
-            sizes[0] * one.kp, sizes[1] * one.kv, _marker(one), mfc="white", mec=BLACK, ms=9,
-            mew=1.5, clip_on=False, zorder=6, label=_of(one),
-        )  # fmt: skip
-    here = "".join(f", {_of(b)}" for b in result.optima if _is_recommended(b, result))
+        marker = "D" if one.minimum else _ALONE[one.name]
+        style.mark(axis, sizes[0] * one.kp, sizes[1] * one.kv, marker, _of(one), face="white")
     used = "NOT recommended" if result.unsafe else "recommended"
-    recommended = f"{used}{here}{_simulated(result)}"
-    star(axis, sizes[0] * result.kp, sizes[1] * result.kv, recommended)
-    axis.set_xlim(0, x[-1])
-    axis.set_ylim(0, y[-1])
-    axis.set_xlabel(f"position gain k_p [{units[0]}]")
-    axis.set_ylabel(f"velocity gain k_v [{units[1]}]")
+    label = f"{used}{here}{_simulated(result)}"
+    marker = "X" if result.unsafe else "*"
+    style.mark(axis, sizes[0] * result.kp, sizes[1] * result.kv, marker, label, size=9)
+    name_gains(axis, k_p, k_v, sizes, units)
     number = len(result.scenarios)
-    tidy(axis, f"All gains, in {number} scenario{'' if number == 1 else 's'}")
-    axis.grid(False)
-    legend_below(axis)
-
-
-def _is_recommended(optimum: LocalOptimum, result: Gains) -> bool:
-    return bool(np.allclose([optimum.kp, optimum.kv], [result.kp, result.kv], rtol=1e-6))
-
-
-def _marker(optimum: LocalOptimum) -> str:
-    """Another optimum is a diamond; gains of one kind alone point along the axis of that gain."""
-    return "D" if optimum.minimum else _ALONE[optimum.name]
+    style.tidy(axis, f"{number} scenario{'' if number == 1 else 's'}", grid=False)
+    return [*squares, axis]
 
 
 def _of(optimum: LocalOptimum) -> str:
@@ -100,7 +88,7 @@ def _simulated(result: Gains) -> str:
     return f"{text},\nvelocity may jump by a factor {checked.basin:.3g}{more}"
 
 
-def _boundary(scenarios: Scenarios):
+def _boundary(scenarios: Scenarios) -> tuple[Callable[[np.ndarray], np.ndarray], float]:
     """k_cr as a function of k_v, largest over the scenarios, and the damping that all need."""
     mass = jnp.zeros(len(scenarios)) if scenarios.mass is None else jnp.asarray(scenarios.mass)
 
@@ -114,18 +102,8 @@ def _boundary(scenarios: Scenarios):
     def k_cr(k_v: np.ndarray) -> np.ndarray:
         return np.asarray([float(largest(jnp.asarray(v))) for v in k_v])
 
-    high = 1.0
-    while float(largest(jnp.asarray(high))) > 0 and high < 1e15:
-        high *= 10
-    low = high
-    while low > 1e-15 and float(largest(jnp.asarray(low))) == 0:
-        low /= 10
-    if low <= 1e-15:
-        return k_cr, 0.0
-    for _ in range(40):
-        middle = (low * high) ** 0.5
-        low, high = (middle, high) if float(largest(jnp.asarray(middle))) > 0 else (low, middle)
-    return k_cr, high
+    needed = eqx.filter_jit(jax.vmap(needed_damping))(scenarios.friction)
+    return k_cr, float(jnp.max(needed))
 
 
 def _map_axes(
@@ -274,10 +252,3 @@ def _iso_norm(axis: Axes, result: Gains, sizes: Sequence[float]) -> None:
     x = norm * result.region.scale[0] * np.cos(angle)
     y = norm * result.region.scale[1] * np.sin(angle)
     axis.plot(sizes[0] * x, sizes[1] * y, color=BLACK, lw=1, ls=":", label="equal norm")
-
-
-def star(axis: Axes, x: float, y: float, label: str) -> None:
-    """The recommended gains."""
-    axis.plot(
-        x, y, "*", color=BLACK, ms=17, mec="white", mew=0.8, clip_on=False, zorder=7, label=label
-    )

@@ -1,6 +1,5 @@
 """Figures of recommended gains: where they lie among all gains, and how much they leave."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,41 +14,33 @@ from ..gains.result import Gains
 from ..gains.scenarios import Scenarios
 from ..stability.analysis import SteadyPoint, theorem_over_damping
 from ..stability.margin_table import MARGINS
-from .gain_map import draw_gain_map, star
-from .label import legend_beside
-from .palette import BAND, BLACK, CYCLE, ESCAPE, LINES, OPEN, ORANGE, STABLE
+from . import style
+from .gain_map import draw_gain_map
+from .palette import CYCLE, ESCAPE, LINES, OPEN, ORANGE, STABLE
 from .stability import (
     draw_boundaries,
     draw_curve,
     gain_units,
-    legend_below,
+    mark_velocities,
     mass_text,
-    new_figure,
-    prefixed,
-    save,
+    name_gains,
     speed,
-    tidy,
 )
 from .ticks import plain_log
 
 _VELOCITIES = 61
-_END_COLOURS = {
-    "steady": STABLE,
-    "limit_cycle": CYCLE,
-    "escape": ESCAPE,
-    "unresolved": OPEN,
+_ENDS = {
+    "steady": (STABLE, "ends steady"),
+    "limit_cycle": (CYCLE, "stick-slip goes on"),
+    "escape": (ESCAPE, "runs away"),
+    "unresolved": (OPEN, "not decided"),
 }
-_END_NAMES = {
-    "steady": "ends steady",
-    "limit_cycle": "stick-slip goes on",
-    "escape": "runs away",
-    "unresolved": "not decided",
-}
+"""Colour and words of every end."""
 
 
 def draw_gains(result: Gains, folder: str | Path) -> list[str]:
     """Write gains.png and gains.svg to `folder`; the names written."""
-    return save(gains_figure(result), Path(folder), "gains")
+    return style.save(gains_figure(result), Path(folder), "gains")
 
 
 def gains_figure(result: Gains) -> Figure:
@@ -58,23 +49,16 @@ def gains_figure(result: Gains) -> Figure:
     Panels: the map of gains with what all scenarios accept, both boundaries of the linear
     theory and the optima; the required margins against velocity; the friction curve.
     """
-    figure = new_figure(14.5, 7.4)
+    figure = style.new_figure(style.DOUBLE, 4.9)
     grid = figure.add_gridspec(2, 2, width_ratios=[1.45, 1])
-    whole, top, bottom = (
-        figure.add_subplot(place) for place in (grid[:, 0], grid[0, 1], grid[1, 1])
-    )
-    draw_gain_map(whole, result)
+    whole, top, bottom = (figure.add_subplot(at) for at in (grid[:, 0], grid[0, 1], grid[1, 1]))
+    legend = draw_gain_map(whole, result)
     _margins(top, result)
     law, V = result.scenarios.law(0), result.scenarios.velocity
-    draw_curve(bottom, law, V, title="Friction law", coordinate=result.coordinate)
-    legend_beside(bottom)
-    figure.suptitle(
-        f"{_title(result)}: {_stiffness(result)}, {_damping(result)}   ({_required(result)})",
-        x=0.01,
-        ha="left",
-        fontsize=11,
-    )
-    return figure
+    draw_curve(bottom, law, V, coordinate=result.coordinate)
+    style.tidy(bottom, "Friction law")
+    title = f"{_title(result)}: {_stiffness(result)}, {_damping(result)} ({_required(result)})"
+    return style.finish(figure, title, legend=[*legend, top, bottom])
 
 
 def _title(result: Gains) -> str:
@@ -87,13 +71,11 @@ def _title(result: Gains) -> str:
 def _stiffness(result: Gains) -> str:
     if result.any_stiffness:
         return result.smallest_kp
-    size, unit = prefixed(result.kp, result.unit("N/m"))
-    return f"k_p = {size * result.kp:.4g} {unit}"
+    return f"k_p = {style.told(result.kp, result.unit('N/m'))}"
 
 
 def _damping(result: Gains) -> str:
-    size, unit = prefixed(result.kv, result.unit("N s/m"))
-    return f"k_v = {size * result.kv:.4g} {unit}"
+    return f"k_v = {style.told(result.kv, result.unit('N s/m'))}"
 
 
 def _required(result: Gains) -> str:
@@ -110,34 +92,30 @@ def _margins(axis: Axes, result: Gains) -> None:
     names: tuple[str, ...] = result.requirement.names
     low, high = (float(f(result.scenarios.velocity)) for f in (np.min, np.max))
     velocities, values = _least_margins(result, names, low / 3, 3 * high)
-    size, unit = prefixed(float(np.sqrt(low * high)), result.unit("m/s"))
+    size, unit = style.prefixed(float(np.sqrt(low * high)), result.unit("m/s"))
     several = len(names) > 1
     for i, (name, required) in enumerate(zip(names, result.requirement.values, strict=True)):
         least = values[name]
         shown = least / required if several and required > 0 else least
         shown = np.where(np.isfinite(shown), shown, np.nan)
-        text = f"{name} (required {required:g}{MARGINS[name].suffix})" if several else name
+        text = f"{name} (required {required:g}{MARGINS[name].suffix})" if several else None
         axis.plot(size * velocities, shown, color=LINES[i % len(LINES)], lw=1.6, label=text)
         if not np.isfinite(least).any():
             note = f"{name}: inf, nothing limits it"
             axis.text(0.5, 0.6, note, transform=axis.transAxes, ha="center")
     required = 1.0 if several else result.requirement.values[0]
-    axis.axhline(required, color=ORANGE, lw=1.6, ls="--", label="required")
-    if high > low:
-        axis.axvspan(size * low, size * high, color=BAND, lw=0, zorder=0)
-    else:
-        axis.axvline(size * low, color=BLACK, lw=1.2, ls=":")
-    top = axis.get_ylim()[1]
+    axis.axhline(required, color=ORANGE, lw=1.3, ls="--", label="required")
+    mark_velocities(axis, size * low, size * high)
+    least, top = axis.get_ylim()
     most = max(8 * required, 1.05)
-    axis.set_ylim(max(min(0.0, axis.get_ylim()[0]), -most), min(max(top, 1.25 * required), most))
-    only = next(iter(names))
-    axis.set_ylabel("margin over its requirement" if several else f"{only} margin{_bracket(only)}")
+    axis.set_ylim(max(min(0.0, least), -most), min(max(top, 1.25 * required), most))
+    only, unit_of_it = names[0], MARGINS[names[0]].unit
+    bracket = "" if unit_of_it == "1" else f" [{unit_of_it}]"
+    axis.set_ylabel("margin over its requirement" if several else f"{only} margin{bracket}")
     axis.set_xlim(size * velocities[0], size * velocities[-1])
     plain_log(axis, "x")
-    where = "shaded: required here" if high > low else "dotted: required here"
-    axis.set_xlabel(f"velocity [{unit}]   ({where})")
-    tidy(axis, "Margins at these gains, of the worst mass and sample")
-    legend_beside(axis)
+    axis.set_xlabel(f"velocity [{unit}]")
+    style.tidy(axis, "Margins, of the worst mass and sample")
 
 
 def _least_margins(
@@ -179,11 +157,6 @@ def _at(scenarios: Scenarios, velocities: np.ndarray) -> Scenarios:
     return Scenarios.at(scenarios.laws, V, masses, sample.astype(int), *of_all)
 
 
-def _bracket(name: str) -> str:
-    unit = MARGINS[name].unit
-    return "" if unit == "1" else f" [{unit}]"
-
-
 def draw_end_map(
     ends: EndState,
     k_p: np.ndarray,
@@ -210,43 +183,25 @@ def draw_end_map(
     """
     k_p, k_v = np.asarray(k_p, float), np.asarray(k_v, float)
     sizes, units = gain_units(k_p, k_v, coordinate)
-    figure = new_figure(7.6, 5.8)
+    figure = style.new_figure(style.DOUBLE, 4.2)
     axis = figure.subplots()
-    _shade_ends(axis, ends, sizes[0] * k_p, sizes[1] * k_v)
+    masks = [np.asarray(ends.code == getattr(ENDS, name)) for name in _ENDS]
+    codes, colours = np.argmax(np.stack(masks), axis=0), [colour for colour, _ in _ENDS.values()]
+    norm = BoundaryNorm(np.arange(len(colours) + 1) - 0.5, len(colours))
+    x, y, cmap = sizes[0] * k_p, sizes[1] * k_v, ListedColormap(colours)
+    axis.pcolormesh(x, y, codes, cmap=cmap, norm=norm, shading="nearest", rasterized=True)
+    legend = [style.square(*one) for i, one in enumerate(_ENDS.values()) if (codes == i).any()]
     where = ""
     if point is not None:
         where = f" at {speed(float(point.velocity), coordinate)}, {mass_text(mass, coordinate)}"
-        _linear_boundary(axis, point, mass, np.linspace(k_v[0], k_v[-1], 200), sizes)
+        fine = np.linspace(k_v[0], k_v[-1], 200)
+        k_cr = np.asarray(theorem_over_damping(point.friction, fine, mass).critical_stiffness)
+        draw_boundaries(axis, fine, k_cr, float(point.needed_damping), sizes)
     if optimum is not None:
-        star(axis, sizes[0] * optimum[0], sizes[1] * optimum[1], "gains found")
+        style.mark(axis, sizes[0] * optimum[0], sizes[1] * optimum[1], "*", "gains found", size=9)
+    name_gains(axis, k_p, k_v, sizes, units)
     axis.set_xlim(sizes[0] * k_p[0], sizes[0] * k_p[-1])
     axis.set_ylim(sizes[1] * k_v[0], sizes[1] * k_v[-1])
-    axis.set_xlabel(f"position gain k_p [{units[0]}]")
-    axis.set_ylabel(f"velocity gain k_v [{units[1]}]")
-    tidy(axis, f"How a stuck slider ends, simulated{where}")
-    axis.grid(False)
-    legend_below(axis, columns=3)
-    return save(figure, Path(folder), "end_map")
-
-
-def _shade_ends(axis: Axes, ends: EndState, x: np.ndarray, y: np.ndarray) -> None:
-    names = list(_END_COLOURS)
-    masks = [np.asarray(ends.code == getattr(ENDS, name)) for name in names]
-    codes = np.argmax(np.stack(masks), axis=0)
-    colours = ListedColormap(list(_END_COLOURS.values()))
-    norm = BoundaryNorm(np.arange(len(names) + 1) - 0.5, len(names))
-    axis.pcolormesh(x, y, codes, cmap=colours, norm=norm, shading="nearest", rasterized=True)
-    for i, name in enumerate(names):
-        if (codes == i).any():
-            axis.plot([], [], "s", color=_END_COLOURS[name], ms=9, label=_END_NAMES[name])
-
-
-def _linear_boundary(
-    axis: Axes,
-    point: SteadyPoint,
-    mass: float | None,
-    k_v: np.ndarray,
-    sizes: Sequence[float],
-) -> None:
-    k_cr = np.asarray(theorem_over_damping(point.friction, k_v, mass).critical_stiffness)
-    draw_boundaries(axis, k_v, k_cr, float(point.needed_damping), sizes)
+    title = f"How a stuck slider ends, simulated{where}"
+    style.finish(figure, title, legend=[*legend, axis])
+    return style.save(figure, Path(folder), "end_map")

@@ -5,13 +5,13 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch
 
+from . import style
 from .palette import BLUE
 from .side import Side, code_colour, side_of
-from .stability import new_figure, prefixed
 from .ticks import plain_log, whole_numbers
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 _BINS, _FEW_BINS, _IN_A_BIN = 16, 4, 8
 """Bins of a sampled parameter: no more, no fewer, and with so many samples in each if it can be."""
 _MOST = 400_000
-_WIDE, _LETTERS = 24, 11
+_WIDE, _HEIGHT = 24, 1.6
 _MANY, _LEAST = 12, 0.05
 """Panels of which all are drawn; of more those that move: the median changes over the parameter by
 so much of the range of its output, or a share of a code by so much."""
@@ -62,22 +62,23 @@ def draw_marginals(found: "Dataset", outputs: Sequence[str], coded: Sequence[str
     count = sum(map(len, shown.values()))
     several = _ACROSS if cut else max(1, _ACROSS // len(columns)) * len(columns)
     across = min(several, count)
-    figure = new_figure(3.2 * across + 0.8, 2.5 * -(-count // across) + 0.9)
+    figure = style.new_figure(style.DOUBLE, _HEIGHT * -(-count // across) + 0.6)
     grid = figure.add_gridspec(-(-count // across), across)
-    place = 0
+    place, legend = 0, {}
     for name, some in shown.items():
         spots = [divmod(place + k, across) for k in range(len(some))]
         row = [figure.add_subplot(grid[spots[0]])]
         row += [figure.add_subplot(grid[spot], sharey=row[0]) for spot in spots[1:]]
-        _row(row, some, values[name], found[name].attrs, name)
+        legend |= _row(row, some, values[name], found[name].attrs, name)
         for axis, (_, column) in zip(row[1:], spots[1:], strict=True):
             if column:
                 axis.tick_params(which="both", labelleft=False)
             else:
-                axis.set_ylabel(row[0].get_ylabel(), fontsize=9)
+                axis.set_ylabel(row[0].get_ylabel())
         place += len(some)
-    title = _title(found, empty, _still(cut, values, columns, empty) if cut else {}, across)
-    figure.suptitle(title, x=0.01, ha="left", fontsize=10)
+    style.finish(figure, legend=list(legend.values()))
+    title = _title(found, empty, _still(cut, values, columns, empty) if cut else {})
+    figure.suptitle(title, x=0.01, ha="left", fontsize=style.LETTERS)
     return figure
 
 
@@ -133,28 +134,25 @@ def _still(
 
 def _row(
     row: Sequence[Axes], columns: Columns, values: np.ndarray, about: Mapping[str, str], name: str
-) -> None:
-    """The panels of an output, one over each parameter."""
+) -> dict[str, Artist]:
+    """The panels of an output, one over each parameter; what a legend explains of them."""
     label = "\n".join(textwrap.wrap(about.get("long_name", name), _WIDE))
+    unit, legend = "share", {}
     if "flag_meanings" in about:
-        unit = "share"
-        _codes(row, columns, values, about["flag_meanings"].split())
+        legend = _codes(row, columns, values, about["flag_meanings"].split())
     else:
         unit = _numbers(row, columns, values, about.get("units", "1"))
-    row[0].set_ylabel(f"{label}\n[{unit}]" if unit else label, fontsize=9)
+    row[0].set_ylabel(f"{label}\n[{unit}]" if unit else label)
     for axis, (side, _) in zip(row, columns.values(), strict=True):
-        axis.spines[["top", "right"]].set_visible(False)
-        axis.tick_params(which="both", labelsize=8.5)
-        axis.set_xlabel(side.label, fontsize=9)
+        axis.set_xlabel(side.label)
         if side.log:
             plain_log(axis, "x")
         else:
-            whole_numbers(axis, "x", most=4)
+            whole_numbers(axis, "x", most=2)
+    return legend
 
 
-def _title(
-    found: "Dataset", empty: Sequence[str], still: Mapping[str, Sequence[str]], across: int
-) -> str:
+def _title(found: "Dataset", empty: Sequence[str], still: Mapping[str, Sequence[str]]) -> str:
     """Title: what is drawn, and what is not; lines no longer than the figure."""
     lines = ["Over all other parameters: median, and where nine in ten lie; shares of codes"]
     names = ", ".join(found[name].attrs.get("long_name", name) for name in empty)
@@ -163,8 +161,7 @@ def _title(
     lines += [f"Left out, for nothing moves: {names}"] if names else []
     over = [f"{', '.join(some)} over {name}" for name, some in still.items() if name and some]
     lines += [f"Left out, for little or nothing moves there: {'; '.join(over)}"] if over else []
-    width = round(_LETTERS * (3.2 * across + 0.8))
-    return "\n".join(textwrap.fill(line, width) for line in lines)
+    return "\n".join(textwrap.fill(line, style.letters(style.DOUBLE)) for line in lines)
 
 
 def _thinned(found: "Dataset") -> tuple[dict[str, slice], dict[str, tuple[Side, np.ndarray]]]:
@@ -208,7 +205,7 @@ def _numbers(row: Sequence[Axes], columns: Columns, values: np.ndarray, unit: st
     finite = np.abs(values[np.isfinite(values)])
     size, text = (1.0, "")
     if unit != "1":
-        size, text = prefixed(float(np.percentile(finite, 95)), unit)
+        size, text = style.prefixed(float(np.percentile(finite, 95)), unit)
     bands = [_band(at, size * values) for _, at in columns.values()]
     for axis, band in zip(row, bands, strict=True):
         x, low, middle, high = band
@@ -233,27 +230,16 @@ def _band(at: np.ndarray, values: np.ndarray) -> _Band:
     return _Band(*np.asarray(rows).T)
 
 
-def _codes(row: Sequence[Axes], columns: Columns, values: np.ndarray, names: list[str]) -> None:
-    """A row of shares of codes, explained at its right."""
+def _codes(
+    row: Sequence[Axes], columns: Columns, values: np.ndarray, names: list[str]
+) -> dict[str, Artist]:
+    """A row of shares of codes; the squares of its legend, of those that occur."""
     colours = [code_colour(i, name) for i, name in enumerate(names)]
     for axis, (_, at) in zip(row, columns.values(), strict=True):
         x = np.unique(at)
         shares = [[np.mean(values[at == v] == i) for v in x] for i in range(len(names))]
         axis.stackplot(x, np.asarray(shares), colors=colours, lw=0)
     row[0].set_ylim(0, 1)
-    handles = [
-        Patch(facecolor=colours[i], label=name.replace("_", " "))
-        for i, name in enumerate(names)
-        if (values == i).any()
-    ]
-    row[0].legend(
-        handles=handles,
-        loc="lower left",
-        bbox_to_anchor=(-0.02, 1.0),
-        ncol=min(len(handles), 3),
-        frameon=False,
-        fontsize=8.5,
-        borderpad=0.2,
-        handlelength=1.0,
-        columnspacing=0.9,
-    )
+    seen = [i for i in range(len(names)) if (values == i).any()]
+    words = {i: names[i].replace("_", " ") for i in seen}
+    return {f"{words[i]}{colours[i]}": style.square(colours[i], words[i]) for i in seen}

@@ -1,6 +1,5 @@
 """Autocorrelation of a residual, measured and modelled, and errors of means under a noise."""
 
-import textwrap
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -9,12 +8,12 @@ from matplotlib.axes import Axes
 from scipy.special import ndtri
 
 from ..fitting.noise import Glitches, NoiseEstimate
-from .palette import BAND, BLUE, ORANGE
+from .palette import BAND, BLACK, BLUE, ORANGE
 from .ticks import plain_log
 
 _FEWEST, _PAIRED, _MOST, _SOME = 30, 40, 60, 400
 _BAND, _CHANCE = 1.96, 0.05
-_RANGES, _LETTERS = 4, 36
+_RANGES = 4
 
 
 def clocks(time: np.ndarray, path: np.ndarray, pace: np.ndarray | None = None) -> np.ndarray:
@@ -142,21 +141,19 @@ def draw_autocorrelation(
     found = autocorrelation(clock, residual, noise if model else NoiseEstimate(noise.sigma), part)
     lag, value, modelled, error = found
     band = "the noise model" if model else "white noise"
-    axis.fill_between(
-        lag, modelled - _BAND * error, modelled + _BAND * error, color=BAND, lw=0,
-        label=f"95 % band of {band}",
-    )  # fmt: skip
-    axis.plot(lag, value, "o-", color=BLUE, ms=3, lw=0.8, label="residual")
+    low, high = modelled - _BAND * error, modelled + _BAND * error
+    axis.fill_between(lag, low, high, color=BAND, lw=0, label=f"95 % band of {band}")
+    axis.plot(lag, value, "o", color=BLUE, ms=2.5, label="autocorrelation of the residual")
     if model:
         axis.plot(lag, modelled, color=ORANGE, lw=1.2, ls="--", label="noise model")
         if words := beyond_text(found.beyond()):
-            axis.plot([], [], " ", label=textwrap.fill(words, _LETTERS))
-    axis.axhline(0, color="0.3", lw=0.6)
+            axis.plot([], [], " ", label=words)
+    axis.axhline(0, color=BLACK, lw=0.6)
     if np.any(lag > 0):  # none where all rows but a few are passed over
         plain_log(axis, "x")
     both = np.concatenate([value, modelled, [-0.25]])
     axis.set_ylim(1.15 * float(both[np.isfinite(both)].min()), 1.02)
-    axis.set_xlabel("distance between rows [rows]")
+    axis.set_xlabel("lag [rows]")
     axis.set_ylabel("autocorrelation")
 
 
@@ -193,16 +190,7 @@ def error_of_mean(clock: np.ndarray, noise: NoiseEstimate) -> float:
 
 def mark_glitches(axis: Axes, along: np.ndarray, glitches: Glitches) -> None:
     """Crosses at the upper edge of a panel over the rows that are passed over, if there are any."""
-    count = len(glitches.rows)
-    if not count:
-        return
-    axis.plot(
-        along[list(glitches.rows)],
-        np.full(count, 0.97),
-        "x",
-        color=ORANGE,
-        ms=5,
-        mew=1.3,
-        transform=axis.get_xaxis_transform(),
-        label=f"{count} row{'s' if count > 1 else ''} passed over",
-    )
+    if count := len(glitches.rows):
+        x, label = along[list(glitches.rows)], f"{count} row{'s' if count > 1 else ''} passed over"
+        above = axis.get_xaxis_transform()
+        axis.plot(x, np.full(count, 0.97), "x", color=ORANGE, ms=4, transform=above, label=label)

@@ -2,30 +2,22 @@
 
 from pathlib import Path
 
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
+import numpy as np
 
 from ..records import Table
+from . import style
 from .palette import BLUE
-from .written import write
-
-_DATA = BLUE
 
 
 def draw_raw(table: Table, path: str | Path) -> None:
     """Write a figure of a table's columns to `path` (PNG, PDF or SVG by its ending)."""
-    count = len(table.names)
-    figure = Figure(figsize=(9, 0.9 + 1.35 * count), layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
+    figure, axes = style.panels([0.95] * len(table.names))
     for axis, name, unit, values in zip(axes, table.names, table.units, table.columns, strict=True):
-        axis.plot(values, color=_DATA, lw=0.7, rasterized=True)
+        style.samples(axis, np.arange(len(values)), values, colour=BLUE)
         axis.set_ylabel(f"{name}\n[{unit}]" if unit else name, parse_math=False)
-        axis.grid(True, color="0.92")
-        axis.spines[["top", "right"]].set_visible(False)
         axis.margins(x=0.01)
+        style.tidy(axis)
     axes[-1].set_xlabel("row, from 0, as a reduction script counts")
-    title = f"{Path(table.path).name} as recorded: {len(table)} rows"
-    figure.suptitle(title, x=0.01, ha="left", fontsize=11, parse_math=False)
-    figure.align_ylabels(list(axes))
-    write(figure, path)
+    style.write(
+        style.finish(figure, f"{Path(table.path).name} as recorded: {len(table)} rows"), path
+    )

@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from . import style
 from .palette import CYCLE, ESCAPE, OPEN, STABLE, TOGETHER
-from .stability import prefixed
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -38,7 +38,7 @@ def side_of(found: "Dataset", name: str) -> Side:
     about = found[name]
     values = np.asarray(about.values, float)
     unit = about.attrs.get("units", "1")
-    size, text = (1.0, "") if unit == "1" else prefixed(float(np.abs(values).max()), unit)
+    size, text = (1.0, "") if unit == "1" else style.prefixed(style.most(values), unit)
     label = about.attrs.get("long_name", name)
     label = f"{label} {name}" if label != name else name
     label += f" [{text.replace('*', ' ')}]" if text else ""

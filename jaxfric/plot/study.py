@@ -4,7 +4,6 @@ From the Dataset of a store alone: names, units, codes and their texts are in it
 Outputs with further dimensions (motions in time) are not drawn.
 """
 
-import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,20 +20,18 @@ from matplotlib.colors import (
     TwoSlopeNorm,
 )
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch
+from matplotlib.lines import Line2D
 
 from ..stability.margin_table import MARGINS
+from . import style
 from .marginals import draw_marginals
 from .side import Side, code_colour, side_of
-from .stability import new_figure, prefixed, save, tidy
 from .ticks import plain_log
 
 if TYPE_CHECKING:
     from xarray import Dataset
 
 _PANELS = 4
-_LETTERS = 10.5
-"""Of a title, in an inch."""
 _REGULAR = 3e-3
 """A spread of the periods below this part of the period is that of the solver: cycles that repeat
 show up to 1.4e-3 at an rtol of 1e-6, as crossings are interpolated within its steps."""
@@ -74,10 +71,10 @@ def draw_study(found: "Dataset", folder: Path) -> list[str]:
         else:
             figure = _map(found, name, dims, coded=name in coded)
         if figure is not None:
-            names += save(figure, folder, f"map_{_SHARE if 'sample' in dims else ''}{name}")
+            names += style.save(figure, folder, f"map_{_SHARE if 'sample' in dims else ''}{name}")
     shown = sorted((n for n in outputs if n != "outcome"), key=lambda n: n not in coded)
     figure = draw_marginals(found, shown, coded)
-    return names if figure is None else names + save(figure, folder, "marginals")
+    return names if figure is None else names + style.save(figure, folder, "marginals")
 
 
 def _dimensions(found: "Dataset") -> tuple[str, ...]:
@@ -90,10 +87,7 @@ def _rest(dims: tuple[str, ...]) -> tuple[str, ...]:
 
 def _shown_at(found: "Dataset", name: str, index: int) -> str:
     value, unit = float(found[name].values[index]), found[name].attrs.get("units", "1")
-    if unit == "1":
-        return f"{name} = {value:.3g}"
-    size, text = prefixed(abs(value), unit)
-    return f"{name} = {size * value:.3g} {text.replace('*', ' ')}"
+    return f"{name} = {value:.3g}" if unit == "1" else f"{name} = {style.told(value, unit, 3)}"
 
 
 def _without_noise(found: "Dataset") -> "Dataset":
@@ -136,51 +130,47 @@ def _map(found: "Dataset", name: str, dims: tuple[str, ...], *, coded: bool) -> 
         return None  # what is left of a motion that came to rest is the solver's
     longest = sorted(grid, key=lambda d: -found.sizes[d])
     x, y = sorted(longest[:2], key=dims.index)
-    rest = longest[2:]
-    picked = {d: found.sizes[d] // 2 for d in dims if d not in (x, y)}
-    panels: list[dict[str, int]] = [picked]
-    if rest:
-        some = np.linspace(0, found.sizes[rest[0]] - 1, min(_PANELS, found.sizes[rest[0]]))
-        panels = [picked | {rest[0]: int(i + 0.5)} for i in some]
-    values = [np.asarray(found[name].isel(panel).transpose(y, x).values) for panel in panels]
-    columns = min(len(panels), 2)
-    rows = -(-len(panels) // columns)
-    width = 4.0 * columns + 1.9
-    figure = new_figure(width, 3.2 * rows + 0.6)
-    engine = figure.get_layout_engine()
-    assert engine is not None
-    engine.set(w_pad=0.1)  # or the last tick of a panel runs into the first of the next  # ty: ignore[unknown-argument]
-    axes = np.ravel(np.asarray(figure.subplots(rows, columns, sharex=True, sharey=True)))
+    shown = _panels_of(found, dims, (x, y), longest[2:3])
+    values = [np.asarray(found[name].isel(panel).transpose(y, x).values) for panel in shown]
+    figure, axes = style.side_by_side(len(shown), height=2.5, most=2, share=True)
     sides = side_of(found, x), side_of(found, y)
-    for axis, panel in zip(axes, panels, strict=False):
+    for k, (axis, panel) in enumerate(zip(axes, shown, strict=True)):
         held = [_shown_at(found, d, i) for d, i in panel.items() if found.sizes[d] > 1]
         _panel(axis, sides, ", ".join(held))
-    for axis in axes[len(panels) :]:
-        axis.set_visible(False)
-    used = axes[: len(panels)].tolist()
+        axis.set_xlabel(sides[0].label if k >= len(shown) - 2 else "")
+        axis.set_ylabel("" if k % 2 else sides[1].label)
     about = found[name].attrs
     if coded:
-        _codes(figure, used, sides, values, about)
+        legend = _codes(axes, sides, values, about["flag_meanings"].split())
     else:
         infinite = _INFINITE.get(name, "infinite") if "end" in found else "infinite"
-        _numbers(figure, used, sides, values, name, about, infinite)
+        _numbers(figure, axes, sides, values, name, about, infinite)
+        legend = []
     fixed = [_shown_at(found, d, 0) for d in dims if found.sizes[d] == 1]
-    title = about.get("long_name", name) + (f"; {', '.join(fixed)}" if fixed else "")
-    if rest and len(panels) < found.sizes[rest[0]]:
-        title += f"; at {len(panels)} of {found.sizes[rest[0]]} values of {rest[0]}"
+    title = "; ".join([about.get("long_name", name), *([", ".join(fixed)] if fixed else [])])
+    if len(shown) > 1 and len(shown) < found.sizes[longest[2]]:
+        title += f"; at {len(shown)} of {found.sizes[longest[2]]} values of {longest[2]}"
     ends = np.unique(every) if coded else []
     if len(ends) == 1 and ends[0] >= 0:
         title += f": {about['flag_meanings'].split()[int(ends[0])].replace('_', ' ')} everywhere"
-    title = textwrap.fill(_capital(title), round(_LETTERS * width))
-    figure.suptitle(title, x=0.01, ha="left", fontsize=11.5)
-    figure.supxlabel(sides[0].label, fontsize=10)
-    figure.supylabel(sides[1].label, fontsize=10)
-    return figure
+    return style.finish(figure, title[:1].upper() + title[1:], legend=legend)
+
+
+def _panels_of(
+    found: "Dataset", dims: tuple[str, ...], drawn: tuple[str, str], rest: Sequence[str]
+) -> list[dict[str, int]]:
+    """Places on the dimensions that are not drawn, for every panel: some of `rest`, if there is
+    one, and the middle of the others."""
+    picked = {d: found.sizes[d] // 2 for d in dims if d not in drawn}
+    panels = [picked]
+    for d in rest:
+        some = np.linspace(0, found.sizes[d] - 1, min(_PANELS, found.sizes[d]))
+        panels = [picked | {d: int(i + 0.5)} for i in some]
+    return panels
 
 
 def _panel(axis: Axes, sides: tuple[Side, Side], title: str) -> None:
-    tidy(axis, title)
-    axis.grid(False)
+    style.tidy(axis, title, grid=False)
     for which, side in zip("xy", sides, strict=True):
         edges = _edges(side)
         axis.set(**{f"{which}lim": (edges[0], edges[-1])})
@@ -205,67 +195,48 @@ def _mesh(
 
 
 def _codes(
-    figure: Figure,
-    axes: Sequence[Axes],
-    sides: tuple[Side, Side],
-    values: Sequence[np.ndarray],
-    about: Mapping[str, str],
-) -> None:
-    names = about["flag_meanings"].split()
+    axes: Sequence[Axes], sides: tuple[Side, Side], values: Sequence[np.ndarray], names: list[str]
+) -> list[Line2D]:
+    """Maps of codes; the squares of their legend."""
     colours = [code_colour(i, name) for i, name in enumerate(names)]
     norm = BoundaryNorm(np.arange(-1.5, len(names)), len(names) + 1)
-    cmap = ListedColormap(["white", *colours])
     for axis, part in zip(axes, values, strict=True):
-        _mesh(axis, sides, part, cmap, norm)
-    present = np.unique(np.concatenate([part.ravel() for part in values]))
-    handles = [
-        Patch(facecolor=colours[int(code)], label=names[int(code)].replace("_", " "))
-        for code in present
-        if 0 <= code < len(names)
-    ]
-    if -1 in present:
-        handles.append(Patch(facecolor="white", edgecolor="0.6", label="not computed yet"))
-    figure.legend(handles=handles, loc="outside right upper", frameon=False, fontsize=9)
+        _mesh(axis, sides, part, ListedColormap(["white", *colours]), norm)
+    present = np.unique(np.concatenate([part.ravel() for part in values])).astype(int).tolist()
+    known = [code for code in present if 0 <= code < len(names)]
+    squares = [style.square(colours[code], names[code].replace("_", " ")) for code in known]
+    return squares + ([style.square("white", "not computed yet")] if -1 in present else [])
 
 
 def _numbers(
-    figure: Figure,
-    axes: Sequence[Axes],
-    sides: tuple[Side, Side],
-    values: Sequence[np.ndarray],
-    name: str,
-    about: Mapping[str, str],
-    infinite: str,
-) -> None:
+    figure: Figure, axes: Sequence[Axes], sides: tuple[Side, Side], values: Sequence[np.ndarray],
+    name: str, about: Mapping[str, str], infinite: str,
+) -> None:  # fmt: skip
+    """Maps of numbers with their scale of colours; what has no number is grey."""
     every = np.concatenate([part.ravel() for part in values])
     finite = every[np.isfinite(every)]
     unit = about.get("units", "1")
     low, high = np.percentile(finite, [1, 99])
-    size, text = (1.0, "") if unit == "1" else prefixed(float(max(abs(low), abs(high))), unit)
-    share = unit == "%"
-    if share:
-        size, text, norm, cmap = 1.0, "%", Normalize(0, 100), "cividis"
-    else:
-        norm, cmap = _scale(size * low, size * high, name, size * finite)
-    meshes = []
+    size, text = (1.0, "") if unit == "1" else style.prefixed(max(abs(low), abs(high)), unit)
+    label, nothing = name.replace("_", " ") if len(name) > 4 else name, "no number"
+    norm, cmap = _scale(size * low, size * high, name, size * finite)
+    if unit == "%":
+        size, text, label, nothing = 1.0, "%", "share of samples", "not computed yet"
+        norm, cmap = Normalize(0, 100), "cividis"
     for axis, part in zip(axes, values, strict=True):
         shown = np.where(np.isfinite(part), size * part, np.nan)
-        meshes.append(_mesh(axis, sides, shown, cmap, norm))
+        mesh = _mesh(axis, sides, shown, cmap, norm)
         axis.set_facecolor("0.87")
     below, above = size * np.min(finite) < norm.vmin, size * np.max(finite) > norm.vmax
     extend = {(0, 0): "neither", (1, 0): "min", (0, 1): "max", (1, 1): "both"}[below, above]
-    bar = figure.colorbar(meshes[-1], ax=list(axes), extend=extend, shrink=0.9, pad=0.02)
-    label = ("share of samples" if share else _symbol(name)) + (
-        f" [{text.replace('*', ' ')}]" if text else ""
-    )
-    if not np.all(np.isfinite(every)):
-        nothing = "not computed yet" if share else "no number"
-        kinds = [(infinite, np.isinf(every)), (nothing, np.isnan(every))]
-        label += "; grey: " + " or ".join(kind for kind, mask in kinds if mask.any())
-    bar.set_label(label, fontsize=9.5)
+    bar = figure.colorbar(mesh, ax=list(axes), extend=extend, shrink=0.9, pad=0.02)
+    label += f" [{text.replace('*', ' ')}]" if text else ""
+    kinds = [(infinite, np.isinf(every)), (nothing, np.isnan(every))]
+    grey = " or ".join(kind for kind, mask in kinds if mask.any())
+    bar.set_label(f"{label}; grey: {grey}" if grey else label)
 
 
-def _scale(low: float, high: float, name: str, finite: np.ndarray):
+def _scale(low: float, high: float, name: str, finite: np.ndarray) -> tuple[Normalize, str]:
     """Colour scale: two colours about the limit of stability of a margin; else log or plain."""
     limit = MARGINS[name].limit if name in MARGINS else None
     if limit == 0.0 and low < 0 < high:
@@ -278,11 +249,3 @@ def _scale(low: float, high: float, name: str, finite: np.ndarray):
             return LogNorm(np.exp(-reach), np.exp(reach)), "RdBu"
         return LogNorm(low, high), "viridis"
     return Normalize(low, high if high > low else low + 1e-12), "viridis"
-
-
-def _symbol(name: str) -> str:
-    return name.replace("_", " ") if len(name) > 4 else name
-
-
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]

@@ -4,8 +4,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ..simulation.trajectory import RESULTS, Trajectory, result_words
+from . import style
 from .palette import BLUE
-from .stability import new_figure, prefixed, tidy
 
 _MOST = 50
 """Members of a batch that are drawn."""
@@ -13,32 +13,23 @@ _MOST = 50
 
 def trajectory_figure(found: Trajectory) -> Figure:
     """Figure of a trajectory; of a batch its first members, one over the other."""
-    figure = new_figure(9.0, 7.2)
-    axes = figure.subplots(3, 1, sharex=True)
-    time = np.asarray(found.time)
+    figure, axes = style.panels([1.4, 1.4, 1.4])
     members = int(np.prod(np.shape(found.end)))
-    times = np.broadcast_to(time, np.shape(found.force)).reshape(members, -1)[:_MOST]
-    size, unit = prefixed(float(np.max(np.abs(times))), "s")
-    panels = (("force", "friction", ""), ("velocity", "velocity", "m/s"), ("slip", "slip", "m"))
-    for axis, (name, label, si) in zip(axes, panels, strict=True):
-        values = np.asarray(getattr(found, name)).reshape(members, -1)[:_MOST]
-        factor, shown = prefixed(float(np.max(np.abs(values))), si) if si else (1.0, "F")
+    times = np.broadcast_to(np.asarray(found.time, float), np.shape(found.force))
+    times = times.reshape(members, -1)[:_MOST]
+    size, unit = style.prefixed(style.most(times), "s")
+    named = (("force", "friction", ""), ("velocity", "velocity", "m/s"), ("slip", "slip", "m"))
+    for axis, (name, label, si) in zip(axes, named, strict=True):
+        values = np.asarray(getattr(found, name), float).reshape(members, -1)[:_MOST]
+        factor, shown = style.prefixed(style.most(values), si) if si else (1.0, "F")
         alpha = 1.0 if members == 1 else 0.5
-        axis.plot(size * times.T, factor * values.T, color=BLUE, lw=1.2, alpha=alpha)
+        axis.plot(size * times.T, factor * values.T, color=BLUE, lw=1.0, alpha=alpha)
         axis.set_ylabel(f"{label} [{shown}]")
         axis.margins(x=0.01)
-        tidy(axis, "")
+        style.tidy(axis)
     axes[-1].set_xlabel(f"time [{unit}]")
-    figure.suptitle(_title(found, members), x=0.01, ha="left", fontsize=11)
-    figure.align_ylabels(list(axes))
-    return figure
-
-
-def _title(found: Trajectory, members: int) -> str:
-    unit = "F: the unit of friction, N or 1"
-    if members > 1:
-        drawn = f"the first {_MOST} of {members}" if members > _MOST else f"{members}"
-        return f"{drawn} simulated motions ({unit})"
-    ended = found.result == RESULTS.successful
-    early = "" if ended else f"; {result_words(found.result)} at {float(found.end):.4g} s"
-    return f"Simulated motion{early} ({unit})"
+    drawn = f"the first {_MOST} of {members}" if members > _MOST else f"{members}"
+    title = f"{drawn} simulated motions" if members > 1 else "Simulated motion"
+    if members == 1 and found.result != RESULTS.successful:
+        title += f"; {result_words(found.result)} at {float(found.end):.4g} s"
+    return style.finish(figure, f"{title} (F: the unit of friction, N or 1)")

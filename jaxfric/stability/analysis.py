@@ -80,8 +80,7 @@ def steady_point(law: Law, velocity: Float[Array, ""]) -> SteadyPoint:
     else:
         force = law.steady_force(V)
     friction = linear_friction(law, V)
-    most = _largest_memory(friction.kernel)
-    needed = jnp.maximum(most - friction.slope, 0.0)
+    needed = needed_damping(friction)
     return SteadyPoint(V, force, friction, kernel_total(friction.kernel), needed)
 
 
@@ -89,6 +88,11 @@ def steady_point(law: Law, velocity: Float[Array, ""]) -> SteadyPoint:
 def steady_points(law: Law, velocities: Float[ArrayLike, " n"]) -> SteadyPoint:
     """`steady_point` at every velocity [m/s]; what does not exist there is not finite."""
     return jax.vmap(lambda V: steady_point(law, V))(jnp.asarray(velocities, float))
+
+
+def needed_damping(friction: LinearFriction) -> Float[Array, ""]:
+    """The damping k_v with which every stiffness is stable [force s/m]: (19) has no solution."""
+    return jnp.maximum(_largest_memory(friction.kernel) - friction.slope, 0.0)
 
 
 def _largest_memory(kernel: AbstractKernel) -> Float[Array, ""]:

@@ -1,0 +1,72 @@
+"""The figure of how alike two effects look in a record, or in one that is planned."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch, Rectangle
+
+from ..loop.thresholds import ALIAS
+from . import style
+from .palette import BLACK, ORANGE
+
+_CELL = 0.24
+"""Width of a cell [inch]."""
+
+
+def save_aliasing(
+    ids: Sequence[str], cosines: np.ndarray, folder: Path, *, added: Sequence[str] = (),
+    what: str = "this record",
+) -> list[str]:  # fmt: skip
+    """Draw |cosine| between effects, as `what` shows them; the names of the files written."""
+    return style.save(aliasing_figure(ids, cosines, added=added, what=what), folder, "aliasing")
+
+
+def aliasing_figure(
+    ids: Sequence[str], cosines: np.ndarray, *, added: Sequence[str] = (), what: str = "this record"
+) -> Figure:
+    """Figure of the |cosine| between effects, as `what` shows them; those `added` are marked."""
+    cosines, number = np.asarray(cosines, float), len(ids)
+    below = np.tri(number, k=-1, dtype=bool)
+    width = min(max(style.SINGLE, 1.4 + _CELL * number), style.DOUBLE)
+    figure = style.new_figure(width, 1.7 + _CELL * number)
+    axis = figure.subplots()
+    axis.imshow(np.where(below, cosines, np.nan), cmap="Blues", vmin=0, vmax=1.15)
+    for i in range(number):
+        axis.add_patch(Rectangle((i - 0.5, i - 0.5), 1, 1, fc="0.9", lw=0))
+        for j in range(i):
+            _cell(axis, i, j, cosines[i, j])
+    axis.set_xticks(range(number), ids, rotation=60, ha="right", rotation_mode="anchor")
+    axis.set_yticks(range(number), ids)
+    for labels in (axis.get_xticklabels(), axis.get_yticklabels()):
+        for text, id in zip(labels, ids, strict=True):
+            if id in added:
+                text.set(color=ORANGE, fontweight="bold")
+    axis.tick_params(length=0)
+    axis.spines[:].set_visible(False)
+    frame = f"{ALIAS:.2f} or more: not told apart to first order"
+    notes = [Patch(fill=False, ec=ORANGE, lw=1.5, label=frame)]
+    notes.append(style.note("0: nothing alike; 1: the same, no fit can tell", width))
+    if added:
+        notes.append(style.note("orange names: effects that were added", width))
+    if np.any(~np.isfinite(cosines[below])):
+        notes.append(style.note(f"–: {what} does not show one of the two", width))
+    figure = style.finish(figure, f"|cosine| between effects in {what}", legend=notes)
+    axis.spines[:].set_visible(False)
+    return figure
+
+
+def _cell(axis: Axes, i: int, j: int, value: float) -> None:
+    if not np.isfinite(value):
+        axis.text(j, i, "–", ha="center", va="center", color="0.6")
+        return
+    alike = value >= ALIAS
+    text = "1.0" if value >= 0.995 else f"{value:.2f}".removeprefix("0")
+    if not alike and float(text) >= ALIAS:  # rounded up to what is framed
+        text = f"{ALIAS - 0.01:.2f}".removeprefix("0")
+    colour, weight = "white" if value > 0.7 else BLACK, "bold" if alike else "normal"
+    axis.text(j, i, text, ha="center", va="center", color=colour, weight=weight)
+    if alike:
+        axis.add_patch(Rectangle((j - 0.46, i - 0.46), 0.92, 0.92, fill=False, ec=ORANGE, lw=1.5))

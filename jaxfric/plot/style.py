@@ -1,0 +1,313 @@
+"""The style of all figures: widths of a journal, letters, panels, legends, units, and files.
+
+A figure is as wide as one column of a journal or as two, and its letters have `LETTERS` points in
+print. To draw one: `panels` makes the axes, `samples` and `curve` draw records and models, `finish`
+gives titles, letters and legend their places, `save` writes the files.
+"""
+
+import math
+import textwrap
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from ..records.joints import gaps
+from ..records.steps import VelocitySteps
+from .palette import BLACK, BLUE, GREY
+
+SINGLE, DOUBLE = 85 / 25.4, 170 / 25.4
+"""Widths of one and of two columns of a journal [inch]."""
+LETTERS, TITLE = 7.0, 8.0
+"""Sizes of letters, and of those of titles [pt]."""
+DOTS = 220.0
+"""Dots in an inch of a PNG."""
+_LETTER = 0.58
+"""Width of a letter on average, of its size."""
+_MOST_COLUMNS = 6
+_PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n"}
+
+
+# ---- figures and panels ------------------------------------------------------------------------
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """A figure [inch] that belongs to no window and to no global state."""
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def panels(heights: Sequence[float], *, last_alone: bool = False) -> tuple[Figure, list[Axes]]:
+    """A figure of panels of some `heights` [inch] below each other, over one horizontal axis; the
+    last one over another with `last_alone`."""
+    figure = new_figure(DOUBLE, sum(heights) + 0.75)
+    grid = figure.add_gridspec(len(heights), 1, height_ratios=heights)
+    axes = [figure.add_subplot(grid[0, 0])]
+    for k in range(1, len(heights)):
+        alone = last_alone and k == len(heights) - 1
+        axes.append(figure.add_subplot(grid[k, 0], sharex=None if alone else axes[0]))
+        if not alone:
+            axes[k - 1].tick_params(which="both", labelbottom=False)
+    return figure, axes
+
+
+def side_by_side(
+    count: int, *, height: float, most: int = 3, share: bool = False, sharey: bool = False
+) -> tuple[Figure, list[Axes]]:
+    """A figure of so many panels of one `height` [inch], no more than `most` in a row; they have
+    one vertical axis with `sharey`, and both with `share`."""
+    columns = max(min(count, most), 1)
+    rows = max(-(-count // columns), 1)
+    figure = new_figure(DOUBLE, height * rows + 0.5)
+    either = "all" if share or sharey else False
+    grid = figure.subplots(rows, columns, squeeze=False, sharex=share, sharey=either)
+    axes = list(grid.ravel())
+    for axis in axes[count:]:
+        axis.set_axis_off()
+    return figure, axes[: max(count, 1)]
+
+
+def tidy(axis: Axes, title: str = "", *, grid: bool = True) -> None:
+    """Style a panel: a title of one line at the left, a light grid, no box."""
+    axis.set_title(title, loc="left", fontsize=TITLE, parse_math=False)
+    axis.spines[["top", "right"]].set_visible(False)
+    axis.set_axisbelow(True)
+    axis.grid(False)
+    if grid:
+        axis.grid(True, which="major", color="0.92", zorder=0)
+
+
+def finish(
+    figure: Figure, title: str = "", *, legend: Sequence[Axes | Artist] = (), colour: str = "black"
+) -> Figure:
+    """The figure with a title of one line, letters of one size, and a legend below its panels.
+
+    `legend` are what it explains: artists with labels, or axes of which every label is explained.
+    """
+    for axis in figure.axes:
+        if axis.axison:
+            axis.spines[["top", "right"]].set_visible(False)
+        axis.tick_params(which="both", labelsize=LETTERS)
+        labels = (side.label for side in (axis.xaxis, axis.yaxis))
+        offsets = (side.get_offset_text() for side in (axis.xaxis, axis.yaxis))
+        for text in (*axis.texts, *labels, *offsets):
+            text.set_fontsize(LETTERS)
+    if title:
+        title = shortened(title, figure.get_figwidth())
+        figure.suptitle(title, x=0.01, ha="left", fontsize=TITLE, parse_math=False, color=colour)
+    figure.align_ylabels()
+    legend_below(figure, legend)
+    return figure
+
+
+def shortened(text: str, width: float) -> str:
+    """A title that is no longer than a line of so many inches: it ends in "..." where it was."""
+    return textwrap.shorten(text, letters(width, TITLE), placeholder=" ...")
+
+
+def letters(width: float, size: float = LETTERS) -> int:
+    """Number of letters of a size [pt] in a line of so many inches."""
+    return int(72 * width / (_LETTER * size))
+
+
+# ---- legends -----------------------------------------------------------------------------------
+
+
+def legend_below(figure: Figure, artists: Sequence[Axes | Artist]) -> None:
+    """Put one legend below all panels, in as many columns as there is room for."""
+    found = explained_by(artists)
+    for columns in range(min(len(found), _MOST_COLUMNS), 0, -1):
+        legend = figure.legend(
+            found.values(), found, loc="outside lower left", ncol=columns, frameon=False,
+            fontsize=LETTERS, columnspacing=1.2, handlelength=1.8, borderpad=0.1,
+        )  # fmt: skip
+        for handle in legend.legend_handles:  # points of a record are too small to be seen alone
+            if isinstance(handle, Line2D):
+                handle.set_markersize(max(handle.get_markersize(), 4.0))
+        if columns == 1 or legend.get_window_extent().width <= 0.98 * figure.bbox.width:
+            return
+        legend.remove()
+
+
+def explained_by(artists: Sequence[Axes | Artist]) -> dict[str, Artist]:
+    """What a legend explains, by its words: the artists, and all of a panel that have words."""
+    found: dict[str, Artist] = {}
+    for one in artists:
+        if isinstance(one, Axes):
+            handles, labels = one.get_legend_handles_labels()
+            found |= dict(zip(labels, handles, strict=True))
+        else:
+            found[str(one.get_label())] = one
+    return found
+
+
+def beside(axis: Axes, text: str) -> None:
+    """Put words at the right of a panel, off the data."""
+    axis.text(1.02, 1.0, text, transform=axis.transAxes, va="top", fontsize=LETTERS)
+
+
+def note(text: str, width: float = DOUBLE) -> Line2D:
+    """Words for a legend, in lines of a figure so wide."""
+    return Line2D([], [], ls="", label=textwrap.fill(text, letters(width) - 8))
+
+
+def square(colour: str, text: str) -> Line2D:
+    """A coloured square of a legend."""
+    return Line2D([], [], ls="", marker="s", color=colour, mec="0.6", mew=0.5, ms=6, label=text)
+
+
+# ---- records and models --------------------------------------------------------------------------
+
+
+class Along(NamedTuple):
+    """Where the rows of a record are drawn along its horizontal axis."""
+
+    x: np.ndarray
+    label: str
+    starts: np.ndarray
+    """Where the velocities begin, the first one at the first row."""
+    pauses: np.ndarray
+    """Rows before which the recorder paused: no curve is drawn across."""
+
+
+def along(steps: VelocitySteps | None, time: np.ndarray, *, over_path: bool = True) -> Along:
+    """Displacement of the load point where that always advances, else time, since the first row."""
+    pauses = gaps(time) + 1 if len(time) > 1 else np.zeros(0, int)
+    if steps is None:
+        return Along(time, "time since the first row [s]", np.zeros(0), pauses)
+    one_way = np.all(steps.velocities > 0) or np.all(steps.velocities < 0)
+    if not (over_path and one_way):
+        return Along(time, "time since the first row [s]", steps.times, pauses)
+    x, starts = steps.displacement(time), steps.displacement(steps.times)
+    size, unit = prefixed(min(float(np.max(np.abs(x))), 9e-3), "m")
+    label = f"load-point displacement since the first row [{unit}]"
+    return Along(size * x, label, size * starts, pauses)
+
+
+def samples(axis: Axes, x: np.ndarray, y: np.ndarray, label: str = "record", colour=GREY) -> None:
+    """Draw what was measured, as points."""
+    axis.plot(x, y, ".", color=colour, ms=2.0, mew=0, rasterized=True, label=label, zorder=1.5)
+
+
+def curve(
+    axis: Axes, place: Along, y: np.ndarray, label: str | None = None, colour: str = BLUE,
+    style: str = "-", width: float = 1.0,
+) -> None:  # fmt: skip
+    """Draw what was computed at the rows as a line, broken where the recorder paused."""
+    x, y = (np.insert(np.asarray(v, float), place.pauses, np.nan) for v in (place.x, y))
+    axis.plot(x, y, color=colour, lw=width, ls=style, label=label, zorder=2)
+
+
+def bars(
+    axis: Axes, x: np.ndarray, y: np.ndarray, error: np.ndarray, label: str | None = None,
+    colour: str = BLUE, marker: str = "o", *, hollow: bool = False,
+) -> None:  # fmt: skip
+    """Draw values with their errors."""
+    axis.errorbar(
+        x, y, error, fmt=marker, color=colour, mfc="white" if hollow else colour, label=label,
+        ms=3, lw=0.8, capsize=2,
+    )  # fmt: skip
+
+
+def band(
+    axis: Axes, x: np.ndarray, low: np.ndarray, high: np.ndarray, label: str | None, colour: str,
+    alpha: float = 1.0, where: np.ndarray | None = None,
+) -> None:  # fmt: skip
+    """Draw a range over x, where it is known."""
+    where = None if where is None else where.tolist()
+    axis.fill_between(
+        x, low, high, where=where, color=colour, alpha=alpha, lw=0, label=label, zorder=1
+    )
+
+
+def mark(
+    axis: Axes, x: float | np.ndarray, y: float | np.ndarray, marker: str, label: str | None,
+    colour: str = BLACK, *, face: str | None = None, size: float = 6.0,
+) -> None:  # fmt: skip
+    """Draw points that stand out, above all else and beyond the panel's border too."""
+    axis.plot(
+        x, y, marker, color=colour, mfc=face or colour, ms=size, ls="", mew=1.2, label=label,
+        zorder=6, clip_on=False,
+    )  # fmt: skip
+
+
+def mark_steps(axes: Sequence[Axes], place: Along) -> None:
+    """Dashed lines where the velocity changes, and a margin that shows all rows."""
+    for axis in axes:
+        for start in place.starts[1:]:
+            axis.axvline(start, color=GREY, lw=0.7, ls="--", zorder=0.5)
+        axis.margins(x=0.01)
+
+
+def velocity_step() -> Line2D:
+    """The legend's line of `mark_steps`."""
+    return Line2D([], [], color=GREY, lw=0.7, ls="--", label="velocity step")
+
+
+def shade(
+    axis: Axes, x: np.ndarray, y: np.ndarray, codes: np.ndarray, colours: Mapping[str, str]
+) -> list[Line2D]:
+    """Colour a map by whole numbers, the places of their names among `colours`; x and y are evenly
+    spaced, rows of `codes` go with y. The squares of the legend, of those that occur."""
+    codes = np.asarray(codes, int)
+    half_x, half_y = (0.5 * (v[-1] - v[0]) / (len(v) - 1) for v in (x, y))
+    axis.imshow(
+        codes, cmap=ListedColormap(list(colours.values())), vmin=-0.5, vmax=len(colours) - 0.5,
+        extent=(x[0] - half_x, x[-1] + half_x, y[0] - half_y, y[-1] + half_y),
+        origin="lower", aspect="auto", interpolation="nearest",
+    )  # fmt: skip
+    named = enumerate(colours.items())
+    return [square(colour, name) for k, (name, colour) in named if (codes == k).any()]
+
+
+# ---- units and files -----------------------------------------------------------------------------
+
+
+def prefixed(largest: float, unit: str) -> tuple[float, str]:
+    """A factor and a unit with a prefix that bring a size up to `largest` to 1...1000."""
+    if not (math.isfinite(largest) and largest > 0):
+        return 1.0, unit
+    if 0.1 <= largest < 1:
+        return 1.0, unit
+    power = min(max(3 * math.floor(math.log10(largest) / 3 + 1e-9), -9), 9)
+    return 10.0**-power, _PREFIXES[power] + unit
+
+
+def most(values: np.ndarray) -> float:
+    """The largest size of finite values; 0 where there is none."""
+    return float(np.max(np.abs(values), where=np.isfinite(values), initial=0.0))
+
+
+def told(value: float, unit: str, digits: int = 4) -> str:
+    """A value with a prefix of its unit, as text."""
+    size, text = prefixed(abs(value), unit)
+    return f"{size * value:.{digits}g} {text.replace('*', ' ')}"
+
+
+def save(figure: Figure, folder: Path, name: str) -> list[str]:
+    """Write NAME.png and NAME.svg; the names written."""
+    names = [f"{name}.png", f"{name}.svg"]
+    write(figure, *(folder / written for written in names))
+    return names
+
+
+def write(figure: Figure, *paths: str | Path, dpi: float = DOTS) -> None:
+    """Write a figure to each of `paths`, PNG, SVG or PDF by its ending.
+
+    `Figure.savefig` draws all of it once more for the layout of every file, which takes as long.
+    """
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        figure.set_dpi(dpi)
+        engine.execute(figure)
+        figure.set_layout_engine(None)
+    for path in paths:
+        figure.savefig(str(path), dpi=dpi)
