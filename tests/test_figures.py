@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import matplotlib.figure
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
 import jaxfric as jf
 from jaxfric.gains.scenarios import Scenarios
@@ -14,7 +15,7 @@ from jaxfric.loop.result import LocationProfile
 from jaxfric.loop.steady.loop import close_steady_loop
 from jaxfric.plot import gain_map, steady, style
 from jaxfric.plot import run as plot_run
-from jaxfric.plot.aliasing import _cell
+from jaxfric.plot.aliasing import _cell, aliasing_figure
 from jaxfric.plot.location import _share_and_p
 from jaxfric.plot.marginals import draw_marginals
 from jaxfric.plot.side import by_factors
@@ -22,6 +23,7 @@ from jaxfric.plot.study import _map, _shares, _without_noise, draw_study
 from jaxfric.plot.style import new_figure, write
 from jaxfric.plot.ticks import plain_log, whole_numbers
 from jaxfric.records.steady import SteadyCurve
+from jaxfric.runs.events import Event
 
 
 def labels(axis) -> list[str]:
@@ -395,6 +397,38 @@ def test_every_cosine_that_reads_as_alike_is_framed(cosine, text, framed) -> Non
     axis = new_figure(3, 3).subplots()
     _cell(axis, 1, 0, cosine)
     assert axis.texts[0].get_text() == text and bool(axis.patches) == framed
+
+
+def test_a_figure_has_the_width_of_a_journal_and_letters_that_can_be_read() -> None:
+    """85 or 170 mm, and no letters below 7 points; the legend lies within the figure."""
+    ids = ["servo_lag", "sensor_lag", "velocity_dependent_L"]
+    study = study_of(gain=(lambda k, v: k / 1e4, "gain"), speed=(lambda k, v: v, "speed"))
+    figures = [
+        aliasing_figure(ids, np.full((3, 3), 0.4), added=ids[:1]),
+        draw_marginals(study, ["gain", "speed"], []),
+        _map(study, "gain", ("k_p", "V0"), coded=False),
+    ]
+    for figure in figures:
+        figure.canvas.draw()
+        assert any(figure.get_figwidth() * 25.4 == pytest.approx(mm) for mm in (85, 170))
+        seen = [text for text in figure.findobj(Text) if text.get_visible() and text.get_text()]
+        assert seen and min(text.get_fontsize() for text in seen) >= 7
+        assert all(box.get_window_extent().x1 <= figure.bbox.x1 for box in figure.legends)
+
+
+def test_events_of_a_run_stand_over_the_displacement(monkeypatch) -> None:
+    """Whatever the load point did in a time: a hold of an hour is a place."""
+    t = np.arange(0, 100.0)
+    load = 1e-6 * np.minimum(t, 50.0)
+    record = jf.from_arrays(t, 0.6 + 0 * t, load_point_displacement=load)
+    drawn = []
+    monkeypatch.setattr(style, "write", lambda figure, *_: drawn.append(figure))
+    plot_run.draw_events(record, [Event("hold", 50.0, 1e-6, 0.0, 50.0, 99.0)])
+    top, bottom = drawn[0].axes
+    assert "displacement" in bottom.get_xlabel()
+    np.testing.assert_allclose(top.lines[0].get_xdata(), 1e3 * load, atol=1e-12)
+    places = [line.get_xdata()[0] for line in top.lines[1:]]
+    assert places == pytest.approx([0.05])
 
 
 def test_a_figure_is_laid_out_once_for_all_its_files(tmp_path, monkeypatch):

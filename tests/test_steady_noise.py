@@ -11,7 +11,7 @@ from jaxfric.errors import InputError
 from jaxfric.fitting.noise import ROTARY_CLOCKS, NoiseEstimate, NoisePart
 from jaxfric.loop.steady.loop import close_steady_loop
 from jaxfric.loop.steady.noise import after_a_turn, steady_noise
-from jaxfric.plot import steady
+from jaxfric.plot import steady, style
 from jaxfric.plot.noise import autocorrelation
 from jaxfric.records.steady import SteadyCurve
 from jaxfric.records.steady_mean import effective_samples
@@ -189,15 +189,12 @@ def test_a_steady_loop_has_the_noise_of_its_runs(over_the_path, monkeypatch, tmp
     assert len(told["effective_samples"]) == len(curve) and told["longest"].keys() >= {"angle"}
     assert told["parts"][0]["unit"] == "rad"
     drawn = []
-    monkeypatch.setattr(steady, "save", lambda figure, *_: drawn.append(figure) or ["noise.png"])
+    monkeypatch.setattr(style, "save", lambda figure, *_: drawn.append(figure) or ["noise.png"])
     assert steady.draw_noise(curve, noise, tmp_path) == ["noise.png"]
     (figure,) = drawn
     figure.draw_without_rendering()
     left, right = figure.axes
-    assert (left.get_xlabel(), right.get_xlabel()) == (
-        "distance between rows [rows]",
-        "speed [rpm]",
-    )
+    assert (left.get_xlabel(), right.get_xlabel()) == ("lag [rows]", "speed [rpm]")
     lines = {line.get_label(): line for line in right.get_lines()}
     model = next(line for label, line in lines.items() if label.startswith("by the noise"))
     np.testing.assert_allclose(model.get_xdata(), SPEEDS * 60 / TURN)
