@@ -416,6 +416,21 @@ def test_a_figure_has_the_width_of_a_journal_and_letters_that_can_be_read() -> N
         assert all(box.get_window_extent().x1 <= figure.bbox.x1 for box in figure.legends)
 
 
+def test_a_legend_of_many_words_stays_within_its_figure() -> None:
+    figure = new_figure(85 / 25.4, 3.0)
+    words = "rows 1, 3, 5 and 9 to 10 apart are more alike than the noise model says; " * 3
+    axis = figure.subplots()
+    axis.plot([0, 1], [0, 1], label=words)
+    axis.plot([0, 1], [1, 0], label="model")
+    style.finish(figure, "a title of many words " * 9, legend=[axis])
+    figure.canvas.draw()
+    (legend,) = figure.legends
+    boxes = legend.get_window_extent(), figure._suptitle.get_window_extent()
+    assert all(box.x0 >= 0 and box.x1 <= figure.bbox.x1 for box in boxes)
+    assert not boxes[0].overlaps(axis.get_window_extent())
+    assert " ".join(legend.get_texts()[0].get_text().split()) == words.strip()
+
+
 def test_events_of_a_run_stand_over_the_displacement(monkeypatch) -> None:
     """Whatever the load point did in a time: a hold of an hour is a place."""
     t = np.arange(0, 100.0)

@@ -48,11 +48,11 @@ def aliasing_figure(
     axis.spines[:].set_visible(False)
     frame = f"{ALIAS:.2f} or more: not told apart to first order"
     notes = [Patch(fill=False, ec=ORANGE, lw=1.5, label=frame)]
-    notes.append(style.note("0: nothing alike; 1: the same, no fit can tell", width))
+    notes.append(style.note("0: nothing alike; 1: the same, no fit can tell"))
     if added:
-        notes.append(style.note("orange names: effects that were added", width))
+        notes.append(style.note("orange names: effects that were added"))
     if np.any(~np.isfinite(cosines[below])):
-        notes.append(style.note(f"–: {what} does not show one of the two", width))
+        notes.append(style.note(f"–: {what} does not show one of the two"))
     figure = style.finish(figure, f"|cosine| between effects in {what}", legend=notes)
     axis.spines[:].set_visible(False)
     return figure

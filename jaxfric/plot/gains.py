@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 
 from ..coordinate import Coordinate
@@ -185,12 +184,9 @@ def draw_end_map(
     sizes, units = gain_units(k_p, k_v, coordinate)
     figure = style.new_figure(style.DOUBLE, 4.2)
     axis = figure.subplots()
-    masks = [np.asarray(ends.code == getattr(ENDS, name)) for name in _ENDS]
-    codes, colours = np.argmax(np.stack(masks), axis=0), [colour for colour, _ in _ENDS.values()]
-    norm = BoundaryNorm(np.arange(len(colours) + 1) - 0.5, len(colours))
-    x, y, cmap = sizes[0] * k_p, sizes[1] * k_v, ListedColormap(colours)
-    axis.pcolormesh(x, y, codes, cmap=cmap, norm=norm, shading="nearest", rasterized=True)
-    legend = [style.square(*one) for i, one in enumerate(_ENDS.values()) if (codes == i).any()]
+    codes = np.argmax(np.stack([ends.code == getattr(ENDS, name) for name in _ENDS]), axis=0)
+    colours = {words: colour for colour, words in _ENDS.values()}
+    legend = style.shade(axis, sizes[0] * k_p, sizes[1] * k_v, codes, colours)
     where = ""
     if point is not None:
         where = f" at {speed(float(point.velocity), coordinate)}, {mass_text(mass, coordinate)}"

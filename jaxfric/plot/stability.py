@@ -118,7 +118,7 @@ def draw_boundaries(
         axis.plot(x, y, color=BLUE, lw=1.6, label="k_cr(k_v): enough stiffness")
     if needed > 0:
         words = "damped boundary: any stiffness above it"
-        axis.axhline(sizes[1] * needed, color=ORANGE, lw=1.4, ls="--", label=words)
+        axis.axhline(sizes[1] * needed, color=ORANGE, lw=1.4, ls="-.", label=words)
 
 
 def name_gains(

@@ -31,7 +31,8 @@ DOTS = 220.0
 """Dots in an inch of a PNG."""
 _LETTER = 0.58
 """Width of a letter on average, of its size."""
-_MOST_COLUMNS = 6
+_MOST_COLUMNS, _HANDLE = 6, 8
+"""Columns of a legend, and letters that its handles take the room of."""
 _PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n"}
 
 
@@ -122,11 +123,16 @@ def letters(width: float, size: float = LETTERS) -> int:
 
 
 def legend_below(figure: Figure, artists: Sequence[Axes | Artist]) -> None:
-    """Put one legend below all panels, in as many columns as there is room for."""
-    found = explained_by(artists)
+    """Put one legend below all panels, in as many columns and lines as there is room for."""
+    found: dict[str, Artist] = {}
+    for one in artists:
+        handles = one.get_legend_handles_labels()[0] if isinstance(one, Axes) else [one]
+        found |= {str(handle.get_label()): handle for handle in handles}
+    width = letters(figure.get_figwidth()) - _HANDLE
+    labels = ["\n".join(textwrap.fill(x, width) for x in text.split("\n")) for text in found]
     for columns in range(min(len(found), _MOST_COLUMNS), 0, -1):
         legend = figure.legend(
-            found.values(), found, loc="outside lower left", ncol=columns, frameon=False,
+            found.values(), labels, loc="outside lower left", ncol=columns, frameon=False,
             fontsize=LETTERS, columnspacing=1.2, handlelength=1.8, borderpad=0.1,
         )  # fmt: skip
         for handle in legend.legend_handles:  # points of a record are too small to be seen alone
@@ -137,26 +143,14 @@ def legend_below(figure: Figure, artists: Sequence[Axes | Artist]) -> None:
         legend.remove()
 
 
-def explained_by(artists: Sequence[Axes | Artist]) -> dict[str, Artist]:
-    """What a legend explains, by its words: the artists, and all of a panel that have words."""
-    found: dict[str, Artist] = {}
-    for one in artists:
-        if isinstance(one, Axes):
-            handles, labels = one.get_legend_handles_labels()
-            found |= dict(zip(labels, handles, strict=True))
-        else:
-            found[str(one.get_label())] = one
-    return found
-
-
 def beside(axis: Axes, text: str) -> None:
     """Put words at the right of a panel, off the data."""
     axis.text(1.02, 1.0, text, transform=axis.transAxes, va="top", fontsize=LETTERS)
 
 
-def note(text: str, width: float = DOUBLE) -> Line2D:
-    """Words for a legend, in lines of a figure so wide."""
-    return Line2D([], [], ls="", label=textwrap.fill(text, letters(width) - 8))
+def note(text: str) -> Line2D:
+    """Words for a legend."""
+    return Line2D([], [], ls="", label=text)
 
 
 def square(colour: str, text: str) -> Line2D:
@@ -255,15 +249,13 @@ def velocity_step() -> Line2D:
 def shade(
     axis: Axes, x: np.ndarray, y: np.ndarray, codes: np.ndarray, colours: Mapping[str, str]
 ) -> list[Line2D]:
-    """Colour a map by whole numbers, the places of their names among `colours`; x and y are evenly
-    spaced, rows of `codes` go with y. The squares of the legend, of those that occur."""
-    codes = np.asarray(codes, int)
-    half_x, half_y = (0.5 * (v[-1] - v[0]) / (len(v) - 1) for v in (x, y))
-    axis.imshow(
-        codes, cmap=ListedColormap(list(colours.values())), vmin=-0.5, vmax=len(colours) - 0.5,
-        extent=(x[0] - half_x, x[-1] + half_x, y[0] - half_y, y[-1] + half_y),
-        origin="lower", aspect="auto", interpolation="nearest",
-    )  # fmt: skip
+    """Colour a map by whole numbers, the places of their names among `colours`; rows of `codes` go
+    with y. The squares of the legend, of those that occur."""
+    codes, limits = np.asarray(codes, int), (-0.5, len(colours) - 0.5)
+    colour_of = ListedColormap(list(colours.values()))
+    axis.pcolormesh(
+        x, y, codes, cmap=colour_of, clim=limits, shading="nearest", rasterized=True, zorder=0
+    )
     named = enumerate(colours.items())
     return [square(colour, name) for k, (name, colour) in named if (codes == k).any()]
 
