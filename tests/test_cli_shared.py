@@ -1,7 +1,6 @@
 """What all verbs share: --json, --quiet, exit codes, completion of the shell."""
 
 import csv
-import inspect
 import json
 import re
 from pathlib import Path
@@ -45,8 +44,8 @@ def in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
 
 @pytest.mark.parametrize("verb", cli._VERBS, ids=lambda v: v.__name__)
 def test_every_verb_has_the_options(verb) -> None:
-    own = inspect.signature(verb).parameters
-    assert {"json", "quiet", "out"} <= set(own)
+    own = {argument.name for argument in cli.app[verb.__name__].assemble_argument_collection()}
+    assert {"--json", "--quiet", "--out"} <= own
     text = run(verb.__name__, "--help").out
     assert "--json" in text and "--quiet" in text
 

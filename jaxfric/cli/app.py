@@ -52,6 +52,7 @@ app = cyclopts.App(
     help="Sliders that stick-slip: fit friction to records, and find gains that hold them steady.",
     help_epilogue=_EPILOGUE,
     version="0.1.0",
+    default_parameter=cyclopts.Parameter(negative=()),
     suppress_keyboard_interrupt=False,
 )
 _VERBS = (
@@ -113,7 +114,7 @@ def _run(arguments: list[str]) -> int:
             if remark:
                 print(f"jaxfric: note: {remark}", file=sys.stderr)
             verb, bound, _ = app.parse_args(arguments, exit_on_error=False, print_error=False)
-            silent = bool(bound.arguments.get("quiet"))
+            silent = getattr(bound.arguments.get("output"), "quiet", False)
             telling_of_it = telling(silent=silent) if verb in _VERBS else contextlib.nullcontext()
             with calling(verb, bound, arguments), telling_of_it:
                 code = verb(*bound.args, **bound.kwargs)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from . import options
-from .common import AxisColumns, effect_ids, prepare_jax, told, warn, windowed
+from .common import prepare_jax, told, warn
 from .folder import choose_folder
 from .looped import checked_most, save_loop, tell_loop
 
@@ -18,31 +18,22 @@ def axis(
     file: options.File,
     /,
     *,
-    with_: options.With = None,
-    without: options.WithoutOfAxis = None,
+    effects: options.EffectOptions = options.EffectOptions(),
     most: options.Most = 8,
-    drive_gain: options.DriveGain = None,
-    position_gain: options.PositionGain = None,
-    velocity_gain: options.VelocityGain = None,
-    rated_torque: options.RatedTorque = None,
-    flip: options.Flip = None,
+    axis: options.AxisOptions = options.AxisOptions(),
     held: options.Held = False,
     cutoff: Annotated[
         str | None,
         Parameter(
-            help='Low-pass of the position, "50 Hz"; by default a tenth of the sampling rate (a'
+            help='Low-pass of the position, "50 Hz". By default a tenth of the sampling rate (a'
             " fifth of one below 200 Hz), or less where the encoder's error, differentiated twice,"
             " would drown the force."
         ),
+        options.MORE,
     ] = None,
-    column: options.Columns = None,
-    drop_bad: options.DropBad = False,
-    since: options.Since = None,
-    until: options.Until = None,
-    out: options.Out = None,
+    reading: options.RecordOptions = options.RecordOptions(),
     details: options.Details = False,
-    json: options.Json = False,
-    quiet: options.Quiet = False,
+    output: options.OutputOptions = options.OutputOptions(),
 ) -> int:
     """Name the effect that a servo axis has beyond Coulomb and viscous friction.
 
@@ -52,22 +43,16 @@ def axis(
     output folder, by default ./NAME-loop/ with the options that differ from their default.
     """
     most = checked_most(most)
-    declared, excluded = effect_ids(with_, "--with"), effect_ids(without, "--without")
-    columns = AxisColumns.of(column, drive_gain, rated_torque, flip, drop_bad)
+    declared, excluded = effects.ids()
     with told() as progress:
         progress(f"reading {file.name}")
-        from ..records import read_axis
-
-        record = read_axis(
-            file, position_gain=position_gain, velocity_gain=velocity_gain, **columns._asdict()
-        )
-        record = windowed(record, since, until)
-        if not json:
+        record = axis.axis(file, reading)
+        if not output.json:
             warn(record.provenance.notes, "note")
         prepare_jax()
         from ..axis import close_axis_loop
 
-        folder = choose_folder(out, file.stem, file)
+        folder = choose_folder(output.folder, file.stem, file)
         result = close_axis_loop(
             record,
             with_=declared,
@@ -78,7 +63,7 @@ def axis(
             progress=progress,
         )
         content = save_loop(result, folder, progress)
-    return tell_loop(result, content if json else "", folder, details=details)
+    return tell_loop(result, content if output.json else "", folder, details=details)
 
 
 def _filtered(record: "AxisRecord", cutoff: str | None) -> "Preparation | None":

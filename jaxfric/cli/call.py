@@ -2,6 +2,7 @@
 
 import contextlib
 import contextvars
+import dataclasses
 import inspect
 import shlex
 from collections.abc import Callable, Generator, Sequence
@@ -38,12 +39,7 @@ def calling(
     verb: Callable[..., object], bound: inspect.BoundArguments, words: Sequence[str]
 ) -> Generator[None]:
     """Within the block, `current_call` is this one."""
-    defaults = inspect.signature(verb).parameters
-    given = {
-        name: bound.arguments[name]
-        for name, parameter in defaults.items()
-        if name in bound.arguments and bound.arguments[name] != parameter.default
-    }
+    given = _given(verb, bound)
     name = getattr(verb, "__name__", "")
     name = "loop" if name in LOOPS else name
     token = _CURRENT.set(Call(name, shlex.join(["jaxfric", *words]), given))
@@ -51,6 +47,20 @@ def calling(
         yield
     finally:
         _CURRENT.reset(token)
+
+
+def _given(verb: Callable[..., object], bound: inspect.BoundArguments) -> dict[str, object]:
+    """Options that differ from their default, those of a group by their own names."""
+    given: dict[str, object] = {}
+    for name, parameter in inspect.signature(verb).parameters.items():
+        default, value = parameter.default, bound.arguments.get(name, parameter.default)
+        if dataclasses.is_dataclass(default):
+            names = [field.name for field in dataclasses.fields(default)]
+            pairs = [(one, getattr(value, one), getattr(default, one)) for one in names]
+            given |= {one: own for one, own, usual in pairs if own != usual}
+        elif value != default:
+            given[name] = value
+    return given
 
 
 def in_new_words(words: Sequence[str]) -> tuple[list[str], str]:

@@ -3,12 +3,10 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from cyclopts import Parameter
-
 from ..errors import InputError
 from . import options
 from .call import current_call
-from .common import doing, effect_ids, prepare_jax, read_record, stdout_console, told, warn
+from .common import doing, effect_ids, prepare_jax, stdout_console, told, warn
 from .folder import choose_folder, json_text
 from .plan_line import loop_line
 
@@ -21,37 +19,15 @@ def compare(
     file: options.File,
     /,
     *,
-    stiffness: Annotated[
-        str | None,
-        Parameter(
-            allow_leading_hyphen=True,
-            help="Stiffness with unit: 1.6e-3/um, or 2e6 N/m for a force.",
-        ),
-    ] = None,
-    law: Annotated[
-        list[str] | None,
-        Parameter(negative=(), help="Laws to compare, 'slip,ageing'; by default all."),
-    ] = None,
-    fit_stiffness: Annotated[
-        bool,
-        Parameter(negative=(), help="Let every law find the stiffness instead."),
-    ] = False,
-    slip_trend: Annotated[
-        bool, Parameter(negative=(), help="Fit a linear change of friction with slip as well.")
-    ] = False,
+    stiffness: options.Stiffness = None,
+    law: Annotated[list[str] | None, options.LAW] = None,
+    fit_stiffness: bool = False,
+    slip_trend: bool = False,
     steps: options.Steps = None,
-    rows: Annotated[
-        int | None,
-        Parameter(help="Fit means over neighbouring rows, about so many: quicker by as much."),
-    ] = None,
+    rows: options.Rows = None,
     reduce: options.Reduce = None,
-    column: options.Columns = None,
-    drop_bad: options.DropBad = False,
-    since: options.Since = None,
-    until: options.Until = None,
-    out: options.Out = None,
-    json: options.Json = False,
-    quiet: options.Quiet = False,
+    reading: options.RecordOptions = options.RecordOptions(),
+    output: options.OutputOptions = options.OutputOptions(),
 ) -> int:
     """Compare friction laws on one record: slip and ageing, with one state and with two.
 
@@ -66,13 +42,13 @@ def compare(
             "give one of --stiffness 1.6e-3/um, that of machine and specimen, and --fit-stiffness"
         )
     doing(f"reading {file.name}")
-    measured = read_record(file, column, drop_bad, since, until, reduce=reduce)
+    measured = reading.slider(file, reduce)
     prepare_jax()
     from ..loop.compare import compare_laws
     from ..plot.compared import draw_comparison
     from ..report.comparison import tabled
 
-    folder = choose_folder(out, file.stem, file)
+    folder = choose_folder(output.folder, file.stem, file)
     with told() as progress:
         found = compare_laws(
             measured,
@@ -90,7 +66,7 @@ def compare(
         progress("drawing the figure")
         names = ("compare.png", "compare.svg")
         folder.draw("the figure", lambda to: draw_comparison(found, *(to / n for n in names)))
-    if json:
+    if output.json:
         print(content)
     else:
         _print(found)

@@ -26,14 +26,14 @@ def feedforward(
     at: Annotated[
         options.Text,
         Parameter(
-            help='Tell the friction at these speeds first, forwards and backwards: "50 mm/s", or'
-            ' "1, 5 rad/s".'
+            help="Print the friction at these speeds first, forwards and backwards."
+            ' "50 mm/s", or "1, 5 rad/s".'
         ),
     ] = None,
     acceleration: Annotated[
         options.Text,
         Parameter(
-            help='Acceleration of the reference where it turns, "2 m/s^2" or "50 rad/s^2"; by'
+            help='Acceleration of the reference where it turns, "2 m/s^2" or "50 rad/s^2". By'
             " default that of the record, where the file tells it."
         ),
     ] = None,
@@ -45,14 +45,9 @@ def feedforward(
         options.Text,
         Parameter(help='Fade below this speed, "5 mm/s", instead of the one derived.'),
     ] = None,
-    drive_gain: Annotated[
-        str | None,
-        Parameter(help='Give it in the drive\'s V or A: force per signal, as in "35.15 N/V".'),
-    ] = None,
+    drive_gain: options.DriveGain = None,
     name: Annotated[str, Parameter(help="Name of the axis in C: NAME_feedforward.")] = "axis",
-    out: options.Out = None,
-    json: options.Json = False,
-    quiet: options.Quiet = False,
+    output: options.OutputOptions = options.OutputOptions(),
 ) -> int:
     """Compensate the friction of an axis or joint: formula, C function, table, and fade speed.
 
@@ -75,7 +70,7 @@ def feedforward(
         print(f"jaxfric: error: {error}", file=sys.stderr)
         return 1
     source = found.c(name, made_by=made_by(current_call().command))
-    folder = choose_folder(out, source_name(model), model)
+    folder = choose_folder(output.folder, source_name(model), model)
     with told() as progress:
         content = json_text(found.to_json(asked))
         texts = {"json": content + "\n", "c": source, "csv": found.csv(), "tex": tex(found)}
@@ -84,7 +79,7 @@ def feedforward(
                 (to / f"feedforward.{kind}").write_text(text, encoding="utf-8")
         progress("drawing the figure")
         folder.draw("the figure", lambda to: draw_feedforward(found, to))
-    if json:
+    if output.json:
         print(content)
     else:
         _print(found, asked, folder)

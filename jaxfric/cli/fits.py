@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, TypeVar
 from ..errors import InputError
 from .common import stdout_console, told, warn
 from .folder import Folder, choose_folder, json_text
+from .options import OutputOptions
 
 if TYPE_CHECKING:
     from ..fitting import Fit
@@ -47,12 +48,10 @@ def for_each(files: Sequence[Path], values: Sequence[_Value], option: str) -> Se
 
 def fit_files(
     files: Sequence[Path],
-    out: Path | None,
+    output: OutputOptions,
     reading: "Callable[[Path], Record]",
     fitting: Fitting,
     together: Together | None,
-    *,
-    json: bool,
 ) -> int:
     """Fit every file, write and print the table; the exit code, 1 where one failed.
 
@@ -68,7 +67,7 @@ def fit_files(
             raise InputError(f"{file}: there is no such file; none was fitted")
 
     source = f"{files[0].stem}-and-{len(files) - 1}-more"
-    folder = choose_folder(out, source, *files)
+    folder = choose_folder(output.folder, source, *files)
     with told() as progress:
         ends: dict[int, Fit | str] = {}
         read: dict[int, Record] = {}
@@ -103,7 +102,7 @@ def fit_files(
             if one.fit is not None:
                 progress(f"drawing {name}")
                 _draw(one.fit, name, folder)
-    if json:
+    if output.json:
         print(content)
     else:
         _print(found, folder)

@@ -124,13 +124,6 @@ def choose_folder(
     return folder
 
 
-def choose_law_folder(out: Path | None, fit: Path | None, law: str | None) -> "Folder":
-    """The folder of a call on a friction law, that of a file or a named one."""
-    if fit is not None:
-        return choose_folder(out, source_name(fit), fit)
-    return choose_folder(out, law or "", unnamed=("law",))
-
-
 class _Run(TypedDict):
     """The last run of a verb, as a folder notes it."""
 

@@ -6,16 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from . import options
-from .common import (
-    AxisColumns,
-    doing,
-    prepare_jax,
-    read_record,
-    refuse_unused,
-    stdout_console,
-    told,
-    warn,
-)
+from .common import doing, prepare_jax, refuse_unused, stdout_console, told, warn
 from .folder import Folder, choose_folder, source_name
 
 if TYPE_CHECKING:
@@ -27,30 +18,18 @@ def predict(
     record: Annotated[Path, Parameter(help="The record: of a slider, or of an axis.")],
     /,
     *,
-    stiffness: Annotated[
-        str | None,
-        Parameter(
-            allow_leading_hyphen=True,
-            help="Of a slider: stiffness of the machine that made this record, if it is another.",
-        ),
-    ] = None,
+    stiffness: options.Stiffness = None,
     free: Annotated[
         str | None,
         Parameter(help="Of a slider: parameters fitted to this record, 'f0,A'; none: ''."),
+        options.MORE,
     ] = None,
     steps: options.Steps = None,
-    drive_gain: options.DriveGain = None,
-    position_gain: options.PositionGain = None,
-    velocity_gain: options.VelocityGain = None,
-    rated_torque: options.RatedTorque = None,
-    flip: options.Flip = None,
+    axis: options.AxisOptions = options.AxisOptions(),
     held: options.Held = False,
+    reading: options.RecordOptions = options.RecordOptions(),
     reduce: options.Reduce = None,
-    column: options.Columns = None,
-    drop_bad: options.DropBad = False,
-    out: options.Out = None,
-    json: options.Json = False,
-    quiet: options.Quiet = False,
+    output: options.OutputOptions = options.OutputOptions(),
 ) -> int:
     """Predict a record with a saved model: how large is the error, and does the noise allow it?
 
@@ -60,30 +39,16 @@ def predict(
     prepare_jax()
     from ..prediction import predict as run
     from ..prediction.model import load_model
-    from ..records import read_axis
 
     saved = load_model(model)
-    columns = AxisColumns.of(column, drive_gain, rated_torque, flip, drop_bad)
-    of_an_axis = {
-        "--drive-gain": drive_gain,
-        "--position-gain": position_gain,
-        "--velocity-gain": velocity_gain,
-        "--rated-torque": rated_torque,
-        "--flip": columns.flip,
-        "--held": held,
-    }
+    of_an_axis = axis.of_signals | axis.of_loops | {"--held": held}
     of_a_slider = {"--stiffness": stiffness, "--steps": steps, "--free": free is not None}
     of_a_slider["--reduce"] = reduce
     kind = "an axis" if saved.is_axis else "a slider"
     refuse_unused(f"{model}, a model of {kind}", of_a_slider if saved.is_axis else of_an_axis)
     doing(f"reading {record.name}")
-    if saved.is_axis:
-        measured = read_axis(
-            record, position_gain=position_gain, velocity_gain=velocity_gain, **columns._asdict()
-        )
-    else:
-        measured = read_record(record, column, drop_bad, reduce=reduce)
-    folder = choose_folder(out, f"{record.stem}-by-{source_name(model)}", record, model)
+    measured = axis.axis(record, reading) if saved.is_axis else reading.slider(record, reduce)
+    folder = choose_folder(output.folder, f"{record.stem}-by-{source_name(model)}", record, model)
     with told() as progress:
         result = run(
             model,
@@ -99,7 +64,7 @@ def predict(
 
         content = folder.save_json("prediction.json", result.to_json())
         folder.draw("the figure", lambda to: draw_prediction(result, to))
-    if json:
+    if output.json:
         print(content)
     else:
         _print(result, folder)

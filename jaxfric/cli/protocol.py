@@ -39,51 +39,39 @@ def protocol(
     slip_per_step: Annotated[
         options.Text, Parameter(help="Required. Load-point motion at each velocity: 150um.")
     ] = None,
-    stiffness: Annotated[
-        options.Text,
-        Parameter(
-            help="Required, unless --from has one. Stiffness of the machine: 5e-3/um, or 2e6 N/m."
-        ),
-    ] = None,
+    stiffness: options.Stiffness = None,
     noise: Annotated[
         options.Text,
-        Parameter(help="Required, unless --from has one. Noise of a row: 3e-4, or 0.5 N."),
+        Parameter(help="Noise of a row: 3e-4, or 0.5 N. Required, unless --from has one."),
     ] = None,
-    from_: Annotated[
-        Path | None,
-        Parameter(name="--from", help="A fit.json or loop.json from which the parameters are."),
-    ] = None,
-    parameters: Annotated[
-        str | None, Parameter(help=f"Parameters instead: '{TYPICAL}', which are the default.")
-    ] = None,
-    law: Annotated[
-        str | None, Parameter(help="Law of the base model, slip or ageing. Default: slip.")
-    ] = None,
-    rows: Annotated[int, Parameter(help="Rows of the record at each velocity.")] = 250,
+    from_: options.From = None,
+    parameters: options.Parameters = None,
+    law: Annotated[str | None, options.LAW] = None,
+    rows: Annotated[
+        int, Parameter(help="Rows of the record at each velocity."), options.MORE
+    ] = 250,
     slip_channel: Annotated[
-        options.Text, Parameter(help="A channel of slip is planned, of this noise: '0.1 um'.")
+        options.Text,
+        Parameter(help="A channel of slip is planned, of this noise: '0.1 um'."),
+        options.MORE,
     ] = None,
     tell: Annotated[
         list[str] | None,
         Parameter(
-            negative=(),
-            help="Two effects, 'ageing,second_state', or an effect and base (the law without any):"
-            " whether the plan tells these two apart is the first line. The base is then without"
-            " those that the file of --from has.",
+            help="Two effects, 'ageing,second_state': does the plan tell them apart? Or an effect"
+            " and base (the law without any). The answer is the first line. The base is then"
+            " without those that the file of --from has."
         ),
     ] = None,
-    with_: options.With = None,
-    without: options.Without = None,
-    out: options.Out = None,
-    json: options.Json = False,
-    quiet: options.Quiet = False,
+    effects: options.EffectOptions = options.EffectOptions(),
+    output: options.OutputOptions = options.OutputOptions(),
 ) -> int:
     """Say, before the experiment, which effects it can tell apart, and what would help.
 
     Writes protocol.json and the figure aliasing to the output folder, by default ./protocol/
     with the options that differ from their default.
     """
-    declared, excluded = effect_ids(with_, "--with"), effect_ids(without, "--without")
+    declared, excluded = effects.ids()
     wrong = _Wrong()
     commanded = wrong.of(lambda: read_velocities(velocities))
     slip = wrong.of(lambda: _given(slip_per_step, "m", "--slip-per-step"))
@@ -106,7 +94,11 @@ def protocol(
         values, more = _without_asked(known, more, asked or (), declared)
         if asked is not None:
             asked = _known_pair(asked, found_law, (*more, *declared), excluded)
-        folder = choose_folder(out, source_name(from_), from_) if from_ else choose_folder(out, "")
+        folder = (
+            choose_folder(output.folder, source_name(from_), from_)
+            if from_
+            else choose_folder(output.folder, "")
+        )
         found = plan(
             Planned(
                 commanded,
@@ -130,7 +122,7 @@ def protocol(
         content = folder.save_json("protocol.json", found.to_json() | answer.to_json())
         ids, cosines = found.design.ids, found.design.cosines
         folder.draw("aliasing", lambda to: save_aliasing(ids, cosines, to, what="this plan"))
-    if json:
+    if output.json:
         print(content)
     else:
         _print(found, folder, answer, typical=from_ is None and parameters is None)

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from . import options
-from .common import AxisColumns, doing, read_record, refuse_unused, told, warn, windowed
+from .common import doing, refuse_unused, told, warn
 from .folder import Folder, choose_folder, json_text
 
 if TYPE_CHECKING:
@@ -18,20 +18,11 @@ def record(
     /,
     *,
     rig: options.Rig = "slider",
-    reduce: options.Reduce = None,
-    column: options.Columns = None,
-    drop_bad: options.DropBad = False,
-    since: options.Since = None,
-    until: options.Until = None,
+    reading: options.RecordOptions = options.RecordOptions(),
     steps: options.Steps = None,
-    drive_gain: options.DriveGain = None,
-    position_gain: options.PositionGain = None,
-    velocity_gain: options.VelocityGain = None,
-    rated_torque: options.RatedTorque = None,
-    flip: options.Flip = None,
-    out: options.Out = None,
-    json: options.Json = False,
-    quiet: options.Quiet = False,
+    reduce: options.Reduce = None,
+    axis: options.AxisOptions = options.AxisOptions(),
+    output: options.OutputOptions = options.OutputOptions(),
 ) -> int:
     """Show what is understood of a record, and draw it.
 
@@ -41,43 +32,29 @@ def record(
     steady runs: speed and force of each. Figures go to the output folder, by default
     ./NAME-record/.
     """
-    columns = AxisColumns.of(column, drive_gain, rated_torque, flip, drop_bad)
-    signals = {
-        "--drive-gain": drive_gain,
-        "--rated-torque": rated_torque,
-        "--flip": columns.flip,
-    }
-    loops = {"--position-gain": position_gain, "--velocity-gain": velocity_gain}
     unused = {
-        "slider": signals | loops,
+        "slider": axis.of_signals | axis.of_loops,
         "axis": {"--steps": steps, "--reduce": reduce},
-        "steady": {"--steps": steps, "--reduce": reduce, **loops},
+        "steady": {"--steps": steps, "--reduce": reduce, **axis.of_loops},
     }[rig]
     other = "slider" if rig == "axis" else "axis"
     refuse_unused(f"--rig {rig}", unused, f", or choose --rig {other}")
     doing(f"reading {file.name}")
-    from ..records import read_axis, read_steady
-
     if rig == "slider":
-        slider = read_record(file, column, drop_bad, since, until, reduce=reduce)
-        return _slider(slider, file, steps, out, reduced=reduce is not None, json=json)
+        slider = reading.slider(file, reduce)
+        return _slider(slider, file, steps, output, reduced=reduce is not None)
     if rig == "steady":
-        curve = read_steady(file, **columns._asdict(), window=(since, until))
-        return _steady(curve, file, out, json=json)
-    measured = read_axis(
-        file, position_gain=position_gain, velocity_gain=velocity_gain, **columns._asdict()
-    )
-    return _axis(windowed(measured, since, until), file, out, json=json)
+        return _steady(axis.steady(file, reading), file, output)
+    return _axis(axis.axis(file, reading), file, output)
 
 
 def _slider(
     measured: "Record",
     file: Path,
     steps: str | None,
-    out: Path | None,
+    output: options.OutputOptions,
     *,
     reduced: bool,
-    json: bool,
 ) -> int:
     from ..plot.raw import draw_raw
     from ..plot.record import draw_record
@@ -89,42 +66,42 @@ def _slider(
 
     found = record_steps(measured) if steps is None else VelocitySteps.parse(steps)
     found.refuse_end(measured.relative_time[-1])
-    folder = choose_folder(out, file.stem, file)
+    folder = choose_folder(output.folder, file.stem, file)
 
     def draw(to: Path) -> None:
         draw_record(measured, found, to / "record.png")
         if reduced:
             draw_raw(read_table(file, raw=True), to / "raw.png")
 
-    content = record_content(measured, found) if json else None
+    content = record_content(measured, found) if output.json else None
     code = _show(folder, draw, describe(measured, found), content)
     warn(filter(None, [speeds_without_steps(measured, found), slips_told(measured, found)]))
     return code
 
 
-def _axis(measured: "AxisRecord", file: Path, out: Path | None, *, json: bool) -> int:
+def _axis(measured: "AxisRecord", file: Path, output: options.OutputOptions) -> int:
     from ..plot.axis_record import draw_axis_record
     from ..records.strokes import find_strokes
     from ..report.axis_record_text import describe_axis
     from ..report.record_json import axis_content
 
     strokes = find_strokes(measured)
-    folder = choose_folder(out, file.stem, file)
+    folder = choose_folder(output.folder, file.stem, file)
     return _show(
         folder,
         lambda to: draw_axis_record(measured, strokes, to / "record.png"),
         describe_axis(measured, strokes),
-        axis_content(measured, strokes) if json else None,
+        axis_content(measured, strokes) if output.json else None,
     )
 
 
-def _steady(curve: "SteadyCurve", file: Path, out: Path | None, *, json: bool) -> int:
+def _steady(curve: "SteadyCurve", file: Path, output: options.OutputOptions) -> int:
     from ..plot.axis_record import draw_curve
     from ..report.axis_record_text import describe_steady
     from ..report.record_json import steady_content
 
-    folder = choose_folder(out, file.resolve().name, file)
-    content = steady_content(curve) if json else None
+    folder = choose_folder(output.folder, file.resolve().name, file)
+    content = steady_content(curve) if output.json else None
     return _show(
         folder, lambda to: draw_curve(curve, to / "record.png"), describe_steady(curve), content
     )

@@ -16,9 +16,7 @@ def report(
     folder: Annotated[Path, Parameter(help="A folder below which verbs wrote their results.")],
     /,
     *,
-    out: options.Out = None,
-    json: options.Json = False,
-    quiet: options.Quiet = False,
+    output: options.OutputOptions = options.OutputOptions(),
 ) -> int:
     """Put all results below a folder on one page: what each is, its numbers, warnings, figures.
 
@@ -38,13 +36,13 @@ def report(
             f"{folder}: no results below it (fit.json, run.json, loop.json, gains.json and others)"
             f"{why}; make one, as with jaxfric fit RECORD --stiffness 1.6e-3/um"
         )
-    target = choose_folder(folder if out is None else out, "")
+    target = choose_folder(output.folder or folder, "")
     with told() as progress:
         progress(f"a page of {len(results)} results")
         text = page(folder, results, damaged, target.path, current_call().command)
         with target.results() as to:
             (to / "report.html").write_text(text, encoding="utf-8", errors="replace")
-    if json:
+    if output.json:
         content = [
             {"file": str(one.file), "what": one.what, "sentence": one.sentence}
             | {"warnings": list(one.warnings), "numbers": [list(row) for row in one.numbers.rows]}

@@ -4,14 +4,12 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING, Annotated
 
 from ..errors import InputError
 from . import options
 from .call import current_call
-from .common import prepare_jax, read_record, told, warn
+from .common import prepare_jax, told, warn
 from .folder import Folder, choose_folder, json_text
 from .plan_line import run_line
 
@@ -23,6 +21,8 @@ if TYPE_CHECKING:
     from ..runs.holds import Hold
 
 
+_ROWS = 4000
+"""Rows of a window above which means over neighbouring rows are fitted."""
 _ALONE = ("stick_slip", "glitch")
 """Events of which nothing is asked that needs a stiffness."""
 _NO_STIFFNESS = (
@@ -36,38 +36,14 @@ def run(
     file: options.File,
     /,
     *,
-    stiffness: Annotated[
-        str | None,
-        Parameter(
-            allow_leading_hyphen=True,
-            help="Stiffness with unit: 1.6e-3/um, 2e6 N/m for a force, or 0.16 MPa/um, which under"
-            " another normal stress is another friction per length; ramps: that of unloading and"
-            " reloading.",
-        ),
-    ] = None,
-    law: Annotated[str, Parameter(help="Evolution law, slip or ageing.")] = "slip",
-    states: Annotated[Literal["1", "2", "3"], Parameter(help="Number of state variables.")] = "1",
-    fit_stiffness: Annotated[
-        bool, Parameter(negative=(), help="Fit the stiffness of every step too.")
-    ] = False,
-    slip_trend: Annotated[
-        bool, Parameter(negative=(), help="Fit a linear change of friction with slip as well.")
-    ] = False,
-    events: Annotated[
-        Path | None,
-        Parameter(help="Take the events of this file, as a run wrote it, instead of finding them."),
-    ] = None,
-    rows: Annotated[
-        int, Parameter(help="Fit means over neighbouring rows where a window has more than these.")
-    ] = 4000,
+    stiffness: options.Stiffness = None,
+    law: Annotated[str, options.LAW] = "slip",
+    model: options.ModelOptions = options.ModelOptions(),
+    events: options.Events = None,
+    rows: options.Rows = None,
     reduce: options.Reduce = None,
-    column: options.Columns = None,
-    drop_bad: options.DropBad = False,
-    since: options.Since = None,
-    until: options.Until = None,
-    out: options.Out = None,
-    json: options.Json = False,
-    quiet: options.Quiet = False,
+    reading: options.RecordOptions = options.RecordOptions(),
+    output: options.OutputOptions = options.OutputOptions(),
 ) -> int:
     """Find all velocity steps of a run, fit them, and write the table.
 
@@ -84,12 +60,19 @@ def run(
     from ..runs.ramps import RAMPS, stiffness_from_ramps
     from ..runs.stiffness import MachineStiffness
 
-    how = HowFitted(None, law, int(states), fit_stiffness, slip_trend, rows)
+    how = HowFitted(
+        None,
+        law,
+        int(model.states),
+        model.fit_stiffness,
+        model.slip_trend,
+        _ROWS if rows is None else rows,
+    )
     with told() as progress:
         progress(f"reading {file.name}")
-        record = read_record(file, column, drop_bad, since, until, reduce=reduce)
+        record = reading.slider(file, reduce)
         inputs = (file,) if events is None else (file, events)
-        folder = choose_folder(out, file.stem, *inputs, unnamed=("events",))
+        folder = choose_folder(output.folder, file.stem, *inputs, unnamed=("events",))
         if stiffness == RAMPS:
             ramps = stiffness_from_ramps(*decided_events(record, events, None))
             how = replace(how, stiffness=ramps.machine())
@@ -97,7 +80,11 @@ def run(
             how = replace(how, stiffness=MachineStiffness.parse(stiffness, record.friction_unit))
         progress(f"what happens in {len(record)} rows")
         record, found = decided_events(record, events, how.stiffness)
-        if stiffness is None and not fit_stiffness and any(e.kind not in _ALONE for e in found):
+        if (
+            stiffness is None
+            and not model.fit_stiffness
+            and any(e.kind not in _ALONE for e in found)
+        ):
             raise InputError(_NO_STIFFNESS)
         early = [] if events is None else contradictions(record, found)
         warn(early)
@@ -109,7 +96,7 @@ def run(
             _write_events(record, found, to)
             _write_tables(result, holds, others, to)
             (to / "run.json").write_text(content + "\n", encoding="utf-8")
-    if json:
+    if output.json:
         print(content)
     else:
         _tell(result, holds, others)
@@ -123,7 +110,7 @@ def run(
         _draw(result, holds, folder)
         _draw_others(others, folder)
         _write_page(result, holds, others, warnings, folder)
-    if not json:
+    if not output.json:
         print(folder.written)
     return folder.close()
 

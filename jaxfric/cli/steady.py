@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from . import options
-from .common import AxisColumns, doing, effect_ids, prepare_jax, stdout_console, told
+from .common import doing, prepare_jax, refuse_unused, stdout_console, told
 from .folder import Folder, choose_folder, input_name
 
 if TYPE_CHECKING:
@@ -20,18 +20,10 @@ def steady(
     ],
     /,
     *,
-    with_: options.With = None,
-    without: options.WithoutOfSteady = None,
-    drive_gain: options.DriveGain = None,
-    rated_torque: options.RatedTorque = None,
-    flip: options.Flip = None,
-    column: options.Columns = None,
-    drop_bad: options.DropBad = False,
-    since: options.Since = None,
-    until: options.Until = None,
-    out: options.Out = None,
-    json: options.Json = False,
-    quiet: options.Quiet = False,
+    effects: options.EffectOptions = options.EffectOptions(),
+    axis: options.AxisOptions = options.AxisOptions(),
+    reading: options.RecordOptions = options.RecordOptions(),
+    output: options.OutputOptions = options.OutputOptions(),
 ) -> int:
     """Name the effect that the friction of steady speeds has beyond Coulomb and viscous friction.
 
@@ -39,17 +31,16 @@ def steady(
     and the figures curve and noise to the output folder, by default ./NAME-loop/ with the options
     that differ from their default.
     """
-    declared, excluded = effect_ids(with_, "--with"), effect_ids(without, "--without")
-    columns = AxisColumns.of(column, drive_gain, rated_torque, flip, drop_bad)
+    declared, excluded = effects.ids()
+    refuse_unused("runs at steady speeds", axis.of_loops)
     doing(f"reading {input_name(file)}")
     from ..loop.steady.loop import close_steady_loop
     from ..loop.steady.noise import steady_noise
     from ..plot.steady import draw_noise, draw_steady
-    from ..records import read_steady
     from ..report.steady_text import to_json
 
-    curve = read_steady(file, **columns._asdict(), window=(since, until))
-    folder = choose_folder(out, input_name(file), file)
+    curve = axis.steady(file, reading)
+    folder = choose_folder(output.folder, input_name(file), file)
     with told() as progress:
         progress("fitting the curve of friction over velocity")
         result = close_steady_loop(curve, with_=declared, without=excluded)
@@ -61,7 +52,7 @@ def steady(
         folder.draw("curve", lambda to: draw_steady(result, to))
         if noise is not None:
             folder.draw("noise", lambda to: draw_noise(curve, noise, to))
-    if json:
+    if output.json:
         print(content)
     else:
         _print(result, noise, folder)
