@@ -124,7 +124,7 @@ def test_the_verb_on_steady_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert "steady runs: 4" in outcome.out and "-20.csv" in outcome.out
     assert (tmp_path / "runs-record" / "record.png").is_file()
     long = ("--from", "3 s")
-    for verb in (("record", "--rig", "steady"), ("steady",)):
+    for verb in (("record", "--rig", "steady"), ("axis",)):
         assert_refused(run(*verb, "runs", *long), "--from '3 s'", "lasts 1.99 s")
 
 

@@ -662,7 +662,7 @@ def test_a_damaged_curve_of_steady_speeds_is_refused(place, value, tmp_path):
         table = table[key]
     table[place[-1]] = value
     (tmp_path / "steady.json").write_text(json.dumps(content))
-    assert_refused(run("feedforward", tmp_path / "steady.json"), "damaged", "jaxfric steady")
+    assert_refused(run("feedforward", tmp_path / "steady.json"), "damaged", "jaxfric axis")
 
 
 @pytest.mark.parametrize(

@@ -29,7 +29,6 @@ from rich.console import Console
 
 from jaxfric.cli import options
 from jaxfric.cli.app import app
-from jaxfric.cli.call import in_new_words
 from jaxfric.cli.looped import tell_loop
 from jaxfric.effects import AXIS_CATALOGUE, CATALOGUE
 from jaxfric.findings import Finding, Severity
@@ -632,12 +631,12 @@ def test_a_loop_says_why_a_comparison_of_laws_may_say_otherwise(snapshot) -> Non
         loop = dataclasses.replace(make_loop("ambiguous"), alias_groups=(group,), candidates=fits)
         known = dataclasses.replace(loop, separations={"time_drift": "a known load"}, location=())
         for none, case in (("", loop), (", no run", known)):
-            told = [s.text for s in next_steps(case) if "jaxfric compare" in s.text]
+            told = [s.text for s in next_steps(case) if "jaxfric fit --compare" in s.text]
             assert len(told) == bool(lower or "second_state" in group)
             assert re.findall(r"BIC (\d+)", "".join(told)) == lower
             first = next_steps(case)[0].text
             texts[f"{group}, BIC {gain} {said(why)}{none}"] = "\n".join([first, *told])
-    assert not any("jaxfric compare" in s.text for s in next_steps(make_loop("effects")))
+    assert not any("jaxfric fit --compare" in s.text for s in next_steps(make_loop("effects")))
     snapshot("beside_compare", texts)
 
 
@@ -1087,25 +1086,8 @@ def test_the_verb(closed: dict[str, Any]) -> None:
     )
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "verb"),
-    [
-        ("loop a.csv --rig axis --held", "axis a.csv --held", "'jaxfric axis'"),
-        ("loop --rig=axis a.csv", "axis a.csv", "'jaxfric axis'"),
-        ("loop runs --out o --rig steady", "steady runs --out o", "'jaxfric steady'"),
-        ("loop a.csv --rig slider --rows 9", "loop a.csv --rows 9", "'jaxfric loop'"),
-        ("loop a.csv --rows 9", "loop a.csv --rows 9", ""),
-        ("record a.csv --rig axis", "record a.csv --rig axis", ""),
-        ("fit loop --rig axis", "fit loop --rig axis", ""),
-    ],
-)
-def test_the_old_spelling_of_a_rig(old: str, new: str, verb: str) -> None:
-    words, said = in_new_words(old.split())
-    assert words == new.split() and verb in said and bool(said) == bool(verb)
-
-
-def test_an_axis_in_both_spellings(closed: dict[str, Any], monkeypatch) -> None:
-    """The same is asked, written to the same folder and told; the old one tells the new."""
+def test_an_axis(closed: dict[str, Any], monkeypatch) -> None:
+    """It is written to the folder of a loop."""
     made = dataclasses.replace(make_loop("no_missing_effect"), kind="axis")
 
     def close_axis_loop(record, *, progress, **options) -> Loop:
@@ -1116,21 +1098,13 @@ def test_an_axis_in_both_spellings(closed: dict[str, Any], monkeypatch) -> None:
     turns = (f"{k / 10},{100 * np.sin(k / 9)},{k % 7}\n" for k in range(90))
     written(Path("a.csv"), "time [s],position [mm],motor_force [N]\n" + "".join(turns))
     options = ("--held", "--with", "cubic", "--most", 2, "--cutoff", "4 Hz")
-    asked, outcomes, texts = [], [], []
-    for verb_of_it in (("axis", "a.csv"), ("loop", "a.csv", "--rig", "axis")):
-        outcomes.append(run(*verb_of_it, *options))
-        asked.append(dict(closed))
-        folder = Path("a-loop-with-cubic-most2-held-cutoff4Hz")
-        texts.append((folder / "loop.json").read_text())
-        html = Page((folder / "loop.html").read_text(encoding="utf-8")).text
-        assert "jaxfric axis a.csv --held --with cubic --most 2 --cutoff '4 Hz'" in html
-    new, old = outcomes
-    assert (new.code, old.code) == (0, 0), outcomes
-    assert asked[0] == asked[1] and texts[0] == texts[1] and new.out == old.out
-    assert asked[0]["with_"] == ("cubic",) and asked[0]["held"] is True and asked[0]["most"] == 2
-    assert asked[0]["preparation"].cutoff == 4.0 and asked[0]["read"] == 90
-    remark = f"jaxfric: note: {in_new_words(['loop', '--rig', 'axis'])[1]}\n"
-    assert old.err.count(remark) == 1 and remark not in new.err
+    code, _, err = run("axis", "a.csv", *options)
+    assert code == 0, err
+    folder = Path("a-loop-with-cubic-most2-held-cutoff4Hz")
+    html = Page((folder / "loop.html").read_text(encoding="utf-8")).text
+    assert "jaxfric axis a.csv --held --with cubic --most 2 --cutoff '4 Hz'" in html
+    assert closed["with_"] == ("cubic",) and closed["held"] is True and closed["most"] == 2
+    assert closed["preparation"].cutoff == 4.0 and closed["read"] == 90
 
 
 def test_few_rows_through_the_verb(closed: dict[str, Any]) -> None:
@@ -1152,7 +1126,6 @@ REFUSED = [
     ((), "--stiffness"),
     (("--stiffness", "5e-3/um", "--most", "0"), "--most"),
     (("--stiffness", "5e-3/um", "--with", "gain,,viscous"), "--with"),
-    *((given, "--rig") for given in (("--rig", "press"), ("--rig",), ("--rig=",))),
 ]
 
 

@@ -13,8 +13,8 @@ import cyclopts
 
 from ..errors import InputError, words_of_the_command
 from .axis import axis
-from .call import LOOPS, calling, in_new_words
-from .compare import compare
+from .call import LOOPS, calling
+from .common import warn
 from .feedforward import feedforward
 from .fit import fit
 from .gains import gains
@@ -22,11 +22,10 @@ from .loop import loop
 from .predict import predict
 from .protocol import protocol
 from .record import record
-from .report import report
+from .renamed import in_new_words
 from .run import run
 from .simulate import simulate
 from .stability import stability
-from .steady import steady
 from .study import study
 from .told import telling
 
@@ -58,11 +57,9 @@ app = cyclopts.App(
 _VERBS = (
     record,
     fit,
-    compare,
     run,
     loop,
     axis,
-    steady,
     predict,
     feedforward,
     protocol,
@@ -70,7 +67,6 @@ _VERBS = (
     stability,
     simulate,
     study,
-    report,
 )
 for verb in _VERBS:
     app.command(verb, help_epilogue="")
@@ -110,9 +106,8 @@ def _run(arguments: list[str]) -> int:
     """The exit code; a verb returns one that is not 0."""
     try:
         with _quiet(), words_of_the_command():
-            arguments, remark = in_new_words(arguments)
-            if remark:
-                print(f"jaxfric: note: {remark}", file=sys.stderr)
+            arguments, remarks = in_new_words(arguments)
+            warn(remarks, "note")
             verb, bound, _ = app.parse_args(arguments, exit_on_error=False, print_error=False)
             silent = getattr(bound.arguments.get("output"), "quiet", False)
             telling_of_it = telling(silent=silent) if verb in _VERBS else contextlib.nullcontext()

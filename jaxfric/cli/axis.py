@@ -5,9 +5,10 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from . import options
-from .common import prepare_jax, told, warn
+from .common import prepare_jax, refuse_unused, told, warn
 from .folder import choose_folder
 from .looped import checked_most, save_loop, tell_loop
+from .steady import close_steady
 
 if TYPE_CHECKING:
     from ..fitting.axis_preparation import Preparation
@@ -41,8 +42,16 @@ def axis(
     forth, tests what they leave, and tries every effect of the catalogue. Writes loop.html,
     loop.json and the figures residual, noise, location, profiles, aliasing and candidates to the
     output folder, by default ./NAME-loop/ with the options that differ from their default.
+
+    A folder holds runs at steady speeds, each a table of columns: every run is one point of the
+    curve of friction over speed, and --from and --to cut all of them alike. Writes steady.json and
+    the figures curve and noise.
     """
     most = checked_most(most)
+    if file.is_dir():
+        unused = axis.of_loops | {"--held": held, "--cutoff": cutoff, "--most": most != 8}
+        refuse_unused(f"{file}, a folder of runs at steady speeds", unused)
+        return close_steady(file, effects, axis, reading, output)
     declared, excluded = effects.ids()
     with told() as progress:
         progress(f"reading {file.name}")

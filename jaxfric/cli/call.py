@@ -8,12 +8,8 @@ import shlex
 from collections.abc import Callable, Generator, Sequence
 from typing import NamedTuple
 
-from ..errors import InputError
-
-LOOPS = ("loop", "axis", "steady")
+LOOPS = ("loop", "axis")
 """Verbs whose results are those of a loop, and are kept under that name."""
-_OF_A_RIG = {"slider": "loop", "axis": "axis", "steady": "steady"}
-"""The verb of what was `loop --rig RIG`."""
 
 
 class Call(NamedTuple):
@@ -42,6 +38,7 @@ def calling(
     given = _given(verb, bound)
     name = getattr(verb, "__name__", "")
     name = "loop" if name in LOOPS else name
+    name = "compare" if given.pop("compare", False) else name
     token = _CURRENT.set(Call(name, shlex.join(["jaxfric", *words]), given))
     try:
         yield
@@ -61,22 +58,3 @@ def _given(verb: Callable[..., object], bound: inspect.BoundArguments) -> dict[s
         elif value != default:
             given[name] = value
     return given
-
-
-def in_new_words(words: Sequence[str]) -> tuple[list[str], str]:
-    """A command line whose `loop --rig RIG` is spelt with the verb of that rig, and a remark on it;
-    '' where there is nothing to remark."""
-    words = list(words)
-    places = [k for k, word in enumerate(words) if word.partition("=")[0] == "--rig"]
-    if words[:1] != ["loop"] or not places:
-        return words, ""
-    first = places[0]
-    rig = words[first].partition("=")[2] or "".join(words[first + 1 : first + 2])
-    if rig not in _OF_A_RIG:
-        raise InputError(
-            f"--rig '{rig}' does not exist; there are 'jaxfric loop' for a slider, 'jaxfric axis'"
-            " and 'jaxfric steady'"
-        )
-    rest = words[first + (1 if "=" in words[first] else 2) :]
-    verb = _OF_A_RIG[rig]
-    return [verb, *words[1:first], *rest], f"'jaxfric loop --rig {rig}' is now 'jaxfric {verb}'"

@@ -1,7 +1,7 @@
-"""`jaxfric compare`: which friction law does a record support?"""
+"""`jaxfric fit --compare`: which friction law does a record support?"""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 from ..errors import InputError
 from . import options
@@ -15,29 +15,20 @@ if TYPE_CHECKING:
     from ..report.fits_table import TabledFit
 
 
-def compare(
-    file: options.File,
-    /,
+def compare_record(
+    file: Path,
+    reading: options.RecordOptions,
+    reduce: Path | None,
     *,
-    stiffness: options.Stiffness = None,
-    law: Annotated[list[str] | None, options.LAW] = None,
-    fit_stiffness: bool = False,
-    slip_trend: bool = False,
-    steps: options.Steps = None,
-    rows: options.Rows = None,
-    reduce: options.Reduce = None,
-    reading: options.RecordOptions = options.RecordOptions(),
-    output: options.OutputOptions = options.OutputOptions(),
+    stiffness: str | None,
+    laws: list[str] | None,
+    model: options.ModelOptions,
+    steps: str | None,
+    rows: int | None,
+    output: options.OutputOptions,
 ) -> int:
-    """Compare friction laws on one record: slip and ageing, with one state and with two.
-
-    Each is fitted to the record of velocity steps; with three steps or more each is also fitted
-    without some of them, which it then predicts. Says which law the record supports, and by how
-    much, or that it cannot tell. Writes compare.json, compare.csv, compare.tex, compare.png and
-    compare.svg to the output folder, by default ./NAME-compare/ with the options that differ from
-    their default.
-    """
-    if fit_stiffness == (stiffness is not None):
+    """Compare laws on the record of a file, write and print the comparison; the exit code."""
+    if model.fit_stiffness == (stiffness is not None):
         raise InputError(
             "give one of --stiffness 1.6e-3/um, that of machine and specimen, and --fit-stiffness"
         )
@@ -53,8 +44,8 @@ def compare(
         found = compare_laws(
             measured,
             stiffness=stiffness,
-            laws=effect_ids(law, "--law") or None,
-            slip_trend=slip_trend,
+            laws=effect_ids(laws, "--law") or None,
+            slip_trend=model.slip_trend,
             steps=steps,
             rows=rows,
             progress=progress,

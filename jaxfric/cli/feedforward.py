@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 def feedforward(
     model: Annotated[
         Path,
-        Parameter(help="A loop.json of 'jaxfric axis', or a steady.json of 'jaxfric steady'."),
+        Parameter(help="A loop.json or steady.json of 'jaxfric axis'."),
     ],
     /,
     *,

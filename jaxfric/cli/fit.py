@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from . import options
-from .common import doing, prepare_jax, stdout_console, told, warn
+from .common import doing, prepare_jax, refuse_unused, stdout_console, told, warn
+from .compare import compare_record
 from .fits import fit_files, for_each, refuse_for_several
 from .folder import Folder, choose_folder, json_text
 from .posterior import PriorOptions, draw, print_posterior, write_posterior
@@ -27,7 +28,14 @@ def fit(
     *more: Annotated[Path, Parameter(help="Further records: then there is one table of all.")],
     stiffness: Annotated[list[str] | None, options.STIFFNESS] = None,
     mass: Annotated[list[str] | None, options.MASS] = None,
-    law: Annotated[tuple[str, ...], options.LAW] = ("slip",),
+    law: Annotated[list[str] | None, options.LAW] = None,
+    compare: Annotated[
+        bool,
+        Parameter(
+            help="Compare friction laws: slip and ageing, with one state and with two. Or those of"
+            " --law 'slip,ageing'."
+        ),
+    ] = False,
     model: options.ModelOptions = options.ModelOptions(),
     steps: options.Steps = None,
     reading: options.RecordOptions = options.RecordOptions(),
@@ -59,12 +67,41 @@ def fit(
     ./NAME-fit-ageing/. With --prior also posterior.nc. Of several files (jaxfric fit *.csv) one
     table is printed and written with a row for each; one that cannot be fitted says why in its row,
     and the exit code is 1.
+
+    With --compare several laws are fitted to one record, with three steps or more also without some
+    of them, which the law then predicts. Says which law the record supports, and by how much, or
+    that it cannot tell. Writes compare.json, compare.csv, compare.tex, compare.png and compare.svg
+    to ./NAME-compare/.
     """
+    if compare:
+        unused = {
+            "a further file": more,
+            "--mass": mass,
+            "--states": model.states != "1",
+            "--reference-velocity": reference_velocity,
+            "--start": start,
+            "--weighting": weighting != "ordinary",
+            "--profile": profile,
+            "--prior": prior.prior,
+        }
+        refuse_unused("--compare", unused)
+        (K,) = for_each((file,), stiffness or [None], "--stiffness")
+        return compare_record(
+            file,
+            reading,
+            reduce,
+            stiffness=K,
+            laws=law,
+            model=model,
+            steps=steps,
+            rows=rows,
+            output=output,
+        )
     prior.refuse_unusable()
     every = (file, *more)
     stiffnesses = for_each(every, stiffness or [None], "--stiffness")
     masses = for_each(every, mass or [None], "--mass")
-    laws = for_each(every, law, "--law")
+    laws = for_each(every, law or ["slip"], "--law")
 
     def read(path: Path) -> "Record":
         return reading.slider(path, reduce)

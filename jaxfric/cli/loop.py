@@ -38,8 +38,8 @@ def loop(
     Fits the base model to a slider's record of velocity steps, tests what it leaves, and tries
     every effect of the catalogue. Writes loop.html, loop.json and the figures residual, noise,
     location, profiles, aliasing and candidates to the output folder, by default ./NAME-loop/ with
-    the options that differ from their default. 'jaxfric axis' and 'jaxfric steady' ask the same
-    of a servo axis.
+    the options that differ from their default. 'jaxfric axis' asks the same of a servo
+    axis.
 
     Of a whole run (--run, --events) all steps and holds are one question: they share A, B, L and
     the effects, every stretch between changes of normal stress has its own level, and whole steps

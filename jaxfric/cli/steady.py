@@ -1,12 +1,10 @@
-"""`jaxfric steady`: the friction of a servo axis from a folder of runs at steady speeds."""
+"""`jaxfric axis` of a folder: the friction of a servo axis from runs at steady speeds."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING
 
 from . import options
-from .common import doing, prepare_jax, refuse_unused, stdout_console, told
+from .common import doing, prepare_jax, stdout_console, told
 from .folder import Folder, choose_folder, input_name
 
 if TYPE_CHECKING:
@@ -14,49 +12,39 @@ if TYPE_CHECKING:
     from ..loop.steady.noise import SteadyNoise
 
 
-def steady(
-    file: Annotated[
-        Path, Parameter(help="A folder of runs at steady speeds, each a table of columns.")
-    ],
-    /,
-    *,
-    effects: options.EffectOptions = options.EffectOptions(),
-    axis: options.AxisOptions = options.AxisOptions(),
-    reading: options.RecordOptions = options.RecordOptions(),
-    output: options.OutputOptions = options.OutputOptions(),
+def close_steady(
+    folder: Path,
+    effects: options.EffectOptions,
+    axis: options.AxisOptions,
+    reading: options.RecordOptions,
+    output: options.OutputOptions,
 ) -> int:
-    """Name the effect that the friction of steady speeds has beyond Coulomb and viscous friction.
-
-    Every run of the folder is one speed; --from and --to cut all of them alike. Writes steady.json
-    and the figures curve and noise to the output folder, by default ./NAME-loop/ with the options
-    that differ from their default.
-    """
+    """Ask what the friction of a folder of steady runs lacks, write and print it; the exit code."""
     declared, excluded = effects.ids()
-    refuse_unused("runs at steady speeds", axis.of_loops)
-    doing(f"reading {input_name(file)}")
+    doing(f"reading {input_name(folder)}")
     from ..loop.steady.loop import close_steady_loop
     from ..loop.steady.noise import steady_noise
     from ..plot.steady import draw_noise, draw_steady
     from ..report.steady_text import to_json
 
-    curve = axis.steady(file, reading)
-    folder = choose_folder(output.folder, input_name(file), file)
+    curve = axis.steady(folder, reading)
+    target = choose_folder(output.folder, input_name(folder), folder)
     with told() as progress:
         progress("fitting the curve of friction over velocity")
         result = close_steady_loop(curve, with_=declared, without=excluded)
         prepare_jax()
         progress("estimating the noise of the runs")
         noise = steady_noise(curve)
-        content = folder.save_json("steady.json", to_json(result, noise))
+        content = target.save_json("steady.json", to_json(result, noise))
         progress("drawing the figures")
-        folder.draw("curve", lambda to: draw_steady(result, to))
+        target.draw("curve", lambda to: draw_steady(result, to))
         if noise is not None:
-            folder.draw("noise", lambda to: draw_noise(curve, noise, to))
+            target.draw("noise", lambda to: draw_noise(curve, noise, to))
     if output.json:
         print(content)
     else:
-        _print(result, noise, folder)
-    code = folder.close()
+        _print(result, noise, target)
+    code = target.close()
     return 1 if result.verdict == "ambiguous" else code
 
 

@@ -42,8 +42,7 @@ def feedforward(
 
     Parameters
     ----------
-    model : a loop.json of `jaxfric axis` or a steady.json of `jaxfric steady`, or the `Loop` or
-        `SteadyLoop` at hand.
+    model : a loop.json or steady.json of `jaxfric axis`, or the `Loop` or `SteadyLoop` at hand.
     acceleration : of the reference where it turns [m/s^2 or rad/s^2], or text with a unit; by
         default that of the record, where the file tells it.
     lag : time [s] by which the axis turns later than its reference; by default that of the motor

@@ -16,7 +16,7 @@ def line(found: LawComparison) -> str:
 
 
 def page(found: LawComparison) -> Page:
-    """The sentence and the table, as `jaxfric compare` prints them."""
+    """The sentence and the table, as `jaxfric fit --compare` prints them."""
     told = words(found)
     notes = [told.next_step] if told.next_step else []
     return Page((told.sentence,), [table(found)], notes, told.warnings)

@@ -14,7 +14,7 @@ def line(loop: SteadyLoop) -> str:
 
 
 def page(loop: SteadyLoop) -> Page:
-    """The verdict, what follows for gains, and the tables, as `jaxfric steady` prints them."""
+    """The verdict, what follows for gains, and the tables, as `jaxfric axis` prints them."""
     return Page((f"{loop.verdict}: {loop.sentence}", sentence(loop)), tables(loop))
 
 
