@@ -114,7 +114,7 @@ PARSERS: dict[str, Callable[[str], object]] = {
     "--drive-gain": one_of("N/V", "N*m/V", "N/A", "N*m/A"),
     "--duration": values("s"),
     "--from": lambda text: (values("s", "m") if " " in text else file)(text),
-    "--fade": one_of("m/s", "rad/s"),
+    "--fade-speed": one_of("m/s", "rad/s"),
     "--friction": values("N"),
     "--jump": values("m/s", "m"),
     "--kp": values("N/m"),
@@ -158,7 +158,7 @@ FILLED = {
     ("--column", "{role}={name} [0.4 MPa]"): ["normal_stress=Normalkraft [0.4 MPa]"],
     ("--column", "{text}"): [],  # what the user wrote
     ("--column", "{example}"): ["friction=mu", "motor_force=F"],
-    ("--fade", "{part} {speed}"): ["0.00505 m/s", "0.016 rad/s"],
+    ("--fade-speed", "{part} {speed}"): ["0.00505 m/s", "0.016 rad/s"],
     ("--from", "{file}"): ["loop.json", "results/loop.json"],
     ("--drive-gain", "{drive_gain}"): [],
     ("--drive-gain", "{example}"): [

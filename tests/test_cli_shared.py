@@ -68,14 +68,14 @@ def test_one_json_document_and_nothing_else(name: str, monkeypatch: pytest.Monke
 
 
 def test_the_json_of_a_record_is_what_is_printed() -> None:
-    found = one_document("record", "run.csv")
-    printed = run("record", "run.csv", "--out", "o").out
+    found = one_document("inspect", "run.csv")
+    printed = run("inspect", "run.csv", "--out", "o").out
     assert f"rows: {found['record']['rows']} used of {found['rows_read']}" in printed
     (_, step) = zip(found["steps"]["times"], found["steps"]["velocities"], strict=True)
     assert abs(step[0] - 20) < 0.5 and abs(step[1] - 10e-6) < 0.2e-6
     assert found["columns"]["load_point_displacement"]["unit_in_file"] == "um"
     assert found["columns"]["time"]["largest"] == pytest.approx(45.0)
-    assert found["figures"] == [str(Path("run-record/record.png"))]
+    assert found["figures"] == [str(Path("run-inspect/record.png"))]
 
 
 def test_codes_of_a_study_are_counted_and_quiet_reaches_the_verb() -> None:
@@ -159,7 +159,7 @@ def test_a_drawing_says_what_made_it() -> None:
     assert root[0].tag.endswith("desc") and "--out 's <& é>'" in (root[0].text or "")
     head = (folder / "trajectory.csv").read_text().splitlines()[:3]
     assert head[1].startswith("# version: ") and head[2].startswith("# command: jaxfric simulate")
-    assert run("record", folder / "trajectory.csv").code == 0
+    assert run("inspect", folder / "trajectory.csv").code == 0
 
 
 def test_outside_of_the_command_nothing_is_said() -> None:

@@ -343,8 +343,8 @@ def test_where_the_likeliest_law_leaves_more_than_noise_the_loop_is_asked() -> N
     ("given", "law", "line"),
     [
         ({"stiffness": "1/um", "law": ["slip"]}, "slip", "jaxfric loop x.csv --stiffness 1/um"),
-        ({"stiffness": "1/um", "slip_trend": True, "rows": 500}, "ageing",
-         "jaxfric loop x.csv --stiffness 1/um --rows 500 --law ageing --with slip_trend"),
+        ({"stiffness": "1/um", "slip_trend": True, "downsample_to": 9}, "ageing",
+         "jaxfric loop x.csv --stiffness 1/um --downsample-to 9 --law ageing --include slip_trend"),
         ({"fit_stiffness": True}, "slip", ""),
     ],
 )  # fmt: skip

@@ -248,7 +248,7 @@ def test_a_trend_that_stiffens_is_safe(tmp_path):
 
 
 def test_an_effect_that_was_declared_is_in_the_law(tmp_path):
-    """`--with viscous`: its parameters are there, though the loop has not added it."""
+    """`--include viscous`: its parameters are there, though the loop has not added it."""
     assert misfit(source(tmp_path, "viscous", effects=[]).law, ("viscous",)) < 1e-10
 
 

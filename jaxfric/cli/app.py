@@ -18,10 +18,10 @@ from .common import warn
 from .feedforward import feedforward
 from .fit import fit
 from .gains import gains
+from .inspect import inspect
 from .loop import loop
 from .predict import predict
 from .protocol import protocol
-from .record import record
 from .renamed import in_new_words
 from .run import run
 from .simulate import simulate
@@ -55,7 +55,7 @@ app = cyclopts.App(
     suppress_keyboard_interrupt=False,
 )
 _VERBS = (
-    record,
+    inspect,
     fit,
     run,
     loop,

@@ -20,9 +20,9 @@ def axis(
     /,
     *,
     effects: options.EffectOptions = options.EffectOptions(),
-    most: options.Most = 8,
+    max_effects: options.MaxEffects = 8,
     axis: options.AxisOptions = options.AxisOptions(),
-    held: options.Held = False,
+    zero_order_hold: options.ZeroOrderHold = False,
     cutoff: Annotated[
         str | None,
         Parameter(
@@ -47,9 +47,13 @@ def axis(
     curve of friction over speed, and --from and --to cut all of them alike. Writes steady.json and
     the figures curve and noise.
     """
-    most = checked_most(most)
+    checked_most(max_effects)
     if file.is_dir():
-        unused = axis.of_loops | {"--held": held, "--cutoff": cutoff, "--most": most != 8}
+        unused = axis.of_loops | {
+            "--zero-order-hold": zero_order_hold,
+            "--cutoff": cutoff,
+            "--max-effects": max_effects != 8,
+        }
         refuse_unused(f"{file}, a folder of runs at steady speeds", unused)
         return close_steady(file, effects, axis, reading, output)
     declared, excluded = effects.ids()
@@ -66,8 +70,8 @@ def axis(
             record,
             with_=declared,
             without=excluded,
-            most=most,
-            held=held or None,
+            most=max_effects,
+            held=zero_order_hold or None,
             preparation=_filtered(record, cutoff),
             progress=progress,
         )

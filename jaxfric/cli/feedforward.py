@@ -41,7 +41,7 @@ def feedforward(
         options.Text,
         Parameter(help='Time by which the axis turns later than its reference, "4 ms".'),
     ] = None,
-    fade: Annotated[
+    fade_speed: Annotated[
         options.Text,
         Parameter(help='Fade below this speed, "5 mm/s", instead of the one derived.'),
     ] = None,
@@ -64,7 +64,9 @@ def feedforward(
 
     doing("computing the feedforward")
     try:
-        found = run(model, acceleration=acceleration, lag=lag, fade=fade, drive_gain=drive_gain)
+        found = run(
+            model, acceleration=acceleration, lag=lag, fade=fade_speed, drive_gain=drive_gain
+        )
         asked = [] if at is None else [found.at(v) for v in speeds(at, found.about.length)]
     except NothingToCompensate as error:
         print(f"jaxfric: error: {error}", file=sys.stderr)

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from ..posterior import Posterior
     from ..records import Record
 
+_WEIGHTINGS = {"ols": "ordinary", "gls": "whitened"}
+"""What the choices of --weighting are called in Python and in files."""
+
 
 def fit(
     file: options.File,
@@ -49,14 +52,16 @@ def fit(
         options.MORE,
     ] = None,
     weighting: Annotated[
-        Literal["ordinary", "whitened"],
-        Parameter(help="Plain sum of squares, or weighted by the estimated noise."),
+        Literal["ols", "gls"],
+        Parameter(
+            help="Ordinary least squares (ols), or generalised (gls): weighted by the noise."
+        ),
         options.MORE,
-    ] = "ordinary",
+    ] = "ols",
     profile: Annotated[
         bool, Parameter(help="Intervals from the profile likelihood (slower)."), options.MORE
     ] = False,
-    rows: options.Rows = None,
+    downsample_to: options.DownsampleTo = None,
     prior: PriorOptions = PriorOptions(),
     output: options.OutputOptions = options.OutputOptions(),
 ) -> int:
@@ -80,7 +85,7 @@ def fit(
             "--states": model.states != "1",
             "--reference-velocity": reference_velocity,
             "--start": start,
-            "--weighting": weighting != "ordinary",
+            "--weighting": weighting != "ols",
             "--profile": profile,
             "--prior": prior.prior,
         }
@@ -94,7 +99,7 @@ def fit(
             laws=law,
             model=model,
             steps=steps,
-            rows=rows,
+            rows=downsample_to,
             output=output,
         )
     prior.refuse_unusable()
@@ -120,9 +125,9 @@ def fit(
             steps=steps,
             reference_velocity=reference_velocity,
             start=None if start is None else parse_start(start, measured.friction_unit),
-            weighting=weighting,
+            weighting=_WEIGHTINGS[weighting],
             profile=profile,
-            rows=rows,
+            rows=downsample_to,
             progress=say,
         )
 
@@ -147,7 +152,7 @@ def fit(
     if more:
         refuse_for_several({"--prior": prior.prior is not None})
         prepare_jax()
-        alone = start is not None or weighting != "ordinary" or profile or rows is not None
+        alone = start is not None or weighting != "ols" or profile or downsample_to is not None
         return fit_files(every, output, read, fitting, None if alone else together)
     doing(f"reading {file.name}")
     measured = read(file)
@@ -227,7 +232,7 @@ def _not_converged(result: "Fit", folder: Folder) -> str:
     figure = f"Look at {folder.path / 'fit.png'}: are" if "fit.png" in folder.files else "Are"
     return (
         f"the fit did not converge ({result.result}): its numbers mean nothing{no_use}. {figure}"
-        " the steps right ('jaxfric record'), is the stiffness? Else cut the record to fewer steps"
+        " the steps right ('jaxfric inspect'), is the stiffness? Else cut the record to fewer steps"
         " (--from, --to), or state a start, as in --start 'A=0.01, B=0.012, L=20 um'"
     )
 

@@ -43,7 +43,7 @@ _READ_AND_TOLD = (
     "column",
     "drop_bad",
     "rig",
-    "flip",
+    "flip_sign",
     "plot",
     "name",
     "out",

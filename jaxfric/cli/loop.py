@@ -18,7 +18,7 @@ def loop(
     stiffness: options.Stiffness = None,
     law: Annotated[str, options.LAW] = "slip",
     effects: options.EffectOptions = options.EffectOptions(),
-    most: options.Most = 8,
+    max_effects: options.MaxEffects = 8,
     run: Annotated[
         bool,
         Parameter(
@@ -27,7 +27,7 @@ def loop(
     ] = False,
     events: options.Events = None,
     steps: options.Steps = None,
-    rows: options.Rows = None,
+    downsample_to: options.DownsampleTo = None,
     reduce: options.Reduce = None,
     reading: options.RecordOptions = options.RecordOptions(),
     details: options.Details = False,
@@ -53,7 +53,7 @@ def loop(
         raise InputError(
             "--stiffness is missing; give the stiffness of the machine: --stiffness 1.6e-3/um"
         )
-    most = checked_most(most)
+    checked_most(max_effects)
     declared, excluded = effects.ids()
     with told() as progress:
         progress(f"reading {file.name}")
@@ -77,10 +77,10 @@ def loop(
             law=law,
             steps=steps,
             events=found,
-            rows=rows,
+            rows=downsample_to,
             with_=declared,
             without=excluded,
-            most=most,
+            most=max_effects,
             progress=progress,
         )
         content = save_loop(result, folder, progress)

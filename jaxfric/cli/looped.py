@@ -13,11 +13,10 @@ if TYPE_CHECKING:
     from ..loop import Loop
 
 
-def checked_most(most: int) -> int:
-    """The largest number of effects that may be added, 1 or more."""
+def checked_most(most: int) -> None:
+    """Refuse to add less than one effect."""
     if most < 1:
-        raise InputError(f"--most is {most}; it must be 1 or more")
-    return most
+        raise InputError(f"--max-effects is {most}; it must be 1 or more")
 
 
 def save_loop(result: "Loop", folder: Folder, progress: Callable[[str], None]) -> str:

@@ -163,7 +163,7 @@ class AxisOptions:
     "8436 N s/m"."""
     rated_torque: Text = None
     """Of an axis whose torque is recorded in per cent of it: "9.84 mN m"."""
-    flip: Annotated[
+    flip_sign: Annotated[
         list[Literal["force", "motion", "both"]] | None, Parameter(consume_multiple=True), MORE
     ] = None
     """Of an axis: turn the sign of the force, of the motion, or (without a word) of both."""
@@ -201,9 +201,9 @@ class AxisOptions:
     @property
     def flipped(self) -> str | Literal[False]:
         """The sign that is turned, "both", or False for none."""
-        if self.flip is None:
+        if self.flip_sign is None:
             return False
-        return self.flip[0] if len(set(self.flip)) == 1 else "both"
+        return self.flip_sign[0] if len(set(self.flip_sign)) == 1 else "both"
 
     @property
     def of_signals(self) -> dict[str, object]:
@@ -211,7 +211,7 @@ class AxisOptions:
         return {
             "--drive-gain": self.drive_gain,
             "--rated-torque": self.rated_torque,
-            "--flip": self.flipped,
+            "--flip-sign": self.flipped,
         }
 
     @property
@@ -220,7 +220,7 @@ class AxisOptions:
         return {"--position-gain": self.position_gain, "--velocity-gain": self.velocity_gain}
 
 
-Held = Annotated[
+ZeroOrderHold = Annotated[
     bool,
     Parameter(
         help="Of an axis: the force is a command that the controller holds until the next row."
@@ -242,7 +242,7 @@ LAW = Parameter(
     help="Friction law, slip or ageing. With --parameters also stribeck, gaussian-stribeck, delay"
     " or dahl; of several files as --stiffness."
 )
-Rows = Annotated[
+DownsampleTo = Annotated[
     int | None,
     Parameter(
         help="Fit means over neighbouring rows, about so many. It is quicker by as much; white"
@@ -285,7 +285,7 @@ AXIS_EFFECTS = (
 """Ids of the effects of an axis."""
 STEADY_EFFECTS = "direction_asymmetry, stribeck, cubic"
 """Ids of the effects of a curve of steady speeds."""
-WITHOUT = Parameter(
+EXCLUDE = Parameter(
     help=f"Effects that are not considered. All ids of a slider: {EFFECTS}; of an axis:"
     f" {AXIS_EFFECTS}; of runs at steady speeds: {STEADY_EFFECTS}."
 )
@@ -296,16 +296,16 @@ WITHOUT = Parameter(
 class EffectOptions:
     """Effects of the catalogue that a base model has, and that it must not have."""
 
-    with_: Annotated[list[str] | None, Parameter(name="--with")] = None
+    include: list[str] | None = None
     """Effects that the base model has from the start: ids, separated by commas."""
-    without: Annotated[list[str] | None, WITHOUT] = None
+    exclude: Annotated[list[str] | None, EXCLUDE] = None
 
     def ids(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """The effects that the base has, and those that are left out."""
-        return effect_ids(self.with_, "--with"), effect_ids(self.without, "--without")
+        return effect_ids(self.include, "--include"), effect_ids(self.exclude, "--exclude")
 
 
-Most = Annotated[int, Parameter(help="Largest number of effects that may be added."), MORE]
+MaxEffects = Annotated[int, Parameter(help="Largest number of effects that may be added."), MORE]
 
 # ---- laws and controllers ---------------------------------------------------------------------
 

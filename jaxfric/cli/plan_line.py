@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from .call import Call
 
-_OF_STEPS = ("states", "fit_stiffness", "slip_trend", "rows")
+_OF_STEPS = ("states", "fit_stiffness", "slip_trend", "downsample_to")
 """Options of a run's fits that its loop does not have, or in another sense."""
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ def loop_line(call: Call, law: str) -> str:
     if file is None or "stiffness" not in given:
         return ""
     given |= {"law": None if law == "slip" else law}
-    given |= {"slip_trend": None, "with_": "slip_trend" if given.get("slip_trend") else None}
+    given |= {"slip_trend": None, "include": "slip_trend" if given.get("slip_trend") else None}
     return command_line("loop", str(file), given)
 
 

@@ -19,14 +19,14 @@ def predict(
     /,
     *,
     stiffness: options.Stiffness = None,
-    free: Annotated[
+    refit: Annotated[
         str | None,
         Parameter(help="Of a slider: parameters fitted to this record, 'f0,A'; none: ''."),
         options.MORE,
     ] = None,
     steps: options.Steps = None,
     axis: options.AxisOptions = options.AxisOptions(),
-    held: options.Held = False,
+    zero_order_hold: options.ZeroOrderHold = False,
     reading: options.RecordOptions = options.RecordOptions(),
     reduce: options.Reduce = None,
     output: options.OutputOptions = options.OutputOptions(),
@@ -41,8 +41,8 @@ def predict(
     from ..prediction.model import load_model
 
     saved = load_model(model)
-    of_an_axis = axis.of_signals | axis.of_loops | {"--held": held}
-    of_a_slider = {"--stiffness": stiffness, "--steps": steps, "--free": free is not None}
+    of_an_axis = axis.of_signals | axis.of_loops | {"--zero-order-hold": zero_order_hold}
+    of_a_slider = {"--stiffness": stiffness, "--steps": steps, "--refit": refit is not None}
     of_a_slider["--reduce"] = reduce
     kind = "an axis" if saved.is_axis else "a slider"
     refuse_unused(f"{model}, a model of {kind}", of_a_slider if saved.is_axis else of_an_axis)
@@ -55,8 +55,8 @@ def predict(
             measured,
             stiffness=stiffness,
             steps=steps,
-            free=None if free is None else [name.strip() for name in free.split(",") if name],
-            held=held or None,
+            free=None if refit is None else [name.strip() for name in refit.split(",") if name],
+            held=zero_order_hold or None,
             progress=progress,
         )
         progress("drawing figures")

@@ -55,7 +55,7 @@ def protocol(
         Parameter(help="A channel of slip is planned, of this noise: '0.1 um'."),
         options.MORE,
     ] = None,
-    tell: Annotated[
+    distinguish: Annotated[
         list[str] | None,
         Parameter(
             help="Two effects, 'ageing,second_state': does the plan tell them apart? Or an effect"
@@ -76,7 +76,7 @@ def protocol(
     commanded = wrong.of(lambda: read_velocities(velocities))
     slip = wrong.of(lambda: _given(slip_per_step, "m", "--slip-per-step"))
     slip_noise = wrong.of(lambda: optional_quantity(slip_channel, "m", "--slip-channel"))
-    asked = wrong.of(lambda: _pair_of(tell))
+    asked = wrong.of(lambda: _pair_of(distinguish))
     with told() as progress:
         base = wrong.of(lambda: _base(from_, parameters, law, stiffness))
         known, found_law, unit, more, warned = base or ({}, "", "1", (), ())
@@ -131,7 +131,7 @@ def protocol(
 
 
 class _Answer(NamedTuple):
-    """What is told of the pair that --tell asks for; empty where none is asked for."""
+    """What is told of the pair that --distinguish asks for; empty where none is asked for."""
 
     pair: "Pair | None" = None
     better: "Remedy | None" = None
@@ -200,14 +200,14 @@ class _Wrong:
 
 
 def _pair_of(texts: list[str] | None) -> tuple[str, str] | None:
-    """The two ids of --tell."""
-    ids = effect_ids(texts, "--tell")
+    """The two ids of --distinguish."""
+    ids = effect_ids(texts, "--distinguish")
     if not ids:
         return None
     if len(ids) != 2:
         raise InputError(
-            f"--tell '{','.join(texts or ())}' names {len(ids)}, not two that differ; write --tell"
-            " ageing,second_state, or --tell base,ageing"
+            f"--distinguish '{','.join(texts or ())}' names {len(ids)}, not two that differ; write"
+            " --distinguish ageing,second_state, or --distinguish base,ageing"
         )
     return ids[0], ids[1]
 
@@ -216,7 +216,7 @@ def _without_asked(
     values: Mapping[str, float], of_file: Sequence[str], asked: Sequence[str], typed: Sequence[str]
 ) -> tuple[dict[str, float], tuple[str, ...]]:
     """Parameters, and effects of the base that a file has, without the effects that are asked for:
-    a loop found them, and whether they would be told is the question. Those of --with stay."""
+    a loop found them, and whether they would be told is the question. Those of --include stay."""
     gone = {id for id in asked if id in of_file and id not in typed}
     kept = {name: value for name, value in values.items() if name.split(".")[0] not in gone}
     return kept, tuple(id for id in of_file if id not in gone)
@@ -235,12 +235,16 @@ def _known_pair(
     a, b = (BASE if id == law and id not in known else id for id in ids)
     for id in (a, b):
         if id in with_:
-            raise InputError(f"--tell: the base model has {id} (--with); ask for another effect")
+            raise InputError(
+                f"--distinguish: the base model has {id} (--include); ask for another effect"
+            )
         if id not in known and id != BASE:
             names = (BASE, *known)
-            raise InputError(f"--tell: no effect '{id}' in this plan{did_you_mean(id, names)}")
+            raise InputError(
+                f"--distinguish: no effect '{id}' in this plan{did_you_mean(id, names)}"
+            )
     if a == b:
-        raise InputError(f"--tell: both are the base model, the {law} law; name an effect")
+        raise InputError(f"--distinguish: both are the base model, the {law} law; name an effect")
     return a, b
 
 

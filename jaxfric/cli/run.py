@@ -40,7 +40,7 @@ def run(
     law: Annotated[str, options.LAW] = "slip",
     model: options.ModelOptions = options.ModelOptions(),
     events: options.Events = None,
-    rows: options.Rows = None,
+    downsample_to: options.DownsampleTo = None,
     reduce: options.Reduce = None,
     reading: options.RecordOptions = options.RecordOptions(),
     output: options.OutputOptions = options.OutputOptions(),
@@ -66,7 +66,7 @@ def run(
         int(model.states),
         model.fit_stiffness,
         model.slip_trend,
-        _ROWS if rows is None else rows,
+        _ROWS if downsample_to is None else downsample_to,
     )
     with told() as progress:
         progress(f"reading {file.name}")

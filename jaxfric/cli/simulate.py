@@ -59,7 +59,7 @@ def simulate(
 ) -> int:
     """Simulate a slider: stick-slip or steady sliding, from rest or from a disturbance.
 
-    Writes trajectory.csv, which 'jaxfric record' and 'jaxfric fit' read, and figures to the
+    Writes trajectory.csv, which 'jaxfric inspect' and 'jaxfric fit' read, and figures to the
     output folder, by default ./NAME-simulate/ with the options that differ from their default;
     NAME is the law's, or the folder's of the fit.
     """

@@ -70,7 +70,7 @@ def feedforward(
     unit = about.length
     turning = _positive(acceleration, f"{unit}/s^2", "--acceleration") or about.acceleration
     late = _positive(lag, "s", "--lag") or _servo_lag(about)
-    given = _positive(fade, f"{unit}/s", "--fade")
+    given = _positive(fade, f"{unit}/s", "--fade-speed")
     terms = terms_of(about)
     curve = FrictionCurve(about, terms.effects, about.middle)
     level = _sound_level(curve)

@@ -295,7 +295,7 @@ def _refuse_unconverged(content: Content, effects: tuple[str, ...], source: str)
     if same and not any(c.get("converged", True) for c in same):
         raise NothingToCompensate(
             f"{source}: the fit of its model did not converge, so no friction may be compensated by"
-            " it; run 'jaxfric axis' again, with a cleaner record or fewer effects (--without)"
+            " it; run 'jaxfric axis' again, with a cleaner record or fewer effects (--exclude)"
         )
 
 

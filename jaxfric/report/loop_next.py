@@ -221,7 +221,7 @@ def _ask(
     notes += [f"no plan can be asked of {listed(unasked, 'or')}"] if unasked else []
     text = f"Whether it tells {id} from {first} is known before the run, and if not which change"
     text += f" would ({'; '.join(notes)}):" if notes else " would:"
-    line = f"jaxfric protocol {run.options()} --from {file} --tell {id},{first}"
+    line = f"jaxfric protocol {run.options()} --from {file} --distinguish {id},{first}"
     return [NextStep(text, line)]
 
 
@@ -234,7 +234,7 @@ def _ask_leading(loop: Loop, file: str, run: PlannedRun) -> list[NextStep]:
         return []
     a, b = leading
     text = f"Whether it tells {a} from {b}, which would explain most, is known before the run:"
-    line = f"jaxfric protocol {run.options()} --from {file} --tell {a},{b}"
+    line = f"jaxfric protocol {run.options()} --from {file} --distinguish {a},{b}"
     return [NextStep(text, line)]
 
 
@@ -257,7 +257,7 @@ def _next_run(loop: Loop, file: str) -> list[NextStep]:
     first, *more = loop.effects
     rest = f"; then the same with {listed(more, 'or')} for {first}" if more else ""
     text = f"From which size on the next run shows {first} again is known before ({planned}{rest}):"
-    return [NextStep(text, f"{line} --tell base,{first}")]
+    return [NextStep(text, f"{line} --distinguish base,{first}")]
 
 
 def _beside_compare(loop: Loop, run: PlannedRun | None = None) -> list[NextStep]:

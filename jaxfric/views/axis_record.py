@@ -18,7 +18,7 @@ def line(record: AxisRecord) -> str:
 
 
 def page(record: AxisRecord) -> Page:
-    """Columns, sampling and strokes, as `jaxfric record` prints them."""
+    """Columns, sampling and strokes, as `jaxfric inspect` prints them."""
     return Page(describe_axis(record, find_strokes(record)), warnings=record.provenance.doubts)
 
 

@@ -16,7 +16,7 @@ def line(record: Record) -> str:
 
 
 def page(record: Record) -> Page:
-    """Columns, sampling and velocity steps, as `jaxfric record` prints them."""
+    """Columns, sampling and velocity steps, as `jaxfric inspect` prints them."""
     return Page(describe(record, record_steps(record)), warnings=record.provenance.doubts)
 
 

@@ -1,4 +1,4 @@
-"""`jaxfric record`: what is understood of a record."""
+"""`jaxfric inspect`: what is understood of a record."""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from ..records.steady import SteadyCurve
 
 
-def record(
+def inspect(
     file: options.File,
     /,
     *,
@@ -30,7 +30,7 @@ def record(
     script did, and the columns as recorded in a second figure. Of an axis: columns, units,
     sampling, the steps of the encoder, strokes, and which columns are not used. Of a folder of
     steady runs: speed and force of each. Figures go to the output folder, by default
-    ./NAME-record/.
+    ./NAME-inspect/.
     """
     unused = {
         "slider": axis.of_signals | axis.of_loops,
