@@ -50,6 +50,21 @@ def test_every_verb_has_the_options(verb) -> None:
     assert "--json" in text and "--quiet" in text
 
 
+@pytest.mark.parametrize("verb", cli._VERBS, ids=lambda v: v.__name__)
+def test_help_fits_a_screen_and_the_rest_is_told_on_demand(verb, monkeypatch) -> None:
+    """Of 24 lines of 100 columns; what is not in it is in --help-all, each option once."""
+    monkeypatch.setenv("COLUMNS", "100")
+    first, every = (run(verb.__name__, flag) for flag in ("--help", "--help-all"))
+    assert (first.code, every.code, first.err, every.err) == (0, 0, "", "")
+    lines = first.out.splitlines()
+    assert len(lines) <= 24 and max(map(len, lines)) <= 100
+    assert f"jaxfric {verb.__name__} --help-all" in lines[-1]
+    for argument in cli.app[verb.__name__].assemble_argument_collection(parse_docstring=True):
+        if argument.name.startswith("--"):
+            assert argument.parameter.help, argument.name
+            assert re.search(rf"[ │]{argument.name}[ ,]", every.out), argument.name
+
+
 def one_document(*call: str) -> dict:
     """What a call prints with --json and --quiet: one document, and nothing but warnings."""
     code, out, err = run(*call, "--json", "--quiet")

@@ -1160,7 +1160,7 @@ def test_an_output_that_cannot_be_written_is_known_before_the_work(closed) -> No
 
 def test_help_lists_the_catalogue() -> None:
     assert options.EFFECTS.split(", ") == list(CATALOGUE)
-    shown = run("loop", "--help")
+    shown = run("loop", "--help-all")
     assert shown.code == 0 and all(id in shown.out for id in CATALOGUE)
     assert all(len(line) <= 80 for line in shown.out.splitlines())
 

@@ -18,6 +18,7 @@ from .common import warn
 from .feedforward import feedforward
 from .fit import fit
 from .gains import gains
+from .help import ALL, FLAGS, print_first
 from .inspect import inspect
 from .loop import loop
 from .predict import predict
@@ -52,6 +53,7 @@ app = cyclopts.App(
     help_epilogue=_EPILOGUE,
     version="0.1.0",
     default_parameter=cyclopts.Parameter(negative=()),
+    help_flags=FLAGS,
     suppress_keyboard_interrupt=False,
 )
 _VERBS = (
@@ -68,6 +70,7 @@ _VERBS = (
     simulate,
     study,
 )
+_NAMES = {verb.__name__ for verb in _VERBS}
 for verb in _VERBS:
     app.command(verb, help_epilogue="")
 app.register_install_completion_command(
@@ -109,6 +112,10 @@ def _run(arguments: list[str]) -> int:
             arguments, remarks = in_new_words(arguments)
             warn(remarks, "note")
             verb, bound, _ = app.parse_args(arguments, exit_on_error=False, print_error=False)
+            name = next(iter(arguments), "")
+            if verb == app.help_print and name in _NAMES and ALL not in arguments:
+                print_first(name, app[name])
+                return 0
             silent = getattr(bound.arguments.get("output"), "quiet", False)
             telling_of_it = telling(silent=silent) if verb in _VERBS else contextlib.nullcontext()
             with calling(verb, bound, arguments), telling_of_it:
@@ -116,7 +123,7 @@ def _run(arguments: list[str]) -> int:
         sys.stdout.flush()
     except cyclopts.CycloptsError as error:
         verb = " ".join(("jaxfric", *(error.command_chain or ())))
-        wrong = _of_another_rig(error) or f"{error} ({verb} --help lists what there is)"
+        wrong = _of_another_rig(error) or f"{error} ({verb} --help-all lists what there is)"
         return _complain(wrong, 2)
     except InputError as error:
         return _complain(str(error), 2)

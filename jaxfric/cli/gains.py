@@ -55,7 +55,7 @@ class GainOptions:
 def gains(
     *,
     law: options.LawOptions = options.LawOptions(),
-    velocity: options.Velocity = None,
+    velocity: Annotated[options.Velocity, options.required(options.VELOCITY)] = None,
     mass: options.Mass = None,
     target: GainOptions = GainOptions(),
     late: options.DelayOptions = options.DelayOptions(),
@@ -68,7 +68,11 @@ def gains(
         options.MORE,
     ] = None,
     check: Annotated[
-        bool, Parameter(negative="--no-check", help="Check the gains by nonlinear simulation.")
+        bool,
+        Parameter(
+            negative="--no-check",
+            help="Check the gains by nonlinear simulation (--no-check: do not).",
+        ),
     ] = True,
     map_: Annotated[
         bool,

@@ -15,7 +15,7 @@ def loop(
     file: options.File,
     /,
     *,
-    stiffness: options.Stiffness = None,
+    stiffness: Annotated[options.Stiffness, options.required(options.STIFFNESS)] = None,
     law: Annotated[str, options.LAW] = "slip",
     effects: options.EffectOptions = options.EffectOptions(),
     max_effects: options.MaxEffects = 8,

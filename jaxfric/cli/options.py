@@ -35,6 +35,12 @@ Texts = Annotated[list[str] | None, Parameter(allow_leading_hyphen=True)]
 """The same, which may be repeated."""
 
 
+def required(option: Parameter, unless: str = "") -> Parameter:
+    """The same option of a verb that cannot do without it: its help begins with that."""
+    text = option.help or ""
+    return Parameter(help=f"Required{unless}: {text[:1].lower()}{text[1:]}")
+
+
 def named(type_: object, tokens: Sequence[Token]) -> str:
     """A path or URL that is written out: an empty one is no name of the current folder."""
     text = tokens[0].value
@@ -320,7 +326,11 @@ From = Annotated[
     ),
 ]
 Parameters = Annotated[
-    str | None, Parameter(help="Parameters of --law instead: 'A=1 N, B=3 N, L=1 mm, V0=2 mm/s'.")
+    str | None,
+    Parameter(
+        help="Parameters of --law, 'A=1 N, B=3 N, L=1 mm, V0=2 mm/s'. Of a plan they are f0=0.6,"
+        " A=0.010, B=0.014, L=20 um where none are given."
+    ),
 ]
 
 
@@ -394,20 +404,16 @@ MASS = Parameter(
     " the law is from the loop.json of an axis, its own; of several files as --stiffness.",
 )
 Mass = Annotated[str | None, MASS]
-Velocity = Annotated[
-    Text,
-    Parameter(
-        help="Velocities: '5 um/s', '1, 2 um/s', or a range to cover, '1e-6..1e-3 m/s'. Of a joint"
-        " '1..5 rad/s', and all other options in rad and N m. A simulation takes one."
-    ),
-]
-Gain = Annotated[
-    Text,
-    Parameter(
-        name=("--kp", "--stiffness"),
-        help="Position gain or stiffness, '3 kN/m'. With it stability gives poles and margins.",
-    ),
-]
+VELOCITY = Parameter(
+    help="Velocities '5 um/s', '1, 2 um/s' or a range '1e-6..1e-3 m/s'. Of a joint '1..5 rad/s',"
+    " and all other options in rad and N m. A simulation takes one."
+)
+Velocity = Annotated[Text, VELOCITY]
+GAIN = Parameter(
+    name=("--kp", "--stiffness"),
+    help="Position gain or stiffness, '3 kN/m'. With it stability gives poles and margins.",
+)
+Gain = Annotated[Text, GAIN]
 Integral = Annotated[
     Text,
     Parameter(

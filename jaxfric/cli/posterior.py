@@ -25,8 +25,8 @@ class PriorOptions:
     """The priors of a posterior, and how many draws of it are wanted."""
 
     prior: Path | None = None
-    """TOML file of priors, [priors] A = {normal = [0.006, 0.001]}: also find the posterior. Writes
-    posterior.nc and a figure. Needs pip install "jaxfric\\[posterior]"."""
+    """Find the posterior too, by this TOML file of priors. Priors: [priors] A = {normal = [0.006,
+    0.001]}. Writes posterior.nc and a figure. Needs pip install "jaxfric\\[posterior]"."""
     draws: Annotated[int | None, options.MORE] = None
     """Draws of each chain by NUTS, as in --draws 1000. Otherwise none."""
     chains: Annotated[int | None, options.MORE] = None

@@ -23,6 +23,7 @@ TYPICAL = "f0=0.6, A=0.010, B=0.014, L=20 um"
 """A friction coefficient where neither a fit nor parameters are given."""
 EXAMPLES = {"--slip-per-step": "150um", "--stiffness": "5e-3/um", "--noise": "3e-4"}
 """Values of the options that are required."""
+_WITHOUT_FILE = ", unless --from has one"
 T = TypeVar("T")
 
 
@@ -37,12 +38,14 @@ def protocol(
     /,
     *,
     slip_per_step: Annotated[
-        options.Text, Parameter(help="Required. Load-point motion at each velocity: 150um.")
+        options.Text, Parameter(help="Required: load-point motion at each velocity, 150um.")
     ] = None,
-    stiffness: options.Stiffness = None,
+    stiffness: Annotated[
+        options.Stiffness, options.required(options.STIFFNESS, unless=_WITHOUT_FILE)
+    ] = None,
     noise: Annotated[
         options.Text,
-        Parameter(help="Noise of a row: 3e-4, or 0.5 N. Required, unless --from has one."),
+        Parameter(help=f"Required{_WITHOUT_FILE}: noise of a row, 3e-4, or 0.5 N."),
     ] = None,
     from_: options.From = None,
     parameters: options.Parameters = None,

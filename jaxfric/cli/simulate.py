@@ -41,7 +41,7 @@ def simulate(
     law: options.LawOptions = options.LawOptions(),
     velocity: options.Velocity = None,
     steps: options.Steps = None,
-    kp: options.Gain = None,
+    kp: Annotated[options.Gain, options.required(options.GAIN)] = None,
     kv: options.Damping = None,
     mass: options.Mass = None,
     duration: Annotated[

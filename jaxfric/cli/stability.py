@@ -1,6 +1,7 @@
 """`jaxfric stability`: what the linear theory says of a friction law, with pictures."""
 
 import dataclasses
+from typing import Annotated
 
 from ..errors import InputError
 from . import options
@@ -11,7 +12,7 @@ def stability(
     *,
     law: options.LawOptions = options.LawOptions(),
     mass: options.Mass = None,
-    velocity: options.Velocity = None,
+    velocity: Annotated[options.Velocity, options.required(options.VELOCITY)] = None,
     kp: options.Gain = None,
     kv: options.Damping = None,
     ki: options.Integral = None,
