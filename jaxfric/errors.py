@@ -15,7 +15,14 @@ from collections.abc import Generator, Iterable
 
 # Options of the command that are another word in Python; the others are the same word.
 _ARGUMENTS = {
-    "with": "with_",
+    "include": "with_",
+    "exclude": "without",
+    "max-effects": "most",
+    "zero-order-hold": "held",
+    "refit": "free",
+    "fade-speed": "fade",
+    "flip-sign": "flip",
+    "downsample-to": "rows",
     "min-kp": "lower",
     "kp": "k_p",
     "cutoff": "the cutoff of preparation",
@@ -24,7 +31,7 @@ _ARGUMENTS = {
 }
 _OF_OTHERS = ("nthreads",)
 """Options of other programs' commands."""
-_FLAGS = ("drop-bad", "fit-stiffness", "slip-trend", "held", "other-versions")
+_FLAGS = ("drop-bad", "fit-stiffness", "slip-trend", "zero-order-hold", "other-versions")
 _NUMBERS = ("normal-force",)
 """Arguments that are a number in SI where the option is a text with its unit."""
 _COLUMN = re.compile(r"--column (?:'([\w ]+)=([^']*)'|(\w+)=(\w+))")
@@ -90,12 +97,12 @@ def _column(found: re.Match) -> str:
 
 def _argument(found: re.Match) -> str:
     name: str = found["name"]
+    said = _ARGUMENTS.get(name, name.replace("-", "_"))
     if name in _FLAGS:
         rest = found[0][len(name) + 2 :]
-        return f"{name.replace('-', '_')}=True{rest}"
+        return f"{said}=True{rest}"
     if name in _OF_OTHERS:
         return found[0]
-    said = _ARGUMENTS.get(name, name.replace("-", "_"))
     value: str | None = found["quoted"] or found["bare"] or found["word"]
     if value is None:
         return said

@@ -7,23 +7,20 @@ refused with an advice, the advice is followed until the file reads.
 """
 
 import ast
-import inspect
 import re
 import shlex
 from collections.abc import Callable
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
-from typing import get_type_hints
 
 import numpy as np
 import pytest
-from cyclopts import Parameter
 from pages import PAGES, blocks_of
 
 from jaxfric.cli.app import app
-from jaxfric.cli.common import axis_roles
 from jaxfric.cli.fit import parse_start
+from jaxfric.cli.options import RecordOptions
 from jaxfric.cli.protocol import TYPICAL
 from jaxfric.errors import InputError, words_of_the_command
 from jaxfric.gains.requirement import Requirement
@@ -72,7 +69,7 @@ def values(*units: str) -> Callable[[str], object]:
 
 def column(text: str) -> None:
     """ROLE=NAME [UNIT]: the role of a slider or axis, a unit of that role's."""
-    (role, name), *_ = (axis_roles([text]) or {}).items()
+    (role, name), *_ = (RecordOptions([text]).roles("--column") or {}).items()
     assert role in SLIDER.roles or role in AXIS.roles or role in FORCES, role
     unit = SLIDER.split(name)[1]
     if unit is None or unit == "UNIT":
@@ -117,7 +114,7 @@ PARSERS: dict[str, Callable[[str], object]] = {
     "--drive-gain": one_of("N/V", "N*m/V", "N/A", "N*m/A"),
     "--duration": values("s"),
     "--from": lambda text: (values("s", "m") if " " in text else file)(text),
-    "--fade": one_of("m/s", "rad/s"),
+    "--fade-speed": one_of("m/s", "rad/s"),
     "--friction": values("N"),
     "--jump": values("m/s", "m"),
     "--kp": values("N/m"),
@@ -161,7 +158,7 @@ FILLED = {
     ("--column", "{role}={name} [0.4 MPa]"): ["normal_stress=Normalkraft [0.4 MPa]"],
     ("--column", "{text}"): [],  # what the user wrote
     ("--column", "{example}"): ["friction=mu", "motor_force=F"],
-    ("--fade", "{part} {speed}"): ["0.00505 m/s", "0.016 rad/s"],
+    ("--fade-speed", "{part} {speed}"): ["0.00505 m/s", "0.016 rad/s"],
     ("--from", "{file}"): ["loop.json", "results/loop.json"],
     ("--drive-gain", "{drive_gain}"): [],
     ("--drive-gain", "{example}"): [
@@ -250,15 +247,9 @@ def helped() -> list[tuple[str, str]]:
     """Quoted values in the help of options that have a parser."""
     found = set()
     for name in (n for n in app if not n.startswith("-")):
-        verb = app[name].default_command
-        hints = get_type_hints(verb, include_extras=True)
-        for argument in inspect.signature(verb).parameters:
-            for extra in getattr(hints.get(argument), "__metadata__", ()):
-                if not isinstance(extra, Parameter) or not extra.help:
-                    continue
-                option = (*extra.name, "--" + argument.strip("_").replace("_", "-"))[0]
-                quoted = re.findall(r"'([^']+)'|\"([^\"]+)\"", extra.help)
-                found |= {(option, one or two) for one, two in quoted}
+        for argument in app[name].assemble_argument_collection(parse_docstring=True):
+            quoted = re.findall(r"'([^']+)'|\"([^\"]+)\"", argument.parameter.help or "")
+            found |= {(argument.name, one or two) for one, two in quoted}
     return sorted(pair for pair in found if pair[0] in PARSERS and pair[1] != "ROLE=NAME [UNIT]")
 
 

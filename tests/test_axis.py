@@ -527,16 +527,16 @@ def test_bad_input(tmp_path, monkeypatch):
     assert_refused(run(*given), "one.csv", "one direction only")
     words = "--stiffness", "with 'jaxfric axis'", "choose 'jaxfric loop'"
     assert_refused(run(*given, "--stiffness", "1/um"), *words)
-    assert_refused(run(*given, "--with", "stribek"), "stribek", "did you mean 'stribeck'")
-    words = "--flip", "choose 'jaxfric axis' or 'jaxfric steady'"
-    assert_refused(run("loop", "one.csv", "--flip", "--stiffness", "1/um"), *words)
-    assert_refused(run("steady", ".", "--json"), "needs at least 4")
+    assert_refused(run(*given, "--include", "stribek"), "stribek", "did you mean 'stribeck'")
+    words = "--flip-sign", "choose 'jaxfric axis'"
+    assert_refused(run("loop", "one.csv", "--flip-sign", "--stiffness", "1/um"), *words)
+    assert_refused(run("axis", ".", "--json"), "needs at least 4")
     assert_refused(run(*given, "--cutoff", "50"), "--cutoff", "no unit")
     assert_refused(run(*given, "--cutoff", "600 Hz"), "cutoff 600 Hz", "500 Hz")
     assert_refused(run(*given, "--cutoff", "0 Hz"), "cutoff 0 Hz", "above 0")
     assert_refused(run(*given, "--cutoff", "1 Hz"), "leaves 3 rows", "choose one above 3.3 Hz")
-    for verb in ("steady", "loop"):
-        assert_refused(run(verb, "one.csv", "--cutoff", "50 Hz"), "--cutoff", "'jaxfric axis'")
+    assert_refused(run("loop", "one.csv", "--cutoff", "50 Hz"), "--cutoff", "'jaxfric axis'")
+    assert_refused(run("axis", ".", "--cutoff", "50 Hz"), "--cutoff would not be used with .")
     asked = {}
 
     def made_up(record, **options):

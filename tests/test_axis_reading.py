@@ -133,8 +133,10 @@ def test_a_reversed_force_is_refused_at_once_and_turned(tmp_path, monkeypatch, s
     written(tmp_path / "wrong.csv", "\n".join(wrong) + "\n")
     given = ("axis", "wrong.csv", "--json")
     refused = run(*given)
-    assert_refused(refused, "-0.0495 kg m^2", "--flip force")
-    assert_refused(run(*given, "--flip"), "-0.0495 kg m^2", "--flip force")  # both: as wrong
+    assert_refused(refused, "-0.0495 kg m^2", "--flip-sign force")
+    assert_refused(
+        run(*given, "--flip-sign"), "-0.0495 kg m^2", "--flip-sign force"
+    )  # both: as wrong
     snapshot("axis_reversed", {"reversed force": refused.err})
     written(tmp_path / "right.csv", "\n".join(lines) + "\n")
     right = read_axis("right.csv")
@@ -150,7 +152,7 @@ def test_a_reversed_force_is_refused_at_once_and_turned(tmp_path, monkeypatch, s
         raise jaxfric.InputError("no need to go on")
 
     monkeypatch.setattr("jaxfric.axis.close_axis_loop", close)
-    for flip in (("--flip", "force"), ("--flip", "motion"), ("--flip",)):
+    for flip in (("--flip-sign", "force"), ("--flip-sign", "motion"), ("--flip-sign",)):
         assert_refused(run(*given, *flip), "no need to go on")
     recorded = 1e-3 * float(wrong[1].split(",")[2])
     np.testing.assert_allclose(asked, [-recorded, recorded, -recorded])
@@ -319,7 +321,7 @@ def test_noise_from_row_to_row_is_blind_to_what_is_slow_and_to_gaps():
 
 
 def test_two_lags_are_in_one_model_where_both_are_asked_for(monkeypatch):
-    """None is found beside another; `--with` of both starts from both."""
+    """None is found beside another; `--include` of both starts from both."""
     engines = []
 
     def begun(engine, base):

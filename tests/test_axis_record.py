@@ -1,4 +1,4 @@
-"""`jaxfric record` of an axis: strokes, steps of the encoder, the verb, the record of `data/`."""
+"""`jaxfric inspect` of an axis: strokes, steps of the encoder, the verb, the record of `data/`."""
 
 import runpy
 from pathlib import Path
@@ -90,7 +90,7 @@ def test_motion_of_a_velocity_alone() -> None:
 def test_the_verb_on_an_axis(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     gains = ("--position-gain", "25 1/s", "--velocity-gain", "0.3 N m s/rad")
-    outcome = run("record", DATA / "axis.csv", "--rig", "axis", *gains)
+    outcome = run("inspect", DATA / "axis.csv", "--rig", "axis", *gains)
     assert outcome.code == 0, outcome.err
     for words in (
         "6825 used of 6825",
@@ -105,7 +105,7 @@ def test_the_verb_on_an_axis(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     assert (tmp_path / "axis-record" / "record.png").stat().st_size > 10_000
     text = (DATA / "axis.csv").read_text().replace("reference_position [rad]", "remark")
     (tmp_path / "other.csv").write_text(text)
-    outcome = run("record", "other.csv", "--rig", "axis")
+    outcome = run("inspect", "other.csv", "--rig", "axis")
     assert "note: ignored columns: remark" in outcome.out
 
 
@@ -119,12 +119,12 @@ def test_the_verb_on_steady_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
         rows = [f"{0.01 * i:.2f},{moved[i]:.3f},{force[i]:.3f}" for i in range(200)]
         text = "\n".join(["time [s],velocity [mm/s],motor_force [N]", *rows]) + "\n"
         (tmp_path / "runs" / f"{speed}.csv").write_text(text)
-    outcome = run("record", "runs", "--rig", "steady")
+    outcome = run("inspect", "runs", "--rig", "steady")
     assert outcome.code == 0, outcome.err
     assert "steady runs: 4" in outcome.out and "-20.csv" in outcome.out
-    assert (tmp_path / "runs-record" / "record.png").is_file()
+    assert (tmp_path / "runs-inspect" / "record.png").is_file()
     long = ("--from", "3 s")
-    for verb in (("record", "--rig", "steady"), ("steady",)):
+    for verb in (("inspect", "--rig", "steady"), ("axis",)):
         assert_refused(run(*verb, "runs", *long), "--from '3 s'", "lasts 1.99 s")
 
 
@@ -174,7 +174,7 @@ def test_a_window_is_of_every_steady_run(tmp_path: Path, monkeypatch: pytest.Mon
     np.testing.assert_allclose(np.abs(whole.force), 3 + 2 * 50 / 300, atol=0.01)
     np.testing.assert_allclose(np.abs(part.force), 3, atol=0.01)
     assert (part.samples <= 191).all() and "rows from 0.6 to 2.5 s" in part.provenance.notes
-    outcome = run("record", "runs", "--rig", "steady", "--from", "0.6 s")
+    outcome = run("inspect", "runs", "--rig", "steady", "--from", "0.6 s")
     assert outcome.code == 0 and "rows from 0.6 to 2.99 s" in outcome.out
 
 
@@ -182,11 +182,11 @@ def test_options_that_would_not_be_used(tmp_path: Path, monkeypatch: pytest.Monk
     monkeypatch.chdir(tmp_path)
     path = DATA / "axis.csv"
     assert_refused(
-        run("record", path, "--rig", "axis", "--steps", "0 s: 1 um/s"), "--steps", "slider"
+        run("inspect", path, "--rig", "axis", "--steps", "0 s: 1 um/s"), "--steps", "slider"
     )
-    assert_refused(run("record", path, "--drive-gain", "5 N/V"), "--drive-gain", "--rig axis")
+    assert_refused(run("inspect", path, "--drive-gain", "5 N/V"), "--drive-gain", "--rig axis")
     given = ("--rig", "steady", "--position-gain", "1 1/s")
-    assert_refused(run("record", path, *given), "--position-gain", "steady")
+    assert_refused(run("inspect", path, *given), "--position-gain", "steady")
     assert not list(tmp_path.iterdir())
 
 

@@ -45,7 +45,7 @@ def joint(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     written(Path("joint.csv"), rotary_text())
     without = ",".join(sorted(set(AXIS_CATALOGUE) - OFFERED))
-    return ("axis", "joint.csv", "--without", without, "--out", "joint-loop")
+    return ("axis", "joint.csv", "--exclude", without, "--out", "joint-loop")
 
 
 def test_a_rotary_axis_is_told_in_radians(joint, monkeypatch):

@@ -78,7 +78,7 @@ def fitted(tmp_path_factory: pytest.TempPathFactory) -> tuple[Outcome, dict]:
 
 
 def test_help() -> None:
-    for arguments in ([], ["--help"], ["fit", "--help"], ["record", "--help"], ["--version"]):
+    for arguments in ([], ["--help"], ["fit", "--help"], ["inspect", "--help"], ["--version"]):
         outcome = run(*arguments)
         assert outcome.code == 0 and outcome.err == "" and outcome.out
     text = run("fit", "--help").out
@@ -93,7 +93,7 @@ def test_help() -> None:
         ([], ["jax", "pint", "matplotlib", "numpy"]),
         (["--help"], ["jax", "pint", "matplotlib", "numpy"]),
         (["fit", "--help"], ["jax", "pint", "matplotlib"]),
-        (["record", "run.csv"], ["jax"]),
+        (["inspect", "run.csv"], ["jax"]),
     ],
 )
 def test_only_what_is_needed_is_imported(arguments: list[str], absent: list[str]) -> None:
@@ -107,23 +107,23 @@ def test_only_what_is_needed_is_imported(arguments: list[str], absent: list[str]
 
 
 def test_record() -> None:
-    code, out, err = run("record", "run.csv")
+    code, out, err = run("inspect", "run.csv")
     assert code == 0 and err == ""
     for words in ("91 used of 91", "91 rows over 45 s", "load_point_displacement: "):
         assert words in out
     assert "velocity steps: 1" in out and "10 um/s" in out
-    assert names("run-record") == ["record.png"]
-    assert str(Path("run-record/record.png")) in out
-    assert run("record", "run.csv", "--out", "here").code == 0
+    assert names("run-inspect") == ["record.png"]
+    assert str(Path("run-inspect/record.png")) in out
+    assert run("inspect", "run.csv", "--out", "here").code == 0
     assert names("here") == ["record.png"]
 
 
 def test_a_window_of_a_record(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("jaxfric.plot.record.draw_record", lambda *given: given[2].touch())
-    code, out, err = run("record", "run.csv", "--from", "10 s", "--to", "100 um")
+    code, out, err = run("inspect", "run.csv", "--from", "10 s", "--to", "100 um")
     assert code == 0 and err == ""
     assert "rows from 10 to 2" in out and "velocity steps: 1" in out and "from 10" in out
-    code, out, _ = run("record", "run.csv", "--to", "15 s")
+    code, out, _ = run("inspect", "run.csv", "--to", "15 s")
     assert code == 0 and "velocity steps: 0" in out
     assert_refused(run("fit", "run.csv", *STIFFNESS, "--from", "30 s"), "no velocity step")
     outcome = run("loop", "run.csv", *STIFFNESS, "--from", "3 min", "--json")
@@ -133,7 +133,7 @@ def test_a_window_of_a_record(monkeypatch: pytest.MonkeyPatch) -> None:
         "time [s],position [mm],motor_force [N]\n"
         + "".join(f"{k / 10},{100 * np.sin(k / 9)},{k % 7}\n" for k in range(90)),
     )
-    for verb in (("record", "--rig", "axis"), ("axis", "--json")):
+    for verb in (("inspect", "--rig", "axis"), ("axis", "--json")):
         assert_refused(run(*verb, "axis.csv", "--from", "3 um"), "goes back and forth")
 
 
@@ -143,7 +143,7 @@ def test_record_of_columns_named_by_the_user() -> None:
     written(Path("odd.csv"), "\n".join(",".join(row) for row in cells))
     columns = ["time=t [s]", "load_point_displacement=ram [mm]", "friction=tau over sigma"]
     options = [word for column in columns for word in ("--column", column)]
-    code, out, _ = run("record", "odd.csv", *options)
+    code, out, _ = run("inspect", "odd.csv", *options)
     assert code == 0
     assert "(mm in the file)" in out and "10000 um/s" in out
 
@@ -282,7 +282,7 @@ def test_what_did_not_converge_names_files_that_are_there(files, here, not_here,
 @pytest.mark.parametrize("out", ["run.csv", "run.csv/below", "n" * 300])
 def test_an_output_folder_that_cannot_be(out: str) -> None:
     assert_refused(run("fit", "run.csv", *STIFFNESS, "--out", out), "output folder", "--out")
-    assert_refused(run("record", "run.csv", "--out", out), "output folder", "--out")
+    assert_refused(run("inspect", "run.csv", "--out", out), "output folder", "--out")
     assert names(".") == ["run.csv"]
 
 
@@ -354,7 +354,7 @@ def test_a_gross_misfit_points_to_the_loop() -> None:
 
 
 def test_steps_after_the_end_are_refused_by_record_too() -> None:
-    outcome = run("record", "run.csv", "--steps", "0 s: 1 um/s, 1e6 s: 10 um/s")
+    outcome = run("inspect", "run.csv", "--steps", "0 s: 1 um/s, 1e6 s: 10 um/s")
     assert_refused(outcome, "the last begins at 1e+06 s", "the record ends at")
 
 
@@ -411,7 +411,7 @@ def test_as_a_process() -> None:
     code, out, err = process("fit", "run.csv", *STIFFNESS)
     assert code == 0 and err == "" and "characteristic slip length" in out
     assert names("run-fit") == FILES
-    assert_refused(process("record", "missing.csv"), "no such file")
+    assert_refused(process("inspect", "missing.csv"), "no such file")
 
 
 def test_silence_is_broken_and_what_was_said_last_is_said_again(monkeypatch, capsys) -> None:
@@ -459,7 +459,7 @@ def test_the_first_word_comes_before_a_verb_has_done_anything(monkeypatch, capsy
     assert cli._run([]) == 0 and capsys.readouterr().err == ""  # no verb, as --help is none
 
 
-@pytest.mark.parametrize("arguments", [("record", "run.csv"), ("fit", "--help"), ("--help",)])
+@pytest.mark.parametrize("arguments", [("inspect", "run.csv"), ("fit", "--help"), ("--help",)])
 def test_a_reader_that_goes_away(arguments) -> None:
     read_end, write_end = os.pipe()
     os.close(read_end)
@@ -471,13 +471,13 @@ def test_a_reader_that_goes_away(arguments) -> None:
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
 def test_a_stdout_that_is_full() -> None:
     with open("/dev/full", "wb") as full:
-        code, _, err = process("record", "run.csv", stdout=full)
+        code, _, err = process("inspect", "run.csv", stdout=full)
     assert code == 1 and err.count("\n") == 1
     assert err.startswith("jaxfric: error: standard output: ")
 
 
 def test_a_terminal_without_unicode() -> None:
-    code, out, err = process("record", "run.csv", PYTHONIOENCODING="ascii")
+    code, out, err = process("inspect", "run.csv", PYTHONIOENCODING="ascii")
     assert code == 0 and err == "" and "velocity steps: 1" in out
 
 
@@ -485,7 +485,7 @@ def test_a_terminal_without_unicode() -> None:
 def test_odd_names_of_files(name: str | bytes) -> None:
     path = Path(os.fsdecode(name))
     path.write_text(record_text())
-    for arguments in (["record", path], ["fit", path, *STIFFNESS]):
+    for arguments in (["inspect", path], ["fit", path, *STIFFNESS]):
         code, _, err = run(*arguments)
         assert code == 0 and err == "", err
     assert names(f"{path.stem}-fit") == FILES

@@ -1,7 +1,6 @@
 """What all verbs share: --json, --quiet, exit codes, completion of the shell."""
 
 import csv
-import inspect
 import json
 import re
 from pathlib import Path
@@ -45,10 +44,25 @@ def in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
 
 @pytest.mark.parametrize("verb", cli._VERBS, ids=lambda v: v.__name__)
 def test_every_verb_has_the_options(verb) -> None:
-    own = inspect.signature(verb).parameters
-    assert {"json", "quiet", "out"} <= set(own)
+    own = {argument.name for argument in cli.app[verb.__name__].assemble_argument_collection()}
+    assert {"--json", "--quiet", "--out"} <= own
     text = run(verb.__name__, "--help").out
     assert "--json" in text and "--quiet" in text
+
+
+@pytest.mark.parametrize("verb", cli._VERBS, ids=lambda v: v.__name__)
+def test_help_fits_a_screen_and_the_rest_is_told_on_demand(verb, monkeypatch) -> None:
+    """Of 24 lines of 100 columns; what is not in it is in --help-all, each option once."""
+    monkeypatch.setenv("COLUMNS", "100")
+    first, every = (run(verb.__name__, flag) for flag in ("--help", "--help-all"))
+    assert (first.code, every.code, first.err, every.err) == (0, 0, "", "")
+    lines = first.out.splitlines()
+    assert len(lines) <= 24 and max(map(len, lines)) <= 100
+    assert f"jaxfric {verb.__name__} --help-all" in lines[-1]
+    for argument in cli.app[verb.__name__].assemble_argument_collection(parse_docstring=True):
+        if argument.name.startswith("--"):
+            assert argument.parameter.help, argument.name
+            assert re.search(rf"[ │]{argument.name}[ ,]", every.out), argument.name
 
 
 def one_document(*call: str) -> dict:
@@ -69,14 +83,14 @@ def test_one_json_document_and_nothing_else(name: str, monkeypatch: pytest.Monke
 
 
 def test_the_json_of_a_record_is_what_is_printed() -> None:
-    found = one_document("record", "run.csv")
-    printed = run("record", "run.csv", "--out", "o").out
+    found = one_document("inspect", "run.csv")
+    printed = run("inspect", "run.csv", "--out", "o").out
     assert f"rows: {found['record']['rows']} used of {found['rows_read']}" in printed
     (_, step) = zip(found["steps"]["times"], found["steps"]["velocities"], strict=True)
     assert abs(step[0] - 20) < 0.5 and abs(step[1] - 10e-6) < 0.2e-6
     assert found["columns"]["load_point_displacement"]["unit_in_file"] == "um"
     assert found["columns"]["time"]["largest"] == pytest.approx(45.0)
-    assert found["figures"] == [str(Path("run-record/record.png"))]
+    assert found["figures"] == [str(Path("run-inspect/record.png"))]
 
 
 def test_codes_of_a_study_are_counted_and_quiet_reaches_the_verb() -> None:
@@ -160,7 +174,7 @@ def test_a_drawing_says_what_made_it() -> None:
     assert root[0].tag.endswith("desc") and "--out 's <& é>'" in (root[0].text or "")
     head = (folder / "trajectory.csv").read_text().splitlines()[:3]
     assert head[1].startswith("# version: ") and head[2].startswith("# command: jaxfric simulate")
-    assert run("record", folder / "trajectory.csv").code == 0
+    assert run("inspect", folder / "trajectory.csv").code == 0
 
 
 def test_outside_of_the_command_nothing_is_said() -> None:

@@ -153,7 +153,7 @@ def test_the_command(of_slip) -> None:
     pairs = zip(steps.times, steps.velocities, strict=True)
     told = ", ".join(f"{t:g} s: {V / UM:g} um/s" for t, V in pairs)
     given = ("--stiffness", "5e-3/um", "--steps", told)
-    code, out, err = run("compare", "four.csv", *given, "--out", "o", "--json")
+    code, out, err = run("fit", "--compare", "four.csv", *given, "--out", "o", "--json")
     assert (code, err) == (0, "")
     found = json.loads(out)
     assert found["schema"] == "jaxfric.comparison/1"
@@ -177,9 +177,15 @@ def test_the_command(of_slip) -> None:
 
 @pytest.mark.usefixtures("here")
 def test_what_cannot_be_compared_is_refused() -> None:
-    assert_refused(run("compare", "run.csv", *STIFFNESS, "--law", "slyp"), "law 'slyp'", "ageing")
-    assert_refused(run("compare", "run.csv"), "--stiffness")
-    assert_refused(run("compare", "run.csv", *STIFFNESS, "--to", "15 s"), "no velocity step")
+    assert_refused(
+        run("fit", "--compare", "run.csv", *STIFFNESS, "--law", "slyp"), "law 'slyp'", "ageing"
+    )
+    assert_refused(run("fit", "--compare", "run.csv"), "--stiffness")
+    assert_refused(
+        run("fit", "--compare", "run.csv", *STIFFNESS, "--to", "15 s"), "no velocity step"
+    )
+    many = run("fit", "--compare", "run.csv", "run.csv", *STIFFNESS, "--states", "2")
+    assert_refused(many, "a further file and --states would not be used with --compare")
     assert not Path("run-compare").exists()
 
 
@@ -337,8 +343,8 @@ def test_where_the_likeliest_law_leaves_more_than_noise_the_loop_is_asked() -> N
     ("given", "law", "line"),
     [
         ({"stiffness": "1/um", "law": ["slip"]}, "slip", "jaxfric loop x.csv --stiffness 1/um"),
-        ({"stiffness": "1/um", "slip_trend": True, "rows": 500}, "ageing",
-         "jaxfric loop x.csv --stiffness 1/um --rows 500 --law ageing --with slip_trend"),
+        ({"stiffness": "1/um", "slip_trend": True, "downsample_to": 9}, "ageing",
+         "jaxfric loop x.csv --stiffness 1/um --downsample-to 9 --law ageing --include slip_trend"),
         ({"fit_stiffness": True}, "slip", ""),
     ],
 )  # fmt: skip

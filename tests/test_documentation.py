@@ -158,7 +158,7 @@ CALLS = [
     ("fit", STEP, "--stiffness", "5e-3"),
     ("fit", STEP, "--stiffness", "4e5 N/m"),
     ("fit", STEP, *K, "--law", "dieterich"),
-    ("loop", STEP, *K, "--with", "second"),
+    ("loop", STEP, *K, "--include", "second"),
     ("gains", *LAW, "--velocity", "2 mm/s", "--margin", "stifness=2"),
     ("fit", STEP, *K, "--sttates", "2"),
     ("gains", "--from", FIT_JSON, "--mass", "2", "--velocity", "1 um/s"),

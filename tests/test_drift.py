@@ -150,7 +150,7 @@ def test_a_loop_repeats_what_a_fit_warns_of_with_its_own_option():
     asked = [*misfit_warning(replace(fit, rms=5 * scatter(fit)))]
     asked += ["the residual wanders over the whole record: it may be a drift (--slip-trend)"]
     (line,) = repeated([*drift, *asked])
-    assert line == drift[0].removesuffix("(--slip-trend)") + "(--with slip_trend)" != drift[0]
+    assert line == drift[0].removesuffix("(--slip-trend)") + "(--include slip_trend)" != drift[0]
     assert len(asked) == 2
 
 

@@ -401,8 +401,12 @@ def test_a_guess_below_what_the_record_supports_fades(effects, loose, speed, tmp
 @pytest.mark.parametrize(
     ("options", "loose", "words"),
     [
-        ({}, (), 'down to v_f. To compensate less by it, give --fade "0.0025 m/s"'),
-        ({}, ("log_viscous.v_c",), "which fades with its sign. A lower --fade compensates more"),
+        ({}, (), 'down to v_f. To compensate less by it, give --fade-speed "0.0025 m/s"'),
+        (
+            {},
+            ("log_viscous.v_c",),
+            "which fades with its sign. A lower --fade-speed compensates more",
+        ),
         ({"fade": 0.002}, (), "a guess without errors"),
         ({"lag": 0.1}, (), "which fades with its sign"),
     ],
@@ -627,7 +631,7 @@ def test_the_verb_writes_what_it_says(tmp_path, monkeypatch):
         ({"candidates": 3}, (), ["damaged", "candidates"]),
         ({}, ("--acceleration", "2 m"), ["--acceleration"]),
         ({}, ("--acceleration", "-2 m/s^2"), ["--acceleration", "above 0"]),
-        ({}, ("--fade", "0 m/s"), ["--fade", "above 0"]),
+        ({}, ("--fade-speed", "0 m/s"), ["--fade-speed", "above 0"]),
         ({}, ("--at", "5 mm"), ["--at"]),
         ({}, ("--at", "-5 mm/s"), ["--at", "not positive"]),
         ({}, ("--lag", "3 mm"), ["--lag"]),
@@ -662,7 +666,7 @@ def test_a_damaged_curve_of_steady_speeds_is_refused(place, value, tmp_path):
         table = table[key]
     table[place[-1]] = value
     (tmp_path / "steady.json").write_text(json.dumps(content))
-    assert_refused(run("feedforward", tmp_path / "steady.json"), "damaged", "jaxfric steady")
+    assert_refused(run("feedforward", tmp_path / "steady.json"), "damaged", "jaxfric axis")
 
 
 @pytest.mark.parametrize(

@@ -48,10 +48,13 @@ def write(folder: str, verb: str, *files: str, command: str = "", source: str = 
         ("run", "fit", {}, "run-fit"),
         ("run", "fit", {"stiffness": "5e-3/um", "json": True, "out": Path("a")}, "run-fit"),
         ("run", "fit", {"law": "ageing", "states": "2"}, "run-fit-ageing-states2"),
-        ("run", "fit", {"fit_stiffness": True, "most": 2}, "run-fit-fit-stiffness-most2"),
-        ("run", "loop", {"without": ["thermal, gain", "gain"]}, "run-loop-without-thermal+gain"),
-        ("run", "loop", {"with_": ["slip_trend"], "most": 2}, "run-loop-with-slip_trend-most2"),
-        ("axis", "loop", {"held": True, "cutoff": "50 Hz"}, "axis-loop-held-cutoff50Hz"),
+        ("run", "fit", {"fit_stiffness": True, "downsample_to": 90},
+         "run-fit-fit-stiffness-downsample-to90"),
+        ("run", "loop", {"exclude": ["thermal, gain", "gain"]}, "run-loop-exclude-thermal+gain"),
+        ("run", "loop", {"include": ["slip_trend"], "max_effects": 2},
+         "run-loop-include-slip_trend-max-effects2"),
+        ("axis", "loop", {"zero_order_hold": True, "cutoff": "50 Hz"},
+         "axis-loop-zero-order-hold-cutoff50Hz"),
         ("slip", "gains", {"margin": ["stiffness=1.5"], "basin": 2.0, "check": False},
          "slip-gains-margin-stiffness1.5-basin2-no-check"),
         ("", "protocol", {"rows": 100}, "protocol-rows100"),
@@ -206,24 +209,24 @@ def test_through_the_command(monkeypatch) -> None:
     monkeypatch.setattr("jaxfric.plot.record.draw_record", lambda *given: given[2].write_text(""))
     for folder, rows in (("p", 91), ("q", 90)):
         written(made(f"{folder}/run.csv"), record_text(rows))
-    assert run("record", "p/run.csv").err == ""
-    code, _, err = run("record", "p/run.csv")
+    assert run("inspect", "p/run.csv").err == ""
+    code, _, err = run("inspect", "p/run.csv")
     assert code == 0
-    assert err == "jaxfric: replaced in run-record: record.png, written by the same command\n"
-    refused = run("record", "q/run.csv")
-    assert_refused(refused, "run-record holds", "p/run.csv", "--out")
-    refused = run("record", "q/run.csv", "--out", "run-record")
-    assert_refused(refused, "run-record holds", "p/run.csv", "name a fresh one with --out")
-    assert run("record", "q/run.csv", "--out", "other").code == 0
-    code, _, err = run("record", "p/run.csv", "--out", "run-record", "--from", "0 s")
-    assert code == 0 and "written by 'jaxfric record p/run.csv'" in err
+    assert err == "jaxfric: replaced in run-inspect: record.png, written by the same command\n"
+    refused = run("inspect", "q/run.csv")
+    assert_refused(refused, "run-inspect holds", "p/run.csv", "--out")
+    refused = run("inspect", "q/run.csv", "--out", "run-inspect")
+    assert_refused(refused, "run-inspect holds", "p/run.csv", "name a fresh one with --out")
+    assert run("inspect", "q/run.csv", "--out", "other").code == 0
+    code, _, err = run("inspect", "p/run.csv", "--out", "run-inspect", "--from", "0 s")
+    assert code == 0 and "written by 'jaxfric inspect p/run.csv'" in err
     steps = ("--steps", "0 s: 2 um/s, 20 s: 10 um/s")
-    assert run("record", "p/run.csv", *steps).err == ""
-    assert sum(path.name.startswith("run-record") for path in Path().iterdir()) == 2
+    assert run("inspect", "p/run.csv", *steps).err == ""
+    assert sum(path.name.startswith("run-inspect") for path in Path().iterdir()) == 2
 
 
 @pytest.mark.parametrize(
-    "verb", [["record", "run.csv"], ["fit", "run.csv"], ["gains"], ["study", "x.toml"]]
+    "verb", [["inspect", "run.csv"], ["fit", "run.csv"], ["gains"], ["study", "x.toml"]]
 )
 def test_an_empty_name_is_no_folder(verb: list[str]) -> None:
     written(Path("run.csv"), record_text())
@@ -239,6 +242,6 @@ def test_a_figure_that_fails_in_the_command(monkeypatch) -> None:
 
     monkeypatch.setattr(plot, "draw_record", fails)
     written(Path("run.csv"), record_text())
-    code, out, err = run("record", "run.csv")
+    code, out, err = run("inspect", "run.csv")
     assert code == 1 and "velocity steps: 1" in out
     assert err.count("\n") == 1 and "the figure was not drawn" in err and "no font" in err

@@ -28,7 +28,6 @@ from rich.console import Console
 
 from jaxfric.cli import options
 from jaxfric.cli.app import app
-from jaxfric.cli.call import in_new_words
 from jaxfric.cli.looped import tell_loop
 from jaxfric.effects import AXIS_CATALOGUE, CATALOGUE
 from jaxfric.findings import Finding, Severity
@@ -508,9 +507,9 @@ def test_one_run_has_all_that_is_asked_for(snapshot) -> None:
         assert not first.command
         assert ask.command.startswith(f'jaxfric protocol "{speeds} um/s" ')
         assert not first.also and not ask.also and all(step.also for step in rest)
-        asked = commands(loop, "--tell")
+        asked = commands(loop, "--distinguish")
         assert len(asked) == len(loop.alias_groups)
-        assert len({a.split("--tell")[0] for a in asked}) == 1
+        assert len({a.split("--distinguish")[0] for a in asked}) == 1
         html = page_of(loop).text
         assert html.index(first.text) < html.index(ask.command) < html.index(rest[0].text)
     snapshot("one_run", {name: to_do(loop) for name, (loop, _) in OPEN.items()})
@@ -541,10 +540,10 @@ def test_the_two_that_would_explain_most_are_asked_for_first() -> None:
     ]  # fmt: skip
     told = dataclasses.replace(loop, candidates=(*loop.candidates, *both))
     _, ask, *rest = next_steps(told)
-    assert ask.command.endswith("--tell second_state,thermal") and not ask.also
-    assert any("--tell run_in," in step.command and step.also for step in rest)
+    assert ask.command.endswith("--distinguish second_state,thermal") and not ask.also
+    assert any("--distinguish run_in," in step.command and step.also for step in rest)
     one = dataclasses.replace(loop, candidates=(*loop.candidates, both[0]))
-    assert next_steps(one)[1].command.split("--tell ")[1].startswith("run_in,")
+    assert next_steps(one)[1].command.split("--distinguish ")[1].startswith("run_in,")
 
 
 def test_a_run_that_no_plan_changes_is_said_as_it_was(snapshot) -> None:
@@ -568,18 +567,18 @@ def test_a_plan_asks_for_the_effect_and_its_likeliest_rival(snapshot) -> None:
     fits = [CandidateScore((e,), gain, 1, 1, {}, True, True, e == id) for e, gain in sizes]
     groups = ((id, "normal_stress", "slip_trend", "gain", "run_in"),)
     loop = dataclasses.replace(loop, alias_groups=groups, candidates=fits)
-    (line,) = commands(loop, "--tell")
+    (line,) = commands(loop, "--distinguish")
     assert line.startswith('jaxfric protocol "1, 10, 1, 3, 10, ')
-    assert line.endswith(f"--from loop.json --tell {id},run_in")
+    assert line.endswith(f"--from loop.json --distinguish {id},run_in")
     two = dataclasses.replace(loop, alias_groups=((id, "run_in"),))
     none = dataclasses.replace(loop, alias_groups=((id, "normal_stress"),))
-    assert commands(two, "--tell") and not commands(none, "protocol")
+    assert commands(two, "--distinguish") and not commands(none, "protocol")
     snapshot("rivals", {"five": to_do(loop), "two": to_do(two), "no plan": to_do(none)})
 
 
 CLEAR = [
-    ("effects", ("second_state",), "--from loop.json --tell base,second_state"),
-    ("effects", ("gain", "run_in"), "--from loop.json --tell base,gain"),
+    ("effects", ("second_state",), "--from loop.json --distinguish base,second_state"),
+    ("effects", ("gain", "run_in"), "--from loop.json --distinguish base,gain"),
     ("effects", ("gain", "normal_stress"), ""),
     ("effects", ("mine",), ""),
     ("no_missing_effect", (), "--from loop.json"),
@@ -631,12 +630,12 @@ def test_a_loop_says_why_a_comparison_of_laws_may_say_otherwise(snapshot) -> Non
         loop = dataclasses.replace(make_loop("ambiguous"), alias_groups=(group,), candidates=fits)
         known = dataclasses.replace(loop, separations={"time_drift": "a known load"}, location=())
         for none, case in (("", loop), (", no run", known)):
-            told = [s.text for s in next_steps(case) if "jaxfric compare" in s.text]
+            told = [s.text for s in next_steps(case) if "jaxfric fit --compare" in s.text]
             assert len(told) == bool(lower or "second_state" in group)
             assert re.findall(r"BIC (\d+)", "".join(told)) == lower
             first = next_steps(case)[0].text
             texts[f"{group}, BIC {gain} {said(why)}{none}"] = "\n".join([first, *told])
-    assert not any("jaxfric compare" in s.text for s in next_steps(make_loop("effects")))
+    assert not any("jaxfric fit --compare" in s.text for s in next_steps(make_loop("effects")))
     snapshot("beside_compare", texts)
 
 
@@ -1064,7 +1063,16 @@ def closed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
 
 
 def test_the_verb(closed: dict[str, Any]) -> None:
-    options = ("--with", "slip_trend, gain", "--with", "gain", "--without", "thermal", "--most", 2)
+    options = (
+        "--include",
+        "slip_trend, gain",
+        "--include",
+        "gain",
+        "--exclude",
+        "thermal",
+        "--max-effects",
+        2,
+    )
     code, out, err = run("loop", "run.csv", "--stiffness", "5e-3/um", *options)
     assert code == 0, err
     assert closed == {
@@ -1078,39 +1086,22 @@ def test_the_verb(closed: dict[str, Any]) -> None:
         "most": 2,
         "read": 91,
     }
-    assert out.startswith("No effect is missing. ") and "most2/loop.html" in out
+    assert out.startswith("No effect is missing. ") and "max-effects2/loop.html" in out
     assert len(out.splitlines()) <= 20
     assert "screening" not in err and "jaxfric: warning: K is 1.6" in err
     kinds = [f"{name}.{kind}" for name in FIGURES for kind in ("png", "svg")]
-    folder = Path("run-loop-with-slip_trend+gain-without-thermal-most2")
+    folder = Path("run-loop-include-slip_trend+gain-exclude-thermal-max-effects2")
     assert sorted(p.name for p in folder.iterdir() if p.name[0] != ".") == sorted(
         ["loop.html", "loop.json", *kinds]
     )
     assert (
-        "--with 'slip_trend, gain' --with gain --without thermal --most 2"
+        "--include 'slip_trend, gain' --include gain --exclude thermal --max-effects 2"
         in Page((folder / "loop.html").read_text(encoding="utf-8")).text
     )
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "verb"),
-    [
-        ("loop a.csv --rig axis --held", "axis a.csv --held", "'jaxfric axis'"),
-        ("loop --rig=axis a.csv", "axis a.csv", "'jaxfric axis'"),
-        ("loop runs --out o --rig steady", "steady runs --out o", "'jaxfric steady'"),
-        ("loop a.csv --rig slider --rows 9", "loop a.csv --rows 9", "'jaxfric loop'"),
-        ("loop a.csv --rows 9", "loop a.csv --rows 9", ""),
-        ("record a.csv --rig axis", "record a.csv --rig axis", ""),
-        ("fit loop --rig axis", "fit loop --rig axis", ""),
-    ],
-)
-def test_the_old_spelling_of_a_rig(old: str, new: str, verb: str) -> None:
-    words, said = in_new_words(old.split())
-    assert words == new.split() and verb in said and bool(said) == bool(verb)
-
-
-def test_an_axis_in_both_spellings(closed: dict[str, Any], monkeypatch) -> None:
-    """The same is asked, written to the same folder and told; the old one tells the new."""
+def test_an_axis(closed: dict[str, Any], monkeypatch) -> None:
+    """It is written to the folder of a loop."""
     made = dataclasses.replace(make_loop("no_missing_effect"), kind="axis")
 
     def close_axis_loop(record, *, progress, **options) -> Loop:
@@ -1120,30 +1111,25 @@ def test_an_axis_in_both_spellings(closed: dict[str, Any], monkeypatch) -> None:
     monkeypatch.setattr("jaxfric.axis.close_axis_loop", close_axis_loop)
     turns = (f"{k / 10},{100 * np.sin(k / 9)},{k % 7}\n" for k in range(90))
     written(Path("a.csv"), "time [s],position [mm],motor_force [N]\n" + "".join(turns))
-    options = ("--held", "--with", "cubic", "--most", 2, "--cutoff", "4 Hz")
-    asked, outcomes, texts = [], [], []
-    for verb_of_it in (("axis", "a.csv"), ("loop", "a.csv", "--rig", "axis")):
-        outcomes.append(run(*verb_of_it, *options))
-        asked.append(dict(closed))
-        folder = Path("a-loop-with-cubic-most2-held-cutoff4Hz")
-        texts.append((folder / "loop.json").read_text())
-        html = Page((folder / "loop.html").read_text(encoding="utf-8")).text
-        assert "jaxfric axis a.csv --held --with cubic --most 2 --cutoff '4 Hz'" in html
-    new, old = outcomes
-    assert (new.code, old.code) == (0, 0), outcomes
-    assert asked[0] == asked[1] and texts[0] == texts[1] and new.out == old.out
-    assert asked[0]["with_"] == ("cubic",) and asked[0]["held"] is True and asked[0]["most"] == 2
-    assert asked[0]["preparation"].cutoff == 4.0 and asked[0]["read"] == 90
-    remark = f"jaxfric: note: {in_new_words(['loop', '--rig', 'axis'])[1]}\n"
-    assert old.err.count(remark) == 1 and remark not in new.err
+    options = ("--zero-order-hold", "--include", "cubic", "--max-effects", 2, "--cutoff", "4 Hz")
+    code, _, err = run("axis", "a.csv", *options)
+    assert code == 0, err
+    folder = Path("a-loop-include-cubic-max-effects2-zero-order-hold-cutoff4Hz")
+    html = Page((folder / "loop.html").read_text(encoding="utf-8")).text
+    assert (
+        "jaxfric axis a.csv --zero-order-hold --include cubic --max-effects 2 --cutoff '4 Hz'"
+        in html
+    )
+    assert closed["with_"] == ("cubic",) and closed["held"] is True and closed["most"] == 2
+    assert closed["preparation"].cutoff == 4.0 and closed["read"] == 90
 
 
 def test_few_rows_through_the_verb(closed: dict[str, Any]) -> None:
-    code, _, err = run("loop", "run.csv", "--stiffness", "5e-3/um", "--rows", 1000)
+    code, _, err = run("loop", "run.csv", "--stiffness", "5e-3/um", "--downsample-to", 1000)
     assert code == 0, err
     assert closed["rows"] == 1000 and closed["read"] == 91
-    page = Page(Path("run-loop-rows1000/loop.html").read_text(encoding="utf-8"))
-    assert "--rows 1000" in page.text
+    page = Page(Path("run-loop-downsample-to1000/loop.html").read_text(encoding="utf-8"))
+    assert "--downsample-to 1000" in page.text
 
 
 def test_the_verb_in_a_script(closed: dict[str, Any]) -> None:
@@ -1155,9 +1141,8 @@ def test_the_verb_in_a_script(closed: dict[str, Any]) -> None:
 
 REFUSED = [
     ((), "--stiffness"),
-    (("--stiffness", "5e-3/um", "--most", "0"), "--most"),
-    (("--stiffness", "5e-3/um", "--with", "gain,,viscous"), "--with"),
-    *((given, "--rig") for given in (("--rig", "press"), ("--rig",), ("--rig=",))),
+    (("--stiffness", "5e-3/um", "--max-effects", "0"), "--max-effects"),
+    (("--stiffness", "5e-3/um", "--include", "gain,,viscous"), "--include"),
 ]
 
 
@@ -1180,7 +1165,7 @@ def test_an_output_that_cannot_be_written_is_known_before_the_work(closed) -> No
 
 def test_help_lists_the_catalogue() -> None:
     assert options.EFFECTS.split(", ") == list(CATALOGUE)
-    shown = run("loop", "--help")
+    shown = run("loop", "--help-all")
     assert shown.code == 0 and all(id in shown.out for id in CATALOGUE)
     assert all(len(line) <= 80 for line in shown.out.splitlines())
 

@@ -12,7 +12,7 @@ import pytest
 from command import assert_refused, run
 from scipy.optimize import brentq
 
-from jaxfric.cli.common import read_law
+from jaxfric.cli.options import LawOptions
 from jaxfric.effects.friction import SecondState, Viscous
 from jaxfric.errors import InputError
 from jaxfric.gains import find_gains
@@ -248,7 +248,7 @@ def test_a_trend_that_stiffens_is_safe(tmp_path):
 
 
 def test_an_effect_that_was_declared_is_in_the_law(tmp_path):
-    """`--with viscous`: its parameters are there, though the loop has not added it."""
+    """`--include viscous`: its parameters are there, though the loop has not added it."""
     assert misfit(source(tmp_path, "viscous", effects=[]).law, ("viscous",)) < 1e-10
 
 
@@ -370,7 +370,7 @@ def test_missing_entries(tmp_path):
 
 def test_what_the_verbs_read(tmp_path, capsys):
     content = loop_content("second_state", "gain", verdict="too_weak")
-    found = read_law(written(tmp_path, content), None, None, "500 N", samples=2)
+    found = LawOptions(written(tmp_path, content), normal_force="500 N").source(samples=2)
     assert found.text.startswith("slip law with second_state, from the loop (too_weak): ")
     first, second = capsys.readouterr().err.splitlines()
     assert first.startswith("jaxfric: warning: the loop's verdict is too_weak")

@@ -192,7 +192,7 @@ def test_a_slider_through_the_command(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Folder, "draw", lambda *_: [])
     own = ("--stiffness", "5e-3/um", "--out", "own")
     assert "stiffness is the model's" not in run("predict", "fit.json", "run.csv", *STEPS, *own).out
-    code, out, err = run("predict", "fit.json", "run.csv", *STEPS, "--free", "", "--json")
+    code, out, err = run("predict", "fit.json", "run.csv", *STEPS, "--refit", "", "--json")
     assert json.loads(out)["refitted"] == {}
     assert json.loads(out)["comparisons"][0]["rms"] == pytest.approx(0.1, rel=0.02)
     own = "A, L are not determined by this record: other values fit it as well"
@@ -226,7 +226,10 @@ def test_models_that_predict_nothing(changes: dict, record: str, words: list[str
 
 def test_options_that_would_not_be_used() -> None:
     written(Path("run.csv"), record_text())
-    assert_refused(run("predict", slider_model(), "run.csv", "--held"), "--held would not be used")
+    assert_refused(
+        run("predict", slider_model(), "run.csv", "--zero-order-hold"),
+        "--zero-order-hold would not be used",
+    )
     axis = axis_model("a.json")
     assert_refused(run("predict", axis, "run.csv", "--stiffness", "1/um"), "--stiffness", "an axis")
 

@@ -648,7 +648,7 @@ TYPED = {
     "rows": 75, "tell": ["ageing,gain"], "with_": ["viscous", "run_in"], "out": Path("o"),
     "json": True,
 }  # fmt: skip
-REST = '--from "a b/loop.json" --rows 75 --tell ageing,gain --with viscous,run_in'
+REST = '--from "a b/loop.json" --rows 75 --distinguish ageing,gain --include viscous,run_in'
 
 
 @pytest.mark.parametrize(
@@ -684,7 +684,9 @@ def test_a_no_is_followed_by_the_command_of_a_yes(monkeypatch, tmp_path):
     made = lambda what, **_: asked.append(what) or plans[len(asked) - 1]  # noqa: E731
     monkeypatch.setattr(sys.modules["jaxfric.protocol.plan"], "plan", made)
     options = [text for pair in (GOOD | {"--slip-per-step": "100um"}).items() for text in pair]
-    code, out, err = run("protocol", "1,10 um/s", *options, "--tell", ",".join(TWO), "--out", "o")
+    code, out, err = run(
+        "protocol", "1,10 um/s", *options, "--distinguish", ",".join(TWO), "--out", "o"
+    )
     first = out.splitlines()[0]
     (line,) = (told for told in out.splitlines() if told.startswith("next: jaxfric protocol "))
     line = line.removeprefix("next: ")
@@ -703,7 +705,7 @@ def test_the_answer_is_the_first_line_of_the_command(monkeypatch, tmp_path):
     plan = sys.modules["jaxfric.protocol.plan"]
     monkeypatch.setattr(plan, "plan", lambda what, **_: designed(0.6, after=0.5))
     options = [text for pair in GOOD.items() for text in pair]
-    call = ("protocol", "1,10 um/s", *options, "--tell", "ageing,velocity_dependent_L")
+    call = ("protocol", "1,10 um/s", *options, "--distinguish", "ageing,velocity_dependent_L")
     code, out, err = run(*call)
     assert code == 0, err
     assert out.splitlines()[0].startswith("yes: this plan tells ageing from velocity_dependent_L")
@@ -771,7 +773,7 @@ def test_the_command(twelve, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     base = ("protocol", "1, 10, 3 um/s", "--slip-per-step", "150um", "--stiffness", "5e-3/um")
     code, out, err = run(
-        *base, "--noise", "3e-4", "--slip-channel", "0.1 um", "--without", "gain,run_in", "--json"
+        *base, "--noise", "3e-4", "--slip-channel", "0.1 um", "--exclude", "gain,run_in", "--json"
     )
     assert code == 0, err
     assert asked["velocities"] == pytest.approx([1 * UM, 10 * UM, 3 * UM])
@@ -830,30 +832,38 @@ GOOD = {"--slip-per-step": "150um", "--stiffness": "5e-3/um", "--noise": "3e-4"}
         ("1,10 um/s", {"--rows": "3"}, ["3 rows per step", "20 or more"]),
         ("1,10 um/s", {"--slip-channel": "0 um"}, ["slip channel", "positive"]),
         ("1,10 um/s", {"--slip-channel": "1"}, ["--slip-channel", "no unit"]),
-        ("1,10 um/s", {"--with": "slip_tren"}, ["'slip_tren'", "did you mean 'slip_trend'"]),
-        ("1,10 um/s", {"--without": "viscos"}, ["'viscos'", "did you mean 'viscous'"]),
-        ("1,10 um/s", {"--with": "gain", "--without": "gain"}, ["gain", "cannot be both"]),
-        ("1,10 um/s", {"--with": "normal_stress"}, ["needs a channel normal_stress"]),
+        ("1,10 um/s", {"--include": "slip_tren"}, ["'slip_tren'", "did you mean 'slip_trend'"]),
+        ("1,10 um/s", {"--exclude": "viscos"}, ["'viscos'", "did you mean 'viscous'"]),
+        ("1,10 um/s", {"--include": "gain", "--exclude": "gain"}, ["gain", "cannot be both"]),
+        ("1,10 um/s", {"--include": "normal_stress"}, ["needs a channel normal_stress"]),
         ("1,10 um/s", {"--parameters": "f0=0.6, A=0.01, B=0.01"}, ["parameter L is missing"]),
         ("1,10 um/s", {"--parameters": "f0=0.6, C=0.01"}, ["'C' is unknown"]),
         ("1,10 um/s", {"--parameters": "f0"}, ["'f0' is not NAME=VALUE"]),
         ("1,10 um/s", {"--parameters": "f0=1,A=-1,B=1,L=1um"}, ["parameter A", "must be above 0"]),
-        ("1,10 um/s", {"--tell": "ageing"}, ["--tell 'ageing' names 1, not two"]),
-        ("1,10 um/s", {"--tell": "ageing,ageing"}, ["names 1, not two that differ"]),
-        ("1,10 um/s", {"--tell": "slip,base"}, ["both are the base model, the slip law"]),
-        ("1,10 um/s", {"--tell": "base,agein"}, ["no effect 'agein'", "did you mean 'ageing'"]),
-        ("1,10 um/s", {"--tell": "gain,viscous", "--with": "gain"}, ["the base model has gain"]),
-        ("1,10 um/s", {"--tell": "gain,viscous", "--without": "gain"}, ["no effect 'gain'"]),
-        ("1,10 um/s", {"--tell": "normal_stress,gain"}, ["no effect 'normal_stress'"]),
+        ("1,10 um/s", {"--distinguish": "ageing"}, ["--distinguish 'ageing' names 1, not two"]),
+        ("1,10 um/s", {"--distinguish": "ageing,ageing"}, ["names 1, not two that differ"]),
+        ("1,10 um/s", {"--distinguish": "slip,base"}, ["both are the base model, the slip law"]),
+        (
+            "1,10 um/s",
+            {"--distinguish": "base,agein"},
+            ["no effect 'agein'", "did you mean 'ageing'"],
+        ),
+        (
+            "1,10 um/s",
+            {"--distinguish": "gain,viscous", "--include": "gain"},
+            ["the base model has gain"],
+        ),
+        ("1,10 um/s", {"--distinguish": "gain,viscous", "--exclude": "gain"}, ["no effect 'gain'"]),
+        ("1,10 um/s", {"--distinguish": "normal_stress,gain"}, ["no effect 'normal_stress'"]),
         (
             "1,10 um",
-            {"--slip-per-step": None, "--stiffness": "0/um", "--noise": None, "--tell": "a"},
+            {"--slip-per-step": None, "--stiffness": "0/um", "--noise": None, "--distinguish": "a"},
             [
                 "velocities: 'um' is not a unit of m/s",
                 "--slip-per-step is missing",
                 "--noise is missing",
                 "--stiffness: '0/um' is not positive",
-                "--tell 'a' names 1",
+                "--distinguish 'a' names 1",
             ],
         ),
         ("1,10 um/s", {"--from": "none.json"}, ["none.json", "no such file"]),

@@ -263,7 +263,7 @@ def test_a_raw_run_is_a_record_by_its_script(run_file: Path) -> None:
 
 
 def test_the_command_shows_raw_and_reduced(run_file: Path, tmp_path: Path) -> None:
-    done = run("record", run_file, "--reduce", f"{run_file}_r", "--out", tmp_path / "out")
+    done = run("inspect", run_file, "--reduce", f"{run_file}_r", "--out", tmp_path / "out")
     assert done.code == 0, done.err
     assert "line 5: math 2 * 0.05 = 2 LP_disp micron -> column 2, Vert_Disp, became" in done.out
     assert (tmp_path / "out" / "raw.png").stat().st_size > 5000
@@ -272,12 +272,12 @@ def test_the_command_shows_raw_and_reduced(run_file: Path, tmp_path: Path) -> No
 
 def test_a_wrong_script_is_one_line_and_exit_2(run_file: Path, tmp_path: Path) -> None:
     (tmp_path / "bad_r").write_text("math 9 * 2 = 2 x m\n", encoding="utf-8")
-    done = run("record", run_file, "--reduce", tmp_path / "bad_r", "--out", tmp_path / "out")
+    done = run("inspect", run_file, "--reduce", tmp_path / "bad_r", "--out", tmp_path / "out")
     assert done.code == 2
     (line,) = done.err.splitlines()
     assert line.endswith("there is no column 9; there are 1 Time, 2 Vert_Disp, 3 Mu")
     assert not (tmp_path / "out").exists()
-    axis = run("record", run_file, "--rig", "axis", "--reduce", tmp_path / "bad_r")
+    axis = run("inspect", run_file, "--rig", "axis", "--reduce", tmp_path / "bad_r")
     assert axis.code == 2 and "--reduce would not be used with --rig axis" in axis.err
 
 

@@ -51,7 +51,7 @@ def done(tmp_path_factory):
     made = generate(21, law="slip", events=4, kinds={"step": 0.7, "hold": 0.3})
     file = written(made, folder / "mine.csv")
     K = f"{made.press.K * 1e-6:.6g}/um"
-    how = ("--stiffness", K, "--rows", "512")
+    how = ("--stiffness", K, "--downsample-to", "512")
     outcome = run("run", file, *how, "--out", folder / "out")
     return made, outcome, folder / "out", how
 
@@ -207,7 +207,7 @@ def test_the_numbers_are_told_before_the_first_figure_is_drawn(tmp_path, monkeyp
 
     monkeypatch.setattr("jaxfric.plot.run.draw_events", stopped)
     with pytest.raises(SystemExit, match="130"):
-        run("run", "mine.csv", "--fit-stiffness", "--rows", "256", "--out", "o")
+        run("run", "mine.csv", "--fit-stiffness", "--downsample-to", "256", "--out", "o")
     assert "1 step" in seen["out"] and "A-B" in seen["out"]
     assert {"run.json", "table.csv", "events.toml"} <= seen["files"]
 
@@ -319,7 +319,7 @@ def test_a_run_without_a_step(steady):
         (["--stiffness", "3 s"], ["--stiffness", "'s' is not a unit"]),
         (["--stiffness", "1e-3/um", "--events", "none.toml"], ["none.toml", "cannot be read"]),
         (["--stiffness", "1e-3/um", "--law", "slippery"], ["slippery"]),
-        (["--stiffness", "1e-3/um", "--rows", "10"], ["--rows is 10"]),
+        (["--stiffness", "1e-3/um", "--downsample-to", "10"], ["--downsample-to is 10"]),
     ],
 )
 def test_options_that_are_refused_before_anything_is_written(steady, options, words):
@@ -447,7 +447,7 @@ def test_a_record_of_teeth_is_sent_to_run(tmp_path):
     at_one_velocity(record, t, 0.6 + 0.03 * (t / 10 % 1 - 0.5))
     words = "it stick-slips from 0 s to 110 s, and what its teeth tell is told by jaxfric run"
     assert_refused(run("fit", record, "--fit-stiffness", "--quiet"), "no velocity step", words)
-    shown = run("record", record, "--out", tmp_path / "seen")
+    shown = run("inspect", record, "--out", tmp_path / "seen")
     assert shown.code == 0 and words in shown.err
     at_one_velocity(record, t, np.full(len(t), 0.6))  # nothing of the kind where it is steady
     assert_refused(run("fit", record, "--fit-stiffness", "--quiet"), "Give the steps")

@@ -227,7 +227,7 @@ def test_the_command_writes_and_tells_the_noise(tmp_path):
         text = "\n".join(["time [s],velocity [rad/s],motor_force [N m]", *rows])
         (folder / f"{v}.csv").write_text(text + "\n", encoding="utf-8")
     out = tmp_path / "out"
-    code, told, err = run("steady", folder, "--out", out)
+    code, told, err = run("axis", folder, "--out", out)
     assert code == 0, err
     written = {path.name for path in out.iterdir() if not path.name.startswith(".")}
     assert written == {

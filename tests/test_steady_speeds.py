@@ -205,7 +205,7 @@ def test_a_negative_coulomb_friction_is_no_friction(tmp_path):
     """-4 N m at rest and 30 N m s/rad: it drives the joint at low speed."""
     pushed(tmp_path / "runs", lambda v: -4 * np.sign(v) + 30 * v)
     out = tmp_path / "out"
-    outcome = run("steady", tmp_path / "runs", "--out", out)
+    outcome = run("axis", tmp_path / "runs", "--out", out)
     assert outcome.code == 1 and outcome.out.startswith("ambiguous: The fitted")
     content = json.loads((out / "steady.json").read_text(encoding="utf-8"))
     assert content["verdict"] == "ambiguous" and content["withheld"]
@@ -343,7 +343,7 @@ def test_runs_that_all_stick_and_slip_are_told(tmp_path):
 
 def test_three_speeds_each_way_fix_the_base(tmp_path):
     pushed(tmp_path / "runs", friction, speeds=(0.1, 0.4, 0.8))
-    outcome = run("steady", tmp_path / "runs", "--out", tmp_path / "out", "--json")
+    outcome = run("axis", tmp_path / "runs", "--out", tmp_path / "out", "--json")
     content = json.loads(outcome.out)
     assert outcome.code == 0 and content["verdict"] == "too_few" and content["effects"] == []
     agree(content, F_c=9.0, F_v=6.0, F_0=0.0)

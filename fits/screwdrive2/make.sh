@@ -4,4 +4,4 @@
 set -euo pipefail
 cd "$(dirname "$0")"
 runs="${JAXFRIC_DATA:-../../../shared/data}/servo/screwdrive/driveNo2"
-jaxfric steady "$runs" --rated-torque "9.84 mN m" --flip --with direction_asymmetry --out loop
+jaxfric axis "$runs" --rated-torque "9.84 mN m" --flip-sign --include direction_asymmetry --out loop

@@ -13,20 +13,20 @@ import cyclopts
 
 from ..errors import InputError, words_of_the_command
 from .axis import axis
-from .call import LOOPS, calling, in_new_words
-from .compare import compare
+from .call import LOOPS, calling
+from .common import warn
 from .feedforward import feedforward
 from .fit import fit
 from .gains import gains
+from .help import ALL, FLAGS, print_first
+from .inspect import inspect
 from .loop import loop
 from .predict import predict
 from .protocol import protocol
-from .record import record
-from .report import report
+from .renamed import in_new_words
 from .run import run
 from .simulate import simulate
 from .stability import stability
-from .steady import steady
 from .study import study
 from .told import telling
 
@@ -52,16 +52,16 @@ app = cyclopts.App(
     help="Sliders that stick-slip: fit friction to records, and find gains that hold them steady.",
     help_epilogue=_EPILOGUE,
     version="0.1.0",
+    default_parameter=cyclopts.Parameter(negative=()),
+    help_flags=FLAGS,
     suppress_keyboard_interrupt=False,
 )
 _VERBS = (
-    record,
+    inspect,
     fit,
-    compare,
     run,
     loop,
     axis,
-    steady,
     predict,
     feedforward,
     protocol,
@@ -69,8 +69,8 @@ _VERBS = (
     stability,
     simulate,
     study,
-    report,
 )
+_NAMES = {verb.__name__ for verb in _VERBS}
 for verb in _VERBS:
     app.command(verb, help_epilogue="")
 app.register_install_completion_command(
@@ -109,18 +109,21 @@ def _run(arguments: list[str]) -> int:
     """The exit code; a verb returns one that is not 0."""
     try:
         with _quiet(), words_of_the_command():
-            arguments, remark = in_new_words(arguments)
-            if remark:
-                print(f"jaxfric: note: {remark}", file=sys.stderr)
+            arguments, remarks = in_new_words(arguments)
+            warn(remarks, "note")
             verb, bound, _ = app.parse_args(arguments, exit_on_error=False, print_error=False)
-            silent = bool(bound.arguments.get("quiet"))
+            name = next(iter(arguments), "")
+            if verb == app.help_print and name in _NAMES and ALL not in arguments:
+                print_first(name, app[name])
+                return 0
+            silent = getattr(bound.arguments.get("output"), "quiet", False)
             telling_of_it = telling(silent=silent) if verb in _VERBS else contextlib.nullcontext()
             with calling(verb, bound, arguments), telling_of_it:
                 code = verb(*bound.args, **bound.kwargs)
         sys.stdout.flush()
     except cyclopts.CycloptsError as error:
         verb = " ".join(("jaxfric", *(error.command_chain or ())))
-        wrong = _of_another_rig(error) or f"{error} ({verb} --help lists what there is)"
+        wrong = _of_another_rig(error) or f"{error} ({verb} --help-all lists what there is)"
         return _complain(wrong, 2)
     except InputError as error:
         return _complain(str(error), 2)

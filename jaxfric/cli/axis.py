@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from . import options
-from .common import AxisColumns, effect_ids, prepare_jax, told, warn, windowed
+from .common import prepare_jax, refuse_unused, told, warn
 from .folder import choose_folder
 from .looped import checked_most, save_loop, tell_loop
-from .shown import Showing
+from .steady import close_steady
 
 if TYPE_CHECKING:
     from ..fitting.axis_preparation import Preparation
@@ -19,31 +19,21 @@ def axis(
     file: options.File,
     /,
     *,
-    with_: options.With = None,
-    without: options.WithoutOfAxis = None,
-    most: options.Most = 8,
-    drive_gain: options.DriveGain = None,
-    position_gain: options.PositionGain = None,
-    velocity_gain: options.VelocityGain = None,
-    rated_torque: options.RatedTorque = None,
-    flip: options.Flip = None,
-    held: options.Held = False,
+    effects: options.EffectOptions = options.EffectOptions(),
+    max_effects: options.MaxEffects = 8,
+    axis: options.AxisOptions = options.AxisOptions(),
+    zero_order_hold: options.ZeroOrderHold = False,
     cutoff: Annotated[
         str | None,
         Parameter(
-            help='Low-pass of the position, "50 Hz"; by default a tenth of the sampling rate (a'
+            help='Low-pass of the position, "50 Hz". By default a tenth of the sampling rate (a'
             " fifth of one below 200 Hz), or less where the encoder's error, differentiated twice,"
             " would drown the force."
         ),
+        options.MORE,
     ] = None,
-    column: options.Columns = None,
-    drop_bad: options.DropBad = False,
-    since: options.Since = None,
-    until: options.Until = None,
-    out: options.Out = None,
-    details: options.Details = False,
-    json: options.Json = False,
-    quiet: options.Quiet = False,
+    reading: options.RecordOptions = options.RecordOptions(),
+    output: options.OutputOptions = options.OutputOptions(),
 ) -> int:
     """Name the effect that a servo axis has beyond Coulomb and viscous friction.
 
@@ -51,35 +41,41 @@ def axis(
     forth, tests what they leave, and tries every effect of the catalogue. Writes loop.html,
     loop.json and the figures residual, noise, location, profiles, aliasing and candidates to the
     output folder, by default ./NAME-loop/ with the options that differ from their default.
+
+    A folder holds runs at steady speeds, each a table of columns: every run is one point of the
+    curve of friction over speed, and --from and --to cut all of them alike. Writes steady.json and
+    the figures curve and noise.
     """
-    most = checked_most(most)
-    declared, excluded = effect_ids(with_, "--with"), effect_ids(without, "--without")
-    columns = AxisColumns.of(column, drive_gain, rated_torque, flip, drop_bad)
+    checked_most(max_effects)
+    if file.is_dir():
+        unused = axis.of_loops | {
+            "--zero-order-hold": zero_order_hold,
+            "--cutoff": cutoff,
+            "--max-effects": max_effects != 8,
+        }
+        refuse_unused(f"{file}, a folder of runs at steady speeds", unused)
+        return close_steady(file, effects, axis, reading, output)
+    declared, excluded = effects.ids()
     with told() as progress:
         progress(f"reading {file.name}")
-        from ..records import read_axis
-
-        record = read_axis(
-            file, position_gain=position_gain, velocity_gain=velocity_gain, **columns._asdict()
-        )
-        record = windowed(record, since, until)
-        if not json:
+        record = axis.axis(file, reading)
+        if not output.json:
             warn(record.provenance.notes, "note")
         prepare_jax()
         from ..axis import close_axis_loop
 
-        folder = choose_folder(out, file.stem, file)
+        folder = choose_folder(output.folder, file.stem, file)
         result = close_axis_loop(
             record,
             with_=declared,
             without=excluded,
-            most=most,
-            held=held or None,
+            most=max_effects,
+            held=zero_order_hold or None,
             preparation=_filtered(record, cutoff),
             progress=progress,
         )
         content = save_loop(result, folder, progress)
-    return tell_loop(result, content, folder, Showing(json, details))
+    return tell_loop(result, content, folder, output)
 
 
 def _filtered(record: "AxisRecord", cutoff: str | None) -> "Preparation | None":

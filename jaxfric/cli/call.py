@@ -2,17 +2,14 @@
 
 import contextlib
 import contextvars
+import dataclasses
 import inspect
 import shlex
 from collections.abc import Callable, Generator, Sequence
 from typing import NamedTuple
 
-from ..errors import InputError
-
-LOOPS = ("loop", "axis", "steady")
+LOOPS = ("loop", "axis")
 """Verbs whose results are those of a loop, and are kept under that name."""
-_OF_A_RIG = {"slider": "loop", "axis": "axis", "steady": "steady"}
-"""The verb of what was `loop --rig RIG`."""
 
 
 class Call(NamedTuple):
@@ -38,14 +35,10 @@ def calling(
     verb: Callable[..., object], bound: inspect.BoundArguments, words: Sequence[str]
 ) -> Generator[None]:
     """Within the block, `current_call` is this one."""
-    defaults = inspect.signature(verb).parameters
-    given = {
-        name: bound.arguments[name]
-        for name, parameter in defaults.items()
-        if name in bound.arguments and bound.arguments[name] != parameter.default
-    }
+    given = _given(verb, bound)
     name = getattr(verb, "__name__", "")
     name = "loop" if name in LOOPS else name
+    name = "compare" if given.pop("compare", False) else name
     token = _CURRENT.set(Call(name, shlex.join(["jaxfric", *words]), given))
     try:
         yield
@@ -53,20 +46,15 @@ def calling(
         _CURRENT.reset(token)
 
 
-def in_new_words(words: Sequence[str]) -> tuple[list[str], str]:
-    """A command line whose `loop --rig RIG` is spelt with the verb of that rig, and a remark on it;
-    '' where there is nothing to remark."""
-    words = list(words)
-    places = [k for k, word in enumerate(words) if word.partition("=")[0] == "--rig"]
-    if words[:1] != ["loop"] or not places:
-        return words, ""
-    first = places[0]
-    rig = words[first].partition("=")[2] or "".join(words[first + 1 : first + 2])
-    if rig not in _OF_A_RIG:
-        raise InputError(
-            f"--rig '{rig}' does not exist; there are 'jaxfric loop' for a slider, 'jaxfric axis'"
-            " and 'jaxfric steady'"
-        )
-    rest = words[first + (1 if "=" in words[first] else 2) :]
-    verb = _OF_A_RIG[rig]
-    return [verb, *words[1:first], *rest], f"'jaxfric loop --rig {rig}' is now 'jaxfric {verb}'"
+def _given(verb: Callable[..., object], bound: inspect.BoundArguments) -> dict[str, object]:
+    """Options that differ from their default, those of a group by their own names."""
+    given: dict[str, object] = {}
+    for name, parameter in inspect.signature(verb).parameters.items():
+        default, value = parameter.default, bound.arguments.get(name, parameter.default)
+        if dataclasses.is_dataclass(default):
+            names = [field.name for field in dataclasses.fields(default)]
+            pairs = [(one, getattr(value, one), getattr(default, one)) for one in names]
+            given |= {one: own for one, own, usual in pairs if own != usual}
+        elif value != default:
+            given[name] = value
+    return given

@@ -1,14 +1,12 @@
-"""Helpers that several verbs share: reading a record or a law, preparing JAX, telling."""
+"""Helpers that several verbs share: quantities of options, preparing JAX, telling."""
 
 import contextlib
 import os
 import sys
-from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, Literal, NamedTuple, TypeVar
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING
 
 from ..errors import InputError
-from ..pairs import read_pairs
 from .told import doing as doing
 from .told import told as told
 
@@ -16,63 +14,6 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from ..coordinate import Coordinate
-    from ..laws.source import LawSource
-    from ..records import AxisRecord, Record
-    from ..stability.analysis import Law
-
-
-def read_record(
-    file: Path,
-    columns: list[str] | None,
-    drop_bad: bool,
-    since: str | None = None,
-    until: str | None = None,
-    *,
-    reduce: Path | None = None,
-) -> "Record":
-    """The record, with columns given as ROLE=NAME texts, reduced by a script, and cut to the window
-    of `Since`, `Until`."""
-    from ..records import read
-
-    roles = read_pairs(columns or (), "--column", "--column friction=mu", form="ROLE=NAME")
-    record = read(file, columns=roles or None, drop_bad=drop_bad, reduce=reduce)
-    warn(record.provenance.doubts)
-    return windowed(record, since, until)
-
-
-AnyRecord = TypeVar("AnyRecord", "Record", "AxisRecord")
-
-
-def windowed(record: AnyRecord, since: str | None, until: str | None) -> AnyRecord:
-    """The rows of a record (of a slider or an axis) that `Since` and `Until` ask for."""
-    return record if since is None and until is None else record.window(since, until)  # ty: ignore[invalid-explicit-return]
-
-
-class AxisColumns(NamedTuple):
-    """How the columns of an axis, or of its steady runs, are read: arguments of their readers."""
-
-    columns: dict[str, str] | None
-    drive_gain: str | None
-    rated_torque: str | None
-    flip: str | Literal[False]
-    drop_bad: bool
-
-    @staticmethod
-    def of(
-        columns: list[str] | None,
-        drive_gain: str | None,
-        rated_torque: str | None,
-        flip: Sequence[str] | None,
-        drop_bad: bool,
-    ) -> "AxisColumns":
-        """The columns from the options: ROLE=NAME texts, and the signs that `Flip` turns."""
-        return AxisColumns(axis_roles(columns), drive_gain, rated_torque, flipped(flip), drop_bad)
-
-
-def axis_roles(columns: list[str] | None) -> dict[str, str] | None:
-    """Columns of an axis, given as ROLE=NAME texts."""
-    example = "--column motor_force=F"
-    return read_pairs(columns or (), "--column", example, form="ROLE=NAME") or None
 
 
 def refuse_unused(by: str, options: Mapping[str, object], instead: str = "") -> None:
@@ -82,13 +23,6 @@ def refuse_unused(by: str, options: Mapping[str, object], instead: str = "") -> 
         raise InputError(
             f"{' and '.join(wrong)} would not be used with {by}; leave it out{instead}"
         )
-
-
-def flipped(flip: Sequence[str] | None) -> str | Literal[False]:
-    """The sign that `Flip` asks to turn, "both", or False for none."""
-    if flip is None:
-        return False
-    return flip[0] if len(set(flip)) == 1 else "both"
 
 
 def prepare_jax(*, gpu: bool = False) -> None:
@@ -150,54 +84,6 @@ def stdout_console(width: int = 120) -> "Console":
     told = os.environ.get("COLUMNS", "")
     width = max(width, int(told)) if told.isdecimal() else width
     return Console(width=None if sys.stdout.isatty() else width, highlight=False)
-
-
-def read_law(
-    fit: Path | None,
-    law: str | None,
-    parameters: str | None,
-    normal_force: str | None,
-    *,
-    samples: int = 0,
-    seed: int = 0,
-    memory: str | None = None,
-) -> "LawSource":
-    """The law that the options name, as a `LawSource`."""
-    from ..laws.source import law_from_parameters
-    from ..saved.law import law_from_fit
-
-    if fit is not None:
-        if law is not None or parameters is not None:
-            raise InputError("--from and --law with --parameters exclude each other; give one")
-        source = law_from_fit(
-            fit, normal_force=normal_force, samples=samples, seed=seed, memory=memory
-        )
-        warn(source.warnings)
-        return source
-    if memory is not None:
-        raise InputError("--memory goes with --from and a table of friction against speed")
-    if law is None or parameters is None:
-        raise InputError(
-            "no friction law: give a fit with --from fit.json, or --law slip with --parameters"
-            " 'A=1 N, B=3 N, L=1 mm, V0=2 mm/s'"
-        )
-    if normal_force is not None:
-        raise InputError("--normal-force goes with --from; give --parameters in newtons")
-    return law_from_parameters(law, parameters)
-
-
-def read_samples(fit: Path | None, normal_force: str | None, number: int = 256) -> "Law | None":
-    """So many samples of the law that `read_law` has read from a file; None without a file, and of
-    a fit that leaves parameters undetermined, which its law has warned of."""
-    from ..laws.source import without_first
-    from ..saved.law import law_from_fit
-
-    if fit is None:
-        return None
-    try:
-        return without_first(law_from_fit(fit, normal_force=normal_force, samples=number).samples)
-    except InputError:
-        return None
 
 
 def optional_quantity(text: str | None, unit: str, option: str) -> float | None:

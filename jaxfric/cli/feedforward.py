@@ -2,7 +2,7 @@
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from cyclopts import Parameter
 
@@ -10,30 +10,27 @@ from . import options
 from .call import current_call
 from .common import doing, prepare_jax, told
 from .folder import choose_folder, json_text, source_name
-from .shown import Showing, show
-
-if TYPE_CHECKING:
-    pass
+from .shown import show
 
 
 def feedforward(
     model: Annotated[
         Path,
-        Parameter(help="A loop.json of 'jaxfric axis', or a steady.json of 'jaxfric steady'."),
+        Parameter(help="A loop.json or steady.json of 'jaxfric axis'."),
     ],
     /,
     *,
     at: Annotated[
         options.Text,
         Parameter(
-            help='Tell the friction at these speeds first, forwards and backwards: "50 mm/s", or'
-            ' "1, 5 rad/s".'
+            help="Print the friction at these speeds first, forwards and backwards."
+            ' "50 mm/s", or "1, 5 rad/s".'
         ),
     ] = None,
     acceleration: Annotated[
         options.Text,
         Parameter(
-            help='Acceleration of the reference where it turns, "2 m/s^2" or "50 rad/s^2"; by'
+            help='Acceleration of the reference where it turns, "2 m/s^2" or "50 rad/s^2". By'
             " default that of the record, where the file tells it."
         ),
     ] = None,
@@ -41,19 +38,13 @@ def feedforward(
         options.Text,
         Parameter(help='Time by which the axis turns later than its reference, "4 ms".'),
     ] = None,
-    fade: Annotated[
+    fade_speed: Annotated[
         options.Text,
         Parameter(help='Fade below this speed, "5 mm/s", instead of the one derived.'),
     ] = None,
-    drive_gain: Annotated[
-        str | None,
-        Parameter(help='Give it in the drive\'s V or A: force per signal, as in "35.15 N/V".'),
-    ] = None,
+    drive_gain: options.DriveGain = None,
     name: Annotated[str, Parameter(help="Name of the axis in C: NAME_feedforward.")] = "axis",
-    out: options.Out = None,
-    details: options.Details = False,
-    json: options.Json = False,
-    quiet: options.Quiet = False,
+    output: options.OutputOptions = options.OutputOptions(),
 ) -> int:
     """Compensate the friction of an axis or joint: formula, C function, table, and fade speed.
 
@@ -70,13 +61,15 @@ def feedforward(
 
     doing("computing the feedforward")
     try:
-        found = run(model, acceleration=acceleration, lag=lag, fade=fade, drive_gain=drive_gain)
+        found = run(
+            model, acceleration=acceleration, lag=lag, fade=fade_speed, drive_gain=drive_gain
+        )
         asked = [] if at is None else [found.at(v) for v in speeds(at, found.about.length)]
     except NothingToCompensate as error:
         print(f"jaxfric: error: {error}", file=sys.stderr)
         return 1
     source = found.c(name, made_by=made_by(current_call().command))
-    folder = choose_folder(out, source_name(model), model)
+    folder = choose_folder(output.folder, source_name(model), model)
     with told() as progress:
         content = json_text(found.to_json(asked))
         texts = {"json": content + "\n", "c": source, "csv": found.csv(), "tex": tex(found)}
@@ -86,5 +79,5 @@ def feedforward(
         progress("drawing the figure")
         folder.draw("the figure", lambda to: draw_feedforward(found, to))
     told_of = report(found, asked)
-    show(told_of, folder.written, content, Showing(json, details))
+    show(told_of, folder.written, content, output)
     return folder.close()

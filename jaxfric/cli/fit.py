@@ -1,5 +1,6 @@
 """`jaxfric fit`: rate-and-state friction from a record."""
 
+import json
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -7,11 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from . import options
-from .common import doing, prepare_jax, read_record, told, warn
+from .common import doing, prepare_jax, refuse_unused, told, warn
+from .compare import compare_record
 from .fits import fit_files, for_each, refuse_for_several
 from .folder import Folder, choose_folder, json_text
-from .posterior import asked, draw, write_posterior
-from .shown import Showing, show
+from .posterior import PriorOptions, draw, write_posterior
+from .shown import show
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -21,86 +23,49 @@ if TYPE_CHECKING:
     from ..records import Record
     from ..report.report import Report
 
+_WEIGHTINGS = {"ols": "ordinary", "gls": "whitened"}
+"""What the choices of --weighting are called in Python and in files."""
+
 
 def fit(
     file: options.File,
     /,
     *more: Annotated[Path, Parameter(help="Further records: then there is one table of all.")],
-    stiffness: Annotated[
-        list[str] | None,
+    stiffness: Annotated[list[str] | None, options.STIFFNESS] = None,
+    mass: Annotated[list[str] | None, options.MASS] = None,
+    law: Annotated[list[str] | None, options.LAW] = None,
+    compare: Annotated[
+        bool,
         Parameter(
-            negative=(),
-            allow_leading_hyphen=True,
-            help="Stiffness with unit: 1.6e-3/um, or 2e6 N/m for a force. Of several files once for"
-            " all, or once for each in their order.",
+            help="Compare friction laws: slip and ageing, with one state and with two. Or those of"
+            " --law 'slip,ageing'."
         ),
-    ] = None,
-    mass: Annotated[
-        list[str] | None,
-        Parameter(
-            negative=(),
-            allow_leading_hyphen=True,
-            help="Mass with unit, where inertia counts: 2 kg, or 3e-6 s^2/m (over the normal force)"
-            " for a coefficient. Of several files as --stiffness.",
-        ),
-    ] = None,
-    law: Annotated[
-        tuple[str, ...],
-        Parameter(
-            negative=(), help="Evolution law, slip or ageing; of several files as --stiffness."
-        ),
-    ] = ("slip",),
-    states: Annotated[Literal["1", "2", "3"], Parameter(help="Number of state variables.")] = "1",
-    fit_stiffness: Annotated[
-        bool, Parameter(negative=(), help="Fit the stiffness too (then it need not be given).")
     ] = False,
-    slip_trend: Annotated[
-        bool, Parameter(negative=(), help="Fit a linear change of friction with slip as well.")
-    ] = False,
+    model: options.ModelOptions = options.ModelOptions(),
     steps: options.Steps = None,
+    reading: options.RecordOptions = options.RecordOptions(),
     reduce: options.Reduce = None,
-    column: options.Columns = None,
-    drop_bad: options.DropBad = False,
-    since: options.Since = None,
-    until: options.Until = None,
     reference_velocity: Annotated[
-        str | None,
-        Parameter(allow_leading_hyphen=True, help="Velocity, with unit, at which friction is f0."),
+        options.Text, Parameter(help="Velocity, with unit, at which friction is f0."), options.MORE
     ] = None,
     start: Annotated[
         str | None,
-        Parameter(help="Starting values, 'A=0.01, B=0.012, L=20 um'; not needed as a rule."),
+        Parameter(help="Starting values, 'A=0.01, B=0.012, L=20 um'. Not needed as a rule."),
+        options.MORE,
     ] = None,
     weighting: Annotated[
-        Literal["ordinary", "whitened"],
-        Parameter(help="Plain sum of squares, or weighted by the estimated noise."),
-    ] = "ordinary",
+        Literal["ols", "gls"],
+        Parameter(
+            help="Ordinary least squares (ols), or generalised (gls): weighted by the noise."
+        ),
+        options.MORE,
+    ] = "ols",
     profile: Annotated[
-        bool, Parameter(negative=(), help="Intervals from the profile likelihood (slower).")
+        bool, Parameter(help="Intervals from the profile likelihood (slower)."), options.MORE
     ] = False,
-    rows: Annotated[
-        int | None,
-        Parameter(
-            help="Fit means over neighbouring rows, about so many: quicker by as much. White noise"
-            " falls with the root of the rows in a mean, and errors are those of what is left."
-        ),
-    ] = None,
-    prior: Annotated[
-        Path | None,
-        Parameter(
-            help="TOML file of priors, [priors] A = {normal = [0.006, 0.001]}: also the posterior"
-            ' (posterior.nc, figure). Needs pip install "jaxfric\\[posterior]".'
-        ),
-    ] = None,
-    draws: Annotated[
-        int | None, Parameter(help="Draws of each chain by NUTS, as in --draws 1000; else none.")
-    ] = None,
-    chains: Annotated[int | None, Parameter(help="Chains of draws, 4 where not given.")] = None,
-    seed: Annotated[int | None, Parameter(help="Seed of the draws, 0 where not given.")] = None,
-    out: options.Out = None,
-    details: options.Details = False,
-    json: options.Json = False,
-    quiet: options.Quiet = False,
+    downsample_to: options.DownsampleTo = None,
+    prior: PriorOptions = PriorOptions(),
+    output: options.OutputOptions = options.OutputOptions(),
 ) -> int:
     """Fit A, B and L (rate-and-state friction) to a record of velocity steps.
 
@@ -109,14 +74,44 @@ def fit(
     ./NAME-fit-ageing/. With --prior also posterior.nc. Of several files (jaxfric fit *.csv) one
     table is printed and written with a row for each; one that cannot be fitted says why in its row,
     and the exit code is 1.
+
+    With --compare several laws are fitted to one record, with three steps or more also without some
+    of them, which the law then predicts. Says which law the record supports, and by how much, or
+    that it cannot tell. Writes compare.json, compare.csv, compare.tex, compare.png and compare.svg
+    to ./NAME-compare/.
     """
-    wanted, every = asked(prior, draws, chains, seed), (file, *more)
+    if compare:
+        unused = {
+            "a further file": more,
+            "--mass": mass,
+            "--states": model.states != "1",
+            "--reference-velocity": reference_velocity,
+            "--start": start,
+            "--weighting": weighting != "ols",
+            "--profile": profile,
+            "--prior": prior.prior,
+        }
+        refuse_unused("--compare", unused)
+        (K,) = for_each((file,), stiffness or [None], "--stiffness")
+        return compare_record(
+            file,
+            reading,
+            reduce,
+            stiffness=K,
+            laws=law,
+            model=model,
+            steps=steps,
+            rows=downsample_to,
+            output=output,
+        )
+    prior.refuse_unusable()
+    every = (file, *more)
     stiffnesses = for_each(every, stiffness or [None], "--stiffness")
     masses = for_each(every, mass or [None], "--mass")
-    laws = for_each(every, law, "--law")
+    laws = for_each(every, law or ["slip"], "--law")
 
-    def reading(path: Path) -> "Record":
-        return read_record(path, column, drop_bad, since, until, reduce=reduce)
+    def read(path: Path) -> "Record":
+        return reading.slider(path, reduce)
 
     def fitting(number: int, measured: "Record", say: "Callable[[str], None]") -> "Fit":
         from ..fitting import fit as run
@@ -126,15 +121,15 @@ def fit(
             stiffness=stiffnesses[number],
             mass=masses[number],
             law=laws[number],
-            states=int(states),
-            fit_stiffness=fit_stiffness,
-            slip_trend=slip_trend,
+            states=int(model.states),
+            fit_stiffness=model.fit_stiffness,
+            slip_trend=model.slip_trend,
             steps=steps,
             reference_velocity=reference_velocity,
             start=None if start is None else parse_start(start, measured.friction_unit),
-            weighting=weighting,
+            weighting=_WEIGHTINGS[weighting],
             profile=profile,
-            rows=rows,
+            rows=downsample_to,
             progress=say,
         )
 
@@ -148,42 +143,41 @@ def fit(
             [stiffnesses[k] for k in numbers],
             [masses[k] for k in numbers],
             [laws[k] for k in numbers],
-            states=int(states),
-            fit_stiffness=fit_stiffness,
-            slip_trend=slip_trend,
+            states=int(model.states),
+            fit_stiffness=model.fit_stiffness,
+            slip_trend=model.slip_trend,
             steps=steps,
             reference_velocity=reference_velocity,
             progress=say,
         )
 
     if more:
-        refuse_for_several({"--prior": prior is not None})
+        refuse_for_several({"--prior": prior.prior is not None})
         prepare_jax()
-        alone = start is not None or weighting != "ordinary" or profile or rows is not None
-        return fit_files(
-            every, out, reading, fitting, None if alone else together, Showing(json, details)
-        )
+        alone = start is not None or weighting != "ols" or profile or downsample_to is not None
+        return fit_files(every, output, read, fitting, None if alone else together)
     doing(f"reading {file.name}")
-    measured = reading(file)
+    measured = read(file)
     prepare_jax()
-    if wanted is not None:
-        from ..fitting.problem import Model
+    from ..fitting.problem import Model
 
-        wanted.check(Model(laws[0], int(states), fit_stiffness, slip_trend), measured.friction_unit)
-    folder = choose_folder(out, file.stem, file, *([] if prior is None else [prior]))
+    shape = Model(laws[0], int(model.states), model.fit_stiffness, model.slip_trend)
+    prior.check(shape, measured.friction_unit)
+    inputs = [file] if prior.prior is None else [file, prior.prior]
+    folder = choose_folder(output.folder, file.stem, *inputs)
     with told() as progress:
         result = fitting(0, measured, progress)
         content = json_text(result.to_json())
         keeps = not result.converged and _has_converged(folder.path / "fit.json")
-        posterior = None if wanted is None else wanted.of(result, progress)
+        posterior = prior.of(result, progress)
         if not keeps:
             progress("drawing the figure")
             _save(result, content, posterior, folder)
     if keeps:
-        if json:
+        if output.json:
             print(content)
         return _complain_and_keep(result, folder)
-    show(_report(result, posterior), folder.written, content, Showing(json, details))
+    show(_report(result, posterior), folder.written, content, output)
     code = folder.close()
     if result.converged:
         return 1 if posterior is not None and posterior.warnings else code
@@ -223,10 +217,8 @@ def _report(result: "Fit", posterior: "Posterior | None") -> "Report":
 
 def _has_converged(file: Path) -> bool:
     """Whether a fit that converged was saved here before."""
-    import json as text
-
     try:
-        return text.loads(file.read_text()).get("converged") is True
+        return json.loads(file.read_text()).get("converged") is True
     except (OSError, ValueError, AttributeError):
         return False
 
@@ -248,7 +240,7 @@ def _not_converged(result: "Fit", folder: Folder) -> str:
     figure = f"Look at {folder.path / 'fit.png'}: are" if "fit.png" in folder.files else "Are"
     return (
         f"the fit did not converge ({result.result}): its numbers mean nothing{no_use}. {figure}"
-        " the steps right ('jaxfric record'), is the stiffness? Else cut the record to fewer steps"
+        " the steps right ('jaxfric inspect'), is the stiffness? Else cut the record to fewer steps"
         " (--from, --to), or state a start, as in --start 'A=0.01, B=0.012, L=20 um'"
     )
 

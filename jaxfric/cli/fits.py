@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, TypeVar
 from ..errors import InputError
 from .common import told, warn
 from .folder import Folder, choose_folder, json_text
-from .shown import Showing, show
+from .options import OutputOptions
+from .shown import show
 
 if TYPE_CHECKING:
     from ..fitting import Fit
@@ -48,11 +49,10 @@ def for_each(files: Sequence[Path], values: Sequence[_Value], option: str) -> Se
 
 def fit_files(
     files: Sequence[Path],
-    out: Path | None,
+    output: OutputOptions,
     reading: "Callable[[Path], Record]",
     fitting: Fitting,
     together: Together | None,
-    how: Showing,
 ) -> int:
     """Fit every file, write and print the table; the exit code, 1 where one failed.
 
@@ -68,7 +68,7 @@ def fit_files(
             raise InputError(f"{file}: there is no such file; none was fitted")
 
     source = f"{files[0].stem}-and-{len(files) - 1}-more"
-    folder = choose_folder(out, source, *files)
+    folder = choose_folder(output.folder, source, *files)
     with told() as progress:
         ends: dict[int, Fit | str] = {}
         read: dict[int, Record] = {}
@@ -108,7 +108,7 @@ def fit_files(
 
     table = text_table(found, "file", f"{len(found)} records", records=True)
     told_of = Report(tables=[table], warnings=_warnings(found))
-    show(told_of, folder.written, content, how)
+    show(told_of, folder.written, content, output)
     failed = [one for one in found if not one.known]
     code = folder.close()
     told_of = (

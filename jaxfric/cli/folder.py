@@ -43,7 +43,7 @@ _READ_AND_TOLD = (
     "column",
     "drop_bad",
     "rig",
-    "flip",
+    "flip_sign",
     "plot",
     "name",
     "out",
@@ -122,13 +122,6 @@ def choose_folder(
         pass
     folder.refuse_another_input(asked_for=out is not None)
     return folder
-
-
-def choose_law_folder(out: Path | None, fit: Path | None, law: str | None) -> "Folder":
-    """The folder of a call on a friction law, that of a file or a named one."""
-    if fit is not None:
-        return choose_folder(out, source_name(fit), fit)
-    return choose_folder(out, law or "", unnamed=("law",))
 
 
 class _Run(TypedDict):

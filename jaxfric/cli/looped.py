@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING
 from ..errors import InputError
 from .call import current_call
 from .folder import Folder
-from .shown import Showing, show
+from .options import OutputOptions
+from .shown import show
 
 if TYPE_CHECKING:
     from ..loop import Loop
 
 
-def checked_most(most: int) -> int:
-    """The largest number of effects that may be added, 1 or more."""
+def checked_most(most: int) -> None:
+    """Refuse to add less than one effect."""
     if most < 1:
-        raise InputError(f"--most is {most}; it must be 1 or more")
-    return most
+        raise InputError(f"--max-effects is {most}; it must be 1 or more")
 
 
 def save_loop(result: "Loop", folder: Folder, progress: Callable[[str], None]) -> str:
@@ -41,7 +41,7 @@ def save_loop(result: "Loop", folder: Folder, progress: Callable[[str], None]) -
     return content
 
 
-def tell_loop(result: "Loop", content: str, folder: Folder, how: Showing) -> int:
+def tell_loop(result: "Loop", content: str, folder: Folder, output: OutputOptions) -> int:
     """Show the answer; the verb's exit code, 1 where the verdict is withheld."""
     from ..findings import Severity  # only here: the command begins without NumPy
     from ..report.loop_next import next_steps
@@ -51,7 +51,7 @@ def tell_loop(result: "Loop", content: str, folder: Folder, how: Showing) -> int
         f"{step.lead()}: {step.text} {step.command}".rstrip()
         for step in next_steps(result, str(folder.path / "loop.json"))
     ]
-    show(report(result), _written(folder), content, how, next_steps=steps)
+    show(report(result), _written(folder), content, output, next_steps=steps)
     withheld = any(one.severity is Severity.WITHHELD for one in result.findings)
     return folder.close() or int(withheld)
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from .call import Call
 
-_OF_STEPS = ("states", "fit_stiffness", "slip_trend", "rows")
+_OF_STEPS = ("states", "fit_stiffness", "slip_trend", "downsample_to")
 """Options of a run's fits that its loop does not have, or in another sense."""
 
 if TYPE_CHECKING:
@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 
 _LEFT_OUT = ("file", "velocities", "out", "details", "json", "quiet")
 """Options that are said before, and those of the folder and of how it is told."""
+
+_SPELT = {"since": "--from", "until": "--to"}
+"""Options whose names in Python are others."""
 
 
 def command_line(verb: str, argument: str, given: Mapping[str, object]) -> str:
@@ -27,7 +30,7 @@ def command_line(verb: str, argument: str, given: Mapping[str, object]) -> str:
     for name, value in given.items():
         if name in _LEFT_OUT or value is None or value is False:
             continue
-        option = f"--{name.strip('_').replace('_', '-')}"
+        option = _SPELT.get(name) or f"--{name.strip('_').replace('_', '-')}"
         if value is True:
             words.append(option)
         else:
@@ -57,7 +60,7 @@ def run_line(call: Call) -> str:
 
 
 def loop_line(call: Call, law: str) -> str:
-    """The loop over the record of a call of `jaxfric compare`, with a base of `law`.
+    """The loop over the record of a call of `jaxfric fit --compare`, with a base of `law`.
 
     Empty where the loop would have no stiffness, and outside of the command.
     """
@@ -65,7 +68,7 @@ def loop_line(call: Call, law: str) -> str:
     if file is None or "stiffness" not in given:
         return ""
     given |= {"law": None if law == "slip" else law}
-    given |= {"slip_trend": None, "with_": "slip_trend" if given.get("slip_trend") else None}
+    given |= {"slip_trend": None, "include": "slip_trend" if given.get("slip_trend") else None}
     return command_line("loop", str(file), given)
 
 

@@ -14,7 +14,7 @@ from .call import current_call
 from .common import effect_ids, optional_quantity, prepare_jax, told
 from .folder import choose_folder, source_name
 from .plan_line import changed_line
-from .shown import Showing, show
+from .shown import show
 
 if TYPE_CHECKING:
     from ..protocol.design import Change, Pair, Protocol
@@ -24,6 +24,7 @@ TYPICAL = "f0=0.6, A=0.010, B=0.014, L=20 um"
 """A friction coefficient where neither a fit nor parameters are given."""
 EXAMPLES = {"--slip-per-step": "150um", "--stiffness": "5e-3/um", "--noise": "3e-4"}
 """Values of the options that are required."""
+_WITHOUT_FILE = ", unless --from has one"
 T = TypeVar("T")
 
 
@@ -38,59 +39,48 @@ def protocol(
     /,
     *,
     slip_per_step: Annotated[
-        options.Text, Parameter(help="Required. Load-point motion at each velocity: 150um.")
+        options.Text, Parameter(help="Required: load-point motion at each velocity, 150um.")
     ] = None,
     stiffness: Annotated[
-        options.Text,
-        Parameter(
-            help="Required, unless --from has one. Stiffness of the machine: 5e-3/um, or 2e6 N/m."
-        ),
+        options.Stiffness, options.required(options.STIFFNESS, unless=_WITHOUT_FILE)
     ] = None,
     noise: Annotated[
         options.Text,
-        Parameter(help="Required, unless --from has one. Noise of a row: 3e-4, or 0.5 N."),
+        Parameter(help=f"Required{_WITHOUT_FILE}: noise of a row, 3e-4, or 0.5 N."),
     ] = None,
-    from_: Annotated[
-        Path | None,
-        Parameter(name="--from", help="A fit.json or loop.json from which the parameters are."),
-    ] = None,
-    parameters: Annotated[
-        str | None, Parameter(help=f"Parameters instead: '{TYPICAL}', which are the default.")
-    ] = None,
-    law: Annotated[
-        str | None, Parameter(help="Law of the base model, slip or ageing. Default: slip.")
-    ] = None,
-    rows: Annotated[int, Parameter(help="Rows of the record at each velocity.")] = 250,
+    from_: options.From = None,
+    parameters: options.Parameters = None,
+    law: Annotated[str | None, options.LAW] = None,
+    rows: Annotated[
+        int, Parameter(help="Rows of the record at each velocity."), options.MORE
+    ] = 250,
     slip_channel: Annotated[
-        options.Text, Parameter(help="A channel of slip is planned, of this noise: '0.1 um'.")
+        options.Text,
+        Parameter(help="A channel of slip is planned, of this noise: '0.1 um'."),
+        options.MORE,
     ] = None,
-    tell: Annotated[
+    distinguish: Annotated[
         list[str] | None,
         Parameter(
-            negative=(),
-            help="Two effects, 'ageing,second_state', or an effect and base (the law without any):"
-            " whether the plan tells these two apart is the first line. The base is then without"
-            " those that the file of --from has.",
+            help="Two effects, 'ageing,second_state': does the plan tell them apart? Or an effect"
+            " and base (the law without any). The answer is the first line. The base is then"
+            " without those that the file of --from has."
         ),
     ] = None,
-    with_: options.With = None,
-    without: options.Without = None,
-    out: options.Out = None,
-    details: options.Details = False,
-    json: options.Json = False,
-    quiet: options.Quiet = False,
+    effects: options.EffectOptions = options.EffectOptions(),
+    output: options.OutputOptions = options.OutputOptions(),
 ) -> int:
     """Say, before the experiment, which effects it can tell apart, and what would help.
 
     Writes protocol.json and the figure aliasing to the output folder, by default ./protocol/
     with the options that differ from their default.
     """
-    declared, excluded = effect_ids(with_, "--with"), effect_ids(without, "--without")
+    declared, excluded = effects.ids()
     wrong = _Wrong()
     commanded = wrong.of(lambda: read_velocities(velocities))
     slip = wrong.of(lambda: _given(slip_per_step, "m", "--slip-per-step"))
     slip_noise = wrong.of(lambda: optional_quantity(slip_channel, "m", "--slip-channel"))
-    asked = wrong.of(lambda: _pair_of(tell))
+    asked = wrong.of(lambda: _pair_of(distinguish))
     with told() as progress:
         base = wrong.of(lambda: _base(from_, parameters, law, stiffness))
         known, found_law, unit, more, warned = base or ({}, "", "1", (), ())
@@ -108,7 +98,11 @@ def protocol(
         values, more = _without_asked(known, more, asked or (), declared)
         if asked is not None:
             asked = _known_pair(asked, found_law, (*more, *declared), excluded)
-        folder = choose_folder(out, source_name(from_), from_) if from_ else choose_folder(out, "")
+        folder = (
+            choose_folder(output.folder, source_name(from_), from_)
+            if from_
+            else choose_folder(output.folder, "")
+        )
         found = plan(
             Planned(
                 commanded,
@@ -138,12 +132,12 @@ def protocol(
     pair, better, line, _, less = answer
     told_of = report(found, typical=typical, pair=pair, better=better, less=less)
     steps = [f"next: {line}"] if line else []
-    show(told_of, folder.written, content, Showing(json, details), next_steps=steps)
+    show(told_of, folder.written, content, output, next_steps=steps)
     return folder.close()
 
 
 class _Answer(NamedTuple):
-    """What is told of the pair that --tell asks for; empty where none is asked for."""
+    """What is told of the pair that --distinguish asks for; empty where none is asked for."""
 
     pair: "Pair | None" = None
     better: "Remedy | None" = None
@@ -196,14 +190,14 @@ class _Wrong:
 
 
 def _pair_of(texts: list[str] | None) -> tuple[str, str] | None:
-    """The two ids of --tell."""
-    ids = effect_ids(texts, "--tell")
+    """The two ids of --distinguish."""
+    ids = effect_ids(texts, "--distinguish")
     if not ids:
         return None
     if len(ids) != 2:
         raise InputError(
-            f"--tell '{','.join(texts or ())}' names {len(ids)}, not two that differ; write --tell"
-            " ageing,second_state, or --tell base,ageing"
+            f"--distinguish '{','.join(texts or ())}' names {len(ids)}, not two that differ; write"
+            " --distinguish ageing,second_state, or --distinguish base,ageing"
         )
     return ids[0], ids[1]
 
@@ -212,7 +206,7 @@ def _without_asked(
     values: Mapping[str, float], of_file: Sequence[str], asked: Sequence[str], typed: Sequence[str]
 ) -> tuple[dict[str, float], tuple[str, ...]]:
     """Parameters, and effects of the base that a file has, without the effects that are asked for:
-    a loop found them, and whether they would be told is the question. Those of --with stay."""
+    a loop found them, and whether they would be told is the question. Those of --include stay."""
     gone = {id for id in asked if id in of_file and id not in typed}
     kept = {name: value for name, value in values.items() if name.split(".")[0] not in gone}
     return kept, tuple(id for id in of_file if id not in gone)
@@ -231,12 +225,16 @@ def _known_pair(
     a, b = (BASE if id == law and id not in known else id for id in ids)
     for id in (a, b):
         if id in with_:
-            raise InputError(f"--tell: the base model has {id} (--with); ask for another effect")
+            raise InputError(
+                f"--distinguish: the base model has {id} (--include); ask for another effect"
+            )
         if id not in known and id != BASE:
             names = (BASE, *known)
-            raise InputError(f"--tell: no effect '{id}' in this plan{did_you_mean(id, names)}")
+            raise InputError(
+                f"--distinguish: no effect '{id}' in this plan{did_you_mean(id, names)}"
+            )
     if a == b:
-        raise InputError(f"--tell: both are the base model, the {law} law; name an effect")
+        raise InputError(f"--distinguish: both are the base model, the {law} law; name an effect")
     return a, b
 
 

@@ -4,17 +4,15 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING, Annotated
 
 from ..errors import InputError
 from . import options
 from .call import current_call
-from .common import prepare_jax, read_record, told, warn
+from .common import prepare_jax, told, warn
 from .folder import Folder, choose_folder, json_text
 from .plan_line import run_line
-from .shown import Showing, show
+from .shown import show
 
 if TYPE_CHECKING:
     from ..records import Record
@@ -24,6 +22,8 @@ if TYPE_CHECKING:
     from ..runs.holds import Hold
 
 
+_ROWS = 4000
+"""Rows of a window above which means over neighbouring rows are fitted."""
 _ALONE = ("stick_slip", "glitch")
 """Events of which nothing is asked that needs a stiffness."""
 _NO_STIFFNESS = (
@@ -36,39 +36,14 @@ def run(
     file: options.File,
     /,
     *,
-    stiffness: Annotated[
-        str | None,
-        Parameter(
-            allow_leading_hyphen=True,
-            help="Stiffness with unit: 1.6e-3/um, 2e6 N/m for a force, or 0.16 MPa/um, which under"
-            " another normal stress is another friction per length; ramps: that of unloading and"
-            " reloading.",
-        ),
-    ] = None,
-    law: Annotated[str, Parameter(help="Evolution law, slip or ageing.")] = "slip",
-    states: Annotated[Literal["1", "2", "3"], Parameter(help="Number of state variables.")] = "1",
-    fit_stiffness: Annotated[
-        bool, Parameter(negative=(), help="Fit the stiffness of every step too.")
-    ] = False,
-    slip_trend: Annotated[
-        bool, Parameter(negative=(), help="Fit a linear change of friction with slip as well.")
-    ] = False,
-    events: Annotated[
-        Path | None,
-        Parameter(help="Take the events of this file, as a run wrote it, instead of finding them."),
-    ] = None,
-    rows: Annotated[
-        int, Parameter(help="Fit means over neighbouring rows where a window has more than these.")
-    ] = 4000,
+    stiffness: options.Stiffness = None,
+    law: Annotated[str, options.LAW] = "slip",
+    model: options.ModelOptions = options.ModelOptions(),
+    events: options.Events = None,
+    downsample_to: options.DownsampleTo = None,
     reduce: options.Reduce = None,
-    column: options.Columns = None,
-    drop_bad: options.DropBad = False,
-    since: options.Since = None,
-    until: options.Until = None,
-    out: options.Out = None,
-    details: options.Details = False,
-    json: options.Json = False,
-    quiet: options.Quiet = False,
+    reading: options.RecordOptions = options.RecordOptions(),
+    output: options.OutputOptions = options.OutputOptions(),
 ) -> int:
     """Find all velocity steps of a run, fit them, and write the table.
 
@@ -87,12 +62,19 @@ def run(
     from ..runs.stiffness import MachineStiffness
     from ..runs.table import ask_on
 
-    how = HowFitted(None, law, int(states), fit_stiffness, slip_trend, rows)
+    how = HowFitted(
+        None,
+        law,
+        int(model.states),
+        model.fit_stiffness,
+        model.slip_trend,
+        _ROWS if downsample_to is None else downsample_to,
+    )
     with told() as progress:
         progress(f"reading {file.name}")
-        record = read_record(file, column, drop_bad, since, until, reduce=reduce)
+        record = reading.slider(file, reduce)
         inputs = (file,) if events is None else (file, events)
-        folder = choose_folder(out, file.stem, *inputs, unnamed=("events",))
+        folder = choose_folder(output.folder, file.stem, *inputs, unnamed=("events",))
         if stiffness == RAMPS:
             ramps = stiffness_from_ramps(*decided_events(record, events, None))
             how = replace(how, stiffness=ramps.machine())
@@ -100,7 +82,11 @@ def run(
             how = replace(how, stiffness=MachineStiffness.parse(stiffness, record.friction_unit))
         progress(f"what happens in {len(record)} rows")
         record, found = decided_events(record, events, how.stiffness)
-        if stiffness is None and not fit_stiffness and any(e.kind not in _ALONE for e in found):
+        if (
+            stiffness is None
+            and not model.fit_stiffness
+            and any(e.kind not in _ALONE for e in found)
+        ):
             raise InputError(_NO_STIFFNESS)
         early = [] if events is None else contradictions(record, found)
         warn(early)
@@ -115,7 +101,7 @@ def run(
     told_of = report(result, holds, others)._replace(warnings=())
     asked = ask_on(result)
     steps = [f"next: {asked}: {run_line(current_call())}".removesuffix(": ")] if asked else []
-    show(told_of, "", content, Showing(json, details), next_steps=steps)
+    show(told_of, "", content, output, next_steps=steps)
     sys.stdout.flush()  # figures of many steps take minutes: who stops them has the numbers
     warnings = [*_warnings(result, how), *warnings_of(holds), *others.warnings]
     heads = {_head(line) for line in early}
@@ -126,7 +112,7 @@ def run(
         _draw(result, holds, folder)
         _draw_others(others, folder)
         _write_page(result, holds, others, warnings, folder)
-    if not json:
+    if not output.json:
         print(folder.written)
     return folder.close()
 

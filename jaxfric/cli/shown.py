@@ -1,43 +1,35 @@
 """What a verb prints of its result: the answer on a screen, all of it with --details, or JSON."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from .common import stdout_console, warn
 
 if TYPE_CHECKING:
     from ..report.report import Report
-
-
-class Showing(NamedTuple):
-    """How a result is shown."""
-
-    json: bool = False
-    """As JSON."""
-    details: bool = False
-    """With all tables."""
+    from .options import OutputOptions
 
 
 def show(
     report: "Report",
     written: str,
     content: str,
-    how: Showing,
+    output: "OutputOptions",
     *,
     next_steps: Sequence[str] = (),
 ) -> None:
     """Print the report, what to do next, and the line of the files that are `written`, or with
-    `how.json` the text `content` alone; then warn.
+    `output.json` the text `content` alone; then warn.
 
-    Without `how.details` all of it has 20 lines, where the terminal is wide enough.
+    Without `output.details` all of it has 20 lines, where the terminal is wide enough.
     """
-    if how.json:
+    if output.json:
         print(content)
     else:
         from ..report.report import SCREEN, print_brief, print_details
 
         console = stdout_console()
-        if how.details:
+        if output.details:
             print_details(report, console)
         else:
             print_brief(report, console, room=SCREEN - len(next_steps) - 2)

@@ -11,8 +11,8 @@ from cyclopts import Parameter
 
 from ..errors import InputError
 from . import options
-from .common import OfMotion, prepare_jax, read_law, told, warn
-from .folder import Folder, choose_law_folder, json_text
+from .common import OfMotion, prepare_jax, told, warn
+from .folder import Folder, json_text
 from .stamp import made_by
 
 if TYPE_CHECKING:
@@ -38,33 +38,16 @@ _WIDTH = 1e-3
 
 def simulate(
     *,
-    from_: options.From = None,
-    law: options.LawName = None,
-    parameters: options.LawParameters = None,
-    normal_force: options.NormalForce = None,
-    velocity: Annotated[
-        options.Text,
-        Parameter(allow_leading_hyphen=True, help="Constant commanded velocity, '2 um/s'."),
-    ] = None,
-    steps: Annotated[
-        str | None, Parameter(help="Velocity steps instead, '0 s: 1 um/s, 10 s: 10 um/s'.")
-    ] = None,
-    kp: Annotated[
-        str | None,
-        Parameter(
-            name=("--stiffness", "--kp"),
-            allow_leading_hyphen=True,
-            help="Stiffness or position gain, '3 kN/m'.",
-        ),
-    ] = None,
+    law: options.LawOptions = options.LawOptions(),
+    velocity: options.Velocity = None,
+    steps: options.Steps = None,
+    kp: Annotated[options.Gain, options.required(options.GAIN)] = None,
     kv: options.Damping = None,
     mass: options.Mass = None,
     duration: Annotated[
-        options.Text, Parameter(help="How long, '20 s'; by default until the end is seen.")
+        options.Text, Parameter(help="How long, '20 s'. By default until the end is seen.")
     ] = None,
-    at_rest: Annotated[
-        bool, Parameter(negative=(), help="Start at rest on an unloaded spring: stuck.")
-    ] = False,
+    at_rest: Annotated[bool, Parameter(help="Start at rest on an unloaded spring: stuck.")] = False,
     jump: Annotated[
         options.Text,
         Parameter(
@@ -72,13 +55,11 @@ def simulate(
             "velocity the default is a small one: nothing disturbs steady sliding otherwise."
         ),
     ] = None,
-    out: options.Out = None,
-    json: options.Json = False,
-    quiet: options.Quiet = False,
+    output: options.OutputOptions = options.OutputOptions(),
 ) -> int:
     """Simulate a slider: stick-slip or steady sliding, from rest or from a disturbance.
 
-    Writes trajectory.csv, which 'jaxfric record' and 'jaxfric fit' read, and figures to the
+    Writes trajectory.csv, which 'jaxfric inspect' and 'jaxfric fit' read, and figures to the
     output folder, by default ./NAME-simulate/ with the options that differ from their default;
     NAME is the law's, or the folder's of the fit.
     """
@@ -89,7 +70,7 @@ def simulate(
     if jump is not None and at_rest:
         raise InputError("--jump and --at-rest exclude each other; give one")
     prepare_jax()
-    source = read_law(from_, law, parameters, normal_force)
+    source = law.source()
     given = OfMotion(
         {
             "--velocity": (velocity, "m/s"),
@@ -109,7 +90,7 @@ def simulate(
     one_mass = source.mass if one_mass is None else one_mass
     unseen = source.unseen(velocities)
     warn(unseen)
-    folder = choose_law_folder(out, from_, law)
+    folder = law.folder(output)
     rig, notes = _rig(source.law, one_mass, k_p, k_v, velocities, given.unit("--velocity"))
     with told() as progress:
         shown = _length_shown(velocity or steps or "", given.coordinate)
@@ -124,7 +105,7 @@ def simulate(
             (to / "trajectory.csv").write_text(_table(run, [*heading, *lines, *warned]))
         for name, draw in DRAWERS.items():
             folder.draw(name, lambda to, draw=draw: draw(run, to))
-    if json:
+    if output.json:
         print(json_text(_content(run, source.text, notes, lines, folder)))
     else:
         for line in [*heading, *lines]:

@@ -1,7 +1,7 @@
 """`jaxfric study`: the same question of a great many sliders, in a store that survives a kill."""
 
 import contextlib
-import json as text
+import json
 import math
 import os
 import shlex
@@ -36,13 +36,12 @@ def study(
     file: Annotated[Path | None, Parameter(help="The study: a TOML file.")] = None,
     /,
     *,
-    out: Annotated[
+    function: Annotated[
         str | None,
-        Parameter(
-            converter=options.named,
-            help="The store, a folder or s3://BUCKET/NAME.zarr (also gs://, az://); by default"
-            " NAME.zarr. With --plot: the folder of the figures.",
-        ),
+        Parameter(help="Your own function of the parameters, FILE.py:NAME, instead of compute."),
+    ] = None,
+    plot: Annotated[
+        str | None, Parameter(help="Draw maps and marginal curves of a store, finished or not.")
     ] = None,
     scheduler: Annotated[
         str | None,
@@ -51,25 +50,12 @@ def study(
     scheduler_file: Annotated[
         Path | None, Parameter(help="The file that a Dask scheduler wrote its address to.")
     ] = None,
-    function: Annotated[
-        str | None,
-        Parameter(help="Your own function of the parameters, FILE.py:NAME, instead of compute."),
-    ] = None,
-    yes: Annotated[
-        bool, Parameter(negative=(), help="Begin a very large study without asking.")
-    ] = False,
+    yes: Annotated[bool, Parameter(help="Begin a very large study without asking.")] = False,
     other_versions: Annotated[
         bool,
-        Parameter(
-            negative=(),
-            help="Go on with a store that other versions of jaxfric or its packages began.",
-        ),
+        Parameter(help="Go on with a store that other versions of jaxfric or its packages began."),
     ] = False,
-    plot: Annotated[
-        str | None, Parameter(help="Draw maps and marginal curves of a store, finished or not.")
-    ] = None,
-    json: options.Json = False,
-    quiet: options.Quiet = False,
+    output: options.OutputOptions = options.OutputOptions(),
 ) -> int:
     """Run a parameter study: margins, end states, gains, fits or loops over axes and samples.
 
@@ -80,12 +66,12 @@ def study(
     if plot is not None:
         if file is not None or scheduler is not None or function is not None:
             raise InputError("--plot takes a store and no study; leave the study.toml out")
-        return _draw(plot, out, json=json)
+        return _draw(plot, output)
     if file is None:
         raise InputError("no study: give a TOML file, or a store to draw with --plot study.zarr")
-    destination = out or f"{file.stem}.zarr"
+    destination = output.out or f"{file.stem}.zarr"
     command = ["jaxfric", "study", str(file)]
-    command += ["--out", out] if out else []
+    command += ["--out", output.out] if output.out else []
     command += ["--scheduler", scheduler] if scheduler else []
     command += ["--scheduler-file", str(scheduler_file)] if scheduler_file else []
     command += ["--function", function] if function else []
@@ -122,7 +108,7 @@ def study(
         finally:
             with contextlib.suppress(ValueError):
                 signal.signal(signal.SIGTERM, before)
-    if json:
+    if output.json:
         print(json_text(_content(found, destination, teller.members)))
         return 0
     for line in _summary(found, time.monotonic() - begun, teller.members):
@@ -142,7 +128,7 @@ def _terminated(*_: object) -> None:
 def _address(file: Path) -> str:
     """What a scheduler wrote with --scheduler-file."""
     try:
-        return str(text.loads(file.read_text(encoding="utf-8"))["address"])
+        return str(json.loads(file.read_text(encoding="utf-8"))["address"])
     except OSError as error:
         raise InputError(f"--scheduler-file {file}: {error.strerror}") from None
     except (ValueError, KeyError, TypeError):
@@ -286,7 +272,7 @@ def _content(found: "Dataset", store: str, members: int) -> dict[str, object]:
     }
 
 
-def _draw(store: str, out: str | None, *, json: bool) -> int:
+def _draw(store: str, output: options.OutputOptions) -> int:
     from ..plot.study import draw_study
     from ..study import load
 
@@ -294,13 +280,13 @@ def _draw(store: str, out: str | None, *, json: bool) -> int:
     name = store.rstrip("/").rsplit("/", 1)[-1].removesuffix(".zarr")
     inputs = [] if "://" in store else [Path(store)]
     warn(found.attrs.get("warnings", ()))
-    folder = choose_folder(Path(out or f"{name}-figures"), "", *inputs)
+    folder = choose_folder(output.folder or Path(f"{name}-figures"), "", *inputs)
     with told() as progress:
         progress("drawing figures")
         with folder.results():
             pass
         names = folder.draw("figures", lambda to: draw_study(found, to))
-    if json:
+    if output.json:
         print(json_text({"store": store, "figures": [str(folder.path / name) for name in names]}))
         return folder.close()
     if names:

@@ -42,8 +42,7 @@ def feedforward(
 
     Parameters
     ----------
-    model : a loop.json of `jaxfric axis` or a steady.json of `jaxfric steady`, or the `Loop` or
-        `SteadyLoop` at hand.
+    model : a loop.json or steady.json of `jaxfric axis`, or the `Loop` or `SteadyLoop` at hand.
     acceleration : of the reference where it turns [m/s^2 or rad/s^2], or text with a unit; by
         default that of the record, where the file tells it.
     lag : time [s] by which the axis turns later than its reference; by default that of the motor
@@ -71,7 +70,7 @@ def feedforward(
     unit = about.length
     turning = _positive(acceleration, f"{unit}/s^2", "--acceleration") or about.acceleration
     late = _positive(lag, "s", "--lag") or _servo_lag(about)
-    given = _positive(fade, f"{unit}/s", "--fade")
+    given = _positive(fade, f"{unit}/s", "--fade-speed")
     terms = terms_of(about)
     curve = FrictionCurve(about, terms.effects, about.middle)
     level = _sound_level(curve)

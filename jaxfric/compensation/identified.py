@@ -1,7 +1,7 @@
 """The friction of an axis that a loop or a curve of steady speeds ended with, to compensate it.
 
 From a loop.json of `jaxfric axis` the model after the loop, its covariance, and what its record
-showed; from a steady.json of `jaxfric steady` the final curve, whose covariance is that of its
+showed; from a steady.json of `jaxfric axis` the final curve, whose covariance is that of its
 runs.
 """
 
@@ -187,8 +187,7 @@ def _of_axis(content: Content, source: str) -> Identified:
     if content["law"] != LAW:
         raise InputError(
             f"{source}: it is of a slider, whose friction is measured on a press; a feedforward is"
-            " of an axis or joint: give the loop.json of 'jaxfric axis' or the steady.json of"
-            " 'jaxfric steady'"
+            " of an axis or joint: give the loop.json or steady.json of 'jaxfric axis'"
         )
     after = content["after"]
     refuse_damage(path, LOOP, table_damage(after, _BASE, "after."))
@@ -296,7 +295,7 @@ def _refuse_unconverged(content: Content, effects: tuple[str, ...], source: str)
     if same and not any(c.get("converged", True) for c in same):
         raise NothingToCompensate(
             f"{source}: the fit of its model did not converge, so no friction may be compensated by"
-            " it; run 'jaxfric axis' again, with a cleaner record or fewer effects (--without)"
+            " it; run 'jaxfric axis' again, with a cleaner record or fewer effects (--exclude)"
         )
 
 
@@ -383,7 +382,7 @@ def _of_curve(content: Content, source: str) -> Identified:
             raise ValueError
     except (TypeError, ValueError, KeyError):
         problem = f"{path}: damaged: a number of the curve is missing or no number; make it again"
-        raise InputError(f"{problem} with: jaxfric steady") from None
+        raise InputError(f"{problem} with: jaxfric axis") from None
     effects, (speed, _, error) = tuple(content["effects"]), points[used].T
     within = None if shared is None else shared[used]
     names, covariance = curve_covariance(speed, error, spread, effects, values, within)

@@ -25,9 +25,15 @@ def low_speeds(about: Identified, fade: Fade) -> str:
         return text
     part = about.slowest / WHOLE
     if fade.speed < 0.999 * part:
-        return f'{text}, down to v_f. To compensate less by it, give --fade "{part:.3g} {speed}"'
+        return (
+            f'{text}, down to v_f. To compensate less by it, give --fade-speed "{part:.3g} {speed}"'
+        )
     text += ", which fades with its sign"
-    return text if fade.decided_by != "rows" else f"{text}. A lower --fade compensates more by it"
+    return (
+        text
+        if fade.decided_by != "rows"
+        else f"{text}. A lower --fade-speed compensates more by it"
+    )
 
 
 def own_damping(about: Identified, least: float) -> str:

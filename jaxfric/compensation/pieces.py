@@ -85,7 +85,7 @@ def terms_of(about: Identified) -> Terms:
         else:
             raise InputError(
                 f"effect '{id}' of {about.source} has no formula to write; leave it out of the loop"
-                " (--without), and compensate what is left"
+                " (--exclude), and compensate what is left"
             )
     return Terms(tuple(pieces), tuple(inside), tuple(left_out))
 

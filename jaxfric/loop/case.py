@@ -67,8 +67,8 @@ def offered(
     both = sorted(set(with_) & set(without))
     if both:
         raise InputError(
-            f"effects: {', '.join(both)} cannot be both in the base (--with) and left out"
-            " (--without)"
+            f"effects: {', '.join(both)} cannot be both in the base (--include) and left out"
+            " (--exclude)"
         )
     if not 0 <= most <= MOST:
         raise InputError(f"most is {most}; choose 0 to {MOST}")

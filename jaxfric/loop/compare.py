@@ -259,7 +259,7 @@ def compare_laws(
         why = "no search for a likelihood ended" if rivals else fits[0].result
         raise InputError(
             f"{record.provenance.path}: no law could be fitted ({why}); are the steps right"
-            " ('jaxfric record'), is the stiffness?"
+            " ('jaxfric inspect'), is the stiffness?"
         )
     best = max(ended, key=lambda one: one.noise.value)
     noise, independent = best.noise.noise, best.independent_rows

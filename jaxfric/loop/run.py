@@ -260,7 +260,9 @@ def _thinned(joined: Joined, rows: int) -> tuple[Joined, tuple[str, ...]]:
         return joined, ()
     shown, _ = few_rows(joined.rows, rows, _in_run(joined, edges))
     if len(shown) != len(few):
-        raise InputError(f"--rows {rows}: a phase of the run would be lost; ask for more rows")
+        raise InputError(
+            f"--downsample-to {rows}: a phase of the run would be lost; ask for more rows"
+        )
     phase = np.searchsorted(cuts, few.time, side="right") - 1
     kept = np.unique(joined.phase)[phase]
     return dataclasses.replace(joined, record=few, rows=shown, phase=kept), said

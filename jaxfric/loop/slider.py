@@ -258,7 +258,7 @@ def repeated(warnings: Sequence[str]) -> list[str]:
     """The warnings of a fit that a loop repeats, with its option: it asks itself what a fit whose
     residual is large or wanders may lack."""
     return [
-        text.replace("--slip-trend", "--with slip_trend")
+        text.replace("--slip-trend", "--include slip_trend")
         for text in warnings
         if not is_of_misfit(text) and not is_of_wander(text)
     ]

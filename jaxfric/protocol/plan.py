@@ -245,7 +245,7 @@ def _effects(
                 " protocol does not have; leave the effect out"
             )
     if not any(e.channel is None and id not in (*with_, *without) for id, e in known.items()):
-        raise InputError("no effect is left to look at: shorten --with and --without")
+        raise InputError("no effect is left to look at: shorten --include and --exclude")
     return tuple(e for e in known.values() if e.channel is None and takes(law, e))
 
 

@@ -258,7 +258,7 @@ def _require(table: Table, schema: Schema, found: Found) -> None:
     lacks = f"{table.path} has no column for {' and '.join(missing)}; it has: {table.describe()}"
     if schema is SLIDER and _of_an_axis(table):
         raise InputError(
-            f"{lacks}. These are of a servo axis, which is read with --rig axis ('jaxfric record')"
+            f"{lacks}. These are of a servo axis, which is read with --rig axis ('jaxfric inspect')"
             " or by 'jaxfric axis'"
         )
     machine = next((one for one in table.units if one and _MACHINE.fullmatch(spelt(one))), None)
@@ -268,7 +268,7 @@ def _require(table: Table, schema: Schema, found: Found) -> None:
         hint = f" ({machine} are machine units: give what one is);"
     text = f"{lacks}{hint} map one, as in --column '{missing[0]}=NAME [{unit}]'{rate}"
     if schema is SLIDER and turns:
-        text += "; of an axis or a joint: --rig axis ('jaxfric record'), or 'jaxfric axis'"
+        text += "; of an axis or a joint: --rig axis ('jaxfric inspect'), or 'jaxfric axis'"
     if "load_point_displacement" in missing:
         text += "; where it moves at one speed all the time: --column 'load_point_velocity=10 um/s'"
     if "position" in missing:

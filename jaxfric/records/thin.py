@@ -24,7 +24,7 @@ from .steps import VelocitySteps
 LEAST_ROWS = 100
 _FLATTENED = (
     "means over {} rows flatten the peaks after the steps by {} times the noise that is left: A"
-    " comes out too small; ask for more --rows"
+    " comes out too small; ask for more --downsample-to"
 )
 _WARNING = re.compile(re.escape(_FLATTENED).replace(r"\{\}", r"([\d.e+-]+)"))
 
@@ -32,7 +32,7 @@ _WARNING = re.compile(re.escape(_FLATTENED).replace(r"\{\}", r"([\d.e+-]+)"))
 def refuse_few_means(rows: int) -> None:
     """Raises `InputError` for fewer than 100 rows to be left."""
     if rows < LEAST_ROWS:
-        raise InputError(f"--rows is {rows}; {LEAST_ROWS} or more are needed")
+        raise InputError(f"--downsample-to is {rows}; {LEAST_ROWS} or more are needed")
 
 
 def thinned(record: Record, rows: int, steps: VelocitySteps) -> Record:
@@ -51,7 +51,9 @@ def thinned(record: Record, rows: int, steps: VelocitySteps) -> Record:
     starts = [np.arange(a, b - size + 1, size) for a, b in pairwise(edges)]
     first = np.concatenate(starts)
     if len(first) < MIN_ROWS:
-        raise InputError(f"--rows {rows}: only {len(first)} means would be left; ask for more rows")
+        raise InputError(
+            f"--downsample-to {rows}: only {len(first)} means would be left; ask for more rows"
+        )
     index = first[:, None] + np.arange(size)
     means = {
         role: frozen(np.concatenate([values[:1], values[index].mean(axis=1)]))

@@ -21,7 +21,7 @@ from .verdict_text import where_told, words_of_refusal
 
 _MEMORY = "rate_and_state"
 _SECOND, _LAW = "second_state", "ageing"
-"""What `jaxfric compare` asks of, by the ids of the loop."""
+"""What `jaxfric fit --compare` asks of, by the ids of the loop."""
 _COMES_BACK = "what comes back is friction or the machine, what does not was that day's"
 _ROOMS = {"machine": "the machine", "drive": "the drive", "sensor": "the force sensor"}
 
@@ -221,7 +221,7 @@ def _ask(
     notes += [f"no plan can be asked of {listed(unasked, 'or')}"] if unasked else []
     text = f"Whether it tells {id} from {first} is known before the run, and if not which change"
     text += f" would ({'; '.join(notes)}):" if notes else " would:"
-    line = f"jaxfric protocol {run.options()} --from {file} --tell {id},{first}"
+    line = f"jaxfric protocol {run.options()} --from {file} --distinguish {id},{first}"
     return [NextStep(text, line)]
 
 
@@ -234,7 +234,7 @@ def _ask_leading(loop: Loop, file: str, run: PlannedRun) -> list[NextStep]:
         return []
     a, b = leading
     text = f"Whether it tells {a} from {b}, which would explain most, is known before the run:"
-    line = f"jaxfric protocol {run.options()} --from {file} --tell {a},{b}"
+    line = f"jaxfric protocol {run.options()} --from {file} --distinguish {a},{b}"
     return [NextStep(text, line)]
 
 
@@ -257,11 +257,11 @@ def _next_run(loop: Loop, file: str) -> list[NextStep]:
     first, *more = loop.effects
     rest = f"; then the same with {listed(more, 'or')} for {first}" if more else ""
     text = f"From which size on the next run shows {first} again is known before ({planned}{rest}):"
-    return [NextStep(text, f"{line} --tell base,{first}")]
+    return [NextStep(text, f"{line} --distinguish base,{first}")]
 
 
 def _beside_compare(loop: Loop, run: PlannedRun | None = None) -> list[NextStep]:
-    """Why `jaxfric compare` may ask for a second state where this loop does not, in a line.
+    """Why `jaxfric fit --compare` may ask for a second state where this loop does not, in a line.
 
     It knows laws alone, and all rows fit them. Nothing where the loop saw no sign of such a state.
     What would decide is said where no `run` that has it was named.
@@ -277,8 +277,8 @@ def _beside_compare(loop: Loop, run: PlannedRun | None = None) -> list[NextStep]
     if not told:
         return []
     text = (
-        "jaxfric compare may ask for a second state of this record: it fits all rows, and four laws"
-        f" alone. This loop {' and '.join(told)}."
+        "jaxfric fit --compare may ask for a second state of this record: it fits all rows, and"
+        f" four laws alone. This loop {' and '.join(told)}."
     )
     what = f" What would decide: {CATALOGUE[_SECOND].separated_by}."
     return [NextStep(text + (what if run is None and _asks_for_second(loop) else ""))]

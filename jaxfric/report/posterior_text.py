@@ -80,7 +80,7 @@ def _reweighted(posterior: Posterior) -> list[str]:
         return []
     return [
         f"the ordinary fit has {', '.join(told)}: its difference to the whitened fit comes from"
-        " how rows are weighted, not from a prior; --weighting whitened (in Python"
+        " how rows are weighted, not from a prior; --weighting gls (in Python"
         " weighting='whitened') makes that fit"
     ]
 

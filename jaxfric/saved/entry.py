@@ -255,6 +255,6 @@ def verdict_words(content: Mapping) -> list[str]:
     if content.get("effects") and after > before:
         text += (
             f"; rows that were never fitted it predicts worse than the base does ({after:.2f} sigma"
-            f" for {before:.2f}): run the loop again without an effect (--without)"
+            f" for {before:.2f}): run the loop again without an effect (--exclude)"
         )
     return [text]

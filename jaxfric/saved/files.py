@@ -17,7 +17,7 @@ POSTERIOR = "jaxfric.posterior/1"
 VERBS = {
     FIT: "jaxfric fit",
     LOOP: "jaxfric loop",
-    STEADY: "jaxfric steady",
+    STEADY: "jaxfric axis",
     POSTERIOR: "jaxfric fit and a file of priors",
 }
 

@@ -19,7 +19,7 @@ def line(record: AxisRecord) -> str:
 
 
 def report(record: AxisRecord) -> Report:
-    """Columns, sampling and strokes, as `jaxfric record` prints them."""
+    """Columns, sampling and strokes, as `jaxfric inspect` prints them."""
     return Report(describe_axis(record, find_strokes(record)), warnings=record.provenance.doubts)
 
 

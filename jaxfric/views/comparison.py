@@ -17,7 +17,7 @@ def line(found: LawComparison) -> str:
 
 
 def report(found: LawComparison) -> Report:
-    """The sentence and the table, as `jaxfric compare` prints them."""
+    """The sentence and the table, as `jaxfric fit --compare` prints them."""
     told = words(found)
     notes = [told.next_step] if told.next_step else []
     return Report((told.sentence,), [table(found)], notes=notes, warnings=told.warnings)

@@ -101,7 +101,7 @@ def _seen_by(record: AxisRecord, asked: Offered) -> Offered:
         (ANGLE,) if record.coordinate == "rotary" else (),
         lambda effect: (
             f"{record.provenance.path}: effect {effect.id} is of a rotary axis, whose position is"
-            " in rad or deg; leave it out of --with"
+            " in rad or deg; leave it out of --include"
         ),
     )
 

@@ -84,13 +84,13 @@ def refuse_reversed(rough: Rough, work: float, path: str, force_unit: str, mass_
     if mass < -CLEAR * mass_error:
         raise InputError(
             f"{path}: by least squares the axis has a mass of {mass:.3g} {mass_unit} and"
-            f" {friction}: is the sign of the force reversed? Turn it with --flip force"
-            " (or that of position and velocity with --flip motion)"
+            f" {friction}: is the sign of the force reversed? Turn it with --flip-sign force"
+            " (or that of position and velocity with --flip-sign motion)"
         )
     raise InputError(
         f"{path}: by least squares the axis has {friction}, so that friction would drive it: is the"
-        " sign of the force reversed (--flip force)? Are force and position of the same axis and"
-        " the same time?"
+        " sign of the force reversed (--flip-sign force)? Are force and position of the same axis"
+        " and the same time?"
     )
 
 

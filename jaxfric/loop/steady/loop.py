@@ -191,7 +191,7 @@ def _refuse_reversed(curve: SteadyCurve, base: SteadyModel, used: np.ndarray) ->
     raise InputError(
         f"{curve.provenance.path}: the runs have a friction of {force[k] / size:.3g} {unit} at"
         f" {abs(speed[k]):.3g} {shown}, so that friction would drive the axis: is the sign of the"
-        f" force reversed (--flip force)?{wanders}"
+        f" force reversed (--flip-sign force)?{wanders}"
     )
 
 

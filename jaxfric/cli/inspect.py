@@ -1,13 +1,13 @@
-"""`jaxfric record`: what is understood of a record."""
+"""`jaxfric inspect`: what is understood of a record."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from . import options
-from .common import AxisColumns, doing, read_record, refuse_unused, told, windowed
+from .common import doing, refuse_unused, told
 from .folder import Folder, choose_folder, json_text
-from .shown import Showing, show
+from .shown import show
 
 if TYPE_CHECKING:
     from ..records import AxisRecord, Record
@@ -15,26 +15,16 @@ if TYPE_CHECKING:
     from ..report.report import Report
 
 
-def record(
+def inspect(
     file: options.File,
     /,
     *,
     rig: options.Rig = "slider",
-    reduce: options.Reduce = None,
-    column: options.Columns = None,
-    drop_bad: options.DropBad = False,
-    since: options.Since = None,
-    until: options.Until = None,
+    reading: options.RecordOptions = options.RecordOptions(),
     steps: options.Steps = None,
-    drive_gain: options.DriveGain = None,
-    position_gain: options.PositionGain = None,
-    velocity_gain: options.VelocityGain = None,
-    rated_torque: options.RatedTorque = None,
-    flip: options.Flip = None,
-    out: options.Out = None,
-    details: options.Details = False,
-    json: options.Json = False,
-    quiet: options.Quiet = False,
+    reduce: options.Reduce = None,
+    axis: options.AxisOptions = options.AxisOptions(),
+    output: options.OutputOptions = options.OutputOptions(),
 ) -> int:
     """Show what is understood of a record, and draw it.
 
@@ -42,43 +32,29 @@ def record(
     script did, and the columns as recorded in a second figure. Of an axis: columns, units,
     sampling, the steps of the encoder, strokes, and which columns are not used. Of a folder of
     steady runs: speed and force of each. Figures go to the output folder, by default
-    ./NAME-record/.
+    ./NAME-inspect/.
     """
-    columns = AxisColumns.of(column, drive_gain, rated_torque, flip, drop_bad)
-    signals = {
-        "--drive-gain": drive_gain,
-        "--rated-torque": rated_torque,
-        "--flip": columns.flip,
-    }
-    loops = {"--position-gain": position_gain, "--velocity-gain": velocity_gain}
     unused = {
-        "slider": signals | loops,
+        "slider": axis.of_signals | axis.of_loops,
         "axis": {"--steps": steps, "--reduce": reduce},
-        "steady": {"--steps": steps, "--reduce": reduce, **loops},
+        "steady": {"--steps": steps, "--reduce": reduce, **axis.of_loops},
     }[rig]
     other = "slider" if rig == "axis" else "axis"
     refuse_unused(f"--rig {rig}", unused, f", or choose --rig {other}")
     doing(f"reading {file.name}")
-    from ..records import read_axis, read_steady
-
     if rig == "slider":
-        slider = read_record(file, column, drop_bad, since, until, reduce=reduce)
-        return _slider(slider, file, steps, out, Showing(json, details), reduced=reduce is not None)
+        slider = reading.slider(file, reduce)
+        return _slider(slider, file, steps, output, reduced=reduce is not None)
     if rig == "steady":
-        curve = read_steady(file, **columns._asdict(), window=(since, until))
-        return _steady(curve, file, out, Showing(json, details))
-    measured = read_axis(
-        file, position_gain=position_gain, velocity_gain=velocity_gain, **columns._asdict()
-    )
-    return _axis(windowed(measured, since, until), file, out, Showing(json, details))
+        return _steady(axis.steady(file, reading), file, output)
+    return _axis(axis.axis(file, reading), file, output)
 
 
 def _slider(
     measured: "Record",
     file: Path,
     steps: str | None,
-    out: Path | None,
-    how: Showing,
+    output: options.OutputOptions,
     *,
     reduced: bool,
 ) -> int:
@@ -92,7 +68,7 @@ def _slider(
 
     found = record_steps(measured) if steps is None else VelocitySteps.parse(steps)
     found.refuse_end(measured.relative_time[-1])
-    folder = choose_folder(out, file.stem, file)
+    folder = choose_folder(output.folder, file.stem, file)
 
     def draw(to: Path) -> None:
         draw_record(measured, found, to / "record.png")
@@ -101,10 +77,10 @@ def _slider(
 
     doubts = filter(None, [speeds_without_steps(measured, found), slips_told(measured, found)])
     told_of = report(measured, found)._replace(warnings=list(doubts))
-    return _show(folder, draw, told_of, record_content(measured, found), how)
+    return _show(folder, draw, told_of, record_content(measured, found), output)
 
 
-def _axis(measured: "AxisRecord", file: Path, out: Path | None, how: Showing) -> int:
+def _axis(measured: "AxisRecord", file: Path, output: options.OutputOptions) -> int:
     from ..plot.axis_record import draw_axis_record
     from ..records.strokes import find_strokes
     from ..report.axis_record_text import describe_axis
@@ -112,25 +88,25 @@ def _axis(measured: "AxisRecord", file: Path, out: Path | None, how: Showing) ->
     from ..report.report import Report
 
     strokes = find_strokes(measured)
-    folder = choose_folder(out, file.stem, file)
+    folder = choose_folder(output.folder, file.stem, file)
     return _show(
         folder,
         lambda to: draw_axis_record(measured, strokes, to / "record.png"),
         Report(describe_axis(measured, strokes)),
         axis_content(measured, strokes),
-        how,
+        output,
     )
 
 
-def _steady(curve: "SteadyCurve", file: Path, out: Path | None, how: Showing) -> int:
+def _steady(curve: "SteadyCurve", file: Path, output: options.OutputOptions) -> int:
     from ..plot.axis_record import draw_curve
     from ..report.axis_record_text import describe_steady
     from ..report.record_json import steady_content
     from ..report.report import Report
 
-    folder = choose_folder(out, file.resolve().name, file)
+    folder = choose_folder(output.folder, file.resolve().name, file)
     told_of, content = Report(describe_steady(curve)), steady_content(curve)
-    return _show(folder, lambda to: draw_curve(curve, to / "record.png"), told_of, content, how)
+    return _show(folder, lambda to: draw_curve(curve, to / "record.png"), told_of, content, output)
 
 
 def _show(
@@ -138,7 +114,7 @@ def _show(
     drawing: Callable[[Path], object],
     report: "Report",
     content: Mapping[str, object],
-    how: Showing,
+    output: options.OutputOptions,
 ) -> int:
     """Draw, and show the report."""
     with told() as progress:
@@ -148,5 +124,5 @@ def _show(
         folder.draw("the figure", drawing)
     figures = [str(folder.path / name) for name in folder.files]
     text = json_text({**content, "figures": figures})
-    show(report, f"figure: {', '.join(figures)}" if figures else "", text, how)
+    show(report, f"figure: {', '.join(figures)}" if figures else "", text, output)
     return folder.close()

@@ -1,0 +1,60 @@
+"""`--help` of a verb: the options that a first user needs, on a screen; `--help-all`: all of them.
+
+Which options these are stands where each is declared: those of the group `options.MORE` are left to
+`--help-all`, which cyclopts prints. The text is the first sentence of an option's help.
+"""
+
+import inspect
+from typing import TYPE_CHECKING, Literal, get_args, get_origin
+
+import cyclopts
+
+from .options import MORE
+
+if TYPE_CHECKING:
+    from cyclopts.argument import Argument
+
+ALL = "--help-all"
+FLAGS = ("--help", "-h", ALL)
+
+
+def print_first(name: str, verb: cyclopts.App) -> None:
+    """Print how a verb is called, what it does, and the options of first use."""
+    from rich.table import Table
+    from rich.text import Text
+
+    from .common import stdout_console
+
+    called = [
+        argument
+        for argument in verb.assemble_argument_collection(parse_docstring=True)
+        if argument.parameter.help and argument.parameter.group != MORE.group
+    ]
+    places = [
+        one.name if one.required else f"[{one.name}]"
+        for one in called
+        if not one.name.startswith("-")
+    ]
+    table = Table.grid(padding=(0, 2))
+    for argument in called:
+        table.add_row(Text(_label(argument), no_wrap=True), Text(_first_sentence(argument)))
+    console = stdout_console(80)
+    console.print(Text(" ".join(["Usage: jaxfric", name, *places, "[OPTIONS]"])))
+    console.print(Text(f"{inspect.cleandoc(verb.help).splitlines()[0]}\n"))
+    console.print(table)
+    console.print(Text(f"\nAll options, with their defaults: jaxfric {name} {ALL}"))
+
+
+def _label(argument: "Argument") -> str:
+    """The names of an option, and its values, or a word for them."""
+    names = " ".join(name for name in argument.names if not name.startswith(("--no-", "--empty-")))
+    if argument.hint is bool or not names.startswith("-"):
+        return names
+    choices = get_args(argument.hint) if get_origin(argument.hint) is Literal else ()
+    return f"{names} {'|'.join(map(str, choices)) or 'STR'}"
+
+
+def _first_sentence(argument: "Argument") -> str:
+    """The first sentence of an option's help, without the marks of Markdown."""
+    text = " ".join((argument.parameter.help or "").split()).replace("\\[", "[")
+    return text.partition(". ")[0].removesuffix(".")
