@@ -77,13 +77,14 @@ _MEANING = (
     ),
     (
         "train, select, report",
-        "The record is cut into blocks. Models are fitted on train, and one that predicts select"
-        " worse is refused; report is scored only at the end: the honest number.",
+        "The record is cut into blocks. Models are fitted on train; how well they predict select"
+        " counts in their BIC; report is scored only at the end: the honest number.",
     ),
     (
         "ΔBIC",
-        "How much better a model explains the record, after paying for its parameters and for the"
-        " noise being correlated. Above 10 is strong evidence, below 2 is none.",
+        "BIC of a model less that of the base. Below 0 it explains the record better, after it paid"
+        " for its parameters and for correlated noise. Below −10 the evidence is strong, above −2"
+        " there is none.",
     ),
     (
         "shift [std]",

@@ -379,7 +379,7 @@ def candidates(loop: Loop, *, most: int) -> TextTable:
     rows = [
         (
             " + ".join(c.effects) or "base",
-            _finite(c.delta_bic, "{:+.1f}").replace("-", "−"),
+            _finite(0.0 - c.delta_bic, "{:+.1f}").replace("-", "−"),
             _finite(c.train_rms / loop.sigma, "{:.3f}"),
             _finite(c.heldout_rms / loop.sigma_of(loop.blocks.select), "{:.3f}"),
             _role(loop, c),
@@ -388,7 +388,7 @@ def candidates(loop: Loop, *, most: int) -> TextTable:
     ]
     more = len(found) - len(rows)
     note = (
-        "ΔBIC above 0: better than the base, a gain above 10 is needed to be taken; of models as"
+        "ΔBIC below 0: better than the base. An effect must lower it by more than 10. Of models as"
         " good the first is kept. It counts the train rows, which are fitted, and how well the"
         " select rows are predicted"
     )

@@ -73,7 +73,7 @@ def tables(loop: SteadyLoop) -> list[TextTable]:
             f"{m.rms / size:.4g}",
             f"{m.heldout / size:.4g}" if np.isfinite(m.heldout) else "–",
             f"{m.spread / size:.3g}",
-            f"{loop.base.bic - m.bic:+.1f}".replace("-", "−"),
+            f"{m.bic - loop.base.bic:+.1f}".replace("-", "−"),
             "taken" if m is loop.final else "base" if m is loop.base else "",
         )
         for m in loop.candidates
