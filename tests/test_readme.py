@@ -111,11 +111,21 @@ def commands(*, slow: bool) -> list[str]:
     return [line for line in dict.fromkeys(own) if bool(SLOW.match(line)) == slow]
 
 
+def shown_of(line: str) -> list[str]:
+    """The output that README shows below a command, by line."""
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    block = rf"^{re.escape(line)}\n```\n\n```text\n(.*?)```"
+    found = re.search(block, text, re.MULTILINE | re.DOTALL)
+    return [] if found is None else found[1].splitlines()
+
+
 def runs(line: str, folder: Path, monkeypatch) -> None:
-    """The command ends with a result."""
+    """The command ends with a result, which begins as README shows it."""
     monkeypatch.chdir(folder)
     outcome = run(*shlex.split(line, comments=True)[1:])
     assert outcome.code == 0, outcome.err
+    for shown, said in zip(shown_of(line), outcome.out.splitlines(), strict=False):
+        assert said.startswith(shown), said
 
 
 def test_there_are_commands():

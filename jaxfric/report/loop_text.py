@@ -131,7 +131,7 @@ def _base_of(loop: Loop) -> str:
     """Coulomb and viscous friction and the mass of an axis, with errors."""
     moving = "inertia" if length_of(loop) == "rad" else "mass"
     names = {"F_c": "Coulomb", "F_v": "viscous", "M": moving}
-    known = {names[n]: e for n, e in loop.after.parameters.items() if n in names}
+    known = {names[n]: loop.after.parameters[n] for n in names if n in loop.after.parameters}
     return ", ".join(f"{name} {with_error(one, length_of(loop))}" for name, one in known.items())
 
 
