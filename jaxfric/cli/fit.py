@@ -13,7 +13,7 @@ from cyclopts import Parameter
 from . import options
 from .common import doing, prepare_jax, refuse_unused, stdout_console, told, warn
 from .compare import compare_record
-from .fits import Said, fit_files, for_each, refuse_for_several
+from .fits import Said, fit_files, for_each
 from .folder import Folder, choose_folder, json_text
 from .posterior import PriorOptions, draw, print_posterior, write_posterior
 
@@ -157,7 +157,7 @@ def fit(
         K = fitter.stiffnesses[0]
         return compare_record(file, read, K, law, model, steps, how.downsample_to, output)
     if more:
-        refuse_for_several({"--prior": prior.prior is not None})
+        refuse_unused("several records", {"--prior": prior.prior})
         prepare_jax()
         together = None if how.of_one else fitter.together
         return fit_files(every, output, read, fitter.one, together)
