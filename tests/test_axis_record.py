@@ -102,7 +102,7 @@ def test_the_verb_on_an_axis(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
         "column 'motor_torque' is motor_force",
     ):
         assert words in outcome.out, words
-    assert (tmp_path / "axis-record" / "record.png").stat().st_size > 10_000
+    assert (tmp_path / "axis-inspect" / "record.png").stat().st_size > 10_000
     text = (DATA / "axis.csv").read_text().replace("reference_position [rad]", "remark")
     (tmp_path / "other.csv").write_text(text)
     outcome = run("inspect", "other.csv", "--rig", "axis")

@@ -260,7 +260,7 @@ def test_missing_and_unknown_arguments(verb: str) -> None:
 
 def test_unknown_verbs() -> None:
     assert_refused(run("fitt", "run.csv"), '"fit"')
-    assert_refused(run("run.csv"), "record, fit")
+    assert_refused(run("run.csv"), "inspect, fit")
     assert_refused(run("--foo"), "--foo")
 
 

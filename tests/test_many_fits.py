@@ -93,7 +93,10 @@ def test_none_that_can_be_fitted(folder: Path, monkeypatch: pytest.MonkeyPatch) 
     outcome = run("fit", "one.csv", "no.csv", *STIFFNESS, "--out", "o")
     assert_refused(outcome, "no.csv: there is no such file; none was fitted")
     assert not Path("o").exists()
-    assert_refused(run("fit", "one.csv", "sub/one.csv", "--prior", "p.toml"), "--prior is of one")
+    assert_refused(
+        run("fit", "one.csv", "sub/one.csv", "--prior", "p.toml"),
+        "--prior would not be used with several records",
+    )
     negative = run("fit", "one.csv", *STIFFNESS, *STEPS, "--mass", "-1 s^2/m")
     assert_refused(negative, "mass: mass (m) is -1; it must be above 0")
     twice = run("fit", *FILES, *STIFFNESS, *STIFFNESS)

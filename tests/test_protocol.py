@@ -645,7 +645,7 @@ def test_the_size_of_an_answer_is_what_the_other_effect_leaves():
 
 TYPED = {
     "velocities": "1, 10 um/s", "slip_per_step": "100um", "from_": Path("a b/loop.json"),
-    "rows": 75, "tell": ["ageing,gain"], "with_": ["viscous", "run_in"], "out": Path("o"),
+    "rows": 75, "distinguish": ["ageing,gain"], "include": ["viscous", "run_in"], "out": Path("o"),
     "json": True,
 }  # fmt: skip
 REST = '--from "a b/loop.json" --rows 75 --distinguish ageing,gain --include viscous,run_in'

@@ -180,7 +180,7 @@ def test_steps_that_are_missed_are_told_once_and_what_asks_on():
         ({"fit_stiffness": True, "column": ["time=t", "slip=d (um)"]},
          'jaxfric run "a b.csv" --fit-stiffness --column time=t --column "slip=d (um)"'
          " --slip-trend"),
-        ({"stiffness": "0.16 MPa/um", "states": "2", "rows": 99, "slip_trend": True},
+        ({"stiffness": "0.16 MPa/um", "states": "2", "downsample_to": 99, "slip_trend": True},
          'jaxfric loop "a b.csv" --run --stiffness "0.16 MPa/um"'),
         ({"stiffness": "1/um", "events": Path("e.toml"), "slip_trend": True},
          'jaxfric loop "a b.csv" --stiffness 1/um --events e.toml'),

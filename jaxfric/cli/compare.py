@@ -1,5 +1,6 @@
 """`jaxfric fit --compare`: which friction law does a record support?"""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,14 +13,13 @@ from .plan_line import loop_line
 from .shown import show
 
 if TYPE_CHECKING:
+    from ..records import Record
     from ..report.fits_table import TabledFit
 
 
 def compare_record(
     file: Path,
-    reading: options.RecordOptions,
-    reduce: Path | None,
-    *,
+    read: "Callable[[Path], Record]",
     stiffness: str | None,
     laws: list[str] | None,
     model: options.ModelOptions,
@@ -33,7 +33,7 @@ def compare_record(
             "give one of --stiffness 1.6e-3/um, that of machine and specimen, and --fit-stiffness"
         )
     doing(f"reading {file.name}")
-    measured = reading.slider(file, reduce)
+    measured = read(file)
     prepare_jax()
     from ..loop.compare import compare_laws
     from ..plot.compared import draw_comparison

@@ -1,6 +1,7 @@
 """`jaxfric feedforward`: the friction of an axis as a formula, a C function and a table."""
 
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -13,37 +14,30 @@ from .folder import choose_folder, json_text, source_name
 from .shown import show
 
 
+@options.FLAT
+@dataclass(frozen=True)
+class MapOptions:
+    """What the feedforward is for, and in which units."""
+
+    at: options.Text = None
+    """Print the friction at these speeds first, forwards and backwards: "50 mm/s", "1, 5 rad/s"."""
+    acceleration: options.Text = None
+    """Acceleration of the reference where it turns, "2 m/s^2" or "50 rad/s^2". By default that of
+    the record, where the file tells it."""
+    lag: options.Text = None
+    """Time by which the axis turns later than its reference, "4 ms"."""
+    fade_speed: options.Text = None
+    """Fade below this speed, "5 mm/s", instead of the one derived."""
+    drive_gain: options.DriveGain = None
+    name: str = "axis"
+    """Name of the axis in C: NAME_feedforward."""
+
+
 def feedforward(
-    model: Annotated[
-        Path,
-        Parameter(help="A loop.json or steady.json of 'jaxfric axis'."),
-    ],
+    model: Annotated[Path, Parameter(help="A loop.json or steady.json of 'jaxfric axis'.")],
     /,
     *,
-    at: Annotated[
-        options.Text,
-        Parameter(
-            help="Print the friction at these speeds first, forwards and backwards."
-            ' "50 mm/s", or "1, 5 rad/s".'
-        ),
-    ] = None,
-    acceleration: Annotated[
-        options.Text,
-        Parameter(
-            help='Acceleration of the reference where it turns, "2 m/s^2" or "50 rad/s^2". By'
-            " default that of the record, where the file tells it."
-        ),
-    ] = None,
-    lag: Annotated[
-        options.Text,
-        Parameter(help='Time by which the axis turns later than its reference, "4 ms".'),
-    ] = None,
-    fade_speed: Annotated[
-        options.Text,
-        Parameter(help='Fade below this speed, "5 mm/s", instead of the one derived.'),
-    ] = None,
-    drive_gain: options.DriveGain = None,
-    name: Annotated[str, Parameter(help="Name of the axis in C: NAME_feedforward.")] = "axis",
+    how: MapOptions = MapOptions(),
     output: options.OutputOptions = options.OutputOptions(),
 ) -> int:
     """Compensate the friction of an axis or joint: formula, C function, table, and fade speed.
@@ -62,13 +56,17 @@ def feedforward(
     doing("computing the feedforward")
     try:
         found = run(
-            model, acceleration=acceleration, lag=lag, fade=fade_speed, drive_gain=drive_gain
+            model,
+            acceleration=how.acceleration,
+            lag=how.lag,
+            fade=how.fade_speed,
+            drive_gain=how.drive_gain,
         )
-        asked = [] if at is None else [found.at(v) for v in speeds(at, found.about.length)]
+        asked = [] if how.at is None else [found.at(v) for v in speeds(how.at, found.about.length)]
     except NothingToCompensate as error:
         print(f"jaxfric: error: {error}", file=sys.stderr)
         return 1
-    source = found.c(name, made_by=made_by(current_call().command))
+    source = found.c(how.name, made_by=made_by(current_call().command))
     folder = choose_folder(output.folder, source_name(model), model)
     with told() as progress:
         content = json_text(found.to_json(asked))

@@ -1,23 +1,24 @@
 """`jaxfric fit`: rate-and-state friction from a record."""
 
+import functools
 import json
 import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 from cyclopts import Parameter
 
 from . import options
 from .common import doing, prepare_jax, refuse_unused, told, warn
 from .compare import compare_record
-from .fits import fit_files, for_each, refuse_for_several
+from .fits import Said, fit_files, for_each
 from .folder import Folder, choose_folder, json_text
 from .posterior import PriorOptions, draw, write_posterior
 from .shown import show
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from ..fitting import Fit
     from ..posterior import Posterior
     from ..records import Record
@@ -25,6 +26,77 @@ if TYPE_CHECKING:
 
 _WEIGHTINGS = {"ols": "ordinary", "gls": "whitened"}
 """What the choices of --weighting are called in Python and in files."""
+
+
+@options.FLAT
+@dataclass(frozen=True)
+class FitOptions:
+    """How a model is fitted."""
+
+    reference_velocity: Annotated[options.Text, options.MORE] = None
+    """Velocity, with unit, at which friction is f0."""
+    start: Annotated[str | None, options.MORE] = None
+    """Starting values, 'A=0.01, B=0.012, L=20 um'. Not needed as a rule."""
+    weighting: Annotated[Literal["ols", "gls"], options.MORE] = "ols"
+    """Ordinary least squares (ols), or generalised (gls): weighted by the noise."""
+    profile: Annotated[bool, options.MORE] = False
+    """Intervals from the profile likelihood (slower)."""
+    downsample_to: options.DownsampleTo = None
+
+    @property
+    def of_one(self) -> bool:
+        """Whether an option is given that fits of many records at once do not have."""
+        return self != FitOptions(reference_velocity=self.reference_velocity)
+
+
+class Fitter(NamedTuple):
+    """The fit that the options ask for, of several records: values in the order of the files."""
+
+    stiffnesses: Sequence[str | None]
+    masses: Sequence[str | None]
+    laws: Sequence[str]
+    model: options.ModelOptions
+    how: FitOptions
+    steps: str | None
+
+    def one(self, number: int, record: "Record", say: Said) -> "Fit":
+        """Fit the record of the file of this number."""
+        from ..fitting import fit as run
+
+        how, model = self.how, self.model
+        return run(
+            record,
+            stiffness=self.stiffnesses[number],
+            mass=self.masses[number],
+            law=self.laws[number],
+            states=int(model.states),
+            fit_stiffness=model.fit_stiffness,
+            slip_trend=model.slip_trend,
+            steps=self.steps,
+            reference_velocity=how.reference_velocity,
+            start=None if how.start is None else parse_start(how.start, record.friction_unit),
+            weighting=_WEIGHTINGS[how.weighting],
+            profile=how.profile,
+            rows=how.downsample_to,
+            progress=say,
+        )
+
+    def together(self, numbers: list[int], records: "list[Record]", say: Said) -> "list[Fit | str]":
+        """Fit many records at once; in place of a fit, why there is none."""
+        from ..fitting.many import fit_what_can_be
+
+        return fit_what_can_be(
+            records,
+            [self.stiffnesses[k] for k in numbers],
+            [self.masses[k] for k in numbers],
+            [self.laws[k] for k in numbers],
+            states=int(self.model.states),
+            fit_stiffness=self.model.fit_stiffness,
+            slip_trend=self.model.slip_trend,
+            steps=self.steps,
+            reference_velocity=self.how.reference_velocity,
+            progress=say,
+        )
 
 
 def fit(
@@ -43,27 +115,9 @@ def fit(
     ] = False,
     model: options.ModelOptions = options.ModelOptions(),
     steps: options.Steps = None,
+    how: FitOptions = FitOptions(),
     reading: options.RecordOptions = options.RecordOptions(),
     reduce: options.Reduce = None,
-    reference_velocity: Annotated[
-        options.Text, Parameter(help="Velocity, with unit, at which friction is f0."), options.MORE
-    ] = None,
-    start: Annotated[
-        str | None,
-        Parameter(help="Starting values, 'A=0.01, B=0.012, L=20 um'. Not needed as a rule."),
-        options.MORE,
-    ] = None,
-    weighting: Annotated[
-        Literal["ols", "gls"],
-        Parameter(
-            help="Ordinary least squares (ols), or generalised (gls): weighted by the noise."
-        ),
-        options.MORE,
-    ] = "ols",
-    profile: Annotated[
-        bool, Parameter(help="Intervals from the profile likelihood (slower)."), options.MORE
-    ] = False,
-    downsample_to: options.DownsampleTo = None,
     prior: PriorOptions = PriorOptions(),
     output: options.OutputOptions = options.OutputOptions(),
 ) -> int:
@@ -80,93 +134,57 @@ def fit(
     that it cannot tell. Writes compare.json, compare.csv, compare.tex, compare.png and compare.svg
     to ./NAME-compare/.
     """
+    prior.refuse_unusable()
+    every, read = (file, *more), functools.partial(reading.slider, reduce=reduce)
+    fitter = Fitter(
+        for_each(every, stiffness or [None], "--stiffness"),
+        for_each(every, mass or [None], "--mass"),
+        ["slip"] * len(every) if compare else for_each(every, law or ["slip"], "--law"),
+        model,
+        how,
+        steps,
+    )
     if compare:
         unused = {
             "a further file": more,
             "--mass": mass,
             "--states": model.states != "1",
-            "--reference-velocity": reference_velocity,
-            "--start": start,
-            "--weighting": weighting != "ols",
-            "--profile": profile,
+            "--reference-velocity": how.reference_velocity,
+            "--start": how.start,
+            "--weighting": how.weighting != "ols",
+            "--profile": how.profile,
             "--prior": prior.prior,
         }
         refuse_unused("--compare", unused)
-        (K,) = for_each((file,), stiffness or [None], "--stiffness")
-        return compare_record(
-            file,
-            reading,
-            reduce,
-            stiffness=K,
-            laws=law,
-            model=model,
-            steps=steps,
-            rows=downsample_to,
-            output=output,
-        )
-    prior.refuse_unusable()
-    every = (file, *more)
-    stiffnesses = for_each(every, stiffness or [None], "--stiffness")
-    masses = for_each(every, mass or [None], "--mass")
-    laws = for_each(every, law or ["slip"], "--law")
-
-    def read(path: Path) -> "Record":
-        return reading.slider(path, reduce)
-
-    def fitting(number: int, measured: "Record", say: "Callable[[str], None]") -> "Fit":
-        from ..fitting import fit as run
-
-        return run(
-            measured,
-            stiffness=stiffnesses[number],
-            mass=masses[number],
-            law=laws[number],
-            states=int(model.states),
-            fit_stiffness=model.fit_stiffness,
-            slip_trend=model.slip_trend,
-            steps=steps,
-            reference_velocity=reference_velocity,
-            start=None if start is None else parse_start(start, measured.friction_unit),
-            weighting=_WEIGHTINGS[weighting],
-            profile=profile,
-            rows=downsample_to,
-            progress=say,
-        )
-
-    def together(
-        numbers: list[int], records: "list[Record]", say: "Callable[[str], None]"
-    ) -> "list[Fit | str]":
-        from ..fitting.many import fit_what_can_be
-
-        return fit_what_can_be(
-            records,
-            [stiffnesses[k] for k in numbers],
-            [masses[k] for k in numbers],
-            [laws[k] for k in numbers],
-            states=int(model.states),
-            fit_stiffness=model.fit_stiffness,
-            slip_trend=model.slip_trend,
-            steps=steps,
-            reference_velocity=reference_velocity,
-            progress=say,
-        )
-
+        K = fitter.stiffnesses[0]
+        return compare_record(file, read, K, law, model, steps, how.downsample_to, output)
     if more:
-        refuse_for_several({"--prior": prior.prior is not None})
+        refuse_unused("several records", {"--prior": prior.prior})
         prepare_jax()
-        alone = start is not None or weighting != "ols" or profile or downsample_to is not None
-        return fit_files(every, output, read, fitting, None if alone else together)
+        together = None if how.of_one else fitter.together
+        return fit_files(every, output, read, fitter.one, together)
+    return _fit_one(file, read, fitter, prior, output)
+
+
+def _fit_one(
+    file: Path,
+    read: "Callable[[Path], Record]",
+    fitter: Fitter,
+    prior: PriorOptions,
+    output: options.OutputOptions,
+) -> int:
     doing(f"reading {file.name}")
     measured = read(file)
     prepare_jax()
     from ..fitting.problem import Model
 
-    shape = Model(laws[0], int(model.states), model.fit_stiffness, model.slip_trend)
+    model = fitter.model
+    shape = Model(fitter.laws[0], int(model.states), model.fit_stiffness, model.slip_trend)
     prior.check(shape, measured.friction_unit)
     inputs = [file] if prior.prior is None else [file, prior.prior]
     folder = choose_folder(output.folder, file.stem, *inputs)
     with told() as progress:
-        result = fitting(0, measured, progress)
+        result = fitter.one(0, measured, progress)
         content = json_text(result.to_json())
         keeps = not result.converged and _has_converged(folder.path / "fit.json")
         posterior = prior.of(result, progress)

@@ -1,6 +1,6 @@
 """`jaxfric fit` of several files: one table with a row each; one that fails loses no other."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -24,13 +24,6 @@ Fitting = Callable[[int, "Record", Said], "Fit"]
 Together = Callable[[list[int], list["Record"], Said], "list[Fit | str]"]
 """The same for many files at once; in place of a fit, why there is none."""
 _Value = TypeVar("_Value")
-
-
-def refuse_for_several(options: Mapping[str, bool]) -> None:
-    """Refuse options that are of one record."""
-    given = [name for name, is_given in options.items() if is_given]
-    if given:
-        raise InputError(f"{given[0]} is of one record; give one file, or leave it out")
 
 
 def for_each(files: Sequence[Path], values: Sequence[_Value], option: str) -> Sequence[_Value]:

@@ -78,7 +78,12 @@ class OutputOptions:
 
 # ---- records ----------------------------------------------------------------------------------
 
-File = Annotated[Path, Parameter(help="The record: a CSV or other table of columns.")]
+File = Annotated[
+    Path,
+    Parameter(
+        help="The record: a CSV or other table of columns. Runs at steady speeds: their folder."
+    ),
+]
 
 
 @FLAT
@@ -134,8 +139,8 @@ Reduce = Annotated[
 Steps = Annotated[
     str | None,
     Parameter(
-        help="Velocity steps, '0 s: 2 um/s, 60 s: 20 um/s', instead of those found. Of a record"
-        " that begins at the step: 'before: 2 um/s, 0 s: 20 um/s'."
+        help="Velocity steps, '0 s: 2 um/s, 60 s: 20 um/s'. They replace those found in a record;"
+        " of one that begins at the step: 'before: 2 um/s, 0 s: 20 um/s'."
     ),
 ]
 Rig = Annotated[
@@ -257,7 +262,6 @@ DownsampleTo = Annotated[
 Events = Annotated[
     Path | None,
     Parameter(help="Take the events of this file, as 'jaxfric run' wrote it."),
-    MORE,
 ]
 
 

@@ -24,8 +24,32 @@ TYPICAL = "f0=0.6, A=0.010, B=0.014, L=20 um"
 """A friction coefficient where neither a fit nor parameters are given."""
 EXAMPLES = {"--slip-per-step": "150um", "--stiffness": "5e-3/um", "--noise": "3e-4"}
 """Values of the options that are required."""
-_WITHOUT_FILE = ", unless --from has one"
 T = TypeVar("T")
+
+
+@options.FLAT
+@dataclasses.dataclass(frozen=True)
+class PlanOptions:
+    """What is planned, and what is asked of the plan."""
+
+    slip_per_step: options.Text = None
+    """Required: load-point motion at each velocity, 150um."""
+    stiffness: Annotated[
+        options.Stiffness, options.required(options.STIFFNESS, unless=", unless --from has one")
+    ] = None
+    noise: options.Text = None
+    """Required, unless --from has one: noise of a row, 3e-4, or 0.5 N."""
+    rows: Annotated[int, options.MORE] = 250
+    """Rows of the record at each velocity."""
+    slip_channel: Annotated[options.Text, options.MORE] = None
+    """A channel of slip is planned, of this noise: '0.1 um'."""
+    distinguish: list[str] | None = None
+    """Two effects, 'ageing,second_state': does the plan tell them apart? Or an effect and base (the
+    law without any). The answer is the first line. The base is then without those that the file of
+    --from has."""
+    from_: options.From = None
+    law: Annotated[str | None, options.LAW] = None
+    parameters: options.Parameters = None
 
 
 def protocol(
@@ -38,35 +62,7 @@ def protocol(
     ],
     /,
     *,
-    slip_per_step: Annotated[
-        options.Text, Parameter(help="Required: load-point motion at each velocity, 150um.")
-    ] = None,
-    stiffness: Annotated[
-        options.Stiffness, options.required(options.STIFFNESS, unless=_WITHOUT_FILE)
-    ] = None,
-    noise: Annotated[
-        options.Text,
-        Parameter(help=f"Required{_WITHOUT_FILE}: noise of a row, 3e-4, or 0.5 N."),
-    ] = None,
-    from_: options.From = None,
-    parameters: options.Parameters = None,
-    law: Annotated[str | None, options.LAW] = None,
-    rows: Annotated[
-        int, Parameter(help="Rows of the record at each velocity."), options.MORE
-    ] = 250,
-    slip_channel: Annotated[
-        options.Text,
-        Parameter(help="A channel of slip is planned, of this noise: '0.1 um'."),
-        options.MORE,
-    ] = None,
-    distinguish: Annotated[
-        list[str] | None,
-        Parameter(
-            help="Two effects, 'ageing,second_state': does the plan tell them apart? Or an effect"
-            " and base (the law without any). The answer is the first line. The base is then"
-            " without those that the file of --from has."
-        ),
-    ] = None,
+    how: PlanOptions = PlanOptions(),
     effects: options.EffectOptions = options.EffectOptions(),
     output: options.OutputOptions = options.OutputOptions(),
 ) -> int:
@@ -78,17 +74,17 @@ def protocol(
     declared, excluded = effects.ids()
     wrong = _Wrong()
     commanded = wrong.of(lambda: read_velocities(velocities))
-    slip = wrong.of(lambda: _given(slip_per_step, "m", "--slip-per-step"))
-    slip_noise = wrong.of(lambda: optional_quantity(slip_channel, "m", "--slip-channel"))
-    asked = wrong.of(lambda: _pair_of(distinguish))
+    slip = wrong.of(lambda: _given(how.slip_per_step, "m", "--slip-per-step"))
+    slip_noise = wrong.of(lambda: optional_quantity(how.slip_channel, "m", "--slip-channel"))
+    asked = wrong.of(lambda: _pair_of(how.distinguish))
     with told() as progress:
-        base = wrong.of(lambda: _base(from_, parameters, law, stiffness))
+        base = wrong.of(lambda: _base(how.from_, how.parameters, how.law, how.stiffness))
         known, found_law, unit, more, warned = base or ({}, "", "1", (), ())
         K, sigma = known.pop("K", None), known.pop("noise", None)
-        if base or stiffness is None:
-            K = wrong.of(lambda: _size(stiffness, f"{unit}/m", "--stiffness", K))
-        if base or noise is None:
-            sigma = wrong.of(lambda: _size(noise, unit, "--noise", sigma))
+        if base or how.stiffness is None:
+            K = wrong.of(lambda: _size(how.stiffness, f"{unit}/m", "--stiffness", K))
+        if base or how.noise is None:
+            sigma = wrong.of(lambda: _size(how.noise, unit, "--noise", sigma))
         wrong.refuse()
         assert commanded is not None and slip is not None and K is not None and sigma is not None
         prepare_jax()
@@ -98,11 +94,8 @@ def protocol(
         values, more = _without_asked(known, more, asked or (), declared)
         if asked is not None:
             asked = _known_pair(asked, found_law, (*more, *declared), excluded)
-        folder = (
-            choose_folder(output.folder, source_name(from_), from_)
-            if from_
-            else choose_folder(output.folder, "")
-        )
+        source = [how.from_] if how.from_ else []
+        folder = choose_folder(output.folder, "".join(map(source_name, source)), *source)
         found = plan(
             Planned(
                 commanded,
@@ -112,9 +105,9 @@ def protocol(
                 parameters=values,
                 law=found_law,
                 friction_unit=unit,
-                rows=rows,
+                rows=how.rows,
                 slip_noise=slip_noise,
-                noise_from=str(from_) if noise is None else "--noise",
+                noise_from=str(how.from_) if how.noise is None else "--noise",
             ),
             with_=tuple(dict.fromkeys((*more, *declared))),
             without=excluded,
@@ -128,7 +121,7 @@ def protocol(
         folder.draw("aliasing", lambda to: save_aliasing(ids, cosines, to, what="this plan"))
     from ..report.protocol_text import report
 
-    typical = from_ is None and parameters is None
+    typical = how.from_ is None and how.parameters is None
     pair, better, line, _, less = answer
     told_of = report(found, typical=typical, pair=pair, better=better, less=less)
     steps = [f"next: {line}"] if line else []

@@ -109,8 +109,7 @@ def run(
     with told() as progress:
         progress("drawing figures")
         _draw_events(record, found, folder)
-        _draw(result, holds, folder)
-        _draw_others(others, folder)
+        _draw(result, holds, others, folder)
         _write_page(result, holds, others, warnings, folder)
     if not output.json:
         print(folder.written)
@@ -176,39 +175,34 @@ def _write_tables(result: "RunFit", holds: "Sequence[Hold]", others: "Findings",
         (to / name).write_text(text, encoding="utf-8")
 
 
-def _draw(result: "RunFit", holds: "Sequence[Hold]", folder: Folder) -> None:
+def _draw(result: "RunFit", holds: "Sequence[Hold]", others: "Findings", folder: Folder) -> None:
+    """Draw what was found: rates, holds, the step fits, stick-slip, steps of normal stress."""
     from ..plot.fit import draw_fit
     from ..plot.run import draw_healing, draw_rates
+    from ..plot.run_others import draw_stick_slip, draw_stress_steps
 
-    if any(s.fit and s.fit.converged and s.fit.A_minus_B.determined for s in result.steps):
+    fits = [(step.number, step.fit) for step in result.steps if step.fit is not None]
+    if any(fit.converged and fit.A_minus_B.determined for _, fit in fits):
         folder.draw("the figure of A-B", lambda to: draw_rates(result, to / "rates.png"))
     if holds:
         folder.draw(
             "the figure of the holds",
             lambda to: draw_healing(result.record, holds, to / "holds.png"),
         )
-
-    def steps(to: Path) -> None:
-        for step in result.steps:
-            if step.fit is not None:
-                draw_fit(step.fit, to / f"step_{step.number:02d}.png")
-
-    folder.draw("the figures of the steps", steps)
-
-
-def _draw_others(others: "Findings", folder: Folder) -> None:
-    from ..plot.run_others import draw_stick_slip, draw_stress_steps
-
-    stick_slip = others.stick_slip
-    if stick_slip is not None and stick_slip.fits:
+    folder.draw(
+        "the figures of the steps",
+        lambda to: [draw_fit(fit, to / f"step_{number:02d}.png") for number, fit in fits],
+    )
+    teeth = others.stick_slip
+    if teeth is not None and teeth.fits:
         folder.draw(
-            "the figure of stick-slip",
-            lambda to: draw_stick_slip(stick_slip, to / "stick_slip.png"),
+            "the figure of stick-slip", lambda to: draw_stick_slip(teeth, to / "stick_slip.png")
         )
-    if any(step.fit is not None for step in others.stress_steps):
+    stresses = others.stress_steps
+    if any(step.fit is not None for step in stresses):
         folder.draw(
             "the figure of the stress steps",
-            lambda to: draw_stress_steps(others.stress_steps, to / "stress_steps.png"),
+            lambda to: draw_stress_steps(stresses, to / "stress_steps.png"),
         )
 
 

@@ -7,8 +7,6 @@ import re
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated
 
-from cyclopts import Parameter
-
 from ..errors import InputError
 from . import options
 from .common import OfMotion, prepare_jax, told, warn
@@ -36,6 +34,20 @@ _SEED = 0.02
 _WIDTH = 1e-3
 
 
+@options.FLAT
+@dataclasses.dataclass(frozen=True)
+class MotionOptions:
+    """How a motion begins, and how long it is."""
+
+    duration: options.Text = None
+    """How long, '20 s'. By default until the end is seen."""
+    at_rest: bool = False
+    """Start at rest on an unloaded spring: stuck."""
+    jump: options.Text = None
+    """Jump of the load point at the start, '1 um', of either sign. At a constant velocity the
+    default is a small one: nothing disturbs steady sliding otherwise."""
+
+
 def simulate(
     *,
     law: options.LawOptions = options.LawOptions(),
@@ -44,17 +56,7 @@ def simulate(
     kp: Annotated[options.Gain, options.required(options.GAIN)] = None,
     kv: options.Damping = None,
     mass: options.Mass = None,
-    duration: Annotated[
-        options.Text, Parameter(help="How long, '20 s'. By default until the end is seen.")
-    ] = None,
-    at_rest: Annotated[bool, Parameter(help="Start at rest on an unloaded spring: stuck.")] = False,
-    jump: Annotated[
-        options.Text,
-        Parameter(
-            help="Jump of the load point at the start, '1 um', of either sign. At a constant "
-            "velocity the default is a small one: nothing disturbs steady sliding otherwise."
-        ),
-    ] = None,
+    how: MotionOptions = MotionOptions(),
     output: options.OutputOptions = options.OutputOptions(),
 ) -> int:
     """Simulate a slider: stick-slip or steady sliding, from rest or from a disturbance.
@@ -67,7 +69,7 @@ def simulate(
         raise InputError("give one of --velocity '2 um/s' and --steps '0 s: 1 um/s, 10 s: 10 um/s'")
     if kp is None:
         raise InputError("--kp is missing; give stiffness or position gain, as in --kp '3 kN/m'")
-    if jump is not None and at_rest:
+    if how.jump is not None and how.at_rest:
         raise InputError("--jump and --at-rest exclude each other; give one")
     prepare_jax()
     source = law.source()
@@ -77,8 +79,8 @@ def simulate(
             "--kp": (kp, "N/m"),
             "--kv": (kv, "N*s/m"),
             "--mass": (mass, "kg"),
-            "--duration": (duration, "s"),
-            "--jump": (jump, "m"),
+            "--duration": (how.duration, "s"),
+            "--jump": (how.jump, "m"),
         },
         source.coordinate,
     )
@@ -94,7 +96,7 @@ def simulate(
     rig, notes = _rig(source.law, one_mass, k_p, k_v, velocities, given.unit("--velocity"))
     with told() as progress:
         shown = _length_shown(velocity or steps or "", given.coordinate)
-        run, lines = _run(rig, (times, velocities), length, at_rest, jumped, shown, progress)
+        run, lines = _run(rig, (times, velocities), length, how.at_rest, jumped, shown, progress)
         progress("drawing figures")
         from ..plot.cycle import DRAWERS
 

@@ -4,11 +4,11 @@ import contextlib
 import json
 import math
 import os
-import shlex
 import signal
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,6 +16,7 @@ from cyclopts import Parameter
 
 from ..errors import InputError
 from . import options
+from .call import current_call
 from .common import prepare_jax, told, warn
 from .folder import choose_folder, json_text
 
@@ -32,29 +33,38 @@ _SHOWN = 5
 _WARNING = "warning: "
 
 
+@options.FLAT
+@dataclass(frozen=True)
+class StudyOptions:
+    """How a study is computed, or that its store is drawn."""
+
+    function: str | None = None
+    """Your own function of the parameters, FILE.py:NAME, instead of compute."""
+    plot: str | None = None
+    """Draw maps and marginal curves of a store, finished or not."""
+    scheduler: str | None = None
+    """Address of a Dask scheduler whose workers compute: tcp://HOST:8786."""
+    scheduler_file: Annotated[Path | None, options.MORE] = None
+    """The file that a Dask scheduler wrote its address to."""
+    yes: Annotated[bool, options.MORE] = False
+    """Begin a very large study without asking."""
+    other_versions: Annotated[bool, options.MORE] = False
+    """Go on with a store that other versions of jaxfric or its packages began."""
+
+    def address(self) -> str | None:
+        """The address of the scheduler, where there is one."""
+        if self.scheduler_file is None:
+            return self.scheduler
+        if self.scheduler is not None:
+            raise InputError("--scheduler and --scheduler-file exclude each other; give one")
+        return _address(self.scheduler_file)
+
+
 def study(
     file: Annotated[Path | None, Parameter(help="The study: a TOML file.")] = None,
     /,
     *,
-    function: Annotated[
-        str | None,
-        Parameter(help="Your own function of the parameters, FILE.py:NAME, instead of compute."),
-    ] = None,
-    plot: Annotated[
-        str | None, Parameter(help="Draw maps and marginal curves of a store, finished or not.")
-    ] = None,
-    scheduler: Annotated[
-        str | None,
-        Parameter(help="Address of a Dask scheduler whose workers compute: tcp://HOST:8786."),
-    ] = None,
-    scheduler_file: Annotated[
-        Path | None, Parameter(help="The file that a Dask scheduler wrote its address to.")
-    ] = None,
-    yes: Annotated[bool, Parameter(help="Begin a very large study without asking.")] = False,
-    other_versions: Annotated[
-        bool,
-        Parameter(help="Go on with a store that other versions of jaxfric or its packages began."),
-    ] = False,
+    how: StudyOptions = StudyOptions(),
     output: options.OutputOptions = options.OutputOptions(),
 ) -> int:
     """Run a parameter study: margins, end states, gains, fits or loops over axes and samples.
@@ -63,51 +73,37 @@ def study(
     with the same command; chunks are checked by their checksums, and damaged ones computed again.
     """
     _require()
-    if plot is not None:
-        if file is not None or scheduler is not None or function is not None:
+    if how.plot is not None:
+        if file is not None or how.scheduler is not None or how.function is not None:
             raise InputError("--plot takes a store and no study; leave the study.toml out")
-        return _draw(plot, output)
+        return _draw(how.plot, output)
     if file is None:
         raise InputError("no study: give a TOML file, or a store to draw with --plot study.zarr")
     destination = output.out or f"{file.stem}.zarr"
-    command = ["jaxfric", "study", str(file)]
-    command += ["--out", output.out] if output.out else []
-    command += ["--scheduler", scheduler] if scheduler else []
-    command += ["--scheduler-file", str(scheduler_file)] if scheduler_file else []
-    command += ["--function", function] if function else []
-    if scheduler_file is not None:
-        if scheduler is not None:
-            raise InputError("--scheduler and --scheduler-file exclude each other; give one")
-        scheduler = _address(scheduler_file)
+    scheduler = how.address()
     _use_all_cores()
     prepare_jax(gpu=True)
     from ..members import run_study
 
     begun = time.monotonic()
-    with told() as progress:
+    with told() as progress, _ended_by_sigterm():
         teller = _Teller(progress.say)
-        before = signal.SIG_DFL
         try:
-            with contextlib.suppress(ValueError):  # not in the main thread
-                before = signal.signal(signal.SIGTERM, _terminated)
             found = run_study(
                 file,
                 destination,
-                function=function,
+                function=how.function,
                 scheduler=scheduler,
                 processes=_cores(),
-                ask=None if yes else _ask,
-                other_versions=other_versions,
+                ask=None if how.yes else _ask,
+                other_versions=how.other_versions,
                 progress=teller.progress,
                 tell=teller.note,
             )
         except KeyboardInterrupt as interrupt:
-            message = f"jaxfric: stopped: {teller.state}; to go on: {shlex.join(command)}"
+            message = f"jaxfric: stopped: {teller.state}; to go on: {current_call().command}"
             print(message, file=sys.stderr, flush=True)
             raise SystemExit(143 if isinstance(interrupt, _Terminated) else 130) from None
-        finally:
-            with contextlib.suppress(ValueError):
-                signal.signal(signal.SIGTERM, before)
     if output.json:
         print(json_text(_content(found, destination, teller.members)))
         return 0
@@ -123,6 +119,19 @@ class _Terminated(KeyboardInterrupt):
 
 def _terminated(*_: object) -> None:
     raise _Terminated
+
+
+@contextlib.contextmanager
+def _ended_by_sigterm() -> Generator[None]:
+    """Within the block SIGTERM raises `_Terminated`; in the main thread only."""
+    before = signal.SIG_DFL
+    with contextlib.suppress(ValueError):  # not in the main thread
+        before = signal.signal(signal.SIGTERM, _terminated)
+    try:
+        yield
+    finally:
+        with contextlib.suppress(ValueError):
+            signal.signal(signal.SIGTERM, before)
 
 
 def _address(file: Path) -> str:
