@@ -159,7 +159,7 @@ def test_a_margin_is_one_entry(add: Add, tmp_path: Path) -> None:
     assert kept.halvings.attrs["units"] == "1/s" and "slowest mode" in kept.halvings.long_name
     expected = [slowest_halving(k) for k in (1e3, 3e3)]
     np.testing.assert_allclose(kept.halvings, expected, rtol=1e-6)
-    code = "import own_margin; from jaxfric.cli.app import _run; _run(['gains', '--help'])"
+    code = "import own_margin; from jaxfric.cli.app import _run; _run(['gains', '--help-all'])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert "halvings (1/s)" in " ".join(done.stdout.replace("│", " ").split())
 

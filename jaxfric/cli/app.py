@@ -113,7 +113,7 @@ def _run(arguments: list[str]) -> int:
             warn(remarks, "note")
             verb, bound, _ = app.parse_args(arguments, exit_on_error=False, print_error=False)
             name = next(iter(arguments), "")
-            if verb == app.help_print and name in _NAMES and ALL not in arguments:
+            if name in _NAMES and ALL not in arguments and verb == app.help_print:
                 print_first(name, app[name])
                 return 0
             silent = getattr(bound.arguments.get("output"), "quiet", False)
