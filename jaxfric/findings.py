@@ -26,6 +26,41 @@ class Severity(StrEnum):
     """Because of it nothing is claimed."""
 
 
+class Doubt(StrEnum):
+    """Codes of warnings that code asks for; their words may be any."""
+
+    MISFIT = "misfit"
+    """A fit leaves far more than the scatter of neighbouring rows."""
+    DRIFT = "drift_before_the_step"
+    """Friction drifts before a velocity step as the model does not."""
+    WANDERS = "residual_wanders"
+    """The residual wanders over the whole record."""
+    CONTRADICTED = "steps_contradict_the_motion"
+    """The velocity that is stated for a step is not that of the recorded load point."""
+    FLATTENED = "means_flatten_the_peaks"
+    """Means over rows flatten the peaks; values: rows, times the noise."""
+
+
+class Warned(str):
+    """A warning in words, with its code, and with values where several are told in one."""
+
+    code: Doubt | None
+    values: tuple[float, ...]
+
+    def __new__(
+        cls, text: str, code: Doubt | None = None, values: tuple[float, ...] = ()
+    ) -> "Warned":
+        """The text with a code; None: one that is not asked for."""
+        made = super().__new__(cls, text)
+        made.code, made.values = code, values
+        return made
+
+
+def is_of(warning: str, code: Doubt) -> bool:
+    """Whether a warning has a code."""
+    return isinstance(warning, Warned) and warning.code is code
+
+
 @dataclass(frozen=True, eq=False)
 class Finding:
     """One statement of a result. Values are in SI."""

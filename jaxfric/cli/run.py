@@ -103,9 +103,9 @@ def run(
     steps = [f"next: {asked}: {run_line(current_call())}".removesuffix(": ")] if asked else []
     show(told_of, "", content, output, next_steps=steps)
     sys.stdout.flush()  # figures of many steps take minutes: who stops them has the numbers
-    warnings = [*_warnings(result, how), *warnings_of(holds), *others.warnings]
-    heads = {_head(line) for line in early}
-    warn(line for line in warnings if _head(line) not in heads)
+    rest = [*warnings_of(holds), *others.warnings]
+    warnings = [*_warnings(result, how), *rest]
+    warn([*_warnings(result, how, told=bool(early)), *rest])
     with told() as progress:
         progress("drawing figures")
         _draw_events(record, found, folder)
@@ -114,14 +114,6 @@ def run(
     if not output.json:
         print(folder.written)
     return folder.close()
-
-
-def _head(warning: str) -> str:
-    """The begin of a warning that a step contradicts the record, which numbers tell from another;
-    all of another warning."""
-    from ..fitting.assemble import OTHERWISE
-
-    return warning.partition(OTHERWISE)[0]
 
 
 def _fitted(
@@ -288,11 +280,12 @@ def _content(result: "RunFit", holds: "Sequence[Hold]") -> dict[str, object]:
     }
 
 
-def _warnings(result: "RunFit", how: "HowFitted") -> list[str]:
-    """What the fits warn of, with the numbers of the steps of each warning."""
-    from ..fitting.drift import is_of_drift
-    from ..fitting.misfit import is_of_misfit, misfit_warning_of
-    from ..records.thin import blur_warning_of, is_of_blur
+def _warnings(result: "RunFit", how: "HowFitted", *, told: bool = False) -> list[str]:
+    """What the fits warn of, with the numbers of the steps of each warning, but for steps that
+    contradict the record where that was `told`."""
+    from ..findings import Doubt, is_of
+    from ..fitting.misfit import misfit_warning_of
+    from ..records.thin import blur_warning_of
     from ..runs.fits import by_step
     from ..runs.warned import drift_warning_of, missed_warning, missed_warning_of
 
@@ -301,15 +294,16 @@ def _warnings(result: "RunFit", how: "HowFitted") -> list[str]:
     said = [(n, text) for text in missed_warning_of([fit for _, fit in missed]) for n, _ in missed]
     said += [(step.number, step.failed) for step in result.steps if step.fit is None]
     in_one = (
-        (is_of_drift, drift_warning_of),
-        (is_of_misfit, misfit_warning_of),
-        (is_of_blur, lambda some: blur_warning_of([w for fit in some for w in fit.warnings])),
+        (Doubt.DRIFT, drift_warning_of),
+        (Doubt.MISFIT, misfit_warning_of),
+        (Doubt.FLATTENED, lambda some: blur_warning_of([w for f in some for w in f.warnings])),
     )
-    for is_of, warning_of in in_one:
-        some = [(n, fit) for n, fit in fits if any(map(is_of, fit.warnings))]
+    for code, warning_of in in_one:
+        some = [(n, fit) for n, fit in fits if any(is_of(w, code) for w in fit.warnings)]
         said += [(n, text) for text in warning_of([fit for _, fit in some]) for n, _ in some]
     rest = [(n, text) for n, fit in fits for text in fit.warnings]
-    said += [(n, text) for n, text in rest if not any(is_of(text) for is_of, _ in in_one)]
+    known = [code for code, _ in in_one] + [Doubt.CONTRADICTED] * told
+    said += [(n, text) for n, text in rest if not any(is_of(text, code) for code in known)]
     told_of = [s.event for s in result.steps] or [e for e in result.events if e.kind == "hold"]
     stresses = [event.normal_stress for event in told_of if event.normal_stress is not None]
     friction = result.record.friction_unit == "1"

@@ -7,6 +7,7 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..findings import Doubt, Warned
 from ..records import Record, VelocitySteps
 from ..units import format_si, read_as
 from .drift import drift_warning
@@ -33,8 +34,6 @@ from .uncertainty import (
 NEAR_EDGE = 2.0
 """K/K_cr below which steps of a usual size may leave the basin of steady sliding."""
 _OTHER, _ROWS = 1.5, 20
-_WANDERS = "the residual wanders"
-OTHERWISE = ", but the load point moves at"
 """Of a warning that steps contradict their record: what stands between what they say and it."""
 
 
@@ -206,16 +205,12 @@ def contradicted(record: Record, steps: VelocitySteps) -> list[str]:
         found = own @ motion[rows] / (own @ own)
         if stated and not 1 / _OTHER < found / stated < _OTHER:
             said, seen = (read_as(format_si(v, "m/s", "um/s")) for v in (stated, found))
-            return [
-                f"from {steps.times[k]:.4g} s on the steps say {said}{OTHERWISE} {seen}: are they"
-                " those of this record?"
-            ]
+            text = (
+                f"from {steps.times[k]:.4g} s on the steps say {said}, but the load point moves at"
+                f" {seen}: are they those of this record?"
+            )
+            return [Warned(text, Doubt.CONTRADICTED)]
     return []
-
-
-def is_of_wander(warning: str) -> bool:
-    """Whether a warning of a fit is that its residual wanders."""
-    return warning.startswith(_WANDERS)
 
 
 def _warn(fit: Fit, moved: list[tuple[int, float]], *, wanders: bool) -> Fit:
@@ -232,10 +227,11 @@ def _warn(fit: Fit, moved: list[tuple[int, float]], *, wanders: bool) -> Fit:
         )
     if wanders:
         drift = "" if fit.model.slip_trend else " a drift (--slip-trend),"
-        said.append(
-            f"{_WANDERS} over the whole record: the errors count that as noise, but it may"
+        text = (
+            "the residual wanders over the whole record: the errors count that as noise, but it may"
             f" be{drift} a wrong step, or an effect that the model lacks (jaxfric loop)"
         )
+        said.append(Warned(text, Doubt.WANDERS))
     for k, sigmas in moved:
         said.append(
             f"velocity step {k} fits best {abs(sigmas):.1f} standard errors "

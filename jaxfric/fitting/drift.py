@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..findings import Doubt, Warned
 from ..units import read_as
 from .result import Fit
 
@@ -89,19 +90,13 @@ def drift_warning(fit: Fit) -> tuple[str, ...]:
     error = f"± {1e-3 * found.error:.1g}{unit} per mm"
     if fit.model.slip_trend:
         own = fit.parameters["slip_trend"].value
-        return (
-            f"{_BEFORE} {1e-3 * (own + found.slope):+.2g} {error}, not by the {1e-3 * own:+.2g} of"
-            " the fitted slip trend: that took up something else, and A-B with it",
+        text = (
+            f"{1e-3 * (own + found.slope):+.2g} {error}, not by the {1e-3 * own:+.2g} of the fitted"
+            " slip trend: that took up something else, and A-B with it"
         )
-    return (
-        f"{_BEFORE} {1e-3 * found.slope:+.2g} {error}, where the model is steady; if it goes on,"
-        f" A-B is off by up to {found.shift:.2g} (--slip-trend)",
-    )
-
-
-_BEFORE = "before the velocity step friction changes by"
-
-
-def is_of_drift(warning: str) -> bool:
-    """Whether a warning of a fit is that of `drift_warning`."""
-    return warning.startswith(_BEFORE)
+    else:
+        text = (
+            f"{1e-3 * found.slope:+.2g} {error}, where the model is steady; if it goes on, A-B is"
+            f" off by up to {found.shift:.2g} (--slip-trend)"
+        )
+    return (Warned(f"before the velocity step friction changes by {text}", Doubt.DRIFT),)

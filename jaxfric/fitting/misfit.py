@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from ..findings import Doubt, Warned, is_of
 from ..records.differences import noise_from_differences
 from .result import Fit
 
@@ -13,7 +14,6 @@ COLUMN = (
     " noise, and above 1 also where noise is correlated"
 )
 """What a column of that name is, for a note."""
-_LEAVES = "the fit leaves "
 
 
 def excess(fit: Fit) -> float:
@@ -34,24 +34,20 @@ def misfit_warning(fit: Fit) -> tuple[str, ...]:
 
 def misfit_warning_of(fits: Sequence[Fit]) -> tuple[str, ...]:
     """The warning of all `fits` of one kind of model that have one, in one sentence."""
-    left = [fit for fit in fits if any(map(is_of_misfit, fit.warnings))]
+    left = [fit for fit in fits if any(is_of(text, Doubt.MISFIT) for text in fit.warnings)]
     return (_warning(left),) if left else ()
 
 
-def _warning(fits: Sequence[Fit]) -> str:
+def _warning(fits: Sequence[Fit]) -> Warned:
     """The sentence; a drift that the model lacks may also be taken for a long evolution, so that
     what is left does not look like one."""
     times = [f"{x:.2g}" for x in sorted(map(excess, fits))]
     model = fits[0].model
     drift = "" if model.slip_trend else " friction drifts with slip (--slip-trend),"
     other = "" if model.fit_stiffness else " the stiffness is another (--fit-stiffness),"
-    return (
-        f"{_LEAVES}{' to '.join(dict.fromkeys((times[0], times[-1])))} times the scatter of"
+    return Warned(
+        f"the fit leaves {' to '.join(dict.fromkeys((times[0], times[-1])))} times the scatter of"
         f" neighbouring rows: the model lacks an effect,{drift}{other} or the noise is correlated"
-        " over many rows; jaxfric loop asks which"
+        " over many rows; jaxfric loop asks which",
+        Doubt.MISFIT,
     )
-
-
-def is_of_misfit(warning: str) -> bool:
-    """Whether a warning of a fit is that of `misfit_warning`."""
-    return warning.startswith(_LEAVES)

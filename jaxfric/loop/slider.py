@@ -10,10 +10,10 @@ from jaxtyping import Array
 
 from ..effects import AbstractEffect, RecordScales
 from ..errors import InputError
+from ..findings import Doubt, is_of
 from ..fitting import Fit
-from ..fitting.assemble import NEAR_EDGE, is_of_wander
+from ..fitting.assemble import NEAR_EDGE
 from ..fitting.encompassing import EncompassingModel
-from ..fitting.misfit import is_of_misfit
 from ..fitting.noise import noise_words
 from ..fitting.padding import filled
 from ..fitting.problem import FAILED_MISFIT, Channel, Model, Problem
@@ -260,7 +260,7 @@ def repeated(warnings: Sequence[str]) -> list[str]:
     return [
         text.replace("--slip-trend", "--include slip_trend")
         for text in warnings
-        if not is_of_misfit(text) and not is_of_wander(text)
+        if not is_of(text, Doubt.MISFIT) and not is_of(text, Doubt.WANDERS)
     ]
 
 

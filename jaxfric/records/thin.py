@@ -9,7 +9,6 @@ mean loses is curvature: a peak is flattened by a 24th of its second difference,
 that compares with the noise that is left.
 """
 
-import re
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -17,6 +16,7 @@ from itertools import pairwise
 import numpy as np
 
 from ..errors import InputError
+from ..findings import Doubt, Warned
 from .record import Record, frozen
 from .rows import MIN_ROWS
 from .steps import VelocitySteps
@@ -26,7 +26,6 @@ _FLATTENED = (
     "means over {} rows flatten the peaks after the steps by {} times the noise that is left: A"
     " comes out too small; ask for more --downsample-to"
 )
-_WARNING = re.compile(re.escape(_FLATTENED).replace(r"\{\}", r"([\d.e+-]+)"))
 
 
 def refuse_few_means(rows: int) -> None:
@@ -70,19 +69,18 @@ def blur(record: Record, noise: float) -> float:
     return float(np.quantile(second, 1 - 3 / max(len(second), 6))) / 24 / noise
 
 
-def blur_warning(rows: int, lost: float) -> str:
+def blur_warning(rows: int, lost: float) -> Warned:
     """What means over `rows` rows cost that flatten the peaks by `lost` times the noise."""
-    return _FLATTENED.format(rows, f"{lost:.2g}")
+    return Warned(_FLATTENED.format(rows, f"{lost:.2g}"), Doubt.FLATTENED, (rows, lost))
 
 
 def blur_warning_of(warnings: Sequence[str]) -> tuple[str, ...]:
     """Those of `warnings` that are of `blur_warning`, in one sentence; of none nothing."""
-    found = [match.groups() for text in warnings if (match := _WARNING.fullmatch(text))]
-    spans = (sorted(set(values), key=float) for values in zip(*found, strict=True))
-    said = [" to ".join(dict.fromkeys((x[0], x[-1]))) for x in spans]
-    return (_FLATTENED.format(*said),) if said else ()
-
-
-def is_of_blur(warning: str) -> bool:
-    """Whether a warning is that of `blur_warning`."""
-    return bool(blur_warning_of([warning]))
+    found = [w.values for w in warnings if isinstance(w, Warned) and w.code is Doubt.FLATTENED]
+    if not found:
+        return ()
+    said = []
+    for values, form in zip(zip(*found, strict=True), (".0f", ".2g"), strict=True):
+        ends = (format(end, form) for end in (min(values), max(values)))
+        said.append(" to ".join(dict.fromkeys(ends)))
+    return (Warned(_FLATTENED.format(*said), Doubt.FLATTENED),)

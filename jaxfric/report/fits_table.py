@@ -8,9 +8,9 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import PurePath
 from typing import NamedTuple
 
+from ..findings import Doubt, is_of
 from ..fitting import Fit
-from ..fitting.drift import is_of_drift
-from ..fitting.misfit import COLUMN, EXCESS, excess, is_of_misfit
+from ..fitting.misfit import COLUMN, EXCESS, excess
 from ..runs.table import BRACKETS, Cell, csv_text, difference, fit_cells
 from ..units import measured
 from .tables import TextTable
@@ -219,8 +219,8 @@ def _mark(one: TabledFit) -> str:
     noise, or friction drifts as it does not."""
     if one.fit is None:
         return ""
-    told = zip(_MARKS, (is_of_misfit, is_of_drift), strict=True)
-    marks = [mark for mark, is_of in told if any(map(is_of, one.fit.warnings))]
+    told = zip(_MARKS, (Doubt.MISFIT, Doubt.DRIFT), strict=True)
+    marks = [m for m, code in told if any(is_of(text, code) for text in one.fit.warnings)]
     return "$^{" + ",".join(marks) + "}$" if marks else ""
 
 
