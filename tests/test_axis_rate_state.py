@@ -418,7 +418,8 @@ def test_the_verbs_take_the_loop_of_an_axis(tmp_path, monkeypatch):
     Path("loop.json").write_text(json.dumps(axis_loop("rate_and_state")))
     critical = float(closed_form(2e-3)[1])
     law = ("--from", "loop.json", "--velocity", "2 mm/s")
-    code, out, err = run("stability", *law, "--kp", f"{1.5 * critical} N/m", "--out", "s")
+    stiffness = f"{1.5 * critical} N/m"
+    code, out, err = run("stability", *law, "--kp", stiffness, "--out", "s", "--details")
     assert code == 0 and err == "" and "STABLE" in out and "60 kg" in out
     known = json.loads(Path("s/stability.json").read_text())
     assert known["theorem"]["critical_stiffness"] == pytest.approx(critical, rel=1e-9)

@@ -463,7 +463,7 @@ def test_the_figure_has_no_band_where_the_map_is_a_guess(tmp_path):
         speeds = [unit * abs(x) for path in band.get_paths() for x in path.vertices[:, 0]]
         assert all(SLOWEST * 0.999 < x < FASTEST * 1.001 for x in speeds)
         assert bool(speeds) == (largest > SLOWEST)
-        assert "feedforward, a guess" in axis.get_legend_handles_labels()[1]
+        assert "feedforward, extrapolated" in axis.get_legend_handles_labels()[1]
 
 
 @pytest.mark.parametrize(("part", "words"), [(0.01, "where the record"), (1e-4, "hidden by")])

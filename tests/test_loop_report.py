@@ -29,6 +29,7 @@ from rich.console import Console
 from jaxfric.cli import options
 from jaxfric.cli.app import app
 from jaxfric.cli.looped import tell_loop
+from jaxfric.cli.options import OutputOptions
 from jaxfric.effects import AXIS_CATALOGUE, CATALOGUE
 from jaxfric.findings import Finding, Severity
 from jaxfric.fitting import Estimate, Fit, NoiseEstimate, NoisePart
@@ -946,7 +947,7 @@ def test_numbers_are_those_of_the_loop() -> None:
         assert re.search(rf"^{name}: .*{before:.3f} +{after:.3f}$", text, re.M)
     assert re.search(r"^L +.*18\.30 +17\.20 ± 0\.40 +16\.42 to 17\.99 +−2\.7 +µm *$", text, re.M)
     assert re.search(r"^second_state.L2 .* 61\.0 ± 4\.0 +53\.2 to 68\.8 +µm *$", text, re.M)
-    assert re.search(r"^second_state +\+1480\.0 ", text, re.M)
+    assert re.search(r"^second_state +−1480\.0 ", text, re.M)
     assert re.search(r"servo_lag \w+ sensor_lag \(0\.998\)", text)
 
 
@@ -1217,7 +1218,9 @@ def test_a_verdict_that_is_withheld_is_no_result_to_rely_on(severity, code, caps
     loop = make_loop("ambiguous")
     why = Finding(LoopCode.EDGE, severity, {"ratio": 1.02}, loop.blocks.train)
     folder: Any = SimpleNamespace(close=lambda: 0)
-    assert tell_loop(dataclasses.replace(loop, findings=(why,)), "{}", folder) == code
+    assert (
+        tell_loop(dataclasses.replace(loop, findings=(why,)), "{}", folder, OutputOptions()) == code
+    )
 
 
 def test_an_effect_is_told_from_all_others_only_where_noise_is_left() -> None:

@@ -22,6 +22,8 @@ USERS = re.compile(
     r"mine\.csv|other\.csv|long\.csv|DATA_EMPS\.mat|driveNo1|study\.toml|\.zarr|loop\.json|mine-fit"
 )
 """Files that a user brings, or that a command of minutes writes."""
+SCREEN = 20
+"""Lines that a command prints, unless it is asked for details."""
 
 
 @pytest.fixture(scope="module")
@@ -120,10 +122,12 @@ def shown_of(line: str) -> list[str]:
 
 
 def runs(line: str, folder: Path, monkeypatch) -> None:
-    """The command ends with a result, which begins as README shows it."""
+    """The command ends with a result of one screen, which begins as README shows it."""
     monkeypatch.chdir(folder)
     outcome = run(*shlex.split(line, comments=True)[1:])
     assert outcome.code == 0, outcome.err
+    if "--json" not in line and "--details" not in line:
+        assert len(outcome.out.splitlines()) <= SCREEN, outcome.out
     for shown, said in zip(shown_of(line), outcome.out.splitlines(), strict=False):
         assert said.startswith(shown), said
 

@@ -227,7 +227,7 @@ def test_the_command_writes_and_tells_the_noise(tmp_path):
         text = "\n".join(["time [s],velocity [rad/s],motor_force [N m]", *rows])
         (folder / f"{v}.csv").write_text(text + "\n", encoding="utf-8")
     out = tmp_path / "out"
-    code, told, err = run("axis", folder, "--out", out)
+    code, told, err = run("axis", folder, "--out", out, "--details")
     assert code == 0, err
     written = {path.name for path in out.iterdir() if not path.name.startswith(".")}
     assert written == {
@@ -237,6 +237,6 @@ def test_the_command_writes_and_tells_the_noise(tmp_path):
     assert noise["parts"][0]["over"] == "angle"
     assert noise["parts"][0]["memory"] == pytest.approx(0.25, rel=0.25)
     plain = " ".join(told.split())
-    assert "Noise of the runs: " in plain and "turns" in plain
+    assert "noise of the runs: " in plain and "turns" in plain
     for line in noise["text"][1:]:
         assert f"- {line}" in plain
