@@ -83,16 +83,15 @@ def _slider(
 def _axis(measured: "AxisRecord", file: Path, output: options.OutputOptions) -> int:
     from ..plot.axis_record import draw_axis_record
     from ..records.strokes import find_strokes
-    from ..report.axis_record_text import describe_axis
+    from ..report.axis_record_text import report_axis
     from ..report.record_json import axis_content
-    from ..report.report import Report
 
     strokes = find_strokes(measured)
     folder = choose_folder(output.folder, file.stem, file)
     return _show(
         folder,
         lambda to: draw_axis_record(measured, strokes, to / "record.png"),
-        Report(describe_axis(measured, strokes)),
+        report_axis(measured, strokes)._replace(warnings=()),
         axis_content(measured, strokes),
         output,
     )
@@ -100,12 +99,11 @@ def _axis(measured: "AxisRecord", file: Path, output: options.OutputOptions) -> 
 
 def _steady(curve: "SteadyCurve", file: Path, output: options.OutputOptions) -> int:
     from ..plot.axis_record import draw_curve
-    from ..report.axis_record_text import describe_steady
+    from ..report.axis_record_text import report_steady
     from ..report.record_json import steady_content
-    from ..report.report import Report
 
     folder = choose_folder(output.folder, file.resolve().name, file)
-    told_of, content = Report(describe_steady(curve)), steady_content(curve)
+    told_of, content = report_steady(curve), steady_content(curve)
     return _show(folder, lambda to: draw_curve(curve, to / "record.png"), told_of, content, output)
 
 

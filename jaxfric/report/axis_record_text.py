@@ -7,12 +7,13 @@ from ..records.axis_units import shown_units
 from ..records.record import Provenance
 from ..records.strokes import Strokes, encoder_step
 from ..units import factor
+from .report import Report
+from .tables import TextTable
 
-_MOST_STROKES = 40
 
-
-def describe_axis(record: AxisRecord, strokes: Strokes) -> list[str]:
-    """Columns with unit and range, rows dropped, sampling, encoder, controller and strokes."""
+def report_axis(record: AxisRecord, strokes: Strokes) -> Report:
+    """Columns with unit and range, rows dropped, sampling, encoder, controller, and a table of the
+    strokes."""
     units = shown_units(record.coordinate, record.force_unit)
     lines = _rows(record.provenance, len(record))
     lines.append(f"sampling: {record.sampling()}")
@@ -25,24 +26,24 @@ def describe_axis(record: AxisRecord, strokes: Strokes) -> list[str]:
     if record.drive is not None:
         lines.append(f"controller: {_controller(record)}")
     lines += [f"note: {note}" for note in record.provenance.notes]
-    return lines + _strokes(strokes, units)
+    table = _strokes(strokes, units)
+    return Report([*lines, _turns(strokes)], [table], warnings=record.provenance.doubts)
 
 
-def describe_steady(curve: SteadyCurve) -> list[str]:
-    """The runs of a curve: speed, force and its error, and what was left out."""
+def report_steady(curve: SteadyCurve) -> Report:
+    """The runs of a curve in a table: speed, force and its error; and what was left out."""
     rotary = curve.coordinate == "rotary"
     unit, size = ("rpm", np.pi / 30) if rotary else ("mm/s", 1e-3)
     lines = _rows(curve.provenance, int(curve.samples.sum()))
-    lines.append(f"steady runs: {len(curve)}")
-    width = max(len(name) for name in curve.names)
-    for name, speed, force, error, count in zip(
-        curve.names, curve.speed, curve.force, curve.error, curve.samples, strict=True
-    ):
-        lines.append(
-            f"  {name:<{width}}  {speed / size:10.4g} {unit}  {force:10.4g} \u00b1 {error:.2g}"
-            f" {curve.force_unit}  ({count} rows)"
-        )
-    return lines + [f"note: {note}" for note in curve.provenance.notes]
+    columns = zip(curve.names, curve.speed, curve.force, curve.error, curve.samples, strict=True)
+    rows = [
+        (name, f"{speed / size:.4g}", f"{force:.4g}", f"{error:.2g}", str(count))
+        for name, speed, force, error, count in columns
+    ]
+    heads = ("run", f"speed [{unit}]", f"force [{curve.force_unit}]", "±", "rows")
+    notes = [f"note: {note}" for note in curve.provenance.notes]
+    table = TextTable("", heads, rows)
+    return Report([*lines, f"steady runs: {len(curve)}", *notes], [table])
 
 
 def _rows(origin: Provenance, used: int) -> list[str]:
@@ -87,24 +88,28 @@ def _controller(record: AxisRecord) -> str:
     return (", ".join(parts) or "gains in part") + missing
 
 
-def _strokes(strokes: Strokes, units: dict[str, str]) -> list[str]:
+def _turns(strokes: Strokes) -> str:
+    """How many strokes there are, by direction."""
+    forward = int((strokes.travel > 0).sum())
+    text = f"strokes: {len(strokes)}, {forward} forwards and {len(strokes) - forward} backwards"
+    if len(strokes) and forward in (0, len(strokes)):
+        text += "; in one direction only: Coulomb friction cannot be told from an offset"
+    return text
+
+
+def _strokes(strokes: Strokes, units: dict[str, str]) -> TextTable:
+    """A row for every stroke: when, how far, and how fast."""
     position, velocity = units["position"], units["velocity"]
     size, per_second = _size(position), _size(velocity)
-    forward = int((strokes.travel > 0).sum())
-    lines = [f"strokes: {len(strokes)}, {forward} forwards and {len(strokes) - forward} backwards"]
-    if forward in (0, len(strokes)):
-        lines[0] += (
-            "; in one direction only: Coulomb friction cannot be told from an offset"
-            if len(strokes)
-            else ""
+    rows = [
+        (
+            f"{strokes.start[k]:.5g}",
+            f"{strokes.stop[k]:.5g}",
+            f"{strokes.travel[k] / size:+.4g}",
+            f"{abs(strokes.speed[k]) / per_second:.4g}",
+            f"{strokes.fastest[k] / per_second:.4g}",
         )
-    for k in range(min(len(strokes), _MOST_STROKES)):
-        lines.append(
-            f"  {strokes.start[k]:.5g} to {strokes.stop[k]:.5g} s:"
-            f" {strokes.travel[k] / size:+.4g} {position} at"
-            f" {abs(strokes.speed[k]) / per_second:.4g} {velocity}, up to"
-            f" {strokes.fastest[k] / per_second:.4g}"
-        )
-    if len(strokes) > _MOST_STROKES:
-        lines.append(f"  and {len(strokes) - _MOST_STROKES} more")
-    return lines
+        for k in range(len(strokes))
+    ]
+    heads = ("from [s]", "to [s]", f"travel [{position}]", f"speed [{velocity}]", "fastest")
+    return TextTable("", heads, rows)

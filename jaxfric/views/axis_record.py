@@ -4,7 +4,7 @@ from ..plot.label import printable
 from ..records import AxisRecord
 from ..records.axis_units import si_units
 from ..records.strokes import find_strokes
-from ..report.axis_record_text import describe_axis
+from ..report.axis_record_text import report_axis
 from ..report.report import Report
 from .record import over_time, rows_of
 from .view import Arrays, Frame, View
@@ -20,7 +20,7 @@ def line(record: AxisRecord) -> str:
 
 def report(record: AxisRecord) -> Report:
     """Columns, sampling and strokes, as `jaxfric inspect` prints them."""
-    return Report(describe_axis(record, find_strokes(record)), warnings=record.provenance.doubts)
+    return report_axis(record, find_strokes(record))
 
 
 def frame(record: AxisRecord) -> Frame:
