@@ -26,7 +26,7 @@ class Severity(StrEnum):
     """Because of it nothing is claimed."""
 
 
-class Doubt(StrEnum):
+class WarningCode(StrEnum):
     """Codes of warnings that code asks for; their words may be any."""
 
     MISFIT = "misfit"
@@ -44,11 +44,11 @@ class Doubt(StrEnum):
 class Warned(str):
     """A warning in words, with its code, and with values where several are told in one."""
 
-    code: Doubt | None
+    code: WarningCode | None
     values: tuple[float, ...]
 
     def __new__(
-        cls, text: str, code: Doubt | None = None, values: tuple[float, ...] = ()
+        cls, text: str, code: WarningCode | None = None, values: tuple[float, ...] = ()
     ) -> "Warned":
         """The text with a code; None: one that is not asked for."""
         made = super().__new__(cls, text)
@@ -56,7 +56,7 @@ class Warned(str):
         return made
 
 
-def is_of(warning: str, code: Doubt) -> bool:
+def is_of(warning: str, code: WarningCode) -> bool:
     """Whether a warning has a code."""
     return isinstance(warning, Warned) and warning.code is code
 

@@ -30,7 +30,7 @@ from jaxfric.cli.call import Call
 from jaxfric.cli.fit import _complain_and_keep, _not_converged
 from jaxfric.cli.folder import NOTES, Folder
 from jaxfric.cli.told import doing, told
-from jaxfric.findings import Doubt, is_of
+from jaxfric.findings import WarningCode, is_of
 from jaxfric.fitting.misfit import misfit_warning
 
 NUMBERS = ["fit.json", "table.csv", "table.tex"]
@@ -350,7 +350,7 @@ def test_a_gross_misfit_points_to_the_loop() -> None:
         assert misfit_warning(SimpleNamespace(rms=1.5, **of)) == ()
         (text,) = misfit_warning(SimpleNamespace(rms=7.0, **of))
         assert text.startswith("the fit leaves 7") and "jaxfric loop" in text
-        assert is_of(text, Doubt.MISFIT) and ("--fit-stiffness" in text) != fitted
+        assert is_of(text, WarningCode.MISFIT) and ("--fit-stiffness" in text) != fitted
         assert ("--slip-trend" in text) != fitted
 
 

@@ -13,7 +13,7 @@ from test_derived import VALUES, covariance_of, fit_of
 
 import jaxfric as jf
 from jaxfric import VelocitySteps, from_arrays
-from jaxfric.findings import Doubt, Warned
+from jaxfric.findings import Warned, WarningCode
 from jaxfric.fitting.drift import drift_before, drift_warning
 from jaxfric.fitting.misfit import misfit_warning, scatter
 from jaxfric.loop.slider import repeated
@@ -149,7 +149,7 @@ def test_a_loop_repeats_what_a_fit_warns_of_with_its_own_option():
     drift = drift_warning(drifting(0.02, 0.02 * alike(np.random.default_rng(2), 0), share=0.02))
     fit = drifting(0.0, alike(np.random.default_rng(2), 0))
     asked = [*misfit_warning(replace(fit, rms=5 * scatter(fit)))]
-    asked += [Warned("the residual wanders; it may be a drift (--slip-trend)", Doubt.WANDERS)]
+    asked += [Warned("the residual wanders; it may be a drift (--slip-trend)", WarningCode.WANDERS)]
     (line,) = repeated([*drift, *asked])
     assert line == drift[0].removesuffix("(--slip-trend)") + "(--include slip_trend)" != drift[0]
     assert len(asked) == 2

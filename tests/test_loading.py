@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 import jaxfric
 from jaxfric import InputError, VelocitySteps
-from jaxfric.findings import Doubt, is_of
+from jaxfric.findings import WarningCode, is_of
 from jaxfric.fitting.fit import forward_steps, steps_of
 from jaxfric.fitting.loading import Loading, doubts, refuse_contradicted, steepest_loading
 
@@ -144,8 +144,8 @@ def test_a_fit_with_a_stiffness_too_large_is_warned_of_in_its_file_too(record, t
     told = jaxfric.fit(record, stiffness="5e-2/um").to_json()["warnings"]
     (line,) = (x for x in told if "as on a spring" in x)
     assert "0.0036/µm, not of 0.05/µm: after the step at 40" in line
-    assert sum(is_of(text, Doubt.MISFIT) for text in told) == 1
-    assert not any(is_of(text, Doubt.MISFIT) for text in true.warnings)
+    assert sum(is_of(text, WarningCode.MISFIT) for text in told) == 1
+    assert not any(is_of(text, WarningCode.MISFIT) for text in true.warnings)
 
 
 def test_a_fit_with_a_stiffness_too_small_is_warned_of(record, true):

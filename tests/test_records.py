@@ -9,7 +9,7 @@ import pytest
 from public_data import public_path, public_record
 
 from jaxfric.errors import InputError
-from jaxfric.findings import Doubt, is_of
+from jaxfric.findings import WarningCode, is_of
 from jaxfric.records import VelocitySteps, from_arrays, read, read_table
 from jaxfric.records.roles import SLIDER
 from jaxfric.records.thin import blur, blur_warning, blur_warning_of, thinned
@@ -539,7 +539,7 @@ def test_what_means_cost_in_many_steps_is_told_once() -> None:
     assert "means over 2 to 3 rows" in said and "by 0.53 to 12 times" in said
     assert blur_warning_of(some[:1]) == (some[0],) and "over 2 rows" in some[0]
     assert not blur_warning_of(["near the edge"]) and not blur_warning_of([])
-    assert [is_of(text, Doubt.FLATTENED) for text in some] == [True, True, False, True]
+    assert [is_of(text, WarningCode.FLATTENED) for text in some] == [True, True, False, True]
 
 
 @pytest.mark.parametrize(("more", "doubts"), [(19, 0), (20, 1)])

@@ -283,7 +283,7 @@ def _content(result: "RunFit", holds: "Sequence[Hold]") -> dict[str, object]:
 def _warnings(result: "RunFit", how: "HowFitted", *, told: bool = False) -> list[str]:
     """What the fits warn of, with the numbers of the steps of each warning, but for steps that
     contradict the record where that was `told`."""
-    from ..findings import Doubt, is_of
+    from ..findings import WarningCode, is_of
     from ..fitting.misfit import misfit_warning_of
     from ..records.thin import blur_warning_of
     from ..runs.fits import by_step
@@ -294,15 +294,18 @@ def _warnings(result: "RunFit", how: "HowFitted", *, told: bool = False) -> list
     said = [(n, text) for text in missed_warning_of([fit for _, fit in missed]) for n, _ in missed]
     said += [(step.number, step.failed) for step in result.steps if step.fit is None]
     in_one = (
-        (Doubt.DRIFT, drift_warning_of),
-        (Doubt.MISFIT, misfit_warning_of),
-        (Doubt.FLATTENED, lambda some: blur_warning_of([w for f in some for w in f.warnings])),
+        (WarningCode.DRIFT, drift_warning_of),
+        (WarningCode.MISFIT, misfit_warning_of),
+        (
+            WarningCode.FLATTENED,
+            lambda some: blur_warning_of([w for f in some for w in f.warnings]),
+        ),
     )
     for code, warning_of in in_one:
         some = [(n, fit) for n, fit in fits if any(is_of(w, code) for w in fit.warnings)]
         said += [(n, text) for text in warning_of([fit for _, fit in some]) for n, _ in some]
     rest = [(n, text) for n, fit in fits for text in fit.warnings]
-    known = [code for code, _ in in_one] + [Doubt.CONTRADICTED] * told
+    known = [code for code, _ in in_one] + [WarningCode.CONTRADICTED] * told
     said += [(n, text) for n, text in rest if not any(is_of(text, code) for code in known)]
     told_of = [s.event for s in result.steps] or [e for e in result.events if e.kind == "hold"]
     stresses = [event.normal_stress for event in told_of if event.normal_stress is not None]

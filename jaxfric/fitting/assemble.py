@@ -7,7 +7,7 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..findings import Doubt, Warned
+from ..findings import Warned, WarningCode
 from ..records import Record, VelocitySteps
 from ..units import format_si, read_as
 from .drift import drift_warning
@@ -209,7 +209,7 @@ def contradicted(record: Record, steps: VelocitySteps) -> list[str]:
                 f"from {steps.times[k]:.4g} s on the steps say {said}, but the load point moves at"
                 f" {seen}: are they those of this record?"
             )
-            return [Warned(text, Doubt.CONTRADICTED)]
+            return [Warned(text, WarningCode.CONTRADICTED)]
     return []
 
 
@@ -231,7 +231,7 @@ def _warn(fit: Fit, moved: list[tuple[int, float]], *, wanders: bool) -> Fit:
             "the residual wanders over the whole record: the errors count that as noise, but it may"
             f" be{drift} a wrong step, or an effect that the model lacks (jaxfric loop)"
         )
-        said.append(Warned(text, Doubt.WANDERS))
+        said.append(Warned(text, WarningCode.WANDERS))
     for k, sigmas in moved:
         said.append(
             f"velocity step {k} fits best {abs(sigmas):.1f} standard errors "

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..findings import Doubt, Warned
+from ..findings import Warned, WarningCode
 from ..units import read_as
 from .result import Fit
 
@@ -99,4 +99,4 @@ def drift_warning(fit: Fit) -> tuple[str, ...]:
             f"{1e-3 * found.slope:+.2g} {error}, where the model is steady; if it goes on, A-B is"
             f" off by up to {found.shift:.2g} (--slip-trend)"
         )
-    return (Warned(f"before the velocity step friction changes by {text}", Doubt.DRIFT),)
+    return (Warned(f"before the velocity step friction changes by {text}", WarningCode.DRIFT),)

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from ..findings import Doubt, Warned, is_of
+from ..findings import Warned, WarningCode, is_of
 from ..records.differences import noise_from_differences
 from .result import Fit
 
@@ -34,7 +34,7 @@ def misfit_warning(fit: Fit) -> tuple[str, ...]:
 
 def misfit_warning_of(fits: Sequence[Fit]) -> tuple[str, ...]:
     """The warning of all `fits` of one kind of model that have one, in one sentence."""
-    left = [fit for fit in fits if any(is_of(text, Doubt.MISFIT) for text in fit.warnings)]
+    left = [fit for fit in fits if any(is_of(text, WarningCode.MISFIT) for text in fit.warnings)]
     return (_warning(left),) if left else ()
 
 
@@ -49,5 +49,5 @@ def _warning(fits: Sequence[Fit]) -> Warned:
         f"the fit leaves {' to '.join(dict.fromkeys((times[0], times[-1])))} times the scatter of"
         f" neighbouring rows: the model lacks an effect,{drift}{other} or the noise is correlated"
         " over many rows; jaxfric loop asks which",
-        Doubt.MISFIT,
+        WarningCode.MISFIT,
     )

@@ -10,7 +10,7 @@ from jaxtyping import Array
 
 from ..effects import AbstractEffect, RecordScales
 from ..errors import InputError
-from ..findings import Doubt, is_of
+from ..findings import WarningCode, is_of
 from ..fitting import Fit
 from ..fitting.assemble import NEAR_EDGE
 from ..fitting.encompassing import EncompassingModel
@@ -260,7 +260,7 @@ def repeated(warnings: Sequence[str]) -> list[str]:
     return [
         text.replace("--slip-trend", "--include slip_trend")
         for text in warnings
-        if not is_of(text, Doubt.MISFIT) and not is_of(text, Doubt.WANDERS)
+        if not is_of(text, WarningCode.MISFIT) and not is_of(text, WarningCode.WANDERS)
     ]
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..findings import Doubt, is_of
+from ..findings import WarningCode, is_of
 from ..fitting import Fit
 from ..fitting.misfit import excess, scatter
 from ..report.fit_text import rows
@@ -66,7 +66,7 @@ def _residual(axis: Axes, fit: Fit, place: style.Along) -> None:
             bands = [(whole, _BAND, "±1.96 σ of noise")]
         for sigma, colour, text in reversed(bands):
             axis.axhspan(-1.96 * sigma, 1.96 * sigma, color=colour, lw=0, label=text, zorder=0.2)
-        if any(is_of(text, Doubt.MISFIT) for text in fit.warnings):
+        if any(is_of(text, WarningCode.MISFIT) for text in fit.warnings):
             said = f"residual: {excess(fit):.2g} times the scatter of neighbouring rows"
             axis.set_title(said, loc="left")
     style.samples(axis, place.x, _counted(fit), "residual", BLUE)

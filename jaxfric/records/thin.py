@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 
 from ..errors import InputError
-from ..findings import Doubt, Warned
+from ..findings import Warned, WarningCode
 from .record import Record, frozen
 from .rows import MIN_ROWS
 from .steps import VelocitySteps
@@ -71,16 +71,18 @@ def blur(record: Record, noise: float) -> float:
 
 def blur_warning(rows: int, lost: float) -> Warned:
     """What means over `rows` rows cost that flatten the peaks by `lost` times the noise."""
-    return Warned(_FLATTENED.format(rows, f"{lost:.2g}"), Doubt.FLATTENED, (rows, lost))
+    return Warned(_FLATTENED.format(rows, f"{lost:.2g}"), WarningCode.FLATTENED, (rows, lost))
 
 
 def blur_warning_of(warnings: Sequence[str]) -> tuple[str, ...]:
     """Those of `warnings` that are of `blur_warning`, in one sentence; of none nothing."""
-    found = [w.values for w in warnings if isinstance(w, Warned) and w.code is Doubt.FLATTENED]
+    found = [
+        w.values for w in warnings if isinstance(w, Warned) and w.code is WarningCode.FLATTENED
+    ]
     if not found:
         return ()
     said = []
     for values, form in zip(zip(*found, strict=True), (".0f", ".2g"), strict=True):
         ends = (format(end, form) for end in (min(values), max(values)))
         said.append(" to ".join(dict.fromkeys(ends)))
-    return (Warned(_FLATTENED.format(*said), Doubt.FLATTENED),)
+    return (Warned(_FLATTENED.format(*said), WarningCode.FLATTENED),)

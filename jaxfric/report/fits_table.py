@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import PurePath
 from typing import NamedTuple
 
-from ..findings import Doubt, is_of
+from ..findings import WarningCode, is_of
 from ..fitting import Fit
 from ..fitting.misfit import COLUMN, EXCESS, excess
 from ..runs.table import BRACKETS, Cell, csv_text, difference, fit_cells
@@ -219,7 +219,7 @@ def _mark(one: TabledFit) -> str:
     noise, or friction drifts as it does not."""
     if one.fit is None:
         return ""
-    told = zip(_MARKS, (Doubt.MISFIT, Doubt.DRIFT), strict=True)
+    told = zip(_MARKS, (WarningCode.MISFIT, WarningCode.DRIFT), strict=True)
     marks = [m for m, code in told if any(is_of(text, code) for text in one.fit.warnings)]
     return "$^{" + ",".join(marks) + "}$" if marks else ""
 
