@@ -377,3 +377,13 @@ def test_the_figure_of_ends() -> None:
     assert_figures(Path(), ["end_map"])
     text = Path("end_map.svg").read_text()
     assert "stick-slip goes on" in text and "runs away" not in text
+
+
+def test_the_first_line_of_a_delay_law_is_its_first_interval(tmp_path):
+    """pi/(2 alpha) and 3 pi/(2 alpha) are the frequencies of its ends, m w^2 + k_f w of a slider
+    without damping: both by hand."""
+    law = ("--law", "delay", "--parameters", "c0=0.1 N*s/m, c1=1 N, c2=1 s^2/m^2, alpha=0.3 s")
+    out = run("stability", *law, "--mass", 1, "--velocity", "0.5 m/s", "--out", tmp_path / "o").out
+    w = np.array([0.5, 1.5]) * np.pi / 0.3
+    low, high = w**2 + 0.54 * w * np.array([1, -1])
+    assert f"stable for {low:.4g} < k_p < {high:.4g} N/m" in out.splitlines()[0]

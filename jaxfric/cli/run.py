@@ -105,7 +105,7 @@ def run(
     sys.stdout.flush()  # figures of many steps take minutes: who stops them has the numbers
     rest = [*warnings_of(holds), *others.warnings]
     warnings = [*_warnings(result, how), *rest]
-    warn([*_warnings(result, how, told=bool(early)), *rest])
+    warn([*_warnings(result, how, told=True), *rest] if early else warnings)
     with told() as progress:
         progress("drawing figures")
         _draw_events(record, found, folder)

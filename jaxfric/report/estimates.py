@@ -5,7 +5,6 @@ from collections.abc import Mapping
 from ..fitting import Estimate
 from ..units import factor, measured, read_as
 
-UNKNOWN = "not known"
 _SHORT = {"A": "a", "B": "b", "L": "D_c"}
 
 
@@ -18,20 +17,23 @@ def friction_line(rate: Estimate, parameters: Mapping[str, Estimate], length: st
         short: parameters[name] for name, short in _SHORT.items() if name in parameters
     }
     told = [
-        f"{name} is not known" if text == UNKNOWN else f"{name} = {text}"
+        f"{name} {'=' if _known(estimate) else 'is'} {with_error(estimate, length)}"
         for name, estimate in shown.items()
-        for text in [with_error(estimate, length)]
     ]
     return f"{', '.join(told)}: {_sign(rate)}."
 
 
 def with_error(estimate: Estimate, length: str) -> str:
-    """An estimate with its standard error in brackets, and its unit; `UNKNOWN` where it is not."""
-    if not (estimate.free and estimate.determined):
-        return UNKNOWN
+    """An estimate with its standard error in brackets, and its unit; or "not known"."""
+    if not _known(estimate):
+        return "not known"
     unit, size = shown_unit(estimate, length)
     text = measured(estimate.value / size, estimate.std / size, short=True).replace("-", "−")
     return f"{text} {unit}".rstrip()
+
+
+def _known(estimate: Estimate) -> bool:
+    return estimate.free and estimate.determined
 
 
 def _sign(rate: Estimate) -> str:

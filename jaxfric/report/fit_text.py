@@ -73,13 +73,13 @@ def headline(fit: Fit) -> list[str]:
     """a - b, a, b and D_c, what they mean for stability, and how large the residual is."""
     if not fit.converged:
         return ["the fit did not converge: its numbers mean nothing"]
-    drift, rest = told_drift(fit), summary(fit)
+    drift = told_drift(fit)
     length = fit.record.units.get("load_point_displacement", "um")
     found = friction_line(fit.A_minus_B, fit.parameters, length)
     return [
         f"{fit.law} law: {found}",
         _stability(fit, drift)[0],
-        (_drifts(fit, drift) or rest[2:])[0],
+        *(_drifts(fit, drift) or [_noise_line(fit)]),
     ]
 
 
@@ -105,13 +105,18 @@ def summary(fit: Fit) -> list[str]:
         f"rms of the residual {fit.rms:.4g}{unit}, sum of squares {fit.sum_of_squares:.5g}",
     ]
     if fit.converged:  # else what is left is the failure of the fit, not noise
-        lines.append(f"noise {noise.sigma:.3g}{unit}, {noise_text(noise)}{_above_rms(fit)}")
+        lines.append(_noise_line(fit))
     drift = told_drift(fit)
     lines += [*_drifts(fit, drift), *_stability(fit, drift)]
     pairs = correlations(fit) if fit.converged else []
     if pairs:
         lines.append("correlated errors: " + ", ".join(pairs))
     return lines
+
+
+def _noise_line(fit: Fit) -> str:
+    noise, unit = fit.noise, "" if fit.record.friction_unit == "1" else " N"
+    return f"noise {noise.sigma:.3g}{unit}, {noise_text(noise)}{_above_rms(fit)}"
 
 
 def noise_text(noise: NoiseEstimate) -> str:

@@ -16,6 +16,7 @@ from ..units import between, factor, read_as, speed_text
 from .report import Report
 from .tables import TextTable
 
+_HELD_BY = {"stiff": "stiffness", "damped": "damping"}
 _UNITS = ("N/m", "N s/m")
 """Of stiffness and of damping, on a line."""
 _LENGTHS = (("m", 0.1), ("mm", 1e-4), ("um", 0.0))
@@ -54,10 +55,10 @@ def describe(gains: Gains) -> list[str]:
 
 def report(gains: Gains) -> Report:
     """The gains with their margins, where they hold, and how well that is known; then all lines."""
-    held, unit = {"stiff": "stiffness", "damped": "damping"}, gains.unit("N s/m")
+    unit = gains.unit("N s/m")
     rows = [
         (
-            held[one.name] + ("" if one.minimum else " alone"),
+            _HELD_BY[one.name] + ("" if one.minimum else " alone"),
             _kp(gains, one),
             _size(one.kv, unit),
             norm_text(one.norm),
@@ -89,8 +90,12 @@ def headline(gains: Gains) -> list[str]:
 
 
 def _kp(gains: Gains, one: LocalOptimum) -> str:
-    tiny = one.kp <= 1e-8 * gains.region.unit[0]
-    return gains.smallest_kp if tiny else _size(one.kp, gains.unit("N/m"))
+    return gains.smallest_kp if _tiny(one, gains) else _size(one.kp, gains.unit("N/m"))
+
+
+def _tiny(one: LocalOptimum, gains: Gains) -> bool:
+    """Whether any k_p above 0 does."""
+    return one.kp <= 1e-8 * gains.region.unit[0]
 
 
 def _size(value: float, unit: str) -> str:
@@ -204,10 +209,10 @@ def _scenarios(gains: Gains) -> str:
 
 
 def _optimum(optimum: LocalOptimum, gains: Gains) -> str:
-    how = {"stiff": "held by stiffness", "damped": "held by damping"}[optimum.name]
+    how = f"held by {_HELD_BY[optimum.name]}"
     if optimum.minimum and optimum.kv > 0 and optimum.name == "stiff":
         how += " and damping together"
-    tiny = optimum.kp <= 1e-8 * gains.region.unit[0]
+    tiny = _tiny(optimum, gains)
     if not optimum.minimum or tiny or optimum.kv == 0:
         more = "" if optimum.minimum else " (more than both together)"
         edge = _edge(gains, 0 if optimum.name == "stiff" else 1)

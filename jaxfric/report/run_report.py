@@ -22,9 +22,9 @@ def report(run: RunFit, holds: Sequence[Hold] = (), others: Findings | None = No
     number = len(run.events)
     words = ", ".join(f"{count} {kind}" for kind, count in kinds.most_common())
     events = f"{len(run.record)} rows, {number} event{'' if number == 1 else 's'}: {words}"
-    shared = told_of_all(run.steps)
     rest = of_holds.not_fitted(run.events, holds)
-    found = [
+    told = [
+        *told_of_all(run.steps),
         *of_holds.told(holds, run.record.friction_unit, rest),
         *([] if others is None else others.told()),
     ]
@@ -37,7 +37,4 @@ def report(run: RunFit, holds: Sequence[Hold] = (), others: Findings | None = No
         for text in (step.fit.warnings if step.fit is not None else (step.failed,))
     ]
     first = [events, headline(run) if run.steps else _NO_STEP]
-    lead, notes = [*shared[:1], *found][:1], [*shared[1:], *found]
-    if not shared:
-        notes = notes[1:]
-    return Report([*first, *lead], [table], notes=notes, warnings=warnings)
+    return Report([*first, *told[:1]], [table], notes=told[1:], warnings=warnings)

@@ -51,14 +51,28 @@ def _headline(study: Study) -> list[str]:
         margin = f" (modulus margin {modulus:.3g})" if math.isfinite(modulus) else ""
         gains = f"k_p = {study.k_p:g} {u.stiffness}, k_v = {study.k_v:g} {u.damping}"
         told.append(f"{gains}: {word} {where}{margin}")
-    spread = _spread(study)
-    known = _delay(study) if study.delayed else _theorem(study)[: -len(spread) or None]
-    sign = "weakening" if float(at.steady_slope) < 0 else "strengthening"
-    told.append(f"velocity {sign} {where}: {known[-1].strip()}")
+    slope = float(at.steady_slope)
+    sign = "velocity weakening " if slope < 0 else "velocity strengthening " if slope > 0 else ""
+    known = _stable_by_delay(study) if study.delayed else _conclusion(study)
+    told.append(f"{sign}{where}: {known}")
     needed = float(at.needed_damping)
     if needed > 0:
         told.append(f"damping alone: k_v >= {needed:.4g} {u.damping}, {_without(study)}")
-    return [*told, *spread][:3]
+    return [*told, *_spread(study)][:3]
+
+
+def _stable_by_delay(study: Study) -> str:
+    """Which k_p are stable under a delay law: all, the first interval, or none that was found."""
+    k_v, k_f = (float(x) for x in delay_numbers(study)[1:3])
+    if k_v >= abs(k_f):
+        return "every k_p > 0 is stable"
+    found = intervals(study)
+    if not found:
+        return "no stable k_p was found"
+    low, high = found[0][:2]
+    unit = _units(study).stiffness
+    more = ", and in further intervals of k_p" if len(found) > 1 else ""
+    return f"stable for {low:.4g} < k_p < {high:.4g} {unit}{more}"
 
 
 def describe(study: Study, law: str) -> list[str]:
@@ -116,7 +130,7 @@ def _without(study: Study) -> str:
 
 def _theorem(study: Study) -> list[str]:
     found, u = study.theorem, _units(study)
-    *checks, conclusion = theorem_lines(found)
+    checks = theorem_lines(found)[:-1]
     at_once = "" if study.late is None else ", of a controller that answers at once"
     at_once += "" if study.k_i is None else ", without integral action"
     lines = [f"theorem of Rice and Ruina, (18)-(20){at_once}:", *(f"  {line}" for line in checks)]
@@ -124,13 +138,18 @@ def _theorem(study: Study) -> list[str]:
         lines.append(
             f"  w_n = {w:.8g} rad/s ({w / (2 * math.pi):.4g} Hz): k(w_n) = {k:.8g} {u.stiffness}"
         )
-    k_cr, w_cr = float(found.critical_stiffness), float(found.critical_frequency)
+    return [*lines, _conclusion(study), *_spread(study)]
+
+
+def _conclusion(study: Study) -> str:
+    """What the theorem says of k_p."""
+    k_cr = float(study.theorem.critical_stiffness)
+    w_cr = float(study.theorem.critical_frequency)
     if 0 < k_cr < math.inf:
-        at = f"k_cr = {k_cr:.10g} {u.stiffness}, w_cr = {w_cr:.10g} rad/s"
-        conclusion = f"{at}: stable for k_p above k_cr, {_without(study)}"
-    elif k_cr == 0 and study.late is not None:
-        conclusion += "; late as it is, it bounds k_p and k_v"
-    return [*lines, conclusion, *_spread(study)]
+        at = f"k_cr = {k_cr:.10g} {_units(study).stiffness}, w_cr = {w_cr:.10g} rad/s"
+        return f"{at}: stable for k_p above k_cr, {_without(study)}"
+    late = "; late as it is, it bounds k_p and k_v" if k_cr == 0 and study.late is not None else ""
+    return _in_short(study.theorem) + late
 
 
 def theorem_lines(found: Theorem) -> list[str]:
@@ -144,10 +163,10 @@ def theorem_lines(found: Theorem) -> list[str]:
     lines = [f"{'holds' if bool(held) else 'FAILS'}: {text}" for text, held in checks.items()]
     if float(found.critical_stiffness) == 0:  # no fault: damping alone does it
         lines[2] = "not so: f_v + k_v < int g dt (18), so that no stiffness is needed"
-    return [*lines, _conclusion(found)]
+    return [*lines, _in_short(found)]
 
 
-def _conclusion(found: Theorem) -> str:
+def _in_short(found: Theorem) -> str:
     k = float(found.critical_stiffness)
     if not bool(found.damped):
         return "no stiffness suffices: the instantaneous damping f_v + k_v is not positive"
