@@ -17,6 +17,7 @@ import jaxfric
 from jaxfric.cli.call import Call
 from jaxfric.cli.plan_line import loop_line
 from jaxfric.errors import InputError
+from jaxfric.findings import Warned, WarningCode
 from jaxfric.fitting.misfit import misfit_warning
 from jaxfric.fitting.noise import Exponential, Family
 from jaxfric.loop import LawComparison, LawScore
@@ -436,7 +437,8 @@ def test_a_table_of_fits(of_slip) -> None:
 
 def test_a_fit_before_which_friction_drifts_has_a_mark_of_its_own(of_slip) -> None:
     good = of_slip.scores[0].fit
-    told = "before the velocity step friction changes by +0.0045, where the model is steady"
+    text = "before the velocity step friction changes by +0.0045, where the model is steady"
+    told = Warned(text, WarningCode.DRIFT)
     drifts = dataclasses.replace(good, warnings=(*good.warnings, told))
     lines = latex_text([TabledFit("a.csv", good), TabledFit("b.csv", drifts)], "file").splitlines()
     assert ["ddagger" in line for line in lines[5:9]] == [False, True, False, True]

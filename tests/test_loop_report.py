@@ -1217,7 +1217,7 @@ def test_a_refit_tells_effects_that_look_alike(snapshot):
 def test_a_verdict_that_is_withheld_is_no_result_to_rely_on(severity, code, capsys) -> None:
     loop = make_loop("ambiguous")
     why = Finding(LoopCode.EDGE, severity, {"ratio": 1.02}, loop.blocks.train)
-    folder: Any = SimpleNamespace(close=lambda: 0)
+    folder: Any = SimpleNamespace(close=lambda: 0, path=Path("out"), files=["loop.json"])
     assert (
         tell_loop(dataclasses.replace(loop, findings=(why,)), "{}", folder, OutputOptions()) == code
     )

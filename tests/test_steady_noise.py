@@ -239,4 +239,4 @@ def test_the_command_writes_and_tells_the_noise(tmp_path):
     plain = " ".join(told.split())
     assert "noise of the runs: " in plain and "turns" in plain
     for line in noise["text"][1:]:
-        assert f"- {line}" in plain
+        assert line in plain
