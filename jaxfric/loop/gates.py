@@ -26,6 +26,7 @@ from .thresholds import (
     KNOWN,
     LEAST_SHARE,
     LOST,
+    WORSE,
 )
 
 
@@ -62,6 +63,19 @@ def evidence(trial: Trial) -> Refusal | None:
     return None if enough else Refusal(Fault.WEAK, value=trial.gain, threshold=ACCEPT)
 
 
+def predicts(trial: Trial) -> Refusal | None:
+    """The error of the select block grows by no more than chance allows.
+
+    Chance is two standard errors of that rms: few rows, or correlated ones, may differ much from
+    those of the train block. `WORSE` is allowed in any case.
+    """
+    before, after = trial.current.rms["select"], trial.candidate.rms
+    chance = trial.engine.rms_error(trial.engine.blocks.select, trial.candidate.noise)
+    most = max(WORSE, (1 + 2 * chance) * after["train"] / before)
+    ratio = after["select"] / before
+    return None if ratio <= most else Refusal(Fault.PREDICTS_WORSE, value=ratio, threshold=most)
+
+
 def fixed(trial: Trial) -> Refusal | None:
     """The record fixes the parameters of its effects, see `not_fixed`."""
     names = not_fixed(trial.engine, trial.candidate, trial.scales)
@@ -75,7 +89,7 @@ def takes_nothing(trial: Trial) -> Refusal | None:
 
 
 Gate = Callable[[Trial], Refusal | None]
-FITTED: tuple[Gate, ...] = (converged, possible, evidence)
+FITTED: tuple[Gate, ...] = (converged, possible, evidence, predicts)
 """Of the fit itself."""
 GATES: tuple[Gate, ...] = (*FITTED, fixed, takes_nothing)
 """All of them, in order."""

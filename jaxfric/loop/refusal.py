@@ -16,6 +16,7 @@ class Fault(StrEnum):
     FAILED = "did_not_converge"
     IMPOSSIBLE = "impossible_parameters"
     WEAK = "too_little_evidence"
+    PREDICTS_WORSE = "predicts_the_validation_block_worse"
     NOT_FIXED = "not_fixed"
     TAKES = "takes_of_the_base"
 
@@ -24,6 +25,7 @@ SOURCES: Mapping[Fault, str] = {
     Fault.FAILED: "a fit that did not converge says nothing, for or against",
     Fault.IMPOSSIBLE: "bounds of the effect's parameters (page 'effects')",
     Fault.WEAK: "very strong evidence is a fall of BIC by 10 (Kass and Raftery 1995)",
+    Fault.PREDICTS_WORSE: "cross-validation: a model is judged on rows that it was not fitted to",
     Fault.NOT_FIXED: "an error as large as the value, or a size that the record cannot show",
     Fault.TAKES: "the sign and size of what was known without the effect (page 'loop')",
 }
@@ -48,7 +50,8 @@ class Refusal(NamedTuple):
     """What becomes of the parameters of the base that are taken."""
     value: float = float("nan")
     threshold: float = float("nan")
-    """The fall of BIC and the least that is asked; nan where the fault is no number."""
+    """The fall of BIC and the least that is asked, or how many times the error of the validation block
+    grows and the most that is allowed; nan where the fault is no number."""
 
 
 def takes(refusal: Refusal | None) -> bool:

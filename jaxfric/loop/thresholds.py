@@ -37,6 +37,8 @@ MANY = 5.0
 
 REFITS = 4
 """Most promising effects that are fitted jointly in a round."""
+WORSE = 1.02
+"""Times by which the error of the select block may grow, whatever chance is."""
 LOST_LIKELIHOOD = 2.0
 """-2 ln L by which a fit may be less likely than without its effect, which it has at its null."""
 PARTS = (0.1, 0.01, 1e-3)
