@@ -88,6 +88,17 @@ def test_a_disturbance_acts_with_the_motor(snapshot):
     snapshot("axis_disturbance", texts)
 
 
+def test_an_axis_that_does_not_move_is_refused():
+    """What is recorded is the error of its encoder; a stroke of ten errors a second is motion."""
+    t = np.arange(8000) * H
+    error = 4e-5 * np.random.default_rng(7).standard_normal(len(t))
+    force = 2.2 * np.sin(2 * np.pi * t)
+    still = axis_from_arrays(t, force, position=error)
+    assert "does not move" in refusal(reading, still)
+    slow = axis_from_arrays(t, force, position=error + 4e-4 * np.sin(2 * np.pi * t))
+    assert len(reading(slow).rows.time) > 0
+
+
 def test_the_stated_controller_is_compared_with_the_force(snapshot):
     drive = Drive(gain=35.0, position_gain=160.0, velocity_gain=240.0)
     t, q, _, _ = motion()

@@ -455,6 +455,7 @@ def test_the_convention_of_the_project(tmp_path: Path) -> None:
         "Time(s);pos [µm];position_command [µm];F [N];v [mm/s]",
         "time_s;position_um;position_setpoint_um;force_N;velocity_mm_s",
         "seconds [s];q [um];qref [um];tau [N];vel [mm/s]",
+        "time [s];position [um];reference position [um];effort [N];velocity [mm/s]",
     ],
 )
 def test_names_as_written(tmp_path: Path, header: str) -> None:

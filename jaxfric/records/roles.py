@@ -218,7 +218,7 @@ AXIS = Schema(
             "N",
             "motortorque torqueactualvalueaveraged torqueactualvalue actualtorque torqueactual"
             " measuredtorque drivetorque feedbacktorque torquefeedback actuatorforce driveforce"
-            " drivingforce torque force tau f",
+            " drivingforce torque force effort jointeffort measuredeffort tau f",
             need="force",
             turning="N*m",
             others=("%",),

@@ -29,6 +29,8 @@ _OF_NOISE, _OF_RESIDUAL = np.sqrt(0.5), 0.25
 """Largest share of the force's own noise, and of all that the base law leaves."""
 _THRESHOLDS = (1.0, 0.5, 0.25)
 _JITTER, _FEW = 0.2, 0.01
+_NEARLY_ALL, _CLEAR_MOTION = 0.99, 3.0
+"""Share of the rows, and the standard deviations of noise that so many seldom reach: 2.6."""
 
 
 class Reading(NamedTuple):
@@ -50,11 +52,13 @@ def read_rows(
 
     Raises
     ------
-    InputError : as in `prepare` and `split`; friction that would be negative.
+    InputError : as in `prepare` and `split`; an axis that does not move; friction that would be
+        negative.
     """
     force, told = _acting(record, preparation, held)
     chosen, why = (preparation, "") if preparation else _cutoff(record, force, held)
     prepared, rows, blocks, more = _split(record, force, chosen, width, held, preparation is None)
+    _refuse_still(record, prepared, rows)
     rough = rough_fit(prepared, rows.used, rows.width)
     work = float(np.mean((prepared.force[: prepared.rows] * rows.velocity)[rows.used]))
     unit = record.force_unit
@@ -65,6 +69,22 @@ def read_rows(
     notes = tuple(note for note in (*told, why, *more) if note)
     warnings = tuple(text for text in (_uneven(record), wrong) if text)
     return Reading(prepared, rows, blocks, notes, warnings)
+
+
+def _refuse_still(record: AxisRecord, prepared: Prepared, rows: AxisRows) -> None:
+    """Raises `InputError` where the recorded motion is no larger than its own error."""
+    speed = float(np.quantile(np.abs(rows.velocity), _NEARLY_ALL))
+    noise = _CLEAR_MOTION * prepared.velocity_noise
+    if speed >= noise:
+        return
+    unit = "rad/s" if record.coordinate == "rotary" else "m/s"
+    force = float(np.max(np.abs(record.motor_force)))
+    raise InputError(
+        f"{record.provenance.path}: the axis does not move: {100 * _NEARLY_ALL:.0f} % of the rows"
+        f" are slower than {speed:.2g} {unit}, and the error of the recorded motion alone gives"
+        f" {noise:.2g} {unit}. A force of {force:.3g} {record.force_unit} did not move it: use a"
+        " larger one, or a finer encoder"
+    )
 
 
 def _uneven(record: AxisRecord) -> str | None:
