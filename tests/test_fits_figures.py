@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pages import row_of
 
 FITS = Path(__file__).resolve().parents[1] / "fits"
 NUMBER = r"(-?\d*\.?\d+(?:e-?\d+)?)"
@@ -139,12 +140,6 @@ def test_which_rows_decide_the_gains():
     assert not stale(text, "the largest difference is # of", found["against_refits"])
 
 
-def row_of(name, first):
-    """The cells of the one row of a README's tables that begins so."""
-    (row,) = re.findall(rf"^\| {re.escape(first)} \|(.*)\|$", page(name), re.M)
-    return [cell.strip() for cell in row.split("|")]
-
-
 def stale_cell(cell, *values):
     """What of the numbers of a cell is not so; it has as many as there are values."""
     quoted = re.findall(NUMBER, cell)
@@ -153,6 +148,7 @@ def stale_cell(cell, *values):
     return [f"'{cell}': {q}, is {v:.6g}" for q, v in pairs if not agrees(q, v)]
 
 
+BLIND = FITS / "blind" / "README.md"
 STUDIES = ("results.json", "measured_noise/results.json", "measured_draw_2/results.json")
 RHOS = (0.2, 0.5, 1.0)
 
@@ -216,7 +212,7 @@ def test_shares_of_the_blind_study(file):
             ],
         ),
     ):
-        assert not stale_cell(row_of("blind", row)[column], *values), row
+        assert not stale_cell(row_of(BLIND, row)[column], *values), row
 
 
 def test_targets_of_the_blind_study():
@@ -302,22 +298,26 @@ def test_the_table_of_a_whole_run():
             assert abs(shown - float(row[f"std {name}"])) <= 0.5000001 * unit
 
 
+RUNS = FITS / "runs" / "README.md"
+
+
 def test_shares_of_the_runs():
     """Summaries of `fits.runs`; the least that is asked of them stands here too."""
-    found, text = content("runs/results.json")["summary"], page("runs")
+    found = content("runs/results.json")["summary"]
     steps, named = found["recall of steps"], found["precision of steps"]
     right, inside = found["kinds right"], found["truth in the 95 % interval"]
-    for pattern, values in (
-        ("# runs, # velocity steps among # events", [found["runs"], steps[1], right[1]]),
-        ("named as steps: #; named a step and none: #.", [steps[0], named[1] - named[0]]),
-        ("kind that they are: # of # events", right),
-        ("Named, and nothing: #,", [found["events that are nothing"]]),
-        ("# steps fitted, each in its window, # of them", found["fits"][::-1]),
-        ("true A in # of #, B in # of #, L in # of #,", [x for n in "ABL" for x in inside[n]]),
-        ("A-B in # of #.", inside["A-B"]),
-        ("p < .05 in # of # runs", found["shared, called separate at p < .05"]),
+    for row, values in (
+        ("velocity steps found", [*steps, named[1] - named[0]]),
+        ("events of the right kind", [*right, found["events that are nothing"]]),
+        ("fits that converged", found["fits"][:2]),
+        ("intervals with the true A, B, L", [x for n in "ABL" for x in inside[n]]),
+        ("intervals with the true A-B", inside["A-B"]),
+        (
+            "common A, B, L rejected at p < .05, where they are common",
+            found["shared, called separate at p < .05"],
+        ),
     ):
-        assert not stale(text, pattern, *values)
+        assert not stale_cell(row_of(RUNS, row, 1)[0], *values), row
     assert steps[0] >= 0.98 * steps[1] and named[0] >= 0.98 * named[1]
     assert right[0] >= 0.95 * right[1]
     assert all(0.92 <= held / of <= 0.98 for held, of in inside.values())
@@ -329,19 +329,17 @@ def test_shares_of_runs_whose_steps_share_all():
     found, inside = kept["summary"], kept["summary"]["truth in the 95 % interval"]
     separate, steps = found["shared, called separate at p < .05"], found["recall of steps"]
     ps = [run["p shared"] for run in kept["runs"]]
-    held = [
-        x
-        for name in ("A", "B", "L", "A-B")
-        for x in (*inside[name], 100 * np.divide(*inside[name]))
-    ]
-    for pattern, values in (
-        ("called separate at p < .05 in # of # (at most", separate),
-        ("(their median is #, not .5)", [round(float(np.median(ps)), 2)]),
-        ("Of # steps # are found and fitted", steps[::-1]),
-        ("# fits are of none", [found["precision of steps"][1] - steps[0]]),
-        ("true A in # of # (# %), B in # of # (# %), L in # of # (# %), A-B in # of # (# %:", held),
+    for row, values in (
+        (
+            "velocity steps found and fitted",
+            [*steps, found["precision of steps"][1] - steps[0]],
+        ),
+        ("intervals with the true A, B, L in shared runs", [x for n in "ABL" for x in inside[n]]),
+        ("intervals with the true A-B in shared runs", inside["A-B"]),
+        ("common A, B, L rejected at p < .05 in shared runs", separate),
     ):
-        assert not stale(text, pattern, *values)
+        assert not stale_cell(row_of(RUNS, row, 1)[0], *values), row
+    assert not stale(text, "median in `shared.json` is #.", round(float(np.median(ps)), 2))
     assert separate == [sum(p < 0.05 for p in ps), 200] and separate[0] <= 0.06 * 200
 
 
@@ -373,8 +371,8 @@ def test_shares_of_the_axes():
             [np.median(errors), np.quantile(errors, 0.9)],
         ),
     ):
-        assert not stale_cell(row_of("blind", row)[3], *values), row
-    assert int(row_of("blind", "a wrong group confirmed, by rho")[3]) == right[1] - right[0]
+        assert not stale_cell(row_of(BLIND, row)[3], *values), row
+    assert int(row_of(BLIND, "a wrong group confirmed, by rho")[3]) == right[1] - right[0]
 
 
 def test_rivals():

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pages import row_of
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.append(str(ROOT))
@@ -14,51 +15,73 @@ from fits.blind.scored import CONFIRMED  # noqa: E402
 from fits.runs import cycles, effects, limit  # noqa: E402
 
 FOLDER = ROOT / "fits" / "runs"
-PAGE = " ".join((FOLDER / "README.md").read_text(encoding="utf-8").split())
+PAGE = FOLDER / "README.md"
+TEXT = " ".join(PAGE.read_text(encoding="utf-8").split())
 
 
 def results(name):
     return json.loads((FOLDER / name).read_text(encoding="utf-8"))
 
 
+def cell(asked):
+    """The answer of the page's table to what was asked."""
+    return row_of(PAGE, asked, 1)[0]
+
+
+def of(pair):
+    return f"{pair[0]} of {pair[1]}"
+
+
 def test_runs_that_are_taken_apart():
     found = results("results.json")["summary"]
     steps, named = found["recall of steps"], found["precision of steps"]
-    right, kinds = found["kinds right"]
     inside = found["truth in the 95 % interval"]
-    separate, asked = found["shared, called separate at p < .05"]
-    for sentence in (
-        f"{found['runs']} runs, {steps[1]} velocity steps among {kinds} events",
-        f"Found and named as steps: {steps[0]}; named a step and none: {named[1] - named[0]}.",
-        f"Of the kind that they are: {right} of {kinds} events."
-        f" Named, and nothing: {found['events that are nothing']},",
-        "the true A in {} of {}, B in {} of {}, L in {} of {},".format(
-            *(n for name in "ABL" for n in inside[name])
+    shared = "common A, B, L rejected at p < .05, where they are common"
+    for asked, answer in (
+        ("velocity steps found", f"{of(steps)}, and {named[1] - named[0]} that is none"),
+        (
+            "events of the right kind",
+            f"{of(found['kinds right'])}, and {found['events that are nothing']} that are nothing",
         ),
-        "A-B in {} of {}.".format(*inside["A-B"]),
-        f"called separate at p < .05 in {separate} of {asked} runs",
+        ("intervals with the true A, B, L", ", ".join(of(inside[name]) for name in "ABL")),
+        ("intervals with the true A-B", of(inside["A-B"])),
+        (shared, of(found["shared, called separate at p < .05"])),
     ):
-        assert sentence in PAGE, sentence
+        assert cell(asked) == answer
+    assert f"finds {of(steps)} velocity steps" in TEXT
+
+
+def test_steps_of_the_normal_stress():
+    found = results("stress.json")["summary"]
+    there, made = found["stress steps"]
+    alpha, held = found["alpha claimed"], found["truth in the 95 % interval"]
+    assert cell("made; found; with an alpha; with the true one in its interval") == (
+        f"{made}; {there}; {alpha}; {held} of {alpha}"
+    )
 
 
 def test_stick_slip():
     runs = results("cycles.json")["runs"]
     found = cycles.summary(runs)
-    used, all_of_them = found["stretches used"]
     told = {name: found[name] for name in cycles.NAMES}
     held = {n: f"{x['truth in the 95 % interval']} of {x['determined']}" for n, x in told.items()}
     error = {n: 100 * x["median error, of the value"] for n, x in told.items()}
     assert sorted(run["seed"] for run in runs) == list(range(4000, 4000 + len(runs)))
-    for sentence in (
-        f"gives {len(runs)} runs that stick-slip",
-        f"Of {all_of_them} stretches {used} are used.",
-        f"holds the true A in {held['A']} runs in which it is determined, B in {held['B']},",
-        f"A-B in {held['A-B']} (median error {error['A-B']:.1f} %), L in {held['L']}"
-        f" ({error['L']:.1f} %), K in {held['K']} (.{round(100 * error['K']):02d} %).",
-        f"The true law is told in {found['the true law is told']}, the other one in"
-        f" {found['the other law is told']}. Nothing is claimed in {found['nothing is claimed']}.",
+    for asked, answer in (
+        ("stretches used", of(found["stretches used"])),
+        ("intervals with the true A, B", f"{held['A']}, {held['B']}"),
+        ("intervals with the true A-B, L, K", f"{held['A-B']}, {held['L']}, {held['K']}"),
+        (
+            "median error of A-B, L, K in %",
+            f"{error['A-B']:.1f}, {error['L']:.1f}, .{round(100 * error['K']):02d}",
+        ),
+        (
+            "law named: right, wrong; runs without any result",
+            f"{found['the true law is told']}, {found['the other law is told']};"
+            f" {found['nothing is claimed']}",
+        ),
     ):
-        assert sentence in PAGE, sentence
+        assert cell(asked) == answer
 
 
 def test_hidden_effects():
@@ -68,37 +91,41 @@ def test_hidden_effects():
     assert {row["events"] for row in rows} == {12}
     missed = [row for row in hidden if not effects.group(row)]
     fit_best = sum(row["effect"] in row["found"] for row in missed)
-    other = sum(bool(row["found"]) for row in missed) - fit_best
     left = [row["verdict"] for row in missed if not row["found"]]
-    fresh = [row for row in hidden if row["seed"] in range(1017, 1030)]
     given = [row for row in none if row.get("verdict") in CONFIRMED]
     named = [row for row in hidden if row["verdict"] in CONFIRMED]
+    right = sum(map(effects.group, hidden))
     assert sorted((row["noise"], *row["found"]) for row in given) == [
         ("p655-run", "ageing"),
         ("p655-run", "position_periodic"),
     ]
-    counts = {}
-    for noise in effects.NOISES:
-        own = [row for row in hidden if row["noise"] == noise]
-        counts[noise] = f"{sum(map(effects.exact, own))} of {len(own)}"
-    for sentence in (
-        f"the true one in {counts['white']}, in noise of basalt in {counts['basalt']}, of sepiolite"
-        f" in {counts['sepiolite-1']}, of p655 in {counts['p655-run']}.",
-        f"In {sum(map(effects.exact, none))} of {len(none)} runs without an effect nothing is said"
-        " to be missing,",
-        f"in {len(none) - len(given)} of {len(none)} runs without an effect none is named;"
-        f" the {len(given)} are a ripple and, as ambiguous, ageing, both under p655's noise;",
-        f"in {sum('error' in row for row in none)} the base did not converge.",
-        f"In {fit_best} of the {len(missed)} runs of which none is named the true effect",
-        f"in {other} another one fits best and is not confirmed;"
-        f" {left.count('too_weak')} are too weak, and of {left.count('no_missing_effect')} nothing"
-        " is said to be missing.",
-        f"Of the {len(named)} runs in which one is named",
-        f"{sum(map(effects.group, named))} name the true one",
-        f"of the {len(fresh)} runs of seeds 1017 to 1029, made after them,"
-        f" {sum(map(effects.group, fresh))} are right.",
+    noises = ("white", "basalt", "sepiolite-1", "p655-run")
+    assert set(noises) == set(effects.NOISES)
+    own = [[row for row in hidden if row["noise"] == noise] for noise in noises]
+    fresh = [row for row in hidden if row["seed"] in range(1017, 1030)]
+    for asked, answer in (
+        (
+            "named in white noise, of basalt, of sepiolite, of p655",
+            ", ".join(f"{sum(map(effects.exact, some))} of {len(some)}" for some in own),
+        ),
+        ("named as one of its group", f"{right} of {len(hidden)}"),
+        (
+            "no effect hidden: `no_missing_effect`; none named",
+            f"{sum(map(effects.exact, none))} of {len(none)};"
+            f" {len(none) - len(given)} of {len(none)}",
+        ),
     ):
-        assert sentence in PAGE, sentence
+        assert cell(asked) == answer
+    assert len(named) == right == sum(map(effects.group, named))  # never a wrong one
+    for sentence in (
+        f"names the hidden effect in {right} of {len(hidden)} runs and never a wrong one",
+        f"Of the {len(missed)} runs without a named effect, {fit_best} fit best with the true one,"
+        f" {left.count('too_weak')} are `too_weak` and {left.count('no_missing_effect')} are"
+        " `no_missing_effect`.",
+        f"of {len(none)} runs without an effect, {len(given)} have one",
+        f"Of the {len(fresh)} runs made after them, {sum(map(effects.group, fresh))} are right.",
+    ):
+        assert sentence in TEXT, sentence
 
 
 def test_hidden_effects_of_long_runs():
@@ -107,13 +134,12 @@ def test_hidden_effects_of_long_runs():
     assert {row["events"] for row in rows} == {50} and not any("error" in row for row in rows)
     hidden = [row for row in rows if row["effect"]]
     none = [row for row in rows if not row["effect"]]
-    for sentence in (
-        f"the true effect is named in {sum(map(effects.exact, hidden))} of {len(hidden)} runs",
-        f"it or an alias that is told as one in {sum(map(effects.group, hidden))}",
-        f"in {sum(map(effects.exact, none))} of {len(none)} without one nothing is said to be",
-        f"median of {np.median([row['seconds'] for row in rows]):.0f} s",
-    ):
-        assert sentence in PAGE, sentence
+    exact, group = (sum(map(rule, hidden)) for rule in (effects.exact, effects.group))
+    assert exact == group
+    assert cell("named; no effect hidden: `no_missing_effect`") == (
+        f"{exact} of {len(hidden)}; {sum(map(effects.exact, none))} of {len(none)}"
+    )
+    assert f"takes {np.median([row['seconds'] for row in rows]):.0f} s" in TEXT
 
 
 def test_what_could_be_named_at_most():
@@ -121,18 +147,10 @@ def test_what_could_be_named_at_most():
     assert [(r["effect"], r["seed"]) for r in rows] == [
         (r["effect"], r["seed"]) for r in done if r["effect"]
     ]
-    slow = [row for row in rows if row["noise"] == "p655-run"]
-
-    def total(some, name):
-        return f"{sum(row[name] for row in some):.1f}"
-
-    for sentence in (
-        f"From all rows it would take {total(rows, 'all')} of the {len(rows)}"
-        f" ({total(slow, 'all')} of {len(slow)} in p655's noise)",
-        f"at first {total(rows, 'fitted')} ({total(slow, 'fitted')} of {len(slow)})",
-        f"and {sum(map(effects.group, done[: len(rows)]))} is between the two",
-    ):
-        assert sentence in PAGE, sentence
+    most, fitted = (sum(row[name] for row in rows) for name in ("all", "fitted"))
+    asked = "the most that can be named, from all rows and from the fitted ones, `limit.json`"
+    assert cell(asked) == f"{most:.1f}, {fitted:.1f} of {len(rows)}"
+    assert fitted < sum(map(effects.group, done[: len(rows)])) < most
     fewer = [row for row in rows if row["all"] < row["fitted"] - 1e-3]
     assert not fewer, "rows were left out, and more can be seen"
 
