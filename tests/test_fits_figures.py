@@ -262,8 +262,8 @@ def test_growth_of_times():
     results, text = content("benchmark/growth.json"), page("benchmark")
     million, batch = results["fit of a million rows"], results["seconds"]["batch"][-1]
     for pattern, values in (
-        ("with its rows to the power #:", [results["exponents"]["rows"]]),
-        ("A million rows take # s and # GiB.", [million["seconds"], million["peak_GiB"]]),
+        ("A fit grows with its rows to the power #:", [results["exponents"]["rows"]]),
+        ("a million rows take # s and # GiB.", [million["seconds"], million["peak_GiB"]]),
         ("Members of a batch take # us each", [1e6 * batch[1] / batch[0]]),
         ("rows to the power # from 2873 rows on", [results["exponents"]["loop rows"]]),
         ("where it takes # s on one thread", [dict(results["seconds"]["loop rows"])[2873]]),
