@@ -50,6 +50,14 @@ def stale(text, pattern, *values):
     return [f"'{pattern}': {q}, is {v:.6g}" for q, v in pairs if not agrees(q, v)]
 
 
+def stale_cell(cell, *values):
+    """What of the numbers of a cell is not so; it has as many as there are values."""
+    quoted = re.findall(NUMBER, cell)
+    assert len(quoted) == len(values), cell
+    pairs = zip(quoted, values, strict=True)
+    return [f"'{cell}': {q}, is {v:.6g}" for q, v in pairs if not agrees(q, v)]
+
+
 @pytest.mark.parametrize(
     ("name", "unit"),
     [("p655", "1e-3"), ("basalt_step4", "1e-3"), ("sepiolite_step1", "1e-3"), ("emps", "N")],
@@ -95,39 +103,46 @@ def test_torques_of_screw_drives():
 
 
 def test_noise_of_screw_drives():
-    for name, pattern, order in (
-        ("screwdrive1", "has # % of it over # turns and # % over # s", ("angle", "time")),
-        (
-            "screwdrive2",
-            "# % of it swinging every # turns and # % over # turns",
-            ("angle", "angle"),
-        ),
-    ):
-        found, text = content(f"{name}/loop/steady.json"), page(name)
+    for name, order in (("screwdrive1", ("angle", "time")), ("screwdrive2", ("angle", "angle"))):
+        found, readme = content(f"{name}/loop/steady.json"), FITS / name / "README.md"
         noise, turn = found["noise"], 2 * math.pi
         one, two = noise["parts"]
         assert (one["over"], two["over"]) == order
-        if name == "screwdrive1":
-            assert (one["period"], two["period"]) == (None, None)
-            sizes = [one["share"], one["memory"] / turn, two["share"], two["memory"]]
-        else:
-            sizes = [two["share"], two["period"] / turn, one["share"], one["memory"] / turn]
-        sizes[::2] = [100 * share for share in sizes[::2]]
-        assert not stale(text, pattern, *sizes)
-        again = 100 * noise["after_a_turn"]
-        assert not stale(text, "# % of its variance is there again one turn later", again)
         own, model = found["curve"]["effective_samples"], noise["effective_samples"]
         ratio = np.divide(model, own)
         told = [np.median(ratio), ratio.min(), ratio.max()]
-        words = "at the median # times as many"
-        tail = " (# to #)" if name == "screwdrive1" else " as its own rows give (# to #)"
-        assert not stale(text, words + tail, *told)
-        ends = [min(model), max(model)]
+        rows = [("variance that repeats one turn later", [100 * noise["after_a_turn"]])]
         if name == "screwdrive1":
-            said = "it gives a run # to # independent samples where its own rows give # to #"
-            assert not stale(text, said, *ends, min(own), max(own))
+            assert (one["period"], two["period"]) == (None, None)
+            sizes = [one["share"], one["memory"] / turn, two["share"], two["memory"]]
+            rows += [
+                ("independent samples of a run, from its rows", [min(own), max(own)]),
+                ("the same, from the noise model", [min(model), max(model)]),
+                ("ratio of the two, median and range", told),
+            ]
         else:
-            assert not stale(text, "a run is worth # to # independent samples by it", *ends)
+            sizes = [two["share"], two["period"] / turn, one["share"], one["memory"] / turn]
+            rows += [
+                ("independent samples of a run, from the noise model", [min(model), max(model)]),
+                ("ratio to those from its rows, median and range", told),
+            ]
+        sizes[::2] = [100 * share for share in sizes[::2]]
+        for row, values in (*rows, ("noise model", sizes)):
+            assert not stale_cell(row_of(readme, row)[0], *values), row
+
+
+def test_gains_of_an_undeclared_effect():
+    """The pair of gains before and after the loop, on its page and on that of the study."""
+    found = [content(f"undeclared_effect/gains_{when}/gains.json") for when in ("before", "after")]
+    pairs = [[1e-3 * gains["kp"], 1e-3 * gains["kv"]] for gains in found]
+    cells = row_of(
+        FITS / "undeclared_effect" / "README.md", "gains found: k_p [kN/m], k_v [kN s/m]"
+    )
+    assert not [
+        x for cell, pair in zip(cells, pairs, strict=False) for x in stale_cell(cell, *pair)
+    ]
+    pattern = "(# kN/m, # kN s/m) lies in the orange there, the one that settles (# kN/m)"
+    assert not stale(page("study"), pattern, *pairs[0], pairs[1][0])
 
 
 def test_which_rows_decide_the_gains():
@@ -137,14 +152,6 @@ def test_which_rows_decide_the_gains():
     assert not stale(text, "white noise of the rows | # 1/m | # s/m |", *errors)
     assert not stale(text, "half of its variance | # | # |", *(rows for rows, *_ in half))
     assert not stale(text, "the largest difference is # of", found["against_refits"])
-
-
-def stale_cell(cell, *values):
-    """What of the numbers of a cell is not so; it has as many as there are values."""
-    quoted = re.findall(NUMBER, cell)
-    assert len(quoted) == len(values), cell
-    pairs = zip(quoted, values, strict=True)
-    return [f"'{cell}': {q}, is {v:.6g}" for q, v in pairs if not agrees(q, v)]
 
 
 BLIND = FITS / "blind" / "README.md"

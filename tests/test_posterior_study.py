@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pages import row_of
 
 sys.path.append(str(Path(__file__).parents[1]))
 from fits.posterior import __main__ as study
@@ -85,27 +86,26 @@ def test_a_study_that_was_stopped_goes_on(tmp_path, monkeypatch):
 
 
 def test_the_page_has_the_numbers_of_the_records():
-    folder = Path(study.__file__).parent
-    text = " ".join((folder / "README.md").read_text(encoding="utf-8").split())
+    page = Path(study.__file__).parent / "README.md"
     known = study.load()
     records = known["records"]
     assert [one["seed"] for one in records] == list(range(600))
-    for name, words in (("A", "A"), ("B", "B"), ("L", "L"), ("A_minus_B", "A-B")):
+    for column, name in enumerate(("A", "B", "L", "A_minus_B")):
         ranks = [one["ranks"][name] for one in records]
-        each = [f"{calibration.uniform(ranks[k : k + 200]):.3f}" for k in (0, 200, 400)]
-        assert f"{words} p = {', '.join(each)}" in text
-        assert f"{calibration.uniform(ranks):.3f} for {words}" in text
+        for rows, some in (
+            *((f"records {k} to {k + 199}", ranks[k : k + 200]) for k in (0, 200, 400)),
+            ("all 600 records", ranks),
+        ):
+            shown = row_of(page, f"uniform ranks, p of {rows}")[column]
+            assert shown == f"{calibration.uniform(some):.3f}"
     at = known["bound"]
-    for kind, form in (
-        ("laplace", "{:.3f} (A), {:.3f} (B), {:.3f} (L)"),
-        ("nuts", "{:.3f}, {:.3f} and {:.3f}"),
-    ):
-        assert form.format(*(at[f"{kind}_over_bound"][n] for n in "ABL")) in text
+    for kind, called in (("laplace", "Laplace"), ("nuts", "NUTS")):
+        shown = row_of(page, f"{called} deviation over the Cramer-Rao bound")
+        assert shown[:3] == [f"{at[f'{kind}_over_bound'][n]:.3f}" for n in "ABL"]
     shares = [
         100
         * np.mean([abs(one["laplace_std"][n] / one["nuts_std"][n] - 1) < 0.15 for one in records])
         for n in "ABL"
     ]
-    assert (
-        "{:.1f} % of the records for A, {:.1f} % for B and {:.1f} % for L".format(*shares) in text
-    )
+    shown = row_of(page, "Laplace and NUTS deviations within 15 %, % of the records")
+    assert shown[:3] == [f"{share:.1f}" for share in shares]
