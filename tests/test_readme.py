@@ -113,23 +113,24 @@ def commands(*, slow: bool) -> list[str]:
     return [line for line in dict.fromkeys(own) if bool(SLOW.match(line)) == slow]
 
 
-def shown_of(line: str) -> list[str]:
-    """The output that README shows below a command, by line."""
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
+def shown_of(line: str) -> list[list[str]]:
+    """The outputs that README and the pages show below a command, each by line."""
     block = rf"^{re.escape(line)}\n```\n\n```text\n(.*?)```"
-    found = re.search(block, text, re.MULTILINE | re.DOTALL)
-    return [] if found is None else found[1].splitlines()
+    texts = (page.read_text(encoding="utf-8") for page in PAGES)
+    found = (re.search(block, text, re.MULTILINE | re.DOTALL) for text in texts)
+    return [one[1].splitlines() for one in found if one is not None]
 
 
 def runs(line: str, folder: Path, monkeypatch) -> None:
-    """The command ends with a result of one screen, which begins as README shows it."""
+    """The command ends with a result of one screen, which begins as the pages show it."""
     monkeypatch.chdir(folder)
     outcome = run(*shlex.split(line, comments=True)[1:])
     assert outcome.code == 0, outcome.err
     if "--json" not in line and "--details" not in line:
         assert len(outcome.out.splitlines()) <= SCREEN, outcome.out
-    for shown, said in zip(shown_of(line), outcome.out.splitlines(), strict=False):
-        assert said.startswith(shown), said
+    for block in shown_of(line):
+        for shown, said in zip(block, outcome.out.splitlines(), strict=False):
+            assert said.startswith(shown), said
 
 
 def test_there_are_commands():
