@@ -1,10 +1,10 @@
-"""Friction laws by name and from parameters: whatever says which law it is, every verb asks here.
+"""Friction laws, looked up by name or built from parameters; all verbs get their law here.
 
-registry      name -> class, parameters, how it is built
-source        a law with samples; that of parameters given one by one
-fitted        the law of parameters that a record gave, with samples that their errors allow
+registry      name -> class, parameters, builder
+source        a law with samples of its uncertainty; a law from parameters given one by one
+fitted        the law of a fitted result, with samples drawn from the parameter errors
 
-The parameters of results and of their files are read by `jaxfric.saved`.
+`jaxfric.saved` reads the parameters of results and of their files.
 """
 
 from .fitted import FittedLaw as FittedLaw

@@ -1,26 +1,25 @@
-"""The friction law that a record gave, from its parameters: of a fit, a posterior, a loop.
+"""The friction law of a fitted result: a fit, a posterior or a loop.
 
-Effects in the room of friction are in the law: second_state, ageing, velocity_dependent_L,
-evolution_cutoff, viscous, stribeck, thermal, frictional_delay and what the catalogue has of
-others. Some of them are not, because they depend on where the slider is, so that no steady
-sliding exists with them:
+The law contains the friction effects: second_state, ageing, velocity_dependent_L,
+evolution_cutoff, viscous, stribeck, thermal, frictional_delay and others of the catalogue.
+It does not contain effects that depend on position, since they allow no steady sliding:
 
     slip_trend          s x
     run_in              d (1 - exp(-x/dc))
     position_periodic   a sin(2 pi x/lambda) + b cos(2 pi x/lambda)
 
-and gravity and position_dependence of an axis. About a place x each is a spring of stiffness f_x
-beside k_p, which moves every threshold of k_p by -f_x and changes nothing else. The softest that
-it can be is told with the law. And normal_stress acts only while the normal force changes,
-time_drift with the time of the record.
+and, for an axis, gravity and position_dependence. Near a position x such an effect acts as a spring
+of stiffness f_x in parallel with k_p. It shifts every threshold of k_p by -f_x and changes nothing
+else. A warning of the law gives the lowest f_x. The law also omits normal_stress, which acts only
+while the normal force changes, and time_drift, which depends on the time of the record.
 
-Effects in other rooms belong to the apparatus that made the record, not to friction: stiffness and
-damping of its machine, the lag of its drive, lag, delay, drift and gain of its force sensor. The
-law's parameters are those fitted together with them, so it is already free of them.
+Effects in other rooms belong to the apparatus, not to friction: stiffness and damping of the
+machine, lag of the drive, and lag, delay, drift and gain of the force sensor. They were fitted
+together with the law, so the law's parameters are already corrected for them.
 
-Of an axis the law is friction of one direction about a steady velocity, with its states: the
-`AxisLaw` by which the axis' own gains are computed. Friction without rate_and_state has no memory
-about steady motion, where a bristle stays bent: no stiffness is critical then, and it is refused.
+For an axis the law is friction in one direction about a steady velocity, with its states: the
+`AxisLaw` from which the axis' own gains are computed. Without rate_and_state, axis friction has no
+memory in steady motion (a bristle stays bent), so no stiffness is critical; the law is refused.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -52,63 +51,63 @@ _WHILE = {
     "normal_stress": "it acts only while the normal force changes",
     "time_drift": "it is of the time of the record",
 }
-"""Effects in friction that steady motion does not have, and why."""
+"""Friction effects that vanish in steady motion, and why."""
 _ROOMS = {"machine": "machine", "drive": "drive", "sensor": "force sensor"}
 _DIRECT = f"{RateAndState.id}.A"
-# Width of the law's smoothed sign over that of the record, so that it is sharp wherever the
-# record has rows that count, and can still be simulated through rest.
+# Width of the law's smoothed sign over that of the record: sharp at the speeds that were fitted,
+# yet smooth enough to simulate through rest.
 _NARROWER = 0.05
-# Where the width is not known [m/s].
+# Width where the record's is unknown [m/s].
 _NO_WIDTH = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class FittedLaw:
-    """The parameters of a friction law and their errors, and what to know of them.
+    """Fitted parameters of a friction law, with errors and warnings.
 
-    SI, forces in `friction_unit`. Beside those of the law there may be others that were fitted
-    together with them.
+    SI, forces in `friction_unit`. Parameters of other rooms, fitted together with the law, may be
+    included.
     """
 
     where: str
-    """Where it is from, for messages: a file, or a result at hand."""
+    """Origin, for messages: a file, or a result in memory."""
     name: str
     """A rate-and-state law of the registry, or "coulomb_viscous" of an axis."""
     states: int
-    """States of the law without effects; 0 of an axis."""
+    """Number of states of the law without effects; 0 for an axis."""
     friction_unit: str
-    """Unit of its forces: "1" of a friction coefficient, "N", "N m", "%"."""
+    """Unit of its forces: "1" (friction coefficient), "N", "N m" or "%"."""
     coordinate: Coordinate
     origin: str
-    """What it was made by, in words: "1 state(s), fitted"."""
+    """How the parameters were obtained, in words: "1 state(s), fitted"."""
     effects: Effects
     parameters: Mapping[str, float]
-    """Values by name: f0, A, B, L, B2, ..., V0 of a slider, M, F_v, F_c, F_0 of an axis, and
+    """Values by name: f0, A, B, L, B2, ..., V0 (slider) or M, F_v, F_c, F_0 (axis), and
     effect.parameter."""
     free: Sequence[str]
     """Parameters that have an error, in the order of `covariance`."""
     covariance: np.ndarray
-    """Of the parameters `free` names (p, p)."""
+    """Covariance of the `free` parameters (p, p)."""
     loose: Sequence[str]
-    """Parameters that the record leaves undetermined."""
+    """Parameters that the record does not determine."""
     velocity: tuple[float, float] | None
-    """Slowest and fastest of the record [m/s]."""
+    """Lowest and highest velocity of the record [m/s]."""
     width: float
     """Width of the smoothed sign of an axis' record [m/s]; 0: not known."""
     reach: float
     """Distance between two rows where the axis is slowest [m]."""
     warnings: Sequence[str]
-    """Warnings to read before the law is relied on, a line each."""
+    """Warnings to read before using the law, one line each."""
     draws: Mapping[str, np.ndarray] | None = None
     """Draws (n,) of parameters, instead of the covariance."""
 
     @property
     def is_axis(self) -> bool:
-        """Whether it is of a servo axis."""
+        """Whether the law was fitted to a servo axis."""
         return self.name == LAW
 
     def quantities(self) -> dict[str, Quantity]:
-        """Symbol, unit and bounds of its parameters by name: those of the base and its effects."""
+        """Symbol, unit and bounds by name, for the parameters of the base law and its effects."""
         if self.is_axis:
             base = {q.symbol: q for q in quantities(AxisRig).values() if q.symbol in _BASE}
         else:
@@ -121,36 +120,35 @@ class FittedLaw:
 def law_of(
     fitted: FittedLaw, *, normal_force: float | None = None, samples: int = 64, seed: int = 0
 ) -> LawSource:
-    """The law of such parameters in newtons or newton metres, and samples that their errors allow.
+    """Return the law in newtons or newton metres, with samples drawn from the parameter errors.
 
-    A slip law with no effect but a second state is a `RateState` of two states; with any other
-    effect of friction it is an `ExtendedLaw`. The direct effect is the regularised one, so that
-    the law can be carried through rest. Of an axis
+    A slip law whose only effect is a second state becomes a `RateState` with two states. With any
+    other friction effect it is an `ExtendedLaw`. The direct effect is the regularised one, so the
+    law is defined through rest. For an axis
 
         f = F_v v + F_c + terms(v) + A ln(1 + v/v_c) + theta,
         theta' = (v/L)(-B ln(1 + v/v_c) - theta),   v > 0
 
-    and where friction differs by direction (direction_asymmetry) it is that of the direction with
-    less viscous friction, of each sample its own.
+    If friction depends on direction (direction_asymmetry), the law is that of the direction with
+    less viscous friction, chosen for each sample separately.
 
-    Free parameters are drawn from their covariance, those with a lower bound (A, L) by their
-    logarithm; or they are draws of `fitted.draws`, whole ones, so that parameters stay correlated
-    as they are, and each only once. What is left out of the law is told in `warnings`, after
-    those of `fitted`.
+    Free parameters are drawn from their covariance, those with a lower bound (A, L) in the
+    logarithm. If `fitted.draws` exist, whole draws are chosen without replacement, which keeps the
+    correlations. `warnings` lists those of `fitted`, then the effects that the law omits.
 
     Parameters
     ----------
-    normal_force : [N], by which a friction coefficient is multiplied; must be given for a fit
-        of a coefficient and not for one of a force.
-    samples : number drawn besides the estimate. seed : of the draws.
+    normal_force : [N], multiplies a friction coefficient; required for a fit of a coefficient,
+        refused for a fit of a force.
+    samples : number of samples, not counting the estimate. seed : of the draws.
 
     Raises
     ------
-    InputError : a normal force missing or not wanted; a parameter out of bounds; parameters that
-        the record left undetermined, fewer draws than samples; an axis without rate_and_state, or
-        with forces in per cent of an unknown torque.
+    InputError : a normal force missing or not wanted; a parameter out of bounds; undetermined
+        parameters; fewer draws than samples; an axis without rate_and_state, or with forces in
+        per cent of an unknown torque.
 
-    Not tried: the lags and the sampling of an axis' drive, which ask for more.
+    Lags and sampling of an axis' drive, which demand larger gains, are not considered.
     """
     if fitted.is_axis:
         _refuse_other(fitted)
@@ -179,7 +177,7 @@ def law_of(
 
 
 def force_of_unit(unit: str, normal_force: float | None, where: str) -> float:
-    """Factor by which forces of a file in `unit` ("1" or "N") are multiplied to be in newtons.
+    """Return the factor that converts forces of a file from `unit` ("1" or "N") to newtons.
 
     Raises
     ------
@@ -187,8 +185,8 @@ def force_of_unit(unit: str, normal_force: float | None, where: str) -> float:
     """
     if unit == "1" and normal_force is None:
         raise InputError(
-            f"{where}: this is a fit of a friction coefficient; give the normal force that turns it"
-            " into newtons, as in --normal-force '500 N'"
+            f"{where}: this is a fit of a friction coefficient; give the normal force that converts"
+            " it to newtons, as in --normal-force '500 N'"
         )
     if unit != "1" and normal_force is not None:
         raise InputError(f"{where}: this is a fit of a force, so --normal-force is not wanted")
@@ -196,14 +194,14 @@ def force_of_unit(unit: str, normal_force: float | None, where: str) -> float:
 
 
 def in_law(effect: type[AbstractEffect]) -> bool:
-    """Whether an effect belongs to friction in steady motion."""
+    """Whether the law contains an effect: it belongs to friction and acts in steady motion."""
     place = issubclass(effect, AbstractPlaceEffect)
     return effect.room == "friction" and not place and effect.id not in _WHILE
 
 
 def left_out(fitted: FittedLaw, scale: float = 1.0) -> tuple[str, ...]:
-    """A line for every effect that is not in the law, and why; of one that acts as a spring beside
-    k_p its stiffness [N/m], forces being in `scale` newtons, and what to do."""
+    """Return one line for each effect that the law omits, with the reason. For an effect that acts
+    as a spring, the line gives its stiffness [N/m] and the advice; one force unit is `scale` N."""
     lines = []
     moves, motion, later = "slider", "sliding", "; the law was fitted together with it"
     if fitted.is_axis:
@@ -232,7 +230,7 @@ def left_out(fitted: FittedLaw, scale: float = 1.0) -> tuple[str, ...]:
 
 
 def _spring_words(stiffness: float, unit: str) -> str:
-    """What to do without an effect that acts as a spring [`unit`]."""
+    """Advice on k_p for an omitted effect that acts as a spring [`unit`]."""
     if stiffness >= 0:
         return "It acts as a spring that stiffens k_p, so leaving it out is safe"
     return (
@@ -244,8 +242,7 @@ def _spring_words(stiffness: float, unit: str) -> str:
 def _slider(
     fitted: FittedLaw, inside: Effects, scale: float
 ) -> Callable[[Parameters], AbstractLaw]:
-    """A function from parameters by name to the law of a slider, whose forces are multiplied by
-    `scale`."""
+    """Return a function from parameters by name to a slider's law, forces times `scale`."""
     two = fitted.name == "slip" and [effect.id for effect in inside] == ["second_state"]
     states = fitted.states + two
 
@@ -269,7 +266,7 @@ def _slider(
 
 
 def _axis(fitted: FittedLaw, inside: Effects) -> Callable[[Parameters], AxisLaw]:
-    """A function from parameters by name to the law of an axis."""
+    """Return a function from parameters by name to an axis' law."""
     mass, width = fitted.parameters["M"], fitted.width or _NO_WIDTH
     asymmetry = f"{DirectionAsymmetry.id}.d"
 
@@ -285,8 +282,7 @@ def _axis(fitted: FittedLaw, inside: Effects) -> Callable[[Parameters], AxisLaw]
 
 
 def _refuse_other(fitted: FittedLaw) -> None:
-    """Raise `InputError` for an axis whose forces have no SI unit, or whose friction has no
-    memory."""
+    """Raise `InputError` for an axis without SI forces, without memory or without A > 0."""
     force = unit_of("N", fitted.coordinate)
     if fitted.friction_unit != force:
         raise InputError(
@@ -310,7 +306,7 @@ def _refuse_other(fitted: FittedLaw) -> None:
 
 
 def _positive(fitted: FittedLaw) -> dict[str, bool]:
-    """The parameters that are in the law, and which of them are positive; all are checked."""
+    """Check the law's parameters; return by name whether each is positive by definition."""
     ids = ["", *(effect.id for effect in fitted.effects if in_law(effect))]
     found = {}
     for name, about in fitted.quantities().items():
@@ -323,9 +319,9 @@ def _positive(fitted: FittedLaw) -> dict[str, bool]:
 def _columns(
     fitted: FittedLaw, positive: Mapping[str, bool], samples: int, seed: int
 ) -> dict[str, np.ndarray]:
-    """Columns (samples + 1,) of the parameters `positive` names: the estimate, then the draws.
+    """Return columns (samples + 1,) for the parameters in `positive`: the estimate, then the draws.
 
-    Free parameters that are not named are left out: the others have their marginal distribution.
+    Other free parameters are marginalised.
     """
     columns = {name: np.full(samples + 1, fitted.parameters[name]) for name in positive}
     index = [i for i, name in enumerate(fitted.free) if name in positive]
@@ -361,9 +357,9 @@ def _columns(
 def draw_samples(
     mean: np.ndarray, covariance: np.ndarray, positive: np.ndarray, samples: int, seed: int
 ) -> np.ndarray:
-    """Samples (samples, p) of parameters, those that are `positive` by their logarithms.
+    """Draw parameters (samples, p) from a normal distribution; `positive` ones in the logarithm.
 
-    Normal about their `mean` with a `covariance` (SI), which need not be regular.
+    `mean` and `covariance` are in SI; the covariance may be singular.
     """
     jacobian = np.where(positive, 1 / np.where(positive, mean, 1.0), 1.0)
     spread = covariance * np.outer(jacobian, jacobian)

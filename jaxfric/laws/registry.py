@@ -1,13 +1,13 @@
-"""All friction laws by the name that users give, what parameters they have, and how they are built.
+"""All friction laws by name: their parameters and how to build them.
 
-An entry of `REGISTRY` is a law's class or, of a `RateState`, the evolution of its states. To add a
-law is to write it in a file of `rig.friction` and to enter it here; fits, loops, gains,
-simulations, margins and studies take it by its name.
+An entry of `REGISTRY` is a law's class or, for a `RateState`, the evolution of its states. To add a
+law, write it in a file of `rig.friction` and enter it here. Fits, loops, gains, simulations,
+margins and studies then accept its name.
 
 Rate-and-state laws (`AbstractRateState`) have the parameters f0, A, B and L, B2 and L2, ..., V0 and
-slip_trend. A class of one is made with the fields of those names as keywords, with `direct`, and
-says how many states it has by a class variable `number`. Fits, loops and studies take these
-laws only. Any other law has the parameters that its class declares.
+slip_trend. Such a class takes these names and `direct` as keywords. Its class variable `number`
+gives a fixed number of states. Fits, loops and studies accept only these laws. Any other law has
+the parameters that its class declares.
 """
 
 import re
@@ -59,7 +59,7 @@ def names_of_laws() -> tuple[str, ...]:
 
 
 def rate_state_laws() -> tuple[str, ...]:
-    """Names of the laws that fits, loops and studies take."""
+    """Names of the laws that fits, loops and studies accept."""
     return tuple(name for name in REGISTRY if is_rate_state(name))
 
 
@@ -72,8 +72,8 @@ def is_rate_state(name: object) -> bool:
 
 
 def known_law(name: object) -> str:
-    """The name of a law that fits, loops and studies take, in either spelling (aging, ageing);
-    raises `InputError` for others."""
+    """Return the registry name of a rate-and-state law given in either spelling (aging, ageing);
+    raise `InputError` for any other name."""
     here = id_of(name) if isinstance(name, str) else name
     if not isinstance(here, str) or not is_rate_state(here):
         known = ", ".join(rate_state_laws())
@@ -82,33 +82,33 @@ def known_law(name: object) -> str:
 
 
 def evolution_of(name: str) -> AbstractEvolution | None:
-    """The evolution of a `RateState`'s states; None of a law that is a class of its own."""
+    """The evolution of a `RateState`'s states; None for a law with a class of its own."""
     entry = REGISTRY[name]
     return entry if isinstance(entry, AbstractEvolution) else None
 
 
 def takes(name: str, effect: type[AbstractEffect]) -> bool:
-    """Whether a model of this law can have an effect."""
+    """Whether a model with this law can have the effect."""
     return evolution_of(name) is not None or not issubclass(effect, AbstractEvolutionEffect)
 
 
 def refuse_untaken(name: str, effects: Iterable[type[AbstractEffect]]) -> None:
-    """Raise `InputError` for an effect that a model of this law cannot have."""
+    """Raise `InputError` for an effect that a model with this law cannot have."""
     for effect in effects:
         if not takes(name, effect):
             raise InputError(
-                f"effect {effect.id} changes the evolution of a RateState, and the {name} law is"
-                " none; leave the effect out"
+                f"effect {effect.id} changes the evolution of a RateState, which the {name} law"
+                " does not have; leave the effect out"
             )
 
 
 def fixed_states(name: str) -> int | None:
-    """The number of states that a rate-and-state law always has; None: any."""
+    """The fixed number of states of a rate-and-state law; None: any number."""
     return getattr(REGISTRY[name], "number", None)
 
 
 def name_of(law: Law) -> str | None:
-    """The name of a law; None where it is none of the registry."""
+    """The registry name of a law; None if it has none."""
     kind = law.evolution if isinstance(law, RateState) else law
     for name, entry in REGISTRY.items():
         if type(kind) is (type(entry) if isinstance(entry, AbstractEvolution) else entry):
@@ -117,14 +117,14 @@ def name_of(law: Law) -> str | None:
 
 
 def count_states(name: str | None, parameters: Iterable[str]) -> int:
-    """Number of states of a law with these parameters: its own, or one for each B or L there is."""
+    """Number of states: fixed by the law, else the highest index of a B or L in `parameters`."""
     always = None if name is None else fixed_states(name)
     found = (_OF_A_STATE.fullmatch(parameter) for parameter in parameters)
     return always or max((int(match.group(1)) for match in found if match), default=1)
 
 
 def law_quantity(name: str) -> Quantity:
-    """Symbol, unit and bounds behind a parameter of a rate-and-state law, such as "A" or "L2".
+    """Symbol, unit and bounds of a parameter of a rate-and-state law, such as "A" or "L2".
 
     Raises
     ------
@@ -141,9 +141,9 @@ def rate_state(
     scale: float = 1.0,
     direct: AbstractDirectEffect = RegularisedEffect(),  # noqa: B008
 ) -> AbstractRateState:
-    """The law of a name with the parameters `p`; a batch where they are arrays.
+    """Build the law `name` with parameters `p`; arrays give a batch of laws.
 
-    Forces are `scale` times those given. Without a slip_trend there is none.
+    Forces are multiplied by `scale`. The default slip_trend is 0.
     """
     p = {key: jnp.asarray(value, float) for key, value in p.items()}
     fields = {

@@ -1,4 +1,4 @@
-"""A friction law for control, with samples; and one whose parameters are given one by one."""
+"""A friction law for control with samples of its uncertainty; a law from parameters as text."""
 
 import inspect
 from collections.abc import Mapping, Sequence
@@ -33,29 +33,29 @@ _F0 = 50.0
 
 @dataclass(frozen=True, eq=False)
 class LawSource:
-    """A law, and samples of it that its uncertainty allows; in SI, of a line or of a rotation."""
+    """A law and samples of its uncertainty; SI, linear or rotary."""
 
     law: Law
     """The law at the estimated parameters."""
     samples: Law
     """The estimate and then the samples: every array has a leading axis."""
     text: str
-    """The law and its origin, in a line."""
+    """The law and its origin, in one line."""
     velocity: float | None
-    """A velocity of the record [m/s], for where none is given."""
+    """Default velocity [m/s], V0 of the law; None: it has none."""
     warnings: tuple[str, ...] = ()
-    """Warnings to read before the law is relied on, a line each."""
+    """Warnings to read before using the law, one line each."""
     seen: tuple[float, float] | None = None
-    """Slowest and fastest velocity of the record [m/s]; None where there is none."""
+    """Lowest and highest velocity of the record [m/s]; None: no record."""
     mass: float | None = None
-    """Moving mass of the axis that the law is of [kg], for where none is given; None: of none."""
+    """Default mass [kg]: the moving mass of the fitted axis; None: not fitted to an axis."""
     coordinate: Coordinate | None = "linear"
-    """Whether the law is in m and N or in rad and N m; None: a law of numbers, which fits both."""
+    """Whether the law is in m and N or in rad and N m; None: its units are unknown."""
     level_known: bool = True
-    """Whether the level of friction is known, not only how it changes (f0 may be assumed)."""
+    """Whether the absolute level of friction is known; False if f0 is assumed."""
 
     def unseen(self, velocities: Sequence[float] | np.ndarray) -> tuple[str, ...]:
-        """A line where some of the `velocities` [m/s] lie more than twice beyond the record's."""
+        """Warn if some `velocities` [m/s] lie outside the record's range by more than twofold."""
         V = np.abs(np.asarray(velocities, float))
         V = V[V > 0]
         if self.seen is None or V.size == 0:
@@ -66,17 +66,17 @@ class LawSource:
         worst = max(V.max() / high, low / V.min())
         return (
             f"the law is fitted to velocities of {between(low, high, 'm/s')} and asked at"
-            f" {between(V.min(), V.max(), 'm/s')}, up to {worst:.3g} times beyond: no row of the"
-            " record tested it there",
+            f" {between(V.min(), V.max(), 'm/s')}, up to {worst:.3g} times beyond the record:"
+            " an untested extrapolation",
         )
 
 
 def law_from_parameters(kind: str, text: str) -> LawSource:
-    """A law by its name and its parameters, "A=1 N, B=3 N, L=1 mm, V0=2 mm/s".
+    """Build a law from its name and its parameters, "A=1 N, B=3 N, L=1 mm, V0=2 mm/s".
 
-    Rate-and-state laws: A, B, L (B2, L2, ... for more states), V0, and f0, which matters only for
-    a start at rest (default 50 A, told in `text`). Other laws: their own fields. Of a joint all
-    are in rad and N m: "A=10 mN m, B=30 mN m, L=1 mrad, V0=2 mrad/s".
+    Rate-and-state laws need A, B, L (B2, L2, ... for more states) and V0. f0 matters only for a
+    start at rest (default 50 A, noted in `text`). Other laws need their own fields. For a joint
+    use rad and N m: "A=10 mN m, B=30 mN m, L=1 mrad, V0=2 mrad/s".
 
     Raises
     ------
@@ -115,20 +115,20 @@ def stack(laws: Sequence[Law]) -> Law:
 
 
 def without_first(laws: Law) -> Law | None:
-    """A batch of laws without its first, which is the estimate; None where it has no other."""
+    """Drop the first law of a batch, the estimate; None if nothing remains."""
     arrays, _ = eqx.partition(laws, eqx.is_array)
     few = all(leaf.shape[0] < 2 for leaf in jax.tree.leaves(arrays))
     return None if few else taken(laws, slice(1, None))
 
 
 def taken(laws: Law, which: int | slice) -> Law:
-    """A law of a batch, or some of its laws."""
+    """Select one law of a batch, or a slice of it."""
     arrays, rest = eqx.partition(laws, eqx.is_array)
     return eqx.combine(jax.tree.map(lambda leaf: leaf[which], arrays), rest)
 
 
 def _built(kind: str, pairs: Mapping[str, str]) -> tuple[Law, Coordinate]:
-    """The law with parameters as text, and whether they are of a line or of a rotation."""
+    """Build the law from parameters as text; return it and whether it is linear or rotary."""
     entry = REGISTRY[kind]
     if is_rate_state(kind):
         states = count_states(kind, pairs)
