@@ -2,7 +2,7 @@
 
     M q'' + F_v q' + F_c sgn(q') + F_0 + terms(q, q', t, z) = F                       (base law)
 
-F is the force of the motor [N] (or its torque, M an inertia then), F_0 the offset, z states of
+F is the motor force [N], or a torque with M an inertia. F_0 is the offset, z the states of
 friction. sgn is smoothed over a width w: sgn(v) ~ tanh(v/w). Effects add terms, a lag of the motor
 force, or a delay of the encoder.
 """
@@ -31,28 +31,28 @@ class AxisPoint(NamedTuple):
 
 
 class AbstractAxisTerm(eqx.Module):
-    """A force that adds to those of the base law."""
+    """A force added to those of the base law."""
 
     @abc.abstractmethod
     def force(self, at: AxisPoint) -> Array:
-        """The force [F] that resists positive motion."""
+        """Force [F] that resists positive motion."""
 
 
 class AxisRig(eqx.Module):
-    """Base law and what effects add to it. SI; of a rotary axis kg m^2, N m, rad."""
+    """Base law plus effects. SI; for a rotary axis kg m^2, N m, rad."""
 
     width: Float[Array, ""]
     """w of the smoothed sign [m/s]."""
     reach: Float[Array, ""]
-    """Distance between two rows where the axis is slowest [m]: shorter ones do not show."""
+    """Distance between two rows where the axis is slowest [m]: the shortest resolved length."""
     terms: tuple[AbstractAxisTerm, ...]
     states: tuple[AbstractAxisState, ...]
     lag: Float[Array, ""]
-    """Lag of the motor force behind the recorded one [s]."""
+    """Time constant of the motor force's lag behind the recorded one [s]."""
     delay: Float[Array, ""]
     """Delay of the recorded position [s]."""
     late: Float[Array, ""]
-    """Time constant by which the recorded force lags [s]."""
+    """Time constant of the recorded force's lag [s]."""
     mass: Float[Array, ""] = quantity("M", "kg", "moving mass", lower=0.0)
     viscous: Float[Array, ""] = quantity("F_v", "F s/m", "viscous friction")
     coulomb: Float[Array, ""] = quantity("F_c", "F", "Coulomb friction")
@@ -81,7 +81,7 @@ class AxisRig(eqx.Module):
     def friction(
         self, position: Array, velocity: Array, time: Array, states: Sequence[Array]
     ) -> Array:
-        """All force against motion but inertia [F]; `states` are the values of the rig's own."""
+        """Total force against motion without inertia [F]; `states` are the values of the rig's."""
         sign = self.sign(velocity)
         at = AxisPoint(position, velocity, time, sign)
         force = self.viscous * velocity + self.coulomb * sign + self.offset
@@ -92,7 +92,7 @@ class AxisRig(eqx.Module):
         return force
 
     def steady(self, velocity: Array) -> tuple[Array, ...]:
-        """The states of a steady velocity."""
+        """States in steady motion at `velocity`."""
         return tuple(state.steady(velocity) for state in self.states)
 
     def steady_friction(self, position: Array | float, velocity: Array) -> Array:
@@ -101,11 +101,11 @@ class AxisRig(eqx.Module):
         return self.friction(position + zero, velocity, zero, self.steady(velocity))
 
     def turning_friction(self, position: Array | float, speed: Array) -> Array:
-        """(F(v) - F(-v))/2 of `steady_friction` [F]: the part that turns with the direction."""
+        """(F(v) - F(-v))/2 of `steady_friction` [F]: the part that is odd in velocity."""
         return (self.steady_friction(position, speed) - self.steady_friction(position, -speed)) / 2
 
     def force(self, motion: MeasuredMotion) -> Float[Array, " N"]:
-        """Motor force that a measured motion takes (inverse dynamics)."""
+        """Motor force needed for a measured motion (inverse dynamics)."""
         states = [state.along(motion) for state in self.states]
         resisted = self.friction(motion.position, motion.velocity, motion.time, states)
         return self.mass * motion.acceleration + resisted

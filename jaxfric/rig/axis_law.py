@@ -1,4 +1,4 @@
-"""The friction of an axis as a law: about steady motion of one direction."""
+"""The friction of an axis as a law, about steady motion in one direction."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -12,9 +12,9 @@ _SHARP = 1e-12
 
 
 class AxisLaw(AbstractLaw):
-    """Friction of an axis about steady motion of one direction, as `jaxfric.stability` takes it.
+    """Friction of an axis about steady motion in one direction, for `jaxfric.stability`.
 
-    The axis stands still at `position` as far as friction depends on it; speeds V > 0.
+    Friction that depends on position is evaluated at the fixed `position`. Speeds V > 0.
     """
 
     rig: AxisRig
@@ -39,7 +39,7 @@ class AxisLaw(AbstractLaw):
         return jnp.asarray(self.rig.steady(self.direction * V), float)
 
     def force_scale(self) -> Float[Array, ""]:
-        """The direct effect, as of rate-and-state friction of a slider; else Coulomb friction."""
+        """The direct effect |A|, or Coulomb friction if the axis has no rate-and-state friction."""
         direct = [state.A for state in self.rig.states if isinstance(state, AxisRateState)]
         return jnp.abs(direct[0] if direct else self.rig.coulomb)
 
@@ -47,9 +47,9 @@ class AxisLaw(AbstractLaw):
 def axis_law(
     rig: AxisRig, position: float, direction: ArrayLike, *, width: ArrayLike = _SHARP
 ) -> AxisLaw:
-    """The friction of a rig about motion forwards (1) or backwards (-1).
+    """Return the friction of a rig about forward (1) or backward (-1) motion.
 
-    `width` [m/s] is that of the smoothed sign, far below the speeds that are asked about.
+    `width` [m/s] smooths the sign; choose it far below all speeds of interest.
     """
     sharp = eqx.tree_at(lambda r: r.width, rig, jnp.full_like(rig.width, width))
     return AxisLaw(sharp, jnp.asarray(position, float), jnp.asarray(direction, float))

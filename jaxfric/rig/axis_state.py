@@ -1,11 +1,10 @@
-"""States of friction on an axis: what it remembers of the distance travelled.
+"""States of friction on an axis: its memory of the distance travelled.
 
-A state relaxes to a steady value as the axis moves, in either direction, and is kept at rest:
+A state relaxes to a steady value while the axis moves in either direction, and is constant at rest:
 
     state' = (|v|/length) (steady(v) - state)
 
-So it is exact along a measured motion from row to row, one row after the other by an associative
-scan.
+Between two rows of a measured motion the solution is exact. An associative scan joins the rows.
 """
 
 import abc
@@ -20,7 +19,7 @@ from ..quantity import quantity
 
 
 class AbstractAxisState(eqx.Module):
-    """A state of one number, and the force that it takes part in."""
+    """A scalar state, and the force that depends on it."""
 
     @abc.abstractmethod
     def along(self, motion: MeasuredMotion) -> Float[Array, " N"]:
@@ -28,33 +27,32 @@ class AbstractAxisState(eqx.Module):
 
     @abc.abstractmethod
     def rate(self, state: Array, velocity: Array, *, shortest: ArrayLike = 0.0) -> Array:
-        """Time derivative of the state, which takes no less than `shortest` [s] to relax."""
+        """Time derivative of the state; its relaxation time is at least `shortest` [s]."""
 
     @abc.abstractmethod
     def force(self, state: Array, sign: Array, velocity: Array) -> Array:
-        """The force [F] that resists positive motion; `sign` is the smoothed one of the
-        velocity."""
+        """Force [F] that resists positive motion; `sign` is the smoothed sign of `velocity`."""
 
     @abc.abstractmethod
     def steady(self, velocity: Array) -> Array:
-        """The state of a steady velocity."""
+        """State in steady motion at `velocity`."""
 
     @abc.abstractmethod
     def rest(self) -> Array:
-        """The state of an axis that has not moved yet."""
+        """State of an axis that has not moved yet."""
 
     @abc.abstractmethod
     def steepest(self, width: Array) -> Array:
-        """A bound of the force's slope near rest [F s/m], the sign smoothed over `width`."""
+        """Bound on the force's slope near rest [F s/m] for a sign smoothed over `width`."""
 
 
 class Bristle(AbstractAxisState):
-    """Presliding: after a reversal friction comes back over a distance.
+    """Presliding: after a reversal friction recovers over a distance.
 
         z' = q' - |q'| z/x_c,   force a (z/x_c - sgn q') + sigma_1 z'
 
-    The state is z/x_c. With a = F_c friction is Dahl's (1968), F_c z/x_c, and with sigma_1 LuGre's
-    at a constant level (Canudas de Wit et al. 1995); with both 0 there is no presliding.
+    The state is z/x_c. For a = F_c friction is Dahl's (1968), F_c z/x_c. With sigma_1 it is
+    LuGre's at a constant level (Canudas de Wit et al. 1995). With both 0 there is no presliding.
     """
 
     a: Float[Array, ""] = quantity("a", "F", "part of Coulomb friction that a bristle carries")
@@ -62,7 +60,7 @@ class Bristle(AbstractAxisState):
     x_c: Float[Array, ""] = quantity("x_c", "m", "presliding distance", lower=0.0)
 
     def along(self, motion: MeasuredMotion) -> Float[Array, " N"]:
-        """z/x_c, unbent at first: exact for motion of one direction from row to row."""
+        """z/x_c, 0 at the first row; exact if the motion does not reverse between two rows."""
         moved = jnp.diff(motion.position, prepend=motion.position[:1])
         keep = jnp.exp(-jnp.abs(moved) / self.x_c)
         return _carried(keep, jnp.sign(moved) * (1 - keep))
@@ -86,15 +84,15 @@ class Bristle(AbstractAxisState):
 
 
 class AxisRateState(AbstractAxisState):
-    """Rate-and-state friction with a cut-off at low velocity, through rest and reversal.
+    """Rate-and-state friction with a low-velocity cut-off, valid through rest and reversal.
 
         force sgn(v) [A ln(1 + |v|/v_c) + theta]
         theta' = (|v|/L) (theta_ss - theta),   theta_ss = -B ln(1 + |v|/v_c)
 
     theta [F] is the state. Far above v_c these are (3)-(5) of the 1994 note with V0 = v_c and
     Coulomb friction for f0: the slip law of Ruina (1983, doi:10.1029/JB088iB12p10359). Below v_c
-    friction levels off, where ln(V/V0) has no limit. Here theta evolves with slip in
-    either direction and keeps its value at rest.
+    friction levels off, whereas ln(V/V0) diverges. theta evolves with slip in either direction and
+    keeps its value at rest.
     """
 
     A: Float[Array, ""] = quantity("A", "F", "direct effect")
@@ -103,10 +101,10 @@ class AxisRateState(AbstractAxisState):
     v_c: Float[Array, ""] = quantity("v_c", "m/s", "cut-off velocity", lower=0.0)
 
     def along(self, motion: MeasuredMotion) -> Float[Array, " N"]:
-        """theta, steady at first.
+        """theta, at its steady value in the first row.
 
-        Velocity is linear in time from row to row, and theta_ss in the distance between two rows
-        or between a row and the reversal: exact then.
+        It is exact if velocity is linear in time between two rows, and theta_ss linear in distance
+        between two rows or between a row and the reversal.
         """
         v = motion.velocity
         last = jnp.concatenate([v[:1], v[:-1]])
@@ -124,7 +122,7 @@ class AxisRateState(AbstractAxisState):
         return _carried(keep_1 * keep_2, add.at[0].set(steady[0]))
 
     def _leg(self, path: Array, begin: Array, end: Array) -> tuple[Array, Array]:
-        """Share of theta kept over a path along which theta_ss is linear, and what is added."""
+        """Factor and summand of theta over a path along which theta_ss is linear."""
         x = path / self.L
         keep = jnp.exp(-x)
         moved = x > 0
@@ -152,7 +150,7 @@ class AxisRateState(AbstractAxisState):
 
 
 def _carried(keep: Float[Array, " N"], add: Float[Array, " N"]) -> Float[Array, " N"]:
-    """state_k = keep_k state_(k-1) + add_k, from 0."""
+    """Solve state_k = keep_k state_(k-1) + add_k, starting from 0."""
 
     def join(first: tuple[Array, Array], second: tuple[Array, Array]) -> tuple[Array, Array]:
         return first[0] * second[0], second[0] * first[1] + second[1]

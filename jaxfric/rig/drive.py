@@ -1,8 +1,8 @@
-"""Drive: how the commanded motion becomes the motion of the load point.
+"""Drive: from the commanded motion to the motion of the load point.
 
-A drive says by how much the load point trails the command. The machine adds this
-to the commanded motion, so a drive needs no state of its own in the solver and a
-vanishing time constant is not a stiff limit.
+A drive computes how far the load point trails the command. The machine subtracts this distance
+from the commanded motion. So a drive adds no state to the solver, and a vanishing time constant
+is not stiff.
 """
 
 import abc
@@ -40,8 +40,8 @@ class IdealDrive(AbstractDrive):
 class FirstOrderDrive(AbstractDrive):
     """Finite bandwidth: tau dV_m/dt = V_cmd - V_m, solved in closed form for velocity steps.
 
-    After a step of size dV at t_k the load point trails by tau dV (1 - exp(-(t - t_k)/tau))
-    more than before. Before the first step it moves steadily and trails by nothing.
+    A step of size dV at t_k adds tau dV (1 - exp(-(t - t_k)/tau)) to the lag. Before the first
+    step the load point moves steadily without lag.
     """
 
     tau: Float[Array, ""] = quantity(
@@ -57,14 +57,14 @@ class FirstOrderDrive(AbstractDrive):
         return jnp.sum(jump * self._decay(since))
 
     def _decay(self, since: Float[Array, " n"]) -> Float[Array, " n"]:
-        # at tau = 0 nothing is left of a step; so too, to first order, for a negative one
+        # for tau <= 0 a step decays at once: the lag is continued to first order in tau
         lagging = self.tau > 0
         return jnp.where(lagging, jnp.exp(-since / jnp.where(lagging, self.tau, 1.0)), 0.0)
 
     def _steps(
         self, motion: AbstractMotion, t: Float[Array, ""]
     ) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
-        """Changes of velocity [m/s], 0 for those to come, and the time since each [s]."""
+        """Velocity changes [m/s], 0 for future ones, and the time since each [s]."""
         if not isinstance(motion, PiecewiseVelocity):
             raise TypeError(
                 "FirstOrderDrive needs a PiecewiseVelocity motion: its lag is a closed form "

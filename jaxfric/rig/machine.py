@@ -1,8 +1,8 @@
-"""Machine: what stands between the load point and the sliding contact.
+"""Machine: the connection between the load point and the sliding contact.
 
-A spring and a dashpot in parallel (or the PD gains of a controller, which act alike)
-pull a mass. Stiffness is per unit of friction: N/m where friction is a force, 1/m
-where it is a coefficient (stiffness over normal force).
+A spring and a dashpot in parallel, or the equivalent PD gains of a controller, pull a mass.
+Stiffness is per unit of friction: N/m if friction is a force, 1/m if it is a coefficient
+(stiffness over normal force).
 """
 
 import equinox as eqx
@@ -23,9 +23,9 @@ class QuasiStatic(AbstractMachine):
 
     f(V, state) = K (x_m - x) + k_v (V_m - V). The law must be invertible in V.
 
-    `mass`, where it is given, is a small one, whose velocity follows that of the balance
-    late (see `simulation.ode`); with `first_order` its inertia m dV/dt is taken off the
-    pull to first order in m, with dV/dt from the balance without it, which costs less.
+    An optional small `mass` makes the velocity lag behind that of the balance (see
+    `simulation.ode`). With `first_order`, its inertia m dV/dt is instead subtracted from the pull,
+    with dV/dt from the massless balance: exact to first order in m, and cheaper.
     """
 
     stiffness: Float[Array, ""] = quantity("K", "F/m", "stiffness", lower=0.0)
@@ -51,8 +51,8 @@ class QuasiStatic(AbstractMachine):
 class Inertial(AbstractMachine):
     """m dV/dt = K (x_m - x) + k_v (V_m - V) - f(V, state).
 
-    The mass, like the stiffness, is per unit of friction: kg, or kg/N = s^2/m where
-    friction is a coefficient.
+    The mass, like the stiffness, is per unit of friction: kg, or kg/N = s^2/m if friction is a
+    coefficient.
     """
 
     mass: Float[Array, ""] = quantity("m", "F s^2/m", "mass", lower=0.0)

@@ -1,8 +1,7 @@
-"""Normal stress on the contact, as recorded: a smooth function of time through a noisy gauge.
+"""Recorded normal stress on the contact: a smooth function of time through noisy data.
 
-Friction is a coefficient f; the machine feels n f, where n(t) is the normal stress over the one
-at the start. What a change of n does to the state of friction is a matter of the law
-(`effects`); that the pull balances n f is not.
+Friction is a coefficient f, and the pull balances n f. n(t) is the normal stress relative to the
+start. How a change of n acts on the state of friction is defined by the law (`effects`).
 """
 
 import equinox as eqx
@@ -19,14 +18,14 @@ _EACH = 64
 
 
 class NormalStress(eqx.Module):
-    """n(t), normal stress over the one at the start: a cubic on each interval of time.
+    """n(t), normal stress relative to the start: a cubic on each interval of time.
 
-    knots : begins of the intervals [s], ascending, shape (m,); padding is inf.
+    knots : starts of the intervals [s], ascending, shape (m,); padding is inf.
     coefficients : of (t - knot)^3, ^2, ^1, ^0, shape (4, m).
-    span : first and last time [s]; n stays constant outside. The first cubic reaches back to
-        the first time.
+    span : first and last time [s]; n is constant outside. The first cubic extends back to the
+        first time.
 
-    Cubics, since a solver stops for every corner of a broken line.
+    Cubics, because a solver must stop at every corner of a piecewise linear function.
     """
 
     knots: Float[Array, " m"]
@@ -42,10 +41,10 @@ class NormalStress(eqx.Module):
         return ((c[0] * since + c[1]) * since + c[2]) * since + c[3]
 
     def _interval(self, t: Float[Array, ""]) -> Int[Array, ""]:
-        """Index of the last knot that is not after `t`, or 0.
+        """Index of the last knot at or before `t`, or 0.
 
-        Every `_EACH`th knot is asked, all at once, and then those behind it: a binary search is a
-        loop within the solver's, and slower.
+        All knots in steps of `_EACH` are compared at once, then those that follow the one found. A
+        binary search would be a loop within the solver's loop, and slower.
         """
         first, knots = 0, self.knots
         if len(knots) % _EACH == 0:
@@ -54,7 +53,7 @@ class NormalStress(eqx.Module):
         return first + jnp.maximum(jnp.sum(t >= knots) - 1, 0)
 
     def padded(self, length: int) -> "NormalStress":
-        """The same stress with `length` knots, the last of them never reached."""
+        """The same stress padded to `length` knots; padding knots lie at infinite time."""
         more = length - self.knots.shape[0]
         if more < 0:
             raise InputError(f"normal stress: {self.knots.shape[0]} knots do not fit in {length}")
@@ -66,16 +65,16 @@ class NormalStress(eqx.Module):
 
 
 def recorded_stress(time: ArrayLike, stress: ArrayLike, *, knots: int = _KNOTS) -> NormalStress:
-    """The history of a recorded channel: `time` from the start of the record [s], `stress` > 0.
+    """Smooth a recorded normal stress: `time` from the start of the record [s], `stress` > 0.
 
-    Neighbouring rows are averaged until at most `knots` are left. A cubic smoothing spline
-    goes through them (SciPy's `make_smoothing_spline`), as smooth as generalised cross-validation
-    says, so nothing has to be set. It is divided by its value at the first row.
+    Neighbouring rows are averaged down to at most `knots` points. A cubic smoothing spline (SciPy's
+    `make_smoothing_spline`) fits them; generalised cross-validation chooses its smoothness. It is
+    divided by its value at the first row.
 
     Raises
     ------
-    InputError : arrays of different shapes or of fewer than 5 rows, a time that does not
-        ascend, a stress that is not positive.
+    InputError : arrays of different shapes or of fewer than 5 rows, times that do not ascend, a
+        stress that is not positive.
     """
     t, s = np.asarray(time, float), np.asarray(stress, float)
     if t.ndim != 1 or t.shape != s.shape or len(t) < _FEWEST or np.any(np.diff(t) <= 0):
@@ -107,8 +106,8 @@ def recorded_stress(time: ArrayLike, stress: ArrayLike, *, knots: int = _KNOTS) 
 def stress_of_levels(
     begins: Float[np.ndarray, " k"], ends: Float[np.ndarray, " k"], ratios: Float[np.ndarray, "k+1"]
 ) -> NormalStress:
-    """n(t) that goes from `ratios[i]` to `ratios[i + 1]` between `begins[i]` and `ends[i]` [s], by
-    a cubic that begins and ends level, and is constant otherwise."""
+    """n(t) that rises from `ratios[i]` to `ratios[i + 1]` between `begins[i]` and `ends[i]` [s] by
+    a cubic with zero slope at both ends, and is constant otherwise."""
     knots, rows = [0.0], [(0.0, 0.0, 0.0, ratios[0])]
     for begin, end, low, high in zip(begins, ends, ratios[:-1], ratios[1:], strict=True):
         rise, last = (high - low), end - begin
@@ -119,10 +118,10 @@ def stress_of_levels(
 
 
 def moved_stress(time: ArrayLike, stress: ArrayLike) -> float:
-    """Standard deviation of a recorded normal stress without the noise of its gauge, as a share.
+    """Relative standard deviation of a recorded normal stress, without the noise of its gauge.
 
-    What two histories, of every other row each, have in common: smoothing noise leaves some of
-    it, but not the same in both.
+    It is the root of the covariance of two smoothed histories, from the even and the odd rows. The
+    noise that remains after smoothing is independent in the two.
     """
     t, s = np.asarray(time, float), np.asarray(stress, float)
     halves = [recorded_stress(t[k::2], s[k::2], knots=_OF_A_HALF) for k in (0, 1)]

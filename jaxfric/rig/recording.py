@@ -1,4 +1,4 @@
-"""A force channel with the faults that force channels have."""
+"""A force sensor with delay, lag, gain error and drift."""
 
 import jax
 import jax.numpy as jnp
@@ -13,9 +13,9 @@ class ImperfectSensor(AbstractSensor):
 
         tau y' = f(t - d) - y,   recorded = (1 + g) y + r t
 
-    `ts` ascends from the start, before which friction is steady. Between samples friction is taken
-    as straight: sample at least as fast as the lag and the delay are long. A negative
-    tau or d is no sensor; it is continued to first order, so that a fit can pass through 0.
+    `ts` ascends from the start; before it friction is steady. Friction is linear between samples,
+    so the sampling interval must not exceed tau and d. A negative tau or d is unphysical; the
+    formula is continued to first order, so that a fit can cross 0.
     """
 
     tau: Float[Array, ""] = quantity("tau", "s", "time constant of the sensor", default=0.0)
@@ -39,7 +39,7 @@ class ImperfectSensor(AbstractSensor):
         safe = jnp.where(self.tau > 0, self.tau, 1.0)
         keep = jnp.where((self.tau > 0) & (steps > 0), jnp.exp(-steps / safe), 0.0)
         keep = jnp.where(steps > 0, keep, 1.0)  # padding repeats the last time
-        # the lag behind a ramp is tau times its slope; what remains decays from sample to sample
+        # the lag behind a ramp is tau times its slope; the rest decays from sample to sample
         target = force - self.tau * slope
         start = jnp.concatenate([force[:1], force[:-1]]) - self.tau * slope
 

@@ -11,11 +11,11 @@ from .sensor import AbstractSensor, IdealSensor
 
 
 class Rig(eqx.Module):
-    """Four rooms that a record flows through in one direction.
+    """The four rooms of a rig, through which a signal passes in one direction.
 
     All forces are in one unit: newtons, or friction coefficient (see `quantity`).
-    `normal_stress` is the recorded history of what presses the contact, relative to the start:
-    the machine then pulls against n f, and f is recorded. None: it does not move.
+    `normal_stress` is the recorded normal stress relative to the start, n(t): the machine then
+    pulls against n f, and f is recorded. None: constant normal stress.
     """
 
     machine: AbstractMachine

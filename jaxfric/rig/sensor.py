@@ -1,4 +1,4 @@
-"""Sensor: how the true friction force becomes the recorded one."""
+"""Sensor: from the true friction force to the recorded one."""
 
 import abc
 
@@ -11,7 +11,7 @@ class AbstractSensor(eqx.Module):
 
     @abc.abstractmethod
     def read(self, ts: Float[Array, " n"], force: Float[Array, " n"]) -> Float[Array, " n"]:
-        """The recorded force at the sample times `ts` [s], given the true one there."""
+        """The recorded force for the true `force` at the sample times `ts` [s]."""
 
 
 class IdealSensor(AbstractSensor):

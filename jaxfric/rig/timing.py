@@ -1,4 +1,4 @@
-"""Velocity steps that come a little later than commanded."""
+"""Velocity steps that start slightly later than commanded."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -9,11 +9,11 @@ from .drive import AbstractDrive
 
 
 class LateSteps(AbstractDrive):
-    """A drive whose k-th velocity begins `delays[k]` later than another's, to first order in it.
+    """A drive that starts its k-th velocity `delays[k]` later, to first order in the delay.
 
-    From t_k on the load point trails by (V_k - V_(k-1)) delays[k] more. Between the
-    two times, where it has not yet changed its velocity, it is taken as if it had: an
-    error over the length of the delay only. Unlike the time of a jump, this has derivatives.
+    From t_k on the load point trails by a further (V_k - V_(k-1)) delays[k]. The velocity itself
+    still changes at t_k, an error that lasts only for the delay. In return the model is
+    differentiable in the delay, which a shifted jump is not.
     """
 
     drive: AbstractDrive

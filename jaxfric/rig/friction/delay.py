@@ -1,8 +1,8 @@
-"""Friction with a time lag: it answers the velocity of a moment ago.
+"""Friction with a time lag: it depends on the velocity one delay ago.
 
-A delay law has no state variables; its memory is the velocity itself over the last `delay`
-seconds. It therefore has an interface of its own, and simulations and stability
-theory of its own. Linearised about steady sliding at V (26)-(29):
+A delay law has no state variables; its memory is the velocity over the last `delay` seconds.
+Its interface, simulation and stability theory therefore differ from those of `AbstractLaw`.
+Linearised about steady sliding at V (26)-(29):
 
     f_v = df/dV_now,   g(t) = k_f delta(t - alpha),   G(s) = k_f exp(-alpha s)
 
@@ -22,7 +22,7 @@ from .law import Scalar
 class AbstractDelayLaw(eqx.Module):
     """A friction law that depends on velocity now and one constant delay ago, for V > 0.
 
-    The formulas must stay finite where a solver tries a velocity that is not positive.
+    The formulas must stay finite if a solver tries a velocity <= 0.
     """
 
     delay: eqx.AbstractVar[Float[Array, ""]]
@@ -33,7 +33,7 @@ class AbstractDelayLaw(eqx.Module):
 
     @abc.abstractmethod
     def force(self, V_now: Scalar, V_delayed: Scalar) -> Scalar:
-        """Friction force [F] by the velocity now and the one `delay` seconds ago [m/s]."""
+        """Friction force [F] for the velocities now and `delay` seconds ago [m/s]."""
 
     @abc.abstractmethod
     def negative_slope(self, V: Scalar) -> Scalar:
@@ -41,7 +41,7 @@ class AbstractDelayLaw(eqx.Module):
 
     @abc.abstractmethod
     def force_scale(self) -> Scalar:
-        """A positive force [F] typical of the law's changes."""
+        """A positive force [F], the typical size of the law's changes."""
 
 
 class HessSoom(AbstractDelayLaw):
@@ -49,7 +49,7 @@ class HessSoom(AbstractDelayLaw):
 
     f(t) = c0 V(t - alpha) + c1/(1 + c2 V(t - alpha)^2)
 
-    Nothing in it answers the velocity now: f_v = 0 (27).
+    It does not depend on the velocity now: f_v = 0 (27).
     """
 
     c0: Float[Array, ""] = quantity("c0", "F s/m", "viscous friction", lower=0.0, closed=True)

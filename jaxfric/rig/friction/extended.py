@@ -1,21 +1,21 @@
-"""Rate-and-state friction with additions, each of which can be absent without a trace.
+"""Rate-and-state friction with additional terms; a term with zero amplitude changes nothing.
 
     f = f_base(V, theta, x, t) + sum_i f_i(V, z_i, x, t)
 
-A term adds a force and may bring states of its own. With all amplitudes zero the law is its
-base, to rounding: that is what makes fits with and without a term comparable.
+A term adds a force and may have states of its own. With all amplitudes zero the law equals its
+base to rounding, so fits with and without a term are comparable.
 
-A term may also stand between the states and their evolution. Where theta' holds the rate of
-something known, h(V, n)', the states integrated are theta - h: the term adds h as a force and gives
-it back, by `shift`, to the evolution, and nothing has to be differentiated.
+A term may also change the evolution of the states. If theta' contains the rate of a known function
+h(V, n), the solver integrates theta - h. The term adds h as a force, and `shift` adds h to theta in
+the evolution, so h is never differentiated.
 
-In steady sliding at V no rate is left. A term's states follow from V alone or, where the term
-couples, from V and the whole friction force f, which those states are a part of: heat comes from
-all of friction. One number is then unknown, however many terms couple,
+In steady sliding at V all rates vanish. A term's states then follow from V alone. If the term
+couples, they follow from V and the total friction force f, which contains them; an example is
+frictional heat. However many terms couple, f is the only unknown,
 
     f = F(V, z(V, f))
 
-and Newton's method finds it. Without a term that couples nothing is solved.
+and Newton's method finds it. If no term couples, nothing has to be solved.
 """
 
 import abc
@@ -31,7 +31,7 @@ from ...quantity import quantity
 from .law import LOG_MAX, NEWTON_STEPS, AbstractInvertibleLaw, Conditions, Scalar, States
 from .rate_state import AbstractEvolution, AbstractRateState, AgeingEvolution, SlipEvolution
 
-if TYPE_CHECKING:  # which takes equinox's for a field of an instance
+if TYPE_CHECKING:  # type checkers mistake equinox's for an instance field
     from typing import ClassVar as AbstractClassVar
 else:
     from equinox import AbstractClassVar
@@ -47,7 +47,7 @@ class Contact(NamedTuple):
     """States of the term itself."""
     base: AbstractRateState
     stress: Float[Array, ""] | None = None
-    """Normal stress over the one at the start; None: it does not move."""
+    """Normal stress relative to the start; None: constant."""
     load_velocity: Float[Array, ""] | None = None
     """Velocity of the load point; None: that of the slider."""
 
@@ -60,7 +60,7 @@ class AbstractTerm(eqx.Module):
     states: AbstractClassVar[int]
     """Number of its states."""
     couples: AbstractClassVar[bool]
-    """Whether its steady state depends on the whole friction force."""
+    """Whether its steady state depends on the total friction force."""
 
     @abc.abstractmethod
     def force(self, at: Contact) -> Scalar:
@@ -68,16 +68,16 @@ class AbstractTerm(eqx.Module):
 
     @abc.abstractmethod
     def rate(self, at: Contact, force: Scalar) -> States:
-        """Time derivative of its states; `force` is the whole friction force."""
+        """Time derivative of its states; `force` is the total friction force."""
 
     @abc.abstractmethod
     def steady_state(self, V: Scalar, base: AbstractRateState, force: Scalar) -> States:
-        """States of the term in steady sliding at `V`, where `rate` vanishes; `force` is the whole
-        friction force there, and is 0 where the term does not couple."""
+        """States of the term in steady sliding at `V`, where `rate` vanishes; `force` is the total
+        friction force, 0 if the term does not couple."""
 
     @abc.abstractmethod
     def shift(self, at: Contact) -> Scalar | None:
-        """Shift h added to theta in the base's evolution; None: there is none."""
+        """Shift h added to theta in the base's evolution; None: no shift."""
 
 
 class AbstractStatelessTerm(AbstractTerm):
@@ -87,7 +87,7 @@ class AbstractStatelessTerm(AbstractTerm):
     couples: ClassVar[bool] = False
 
     def rate(self, at: Contact, force: Scalar) -> Float[Array, " 0"]:
-        """The empty state: there is nothing to change, shape (0,)."""
+        """The empty rate, shape (0,)."""
         del force
         return at.state
 
@@ -139,7 +139,7 @@ class ExtendedLaw(AbstractInvertibleLaw):
         return self._settled(V, force, at)
 
     def _settled(self, V: Scalar, force: Scalar, at: Conditions) -> States:
-        """The states in steady sliding at `V` where the whole friction force is `force`."""
+        """States in steady sliding at `V` for a total friction force `force`."""
         parts = [term.steady_state(V, self.base, force) for term in self.terms]
         theta = self.base.steady_state(V)
         theta = theta - (self._seen(V, theta, parts, at) - theta)
@@ -158,7 +158,7 @@ class ExtendedLaw(AbstractInvertibleLaw):
     def _without_moving(
         self, force: Scalar, state: States, at: Conditions, damping: Scalar | None
     ) -> Scalar:
-        """The velocity that `force` would give if the terms that depend on it were absent."""
+        """The velocity at `force` without the terms that depend on velocity."""
         theta, parts = self._split(state)
         still = jnp.ones_like(force)
         for term, part in zip(self.terms, parts, strict=True):
@@ -170,7 +170,7 @@ class ExtendedLaw(AbstractInvertibleLaw):
         return Contact(V, at.slip, at.time, part, self.base, at.stress, at.load_velocity)
 
     def _seen(self, V: Scalar, theta: States, parts: Sequence[States], at: Conditions) -> States:
-        """The base's states as their evolution sees them; shifts are the first one's."""
+        """The states that the base's evolution uses; shifts apply to the first state."""
         for term, part in zip(self.terms, parts, strict=True):
             shift = term.shift(self._contact(V, part, at))
             if shift is not None:
@@ -194,7 +194,7 @@ def _excess(
     at: Conditions,
     damping: Scalar | None,
 ) -> Scalar:
-    """Friction and dashpot at `V`, less `force`."""
+    """Friction plus dashpot force at `V`, minus `force`."""
     total = law.force(V, state, at) - force
     return total if damping is None else total + damping * V
 
@@ -205,7 +205,7 @@ def _balanced(
 ) -> Scalar:
     """The velocity at which friction and dashpot balance `force`, by Newton's method in ln V."""
 
-    # a loop, not written out: all terms are traced and compiled once, and no slower
+    # a loop, not unrolled: the terms are traced and compiled once, at the same speed
     def nearer(_: int, V: Scalar) -> Scalar:
         excess, slope = _by_velocity(V, law, force, state, at, damping)
         rise = slope * V
@@ -218,7 +218,7 @@ def _balanced(
 
 @_balanced.def_jvp
 def _(primals: tuple, tangents: tuple) -> tuple[Scalar, Scalar]:
-    """dV = -dF/F_V at the solution F = 0, which is asked for again: so its next order is right."""
+    """dV = -dF/F_V at the solution F = 0; calling the solver again makes higher orders exact."""
     V = _balanced(*primals)
     _, change = eqx.filter_jvp(lambda *given: _excess(V, *given), primals, tangents)
     _, slope = _by_velocity(V, *primals)
@@ -226,18 +226,18 @@ def _(primals: tuple, tangents: tuple) -> tuple[Scalar, Scalar]:
 
 
 def _by_velocity(V: Scalar, *given: PyTree) -> tuple[Scalar, Scalar]:
-    """The excess and its derivative by V; `given` is what `_excess` takes beside V."""
+    """The excess and its derivative in V; `given` are the other arguments of `_excess`."""
     return jax.jvp(lambda V: _excess(V, *given), (V,), (jnp.ones_like(V),))
 
 
 class BlendedEvolution(AbstractEvolution):
-    """A law, the ageing law and all between, with a slip length and a steady state that may vary.
+    """A blend of a law with the ageing law, with a variable slip length and steady state.
 
         dtheta/dt = (1 - q) first + q ageing,   L -> L (V/V0)^n
         theta_ss = -B [ln(V/V0) - ln(1 + c V)],   c = 1/V_c
 
-    q = 0, n = 0, c = 0 is the `first` law, as a rule the slip law (4), and q = 1 the ageing law.
-    With c every law is asked at theta - B ln(1 + c V), where it is steady at -B ln(V/V0).
+    q = n = c = 0 is the `first` law, usually the slip law (4); q = 1 is the ageing law. For c > 0
+    both laws are evaluated at theta - B ln(1 + c V), whose steady value is -B ln(V/V0).
     """
 
     q: Float[Array, ""] = quantity("q", "1", "ageing share of the evolution", default=0.0)

@@ -1,8 +1,8 @@
 """The interface of every friction law, and the conditions that friction may depend on.
 
-Time face: `force(V, state, at)` and `rate(V, state, at)`. The frequency face
-(an instantaneous term and a memory kernel at a steady velocity) follows from these
-two by automatic differentiation, so no law writes it.
+In the time domain a law is `force(V, state, at)` and `rate(V, state, at)`. Its frequency domain
+form, an instantaneous term and a memory kernel at a steady velocity, follows by automatic
+differentiation, so laws do not define it.
 """
 
 import abc
@@ -12,11 +12,11 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 LOG_MAX = 40.0
-"""Largest logarithm of a ratio of velocities: a solver's trial step must stay a finite number."""
+"""Largest logarithm of a velocity ratio, which keeps a solver's trial steps finite."""
 NEAR_ZERO = 1e-12
-"""Share below which a power is continued by its value there: at 0 it may have no derivative."""
+"""Lower bound on the base of a power: at 0 the power may have no derivative."""
 NEWTON_STEPS = 4
-"""Newton steps from a start that is near: each doubles the digits, from one to all of a double."""
+"""Newton steps from a near start: each doubles the digits, from one to all of a double."""
 
 Scalar = Float[Array, ""]
 States = Float[Array, " n"]
@@ -24,10 +24,10 @@ States = Float[Array, " n"]
 
 
 class Conditions(NamedTuple):
-    """Place and time of the contact: slip since the start [m] and time since the start [s].
+    """Slip [m] and time [s] since the start.
 
-    `stress` is the normal stress over the one at the start, n; None: it does not move.
-    `load_velocity` [m/s] is that of the load point; None: steady sliding, it is the slider's.
+    `stress` is the normal stress relative to the start, n; None: constant.
+    `load_velocity` [m/s] is that of the load point; None: equal to the slider's (steady sliding).
     """
 
     slip: Float[Array, ""]
@@ -39,8 +39,8 @@ class Conditions(NamedTuple):
 class AbstractLaw(eqx.Module):
     """A friction law with a vector of state variables.
 
-    Forces are in newtons or, as a coefficient, dimensionless: the equations are the
-    same and the whole rig must use one of the two. Velocity V in m/s, time in s.
+    Forces are in newtons, or dimensionless (friction coefficient): the equations are the same.
+    The whole rig must use one of the two. Velocity V in m/s, time in s.
     """
 
     @abc.abstractmethod
@@ -57,14 +57,14 @@ class AbstractLaw(eqx.Module):
 
     @abc.abstractmethod
     def force_scale(self) -> Scalar:
-        """A positive force typical of the law's changes: the unit of its error control."""
+        """A positive force, the typical size of the law's changes; scales the solver's errors."""
 
 
 class AbstractInvertibleLaw(AbstractLaw):
     """A law whose force rises with velocity at fixed state, so that it can be inverted.
 
-    The instantaneous rise (the direct effect) is what makes a massless slider's
-    velocity a function of the force on it, and what keeps a slider with mass well-conditioned.
+    This direct effect makes a massless slider's velocity a function of the force on it. It also
+    keeps a slider with mass well-conditioned.
     """
 
     @abc.abstractmethod

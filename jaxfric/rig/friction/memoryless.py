@@ -1,4 +1,4 @@
-"""Friction without memory: a steady curve that velocity alone decides.
+"""Friction without memory: a function of velocity alone.
 
     f = [c0 + c1 |V| + c2 exp(-(|V|/c3)^c4)] sgn V                                  (1)
 
@@ -25,10 +25,10 @@ from .law import AbstractLaw, Conditions, Scalar, States
 class AbstractStribeck(AbstractLaw):
     """Steady curve (1) as a law with no states (state arrays have shape (0,)).
 
-    With `width` None the sign is exact: f(0) = 0, and just beside it f = +-(c0 + c2). With a
-    `width` w the sign is tanh(V/w), continuous through rest and reversal: it is exact to
-    rounding for |V| > 20 w, and friction near rest is creep at a slope of (c0 + c2)/w, so a
-    stuck slider drifts. Choose w far below c3 and below every velocity that matters.
+    With `width` None the sign is exact: f(0) = 0, and f(+-0) = +-(c0 + c2). With a `width` w the
+    sign is tanh(V/w), continuous through rest and reversal, and exact to rounding for
+    |V| > 20 w. Near rest friction then has the slope (c0 + c2)/w, so a stuck slider creeps.
+    Choose w far below c3 and below every velocity of interest.
     """
 
     c0: eqx.AbstractVar[Float[Array, ""]]
@@ -44,8 +44,8 @@ class AbstractStribeck(AbstractLaw):
     def force(self, V: Scalar, state: States, at: Conditions) -> Scalar:
         """Friction force (1) [F] at velocity `V` [m/s].
 
-        Derivatives are finite everywhere. At V = 0 with the exact sign they are 0, which is
-        none of the one-sided ones.
+        Derivatives are finite everywhere. At V = 0 with the exact sign they are 0, unlike the
+        one-sided derivatives.
         """
         del state, at
         speed = jnp.abs(V)
@@ -54,22 +54,22 @@ class AbstractStribeck(AbstractLaw):
         return (self.c0 + self.c1 * speed + self.c2 * bump) * sign
 
     def rate(self, V: Scalar, state: States, at: Conditions) -> States:
-        """No states, so nothing changes: shape (0,)."""
+        """The empty rate, shape (0,)."""
         del V, at
         return jnp.zeros_like(state)
 
     def steady_state(self, V: Scalar) -> States:
-        """No states: shape (0,)."""
+        """The empty state, shape (0,)."""
         return jnp.zeros((0,), jnp.result_type(float, V))
 
     def force_scale(self) -> Scalar:
-        """c2 + c1 c3, by which the curve changes over a Stribeck velocity; c0 if that is 0."""
+        """c2 + c1 c3, the change of the curve over a Stribeck velocity; c0 if that is 0."""
         change = self.c2 + self.c1 * self.c3
         return jnp.where(change > 0, change, self.c0)
 
 
 def _width() -> Float[Array, ""] | None:
-    """A field that is None where it is not given."""
+    """An optional field, None by default."""
     about = Quantity("width", "m/s", "velocity over which the sign of friction turns", lower=0.0)
 
     def array(value: ArrayLike | None) -> Array | None:
@@ -95,8 +95,8 @@ class GeneralStribeck(AbstractStribeck):
 class GaussianStribeck(AbstractStribeck):
     """Memoryless example (14): c0 + c1 V + c2 exp(-(V/c3)^2) for V > 0.
 
-    It is (1) with c4 = 2 and the same c0..c3; for V < 0 it is continued as (1) is, to an odd
-    function: [c0 + c1 |V| + c2 exp(-(V/c3)^2)] sgn V.
+    It is (1) with c4 = 2 and the same c0..c3. For V < 0 it is continued as an odd function:
+    [c0 + c1 |V| + c2 exp(-(V/c3)^2)] sgn V.
     """
 
     c0: Float[Array, ""] = quantity("c0", "F", "Coulomb friction", lower=0.0, closed=True)
@@ -110,11 +110,10 @@ class GaussianStribeck(AbstractStribeck):
 
 
 def critical_velocity(law: AbstractStribeck) -> Scalar:
-    """The velocity V > 0 at which curve (1) falls most steeply: the hardest to stabilise [m/s].
+    """The velocity V > 0 at which curve (1) falls most steeply, the hardest to stabilise [m/s].
 
-    V_cr = c3 ((c4 - 1)/c4)^(1/c4) for c4 > 1, which for c4 = 2 is (16), c3/sqrt(2). For
-    c4 <= 1 the slope has no minimum inside: it is steepest as V -> 0, and V_cr = 0.
-    The `width` of the law is not taken into account.
+    V_cr = c3 ((c4 - 1)/c4)^(1/c4) for c4 > 1; for c4 = 2 this is (16), c3/sqrt(2). For c4 <= 1
+    the curve is steepest as V -> 0, and V_cr = 0. The `width` of the law is ignored.
     """
     n = law.exponent()
     inside = n > 1
@@ -129,8 +128,8 @@ def worst_slope(law: AbstractStribeck) -> Scalar:
 
         f_v(V_cr) = c1 - (c2/c3) c4 w^w exp(-w),
 
-    which for c4 = 2 is (17), c1 - sqrt(2) (c2/c3) exp(-1/2). For c4 = 1 it is the limit
-    c1 - c2/c3 at V -> 0; for c4 < 1 the slope there has no bound, and the result is -inf.
+    For c4 = 2 this is (17), c1 - sqrt(2) (c2/c3) exp(-1/2). For c4 = 1 the result is the limit
+    c1 - c2/c3 at V -> 0. For c4 < 1 the slope is unbounded at V -> 0, and the result is -inf.
     """
     n = law.exponent()
     inside = n > 1
@@ -140,8 +139,8 @@ def worst_slope(law: AbstractStribeck) -> Scalar:
 
 
 def _power(u: Scalar, n: Scalar) -> Scalar:
-    """u^n for u >= 0, with derivatives that are finite at u = 0 and for large u: no more than is
-    needed for exp(-u^n) to vanish."""
+    """u^n for u >= 0 with finite derivatives at u = 0 and for large u: u^n is capped where
+    exp(-u^n) vanishes."""
     moving = u > jnp.finfo(u.dtype).tiny
     log_power = n * jnp.log(jnp.where(moving, u, 1.0))
     power = jnp.exp(jnp.minimum(log_power, jnp.log(-jnp.log(jnp.finfo(u.dtype).tiny))))

@@ -1,8 +1,8 @@
 """Friction before gross sliding: the contact bends like bristles, then slides.
 
-Dahl's law is what the 1994 note on PD control and stick-slip contrasts with: its memory
-shows at reversals only. The steady curve is flat, and linearised about steady sliding
-it has no memory at all, so it predicts no stick-slip from friction alone.
+Dahl's law is the counterexample of the 1994 note on PD control and stick-slip: its memory acts
+at reversals only. Its steady curve is flat, and linearised about steady sliding it has no memory.
+So friction alone causes no stick-slip in this law.
 
 Source: Dahl (1976, doi:10.2514/3.61511); Walrath (1984, Automatica 20, 717-727).
 """
@@ -20,11 +20,11 @@ class Dahl(AbstractLaw):
     f = z + viscous V
     dz/dt = sigma V (1 - z/f_c sgn V)^gamma
 
-    The steady curve is f_c sgn V + viscous V. At gamma = 1 the bristle force approaches f_c
-    over the distance f_c/sigma, exponentially; at gamma > 1 more slowly, at gamma < 1 within a
-    finite distance. If |z| exceeds f_c (by rounding, or at a start) the power is taken of
-    the magnitude with the sign kept, so that z returns to f_c. Within 1e-12 f_c of full
-    sliding the power is continued as a straight line: for gamma < 1 its slope would be infinite.
+    The steady curve is f_c sgn V + viscous V. For gamma = 1 the bristle force approaches f_c
+    exponentially over the distance f_c/sigma; for gamma > 1 more slowly; for gamma < 1 within a
+    finite distance. If |z| exceeds f_c (by rounding, or at the start), the power acts on the
+    magnitude and the sign is kept, so that z returns to f_c. Within 1e-12 f_c of full sliding
+    the power is continued linearly: for gamma < 1 its slope would be infinite.
 
     About steady sliding at V > 0: f_v = `viscous`, and the memory kernel is zero.
     """

@@ -24,7 +24,7 @@ from .law import LOG_MAX, NEWTON_STEPS, AbstractInvertibleLaw, Conditions, Scala
 
 
 class AbstractEvolution(eqx.Module):
-    """The law by which the states relax; in force units, with `r = |V|/V0`."""
+    """How the states relax, in force units; `r = |V|/V0`."""
 
     @abc.abstractmethod
     def rate(self, r: Scalar, theta: States, B: States, L: States, V0: Scalar) -> States:
@@ -36,7 +36,7 @@ class AbstractEvolution(eqx.Module):
 
 
 class SlipEvolution(AbstractEvolution):
-    """Ruina's slip law (4): dtheta/dt = -(V/L) (theta + B ln(V/V0)); frozen at rest."""
+    """Ruina's slip law (4): dtheta/dt = -(V/L) (theta + B ln(V/V0)); constant at rest."""
 
     def rate(self, r: Scalar, theta: States, B: States, L: States, V0: Scalar) -> States:
         moving = r > 0
@@ -50,8 +50,8 @@ class SlipEvolution(AbstractEvolution):
 class AgeingEvolution(AbstractEvolution):
     """Dieterich's ageing law: dtheta/dt = (B V0/L) (exp(-theta/B) - V/V0); heals at rest.
 
-    With theta = B ln(V0 Theta/L) this is dTheta/dt = 1 - V Theta/L. The limit B -> 0 is a
-    state that stays at 0; at B = 0 exactly it is taken, so that no 0/0 appears.
+    With theta = B ln(V0 Theta/L) this is dTheta/dt = 1 - V Theta/L. At B = 0 the rate is set to
+    its limit 0, which avoids 0/0.
     """
 
     def rate(self, r: Scalar, theta: States, B: States, L: States, V0: Scalar) -> States:
@@ -66,7 +66,7 @@ class AgeingEvolution(AbstractEvolution):
 class AbstractDirectEffect(eqx.Module):
     """The instantaneous response to velocity, and its inverse.
 
-    `rest` is f0 plus everything that does not depend on velocity (states, slip, time).
+    `rest` is f0 plus all parts independent of velocity (states, slip, time).
     """
 
     @abc.abstractmethod
@@ -99,12 +99,12 @@ class RegularisedEffect(AbstractDirectEffect):
     """A asinh(V/(2 V0) exp(rest/A)): finite at rest and odd in V, for sticking and reversal.
 
     For V > 0 it exceeds `rest + A ln(V/V0)` by -A ln(1 - e^-2z) with z = asinh(...), about
-    A exp(-2 rest/A - 2 ln(V/V0)): less than 1e-15 A for rest/A > 20 at V = V0. `rest` is meant
-    to be positive (it is the friction level near V0).
+    A exp(-2 rest/A - 2 ln(V/V0)): less than 1e-15 A for rest/A > 20 at V = V0. `rest` should be
+    positive, as it is the friction level near V0.
     """
 
     def force(self, V: Scalar, rest: Scalar, A: Scalar, V0: Scalar) -> Scalar:
-        # asinh(x e^p / 2) with x = |V|/V0, written so that e^p may exceed the number range
+        # asinh(x e^p / 2) with x = V/V0; where e^p could overflow, its asymptote ln(x e^p)
         x = V / V0
         p = rest / A
         small = jnp.log(jnp.where(x == 0, 1.0, jnp.abs(x))) + p < 20.0
@@ -132,8 +132,8 @@ class RegularisedEffect(AbstractDirectEffect):
 class AbstractRateState(AbstractInvertibleLaw):
     """Friction with a direct effect and states, each with an amplitude B_i and a slip length L_i.
 
-    In steady sliding theta_i = -B_i ln(V/V0), so that A - sum B_i is the slope of the steady
-    curve over ln V, whatever the states do on their way. How they relax is for `rate` to say.
+    In steady sliding theta_i = -B_i ln(V/V0), so the steady curve has the slope A - sum B_i over
+    ln V, however the states relax. `rate` defines how they relax.
     """
 
     f0: eqx.AbstractVar[Float[Array, ""]]
@@ -206,10 +206,10 @@ class RateState(AbstractRateState):
 def _damped_log(z: Scalar, c: Scalar) -> Scalar:
     """u such that u + c e^u = z, for c >= 0. A small negative c is continued through 0.
 
-    w = c e^u solves w + ln w = z + ln c = x, as Wright's omega function does. The start is right to
-    a factor of 3, or too small to matter. A step of fourth order for w (Fritsch, Shafer and Crowley
-    1973, doi:10.1145/361952.361970) and one of third order for u then reach rounding, in the time
-    of four exponentials.
+    w = c e^u solves w + ln w = z + ln c = x: it is Wright's omega function of x. The start is
+    within a factor of 3, or w is negligible. A step of fourth order for w (Fritsch, Shafer and
+    Crowley 1973, doi:10.1145/361952.361970) and one of third order for u then reach rounding, at
+    the cost of four exponentials.
     """
     x = z + jnp.log(jnp.abs(c) + 1e-300)
     below, above = jnp.maximum(-x, 0.0), x - 2.5
@@ -226,7 +226,7 @@ def _damped_log(z: Scalar, c: Scalar) -> Scalar:
 
 @_damped_log.defjvp
 def _(primals: tuple[Scalar, Scalar], tangents: tuple[Scalar, Scalar]) -> tuple[Scalar, Scalar]:
-    """du = (dz - e^u dc)/(1 + c e^u); u is asked for again, so that its next order is right."""
+    """du = (dz - e^u dc)/(1 + c e^u); calling the solver again makes higher orders exact."""
     (z, c), (dz, dc) = primals, tangents
     u = _damped_log(z, c)
     e = jnp.exp(u)

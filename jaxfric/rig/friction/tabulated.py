@@ -1,15 +1,15 @@
-"""Friction that is known only as a table of steady friction against speed.
+"""Friction known only as a table of steady friction against speed.
 
     F(V) = F_i + (V - v_i) (F_{i+1} - F_i)/(v_{i+1} - v_i)      between the rows i and i + 1
 
-The slope at a speed is that between the two rows about it, so that nothing is read into the table:
-the scatter of the rows is in it, too. A table has no memory. Where one is assumed, of length L,
-friction follows the curve over that distance,
+The slope at a speed is that between its two neighbouring rows, without smoothing, so it includes
+the scatter of the rows. A table has no memory. If a memory of length L is assumed, friction follows
+the curve over that distance,
 
     f = z,   dz/dt = |V|/L (F(V) - z),
 
-without a direct effect: f_v = 0 and G(s) = -F' V/(L s + V), so that stiffness can help as far as
-k_v > 0. A direct effect, of which a steady curve says nothing, would ask for less.
+without a direct effect: f_v = 0 and G(s) = -F' V/(L s + V), so stiffness can stabilise if k_v > 0.
+A steady curve does not show the direct effect; with one, smaller gains would suffice.
 """
 
 import jax.numpy as jnp
@@ -21,16 +21,16 @@ from ...quantity import as_floats, quantity
 from .law import AbstractLaw, Conditions, Scalar, States
 
 _WIDTH = 1e-3
-"""Width of the smoothed sign over the slowest speed of a table: exact wherever the table is."""
+"""Width of the smoothed sign over the lowest speed of a table: exact at all speeds of the table."""
 
 
 class TabulatedFriction(AbstractLaw):
-    """Steady friction of a table, linear between its rows and along its ends beyond; odd in V.
+    """Steady friction of a table: linear between rows, extrapolated linearly, odd in V.
 
     Parameters
     ----------
-    speed : ascending, above 0 [m/s], (n,). friction : at these [F], (n,).
-    L : distance over which friction follows the curve [m]; None: at once, without memory.
+    speed : ascending, above 0 [m/s], (n,). friction : at these speeds [F], (n,).
+    L : distance over which friction follows the curve [m]; None: no memory.
 
     The sign is tanh(V/w), w a thousandth of the slowest speed.
 
@@ -54,7 +54,7 @@ class TabulatedFriction(AbstractLaw):
         self.speed, self.friction, self.L = as_floats(v), as_floats(F), as_floats(L)
 
     def curve(self, V: Scalar) -> Scalar:
-        """F(V) of the table [F]; at a row with the lower of the slopes on its two sides."""
+        """F(V) of the table [F]; at a row its slope is the lower of the two adjacent ones."""
         size = jnp.abs(V)
         slopes = jnp.diff(self.friction) / jnp.diff(self.speed)
         last = self.speed.shape[0] - 2
@@ -78,6 +78,6 @@ class TabulatedFriction(AbstractLaw):
         return jnp.zeros((0,)) if self.L is None else jnp.reshape(self.curve(V), (1,))
 
     def force_scale(self) -> Scalar:
-        """The range of the table, or its largest friction where that is 0."""
+        """The range of the table, or its largest friction if the range is 0."""
         change = jnp.max(self.friction) - jnp.min(self.friction)
         return jnp.where(change > 0, change, jnp.max(jnp.abs(self.friction)))
