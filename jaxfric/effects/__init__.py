@@ -1,4 +1,4 @@
-"""The catalogue of effects: what a model may lack, one room at a time."""
+"""The catalogue of effects that a model may lack, by room."""
 
 from .axis import AbstractAxisEffect as AbstractAxisEffect
 from .catalogue import AXIS_CATALOGUE as AXIS_CATALOGUE

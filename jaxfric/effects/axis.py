@@ -1,6 +1,6 @@
-"""Effects that an axis may have beyond mass, Coulomb and viscous friction and an offset.
+"""Effects of an axis beyond mass, Coulomb and viscous friction and an offset.
 
-As in `jaxfric.effects`: an effect at its null changes nothing. They enter an `AxisRig`.
+They modify an `AxisRig`. As in `jaxfric.effects`, an effect at its null changes nothing.
 """
 
 from collections.abc import Mapping
@@ -26,14 +26,14 @@ from .effect import (
 )
 
 ANGLE = "angle"
-"""Channel that a rotary axis has, its position in radians."""
+"""Channel of a rotary axis: its position in radians."""
 _ALWAYS = np.asarray(True)
 _WAVES = 1.5
-"""Waves of travel from which a record fixes a wavelength."""
+"""Least travel, in wavelengths, that determines a wavelength."""
 _FELT = 0.1
-"""Share of the friction on a bristle that is felt as damping."""
+"""Damping force over bristle force above which a negative damping is unphysical."""
 _CUT_OFF = 1e-3
-"""Share of the slowest speed below which a cut-off velocity stands for Coulomb friction."""
+"""Below this share of the lowest speed, a cut-off velocity only shifts Coulomb friction."""
 _CUT_OFF_LIMIT: Mapping[str, Limit] = MappingProxyType(
     {"v_c": lambda at, scales: at.v_c < _CUT_OFF * scales.slowest}
 )
@@ -46,15 +46,15 @@ class AbstractAxisEffect(AbstractEffect[AxisRig]):
 
 
 class AbstractAxisTermEffect(AbstractAxisEffect, AbstractAxisTerm):
-    """An effect that is itself the force that it adds to those of the axis."""
+    """An effect that is itself the added force term."""
 
     def embed(self, rig: AxisRig) -> AxisRig:
-        """The rig with this force among its terms."""
+        """Add this force to the rig's terms."""
         return _with(rig, self)
 
 
 class AbstractLinearAxisEffect(AbstractLinearEffect[AxisRig]):
-    """One effect of an axis without shapes."""
+    """An effect of an axis without shape parameters."""
 
     rigs: ClassVar[tuple[type[eqx.Module], ...]] = (AxisRig,)
 
@@ -70,7 +70,7 @@ def _remembering(rig: AxisRig, state: AbstractAxisState) -> AxisRig:
 class DirectionAsymmetry(AbstractLinearAxisEffect, AbstractAxisTermEffect):
     """+ d |v|: viscous friction F_v + d forwards and F_v - d backwards.
 
-    Coulomb friction that differs by direction is the offset of the base law.
+    The offset of the base law describes Coulomb friction that differs by direction.
     """
 
     id: ClassVar[str] = "direction_asymmetry"
@@ -95,7 +95,7 @@ class Cubic(AbstractLinearAxisEffect, AbstractAxisTermEffect):
     room: ClassVar[str] = "friction"
     equation: ClassVar[str] = "+ c v^3"
     meaning: ClassVar[str] = (
-        "Friction grows faster than in proportion to speed, as air or a fluid drags, or slower."
+        "Friction grows faster than in proportion to speed, like drag of air or a fluid, or slower."
     )
     confused_with: ClassVar[tuple[str, ...]] = ("stribeck",)
     separated_by: ClassVar[str] = "four speeds, the slowest well below the others"
@@ -109,7 +109,7 @@ class Cubic(AbstractLinearAxisEffect, AbstractAxisTermEffect):
 
 
 class AxisStribeck(AbstractAxisTermEffect):
-    """+ fs exp(-(|v|/vs)^n) sgn v; n = 1 (Bo and Pavelescu 1982) and 2 are starts."""
+    """+ fs exp(-(|v|/vs)^n) sgn v; fits start from n = 1 (Bo and Pavelescu 1982) and 2."""
 
     id: ClassVar[str] = "stribeck"
     room: ClassVar[str] = "friction"
@@ -126,7 +126,7 @@ class AxisStribeck(AbstractAxisTermEffect):
     n: Float[Array, ""] = quantity("n", "1", "exponent", lower=0.3, upper=3.0, default=1.0)
 
     def force(self, at: AxisPoint) -> Array:
-        # the speed stays off 0, where its power has no derivative
+        # at speed 0 the power has no derivative
         share = jnp.maximum(jnp.abs(at.velocity) / self.vs, NEAR_ZERO)
         return self.fs * jnp.exp(-(share**self.n)) * at.sign
 
@@ -139,20 +139,20 @@ class AxisStribeck(AbstractAxisTermEffect):
 
 
 class LogViscous(AbstractAxisEffect, AbstractAxisTerm):
-    """+ c ln(1 + |v|/v_c) sgn v: friction that grows with speed, ever less.
+    """+ c ln(1 + |v|/v_c) sgn v: friction that grows with speed, at a decreasing rate.
 
-    Like viscous friction c v/v_c well below v_c, c more for every factor of e above it: a lubricant
-    that thins with shear (Eyring 1936, doi:10.1063/1.1749836, has an asinh of the speed, which is
-    linear and then logarithmic too). v_c is no less than the width of the smoothed sign, below
-    which friction is not described; where all speeds are far above it, Coulomb friction takes up
-    what it does, and c is known without it.
+    Well below v_c it is viscous, c v/v_c. Above v_c it grows by c per factor e in speed, as for a
+    shear-thinning lubricant. (Eyring 1936, doi:10.1063/1.1749836, has an asinh of the speed, also
+    linear and then logarithmic.) v_c is at least the width of the smoothed sign, below which
+    friction is not modelled. If all speeds are far above v_c, a change of v_c acts like Coulomb
+    friction; c is then determined although v_c is not.
     """
 
     id: ClassVar[str] = "log_viscous"
     room: ClassVar[str] = "friction"
     equation: ClassVar[str] = "+ c ln(1 + |v|/v_c) sgn v"
     meaning: ClassVar[str] = (
-        "Friction grows with speed, ever less: steep at low speed, flat at high speed."
+        "Friction grows with speed at a decreasing rate: steep at low speed, flat at high speed."
     )
     confused_with: ClassVar[tuple[str, ...]] = ("viscous", "stribeck")
     separated_by: ClassVar[str] = "two decades of speed"
@@ -178,9 +178,9 @@ class LogViscous(AbstractAxisEffect, AbstractAxisTerm):
 class AxisPositionPeriodic(AbstractAxisTermEffect, AbstractPlaceEffect[AxisRig]):
     """+ c cos(2 pi q/wavelength) + s sin(...): the pitch of a screw, the teeth of a belt, cogging.
 
-    The pitch is looked for from twice the travel down to what the decimated rows resolve at the
-    median speed. Of less than 1.5 waves it is not fixed: so little of a wave is also a piece of a
-    joint's weight, or of any curve.
+    Wavelengths are searched from twice the travel down to the resolution of the decimated rows at
+    the median speed. At least 1.5 waves must fit in the travel: a shorter piece of a wave looks
+    like gravity, or like any smooth curve.
     """
 
     id: ClassVar[str] = "position_periodic"
@@ -204,13 +204,13 @@ class AxisPositionPeriodic(AbstractAxisTermEffect, AbstractPlaceEffect[AxisRig])
         return self.c * jnp.cos(phase) + self.s * jnp.sin(phase)
 
     def softest_spring(self) -> Float[Array, ""]:
-        """-2 pi sqrt(c^2 + s^2)/lambda, half way down a wave."""
+        """-2 pi sqrt(c^2 + s^2)/lambda, the steepest descent of the wave."""
         return -2 * jnp.pi * jnp.hypot(self.c, self.s) / self.wavelength
 
     def grid(self, scales: RecordScales) -> dict[str, tuple[float, ...]]:
         travel = scales.total_slip
         shortest = max(scales.step_slip, travel / 500)
-        # waves half a period apart over the travel differ
+        # numbers of waves in the travel that differ by half a wave can be told apart
         number = 2 * int(np.ceil(2 * travel / shortest))
         waves = np.arange(2, number + 1) / (2 * 2 * travel)
         return {"wavelength": tuple(1 / waves[waves * shortest < 1])}
@@ -220,9 +220,9 @@ class AxisPositionPeriodic(AbstractAxisTermEffect, AbstractPlaceEffect[AxisRig])
 
 
 class Gravity(AbstractLinearAxisEffect, AbstractAxisTermEffect, AbstractPlaceEffect[AxisRig]):
-    """+ a sin q + b cos q, q in radians: m g l of what a joint carries, from any zero of its angle.
+    """+ a sin q + b cos q, q in radians: torque m g l of a joint's load, for any zero of the angle.
 
-    Of a joint's angle, so of rotary axes only; on the motor's side of a gear it has another period.
+    For rotary axes only. q is the joint's angle; on the motor's side of a gear the period differs.
     """
 
     id: ClassVar[str] = "gravity"
@@ -242,7 +242,7 @@ class Gravity(AbstractLinearAxisEffect, AbstractAxisTermEffect, AbstractPlaceEff
         return self.a * jnp.sin(at.position) + self.b * jnp.cos(at.position)
 
     def softest_spring(self) -> Float[Array, ""]:
-        """-sqrt(a^2 + b^2) per radian, where the weight is at its highest."""
+        """-sqrt(a^2 + b^2) per radian, where the load is at its highest point."""
         return -jnp.hypot(self.a, self.b)
 
     def physical(self) -> Bool[Array, ""]:
@@ -297,20 +297,20 @@ class AxisTimeDrift(AbstractLinearAxisEffect, AbstractAxisTermEffect):
 
 
 class Presliding(AbstractAxisEffect):
-    """+ a (z/x_c - sgn v) + sigma_1 z', z' = v - |v| z/x_c: Coulomb friction comes back over a
-    distance. Dahl's bristle, and LuGre's with its damping.
+    """+ a (z/x_c - sgn v) + sigma_1 z', z' = v - |v| z/x_c: after a reversal Coulomb friction
+    recovers over a distance. Dahl's bristle; with the damping, LuGre's.
 
-    The damping acts where the bristle bends, at low speed within some x_c of a reversal: sigma_1
-    times the speed of a stroke is no force, and a record may show the bristle without it. A
-    distance over which friction is not back within half of the travel is none, nor is a damping
-    below 0 that is felt: it would feed the motion.
+    The damping acts only while the bristle bends, at low speed within a few x_c of a reversal. So
+    sigma_1 times the speed of a stroke is not a force that occurs, and a record may determine the
+    bristle but not its damping. x_c must be short enough for friction to recover within half of
+    the travel. A noticeable negative damping is refused: it would feed energy into the motion.
     """
 
     id: ClassVar[str] = "presliding"
     room: ClassVar[str] = "friction"
     equation: ClassVar[str] = "+ a (z/x_c - sgn v) + sigma_1 z', z' = v - |v| z/x_c"
     meaning: ClassVar[str] = (
-        "After a reversal friction does not jump: it comes back over a short distance, as a "
+        "After a reversal friction does not jump: it recovers over a short distance, as a "
         "bristle bends."
     )
     confused_with: ClassVar[tuple[str, ...]] = ("servo_lag", "stribeck")
@@ -340,17 +340,16 @@ class Presliding(AbstractAxisEffect):
 class RateAndState(AbstractAxisEffect):
     """+ sgn(v) [A ln(1 + |v|/v_c) + theta], theta' = (|v|/L) (-B ln(1 + |v|/v_c) - theta).
 
-    Friction answers a change of velocity at once by A and, over the slip length L, by -B (the slip
-    law of Ruina 1983, doi:10.1029/JB088iB12p10359, levelled off below v_c). Physical where A > 0
-    and B > 0: the direct effect has its cause in creep at the contacts, and without it sliding is
-    ill-posed (Rice, Lapusta & Ranjith 2001, doi:10.1016/S0022-5096(01)00042-4); the state is the
-    strength that contacts gain with age and lose by slip (Dieterich 1979,
-    doi:10.1029/JB084iB05p02161). B < 0 is friction that bends with velocity, not a memory of that
-    kind.
+    Friction responds to a change of velocity at once by A and, over the slip length L, by -B (slip
+    law of Ruina 1983, doi:10.1029/JB088iB12p10359, constant below v_c). Physical if A > 0 and
+    B > 0. The direct effect is due to creep at the contacts; without it sliding is ill-posed
+    (Rice, Lapusta & Ranjith 2001, doi:10.1016/S0022-5096(01)00042-4). The state is the strength
+    that contacts gain with age and lose by slip (Dieterich 1979, doi:10.1029/JB084iB05p02161).
+    B < 0 describes a curved dependence on velocity, not such a memory.
 
-    L is no less than the distance between two rows where the axis is slowest: below it a
-    record tells A - B and B L, and a fit wanders to A and B beyond all friction. v_c is no less
-    than the width of the smoothed sign, below which friction is not described.
+    L is at least the distance between two rows where the axis is slowest. A shorter L leaves only
+    A - B and B L determined, and a fit drifts to A and B far above all friction. v_c is at least
+    the width of the smoothed sign, below which friction is not modelled.
     """
 
     id: ClassVar[str] = "rate_and_state"
@@ -359,8 +358,8 @@ class RateAndState(AbstractAxisEffect):
         "+ sgn(v) [A ln(1 + |v|/v_c) + theta], theta' = (|v|/L)(-B ln(1 + |v|/v_c) - theta)"
     )
     meaning: ClassVar[str] = (
-        "Friction remembers the velocity over a distance L, so that a low speed may stick- "
-        "slip where the controller is soft."
+        "Friction remembers the velocity over a distance L, so that the axis may stick-slip at low "
+        "speed if the controller is soft."
     )
     confused_with: ClassVar[tuple[str, ...]] = ("stribeck", "presliding", "cubic", "log_viscous")
     separated_by: ClassVar[str] = "steps of velocity within a stroke, and reversals"
@@ -385,12 +384,12 @@ class RateAndState(AbstractAxisEffect):
 
 
 class AxisServoLag(AbstractLinearAxisEffect):
-    """A motor force that lags the recorded one: tau F_m' = F - F_m."""
+    """A motor force F_m that lags the recorded force F: tau F_m' = F - F_m."""
 
     id: ClassVar[str] = "servo_lag"
     room: ClassVar[str] = "drive"
     equation: ClassVar[str] = "tau F_m' = F - F_m"
-    meaning: ClassVar[str] = "The motor's force follows the recorded one late."
+    meaning: ClassVar[str] = "The motor's force lags behind the recorded one."
     confused_with: ClassVar[tuple[str, ...]] = ("sensor_delay", "sensor_lag", "presliding")
     separated_by: ClassVar[str] = "the motor's measured current in place of its command"
     tau: Float[Array, ""] = quantity("tau", "s", "time constant of the motor", default=0.0)
@@ -403,13 +402,13 @@ class AxisServoLag(AbstractLinearAxisEffect):
 
 
 class AxisSensorLag(AbstractLinearAxisEffect):
-    """A recorded force that lags: tau y' = F - y."""
+    """A recorded force y that lags: tau y' = F - y."""
 
     id: ClassVar[str] = "sensor_lag"
     room: ClassVar[str] = "sensor"
     equation: ClassVar[str] = "tau y' = F - y"
     meaning: ClassVar[str] = (
-        "The recorded force follows the motor's force late, as a low-pass filter does."
+        "The recorded force lags behind the motor's force, as after a low-pass filter."
     )
     confused_with: ClassVar[tuple[str, ...]] = ("sensor_delay", "servo_lag")
     separated_by: ClassVar[str] = "a force step into a blocked axis"
@@ -423,7 +422,7 @@ class AxisSensorLag(AbstractLinearAxisEffect):
 
 
 class AxisSensorDelay(AbstractLinearAxisEffect):
-    """A recorded position that is d later than the recorded force; d < 0: earlier."""
+    """A recorded position delayed by d against the recorded force; d < 0: ahead of it."""
 
     id: ClassVar[str] = "sensor_delay"
     room: ClassVar[str] = "sensor"
@@ -441,8 +440,8 @@ class AxisSensorDelay(AbstractLinearAxisEffect):
 
 
 IN_TIME = frozenset(e.id for e in (AxisServoLag, AxisSensorLag, AxisSensorDelay))
-"""Effects that move force and motion in time against each other. To first order a record shows
-their sum alone, and two of them that act against each other smooth the error of the encoder, which
-lowers the residual whatever the axis does: one of them stands for all."""
+"""Effects that shift force and motion in time against each other. To first order a record shows
+only their sum. Two of them with opposite signs smooth the encoder's error, which lowers the
+residual without any physical cause. So a model has at most one of them."""
 AXIS_STEADY_CURVES = (Cubic.id, AxisStribeck.id, LogViscous.id)
-"""Effects that are a curve of the velocity, the same but for its sign in both directions."""
+"""Effects that add an odd function of velocity alone."""

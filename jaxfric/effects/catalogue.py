@@ -1,6 +1,6 @@
 """The catalogue of effects of a slider's rig and of an axis.
 
-An effect of one's own becomes one of the catalogue by `register`, for every rig that it fits.
+`register` adds an effect of your own for every rig to which it applies.
 """
 
 from ..errors import InputError, did_you_mean
@@ -50,15 +50,15 @@ AXIS_CATALOGUE: dict[str, type[AbstractEffect]] = {}
 """The effects of an axis by id."""
 _CATALOGUES: dict[type, dict[str, type[AbstractEffect]]] = {Rig: CATALOGUE, AxisRig: AXIS_CATALOGUE}
 STEADY_CURVES = (friction.EvolutionCutoff.id, friction.Viscous.id, friction.Stribeck.id)
-"""Effects that only change friction of steady sliding as a function of velocity."""
+"""Effects that change only the steady-state friction as a function of velocity."""
 
 
 def register(effect: type[AbstractEffect]) -> type[AbstractEffect]:
-    """Add an effect to the catalogue of every rig that it fits.
+    """Add an effect to the catalogue of every rig to which it applies.
 
     Raises
     ------
-    ValueError : another effect has its id.
+    ValueError : another effect has this id.
     """
     for rig in effect.rigs:
         if _CATALOGUES[rig].setdefault(effect.id, effect) is not effect:
@@ -71,11 +71,11 @@ for _effect in _ALL:
 
 
 def effect_of(name: str, rig: type[Rig] | type[AxisRig] = Rig) -> type[AbstractEffect]:
-    """The effect of an id, of a slider or of an axis.
+    """Look up an effect of a slider or an axis by its id.
 
     Raises
     ------
-    InputError : there is none; the nearest id is suggested.
+    InputError : no such effect; the nearest id is suggested.
     """
     known = _CATALOGUES[rig]
     name = id_of(name)

@@ -1,26 +1,27 @@
 """A delay of friction as an ordinary differential equation, no stiffer than sliding itself.
 
-The slip law at the velocity of a time alpha ago is a delay equation. Here the past of u = ln V/V0
-is a rational filter of the present,
+The slip law with the velocity a time alpha ago is a delay equation. Here a rational filter of the
+present u = ln V/V0 approximates its past,
 
     u(t - alpha) ~ u - alpha u' + (alpha^2/2) H(s) u'',   H(s) = (1 + n s)/(1 + b1 s + b2 s^2)
 
-With b1 = alpha/2, b2 = alpha^2/12, n = alpha/6 it is the [2/2] Pade approximant of exp(-alpha s),
-whose poles at 3.5/alpha a small delay would make stiff. So they are kept below 2/c in crossings
-xi, the times L/V that the contact takes to renew itself; with a = alpha V/L, nu = c/(1 + 2a/(3c)):
+With b1 = alpha/2, b2 = alpha^2/12, n = alpha/6 it is the [2/2] Pade approximant of exp(-alpha s).
+Its poles at 3.5/alpha are stiff for a small delay. So they are kept below 2/c, in units of
+crossings xi, the time L/V in which the contact renews itself. With a = alpha V/L and
+nu = c/(1 + 2a/(3c)):
 
     b1 = a/2 + nu,   b2 = a^2/12 + a nu/3 + c^2/4,   n = a/6 + nu
 
-The first two orders in alpha stay exact and the third nearly so. Behind the filter are
-y = u/(1 + b1 s + b2 s^2) and its rate z, and with d = (u - y - b1 z)/b2 the bend of y is y'' = d,
+The first two orders in alpha stay exact, the third nearly so. The filter's states are
+y = u/(1 + b1 s + b2 s^2) and its rate z. With d = (u - y - b1 z)/b2, y'' = d and
 
     u(t - alpha) ~ u - g u' + (a^2/2) [d - (n/b2) (z + b1 d)],   g = a c nu/(4 b2)
 
-u' is not computed: B V g u'/L = B g V'/L belongs to theta', so theta - B g V/L is integrated.
+u' is not computed: B V g u'/L = B g V'/L is part of theta', so theta - B g V/L is integrated.
 
-V of the crossings is a third state, V_p: with V itself d would need u', and constant it would be
-stiff where the slider is slow. ln V_p follows the faster of slider and load point in c/2, and as
-L/V_p, a and the coefficients move with it, their rates are in the equations too.
+The velocity that defines a crossing is a third state, V_p. With V itself, d would need u'; a
+constant would be stiff where the slider is slow. ln V_p follows the faster of slider and load point
+within c/2. L/V_p, a and the coefficients change with it, so the equations contain their rates.
 """
 
 from typing import ClassVar, NamedTuple
@@ -36,13 +37,13 @@ from ..rig.friction.law import LOG_MAX
 from ..rig.friction.rate_state import AbstractRateState
 from .effect import AbstractHeavyEffect, extended, with_term
 
-# c is 0.4/(1 + K L/(4 A)) crossings: a slider answers in A/(K V) itself. Half of it costs twice the
-# steps.
+# c is 0.4/(1 + K L/(4 A)) crossings, as the slider itself responds within A/(K V). Half of it costs
+# twice the steps.
 _SHORTEST = 0.4
 _STIFF = 4.0
-# Scale of the states, which are over A: an error in them is this much less in friction.
+# Scale of the states relative to A, which reduces their weight in the solver's error.
 _SCALE = 0.01
-# A delay below 0, which only the trial of a fit has, acts as one of less than this many crossings.
+# A negative delay (only in trials of a fit) acts logarithmically beyond this many crossings.
 _AHEAD = 0.25
 _LEAP_MAX = 10.0
 
@@ -58,7 +59,7 @@ class _Filter(NamedTuple):
 
 class _Past(NamedTuple):
     rest: Float[Array, ""]
-    """Part of theta' that comes from the past, beyond B g V/L."""
+    """Part of theta' due to the past, without B g V/L."""
     rates: Float[Array, " 3"]
 
 
@@ -113,7 +114,7 @@ class _DelayTerm(AbstractTerm):
         rest = dp * (slope.g - f.g) + 0.5 * a**2 * (d - f.n / f.b2 * less)
 
         behind = jnp.stack([dp, z, d - dp * z])
-        # nothing to step at the null; without a load point, in linear analysis, no pole at 0
+        # at alpha = 0 the rates vanish; linear analysis (no load point) gets no pole at 0
         idle = jnp.zeros_like(behind)
         if at.load_velocity is None:
             idle = jnp.stack([leap, u - y, -z])
@@ -142,8 +143,8 @@ def _log(ratio: Float[Array, ""]) -> Float[Array, ""]:
 class FrictionalDelay(AbstractHeavyEffect[Rig]):
     """theta_ss = -B ln(V(t - alpha)/V0), slip law.
 
-    The past is a filter of the present (see this module), so no history is kept. Against a solution
-    by the method of steps (SciPy), the error over the effect is
+    A filter of the present replaces the history (see this module). Error relative to the effect,
+    compared with a solution by the method of steps (SciPy):
 
         alpha V/L     0.03   0.1    0.3    1      3       of the fastest velocity
         K L/A = 1     0.3 %  0.8 %  1.6 %  2.1 %  2.4 %
@@ -151,13 +152,13 @@ class FrictionalDelay(AbstractHeavyEffect[Rig]):
         K L/A = 6     1.4 %  3.7 %  5.6 %  5.4 %  13 %
         K L/A = 20    2.5 %  6.8 %  7.0 %  7.3 %  15 %
 
-    for steps of velocity of up to a factor of ten.
+    for velocity steps of up to a factor of ten.
     """
 
     id: ClassVar[str] = "frictional_delay"
     room: ClassVar[str] = "friction"
     equation: ClassVar[str] = "theta_ss at V(t - alpha)"
-    meaning: ClassVar[str] = "Friction answers the velocity of a moment ago, not that of now."
+    meaning: ClassVar[str] = "Friction depends on the velocity a moment ago, not on that now."
     confused_with: ClassVar[tuple[str, ...]] = ("sensor_lag", "inertia")
     separated_by: ClassVar[str] = "fast sampling, oscillating velocity"
     alpha: Float[Array, ""] = quantity("alpha", "s", "delay of friction", default=0.0)

@@ -11,13 +11,13 @@ from .effect import AbstractLinearEffect
 
 
 class ServoLag(AbstractLinearEffect[Rig]):
-    """A drive that follows its command late: tau dV_m/dt = V_cmd - V_m."""
+    """A drive that lags its command: tau dV_m/dt = V_cmd - V_m."""
 
     id: ClassVar[str] = "servo_lag"
     room: ClassVar[str] = "drive"
     equation: ClassVar[str] = "tau V_m' = V_cmd - V_m"
     meaning: ClassVar[str] = (
-        "The drive follows its command late: the load point does not move as the record says."
+        "The drive lags behind its command: the load point does not move as recorded."
     )
     confused_with: ClassVar[tuple[str, ...]] = ("sensor_lag", "sensor_delay")
     separated_by: ClassVar[str] = "a load-point encoder channel"

@@ -1,11 +1,11 @@
-"""An effect: a modification of one room of a rig, with values that change nothing.
+"""An effect: a modification of one room of a rig, with a null that changes nothing.
 
-An effect holds its parameters; made without arguments it is at its null. `embed(rig)` gives the rig
-with the effect in it, and at the null that rig predicts what `rig` predicts, to rounding. So
-a fit with the effect free contains the fit without it.
+An effect holds its parameters; without arguments it is at its null. `embed(rig)` returns the rig
+with the effect. At the null its predictions equal those of `rig`, to rounding. So a fit without
+the effect is a special case of the fit with it.
 
-A parameter is either an amplitude, whose null is 0 and which is unbounded, or a shape (a length, a
-time, a velocity), which means nothing while the amplitudes are 0 and is started from a grid.
+A parameter is an amplitude or a shape. An amplitude is unbounded and has the null 0. A shape (a
+length, a time, a velocity) has no influence while the amplitudes are 0; fits start it from a grid.
 """
 
 import abc
@@ -27,7 +27,7 @@ from ..rig.friction.rate_state import (
     SlipEvolution,
 )
 
-if TYPE_CHECKING:  # which takes equinox's for a field of an instance
+if TYPE_CHECKING:  # type checkers mistake equinox's for an instance field
     from typing import ClassVar as AbstractClassVar
 else:
     from equinox import AbstractClassVar
@@ -40,7 +40,7 @@ ROOMS = ("friction", "machine", "drive", "sensor")
 
 
 class RecordScales(NamedTuple):
-    """Sizes of a record, for starting values of shapes. SI."""
+    """Scales of a record, for starting values of shapes. SI."""
 
     slip_length: float
     """Slip length L of the base fit [m]."""
@@ -56,27 +56,26 @@ class RecordScales(NamedTuple):
 
 
 Limit = Callable[[Any, RecordScales], Any]
-"""Whether the parameters of an effect are beyond what a record of such sizes can show."""
+"""Whether a parameter of an effect is beyond what a record of such scales can determine."""
 
 
 class AbstractEffect(eqx.Module, Generic[R]):
     """One effect of the catalogue.
 
-    `id` is its name in tables and files; `room` the one it modifies; `equation` a line of
-    text, `meaning` what it says in words; `confused_with` the ids it is easily taken for;
-    `separated_by` what would tell them apart. `rigs` are the kinds of rig that it fits, a slider's
-    unless it says otherwise. The fields declared by `quantity(...)` are its parameters, amplitudes
-    first.
+    `id` is its name in tables and files, `room` the room that it modifies. `equation` is one line,
+    `meaning` explains it in words. `confused_with` lists the ids of similar effects, `separated_by`
+    the experiment that distinguishes them. `rigs` are the kinds of rig to which it applies, by
+    default a slider's. The fields declared by `quantity(...)` are its parameters, amplitudes first.
     """
 
     rigs: ClassVar[tuple[type[eqx.Module], ...]] = (Rig,)
     meaning: ClassVar[str] = ""
-    """The effect in one or two plain sentences; reports leave it out where it is empty."""
+    """The effect in one or two plain sentences; reports omit an empty one."""
     law: ClassVar[Mapping[str, float]] = MappingProxyType({})
-    """Amplitudes with which the effect makes another well-known law of its base; a fit that is lost
-    from elsewhere begins at the fit of that law. Empty where there is none."""
+    """Amplitudes at which base and effect form another well-known law, if any. A fit that fails
+    from other starts begins at the fit of that law."""
     limits: ClassVar[Mapping[str, Limit]] = MappingProxyType({})
-    """By field name, whether a value is beyond what a record can show (`beyond`)."""
+    """By field name, whether a value is beyond what a record can determine (`beyond`)."""
 
     channel: ClassVar[str | None] = None
     """The optional channel of a record that it needs, if any."""
@@ -89,15 +88,15 @@ class AbstractEffect(eqx.Module, Generic[R]):
 
     @abc.abstractmethod
     def embed(self, rig: R) -> R:
-        """The rig with this effect in it."""
+        """Return the rig with this effect."""
 
     @abc.abstractmethod
     def grid(self, scales: RecordScales) -> dict[str, tuple[float, ...]]:
-        """Starting values of every shape by field name; empty where there is none."""
+        """Starting values of every shape by field name; empty without shapes."""
 
     @abc.abstractmethod
     def physical(self) -> Bool[Array, ""]:
-        """True where the parameters are physically possible (a lag is positive)."""
+        """Whether the parameters are physically possible (a lag is positive)."""
 
 
 class AbstractLinearEffect(AbstractEffect[R]):
@@ -110,26 +109,26 @@ class AbstractLinearEffect(AbstractEffect[R]):
 
 
 class AbstractPlaceEffect(AbstractEffect[R]):
-    """An effect that depends on where the slider is: about any place it is a spring beside k_p."""
+    """An effect that depends on position: locally it acts as a spring in parallel with k_p."""
 
     @abc.abstractmethod
     def softest_spring(self) -> Float[Array, ""]:
-        """The least stiffness of that spring [F/m]; below 0 it softens."""
+        """The lowest stiffness of that spring [F/m]; a negative one softens."""
 
 
 class AbstractEvolutionEffect(AbstractLinearEffect[Rig]):
-    """An effect on how the states of a `RateState` relax; no other law has such an evolution."""
+    """An effect on how the states relax; it applies only to a `RateState`."""
 
 
 class AbstractHeavyEffect(AbstractLinearEffect[R]):
-    """An effect that is costly to simulate, and has something cheaper to stand for it at its null.
+    """An effect that is costly to simulate, with a cheap first-order form at its null.
 
-    Most candidates of a loop lack it, and need no more than its derivatives.
+    Most candidate models of a loop do not contain it, and need only its derivatives at the null.
     """
 
     @abc.abstractmethod
     def embed_first_order(self, rig: R) -> R:
-        """The rig that has, at the null, the value and the first derivatives of `embed`'s."""
+        """Return a rig that equals `embed`'s at the null, in value and first derivatives."""
 
 
 def parameters(effect: AbstractEffect | type[AbstractEffect]) -> dict[str, Quantity]:
@@ -138,28 +137,28 @@ def parameters(effect: AbstractEffect | type[AbstractEffect]) -> dict[str, Quant
 
 
 def beyond(effect: AbstractEffect, scales: RecordScales) -> tuple[str, ...]:
-    """Field names of parameters that are beyond what a record of such sizes can show."""
+    """Field names of parameters beyond what a record of such scales can determine."""
     return tuple(name for name, limit in effect.limits.items() if bool(limit(effect, scales)))
 
 
 def made(effect: type[E], values: Mapping[str, ArrayLike]) -> E:
-    """The effect with some of its parameters by field name, the others at their null."""
+    """Build an effect from parameters by field name; the others are at their null."""
     return effect(**values)
 
 
 def null(effect: type[E]) -> E:
-    """The effect with the values that change nothing."""
+    """Build an effect at its null, where it changes nothing."""
     return made(effect, {})
 
 
 def ids_of(value: str | Sequence[str]) -> tuple[str, ...]:
-    """Ids of effects, each once: of a sequence, or of one text, "thermal" or "thermal, gain"."""
+    """Unique effect ids from a sequence or from one text, "thermal" or "thermal, gain"."""
     pieces = value.split(",") if isinstance(value, str) else value
     return tuple(dict.fromkeys(id_of(piece.strip()) for piece in pieces if piece.strip()))
 
 
 def id_of(name: str) -> str:
-    """The present name of an effect, or of a parameter of one; older files have older names."""
+    """The current name of an effect or its parameter; translates names of older files."""
     return _RENAMED.get(name, name)
 
 
@@ -183,7 +182,7 @@ def with_evolution(rig: Rig, **changes: Array) -> Rig:
 
 
 def blended(law: RateState) -> RateState:
-    """A copy of the law with an evolution that can blend: an ageing law at q = 1, another at 0."""
+    """A copy of the law with a `BlendedEvolution`: q = 1 for the ageing law, else 0."""
     evolution = law.evolution
     if isinstance(evolution, BlendedEvolution):
         return law
@@ -194,7 +193,7 @@ def blended(law: RateState) -> RateState:
 
 
 def evolution_of(law: ExtendedLaw) -> BlendedEvolution | None:
-    """Evolution of the base of an extended law; None where its base is no `RateState`."""
+    """Evolution of the base of an extended law; None if its base is not a `RateState`."""
     evolution = law.base.evolution if isinstance(law.base, RateState) else None
     return evolution if isinstance(evolution, BlendedEvolution) else None
 
@@ -202,8 +201,8 @@ def evolution_of(law: ExtendedLaw) -> BlendedEvolution | None:
 def extended(rig: Rig) -> ExtendedLaw:
     """The rig's friction as an `ExtendedLaw` whose base can blend evolutions.
 
-    An ageing law becomes q = 1, any other q = 0: the same equations. A rate-and-state law that is a
-    class of its own stays as it is.
+    An ageing law becomes q = 1, any other q = 0, with the same equations. A rate-and-state law
+    with a class of its own is unchanged.
     """
     law = rig.friction
     if isinstance(law, ExtendedLaw):

@@ -28,10 +28,10 @@ _TRUE = np.asarray(True)
 
 
 class AbstractTermEffect(AbstractEffect[Rig], AbstractTerm):
-    """An effect that is itself the term that it adds to friction."""
+    """An effect that is itself the added friction term."""
 
     def embed(self, rig: Rig) -> Rig:
-        """The rig with this term in its friction."""
+        """Add this term to the rig's friction."""
         return with_term(rig, self)
 
 
@@ -161,7 +161,7 @@ class Viscous(AbstractLinearEffect[Rig], AbstractTermEffect, AbstractStatelessTe
         return self.c > 0
 
 
-# Not the effect itself: a fit may take d to its bounds, at which a rig's own quantity is refused.
+# Not the effect itself: a fit may reach the bounds of d, which a rig's own quantities exclude.
 class _StribeckTerm(AbstractStatelessTerm):
     moves: ClassVar[bool] = True
     fs: Float[Array, ""]
@@ -174,7 +174,7 @@ class _StribeckTerm(AbstractStatelessTerm):
 
 
 class Stribeck(AbstractEffect[Rig]):
-    """f + fs exp(-(V/Vs)^d), d of any kind between 0.3 and 4; 1 and 2 are the usual ones."""
+    """f + fs exp(-(V/Vs)^d) with d between 0.3 and 4; 1 and 2 are usual."""
 
     id: ClassVar[str] = "stribeck"
     room: ClassVar[str] = "friction"
@@ -193,7 +193,7 @@ class Stribeck(AbstractEffect[Rig]):
         return with_term(rig, _StribeckTerm(self.fs, self.Vs, self.d))
 
     def grid(self, scales: RecordScales) -> dict[str, tuple[float, ...]]:
-        # pairs, place by place: every velocity with both exponents
+        # the i-th Vs is paired with the i-th d: every velocity with both exponents
         velocities = np.repeat(np.geomspace(scales.slowest, scales.fastest, 8), 2)
         return {"Vs": tuple(velocities), "d": (1.0, 2.0) * 8}
 
@@ -222,7 +222,7 @@ class SlipTrend(
         return self.s * at.slip
 
     def softest_spring(self) -> Float[Array, ""]:
-        """The stiffness s [F/m], wherever the slider is."""
+        """The stiffness s [F/m], the same at every position."""
         return self.s
 
     def physical(self) -> Bool[Array, ""]:
@@ -248,7 +248,7 @@ class RunIn(AbstractPlaceEffect[Rig], AbstractTermEffect, AbstractStatelessTerm)
         return self.d * -jnp.expm1(-jnp.maximum(at.slip, 0.0) / self.dc)
 
     def softest_spring(self) -> Float[Array, ""]:
-        """d/dc at the start, where that softens; 0 in the end."""
+        """d/dc (at the start) if that softens, else 0 (the limit of large slip)."""
         return jnp.minimum(self.d, 0.0) / self.dc
 
     def grid(self, scales: RecordScales) -> dict[str, tuple[float, ...]]:
@@ -279,13 +279,13 @@ class PositionPeriodic(AbstractPlaceEffect[Rig], AbstractTermEffect, AbstractSta
         return self.a * jnp.sin(phase) + self.b * jnp.cos(phase)
 
     def softest_spring(self) -> Float[Array, ""]:
-        """-2 pi sqrt(a^2 + b^2)/lambda, half way down a wave."""
+        """-2 pi sqrt(a^2 + b^2)/lambda, the steepest descent of the wave."""
         return -2 * jnp.pi * jnp.hypot(self.a, self.b) / self.wavelength
 
     def grid(self, scales: RecordScales) -> dict[str, tuple[float, ...]]:
-        # neighbours half a period apart over the whole slip: no wavelength is missed
+        # neighbours differ by half a period over the whole slip, so no wavelength is missed
         longest = 0.5 * scales.total_slip
-        # a base that took a trend for its state has an L far beyond the ripple
+        # a base fit that describes a trend by its state has an L far above the wavelength
         shortest = min(2 * scales.slip_length, scales.total_slip / 60)
         count = int(np.clip(2 * scales.total_slip * (1 / shortest - 1 / longest), 8, 320))
         return {"wavelength": tuple(1 / np.linspace(1 / longest, 1 / shortest, count))}
@@ -295,11 +295,11 @@ class PositionPeriodic(AbstractPlaceEffect[Rig], AbstractTermEffect, AbstractSta
 
 
 class NormalStressState(AbstractLinearEffect[Rig], AbstractTermEffect):
-    """dtheta/dt - alpha n'/n, n normal stress over the one at the start (Linker, Dieterich 1992).
+    """dtheta/dt - alpha n'/n, n normal stress relative to the start (Linker, Dieterich 1992).
 
-    Integrated is theta + alpha ln n, so no derivative of the recorded n is needed. That the machine
-    pulls against n f is no part of the effect: it holds wherever the rig has a `normal_stress`,
-    and without one the effect does nothing.
+    The solver integrates theta + alpha ln n, so no derivative of the recorded n is needed. The
+    effect needs a rig with a `normal_stress`. In such a rig the machine pulls against n f, with or
+    without this effect.
     """
 
     id: ClassVar[str] = "normal_stress"
@@ -340,7 +340,7 @@ class NormalStressState(AbstractLinearEffect[Rig], AbstractTermEffect):
 def _power(
     V: Float[Array, ""], base: AbstractRateState, force: Float[Array, ""]
 ) -> Float[Array, ""]:
-    """Heat that friction makes, over that of f0 at V0."""
+    """Power of friction, relative to that of f0 at V0."""
     return force * V / (base.f0 * base.V0)
 
 
@@ -351,7 +351,7 @@ class Thermal(AbstractTermEffect):
     room: ClassVar[str] = "friction"
     equation: ClassVar[str] = "f - a_T T, tau_T T' = f V/(f0 V0) - T"
     meaning: ClassVar[str] = (
-        "Heat of sliding changes friction: it follows the power of friction late, by tau_T."
+        "Heat of sliding changes friction: temperature follows the power of friction within tau_T."
     )
     confused_with: ClassVar[tuple[str, ...]] = ("second_state", "time_drift")
     separated_by: ClassVar[str] = "the same velocity for other durations"

@@ -1,4 +1,4 @@
-"""Effects in the machine, where it differs from what was declared."""
+"""Effects in the machine: deviations from the declared one."""
 
 from typing import ClassVar
 
@@ -34,14 +34,12 @@ class Stiffness(AbstractLinearEffect[Rig]):
 
 
 class Damping(AbstractLinearEffect[Rig]):
-    """A dashpot beside the spring: + k_v (V_m - V)."""
+    """A dashpot in parallel with the spring: + k_v (V_m - V)."""
 
     id: ClassVar[str] = "damping"
     room: ClassVar[str] = "machine"
     equation: ClassVar[str] = "+ k_v (V_m - V) on the slider"
-    meaning: ClassVar[str] = (
-        "Part of the force is taken by damping of the machine, beside its spring."
-    )
+    meaning: ClassVar[str] = "The machine has damping in parallel with its spring."
     confused_with: ClassVar[tuple[str, ...]] = ("viscous",)
     separated_by: ClassVar[str] = "free response"
     k_v: Float[Array, ""] = quantity("k_v", "F s/m", "damping not declared", default=0.0)
@@ -58,24 +56,24 @@ class Damping(AbstractLinearEffect[Rig]):
 
 
 class Inertia(AbstractHeavyEffect[Rig]):
-    """m dV/dt = pull - friction, for a base without mass, whose velocity follows late.
+    """m dV/dt = pull - friction, for a base without mass: the velocity lags the force balance.
 
-    See `simulation.ode`. Against a solution with mass (SciPy) the error over the effect is
+    See `simulation.ode`. Error relative to the effect, compared with a solution with mass (SciPy):
 
         sqrt(m/K) V/L   0.03    0.1     0.3     1       of the fastest velocity
         K L/A = 1       50 %    14 %    3 %     0.2 %
         K L/A = 3       7 %     0.9 %   0.1 %
         K L/A = 6               0.6 %   0.04 %          ringing
 
-    for steps of velocity of up to a factor of ten: large only where the mass hardly matters. To
-    first order in m, farther off than where the mass delays a velocity by a tenth of the time in
-    which the spring relaxes, half of what it says may be wrong.
+    for velocity steps of up to a factor of ten. The error is large only where the mass hardly
+    matters. The first-order form may be wrong by half of the effect once the mass delays the
+    velocity by more than a tenth of the spring's relaxation time.
     """
 
     id: ClassVar[str] = "inertia"
     room: ClassVar[str] = "machine"
     equation: ClassVar[str] = "- m dV/dt on the pull"
-    meaning: ClassVar[str] = "The slider's mass takes part of the force where velocity changes."
+    meaning: ClassVar[str] = "Accelerating the slider's mass takes part of the force."
     confused_with: ClassVar[tuple[str, ...]] = ("sensor_lag", "frictional_delay")
     separated_by: ClassVar[str] = "free response, a slip channel"
     m: Float[Array, ""] = quantity("m", "F s^2/m", "mass not declared", default=0.0)

@@ -24,12 +24,12 @@ def _with(rig: Rig, name: str, value: Array) -> Rig:
 
 
 class SensorLag(AbstractLinearEffect[Rig]):
-    """A sensor that lags: tau y' = f - y."""
+    """A sensor with a first-order lag: tau y' = f - y."""
 
     id: ClassVar[str] = "sensor_lag"
     room: ClassVar[str] = "sensor"
     equation: ClassVar[str] = "tau y' = f - y"
-    meaning: ClassVar[str] = "The force sensor follows friction late, as a low-pass filter does."
+    meaning: ClassVar[str] = "The force sensor lags behind friction, like a low-pass filter."
     confused_with: ClassVar[tuple[str, ...]] = ("servo_lag", "sensor_delay")
     separated_by: ClassVar[str] = "a slip channel, a slow dwell"
     tau: Float[Array, ""] = quantity("tau", "s", "time constant of the sensor", default=0.0)
@@ -42,7 +42,7 @@ class SensorLag(AbstractLinearEffect[Rig]):
 
 
 class SensorDelay(AbstractLinearEffect[Rig]):
-    """A sensor that is delayed: y(t) = f(t - d)."""
+    """A sensor with a delay: y(t) = f(t - d)."""
 
     id: ClassVar[str] = "sensor_delay"
     room: ClassVar[str] = "sensor"
@@ -83,7 +83,7 @@ class Gain(AbstractLinearEffect[Rig]):
     id: ClassVar[str] = "gain"
     room: ClassVar[str] = "sensor"
     equation: ClassVar[str] = "(1 + g) y"
-    meaning: ClassVar[str] = "The force sensor has another scale than was declared."
+    meaning: ClassVar[str] = "The force sensor's scale differs from the declared one."
     confused_with: ClassVar[tuple[str, ...]] = ("stiffness",)
     separated_by: ClassVar[str] = "a known load"
     g: Float[Array, ""] = quantity("g", "1", "error of the force channel's gain", default=0.0)
