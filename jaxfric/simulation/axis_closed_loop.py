@@ -1,11 +1,11 @@
-"""An axis under the sampled controller of two nested loops, simulated from its reference.
+"""An axis under a sampled cascade controller (position and velocity loop) that follows a reference.
 
     u_k = k_v (k_p (r_k - q_k) - (q_k - q_(k-2))/(2 h)),   F = g_tau u_k  held until sample k + 1
 
 k_p [1/s] and k_v [V s/m] are the gains of the position and the velocity loop, g_tau [N/V] the gain
-of the drive, h the sampling interval; the velocity is the first difference of a two-sample average
-of the encoder (as on the EMPS bench: Janot, Gautier, Brunot 2019). Between two samples the axis is
-integrated by steps of diffrax's Tsit5.
+of the drive, h the sampling interval. The velocity is the first difference of a two-sample average
+of the encoder, as on the EMPS bench (Janot, Gautier, Brunot 2019). diffrax's Tsit5 integrates the
+axis between two samples.
 """
 
 import math
@@ -53,8 +53,8 @@ class ClosedLoop(NamedTuple):
 
 
 def substeps(rig: AxisRig, interval: float) -> int:
-    """Steps per sample that keep an explicit method stable at the smoothed sign's steepest: a
-    power of two."""
+    """Steps per sample, a power of two, that keep an explicit method stable at the steepest slope
+    of the smoothed sign."""
     slope = abs(float(rig.coulomb)) / float(rig.width)
     slope += sum(float(state.steepest(rig.width)) for state in rig.states)
     rate = slope / float(rig.mass)
@@ -76,13 +76,13 @@ def closed_loop(
 
     `disturbance` [F] is added to the controller's force from each sample on.
 
-    `first` are the first three positions: the axis starts at the first with their mean velocity,
-    its states at their rest or, where given, at `states`. Friction's kink at rest is smoothed over
-    `rig.width`. A state relaxes in no less than half a step, so that none is too quick for an
-    explicit method. Lag and delay of the rig are not simulated.
+    `first` are the first three positions: the axis starts at the first with their mean velocity.
+    Its friction starts at `states`, by default those at rest. `rig.width` smooths friction's kink
+    at rest. States relax in at least half a step, so that an explicit method stays stable. Lag and
+    delay of the rig are not simulated.
     """
     h = controller.interval / substeps
-    solver = diffrax.Tsit5(scan_kind="lax")  # which forward mode needs
+    solver = diffrax.Tsit5(scan_kind="lax")  # forward mode needs "lax"
 
     def rate(t: RealScalar, y: _Moving, force: Array) -> _Moving:
         q, v, values = y

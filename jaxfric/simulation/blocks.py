@@ -1,4 +1,4 @@
-"""Many rows at once, but not so many that what is computed of them leaves the processor's cache."""
+"""Vectorisation over rows in blocks whose intermediate results fit in the processor's cache."""
 
 from collections.abc import Callable
 from typing import TypeVar
@@ -13,20 +13,20 @@ from ..threads import at_once
 T = TypeVar("T", bound=PyTree)
 
 _ROWS = 256
-"""Rows of a block: with 24 derivatives, 49 kB for every number of a row."""
+"""Rows of a block: with 24 derivatives, each scalar of a row takes 49 kB a block."""
 
 
 def in_blocks(one: Callable[..., T], *rows: PyTree) -> T:
     """`jax.vmap(one)(*rows)`, `_ROWS` rows at a time.
 
-    Over a whole record, every operation with many derivatives would fetch its numbers from memory.
+    For a whole record at once, every operation with many derivatives would read from main memory.
     """
     return _mapped(lambda *block: jax.vmap(one)(*block), rows)
 
 
 def renewed(one: Callable[..., T], which: Bool[Array, " n"], old: T, *rows: PyTree) -> T:
-    """`old` with `one(*row)` in its place for the rows of `which`; a block without such rows, in no
-    member of a batch, is passed over."""
+    """Replace `old` by `one(*row)` in the rows of `which`. A block is skipped if no member of a
+    batch has such rows in it."""
 
     def new(which: Array, old: T, *rows: PyTree) -> T:
         return jax.tree.map(lambda a, b: _where(which, a, b), jax.vmap(one)(*rows), old)
@@ -35,7 +35,7 @@ def renewed(one: Callable[..., T], which: Bool[Array, " n"], old: T, *rows: PyTr
         some = eqxi.unvmap_any(jnp.any(which))
         return jax.lax.cond(some, new, lambda which, old, *rows: old, which, old, *rows)
 
-    few = which.shape[0] <= at_once(_ROWS)  # then all of them cost less than asking
+    few = which.shape[0] <= at_once(_ROWS)  # computing all then costs less than the condition
     return new(which, old, *rows) if few else _mapped(block, (which, old, *rows))
 
 

@@ -1,7 +1,8 @@
-"""Checks what a simulation is given: parameters within bounds, times that do not descend.
+"""Checks of a simulation's input: parameters within bounds, ascending times.
 
-What is known is refused with its name before anything is computed. Under `jit` and `vmap` values
-are not known: the simulation then ends where it begins, and its `result` is `RESULTS.impossible`.
+Invalid concrete values raise an error that names them, before anything is computed. Under `jit` and
+`vmap` values are unknown; an invalid simulation then does not start, and its `result` is
+`RESULTS.impossible`.
 """
 
 import jax
@@ -19,9 +20,9 @@ from .start import Start
 def refuse_impossible(
     where: str, rig: Rig, ts: Array, start: Start, *, motion: AbstractMotion | None = None
 ) -> None:
-    """Raise `InputError`, in the name of the function `where`, for what is known to be impossible.
+    """Raise `InputError` in the name of the function `where` for invalid concrete values.
 
-    A parameter of the rig outside its bounds; `ts` not of one dimension, empty, not finite,
+    These are: a parameter of the rig out of bounds; `ts` not of one dimension, empty, not finite,
     descending, or before the motion begins; a start that is not finite.
     """
     if jnp.ndim(ts) != 1 or jnp.size(ts) == 0:
@@ -50,7 +51,7 @@ def refuse_impossible(
 
 
 def refuse_no_steady_state(initial: dict[str, Array], V: Array) -> None:
-    """Raise `InputError` where the law has no steady sliding to start from at `V` [m/s]."""
+    """Raise `InputError` if the law has no steady sliding at `V` [m/s] to start from."""
     known = all(is_known(value) for value in initial.values())
     if known and not all(np.all(np.isfinite(np.asarray(value))) for value in initial.values()):
         at = f" at {float(V):g} m/s" if is_known(V) else ""
@@ -69,7 +70,7 @@ def is_possible(
     *,
     motion: AbstractMotion | None = None,
 ) -> Bool[Array, ""]:
-    """Whether a simulation makes sense, for values that may be traced."""
+    """Whether the input of a simulation is valid; its values may be traced."""
     fine = [all_inside(rig), jnp.all(jnp.isfinite(ts)), jnp.all(jnp.diff(ts) >= 0)]
     fine += [jnp.all(jnp.isfinite(x)) for x in jax.tree.leaves((start, initial))]
     if isinstance(motion, PiecewiseVelocity):

@@ -1,4 +1,4 @@
-"""Simulation of a slider whose friction answers late, by the method of steps."""
+"""Simulation of a slider with delayed friction, by the method of steps."""
 
 import math
 
@@ -36,41 +36,41 @@ def simulate_delay(
     runaway: float = 1e4,
     adjoint: diffrax.AbstractAdjoint | None = None,
 ) -> Trajectory:
-    """Simulate a slider with mass and a delay law at a steady command, after a disturbance.
+    """Simulate a slider with mass and a delay law at a constant command, after a disturbance.
 
-    Up to `ts[0]` the slider slides steadily at the commanded velocity V0, and that is what the
-    friction remembers; `start` says how it goes on from there. Jittable and vmappable;
-    differentiable with respect to every array of `rig` (the delay too), `velocity` and `start`.
+    Before `ts[0]` the slider slides steadily at the commanded velocity V0, which defines the
+    history. `start` disturbs it at `ts[0]`. Works under jit and vmap; differentiable with respect
+    to every array of `rig` (the delay too), `velocity` and `start`.
 
     Parameters
     ----------
-    rig : machine `Inertial`, friction an `AbstractDelayLaw`. The drive plays no part: the
-        command is steady.
+    rig : machine `Inertial`, friction an `AbstractDelayLaw`. The drive has no effect at a
+        constant command.
     velocity : commanded velocity V0 > 0 [m/s].
     ts : sample times [s], ascending, shape (n,); the simulation starts at `ts[0]`.
     start : velocity and elongation of the spring (a jump of the load point) at `ts[0]`.
-    intervals : number of delays to simulate. Default: as many as `ts` needs, which must
-        be known while tracing; under `jax.jit`, `jax.vmap` or a derivative state it.
-    rtol : error allowed in one step, relative to the deviation from steady sliding; where it
-        is larger the simulation ends. Usually it is far smaller.
-    pieces : steps in one delay. 4 are enough for small oscillations with alpha sqrt(K/m)
-        up to 20, and for large ones (V falls to near 0) up to 10; raise it in proportion.
+    intervals : number of delays to simulate. Default: as many as `ts` spans. Required under
+        `jax.jit`, `jax.vmap` or a derivative, where the values of `ts` are unknown.
+    rtol : error allowed in one step, relative to the deviation from steady sliding. The
+        simulation ends at a larger error; usually it is far smaller.
+    pieces : steps in one delay. 4 suffice for small oscillations with alpha sqrt(K/m) up to
+        20, and for large ones (V falls to near 0) up to 10. Above that raise it in proportion.
     runaway : end the simulation when the slider moves `runaway` times faster than V0.
     adjoint : default `diffrax.ForwardMode()`. For reverse mode (`jax.grad`, `jax.vjp`) pass
         `diffrax.RecursiveCheckpointAdjoint()`.
 
     Returns
     -------
-    Trajectory, with no states: `state` has shape (n, 0). All values are finite, and after `end`
-    the last ones hold. `result` is one of: `successful`; `came_to_rest`, where a delay law
-    ends; `ran_away`; `too_few_intervals` for `ts`; `unresolved`, the motion is too fast for
-    `pieces` and `rtol`; under `jit` and `vmap` `impossible`.
+    Trajectory without states: `state` has shape (n, 0). All values are finite; after `end` the
+    last ones are repeated. `result` is one of: `successful`; `came_to_rest`, as a delay law is
+    undefined at rest; `ran_away`; `too_few_intervals` for `ts`; `unresolved`, the motion is too
+    fast for `pieces` and `rtol`; `impossible`, invalid input under `jit` and `vmap`.
 
     Raises
     ------
-    InputError : `rtol`, `ts`, `pieces`, `intervals` or a `start.state` cannot be used; of what is
-        known when it is called, a parameter out of its bounds, a velocity that is not positive,
-        `ts` that descends or is not finite.
+    InputError : invalid `rtol`, `ts`, `pieces` or `intervals`, or a `start.state`. Among
+        concrete values: a parameter out of bounds, a velocity <= 0, `ts` that descends or is not
+        finite.
     TypeError : the rig has another machine or another kind of law.
     """
     start = Start() if start is None else start
@@ -127,9 +127,9 @@ def _out_of_range(t: Array, y: Unknowns, args: DelayEquation, **_: object) -> Ar
 def _find_end(
     equation: DelayEquation, coefficients: Float[Array, "n 2"], runaway: float
 ) -> tuple[Float[Array, ""], Bool[Array, ""]]:
-    """When, in steps, the velocity left its range within a step, and whether by coming to rest.
+    """Return the time, as a fraction of a step, at which V leaves its range, and whether at rest.
 
-    Derivatives do not pass: the end is a time, not an observable.
+    Derivatives are stopped: the end is a time, not an observable.
     """
     V0, v = equation.V0, jax.lax.stop_gradient(coefficients[:, 1])
     points = step_points(V0.dtype)
@@ -145,7 +145,7 @@ def _find_end(
         return jnp.where(out, low, middle), jnp.where(out, middle, high)
 
     margins = margin(points)
-    # A margin of exactly 0 may be positive here, by rounding: then it is the least one.
+    # Rounding may make a margin of 0 positive here: then take the smallest one.
     j = jnp.where(jnp.any(margins <= 0), jnp.argmax(margins <= 0), jnp.argmin(margins))
     bracket = (points[jnp.maximum(j - 1, 0)], points[j])
     inside, _ = jax.lax.fori_loop(0, jnp.finfo(points.dtype).nmant, halve, bracket)
@@ -171,7 +171,7 @@ def _sample(
     within, rested = _find_end(equation, steps[last], runaway)
     end = last + jnp.where(finished, 1.0, jnp.where(left, within, 0.0))
     asked = (ts - ts[0]) / equation.duration()
-    # A last sample at the very end is reached, whatever the rounding of n alpha/alpha.
+    # The tolerance covers rounding of n alpha/alpha for a last sample exactly at the end.
     enough = asked[-1] <= end * (1 + 8 * jnp.finfo(ts.dtype).eps)
     reached = jnp.where(enough, asked, jnp.minimum(asked, end))
     n = jnp.clip(jnp.floor(reached).astype(int), 0, last)
@@ -196,7 +196,7 @@ def _sample(
 
 
 def _intervals_needed(delay: Float[Array, ""], ts: Float[Array, " n"]) -> int:
-    """Number of delays that the sample times span."""
+    """Number of delays spanned by the sample times."""
     try:
         span, each = float(ts[-1] - ts[0]), float(delay)
     except jax.errors.ConcretizationTypeError:

@@ -1,9 +1,9 @@
-"""A step of Tsit5, the explicit pair of diffrax, with its interpolant as a quartic.
+"""A step of Tsit5, an explicit Runge-Kutta pair, with its interpolant as a quartic.
 
-A slider that is not stiff needs no Jacobian. The stages are written out, so that a batch computes
+A slider that is not stiff needs no Jacobian. The stages are unrolled, so that a batch computes
 each of them in a few loops over plain arrays.
 
-Source: Tsitouras 2011 (doi:10.1016/j.camwa.2011.06.002); the tableau is that of diffrax.
+Source: Tsitouras 2011 (doi:10.1016/j.camwa.2011.06.002), with the tableau of diffrax.
 """
 
 from collections.abc import Sequence
@@ -20,8 +20,8 @@ _A = [np.asarray(row, float) for row in diffrax.Tsit5.tableau.a_lower]
 _NODES = np.asarray(diffrax.Tsit5.tableau.c, float)
 _ERROR = np.asarray(diffrax.Tsit5.tableau.b_error, float)
 
-# Weight of each stage in the interpolant, a polynomial in the share s of the step: a factor and
-# the coefficients, ascending, of two polynomials whose product it multiplies.
+# Weight of each stage in the interpolant, a polynomial in the fraction s of the step: a factor and
+# the ascending coefficients of two polynomials; the weight is their product.
 _WEIGHTS = (
     (
         -1.0530884977290216,
@@ -40,8 +40,8 @@ _WEIGHTS = (
 def _quartic_weights() -> Float[np.ndarray, "3 stages"]:
     """Weights of the stages in k_1, k_2, k_3 of `rodas.quartic`.
 
-    Of a stage whose weight is w(s) = b_1 s + ... + b_4 s^4 the quartic has, beyond the straight
-    line, w(s) - s w(1) = s (1 - s) [k_1 + s (k_2 + s k_3)].
+    For a stage of weight w(s) = b_1 s + ... + b_4 s^4, the quartic's deviation from a straight line
+    is w(s) - s w(1) = s (1 - s) [k_1 + s (k_2 + s k_3)].
     """
     b = np.zeros((len(_WEIGHTS), 5))
     for i, (factor, one, two) in enumerate(_WEIGHTS):
@@ -58,7 +58,10 @@ _DENSE = _quartic_weights()
 def explicit_step(
     equation: SliderEquation, t0: Array, t1: Array, y0: Unknowns, slope: Unknowns
 ) -> tuple[Unknowns, Unknowns, Unknowns, Unknowns]:
-    """Unknowns at t1, their error, k of the interpolant (3 rows), dy/dt at t1; `slope` at t0."""
+    """Return unknowns at t1, their error, k of the interpolant (3 rows) and dy/dt at t1.
+
+    `slope` is dy/dt at t0.
+    """
     h, slopes = t1 - t0, [slope]
 
     def mixed(weights: Sequence[float] | np.ndarray) -> Unknowns:
@@ -68,7 +71,7 @@ def explicit_step(
     y = y0
     for node, row in zip(_NODES, _A, strict=True):
         y = jax.tree.map(jnp.add, y0, mixed(row))
-        # at the end, the same time as whoever asks there
+        # exactly t1, without rounding, as the next step starts there
         slopes.append(equation.derivative(t1 if node == 1 else t0 + float(node) * h, y))
     inside = jax.tree.map(lambda *k: jnp.stack(k), *(mixed(row) for row in _DENSE))
     return y, mixed(_ERROR), inside, slopes[-1]

@@ -1,11 +1,11 @@
-"""The method of steps for a slider with mass whose friction answers late.
+"""The method of steps for a slider with mass and delayed friction.
 
 Derivatives jump at t0 + n alpha; between those times the motion is smooth, and the delayed
-velocity is known. The solver `MethodOfSteps`, one of diffrax's kind, divides every delay into the
-same `pieces` and takes one step for each. There the motion is a polynomial that satisfies the
-equation at Radau's points (collocation), and its values at them are what the step one delay
-later has as history. So no interpolation error enters, and time measured in steps makes the
-delay an ordinary parameter. No step depends on an error estimate: results vary smoothly.
+velocity is known. The diffrax solver `MethodOfSteps` divides every delay into the same `pieces`
+and takes one step for each. In a step the motion is a polynomial that satisfies the equation at
+Radau's points (collocation). Its values there are the history of the step one delay later. So no
+interpolation error enters, and time measured in steps makes the delay an ordinary parameter. No
+step depends on an error estimate, so results vary smoothly.
 
 Unknowns are deviations from steady sliding at V0: v = V - V0 and p = sqrt(K/m) (x - x_s),
 both velocities of like size in an oscillation:
@@ -27,7 +27,7 @@ from ..rig.friction import AbstractDelayLaw
 from .radau import radau
 from .steps import RealScalar
 
-# Points in one step. 16 and more steps beat more points: linear algebra costs their cube.
+# Points in one step. More steps are cheaper than more points: linear algebra costs their cube.
 _NODES = 16
 _NEWTON_STEPS = 12
 
@@ -209,7 +209,7 @@ def _residual(
 
 
 def without_history(s: RealScalar, y: Unknowns, equation: DelayEquation) -> Unknowns:
-    """The vector field that diffrax asks for, as in steady sliding; `MethodOfSteps` has more."""
+    """The vector field that diffrax requires, with steady history; `MethodOfSteps` has the real."""
     p, v = y[0]
     a = equation.duration() * equation.frequency()
     return jnp.stack([a * v, -a * p - equation.braking(v, jnp.zeros_like(v))]), jnp.zeros_like(v)

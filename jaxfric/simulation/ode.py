@@ -1,4 +1,4 @@
-"""The slider's equations of motion, in the variables in which they are well-conditioned.
+"""The slider's equations of motion, in well-conditioned variables.
 
 Unknowns, with F = `law.force_scale()` (for rate-and-state friction, A):
 
@@ -6,16 +6,15 @@ Unknowns, with F = `law.force_scale()` (for rate-and-state friction, A):
     psi = state/F                         states of the law
     phi = (friction - reference)/F        friction force, only where there is mass
     v   = V/(largest commanded speed)     in place of phi, for a law without direct effect
-    w   = ln(V/V(0)), followed twice      only where a small mass makes the velocity late
+    w   = ln(V/V(0)), filtered twice      only where a small mass makes the velocity lag
 
-The elongation, not the slip, is integrated: slip grows without limit and would lose the
-digits that matter. Where there is mass the friction force takes the place of the velocity,
-V = law.velocity(force, state): near sticking the velocity falls by many decades while
-the force changes little. A law that is no `AbstractInvertibleLaw` leaves the velocity itself.
-The reference is the steady friction at the motion's first velocity. Where normal stress moves the
-spring balances n f, with f the coefficient. The command
-x_c enters through its velocity, the drive's lag through its displacement, so a step of a
-slow drive needs no derivative of the lag.
+The solver integrates the elongation, not the slip: slip grows without limit and would lose
+significant digits. With mass, the friction force replaces the velocity as unknown and
+V = law.velocity(force, state): near sticking the velocity falls by many decades while the force
+changes little. Without an `AbstractInvertibleLaw` the velocity itself is the unknown.
+The reference is the steady friction at the motion's first velocity. Under a variable normal stress
+the spring balances n f, with f the coefficient. The command x_c enters through its velocity, the
+drive's lag through its displacement, so no derivative of the lag is needed.
 """
 
 from typing import NamedTuple
@@ -36,7 +35,7 @@ _FOLLOWS = 3e-4
 
 Scalar = Float[Array, ""]
 Unknowns = dict[str, Array]
-"""The scaled unknowns by name: q, psi, and phi, v or w where there are such."""
+"""The scaled unknowns by name: q, psi, and phi, v or w if present."""
 
 
 class Slider(NamedTuple):
@@ -49,7 +48,7 @@ class Slider(NamedTuple):
 
 
 class SliderEquation(eqx.Module):
-    """A few operations on the scaled unknowns; a solver needs to know no more of a rig."""
+    """All that a solver needs of a rig: initial values, derivatives and physical variables."""
 
     rig: Rig
     motion: AbstractMotion
@@ -81,7 +80,7 @@ class SliderEquation(eqx.Module):
         self.reference = law.force(V, self.steady_state, _origin(V))
 
     def initial(self) -> Unknowns:
-        """Scaled unknowns at the start: steady sliding, where `start` does not say otherwise."""
+        """Scaled unknowns at the start: steady sliding, except for the parts given by `start`."""
         start, law, scale = self.start, self.law, self.law.force_scale()
         rest = jnp.zeros_like(self.reference)
         V = self.motion.first_velocity()
@@ -123,12 +122,12 @@ class SliderEquation(eqx.Module):
         return dy
 
     def physical(self, t: Scalar, y: Unknowns) -> Slider:
-        """Force, velocity, slip and state that belong to the scaled unknowns at time `t`."""
+        """Convert the scaled unknowns at time `t` to force, velocity, slip and state."""
         return self._now(jnp.asarray(t), y)[0]
 
     @traced_once
     def _now(self, t: Scalar, y: Unknowns) -> tuple[Slider, Array | None]:
-        """The slider, and dw/dt of one that is late."""
+        """The slider, and dw/dt if its velocity lags."""
         law, machine = self.law, self.rig.machine
         scale = law.force_scale()
         slip = self._slip(t, y)
@@ -140,7 +139,7 @@ class SliderEquation(eqx.Module):
         if isinstance(machine, Inertial):
             force = self.reference + scale * y["phi"]
             return Slider(force, law.velocity(force, state, at), slip, state), None
-        # without mass the velocity is the one at which friction balances the pull
+        # without mass, friction balances the pull, which determines the velocity
         stress = self._stress(t)
         pull = self._pull(t, y, jnp.zeros_like(t)) / stress
         damping = None if machine.damping is None else machine.damping / stress
@@ -164,21 +163,21 @@ class SliderEquation(eqx.Module):
     def _following(
         self, t: Scalar, still: Slider, w: Float[Array, " 2"]
     ) -> tuple[Array, Array, Array]:
-        """How far w is behind what it follows, the time in which it does, and the share s of t_m.
+        """Return the lags b of both filters, their time constant T, and s = t_m/T.
 
-        The mass turns S (V_b - V) into m dV/dt, V_b the velocity of the balance without it and
-        S = n df/dV + k_v. Of a logarithmic direct effect without dashpot S is n A/V, and
+        The momentum balance is m dV/dt = S (V_b - V), with V_b the velocity of the massless balance
+        and S = n df/dV + k_v. For a logarithmic direct effect without dashpot S is n A/V, and
 
             d ln V/dt = (ln V_b - ln V)/t_m,   t_m = m/S
 
-        exactly, ringing included. An explicit solver cannot take a t_m that is much shorter than
-        the time t_s = S V/(K max(V, V_m)) in which the spring relaxes or is loaded. So w_1 follows
-        ln(V_b/V_0) and w_2 follows w_1, both in T, and with b the rates T dw/dt
+        exactly, ringing included. A t_m far below t_s = S V/(K max(V, V_m)), the time in which the
+        spring relaxes or is loaded, is stiff for an explicit solver. So w_1 filters ln(V_b/V_0)
+        and w_2 filters w_1, both with the time constant T. With b = T dw/dt
 
             ln V = ln V_b - s [(2 - s) b_1 - (1 - s) b_2],   s = t_m/T
 
-        which is w_1 where s is 1, and elsewhere right to the second order in T: an error of some
-        s (T/t_s)^3. T is t_m, or longer where (T/t_s)^2 t_m/t_s stays below 0.0003, up to t_s.
+        equals w_1 for s = 1, and is otherwise exact to second order in T, with an error of about
+        s (T/t_s)^3. T is t_m, or longer (up to t_s) as long as (T/t_s)^2 t_m/t_s is below 0.0003.
         """
         machine, V0 = self.rig.machine, self.motion.first_velocity()
         assert isinstance(machine, QuasiStatic) and machine.mass is not None
@@ -200,21 +199,21 @@ class SliderEquation(eqx.Module):
         return slip if self.start.elongation is None else slip + self.start.elongation
 
     def log_speed(self, t: Scalar, y: Unknowns) -> Scalar:
-        """ln(|V| / largest commanded speed); large where the slider runs away."""
+        """ln(|V| / largest commanded speed); large if the slider runs away."""
         speed = jnp.abs(self.physical(t, y).velocity)
         return jnp.log(speed / self.motion.largest_speed() + 1e-300)
 
     def _with_small_mass(self, t: Scalar, still: Slider) -> Slider:
-        """The slider with m dV/dt taken off the pull, from its values without mass.
+        """Correct the massless slider `still` for m dV/dt, to first order in m.
 
-        To first order in m, dV/dt is that of the balance n f + k_v V = pull as it moves along:
+        dV/dt follows from differentiating the balance n f + k_v V = pull in time:
 
             dV/dt = [d pull/dt - n (df/dt at constant V) - n' f]/(n f_V + k_v)
 
-        A step of the command makes it jump, but a mass follows in the time t_m = m/(n f_V + k_v):
-        of the jump at t_k the part exp(-(t - t_k)/t_m) is not there yet. The change of ln V that
-        follows is kept below 1, a bound that is felt from the third order in m. Derivatives are
-        right where m is zero.
+        At a step of the command it would jump, but a mass follows within t_m = m/(n f_V + k_v): the
+        part exp(-(t - t_k)/t_m) of the jump at t_k is still missing. The resulting change of ln V
+        is limited to 1, which affects only third and higher orders in m. Derivatives are exact at
+        m = 0.
         """
         machine, law = self.rig.machine, self.law
         mass = machine.mass if isinstance(machine, QuasiStatic) else None
@@ -243,14 +242,14 @@ class SliderEquation(eqx.Module):
         return Conditions(slip, t, stress, self.motion.velocity(t))
 
     def _stress(self, t: Scalar) -> Scalar:
-        """n, the normal stress over the one at the start."""
+        """n, the normal stress relative to the start."""
         stress = self.rig.normal_stress
         return jnp.ones_like(t) if stress is None else stress.ratio(t)
 
     def _force_rate(
         self, t: Scalar, now: Slider, acceleration: Scalar, state_rate: Float[Array, " n"]
     ) -> Scalar:
-        """df/dt where the velocity changes by `acceleration` and the state by `state_rate`."""
+        """df/dt for the rates `acceleration` of velocity and `state_rate` of the state."""
 
         def force(V: Scalar, state: Float[Array, " n"], slip: Scalar, t: Scalar) -> Scalar:
             return self.law.force(V, state, self._at(slip, t))
@@ -268,7 +267,7 @@ class SliderEquation(eqx.Module):
         return not isinstance(self.law, AbstractInvertibleLaw)
 
     def _pull(self, t: Scalar, y: Unknowns, velocity: Scalar) -> Scalar:
-        """Force of spring and dashpot on a slider that moves at `velocity`."""
+        """Force of spring and dashpot on a slider moving at `velocity`."""
         machine, drive = self.rig.machine, self.rig.drive
         spring = self.reference + self.law.force_scale() * y["q"]
         pull = spring - machine.stiffness * drive.lag(self.motion, t)

@@ -1,4 +1,4 @@
-"""Radau IIA: collocation at points of a step of which the last is its end, L-stable.
+"""Radau IIA: L-stable collocation at points of a step, the last of which is its end.
 
 Source: Hairer and Wanner, Solving ODEs II, IV.5.
 """
@@ -9,8 +9,10 @@ from numpy.polynomial import legendre
 
 
 def radau(stages: int) -> tuple[Float[np.ndarray, " s"], Float[np.ndarray, "s s"]]:
-    """The points in [0, 1], roots of P_s(x) - P_(s-1)(x) with x = 2 point - 1, and the matrix that
-    integrates values at them from 0 to each."""
+    """Return Radau's points in [0, 1] and the matrix that integrates values there from 0 to each.
+
+    The points are roots of P_s(x) - P_(s-1)(x) with x = 2 point - 1.
+    """
     difference = legendre.Legendre([*np.zeros(stages - 1), -1.0, 1.0])
     x = np.sort(difference.roots().real)
     x = x - difference(x) / difference.deriv()(x)

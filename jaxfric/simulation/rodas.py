@@ -5,15 +5,14 @@ With J = df/dy and W = 1/(h gamma) - J at the start of a step, stages k_i solve 
     W k_i = f(t + c_i h, y + sum_j a_ij k_j) + (1/h) sum_j C_ij k_j + h d_i df/dt
     y(t + h) = y + sum_j a_8j k_j + k_8,   error estimate k_8
 
-so a step needs one Jacobian and no iteration. It is L-stable: in steady sliding, where the spring
-relaxes over A/K of slip and an explicit method may take no longer step than that, steps follow
-what the slider does. The interpolant is of order 4.
+so a step needs one Jacobian and no iteration. It is L-stable. In steady sliding the spring relaxes
+over A/K of slip, which bounds the steps of an explicit method; here accuracy alone bounds them. The
+interpolant is of order 4.
 
-What relaxes faster than time can be told apart from its next number, as the friction of a slider
-that comes to rest within A/(m V), may be far from where it goes and what draws it not be linear:
-no step is short enough. Steps of a few roundings of time are therefore those of the linearly
-implicit Euler method, or of the explicit one for what runs away, of no unknown by more than 1, and
-always accepted.
+Some unknowns relax faster than the resolution of time, such as the friction of a slider that comes
+to rest within A/(m V). If they are nonlinear and far from their target, no step is short enough.
+Steps of a few roundings of time are therefore linearly implicit Euler steps, explicit ones for
+growing unknowns. They change no unknown by more than 1 and are always accepted.
 
 Source: Steinebach 2023 (doi:10.1007/s10543-023-00967-x), coefficients in the form of Hairer and
 Wanner, Solving ODEs II, IV.7.
@@ -33,7 +32,7 @@ from .ode import SliderEquation, Unknowns
 from .steps import RealScalar, traced_once
 
 _CLOSED_FORM = 5
-"""The inverse of a system of up to so many equations is written out."""
+"""Up to this number of equations the inverse is unrolled."""
 
 ROUNDINGS = 8
 """Length of the shortest steps, in roundings of time."""
@@ -95,8 +94,8 @@ C = _lower(
         -9.48861652309627,
     ),
 )
-# With Gamma = (1/gamma - C)^-1 the method's own coefficients are A Gamma and Gamma, and c and d the
-# sums of their rows; of the last three stages exactly 1 and 0, which rounding must not move.
+# With Gamma = (1/gamma - C)^-1 the method's own coefficients are A Gamma and Gamma; c and d are the
+# sums of their rows. For the last three stages they are set to their exact values 1 and 0.
 _SUMMED = np.linalg.inv(np.eye(STAGES) / GAMMA - C)
 NODES = np.append((A @ _SUMMED).sum(axis=1)[:-3], np.ones(3))
 D = np.append(_SUMMED.sum(axis=1)[:-3], np.zeros(3))
@@ -157,7 +156,7 @@ class QuarticInterpolation(diffrax.AbstractLocalInterpolation):
 
 
 def quartic(s: Array | float, y0: Array, y1: Array, k: Float[Array, "rows ..."]) -> Array:
-    """The interpolant of `QuarticInterpolation` at `s`; with more rows of k one of higher order."""
+    """The interpolant of `QuarticInterpolation` at `s`; more rows of k give a higher degree."""
     inside = k[-1]
     for row in k[-2::-1]:
         inside = row + s * inside
@@ -167,7 +166,7 @@ def quartic(s: Array | float, y0: Array, y1: Array, k: Float[Array, "rows ..."])
 def through(
     shares: Sequence[float], y0: Float[Array, "s *n"], y1: Float[Array, "s *n"], *inside: Array
 ) -> Float[Array, "s rows *n"]:
-    """k of the polynomials through both ends of steps and the values at the `shares` of them."""
+    """k of the polynomials through both ends of steps and the values `inside`, at `shares`."""
     weights = np.linalg.inv(np.vander(shares, increasing=True))
     beyond = [
         (y - (1 - s) * y0 - s * y1) / (s * (1 - s)) for y, s in zip(inside, shares, strict=True)
@@ -178,8 +177,8 @@ def through(
 class Rodas5P(diffrax.AbstractAdaptiveSolver):
     """Rodas5P (see the module) for an `ODETerm` of real unknowns.
 
-    A derivative of the solution carries the second derivatives of the equation. `simulate` has its
-    own, which need only first ones.
+    Differentiating its steps needs second derivatives of the equation. `simulate` has its own rule
+    of differentiation, which needs only first ones.
     """
 
     term_structure: ClassVar = diffrax.AbstractTerm
@@ -197,7 +196,7 @@ class Rodas5P(diffrax.AbstractAdaptiveSolver):
         y0: PyTree[Array],
         args: PyTree,
     ) -> None:
-        """No state is carried from step to step."""
+        """Return None: the solver has no state."""
         del terms, t0, t1, y0, args
 
     def func(
@@ -223,7 +222,7 @@ class Rodas5P(diffrax.AbstractAdaptiveSolver):
 def stiff_step(
     equation: SliderEquation, t0: Array, t1: Array, y0: Unknowns
 ) -> tuple[Unknowns, Unknowns, Unknowns]:
-    """Unknowns at t1, their error, and k of the interpolant (3 rows)."""
+    """Return unknowns at t1, their error, and k of the interpolant (3 rows)."""
     y1, error, dense = _stepped(diffrax.ODETerm(equation.derivative), t0, t1, y0, None)
     return y1, error, dense["k"]
 
@@ -232,7 +231,7 @@ def stiff_step(
 def _stepped(
     terms: diffrax.AbstractTerm, t0: RealScalar, t1: RealScalar, y0: PyTree[Array], args: PyTree
 ) -> tuple[PyTree[Array], PyTree[Array], dict[str, PyTree[Array]]]:
-    """A step, its error and what its interpolant needs; traced once where diffrax asks again."""
+    """Return the end of a step, its error and its interpolant's data."""
     y, back = ravel_pytree(y0)
     h, start = jnp.asarray(t1 - t0, y.dtype), jnp.asarray(t0, y.dtype)
 
@@ -250,7 +249,7 @@ def _stepped(
     least = h <= ROUNDINGS * jnp.spacing(jnp.abs(jnp.asarray(t1, y.dtype)))
 
     def solved(side: Array) -> Array:
-        # a step of refinement, which carries the derivatives of the matrix
+        # iterative refinement: through it derivatives of the matrix reach the solution
         k = jax.lax.stop_gradient(inverse @ side)
         return k + inverse @ (side - matrix @ k)
 
@@ -266,7 +265,7 @@ def _stepped(
     pulled = jnp.where(pulled * first >= 0, pulled, h * first)
     pulled = pulled / jnp.maximum(1.0, jnp.max(jnp.abs(pulled)))
     end = y + jnp.where(least, pulled, jnp.asarray(A[-1], y.dtype) @ ks + ks[-1])
-    # summed: for a product of matrices XLA calls a library, which takes longer than the stages
+    # a sum: XLA would call a library for a matrix product, which takes longer than the stages
     inside = sum(np.asarray(DENSE[:, i, None], y.dtype) * ks[i] for i in range(STAGES))
     error, inside = (jnp.where(least, 0.0, x) for x in (ks[-1], inside))
     dense = {"y0": y0, "y1": back(end), "k": jax.vmap(back)(inside)}
@@ -274,11 +273,11 @@ def _stepped(
 
 
 def inverted(matrix: Float[Array, "n n"]) -> Float[Array, "n n"]:
-    """Inverse of a matrix whose diagonal leads, as that of an implicit method does.
+    """Invert a diagonally dominant matrix, such as that of an implicit method.
 
-    By elimination without pivots (Gauss and Jordan), in operations that a batch shares: written
-    out for a small one, in a loop for others. Not by LAPACK: a batch of its calls waits for the
-    threads that XLA computes on, and two of them at once wait for each other without end.
+    Gauss-Jordan elimination without pivoting, vectorised over a batch; unrolled for a small matrix.
+    LAPACK is avoided: a batch of its calls waits for XLA's threads, and two batches at once
+    deadlock.
     """
     n = matrix.shape[0]
     if n > _CLOSED_FORM:
@@ -294,7 +293,7 @@ def inverted(matrix: Float[Array, "n n"]) -> Float[Array, "n n"]:
 
 
 def _eliminated(matrix: Float[Array, "n n"], i: Int[Array, ""]) -> tuple[Float[Array, "n n"], None]:
-    """Unknown `i` exchanged with its right-hand side; all exchanged, it is the inverse."""
+    """Exchange unknown `i` with its right-hand side; after all exchanges it is the inverse."""
     own = np.arange(matrix.shape[0]) == i
     pivot = 1 / matrix[i, i]
     row = jnp.where(own, pivot, matrix[i] * pivot)

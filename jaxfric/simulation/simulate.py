@@ -1,12 +1,12 @@
 """One entry point: `simulate(rig, motion, ts)`.
 
-By default the motion is stepped in segments (`stepping`), with Tsit5 where the slider has no mass
-and is not stiff and with `Rodas5P` elsewhere; derivatives of every order and mode follow from the
-steps that were taken (`tangents`). Where a solver, a controller or an adjoint is given, and at
-steps, it is `diffrax.diffeqsolve`, with derivatives of its own.
+By default `stepping` integrates the motion in segments: with Tsit5 for a slider without mass that
+is not stiff, else with `Rodas5P`. `tangents` computes derivatives of every order and mode from the
+accepted steps. With `at_steps`, or a given solver, controller or adjoint, `diffrax.diffeqsolve`
+integrates and differentiates.
 
 For stick-slip over many periods the steps themselves are better samples than given times
-(`at_steps`): they crowd where the slider slips, and take a tenth of the memory of an interpolant.
+(`at_steps`): they are dense where the slider slips, and need a tenth of an interpolant's memory.
 """
 
 import math
@@ -33,7 +33,7 @@ from .steps import StableStepController, padded_norm
 from .trajectory import RESULTS, Trajectory, only_if
 
 STIFF = 3000.0
-"""Relaxations of the spring on the way, from which the stiff method takes less time."""
+"""Load-point path over A/K (spring relaxations) above which the stiff method is faster."""
 
 
 def simulate(
@@ -53,43 +53,42 @@ def simulate(
 ) -> Trajectory:
     """Simulate a slider, by default from steady sliding at the motion's first velocity.
 
-    Equations: see `simulate.ode` and the laws. For `jit`, `vmap`, forward mode, reverse mode and
-    forward over reverse, with respect to every array of `rig`, `motion`, `start` and `ts` except
-    the times of the motion's jumps; derivatives are right to second order.
+    Equations: see `simulation.ode` and the laws. Works under `jit`, `vmap`, forward mode, reverse
+    mode and forward over reverse. Derivatives are exact to second order, with respect to every
+    array of `rig`, `motion`, `start` and `ts` except the times of the motion's jumps.
 
     Parameters
     ----------
     rig, motion : the rig and its commanded motion.
     ts : sample times [s], ascending, shape (n,); the simulation starts at `ts[0]`. Repeat
         the last one to pad.
-    start : velocity, spring elongation and state at `ts[0]` where they are not those of
-        steady sliding; see `simulation.start`.
+    start : velocity, spring elongation and state at `ts[0]`, for those that differ from steady
+        sliding; see `simulation.start`.
     at_steps : record at the solver's own steps between `ts[0]` and `ts[-1]` instead of at `ts`:
         all arrays get the length `max_steps` + 1, and the last row repeats to the end.
     rtol : error wanted, relative to the range over which each quantity moves. The result
         was within 10 rtol of an independent solution for rtol 1e-4 to 1e-8 in all rigs tested.
-    max_steps : no more solver steps than this are taken.
+    max_steps : maximum number of solver steps.
     runaway : end the simulation when the slider moves `runaway` times faster than the
         largest commanded speed.
-    stiff : whether steps are those of the stiff method, `Rodas5P`, or those of Tsit5. The spring
-        relaxes over A/K of slip, mass within A/(m V), and an explicit method may take no longer
-        steps. None: stiff with a mass, or where K times the path of the load point is known, when
-        this is called, to be more than 3000 A.
-    solver, controller, adjoint : of diffrax. Where one of them is given, `diffrax.diffeqsolve`
-        simulates, and derivatives are those of the adjoint (default `diffrax.ForwardMode()`).
+    stiff : True: the stiff method `Rodas5P`; False: Tsit5. The spring relaxes over A/K of slip,
+        the mass within A/(m V); an explicit method's steps must be shorter. None: stiff with a
+        mass, or if K times the path of the load point is concrete and exceeds 3000 A.
+    solver, controller, adjoint : of diffrax. If any is given, `diffrax.diffeqsolve` simulates
+        and the adjoint differentiates (default `diffrax.ForwardMode()`).
 
     Returns
     -------
-    Trajectory. Its `result` says whether and why the simulation ended early, and under `jit` and
-    `vmap` whether what was asked for is impossible.
+    Trajectory. Its `result` tells whether and why the simulation ended early, and under `jit` and
+    `vmap` whether the input was invalid.
 
     Raises
     ------
     InputError : `rtol` not in (0, 0.1], `runaway` not above 1, `ts` not of one dimension, `start`
-        with a velocity for a slider without mass; and of what is known when it is called, a
-        parameter out of its bounds, `ts` that descends, is not finite or begins before the
-        motion, no steady sliding to start from.
-    TypeError : a delay law (see `simulate_delay`), or a law without direct effect without mass.
+        with a velocity for a slider without mass. Among concrete values: a parameter out of
+        bounds, `ts` that descends, is not finite or begins before the motion, no steady sliding
+        to start from.
+    TypeError : a delay law (see `simulate_delay`), or neither direct effect nor mass.
     """
     if not isinstance(rtol, Tracer) and not 0 < rtol <= 0.1:
         raise InputError(f"simulate: rtol is {rtol}; it must be in (0, 0.1]")
@@ -117,7 +116,7 @@ def simulate(
         if controller is None:
             controller = _controller(equation, solver, tolerance)
         jumps = motion.breakpoints()
-        if jumps.shape[0]:  # none is what the clipping controller cannot take
+        if jumps.shape[0]:  # the clipping controller refuses an empty array
             controller = diffrax.ClipStepSizeController(controller, jump_ts=jumps)
         solution = diffrax.diffeqsolve(
             diffrax.ODETerm(equation.derivative),
@@ -128,7 +127,7 @@ def simulate(
             initial,
             saveat=diffrax.SaveAt(t0=at_steps, steps=at_steps, dense=not at_steps),
             stepsize_controller=controller,
-            # no lambda, which would be compiled anew at every call
+            # a lambda would be compiled anew at every call
             event=diffrax.Event(eqx.Partial(_ran_away, equation, away)),
             adjoint=diffrax.ForwardMode() if adjoint is None else adjoint,
             max_steps=max_steps,
@@ -139,7 +138,7 @@ def simulate(
 
 
 def _is_stiff(rig: Rig, motion: AbstractMotion, ts: Array) -> bool:
-    """Whether a slider has a mass, or its spring relaxes very often on the way; see `simulate`."""
+    """Whether `simulate` uses the stiff method: with mass, or many relaxations of the spring."""
     if isinstance(rig.machine, Inertial) or not isinstance(motion, PiecewiseVelocity):
         return True
     scale, K = law_with_states(rig).force_scale(), rig.machine.stiffness
@@ -181,7 +180,7 @@ def _ran_away(
 def _of_diffrax(
     equation: SliderEquation, solution: diffrax.Solution, ts: Float[Array, " n"]
 ) -> Trajectory:
-    """The motion at `ts`, or at the steps if they are what was saved."""
+    """The motion at `ts`, or at the steps if those were saved."""
     between = solution.interpolation
     if between is None:
         assert solution.ts is not None

@@ -1,9 +1,9 @@
 """Starts of a simulation: steady sliding, or a perturbation of it.
 
-Unperturbed, the slider moves at the motion's first velocity V0, its state is the steady one
-there and the spring carries the steady friction. A `Start` replaces any of the three. The
-functions below build those that a control engineer meets: a disturbed velocity, a jump of the
-load point, a step of the command, and a slider that is stuck.
+Unperturbed, the slider moves at the motion's first velocity V0 with the steady state, and the
+spring carries the steady friction. A `Start` replaces any of the three. The functions below build
+common ones: a disturbed velocity, a jump of the load point, a step of the command, and a stuck
+slider.
 """
 
 import equinox as eqx
@@ -25,11 +25,11 @@ from ..rig.friction import (
 
 
 def law_with_states(rig: Rig) -> AbstractLaw:
-    """The rig's friction law, if it is one with states.
+    """Return the rig's friction law, which must be an `AbstractLaw`.
 
     Raises
     ------
-    TypeError : it is a delay law, whose memory is the velocity of a moment ago.
+    TypeError : it is a delay law.
     """
     law = rig.friction
     if not isinstance(law, AbstractLaw):
@@ -41,12 +41,12 @@ def law_with_states(rig: Rig) -> AbstractLaw:
 
 
 class Start(eqx.Module):
-    """State in which a simulation starts; a part that is None is that of steady sliding.
+    """Initial state of a simulation; None means that of steady sliding.
 
-    velocity : velocity of the slider [m/s]; only with mass, and not 0 or negative with a
-        logarithmic direct effect, whose force is infinite there.
-    elongation : the spring is longer by this [m] than in steady sliding, as after a jump of
-        the load point.
+    velocity : velocity of the slider [m/s]; only with mass. It must be positive with a
+        logarithmic direct effect, whose force is singular at 0.
+    elongation : excess length of the spring [m] over steady sliding, as after a jump of the
+        load point.
     state : state of the friction law, shape (n,) [force].
     """
 
@@ -58,9 +58,9 @@ class Start(eqx.Module):
 def velocity_start(rig: Rig, velocity: ArrayLike, change: ArrayLike) -> Start:
     """V(0) = V0 (1 + change), with the state of steady sliding at `velocity` = V0 [m/s].
 
-    With mass the spring is that of steady sliding too. Without it the velocity follows
-    from the spring, which is therefore longer by [f(V, theta) - f(V0, theta) + k_v (V - V0)]/K.
-    `change` > -1 with a logarithmic direct effect.
+    With mass, the spring force is that of steady sliding. Without mass the velocity follows from
+    the spring, whose excess length is [f(V, theta) - f(V0, theta) + k_v (V - V0)]/K. With a
+    logarithmic direct effect `change` must exceed -1.
     """
     V0 = jnp.asarray(velocity, jnp.result_type(float))
     V, state = V0 * (1 + jnp.asarray(change)), law_with_states(rig).steady_state(V0)
@@ -75,7 +75,7 @@ def velocity_start(rig: Rig, velocity: ArrayLike, change: ArrayLike) -> Start:
 def jump_start(rig: Rig, velocity: ArrayLike, jump: ArrayLike) -> Start:
     """Steady sliding at `velocity` [m/s]; then the load point jumps by `jump` [m], of either sign.
 
-    With mass the slider's velocity is at first that of steady sliding.
+    With mass, the slider's initial velocity is that of steady sliding.
     """
     V0 = jnp.asarray(velocity, jnp.result_type(float))
     jump = jnp.asarray(jump, jnp.result_type(float))
@@ -86,8 +86,8 @@ def jump_start(rig: Rig, velocity: ArrayLike, jump: ArrayLike) -> Start:
 def step_start(rig: Rig, velocity: ArrayLike, ratio: ArrayLike) -> Start:
     """The command steps by the factor `ratio`, from steady sliding at `velocity`/`ratio`.
 
-    Spring, state and (with mass) velocity are those of steady sliding at `velocity`/`ratio`;
-    the simulation's motion goes on at `velocity` [m/s]. A ratio below 1 is a step down.
+    Spring, state and (with mass) velocity are those of steady sliding at `velocity`/`ratio`.
+    Simulate with a motion at `velocity` [m/s]. A ratio below 1 is a step down.
     """
     V0 = jnp.asarray(velocity, jnp.result_type(float))
     V = V0 / jnp.asarray(ratio)
@@ -105,12 +105,12 @@ def rest_start(
     contact_time: ArrayLike | None = None,
     state: ArrayLike | None = None,
 ) -> Start:
-    """A slider at rest on an unloaded spring, whose load point sets off at `velocity` [m/s].
+    """A slider at rest on an unloaded spring, whose load point starts to move at `velocity` [m/s].
 
-    State, unless given: of rate-and-state friction that of steady sliding at `velocity`,
-    where the ageing law then heals at rest for `contact_time` [s], dTheta/dt = 1, so
-    theta = B ln(V0/V + V0 t/L) with the law's reference velocity V0; the slip law stays
-    frozen. Of any other law zero: no bristle is bent.
+    The default state of rate-and-state friction is that of steady sliding at `velocity`. The
+    ageing law then heals at rest for `contact_time` [s], dTheta/dt = 1, to
+    theta = B ln(V0/V + V0 t/L) with the law's reference velocity V0; the slip law does not
+    change at rest. The default state of any other law is zero (bristles unbent).
 
     Raises
     ------
@@ -145,7 +145,7 @@ def rest_start(
 
 
 def regularised(rig: Rig) -> Rig:
-    """The rig with a `RegularisedEffect` in place of a logarithmic one; other laws as they are."""
+    """Replace a rig's logarithmic direct effect by a `RegularisedEffect`, if it has one."""
     law = rig.friction
     if isinstance(law, AbstractRateState) and isinstance(law.direct, LogarithmicEffect):
         return eqx.tree_at(lambda r: r.friction.direct, rig, RegularisedEffect())
@@ -153,6 +153,6 @@ def regularised(rig: Rig) -> Rig:
 
 
 def _friction(rig: Rig, V: Float[Array, ""], state: Float[Array, " n"]) -> Float[Array, ""]:
-    """Friction before any slip, at time zero."""
+    """Friction at slip zero and time zero."""
     zero = jnp.zeros_like(V)
     return law_with_states(rig).force(V, state, Conditions(zero, zero))

@@ -1,15 +1,15 @@
-"""From the start of a motion to its sample times, in segments of a few steps.
+"""Integrate a motion from its start to its sample times, in segments of a few steps.
 
-A segment takes up to `ROWS` steps, finds their derivatives (`tangents`), evaluates the interpolant
-at the sample times that it covers, and forgets its steps. So memory follows the samples, not the
-steps, and a derivative of any order and mode is one of a loop over segments:
+A segment takes up to `ROWS` steps, computes their derivatives (`tangents`), evaluates the
+interpolant at the sample times that it covers, and discards its steps. So memory scales with the
+samples, not the steps, and derivatives of any order and mode pass through a loop over segments:
 
     while a member of the batch goes on: segment(equation, point, samples) -> point, samples
 
-As the loop, and in it each step, goes on while any member of a batch does, its counters are the
-same for all members and arrays are written in place. Without derivatives it is a `while_loop`. With
-them it is a scan over all segments that `max_steps` allows, which passes over those that no member
-needs: reverse mode needs the number of turns in advance.
+The loop, and each step in it, goes on while any member of a batch does. So its counters are the
+same for all members, and arrays are written in place. Without derivatives it is a `while_loop`.
+Reverse mode needs the number of iterations in advance: with derivatives it is a scan over all
+segments that `max_steps` allows, which skips those that no member needs.
 """
 
 from collections.abc import Callable
@@ -31,46 +31,47 @@ from .steps import padded_norm
 from .tangents import Knots, differentiable
 
 ROWS = 32
-"""Steps of a segment, where few samples are asked for."""
+"""Steps of a segment for few samples."""
 _SAMPLES_EACH, _MOST_PARTS = 256, 16
-"""Samples for which a segment gets `ROWS` steps more, and the most times that it does."""
+"""A segment gets `ROWS` more steps for every 256 samples, up to 16 times `ROWS`."""
 _FEWEST_PARTS = 4
-"""Where no derivatives are asked for: few segments evaluate the interpolant less often."""
+"""Least multiple of `ROWS` without derivatives: longer segments evaluate the interpolant less."""
 _FAN = 16
-"""Segments, or groups of them, that a scan passes over at once."""
+"""Segments, or groups of them, in one scan, all skipped by one condition."""
 SAFETY = 0.03
-"""Error of a step over the error wanted of a motion. Over a record errors add up and the
+"""Tolerance of a step over the error wanted of the motion. Errors of steps accumulate and the
 interpolant adds its own; this factor keeps the result within 10 rtol (tests/test_simulate.py)."""
 _SHRINK, _GROW, _CAUTION = 0.2, 10.0, 0.9
 _STABLE = 2.5
 """Rate of the fastest change times the longest step. Tsit5 is stable to 3.3 for real rates."""
 _SMALL = 0.01
 _DECIDED = "decided"
-"""What reverse mode keeps of a step: where it ends, and whether it was taken. Rounding decides of
-both, and that of a segment done again is another: it would end elsewhere than the next begins."""
+"""Name of the values that reverse mode stores of a step: its end, and whether it was accepted.
+Both depend on rounding, which differs when a segment is recomputed: the recomputed segment might
+not end where the next one begins."""
 
 
 class How(NamedTuple):
-    """How a motion is stepped."""
+    """How a motion is integrated."""
 
     stiff: bool
-    """Rodas5P, or else Tsit5."""
+    """True: Rodas5P, False: Tsit5."""
     max_steps: int
     log_runaway: float
-    """ln of the speed, over the largest commanded one, at which a motion ends."""
+    """ln of the speed, relative to the largest commanded one, at which a motion ends."""
 
 
 class Underway(NamedTuple):
-    """Where a motion has come to."""
+    """Current point of a motion."""
 
     time: Float[Array, ""]
     y: Unknowns
     slope: Unknowns
-    """dy/dt, for the explicit pair, whose last stage is the next step's first."""
+    """dy/dt, for the explicit pair: its last stage is the first of the next step."""
     size: Float[Array, ""]
-    """Length of the next step [s]; 0: to be guessed."""
+    """Length of the next step [s]; 0: to be estimated."""
     log_speed: Float[Array, ""]
-    """ln of the speed over the largest commanded one."""
+    """ln of the speed relative to the largest commanded one."""
     going: Bool[Array, ""]
     ran_away: Bool[Array, ""]
     steps: Int[Array, ""]
@@ -78,7 +79,7 @@ class Underway(NamedTuple):
 
 
 Seen = TypeVar("Seen")
-"""What an observer gathers of a motion."""
+"""Data that an observer collects of a motion."""
 Observer = Callable[[Seen, Underway, Underway], tuple[Seen, Bool[Array, ""]]]
 
 
@@ -99,10 +100,10 @@ def follow(
     tolerance: Float[Array, ""],
     how: How,
 ) -> Sampled:
-    """The solution of `equation` from `initial` at `ts[0]`, at the ascending times `ts`.
+    """Solve `equation` from `initial` at `ts[0]`; return the solution at the ascending times `ts`.
 
     `tolerance` is the error of a step, relative and absolute, in the scaled unknowns. Derivatives
-    by every array of `equation`, `initial` and `ts`, times of jumps apart.
+    exist for every array of `equation`, `initial` and `ts`, except the times of jumps.
     """
     return _followed(equation, initial, ts, _Policy(tolerance, how))
 
@@ -116,10 +117,10 @@ def observed(
     observe: Observer[Seen],
     seen: Seen,
 ) -> tuple[Underway, Seen]:
-    """Step from `initial` at time 0 through `stops`, on each of which a step ends; keep no step.
+    """Integrate from `initial` at time 0 with a step ending at each of `stops`; store no step.
 
-    `observe(seen, before, after)` is shown every step that was taken and gives the new `seen`, and
-    whether to stop there. The last of the `stops` ends the motion. No derivatives.
+    `observe(seen, before, after)` is called after every accepted step. It returns the new `seen`
+    and whether to stop. The last of the `stops` ends the motion. No derivatives.
     """
     equation, policy = constant(equation), _Policy(tolerance, how)
     last = stops[-1]
@@ -141,7 +142,7 @@ def observed(
 
 
 _Carry = tuple[Underway, PyTree[Float[Array, "n ..."]]]
-"""Where a motion has come to, and the unknowns at the samples that it has passed."""
+"""Current point of a motion, and the unknowns at the samples, up to that point."""
 
 
 class _Policy(eqx.Module):
@@ -182,7 +183,7 @@ def _by_scan(
 
 
 def _repeated(loop: Callable[[_Carry], _Carry], turns: int) -> Callable[[_Carry], _Carry]:
-    """`loop`, `turns` times, each only where a member of the batch still goes on."""
+    """Repeat `loop` `turns` times, as long as a member of the batch goes on."""
 
     def once(carry: _Carry, _: None) -> tuple[_Carry, None]:
         going = eqxi.unvmap_any(carry[0].going)
@@ -210,7 +211,7 @@ def _begun(
     rows: int,
     parts: int = 1,
 ) -> tuple[_Carry, Callable[[_Carry], _Carry]]:
-    """Where the loop over segments begins, and a segment of it, of `parts` with `rows` steps."""
+    """Return the start of the loop over segments, and a segment of `parts` with `rows` steps."""
     fixed = constant(equation)
     first, last = jax.lax.stop_gradient((ts[0], ts[-1]))
     stops = jnp.minimum(jnp.append(fixed.motion.breakpoints(), jnp.inf), last)
@@ -262,7 +263,7 @@ def _ended(ts: Float[Array, " n"], point: Underway, ys: PyTree[Float[Array, "n .
 
 
 def _refreshed(equation: SliderEquation, point: Underway) -> Underway:
-    """The point; at the beginning and after a jump, with slope and speed of the new command."""
+    """Recompute slope and speed of a point at the start and after a jump of the command."""
     fresh = point.going & (point.size == 0)
 
     def begin() -> tuple[Unknowns, Array]:
@@ -276,8 +277,8 @@ def _refreshed(equation: SliderEquation, point: Underway) -> Underway:
 def _step(
     equation: SliderEquation, point: Underway, stops: Float[Array, " s"], policy: _Policy
 ) -> tuple[Underway, Knots]:
-    """One step, taken or rejected, to the next of the `stops` at most, the last of which ends the
-    motion; of a motion that has ended nothing changes."""
+    """Try one step, at most to the next of the `stops`; the last one ends the motion. A motion
+    that has ended does not change."""
     how, tolerance = policy.how, jax.lax.stop_gradient(policy.tolerance)
     t, y, slope, last = point.time, point.y, point.slope, stops[-1]
     size = _first_size(equation, slope, y, tolerance)
@@ -326,16 +327,15 @@ def _step(
 
 
 def _still(point: Underway) -> tuple[Underway, Knots]:
-    """No step."""
+    """A step of length 0."""
     none = jax.tree.map(lambda y: jnp.zeros((3, *y.shape), y.dtype), point.y)
     return point, Knots(point.time, point.time, point.y, point.y, none)
 
 
 def _longest(equation: SliderEquation, log_speed: Array) -> Float[Array, ""]:
-    """A little less than the relaxation of the spring, over F/K of slip and in k_v/K, allows an
-    explicit step.
+    """Longest stable explicit step [s], from the spring's relaxation over F/K of slip plus k_v/K.
 
-    A longer one makes of rounding, in steady sliding, an error as large as the tolerance.
+    In steady sliding a longer one amplifies rounding errors up to the tolerance.
     """
     time = _relaxation(equation) * jnp.exp(-jnp.clip(log_speed, -60.0, 60.0))
     machine = equation.rig.machine
@@ -353,10 +353,10 @@ def _relaxation(equation: SliderEquation) -> Float[Array, ""]:
 def _first_size(
     equation: SliderEquation, slope: Unknowns, y: Unknowns, tolerance: Float[Array, ""]
 ) -> Float[Array, ""]:
-    """Length of a step after a jump: the unknowns change by a little more than an error may.
+    """Length of the first step and of those after a jump, from the rates of the unknowns [s].
 
-    Where nothing changes it is a small part of the time in which the spring relaxes: a derivative
-    may change there, as that by an effect that is absent.
+    It is at most a small part of the spring's relaxation time. Even if the motion is steady, its
+    derivatives may change, for example by an effect at its null.
     """
     rate = padded_norm(jax.tree.map(lambda d, y: d / (1 + jnp.abs(y)), slope, y))
     guess = tolerance**0.2 / jnp.where(rate > 0, rate, 1e-300)
@@ -373,8 +373,8 @@ def _norm(
 
 
 def _between(knots: Knots, ts: Float[Array, " n"], inside: Bool[Array, " n"], ys: PyTree) -> PyTree:
-    """`ys` with the interpolant at those of the ascending times, up to the last knot, that are
-    `inside`."""
+    """Replace `ys` by the interpolant at the ascending times that are `inside`, up to the last
+    knot."""
     ends = jax.lax.stop_gradient(knots.t1)
     rows = jnp.searchsorted(ends, jax.lax.stop_gradient(ts))
     rows = jnp.minimum(rows, ends.shape[0] - 1)

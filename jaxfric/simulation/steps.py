@@ -1,9 +1,9 @@
-"""Step sizes at which derivatives are right too, and what solvers share.
+"""Step sizes for which derivatives are accurate too, and helpers that solvers share.
 
-In steady sliding a solver sees no error and lets its steps grow without limit. An explicit one then
-leaves its region of stability: the motion, exactly at rest there, does not notice, but its
-derivative with respect to a parameter, which is not at rest, grows step by step. So steps are also
-kept below a multiple of the fastest time scale of the linearised equation.
+In steady sliding the estimated error is 0, so the steps would grow without limit. An explicit
+solver then leaves its region of stability. The motion is exactly steady and does not change, but
+its derivative with respect to a parameter grows step by step. So steps are also kept below a
+multiple of the fastest time scale of the linearised equation.
 """
 
 from collections.abc import Callable
@@ -22,7 +22,7 @@ RealScalar = int | float | Array | np.ndarray
 
 Truth = bool | Array | np.ndarray
 
-# Tsit5 is stable for real rates up to 3.3 per step, for oscillating ones up to about 2.5.
+# Tsit5 is stable for h |lambda| up to 3.3 (real) and up to about 2.5 (oscillating).
 _LIMIT = 1.8
 _SQUARINGS = 6
 
@@ -30,15 +30,15 @@ F = TypeVar("F", bound=Callable)
 
 
 def traced_once(function: F) -> F:
-    """A function that is traced once where a solver, its tangents and a response ask it again."""
+    """Trace a function only once, even if a solver, its tangents and a response all call it."""
     return eqx.filter_jit(function, inline=True)  # ty: ignore[no-matching-overload]
 
 
 def padded_norm(y: PyTree) -> Float[Array, ""]:
-    """Root of half the sum of squares: rms of two components; a component that is 0 adds nothing.
+    """sqrt(sum of squares/2): the rms of two components; components that are 0 add nothing.
 
-    With the usual mean a state that is absent would loosen the tolerance of the others, and a model
-    with an effect at its null would not take the steps of the model without it.
+    With the usual mean, an absent state would loosen the tolerance of the others. A model with an
+    effect at its null would then take other steps than the model without it.
     """
     flat, _ = ravel_pytree(y)
     square = jnp.sum(jnp.square(flat))
@@ -47,9 +47,10 @@ def padded_norm(y: PyTree) -> Float[Array, ""]:
 
 
 class StableStepController(diffrax.AbstractAdaptiveStepSizeController[PyTree, RealScalar | None]):
-    """A controller whose steps stay within the stability of an explicit solver.
+    """A step size controller that keeps an explicit solver stable.
 
-    `derivative(t, y)` is the equation; its rate is the spectral radius of d derivative/dy.
+    `derivative(t, y)` is the right-hand side; the fastest rate is the spectral radius of its
+    Jacobian.
     """
 
     controller: diffrax.PIDController
@@ -111,9 +112,9 @@ class StableStepController(diffrax.AbstractAdaptiveStepSizeController[PyTree, Re
 
 
 def _spectral_radius(matrix: Float[Array, "n n"]) -> Float[Array, ""]:
-    """Spectral radius from the 64th power's largest entry: right to some percent in any units.
+    """Spectral radius from the largest entry of the 64th power: accurate to a few percent.
 
-    A state that is absent is a block of its own, and adds nothing unless it is the fastest.
+    An absent state is a separate block and has no influence unless it is the fastest.
     """
     radius, power, exponent = jnp.ones(()), matrix, 1.0
     for _ in range(_SQUARINGS):

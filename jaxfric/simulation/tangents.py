@@ -1,22 +1,20 @@
-"""Derivatives of a simulated motion, all steps of the solver at once.
+"""Derivatives of a simulated motion, for all steps of the solver at once.
 
-A solver goes step by step because each needs the one before. Its derivative dy/dp does not: along
-a motion that is known, y' = f(t, y; p), it solves the linear equation
+A solver must compute its steps one after the other. The derivative dy/dp of a known motion
+y' = f(t, y; p) need not: it solves the linear equation
 
     d(dy/dp)/dt = J(t) dy/dp + df/dp,   J = df/dy
 
-whose J and df/dp follow at all times side by side. They are computed at four points of every step
-of the solver, and the step itself is Radau IIA of order 7, implicit and so stable wherever the
-solver was; what is left to do one after the other is a product of small matrices. To follow a
-solver with tangents instead costs five times as much, and an explicit one must also be kept from
-steps that are stable for the motion and not for its derivative.
+whose J and df/dp can be computed at all times in parallel, here at four points of every step. A
+step of dy/dp is Radau IIA of order 7, implicit and therefore stable. Only a product of small
+matrices per step remains sequential. Propagating tangents through the solver instead costs five
+times as much; an explicit solver may also be stable for the motion but not for its derivative.
 
-A quartic through the points is the derivative between the steps. What has no part in the motion
-yet, as a ripple of amplitude 0, and is shorter than a step of the solver, is not resolved.
+Between the steps the derivative is a quartic through these points. It does not resolve a feature
+shorter than a step that does not yet affect the motion, such as a ripple of amplitude 0.
 
-The rule of differentiation asks for the path again, and with it for the path's own derivatives: so
-derivatives of any order follow from it. All of it is arithmetic on arrays of a length that is known
-beforehand, which reverse mode can follow.
+The rule of differentiation calls the differentiable path again, so derivatives of any order
+follow. It uses only arrays of fixed length, so reverse mode works.
 """
 
 from collections.abc import Callable
@@ -33,8 +31,8 @@ from .radau import radau
 from .rodas import inverted, quartic, through
 
 STAGES = 4
-"""Points of a step at which its derivatives are found; the polynomial through them and the start
-is of the degree of `rodas.quartic`."""
+"""Points of a step at which derivatives are computed; with the start they define a quartic, the
+degree of `rodas.quartic`."""
 
 
 _NODES, _RADAU = radau(STAGES)
@@ -43,7 +41,7 @@ _NODES, _RADAU = radau(STAGES)
 class Knots(NamedTuple):
     """Steps of a solver: times of both ends, and the quartic between them (`rodas.quartic`).
 
-    A row without length is no step: there y0, y1 are where the motion has come to, and k is 0.
+    A row of length 0 is padding: y0 = y1 is the current point, and k is 0.
     """
 
     t0: Float[Array, " s"]
@@ -58,10 +56,9 @@ Pieces = tuple[PyTree[Float[Array, "s ..."]], PyTree[Float[Array, "s ..."]], PyT
 
 
 def differentiable(equation: SliderEquation, begin: Unknowns, knots: Knots) -> Knots:
-    """The same knots, with derivatives by everything in `equation` and `begin`, of any order and in
-    both modes.
+    """Attach to `knots` their derivatives in `equation` and `begin`, of any order and mode.
 
-    `knots` are those of the solution of `equation` from `begin`, and constants.
+    `knots` are the solution of `equation` from `begin`, and constant.
     """
     y0, y1, k = _pieces(equation, begin, knots)
     return knots._replace(y0=y0, y1=y1, k=k)
@@ -79,7 +76,7 @@ def _(
     tangents: tuple[PyTree, PyTree, PyTree],
 ) -> tuple[Pieces, Pieces]:
     equation, begin, knots = primals
-    # asked again, not taken from the arguments: so they carry the derivatives of the next order
+    # called again, not taken from the arguments, to carry the derivatives of the next order
     pieces = _pieces(equation, begin, knots)
     params, rest = eqx.partition(equation, eqx.is_inexact_array)
     moved = _or_zeros(params, tangents[0])
@@ -106,15 +103,15 @@ def _(
 
 
 Linear = Callable[[Array, Array], tuple[Array, Array]]
-"""J and the change of the rate with the parameters, at a time and a state."""
+"""Maps a time and a state to J and to df/dp in the direction of the parameters' tangent."""
 
 
 def _across(
     linear: Linear, t0: Array, t1: Array, y0: Array, y1: Array, k: Array
 ) -> tuple[Float[Array, "stages n n"], Float[Array, "stages n"]]:
-    """The derivative at the points of a step: a matrix times that at its start, plus a vector."""
+    """Return matrix and vector: derivative at a step's points = matrix @ that at start + vector."""
     h, nodes = t1 - t0, jnp.asarray(_NODES, y0.dtype)
-    # a step of the command belongs to the next step of the solver, whose time the end may be
+    # a jump of the command at t1 belongs to the next step
     before = jnp.where(t1 > t0, t1 - 4 * jnp.spacing(jnp.abs(t1)), t1)
     ts = jnp.minimum(t0 + nodes * h, before)
     ys = jax.vmap(lambda s: quartic(s, y0, y1, k))(nodes)
@@ -135,7 +132,7 @@ def _through_nodes(values: Float[Array, "s points n"], back: Callable[[Array], P
 
 
 def _or_zeros(primal: PyTree, tangent: PyTree) -> PyTree:
-    """The tangents of arrays; zeros for those that have none."""
+    """The tangents of arrays; zeros where a tangent is missing."""
     return jax.tree.map(
         lambda x, d: d if x is None or d is not None else jnp.zeros_like(x),
         primal,

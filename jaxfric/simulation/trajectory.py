@@ -21,34 +21,33 @@ class RESULTS(diffrax.RESULTS):  # ty: ignore[subclass-of-final-class]
         "stiffness, take smaller velocity steps, or give the slider a mass."
     )
     came_to_rest = (
-        "The slider came to rest, where a delay law says nothing. An oscillation about an "
-        "unstable steady motion grows until it does this, and so does a large disturbance. "
+        "The slider came to rest, where a delay law is undefined. This happens in unstable steady "
+        "motion, whose oscillation grows, and after a large disturbance. "
         "Choose a stable stiffness, more damping or a smaller disturbance, or a law that "
-        "holds at rest."
+        "is valid at rest."
     )
     too_few_intervals = (
         "The simulated delays ended before the last sample time. `intervals` is too small "
-        "for these times. Raise it to at least (ts[-1] - ts[0])/delay, or sample less long."
+        "for these times. Raise it to at least (ts[-1] - ts[0])/delay, or shorten `ts`."
     )
     unresolved = (
         "One step could not be resolved. The motion is too fast for the number of steps in a "
-        "delay: a stiff spring, a long delay, or a velocity near zero. Raise `pieces`, or "
-        "ask for less with a larger `rtol`."
+        "delay: a stiff spring, a long delay, or a velocity near zero. Raise `pieces` or `rtol`."
     )
     impossible = (
-        "What was asked for is impossible: a stiffness, mass, A, L, V0 or delay that is not "
-        "above 0, sample times that descend, are not finite or begin before the motion, or a "
-        "start that is not finite. Nothing was simulated. Call it outside jit and vmap: it then "
-        "says what is wrong."
+        "The input is impossible: a stiffness, mass, A, L, V0 or delay that is not above 0, "
+        "sample times that descend, are not finite or begin before the motion, or a start that "
+        "is not finite. Nothing was simulated. Call it outside jit and vmap for an error that "
+        "names the value."
     )
 
 
 class Trajectory(Described, Drawable, Gridded, Tabular, eqx.Module):
     """Motion and friction of the slider at the sample times.
 
-    `force`, `load` and `state` are in the unit of friction (N, or 1 for a coefficient). All
-    values are finite whatever the `result`: after a failure at time `end` the last ones hold;
-    where nothing could be simulated (`RESULTS.impossible`) they are 0.
+    `force`, `recorded` and `state` are in the unit of friction (N, or 1 for a coefficient). All
+    values are finite for every `result`: after a failure at time `end` the last ones are repeated.
+    With `RESULTS.impossible` they are 0.
     """
 
     time: Float[Array, " n"]
@@ -72,7 +71,7 @@ class Trajectory(Described, Drawable, Gridded, Tabular, eqx.Module):
 
 
 def only_if(possible: Bool[Array, ""], found: Trajectory) -> Trajectory:
-    """The trajectory, or zeros and `RESULTS.impossible` where nothing could be simulated."""
+    """Return the trajectory, or zeros and `RESULTS.impossible` for invalid input."""
     names = ("force", "recorded", "velocity", "slip", "state", "end")
     values = {name: jnp.where(possible, getattr(found, name), 0.0) for name in names}
     result = RESULTS.where(possible, found.result, RESULTS.impossible)
@@ -85,9 +84,9 @@ _WORDS |= {"max_steps_reached": "exhausted max_steps"}
 
 
 def result_words(result: RESULTS) -> str | np.ndarray:
-    """A result in words, "successful" or "ran away"; of a batch an array of them.
+    """A result in words, "successful" or "ran away"; an array for a batch.
 
-    What the solver itself calls a failure, other than too many steps, is "the solver failed".
+    Failures of the solver, except too many steps, are "the solver failed".
     """
     found = np.full(np.shape(result == RESULTS.successful), "the solver failed", dtype=object)
     for name, words in _WORDS.items():
