@@ -1,8 +1,8 @@
 """Linear stability of steady sliding: plant and kernel, theorem, delays, margins.
 
-The modules of this folder, and the names below, are loaded when they are first used:
-`jaxfric.stability.linear.to_control`, `jaxfric.stability.margin`. The theorem itself is
-`jaxfric.theorem`; `jaxfric.stability.theorem` is the module that it is from.
+The modules of this folder and the names below are loaded on first use:
+`jaxfric.stability.linear.to_control`, `jaxfric.stability.margin`. `jaxfric.theorem` is the
+function; `jaxfric.stability.theorem` is the module that defines it.
 """
 
 from typing import TYPE_CHECKING

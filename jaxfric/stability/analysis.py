@@ -1,7 +1,7 @@
-"""The numbers behind the tables and pictures of linear stability: curves, maps, loci.
+"""The numbers behind the tables and figures of linear stability: curves, maps, loci.
 
-Everything is for one law, over arrays of velocities or gains; pure, jittable and vmapped. Forces
-are in newtons (or divided by the normal force, as everywhere), mass None is the quasi-static limit.
+All functions take one law and arrays of velocities or gains; they are pure, jittable and vmapped.
+Forces are in newtons (or divided by the normal force); mass None is the quasi-static limit.
 """
 
 import dataclasses
@@ -34,7 +34,7 @@ from .theorem import Theorem, theorem
 Law = AbstractLaw | AbstractDelayLaw
 
 _FREQUENCIES = 257
-# How far beyond the frequencies that a kernel names the largest Re G(i w) is searched.
+# Factor beyond the kernel's frequencies within which the largest Re G(i w) is searched.
 _BEYOND = 30.0
 # Poles of a delay slider that a root locus shows.
 _DELAY_POLES = 9
@@ -51,7 +51,7 @@ class SteadyPoint(eqx.Module):
     memory: Float[Array, " *n"]
     """G(0) = int g dt [force s/m]."""
     needed_damping: Float[Array, " *n"]
-    """Least k_v >= 0 with which every k_p > 0 is stable [force s/m]."""
+    """Least k_v >= 0 for which every k_p > 0 is stable [force s/m]."""
 
     @property
     def slope(self) -> Float[Array, " *n"]:
@@ -65,14 +65,14 @@ class SteadyPoint(eqx.Module):
 
 
 def logarithmic(law: Law) -> Law:
-    """The law with the direct effect ln(V/V0) of (3) in place of a regularised one."""
+    """Replace a regularised direct effect by ln(V/V0) of (3)."""
     if isinstance(law, AbstractRateState):
         return eqx.tree_at(lambda law: law.direct, law, LogarithmicEffect())
     return law
 
 
 def steady_point(law: Law, velocity: Float[Array, ""]) -> SteadyPoint:
-    """Steady friction, f_v, int g and the damping that needs no stiffness, at one velocity."""
+    """Steady friction, f_v, int g and the sufficient damping (`needed_damping`) at one velocity."""
     V = jnp.asarray(velocity, jnp.result_type(float, velocity))
     if isinstance(law, AbstractLaw):
         at = Conditions(jnp.zeros_like(V), jnp.zeros_like(V))
@@ -86,19 +86,19 @@ def steady_point(law: Law, velocity: Float[Array, ""]) -> SteadyPoint:
 
 @eqx.filter_jit
 def steady_points(law: Law, velocities: Float[ArrayLike, " n"]) -> SteadyPoint:
-    """`steady_point` at every velocity [m/s]; what does not exist there is not finite."""
+    """`steady_point` at every velocity [m/s]; undefined values are not finite."""
     return jax.vmap(lambda V: steady_point(law, V))(jnp.asarray(velocities, float))
 
 
 def needed_damping(friction: LinearFriction) -> Float[Array, ""]:
-    """The damping k_v with which every stiffness is stable [force s/m]: (19) has no solution."""
+    """Least k_v >= 0 for which every stiffness is stable [force s/m]: (19) has no solution."""
     return jnp.maximum(_largest_memory(friction.kernel) - friction.slope, 0.0)
 
 
 def _largest_memory(kernel: AbstractKernel) -> Float[Array, ""]:
-    """max over w >= 0 of Re G(i w): with f_v + k_v above it (19) has no solution.
+    """max over w >= 0 of Re G(i w), above which f_v + k_v leaves (19) without a solution.
 
-    On a grid of frequencies; of kernels that decay monotonically it is G(0), exactly.
+    Evaluated on a grid of frequencies; exact for monotonically decaying kernels, where it is G(0).
     """
     if isinstance(kernel, DelayKernel):
         return jnp.abs(kernel.strength)
@@ -138,8 +138,9 @@ def stability_map(
     delay: float | None = None,
     k_i: float | None = None,
 ) -> Bool[Array, "v p"]:
-    """Mask of stable steady sliding: rows are the values of k_v, columns those of k_p; with a
-    controller that answers late by `delay` [s] and has the integral gain `k_i` [force/(m s)]."""
+    """Mask of stable steady sliding: rows are the values of k_v, columns those of k_p.
+
+    `delay` [s] is the controller's, `k_i` [force/(m s)] its integral gain."""
 
     def one(k_v: Float[Array, ""], k_p: Float[Array, ""]):
         return is_stable(_slider(friction, mass, k_p, k_v, delay, k_i))
@@ -158,8 +159,8 @@ def root_locus(
     late: float | None = None,
     k_i: float | None = None,
 ) -> Complex[Array, "p n"]:
-    """Poles of the slider [1/s] at every k_p [force/m]; of a delay law the rightmost ones, of a
-    controller that is `late` [s] those with Pade's approximant."""
+    """Poles of the slider [1/s] at every k_p [force/m]; for a delay law the rightmost ones, for a
+    controller with the delay `late` [s] those with Pade's approximant."""
 
     def one(k_p: Float[Array, ""]):
         slider = _slider(friction, mass, k_p, damping, late, k_i)
@@ -186,7 +187,7 @@ def _slider(
 
 
 class Study(eqx.Module):
-    """Linear stability of one law over velocities, and in full at the hardest of them."""
+    """Linear stability of one law over velocities, and in full at the hardest one."""
 
     law: Law
     points: SteadyPoint
@@ -194,33 +195,32 @@ class Study(eqx.Module):
     mass: float | None = eqx.field(static=True)
     """Mass [kg]; None in the quasi-static limit."""
     k_p: float | None = eqx.field(static=True)
-    """k_p [N/m]; None where none was asked for."""
+    """k_p [N/m]; None: not given."""
     k_v: float = eqx.field(static=True)
     """k_v [N s/m]."""
     worst: int = eqx.field(static=True)
-    """The velocity that asks for the largest k_p, or else for the largest k_v; where the controller
-    answers late, the one with the least modulus margin."""
+    """Index of the velocity with the largest k_cr (or, if that is not defined, needed damping);
+    with a controller delay or k_i, of the one with the least modulus margin."""
     poles: Complex[Array, " n"] | None
-    """Poles at `worst` with the gains (k_p, k_v); as the next two None without a k_p."""
+    """Poles at `worst` with the gains (k_p, k_v); None (like the next two) without a k_p."""
     margins: dict[str, Float[Array, ""]] | None
     stable: Bool[Array, ""] | None
     sampled: Float[Array, " samples"] | None = None
-    """k_cr [N/m] at `worst` of samples of the law; None where there are none."""
+    """k_cr [N/m] at `worst` for samples of the law; None: no samples."""
     late: float | None = eqx.field(static=True, default=None)
-    """By which the controller answers late [s], in poles, margins and `stable` and nothing else;
-    None: it does not."""
+    """Delay of the controller [s], included only in poles, margins and `stable`; None: none."""
     k_i: float | None = eqx.field(static=True, default=None)
-    """k_i [N/(m s)], in poles, margins and `stable` and nothing else; None: no integral action."""
+    """k_i [N/(m s)], included only in poles, margins and `stable`; None: no integral action."""
     coordinate: Coordinate = eqx.field(static=True, default="linear")
-    """Whether the numbers are of a line, in m and N, or of a rotation, in rad and N m."""
+    """Whether the numbers are linear (m and N) or rotary (rad and N m)."""
 
     def unit(self, si_unit: str) -> str:
-        """The unit here of a quantity that has `si_unit` on a line."""
+        """The unit in this coordinate of a quantity whose linear unit is `si_unit`."""
         return unit_of(si_unit, self.coordinate)
 
     @property
     def critical_interval(self) -> tuple[float, float] | None:
-        """The ends between which 95 % of the samples have their k_cr [N/m], or None."""
+        """The interval that contains k_cr [N/m] of 95 % of the samples, or None."""
         if self.sampled is None:
             return None
         ends = np.percentile(np.asarray(self.sampled), (2.5, 97.5), method="nearest")
@@ -228,7 +228,7 @@ class Study(eqx.Module):
 
     @property
     def here(self) -> SteadyPoint:
-        """The hardest velocity."""
+        """The steady point at the hardest velocity."""
         return jax.tree.map(lambda leaf: leaf[self.worst], self.points)
 
     @property
@@ -238,7 +238,7 @@ class Study(eqx.Module):
 
     @property
     def is_spring(self) -> bool:
-        """Whether the controller is one of spring and damper: neither late nor with integral."""
+        """Whether the controller acts as spring and damper: no delay, no integral action."""
         return self.late is None and self.k_i is None
 
     @property
@@ -257,16 +257,17 @@ def study(
     delay: float | None = None,
     k_i: float = 0.0,
 ) -> Study:
-    """Everything that the linear theory says of a law at `velocities` [m/s]. SI units.
+    """Compute the linear stability of a law at `velocities` [m/s]. SI units.
 
-    A regularised direct effect is replaced by ln(V/V0), equation (3): the two differ near rest,
-    and where steady friction is no more than a few A. `delay` [s] is that by which the controller
-    with the gains (k_p, k_v) answers late, and `k_i` [N/(m s)] its integral gain.
+    A regularised direct effect is replaced by ln(V/V0), equation (3). The two differ near rest,
+    and where steady friction is at most a few A. `delay` [s] is the delay of the controller with
+    the gains (k_p, k_v), and `k_i` [N/(m s)] its integral gain.
 
     Raises
     ------
-    InputError : no steady state at a velocity, a delay law without mass, gains, mass or delay that
-        are not positive (k_v may be 0), a delay without k_p or mass or of a delay law.
+    InputError : no steady state at a velocity; a delay law without mass; gains, mass or delay that
+        are not positive (k_v may be 0); a controller delay without k_p or mass, or with a delay
+        law.
     """
     for name, value, unit in (("mass", mass, "kg"), ("k_p", k_p, "N/m"), ("delay", delay, "s")):
         if value is not None and not value > 0:
@@ -275,8 +276,8 @@ def study(
         raise InputError(f"k_v is {k_v:g} N s/m; it must not be negative")
     if delay is not None and k_p is None:
         raise InputError(
-            "the delay of a controller is looked at with its gains: give --kp and --kv ('jaxfric"
-            " gains' finds gains with that delay in the loop)"
+            "the delay of a controller needs its gains: give --kp and --kv ('jaxfric gains' finds"
+            " gains with that delay in the loop)"
         )
     if isinstance(law, AbstractDelayLaw) and mass is None:
         raise InputError(
@@ -285,7 +286,7 @@ def study(
     integral = integral_gain(k_i)
     if integral is not None and k_p is None:
         raise InputError(
-            "the integral gain of a controller is looked at with its others: give --kp and --kv"
+            "the integral gain of a controller needs its other gains: give --kp and --kv"
             " ('jaxfric gains' finds gains with that integral in the loop)"
         )
     refuse_no_law(law)
@@ -307,9 +308,9 @@ def study(
 
 
 def with_samples(found: Study, laws: Law) -> Study:
-    """The study with k_cr of samples of its law (every array has a leading axis), for its interval.
+    """Add k_cr of samples of the law (every array has a leading axis) to the study.
 
-    A delay law has no k_cr, and is left as it is.
+    A delay law has no k_cr; its study is returned unchanged.
     """
     if found.delayed:
         return found
@@ -330,7 +331,7 @@ def _critical_of_each(
 
 
 _Numbers = tuple[Complex[Array, "*v n"], dict[str, Float[Array, "*v"]], Bool[Array, "*v"]]
-"""Poles, margins by their names, and whether it is stable."""
+"""Poles, margins by name, and stability."""
 
 
 @eqx.filter_jit
@@ -342,7 +343,7 @@ def _numbers(
     delay: float | None,
     k_i: float | None,
 ) -> _Numbers:
-    """At every velocity."""
+    """Poles, margins and stability at every velocity."""
 
     def one(friction: LinearFriction) -> _Numbers:
         slider = _slider(friction, mass, k_p, k_v, delay, k_i)
@@ -367,5 +368,5 @@ def slider_poles(
     k_p: Float[ArrayLike, ""],
     k_v: Float[ArrayLike, ""],
 ) -> Complex[Array, " n"]:
-    """Poles [1/s] of a slider about steady sliding at `velocity`; of a delay the rightmost."""
+    """Poles [1/s] of a slider about steady sliding at `velocity`; for a delay law the rightmost."""
     return poles(_slider(linear_friction(law, jnp.asarray(velocity)), mass, k_p, k_v))

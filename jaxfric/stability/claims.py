@@ -1,17 +1,17 @@
-"""The one rule by which measurements allow sentences on stability.
+"""The rule for which statements on stability measurements support.
 
-A curve F(V), fitted to steady runs or moving rows, may say "any k_p > 0 holds it" of the speeds
-from the slowest to the fastest that count, if its least slope there exceeds two of its errors; it
-may ask for damping if the slope lies below minus two of them. It says nothing
+A curve F(V) is fitted to steady runs or moving rows. It supports "any k_p > 0 is stable" between
+its lowest and highest speed if its least slope there exceeds two standard errors. It requires
+damping if the slope is below minus two standard errors. It supports no statement
 
-- where the slope is not determined,
-- where runs or rows at low speed lie above the curve: friction falls there, and the curve does not,
+- if the slope is not determined,
+- if runs or rows at low speed lie above the curve: friction falls there, but the curve does not,
 - at speeds where the axis stuck, moved unevenly or was smoothed by a filter (`Unseen`).
 
-A rate-and-state law says "stable at any stiffness" if every B is determined and not negative and
-A - sum B exceeds two of its errors; it has a critical stiffness if sum B - A does.
+A rate-and-state law is stable at any stiffness if every B is determined and not negative, and
+A - sum B exceeds two standard errors. It has a critical stiffness if sum B - A does.
 
-Numbers in, a `Claim` out; forces in one unit (N, N m or a coefficient), speeds in m/s or rad/s.
+Input are numbers, output is a `Claim`; forces in one unit (N, N m or 1), speeds in m/s or rad/s.
 """
 
 import math
@@ -24,45 +24,45 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 SURE = 2.0
-"""Standard errors that a slope, or A - B, must be from zero."""
+"""Least distance of a slope, or of A - B, from zero, in standard errors."""
 _FALSE_ALARM = 0.01
-"""Chance that a curve without such runs is told to have some above it at low speed."""
+"""Probability of finding runs above a correct curve at low speed."""
 _FEWEST = 6
-"""Runs without which nothing is told of the slowest."""
+"""Least number of runs for the test of the slowest ones."""
 _LARGEST_SHARE = 0.5
 """Largest share of the runs that may be called slow."""
 
 Kind = Literal["free", "damped", "critical", "open"]
-"""free: any k_p > 0 holds it. damped: with enough k_v any k_p > 0 does. critical: there is a
-critical stiffness. open: nothing may be said."""
+"""free: any k_p > 0 is stable. damped: any k_p > 0 is stable with enough k_v. critical: a critical
+stiffness exists. open: no statement is supported."""
 
 
 @dataclass(frozen=True)
 class Above:
-    """Runs or rows at low speed that lie above a curve: friction falls with speed among them."""
+    """Runs or rows at low speed that lie above a curve: there friction falls with speed."""
 
     number: int
     speed: float
     """Largest speed of these runs or rows [m/s or rad/s]."""
     excess: float
-    """Mean friction of these runs or rows, less that of the curve."""
+    """Mean friction of these runs or rows minus that of the curve."""
     error: float
     """Standard error of `excess`."""
 
 
 @dataclass(frozen=True)
 class Unseen:
-    """Speeds at which what was recorded is not friction at a steady speed."""
+    """Speeds at which the record does not show friction in steady motion."""
 
     what: str
     """The reason in words, such as "2 runs moved unevenly"."""
     speed: float
-    """Largest speed that it concerns [m/s or rad/s]; inf: it concerns all speeds."""
+    """Largest speed concerned [m/s or rad/s]; inf: all speeds."""
 
 
 @dataclass(frozen=True)
 class Curve:
-    """The slope of a fitted curve of friction against speed, and what it rests on."""
+    """The slope of a fitted curve of friction against speed, and its range of validity."""
 
     slope: float
     """The least dF/d|V| from `slowest` to `fastest`."""
@@ -76,24 +76,24 @@ class Curve:
 
 @dataclass(frozen=True)
 class Claim:
-    """What may be said of stability; every sentence is made from it. "open" allows none."""
+    """The supported statement on stability, from which reports form all sentences."""
 
     kind: Kind
     reasons: tuple[str, ...] = ()
-    """Reasons why nothing may be said; empty unless `kind` is "open"."""
+    """Reasons why no statement is supported; empty unless `kind` is "open"."""
     damping: float = 0.0
-    """k_v that covers the least slope and two of its errors, where `kind` is "damped"."""
+    """If `kind` is "damped": sufficient k_v, minus the least slope plus two standard errors."""
     spare: float = 0.0
-    """The least slope less two of its errors, where `kind` is "free": a controller that answers
-    late by d, and does not damp, holds the axis with k_p below `spare`/d.
+    """If `kind` is "free": the least slope minus two standard errors. A controller with the delay
+    d and without damping is then stable for k_p below `spare`/d.
 
-    On the edge (f_v(w) i w - m w^2) + k_p exp(-i w d) = 0, so that k_p = Re f_v w/sin(w d), which
-    is never less than the least Re f_v over d, whatever the mass.
+    On the boundary (f_v(w) i w - m w^2) + k_p exp(-i w d) = 0, so k_p = Re f_v w/sin(w d), which
+    is at least the smallest Re f_v over d, for any mass.
     """
 
 
 def curve_claim(curve: Curve) -> Claim:
-    """The claim that a curve of friction against speed allows from `slowest` to `fastest`."""
+    """The claim that a curve of friction against speed supports from `slowest` to `fastest`."""
     reasons = []
     if curve.above is not None:
         reasons.append("at low speed friction lies above the fitted curve")
@@ -111,10 +111,10 @@ def curve_claim(curve: Curve) -> Claim:
 def rate_state_claim(
     A: float, B: Sequence[float], error: float, *, determined: bool = True
 ) -> Claim:
-    """The claim that A and the amplitudes B of the states allow.
+    """The claim that A and the amplitudes B of the states support.
 
-    error : of A - sum B, from the covariance of all; 0 where all were given.
-    determined : whether the record fixes A and every B (and for a critical stiffness every L).
+    error : standard error of A - sum B, from the full covariance; 0 if all were given.
+    determined : whether the record determines A, every B and (for a critical stiffness) every L.
     """
     difference = A - math.fsum(B)
     if not determined or not all(math.isfinite(x) for x in (A, *B, error)):
@@ -131,10 +131,9 @@ def rate_state_claim(
 
 
 def held_with_trend(claim: Claim, with_trend: Sequence[float] | None) -> Claim:
-    """A claim on stability, where A - sum B keeps its sign beyond two errors when a trend of
-    friction over slip is fitted too.
+    """Keep a claim only if A - sum B keeps its sign, beyond two errors, with a fitted slip trend.
 
-    with_trend : A - sum B and its standard error then; None: not asked.
+    with_trend : A - sum B and its standard error in the fit with a trend; None: no such fit.
     """
     if with_trend is None or claim.kind == "open":
         return claim
@@ -145,8 +144,8 @@ def held_with_trend(claim: Claim, with_trend: Sequence[float] | None) -> Claim:
     return Claim(
         "open",
         (
-            f"with a trend of friction over slip A - B is {value:.2g} ± {error:.1g}, so that its"
-            " sign is not determined (--slip-trend fits one)",
+            f"with a trend of friction over slip A - B is {value:.2g} ± {error:.1g}, so its sign is"
+            " not determined (--slip-trend fits one)",
         ),
     )
 
@@ -154,17 +153,17 @@ def held_with_trend(claim: Claim, with_trend: Sequence[float] | None) -> Claim:
 def above_curve(
     speed: ArrayLike, excess: ArrayLike, error: ArrayLike, *, fewest: int = 1
 ) -> Above | None:
-    """The slowest runs (or bins of rows) whose friction lies above a curve that was fitted to all.
+    """Find the slowest runs (or bins of rows) whose friction lies above a curve fitted to all.
 
-    speed : signed, of each [n]. excess : sgn V (F - curve), so that both directions count alike.
-    error : standard error of each, without what runs differ by beyond that.
+    speed : signed [n]. excess : sgn V (F - curve), so that both directions count alike [n].
+    error : standard error of each [n], without the scatter between runs.
 
-    A fitted curve is drawn towards what lies above it. So, for every number k of the slowest (of
-    both directions and of each), a step of their friction is fitted to the excess together with
-    what Coulomb and viscous friction and an offset can take up, and compared with its error, in
-    which runs differ beyond their own as the residual shows. The k whose ratio is largest is told
-    if chance would exceed it once in a hundred curves (a bound: the sum over all k that are
-    asked, of Gaussian errors). None otherwise, and with fewer than 6 runs.
+    Outliers pull the fitted curve towards them. So, for the k slowest runs (of both directions
+    together and of each), the excess is fitted by a step for these runs plus changes of Coulomb
+    friction, viscous friction and offset. The scatter between runs, estimated from the residual,
+    adds to the step's standard error. The k with the largest ratio of step to error is returned if
+    noise alone would exceed that ratio in at most 1 % of curves (Bonferroni bound over all k,
+    Gaussian errors). None otherwise, and for fewer than 6 runs.
     """
     v, over, own = (np.asarray(x, float) for x in (speed, excess, error))
     if len(v) < _FEWEST:
@@ -189,7 +188,7 @@ def _step(matrix: np.ndarray, values: np.ndarray, own: np.ndarray) -> tuple[floa
     """The first coefficient and its standard error; variance own^2 + spread^2."""
     free = max(len(values) - matrix.shape[1], 1)
     spread = 0.0
-    for _ in range(3):  # the last has the weights of the spread before
+    for _ in range(3):  # each pass weights the rows by the spread that the last one found
         root = np.sqrt(own**2 + spread)[:, None] + 1e-300
         inverse = np.linalg.pinv(matrix / root)
         left = values - matrix @ (inverse @ (values / root[:, 0]))

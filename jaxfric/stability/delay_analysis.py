@@ -1,4 +1,4 @@
-"""Closed forms of a slider with a delay law, at the hardest velocity of a study and at all."""
+"""Closed forms of a slider with a delay law, at the hardest velocity of a study or at all."""
 
 import equinox as eqx
 import jax
@@ -17,7 +17,7 @@ from .linear import LinearFriction
 
 
 def delay_numbers(found: Study) -> tuple[float, Array, Array, Array]:
-    """m, k_v + f_v, k_f, alpha of a delay slider at the hardest velocity, as `delay` takes them."""
+    """m, k_v + f_v, k_f, alpha of a delay slider at the hardest velocity: arguments of `delay`."""
     friction = found.here.friction
     kernel = friction.kernel
     if not isinstance(kernel, DelayKernel) or found.mass is None:
@@ -51,7 +51,7 @@ def _summary(numbers: tuple[float, Array, Array, Array], k_p: float, number: int
 def intervals_over_velocity(
     found: Study, *, number: int = 1
 ) -> tuple[Float[Array, "n number"], Float[Array, "n number"]]:
-    """The first stable intervals of k_p [N/m] of a delay law, a row for every velocity."""
+    """The first stable intervals of k_p [N/m] of a delay law, one row for each velocity."""
     mass, _, _, _ = delay_numbers(found)
     return _intervals(mass, found.k_v, found.points.friction, number)
 

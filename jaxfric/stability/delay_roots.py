@@ -8,16 +8,16 @@ L about 1 along the line. |L| = 1 is a quadratic equation for y^2 (s = sigma + i
 one interval of y at most, and the turns are the multiples of 2 pi that the phase of L, known in
 closed form, passes on it. This counts at any sigma, for any alpha, in constant time.
 
-Finding. The k-th root from the right has the largest sigma with a count of k or more: bisection
+Finding. The k-th root from the right has the largest sigma with a count of k or more. Bisection
 gives its real part, the ends of the interval its imaginary part, Newton steps the last digits.
-No root can be missed and there is nothing to choose, whatever alpha w is.
+For any alpha w no root can be missed, and there is nothing to tune.
 
-Two other ways were considered. Spectral collocation of the infinitesimal generator needs an
-eigenvalue problem that grows with alpha w (the tests compare with it). Seeds on every branch of the
-logarithm with Newton's method are as fast as this, but cannot tell that a root is missing.
+Two alternatives were rejected. Spectral collocation of the infinitesimal generator needs an
+eigenvalue problem that grows with alpha w (the tests compare with it). Newton's method from seeds
+on every branch of the logarithm is as fast, but cannot detect a missing root.
 
 Units: mass kg, k_p N/m, k_v and k_f N s/m, alpha s, roots 1/s. mass > 0, alpha >= 0; other signs
-are free. Scalars in; vmap for more. Needs 64-bit numbers for the digits that it states.
+are free. Scalars in; vmap for more. The stated accuracy needs 64-bit numbers.
 """
 
 from typing import NamedTuple
@@ -77,7 +77,7 @@ def _largest(dtype: DTypeLike):
 def _equal_magnitude(slider: _Slider, sigma: Array):
     """P, P', y1^2 <= y2^2 with |L(sigma + i y)| = 1 (mass 1), and whether |L| > 1 between.
 
-    If it is not (|L| < 1 on the whole line), one of the two is where |L| comes closest to 1.
+    Otherwise |L| < 1 on the whole line, and |L| is closest to 1 at one of the two.
     """
     P = (sigma + slider.k_v) * sigma + slider.k_p
     slope = 2 * sigma + slider.k_v
@@ -164,8 +164,8 @@ def _search(slider: _Slider, number: int):
     y = jnp.sqrt(jnp.maximum(jnp.stack([jnp.zeros_like(lower), lower, upper]), 0.0))
     guess = jax.lax.complex(jnp.broadcast_to(real, y.shape), y)
     root = _newton(scaled, guess)
-    # The candidate that was a root already. One that never became a root is none: a step from
-    # a flat place is left out, so it too may not have moved.
+    # Choose the candidate that moved least among those that became roots. One that did not become
+    # a root may not have moved either: Newton steps at a zero slope are skipped.
     size = jnp.abs(root) * (jnp.abs(root) + jnp.abs(scaled.k_v)) + jnp.abs(scaled.k_p)
     found = jnp.abs(_residual(scaled, root)[0]) <= 1e-3 * size
     best = jnp.argmin(jnp.where(found, jnp.abs(root - guess), jnp.inf), axis=0)
@@ -193,7 +193,7 @@ def _implicit_jvp(primals: tuple[_Slider, Array], tangents: tuple[_Slider, Array
 
 
 def _double(slider: _Slider, root: Array):
-    """Which of the roots are double to rounding."""
+    """Which roots are double to rounding."""
     found = jnp.isfinite(root.real)
     s = jnp.where(found, root, 0.0)
     memory = slider.k_f * jnp.exp(-slider.alpha * s)
@@ -214,12 +214,12 @@ def rightmost_roots(
 ) -> Complex[Array, " number"]:
     """The `number` roots [1/s] with the largest real parts, in that order.
 
-    Of a complex pair the root with positive imaginary part comes first. They are the rightmost
-    ones for any alpha w, at full precision (half the digits where two roots nearly coincide).
-    Where alpha (sqrt(k_p/m) + (|k_v| + |k_f|)/m) exceeds about 1e6 the roots are so dense that
-    rounding may replace one by a neighbour or by a point between two. Derivatives of any order with
-    respect to all five arguments, by the implicit function theorem; they are nan where two
-    roots meet to rounding. A root that does not exist (alpha = 0 has two) is -inf. Scalars in.
+    In a complex pair the root with positive imaginary part comes first. The roots have full
+    precision for any alpha w (half the digits if two roots nearly coincide). If
+    alpha (sqrt(k_p/m) + (|k_v| + |k_f|)/m) exceeds about 1e6, the roots are so dense that rounding
+    may replace one by a neighbour or by a point between two. Derivatives of any order exist with
+    respect to all five arguments, by the implicit function theorem; they are nan if two roots
+    coincide to rounding. A root that does not exist (alpha = 0 has two) is -inf. Scalars in.
     Raises `InputError` if `number` is less than 1.
     """
     if number < 1:

@@ -1,7 +1,7 @@
 """Searches along the imaginary axis, for loops that are not rational.
 
-Values are taken on a logarithmic grid of frequencies around those of the kernel and of the plant;
-what happens between two neighbouring points of it (about one per cent apart) is missed.
+Functions are evaluated on a logarithmic grid around the frequencies of the kernel and the plant.
+Features between two neighbouring points (about one per cent apart) are missed.
 """
 
 from collections.abc import Callable
@@ -19,17 +19,16 @@ _POINTS = 2048
 _NUMBER = 64
 _MINIMA = 4
 _BEYOND = 1e2
-# Slope over ln w from which on a crossing has a derivative: below it rounding moves the place by
-# as much as the slope changes.
+# Least slope over ln w at which a crossing has a derivative; below it rounding dominates.
 _LEAST_SLOPE = 1e-7
 _ROUNDING = 1e-12
 
 
 def axis(slider: LinearSlider) -> Float[Array, " points"]:
-    """Frequencies from below to above all that the kernel and the plant name [rad/s].
+    """Grid of frequencies around those of the kernel and the plant [rad/s].
 
-    The response of a delay turns at one pace along w: for it as many again, evenly
-    spaced up to where the loop has fallen to about a tenth.
+    The phase of a delay is linear in w. So a delay adds as many evenly spaced frequencies, up to
+    where the loop has fallen to about a tenth.
     """
     kernel = slider.friction.kernel
     low, high = kernel.frequencies()
@@ -56,10 +55,10 @@ def crossings(
     number: int = _NUMBER,
     wrapped: bool = False,
 ) -> tuple[Float[Array, " number"], Bool[Array, " number"]]:
-    """The lowest frequencies at which `function` of frequency is zero, and which rows hold one.
+    """The lowest zeros of `function` of frequency, and a mask of the rows that hold one.
 
-    `wrapped` tells that the function is an angle: then also where it is +-pi. First and second
-    derivatives are those of the implicit function; higher ones are not.
+    If `wrapped`, the function is an angle, and +-pi counts as zero too. First and second
+    derivatives follow the implicit function theorem; higher ones are wrong.
     """
     value = jax.lax.stop_gradient(jax.vmap(function)(grid))
     target = jnp.zeros_like(value)
@@ -80,7 +79,7 @@ def crossings(
             return jnp.sin(value) if wrapped else value
 
         def step(x: Float[Array, ""]):
-            """A Newton step, 0 where it would leave the two grid points."""
+            """A Newton step, or 0 if it would leave the grid interval."""
             e, slope = jax.jvp(offset, (x,), (jnp.ones_like(x),))
             slope = jax.lax.stop_gradient(slope)
             change = e / jnp.where(slope == 0, 1.0, slope)
@@ -102,8 +101,8 @@ def crossings(
 def smallest(
     slider: LinearSlider, function: Callable[[Float[Array, ""]], Complex[Array, ""]]
 ) -> Float[Array, " minima"]:
-    """Squared magnitudes of the lowest minima of |function| over the grid, refined;
-    the least one is among them. Derivatives of the squares are right up to the third order."""
+    """Refined squared magnitudes of the lowest minima of |function| over the grid, the smallest
+    included. Derivatives of the squares are exact up to third order."""
     grid = axis(slider)
 
     def square(x: Float[Array, ""]):
@@ -125,7 +124,7 @@ def smallest(
             return jnp.clip(x - first / jnp.where(second > 0, second, jnp.inf), low, high)
 
         def step(x: Float[Array, ""], to: Float[Array, ""]):
-            """`to` where it is no worse than x."""
+            """`to` unless it is worse than x."""
             better = jax.lax.stop_gradient(square(to) <= square(x) * (1 + _ROUNDING))
             return jnp.where(better, to, x)
 
@@ -140,10 +139,10 @@ def smallest(
 
 
 def encirclements(slider: LinearSlider) -> Int[Array, ""]:
-    """Number of unstable poles, from how far the characteristic function turns (Mikhailov).
+    """Number of unstable poles, from the phase of the characteristic function (Mikhailov).
 
-    Along w = 0 to infinity it turns by pi/2 for every order less pi for every unstable pole. The
-    ends of the grid are closed by its limits: real at w = 0, that of m s^2 or d s at infinity.
+    From w = 0 to infinity the phase changes by pi/2 times the order minus pi times the number of
+    unstable poles. Limits extend the grid: real at w = 0, and m s^2 or d s at infinity.
     """
     grid = axis(slider)
     value = jax.vmap(lambda w: slider.characteristic(1j * w))(grid)

@@ -3,9 +3,9 @@
     f(t) = f_ss + f_v V(t) - int_0^t g(t - tau) V(tau) dtau                        (8)
     F(s) = f_v - G(s),   G(s) = int_0^inf g(t) exp(-s t) dt                        (12)
 
-V is the perturbation of velocity. Stability needs nothing else of a friction law. A kernel has the
-unit force/m, its transform force s/m, like f_v. A rational kernel (every law with states) is a
-ratio of polynomials, a `FunctionKernel` any function of time, a delay an impulse.
+V is the perturbation of velocity. Stability depends on a friction law only through f_v and g. A
+kernel has the unit force/m, its transform force s/m, like f_v. The transform of a law with states
+is rational; a `FunctionKernel` is any function of time, a delay an impulse.
 """
 
 import abc
@@ -23,7 +23,7 @@ from . import polynomial as poly
 
 
 class AbstractKernel(eqx.Module):
-    """A memory kernel. `transform` and `rate` are all that the generic theorem asks for."""
+    """A memory kernel. The generic theorem needs only `transform` and `frequencies`."""
 
     @abc.abstractmethod
     def transform(self, s: Complex[Array, ""]) -> Complex[Array, ""]:
@@ -35,7 +35,7 @@ class AbstractKernel(eqx.Module):
 
 
 class StateSpaceKernel(AbstractKernel):
-    """g(t) = c exp(a t) b and G(s) = c (s - a)^-1 b = N/D: what any law with states gives.
+    """g(t) = c exp(a t) b and G(s) = c (s - a)^-1 b = N/D: the kernel of any law with states.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class StateSpaceKernel(AbstractKernel):
 
     def fraction(self) -> tuple[Float[Array, " n"], Float[Array, " n+1"]]:
         """Ascending coefficients of N (degree n - 1) and of the monic D (degree n)."""
-        # Faddeev and LeVerrier: the adjoint of (s - a) and its determinant, power by power
+        # Faddeev and LeVerrier: adjugate and determinant of (s - a), power by power
         n = self.b.shape[0]
         numerator, denominator = [], [jnp.ones_like(jnp.sum(self.b) + 1.0)]
         M = jnp.eye(n)
@@ -90,14 +90,14 @@ class DelayKernel(AbstractKernel):
 class FunctionKernel(AbstractKernel):
     """A kernel given as a function g(t), which may jump at known times.
 
-    It is held as sums of Legendre polynomials on panels of time, and zero beyond the last. Their
-    transform is exact at every frequency (Filon's idea: the oscillating factor is integrated, not
-    sampled), so that G vanishes at infinity as the theorem asks.
+    It is stored as sums of Legendre polynomials on panels of time, and is zero beyond the last.
+    Their transform is exact at every frequency (Filon's idea: the oscillating factor is integrated,
+    not sampled), so G vanishes at infinity as the theorem requires.
 
     Parameters
     ----------
     g : a function of t [s] to force/m.
-    horizon : time [s] after which g has died out (exp(-36) is 2e-16).
+    horizon : time [s] after which g is negligible (exp(-36) is 2e-16).
     panels, order : panels grow geometrically over five decades up to the horizon, with `order`
         Gauss points each.
     breaks : times [s] at which g or its slope jumps.
@@ -142,8 +142,8 @@ class FunctionKernel(AbstractKernel):
 def _legendre_moments(z: Complex[Array, " p"], order: int) -> Complex[Array, "p n"]:
     """int_-1^1 P_n(x) exp(-z (x + 1)) dx for n < order and Re z >= 0: spherical Bessel functions.
 
-    Below about |z| = order by Gauss points, as many as make them exact to rounding. Beyond by
-    M_{n+1} = M_{n-1} + (2 n + 1)/z M_n, which keeps its digits there only.
+    Below about |z| = order by Gauss quadrature, exact to rounding. Above by the recurrence
+    M_{n+1} = M_{n-1} + (2 n + 1)/z M_n, which is stable only there.
     """
     switch = max(2.0, 0.75 * order)
     small = jnp.abs(z) < switch
@@ -160,6 +160,6 @@ def _legendre_moments(z: Complex[Array, " p"], order: int) -> Complex[Array, "p 
 
 
 def kernel_total(kernel: AbstractKernel) -> Float[Array, ""]:
-    """int_0^inf g dt = G(0): what steady friction falls short of the instantaneous response."""
+    """int_0^inf g dt = G(0): the instantaneous minus the steady response to velocity."""
     zero = jnp.zeros(()) * 1j
     return kernel.transform(zero).real

@@ -4,19 +4,19 @@
     F(s) = f_v - G(s)                                                             (12)
     1 + P F = 0:  m s^2 + (k_v + f_v) s + k_p - s G(s) = 0
 
-A sampled controller answers late, by a delay T: k_v s + k_p is then (k_v s + k_p) exp(-T s). A hold
-of one sample h delays by h/2 and computing by h, so T = 1.5 h (`sampling_delay`). Where polynomials
-are needed exp(-T s) is Pade's approximant of order 4, whose phase is right to 3e-6 rad at w T = 1.6
-and to 8e-4 rad at w T = 3 (J. E. Marshall, Control of Time-Delay Systems, 1979).
+A sampled controller has a delay T, which replaces k_v s + k_p by (k_v s + k_p) exp(-T s). The
+zero-order hold of one sample h delays by h/2, the computation by h, so T = 1.5 h
+(`sampling_delay`). Polynomials use Pade's approximant of order 4 for exp(-T s). Its phase error is
+3e-6 rad at w T = 1.6 and 8e-4 rad at w T = 3 (J. E. Marshall, Control of Time-Delay Systems, 1979).
 
-A PID controller has k_v s + k_p + k_i/s, and the characteristic equation one order more:
+A PID controller, k_v s + k_p + k_i/s, raises the order of the characteristic equation by one:
 
     m s^3 + (k_v + f_v) s^2 + k_p s + k_i - s^2 G(s) = 0
 
-For a law with states, df = f_v dV + f_z dz + f_x dx and dz/dt = r_z dz + r_V dV, all by automatic
-differentiation of the law's own `force` and `rate`. So g(t) = -f_z exp(r_z t) r_V, whatever the
-states. A slope f_x of friction with slip acts like a spring and is added to k_p. A delay law gives
-its kernel itself.
+For a law with states, df = f_v dV + f_z dz + f_x dx and dz/dt = r_z dz + r_V dV, by automatic
+differentiation of the law's `force` and `rate`. So g(t) = -f_z exp(r_z t) r_V for any states. A
+slope f_x of friction with slip acts as a spring in parallel with k_p. A delay law defines its own
+kernel.
 """
 
 import math
@@ -59,14 +59,14 @@ class LinearSlider(eqx.Module):
     """A slider with PD or PID gains (or spring and dashpot) under linearised friction."""
 
     mass: Float[Array, ""] | None
-    """m [force s^2/m]; None for the quasi-static limit, in which the order is one less."""
+    """m [force s^2/m]; None for the quasi-static limit, whose order is one less."""
     stiffness: Float[Array, ""]
     """k_p [force/m]."""
     damping: Float[Array, ""]
     """k_v [force s/m]."""
     friction: LinearFriction
     delay: Float[Array, ""] | None = None
-    """T, by which the controller answers late [s]; None: it does not."""
+    """T, delay of the controller [s]; None: no delay."""
     integral: Float[Array, ""] | None = None
     """k_i > 0, the integral gain [force/(m s)]; None: a controller without integral action."""
 
@@ -99,9 +99,9 @@ class LinearSlider(eqx.Module):
     def polynomials(self) -> tuple[Array, Array, Array]:
         """(characteristic, controller, load) times D(s), ascending: loop = controller/load.
 
-        For rational kernels only; the degree is the number of states plus 2, or 1 without mass, and
-        4 more where the controller answers late. With integral action controller and load are
-        both times s, and the degree is one more.
+        For rational kernels only. The degree is the number of states plus 2, or plus 1 without
+        mass. A controller delay adds 4. Integral action multiplies controller and load by s, which
+        adds 1.
         """
         kernel = self.friction.kernel
         if not isinstance(kernel, StateSpaceKernel):
@@ -124,12 +124,12 @@ class LinearSlider(eqx.Module):
 
 
 class Setting(eqx.Module):
-    """What a slider has beside its gains (k_p, k_v) and friction. Arrays of one shape."""
+    """Parameters of a slider other than its gains (k_p, k_v) and friction. Arrays of one shape."""
 
     mass: Float[Array, " *n"] | None
     """m [force s^2/m]; None without mass."""
     delay: Float[Array, " *n"] | None = None
-    """T, by which the controller answers late [s]; None: it does not."""
+    """T, delay of the controller [s]; None: no delay."""
     integral: Float[Array, " *n"] | None = None
     """k_i > 0, the integral gain [force/(m s)]; None: no integral action."""
 
@@ -139,7 +139,7 @@ class Setting(eqx.Module):
 
 
 def integral_gain(value: float | None) -> float | None:
-    """k_i of a controller: None for 0, which is no integral action.
+    """Return k_i of a controller, None (no integral action) for 0.
 
     Raises
     ------
@@ -151,17 +151,17 @@ def integral_gain(value: float | None) -> float | None:
 
 
 def sampling_delay(sample_time: ArrayLike) -> Float[Array, ""]:
-    """T = 1.5 h [s] of a controller that samples every h [s]: half of it from the zero-order hold,
-    one from computing. Not in it: the time that a velocity from differences lags, h/2 more."""
+    """Delay T = 1.5 h [s] of a controller with sample time h [s]: h/2 from the zero-order hold, h
+    from computing. A velocity from differences lags by a further h/2, which is not included."""
     return 1.5 * jnp.asarray(sample_time, float)
 
 
 def controller_delay(sample_time: float | None, delay: float | None) -> float | None:
-    """T [s] of a controller of which one of the two is known [s]; None where neither is.
+    """Return T [s] of a controller from its sample time or its delay [s]; None without either.
 
     Raises
     ------
-    InputError : both are given, or one that is not positive.
+    InputError : both are given, or one is not positive.
     """
     if sample_time is not None and delay is not None:
         raise InputError(
@@ -206,18 +206,18 @@ def linear_friction(
 
 
 def refuse_no_law(law: object) -> None:
-    """Raise `InputError` for what is no friction law."""
+    """Raise `InputError` unless `law` is a friction law."""
     if not isinstance(law, AbstractLaw | AbstractDelayLaw):
         raise InputError(
-            f"the law is a {type(law).__name__}; that of a Fit, a Posterior, a Loop or a file is"
-            " jaxfric.law_from_fit(it, normal_force=...).law"
+            f"the law is a {type(law).__name__}, not a friction law; for a Fit, a Posterior, a Loop"
+            " or a file use jaxfric.law_from_fit(it, normal_force=...).law"
         )
 
 
 def refuse_without_steady_state(velocity: ArrayLike, found: PyTree) -> None:
-    """Raise `InputError` for the first velocity [m/s] at which what was `found` is not finite.
+    """Raise `InputError` for the first velocity [m/s] at which an array of `found` is not finite.
 
-    The arrays of `found` have the velocities along their first axis.
+    Velocities are along the first axis of the arrays.
     """
     V = np.asarray(velocity)
     finite = np.ones(len(V), bool)
@@ -231,14 +231,13 @@ def refuse_without_steady_state(velocity: ArrayLike, found: PyTree) -> None:
 
 
 def linearise(rig: Rig, velocity: ArrayLike | str) -> LinearSlider:
-    """The rig at a steady `velocity` [m/s] or "2 mm/s", linearised. Jittable and vmappable.
+    """Linearise a rig at a steady `velocity` [m/s] or "2 mm/s". Jittable and vmappable.
 
-    The drive is outside the loop: it shapes the command, not the stability.
+    The drive is outside the loop: it shapes the command and does not affect stability.
 
     Raises
     ------
-    InputError : `velocity` is not a positive number (where its value is known); the rig's friction
-        is no law.
+    InputError : a concrete `velocity` is not positive; the rig's friction is not a friction law.
     """
     machine = rig.machine
     if not isinstance(machine, QuasiStatic | Inertial):
@@ -255,7 +254,7 @@ def linearise(rig: Rig, velocity: ArrayLike | str) -> LinearSlider:
 
 
 def to_control(slider: LinearSlider):
-    """The loop opened at the actuator as `control.TransferFunction`.
+    """Return the loop opened at the actuator as `control.TransferFunction`.
 
     Needs python-control: `pip install "jaxfric[control]"`. `control.feedback` closes it.
     """

@@ -1,8 +1,8 @@
-"""The stability margins, one entry each: whatever names, requires or shows one reads this table.
+"""The table of stability margins, one entry each.
 
-To add one, write its function and its entry. `margin`, `jaxfric stability`, requirements of
-`jaxfric gains`, the outputs of a study, figures and help texts then have it. Importing this table
-loads no JAX, so that the command's help stays quick: an entry names its function.
+To add a margin, write its function and its entry. `margin`, `jaxfric stability`, requirements of
+`jaxfric gains`, the outputs of a study, figures and help texts then include it. Entries name their
+functions, so that importing this table does not load JAX and the command's help stays fast.
 """
 
 import math
@@ -18,27 +18,27 @@ class Margin:
 
     unit: str
     limit: float
-    """The value of a slider at the limit of stability; a stable one has more."""
+    """Value at the limit of stability; a stable slider has more."""
     text: str
-    """The margin in words, as beside the output of a study."""
+    """The margin in words, as in the outputs of a study."""
     function: str
-    """Its function as "package.module:name", which takes a `margins.Analysis` to a scalar."""
+    """Its function as "package.module:name", from a `margins.Analysis` to a scalar."""
     highest: float = math.inf
-    """Largest value of any slider: requirements lie between `limit` and here."""
+    """Upper bound of its values: requirements lie between `limit` and this."""
     zero: bool = False
-    """Whether 0 may be required, which asks for stability alone."""
+    """Whether 0 may be required, which demands only stability."""
     needs_poles: bool = False
-    """Whether it needs the poles, which a slider lacks whose kernel is only known over time."""
+    """Whether it needs the poles, which a kernel given as a function of time does not have."""
     unless_late: str = ""
-    """Reason why it has no meaning where the controller answers late; empty where it has one."""
+    """Reason why it is undefined with a controller delay, or empty."""
     unless_integral: str = ""
-    """Reason why it has no meaning where the controller has integral action, or empty."""
+    """Reason why it is undefined with integral action, or empty."""
     unlimited: str = "no crossing"
-    """Reason why it is inf, where it is."""
+    """Reason for the value inf."""
 
     @property
     def suffix(self) -> str:
-        """The text after a number: a space and the unit, or nothing where it has none."""
+        """The text after a number: a space and the unit, or nothing for a pure number."""
         return "" if self.unit == "1" else f" {self.unit}"
 
 
@@ -50,7 +50,7 @@ MARGINS: dict[str, Margin] = {
         1.0,
         "stiffness margin, k_p over the critical stiffness",
         _HERE + "stiffness",
-        unless_late="it has no critical stiffness, as a spring answers at once",
+        unless_late="the critical stiffness is that of a spring, which has no delay",
         unless_integral="the critical stiffness is that of a spring, which does not integrate",
         unlimited="no critical stiffness: damping suffices",
     ),
@@ -69,7 +69,7 @@ MARGINS: dict[str, Margin] = {
         _HERE + "damping",
         1.0,
         needs_poles=True,
-        unless_late="a late loop has poles without end, the faster the less damped",
+        unless_late="the loop then has infinitely many poles, the faster the less damped",
     ),
     "modulus": Margin("1", 0.0, "modulus margin", _HERE + "modulus", 1.0),
     "gain": Margin(
@@ -85,11 +85,11 @@ MARGINS: dict[str, Margin] = {
 
 
 def known_margin(name: str) -> Margin:
-    """The margin called `name`.
+    """Look up the margin `name`.
 
     Raises
     ------
-    InputError : there is none; all names are listed.
+    InputError : no such margin; all names are listed.
     """
     if name not in MARGINS:
         raise InputError(f"margin '{name}' does not exist; there are: {', '.join(MARGINS)}")
@@ -97,17 +97,17 @@ def known_margin(name: str) -> Margin:
 
 
 def meaningless(name: str, *, late: bool, integral: bool) -> str:
-    """Why a margin has no meaning with such a controller, in words; empty where it has one."""
+    """Reason in words why a margin is undefined with such a controller, or empty."""
     one = MARGINS[name]
     if late and one.unless_late:
-        return f"a controller that answers late: {one.unless_late}"
+        return f"a controller delay: {one.unless_late}"
     if integral and one.unless_integral:
         return f"integral action: {one.unless_integral}"
     return ""
 
 
 def refuse_meaningless(names: Iterable[str], *, late: bool, integral: bool) -> None:
-    """Raise `InputError` for the first margin that has no meaning with such a controller."""
+    """Raise `InputError` for the first margin that is undefined with such a controller."""
     for name in names:
         if reason := meaningless(name, late=late, integral=integral):
             raise InputError(
@@ -117,5 +117,5 @@ def refuse_meaningless(names: Iterable[str], *, late: bool, integral: bool) -> N
 
 
 def named_with_units() -> str:
-    """All names, those of margins that have a unit with it: "decay (1/s), damping"."""
+    """All names with their units, if any: "decay (1/s), damping"."""
     return ", ".join(n if m.unit == "1" else f"{n} ({m.unit})" for n, m in MARGINS.items())

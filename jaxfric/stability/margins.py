@@ -1,28 +1,28 @@
 """Stability margins of a linearised slider, vmappable and differentiable; `MARGINS` lists them.
 
-L is the loop opened at the actuator, (k_v s + k_p)/(m s^2 + s F(s) + f_x), of a PID controller
-with k_i/s beside k_p: what the controller sees, from w = 0 to infinity, both included. Where L
-never comes to -1 in that way the margin is inf.
+L is the loop opened at the actuator, (k_v s + k_p)/(m s^2 + s F(s) + f_x), for a PID controller
+with k_p + k_i/s in place of k_p. It is evaluated from w = 0 to infinity, both included. If L never
+reaches -1 in the way that a margin considers, that margin is inf.
 
-Of an unstable slider every margin is on the other side of its limit: decay and damping are
-negative, stiffness is below 1 (that of a stable one may be too, where (19) has several solutions),
-modulus and phase are minus the distance, gain is 1 over the factor (0 where no factor reaches
--1), delay is minus the smallest advance. All pass the limit continuously, at 0 or 1, with one
-exception: the delay margin of a slider that a delay would steady jumps there.
+For an unstable slider every margin is beyond its limit. Decay and damping are negative. Stiffness
+is below 1 (as may be that of a stable slider, if (19) has several solutions). Modulus and phase are
+minus the distance, gain is 1 over the factor (0 if no factor reaches -1), delay is minus the
+smallest advance. All pass the limit, 0 or 1, continuously, with one exception: the delay margin
+jumps if a delay would stabilise the slider.
 
-A controller that answers late (`LinearSlider.delay`) is in every margin but that of stiffness,
-which has no meaning then: the theorem is of springs. The delay margin is what it may be late beyond
-that. Against a dense scan they are right to 1e-4 where the loop crosses at w T < 2.
+A controller delay (`LinearSlider.delay`) is included in every margin but stiffness, which is then
+undefined: the theorem applies to springs. The delay margin is the additional delay allowed.
+Compared with a dense scan, margins are accurate to 1e-4 if the loop crosses at w T < 2.
 
-Without mass and with k_v > |f_v| the loop answers the highest frequencies with |L| > 1, and no
-delay at all is survived: the delay margin is 0. A real actuator's mass removes this.
+Without mass and with k_v > |f_v|, |L| > 1 at the highest frequencies. Then no delay is stable and
+the delay margin is 0. A real actuator's mass removes this.
 
-For rational kernels everything is exact, from roots of polynomials; other kernels (a delay, a
-function of time) are searched on a grid of frequencies and refined. Poles of a delay come from
+For rational kernels everything is exact, from roots of polynomials. For other kernels (a delay, a
+function of time) a grid of frequencies is searched and refined. Poles of a delay law come from
 `stability.delay_roots` and need a mass; those of a function of time are not available.
 
-All need 64-bit numbers: squares of polynomials in SI units leave the range of single precision, and
-phase, delay and modulus would then be wrong without a sign of it.
+All need 64-bit numbers: squares of polynomials in SI units overflow single precision, and phase,
+delay and modulus would be silently wrong.
 """
 
 import functools
@@ -46,7 +46,7 @@ from .theorem import apply_theorem
 
 
 class Crossing(NamedTuple):
-    """Frequencies at which the loop meets a curve; `some` is False on rows without a crossing."""
+    """Frequencies at which the loop crosses a curve; `some` is False in rows without a crossing."""
 
     frequency: Float[Array, " n"]
     real: Float[Array, " n"]
@@ -55,7 +55,7 @@ class Crossing(NamedTuple):
 
 
 def margin(name: str, slider: LinearSlider) -> Float[Array, ""]:
-    """The margin of a given name.
+    """Compute the margin `name`.
 
     Raises
     ------
@@ -66,7 +66,7 @@ def margin(name: str, slider: LinearSlider) -> Float[Array, ""]:
 
 
 def margins(slider: LinearSlider) -> dict[str, Float[Array, ""]]:
-    """All margins that are available for the slider's kernel, by name.
+    """Compute all margins available for the slider, by name.
 
     Raises
     ------
@@ -76,7 +76,7 @@ def margins(slider: LinearSlider) -> dict[str, Float[Array, ""]]:
 
 
 def available(slider: LinearSlider) -> tuple[str, ...]:
-    """Names of the margins that have a meaning for the slider's kernel and controller."""
+    """Names of the margins that are defined for the slider's kernel and controller."""
     has_poles = isinstance(slider.friction.kernel, StateSpaceKernel | DelayKernel)
     late, integral = slider.delay is not None, slider.integral is not None
     return tuple(
@@ -88,14 +88,14 @@ def available(slider: LinearSlider) -> tuple[str, ...]:
 
 
 def several(names: Iterable[str], slider: LinearSlider) -> dict[str, Float[Array, ""]]:
-    """Some margins by their names, from one analysis; raises as `margin` does."""
+    """Compute several margins by name, from one analysis; raises as `margin` does."""
     analysis, asked = Analysis(slider), tuple(names)
     refuse_meaningless(asked, late=slider.delay is not None, integral=slider.integral is not None)
     return {name: pkgutil.resolve_name(MARGINS[name].function)(analysis) for name in asked}
 
 
 def poles(slider: LinearSlider) -> Complex[Array, " n"]:
-    """Poles of the closed loop [1/s]; of a delay the rightmost one.
+    """Poles of the closed loop [1/s]; for a delay law the rightmost one.
 
     Raises
     ------
@@ -123,14 +123,12 @@ def is_stable(slider: LinearSlider) -> Bool[Array, ""]:
 
 
 def _kernel(slider: LinearSlider) -> AbstractKernel:
-    """The kernel of a slider whose controller, if it answers late, can be analysed."""
+    """Return the slider's kernel; raise `InputError` if its controller cannot be analysed."""
     kernel = slider.friction.kernel
     if slider.delay is not None and slider.mass is None:
-        raise InputError(
-            "a controller that answers late needs a mass: without one no delay is survived"
-        )
+        raise InputError("a controller with a delay needs a mass: without mass no delay is stable")
     if slider.delay is not None and isinstance(kernel, DelayKernel):
-        raise InputError("a late controller under a delay law is not analysed; take another law")
+        raise InputError("a controller delay cannot be combined with a delay law; use another law")
     if slider.integral is not None and not isinstance(kernel, StateSpaceKernel):
         raise InputError(
             "integral action is analysed under laws with states or without memory only: not under"
@@ -140,7 +138,7 @@ def _kernel(slider: LinearSlider) -> AbstractKernel:
 
 
 class Analysis:
-    """Quantities that several margins of one slider need, each computed once."""
+    """Quantities shared by the margins of one slider, each computed once."""
 
     def __init__(self, slider: LinearSlider):
         if jnp.result_type(*jax.tree.leaves(slider)) != jnp.float64:
@@ -179,7 +177,7 @@ class Analysis:
 
 
 def stiffness(of: Analysis) -> Float[Array, ""]:
-    """(k_p + f_x)/k_cr, how far above the critical stiffness; inf where damping suffices."""
+    """(k_p + f_x)/k_cr, stiffness over its critical value; inf if damping suffices."""
     k_cr = apply_theorem(of.slider).critical_stiffness
     k = of.slider.stiffness + of.slider.friction.trend
     some = (k_cr > 0) & jnp.isfinite(k_cr)
@@ -196,13 +194,13 @@ def decay(of: Analysis) -> Float[Array, ""]:
 def damping(of: Analysis) -> Float[Array, ""]:
     """min over the poles of -Re s/|s|, the damping ratio.
 
-    A delay has poles without number, which come ever closer to 0: of it, that of the rightmost.
+    A delay law has infinitely many poles, whose damping ratios approach 0: the rightmost counts.
     """
     return _least(damping_ratios(of))
 
 
 def damping_ratios(of: Analysis) -> Float[Array, " n"]:
-    """-Re s/|s| of every pole; 0 of one at 0."""
+    """-Re s/|s| of every pole; 0 for a pole at 0."""
     s = of.poles
     square = s.real**2 + s.imag**2
     some = square > 0
@@ -217,11 +215,11 @@ def modulus(of: Analysis) -> Float[Array, ""]:
 
 
 def squared_distances(of: Analysis) -> Float[Array, " n"]:
-    """|1 + L(i w)|^2 at every w where it may be least, those of w = 0 and infinity last.
+    """|1 + L(i w)|^2 at every w that may be its minimum, w = 0 and infinity last.
 
-    |1 + L|^2 = 1 + Q/M with Q = |C|^2 + 2 Re(C conj W), M = |W|^2, L = C/W: least where
-    Q' M = Q M', a polynomial in y = w^2. Any y gives a bound, so roots need no sorting out.
-    inf where there is none.
+    |1 + L|^2 = 1 + Q/M with Q = |C|^2 + 2 Re(C conj W), M = |W|^2, L = C/W. At a minimum
+    Q' M = Q M', a polynomial in y = w^2. Every y > 0 gives an upper bound, so spurious roots are
+    harmless. inf in rows without a root.
     """
     if not isinstance(of.slider.friction.kernel, StateSpaceKernel):
         square = smallest(of.slider, lambda w: 1 + of.slider.loop(1j * w))
@@ -236,9 +234,9 @@ def squared_distances(of: Analysis) -> Float[Array, " n"]:
         )
         if of.slider.mass is None:
             slope = slope[:-1]  # the leading terms cancel
-        y = jnp.abs(poly.roots(slope))  # its derivative counts from the second order on
+        y = jnp.abs(poly.roots(slope))  # at a minimum dy matters from second order on
         y = jnp.where(y < poly.LARGEST, y, 0.0)
-        place = jnp.where(y > 0, y, 1.0)  # of integral action y = 0 is a root, where L is infinite
+        place = jnp.where(y > 0, y, 1.0)  # with integral action y = 0 is a root, but L is infinite
         square = _square(whole, place) / _nonzero(_square(load, place))
         square = jnp.where(y > 0, square, jnp.inf)
     L, some = _ends(of.slider)
@@ -246,7 +244,7 @@ def squared_distances(of: Analysis) -> Float[Array, " n"]:
 
 
 def gain(of: Analysis) -> Float[Array, ""]:
-    """Smallest factor by which L, multiplied or divided, reaches -1."""
+    """Smallest factor that, multiplying or dividing L, moves it to -1."""
     at = of.real
     L, finite = _ends(of.slider)
     real = jnp.concatenate([at.real, L])
@@ -258,14 +256,14 @@ def gain(of: Analysis) -> Float[Array, ""]:
 
 
 def phase(of: Analysis) -> Float[Array, ""]:
-    """Smallest angle by which L, turned either way, reaches -1 [rad]."""
+    """Smallest angle of rotation, in either direction, that moves L to -1 [rad]."""
     at, lag = of.unit, _lag(of.unit)
     angle = jnp.where(at.some, jnp.minimum(lag, 2 * jnp.pi - lag), jnp.inf)
     return _signed(of, _least(angle))
 
 
 def delay(of: Analysis) -> Float[Array, ""]:
-    """Smallest delay in the loop that reaches -1 [s]."""
+    """Smallest delay in the loop that moves L to -1 [s]."""
     at = of.unit
     lag = _lag(at)
     time = jnp.where(of.stable, lag, 2 * jnp.pi - lag) / at.frequency
@@ -279,14 +277,14 @@ def delay(of: Analysis) -> Float[Array, ""]:
 def _searched(
     slider: LinearSlider, function: Callable[[Array], Array], *, wrapped: bool
 ) -> Crossing:
-    """Where a function of L(i w) is zero, on a grid of frequencies."""
+    """Zeros of a function of L(i w), found on a grid of frequencies."""
     w, some = crossings(lambda w: function(slider.loop(1j * w)), axis(slider), wrapped=wrapped)
     L = jax.vmap(lambda w: slider.loop(1j * w))(w)
     return Crossing(w, L.real, L.imag, some)
 
 
 def _solved(equation: Array, controller: Array, load: Array) -> Crossing:
-    """Where a polynomial in y = w^2 is zero, and L = controller/load there."""
+    """Zeros of a polynomial in y = w^2, and L = controller/load there."""
     y, some = poly.positive_roots(equation)
     real, imaginary = poly.cross(controller, load)
     below = _nonzero(poly.value(poly.cross(load, load)[0], y))
@@ -295,7 +293,7 @@ def _solved(equation: Array, controller: Array, load: Array) -> Crossing:
 
 
 def _ends(slider: LinearSlider) -> tuple[Float[Array, " 2"], Bool[Array, " 2"]]:
-    """L, real there, at w = 0 and at infinity, and whether it is finite."""
+    """L at w = 0 and at infinity, where it is real, and whether it is finite."""
     friction, zero = slider.friction, jnp.zeros(())
     last = (zero, zero + 1) if slider.mass is not None else (slider.damping, friction.slope)
     first = (
@@ -308,7 +306,7 @@ def _ends(slider: LinearSlider) -> tuple[Float[Array, " 2"], Bool[Array, " 2"]]:
 
 
 def _delay_slider(slider: LinearSlider, kernel: DelayKernel) -> tuple[ArrayLike, ...]:
-    """m, k_p, k_v, k_f, alpha as `stability.delay` takes them."""
+    """m, k_p, k_v, k_f, alpha: the arguments of `stability.delay`."""
     if slider.mass is None:
         raise InputError("stability of a delay law needs a mass; give the machine one (Inertial)")
     friction = slider.friction
@@ -317,7 +315,7 @@ def _delay_slider(slider: LinearSlider, kernel: DelayKernel) -> tuple[ArrayLike,
 
 
 def _least(values: Float[Array, " n"]) -> Float[Array, ""]:
-    """The least value, inf if there is none, with the derivative of one where several are."""
+    """The least value, inf if there is none; with ties, the derivative is that of one of them."""
     values = jnp.append(values, jnp.inf)
     return values[jnp.argmin(values)]
 
@@ -329,7 +327,7 @@ def _square(c: Array, y: Array) -> Array:
 
 
 def _lag(at: Crossing) -> Float[Array, " n"]:
-    """Angle by which L must be turned clockwise to reach -1, in [0, 2 pi)."""
+    """Clockwise rotation that moves L to -1, in [0, 2 pi)."""
     return jnp.mod(jnp.arctan2(at.imaginary, at.real) + jnp.pi, 2 * jnp.pi)
 
 

@@ -1,4 +1,4 @@
-"""Roots of real polynomials in batches, and the few operations on polynomials that margins need.
+"""Roots of real polynomials in batches, and the polynomial arithmetic that margins need.
 
 Coefficients ascend: c[k] multiplies s^k. All functions take one polynomial; batch with vmap.
 """
@@ -13,17 +13,16 @@ from jaxtyping import Array, Bool, Complex, Float
 from .undefined import is_double, root_without_derivative
 
 _MAX_ITERATIONS = 60
-# The iteration is of third order: from a change of this share of the cube root of the rounding
+# The iteration is of third order: after a change below this share of the cube root of the rounding
 # unit (1e-7 in double, 1e-4 in single precision) one more step is exact to rounding.
 _NEARLY = 0.02
-# A root of a polynomial in w^2 counts as real below this ratio of its imaginary part.
+# A root of a polynomial in w^2 counts as real if |imaginary part|/|root| is below this.
 REAL = 1e-6
-# Decades, over n, that roots may spread on either side of the middle one: squares of polynomials
-# must be numbers.
+# Roots may differ from the middle one by this/n decades: squares of polynomials must not overflow.
 _SPREAD = 140.0
-# Roots in w^2 from here on are crossings at infinity.
+# Roots in w^2 above this are crossings at infinity.
 LARGEST = 1e40
-# What stands for infinity: its square is still a number.
+# Represents infinity; its square does not overflow.
 _INFINITE = 1e150
 
 
@@ -31,12 +30,11 @@ _INFINITE = 1e150
 def roots(c: Float[Array, " n+1"]) -> Complex[Array, " n"]:
     """All roots of sum_k c[k] s^k; a root at infinity (c[n] = 0) is 1e150, not nan.
 
-    Up to the second degree in closed form, above by the simultaneous iteration of Aberth and
-    Ehrlich from radii given by the Newton polygon (Bini 1996, doi:10.1007/BF02207694): no
-    matrix, so a batch is one loop over plain arrays. Roots may spread over 10^(140/n) on both
-    sides of the middle one. Derivatives of any order by ds = -sum dc[k] s^k / p'(s); 0 at
-    infinity. Of roots that nearly meet they are no numbers to rely on (0 if p'(s) is 0): see
-    `simple_roots`.
+    Up to degree 2 in closed form, above by the simultaneous iteration of Aberth and Ehrlich from
+    radii given by the Newton polygon (Bini 1996, doi:10.1007/BF02207694). It needs no matrix, so a
+    batch is one loop over plain arrays. Roots may differ from the middle one by factors up to
+    10^(140/n). Derivatives of any order by ds = -sum dc[k] s^k / p'(s); 0 at infinity. For nearly
+    double roots they are unreliable (0 if p'(s) is 0): see `simple_roots`.
     """
     n = c.shape[0] - 1
     if n == 0:
@@ -59,16 +57,16 @@ def _roots_jvp(primals: tuple[Array], tangents: tuple[Array]):
 
 
 def simple_roots(c: Float[Array, " n+1"]) -> Complex[Array, " n"]:
-    """`roots`, whose derivatives are nan where they are `double`."""
+    """`roots`, with nan derivatives for `double` roots."""
     s = roots(c)
     meets = double(c, s)
     return root_without_derivative(s, meets, lambda s: value(c, s))
 
 
 def double(c: Float[Array, " n+1"], s: Complex[Array, " n"]) -> Bool[Array, " n"]:
-    """Which of the roots s of a polynomial are double to rounding, so have no derivative.
+    """Which roots s of a polynomial are double to rounding, and so have no derivative.
 
-    A change of coefficients by 2e-14 of themselves then makes two roots one.
+    A relative change of coefficients by 2e-14 makes such roots coincide.
     """
     slope, curvature = derivative(c), derivative(derivative(c))
     terms = value(jnp.abs(c), jnp.abs(s))
@@ -76,7 +74,7 @@ def double(c: Float[Array, " n+1"], s: Complex[Array, " n"]) -> Bool[Array, " n"
 
 
 def positive_roots(c: Float[Array, " n+1"]) -> tuple[Float[Array, " n"], Bool[Array, " n"]]:
-    """Real parts of all roots, and which of them are real and positive (the others read 1)."""
+    """Real parts of the real positive roots (1 for all others), and a mask of these roots."""
     s = simple_roots(c)
     real = (jnp.abs(s.imag) <= REAL * jnp.abs(s)) & (s.real > 0) & jnp.isfinite(s.real)
     real = real & (s.real < LARGEST)
@@ -84,7 +82,7 @@ def positive_roots(c: Float[Array, " n+1"]) -> tuple[Float[Array, " n"], Bool[Ar
 
 
 def is_hurwitz(c: Float[Array, " n+1"]) -> Bool[Array, ""]:
-    """Whether all roots have negative real parts: Routh's first column keeps its sign.
+    """Whether all roots have negative real parts, by the signs of Routh's first column.
 
     A leading zero counts as the limit of a small positive number.
     """
@@ -165,7 +163,7 @@ def _complex(x: Array) -> Array:
 
 
 def _away_from_zero(x: Array, other: Array) -> Array:
-    """x, or what makes other/x infinite for this module."""
+    """x, with its magnitude increased if needed so that |other/x| is at most `_INFINITE`."""
     least = (jnp.abs(other) + (other == 0)) / _INFINITE
     return jnp.where(jnp.abs(x) < least, jnp.where(x < 0, -least, least), x)
 
@@ -182,7 +180,7 @@ def _quadratic(c: Float[Array, " 3"]) -> Complex[Array, " 2"]:
 
 @jax.jit
 def _aberth(c: Float[Array, " n+1"]) -> Complex[Array, " n"]:
-    """The iteration, root by root in real arithmetic: a batch then is long plain loops."""
+    """Aberth's iteration, root by root in real arithmetic, so that a batch is long plain loops."""
     scaled, unit, x, y = _start(c)
     n = len(x)
     nearly = _NEARLY * float(jnp.finfo(unit.dtype).eps) ** (1 / 3)
@@ -238,24 +236,24 @@ def _times(a: tuple[Array, Array], b: tuple[Array, Array]) -> tuple[Array, Array
 
 
 def _divide(a: Array, b: Array, c: Array, d: Array) -> tuple[Array, Array]:
-    """(a + ib)/(c + id); 0 where the divisor is 0."""
+    """(a + ib)/(c + id); 0 if the divisor is 0."""
     size = c * c + d * d
     weight = jnp.where(size == 0, 0.0, 1 / jnp.where(size == 0, 1.0, size))
     return (a * c + b * d) * weight, (b * c - a * d) * weight
 
 
 def _start(c: Float[Array, " n+1"]):
-    """Coefficients in a unit of s, the unit, and starting points, real and imaginary parts.
+    """Scaled coefficients, the unit of s, and starting points (real and imaginary parts).
 
     The unit is the middle radius of the roots that are neither 0 nor at infinity, so that powers
-    stay within the range of numbers.
+    do not overflow.
     """
     n = c.shape[0] - 1
     height = _heights(c)
     slopes = _newton_polygon(height)
     at = jnp.arange(n + 1)
     lowest, highest = jnp.min(jnp.where(c == 0, n, at)), jnp.max(jnp.where(c == 0, 0, at))
-    middle = jnp.zeros_like(slopes[0])  # of one power alone
+    middle = jnp.zeros_like(slopes[0])  # if there is only one power
     for k, slope in enumerate(slopes):
         middle = jnp.where((lowest < highest) & ((lowest + highest) // 2 == k), slope, middle)
     most = _SPREAD / n * float(np.log(10.0))
@@ -264,7 +262,7 @@ def _start(c: Float[Array, " n+1"]):
     x = tuple(radii[k] * float(np.cos(angle[k])) for k in range(n))
     y = tuple(radii[k] * float(np.sin(angle[k])) for k in range(n))
     level = [height[k] - k * middle for k in range(n + 1)]
-    # no root farther out than `most`: a root at infinity is one there
+    # the largest radius is `most`: a root at infinity is placed there
     level[n] = functools.reduce(jnp.maximum, [level[k] - (n - k) * most for k in range(n + 1)])
     top = functools.reduce(jnp.maximum, level)
     scaled = [jnp.where(c[k] < 0, -1.0, 1.0) * jnp.exp(level[k] - top) for k in range(n + 1)]
@@ -272,7 +270,7 @@ def _start(c: Float[Array, " n+1"]):
 
 
 def _heights(c: Float[Array, " n+1"]) -> list[Array]:
-    """log|c[k]|, for a zero a number far below the others."""
+    """log|c[k]|; for a zero, a number far below the others."""
     size = jnp.abs(c)
     top = jnp.log(jnp.max(size) + 1e-300)
     logs = jnp.log(jnp.where(size == 0, 1.0, size))

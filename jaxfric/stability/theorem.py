@@ -1,12 +1,12 @@
-"""The theorem of Rice and Ruina for any kernel: critical frequencies and stiffness, certified.
+"""The theorem of Rice and Ruina for any kernel: critical frequencies and stiffness.
 
     k_v + f_v = int g cos(w_n t) dt                                               (19)
     k(w_n) = m w_n^2 + w_n int g sin(w_n t) dt,   k_cr = max_n k(w_n)              (20)
 
-For k_p > k_cr steady sliding is asymptotically stable. The theorem's hypotheses, and two that the
-note leaves unsaid: g integrable and piecewise continuous (then G is bounded for Re s >= 0 and
-vanishes at infinity), f_v + k_v > 0 (else critical frequency and stiffness are infinite), and
-(18), f_v + k_v < int g (else damping may suffice). `Theorem` says which of them held.
+For k_p > k_cr steady sliding is asymptotically stable. Hypotheses, the first two of which the note
+does not state: g integrable and piecewise continuous (then G is bounded for Re s >= 0 and vanishes
+at infinity); f_v + k_v > 0 (else critical frequency and stiffness are infinite); (18),
+f_v + k_v < int g (else damping may suffice). `Theorem` records which of them hold.
 
 Sources: (18)-(20) of the 1994 note; Rice & Ruina (1983, doi:10.1115/1.3167042).
 """
@@ -22,7 +22,7 @@ from .frequency import crossings
 from .kernel import AbstractKernel, DelayKernel, StateSpaceKernel, kernel_total
 from .linear import LinearSlider, linear_friction
 
-# The generic search looks this much beyond the frequencies that the kernel names.
+# Factor by which the generic search extends beyond the kernel's frequencies.
 _BEYOND = 1e3
 
 
@@ -30,14 +30,14 @@ class Theorem(eqx.Module):
     """(18)-(20) for one slider. Stiffness is k_p + f_x, in force/m; frequency in rad/s."""
 
     frequencies: Float[Array, " n"]
-    """All solutions w_n of (19); inf where there are fewer than n."""
+    """All solutions w_n of (19), padded with inf."""
     stiffnesses: Float[Array, " n"]
-    """k(w_n) of (20); -inf where there is no w_n."""
+    """k(w_n) of (20), padded with -inf."""
     critical_stiffness: Float[Array, ""]
-    """k_cr: max_n k(w_n); 0 where every positive stiffness is stable; inf where none suffices
-    (f_v + k_v <= 0, or a hypothesis on g fails and damping does not suffice)."""
+    """k_cr: max_n k(w_n); 0 if every positive stiffness is stable; inf if none is guaranteed to
+    be (f_v + k_v <= 0, or a hypothesis on g fails and damping does not suffice)."""
     critical_frequency: Float[Array, ""]
-    """w_cr; 0 where k_cr is 0, inf where k_cr is inf."""
+    """w_cr; 0 if k_cr is 0, inf if k_cr is inf."""
     integrable: Bool[Array, ""]
     """g is integrable and piecewise continuous, so G is bounded for Re s >= 0 and vanishes
     at infinity."""
@@ -69,9 +69,9 @@ def theorem(
     kernel : of any kind.
     damping : f_v + k_v [force s/m].
     mass : m [force s^2/m], 0 in the quasi-static limit.
-    number : how many w_n are kept of a kernel that is not rational.
-    points : frequencies at which (19) is first evaluated for such a kernel; two w_n
-        between neighbouring points (a few per cent apart) are missed.
+    number : largest number of w_n for a kernel that is not rational.
+    points : number of frequencies at which (19) is evaluated for such a kernel; two w_n between
+        neighbouring points (a few per cent apart) are missed.
     """
     damping, mass = jnp.asarray(damping), jnp.asarray(mass)
     largest = total = kernel_total(kernel)
@@ -101,7 +101,7 @@ def theorem(
 
 
 def apply_theorem(slider: LinearSlider) -> Theorem:
-    """The theorem for a linearised slider; its own stiffness k_p plays no part."""
+    """Apply the theorem to a linearised slider; its own k_p has no influence."""
     friction = slider.friction
     return theorem(friction.kernel, friction.slope + slider.damping, slider.inertia())
 
@@ -109,9 +109,9 @@ def apply_theorem(slider: LinearSlider) -> Theorem:
 def critical_stiffness(law: AbstractRateState) -> Float[Array, ""]:
     """Critical stiffness of a massless, undamped slider: (25) with m = k_v = 0 [force/m].
 
-    One state: (B - A)/L. Of other laws that of (18)-(20) at V0; of several states it does not
-    depend on velocity. Zero or negative: every positive stiffness is stable. Derivatives of any
-    order are exact.
+    One state: (B - A)/L. Other laws: (18)-(20) at V0; for several states the result does not depend
+    on velocity. Zero or negative: every positive stiffness is stable. Derivatives of any order are
+    exact.
     """
     if isinstance(law, RateState) and law.B.shape[0] == 1:
         return (law.B[0] - law.A) / law.L[0]
@@ -120,7 +120,7 @@ def critical_stiffness(law: AbstractRateState) -> Float[Array, ""]:
 
 
 def _rational(kernel: StateSpaceKernel, damping: Float[Array, ""], mass: Float[Array, ""]):
-    """Solutions of (19) as real roots in y = w^2 of Re(N conj D) - damping |D|^2, and stability."""
+    """Solve (19) by real roots y = w^2 of Re(N conj D) - damping |D|^2; test D for stability."""
     N, D = kernel.fraction()
     real, imaginary = poly.cross(N, D)
     size, _ = poly.cross(D, D)
@@ -141,9 +141,9 @@ def critical_points(
 ) -> tuple[Float[Array, " number"], Float[Array, " number"], Bool[Array, ""]]:
     """The `number` lowest w_n [rad/s] and k(w_n) [force/m] of (19)-(20), and whether these are all.
 
-    inf and -inf where there are fewer. For any kernel: sought on `points` frequencies, and refined
-    with transforms of the kernel. First and second derivatives are those of the implicit function;
-    a w_n at which Re G only touches f_v + k_v has none.
+    Padded with inf and -inf. For any kernel: searched on `points` frequencies, then refined with
+    transforms of the kernel. First and second derivatives follow the implicit function theorem; a
+    w_n at which Re G only touches f_v + k_v has none.
     """
     low, high = jax.lax.stop_gradient(kernel.frequencies())
     grid = jnp.exp(jnp.linspace(jnp.log(low / _BEYOND), jnp.log(high * _BEYOND), points))

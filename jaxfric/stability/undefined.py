@@ -1,4 +1,4 @@
-"""Where a derivative does not exist: nan, in its own member of a batch only."""
+"""Undefined derivatives are nan, only in the members of a batch concerned."""
 
 from collections.abc import Callable
 
@@ -6,22 +6,22 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Inexact
 
-# Relative change of the terms of an equation that is taken for rounding, in units of it: 2e-14.
+# Relative change of an equation's terms that counts as rounding, in rounding units: 2e-14.
 _ROUNDING = 100
 
 
 @jax.custom_jvp
 def undefined(x: Inexact[Array, " n"], where: Bool[Array, " n"]) -> Inexact[Array, " n"]:
-    """x, whose derivative is nan `where`."""
+    """Return x with nan derivatives `where`."""
     del where
     return x
 
 
 @undefined.defjvp
 def _undefined_jvp(primals: tuple[Array, Array], tangents: tuple[Array, Array]):
-    """A linear map that gives nan, but 0 for 0: a sum that leaves a member out stays a number.
+    """Map tangents to nan, but 0 to 0, so that a sum without the undefined members stays finite.
 
-    It is the solution of I t' = t, so that JAX takes the same function in reverse mode.
+    As the solution of I t' = t it is linear for JAX, which uses the same function in reverse mode.
     """
     (x, where), (t, _) = primals, tangents
 
@@ -36,10 +36,10 @@ def root_without_derivative(
     where: Bool[Array, " n"],
     equation: Callable[[Inexact[Array, " n"]], Inexact[Array, " n"]],
 ) -> Inexact[Array, " n"]:
-    """The roots of an equation, whose derivatives are nan `where`.
+    """Return the roots of an equation with nan derivatives `where`.
 
-    The derivative before may be 0 there, which `undefined` keeps. That of the equation at the
-    root is 0 only by what does not move the root, and is added.
+    The given derivative may be 0 there, and `undefined` would keep the 0. So the derivative of the
+    equation at the root is added, which is 0 only for changes that do not move the root.
     """
     fixed = jax.lax.stop_gradient(jnp.where(where, root, 0.0))
     moved = jnp.where(where, equation(fixed), 0.0)
@@ -51,8 +51,8 @@ def is_double(
 ) -> Bool[Array, " n"]:
     """Whether a root s of f is double to rounding e: |f'|^2 <= 2 e |f''| sum|terms of f| at s.
 
-    Near a double root f = f''/2 ((x - a)^2 - d^2) has |f'| = |f'' d|, so that a change of f by
-    |f'|^2/(2 |f''|) makes the two roots one. Rounding of the terms changes f by as much.
+    Near a double root f = f''/2 ((x - a)^2 - d^2) has |f'| = |f'' d|, so a change of f by
+    |f'|^2/(2 |f''|) makes the two roots coincide. Rounding of the terms changes f by as much.
     """
     rounding = _ROUNDING * jnp.finfo(terms.dtype).eps
     return jnp.abs(slope) ** 2 <= 2 * rounding * jnp.abs(curvature) * terms
