@@ -177,10 +177,10 @@ def test_in_the_drives_own_signal(tmp_path):
             0.83,
             0.6,
             {},
-            "leaves 0.83 N (root mean square), noise 0.6 N: it misses the force by 0.57",
+            "test block: 0.83 N, noise 0.6 N: the misfit of 0.57 N",
         ),
-        (0.84, 0.6, {"drive_gain": "20 N/V"}, "leaves 0.042 V (root mean square), noise 0.03 V"),
-        (0.59, 0.6, {}, "leaves 0.59 N, no more than what the loop took for their noise"),
+        (0.84, 0.6, {"drive_gain": "20 N/V"}, "test block: 0.042 V, noise 0.03 V"),
+        (0.59, 0.6, {}, "test block: 0.59 N, consistent with noise"),
         (None, 0.6, {}, None),
         (0.83, None, {}, None),
     ],
@@ -192,7 +192,7 @@ def test_what_the_model_leaves_is_told_beside_the_errors_of_its_terms(
     content = json.loads(path.read_text())
     content["after"]["report_rms"], content["noise"] = rms, {"sigma": sigma}
     path.write_text(json.dumps(content))
-    said = [x for x in jf.feedforward(path, **options).cautions if "scored once" in x]
+    said = [x for x in jf.feedforward(path, **options).cautions if "test block" in x]
     assert bool(said) == bool(words) and all(words in text for text in said)
 
 
@@ -208,7 +208,7 @@ def test_an_error_that_is_that_of_the_terms_alone_says_so(rms, sigma, told, tmp_
     found = jf.feedforward(path)
     assert found.missed == pytest.approx(math.sqrt(max(rms**2 - sigma**2, 0)))
     for text in (found.sentence, spoken(found, found.at(0.05))):
-        assert ("terms alone: rows that were scored once it misses by 0.57 N" in text) == told
+        assert ("terms alone: its misfit of the test block is 0.57 N" in text) == told
 
 
 def test_rows_that_noise_alone_misses_as_far_are_no_fault_of_the_model(tmp_path):
@@ -301,7 +301,7 @@ def test_what_is_left_out_is_told(tmp_path):
     found = jf.feedforward(saved(tmp_path, *OTHERS, loose=("M", "F_v")))
     assert [line.split(":")[0] for line in found.left_out] == ["inertia", *OTHERS]
     assert found.about.unit("time_drift.s") in found.left_out[1]
-    assert "0.002 s late" in found.left_out[3]
+    assert "by 0.002 s;" in found.left_out[3]
     assert "F_v" in found.warnings[-1] and "M, F_v" in found.warnings[-1]
     assert "double v)" in found.c() and "not determined alone" in found.c()
 
@@ -356,7 +356,7 @@ def test_a_memory_that_lacks_little_is_told_and_asks_for_nothing():
     memory = Memory("presliding", "x_c", 1.0, 5.0)
     found = fade_speed(0.02, 10.0, memories=[memory], acceleration=2.0)
     (told,) = (one for one in found.reasons if one.name == "memory")
-    assert told.speed == 0.0 and "lacks 5 of 2 x 10 (presliding)" in told.text
+    assert told.speed == 0.0 and "deficit is 5 of 2 x 10 (presliding)" in told.text
     assert found.decided_by == "rows" and found.speed == 0.01
 
 
@@ -401,7 +401,7 @@ def test_a_guess_below_what_the_record_supports_fades(effects, loose, speed, tmp
 @pytest.mark.parametrize(
     ("options", "loose", "words"),
     [
-        ({}, (), 'down to v_f. To compensate less by it, give --fade-speed "0.0025 m/s"'),
+        ({}, (), 'down to v_f. To compensate less there, give --fade-speed "0.0025 m/s"'),
         (
             {},
             ("log_viscous.v_c",),
@@ -417,7 +417,7 @@ def test_both_low_speeds_are_told_everywhere(options, loose, words, tmp_path):
     said = found.to_json()["supported"]["below"]
     assert "lag" not in options or said.endswith(words)  # a lag is no matter of taste
     assert said.startswith("Rows count in the fit from 0.001 m/s on, but the record supports the")
-    assert "map from 0.01 m/s on alone" in said and words in said
+    assert "map only from 0.01 m/s on" in said and words in said
     source = " ".join(found.c().split())
     assert said in found.cautions and said in source
     assert f"the sign fades below v_f = {found.fade.speed:.4g} m/s: {found.fade.why}" in source
@@ -427,7 +427,7 @@ def test_both_low_speeds_are_told_everywhere(options, loose, words, tmp_path):
 
 def test_steady_speeds_are_not_told_of_rows():
     said = jf.feedforward(STEADY).to_json()["supported"]["below"]
-    assert said.startswith("Below 1.05 rad/s the map is the fitted curve continued, a guess")
+    assert said.startswith("Below 1.05 rad/s the map extrapolates the fitted curve, a guess")
 
 
 @pytest.mark.parametrize(("v_c", "clamped"), [(WIDTH / 100, True), (0.004, False)])
@@ -436,7 +436,7 @@ def test_a_bend_below_all_rows_is_told_as_the_width_that_stands_for_it(v_c, clam
     content["after"]["parameters"]["log_viscous.v_c"]["value"] = v_c
     (tmp_path / "loop.json").write_text(json.dumps(content))
     (told,) = (w for w in jf.feedforward(tmp_path / "loop.json").warnings if "v_c" in w)
-    assert ("In place of v_c stands" in told and "0.0005 m/s" in told) == clamped
+    assert ("v_c is set to" in told and "0.0005 m/s" in told) == clamped
 
 
 def test_a_memory_that_the_record_does_not_fix_does_not_count(tmp_path):
@@ -577,8 +577,8 @@ def test_a_measured_velocity_needs_the_damping_that_is_told(times, steady, tmp_p
     [
         ({"k_v": 5031.0}, "(the drive's own, 5031 N s/m, is above it)"),
         ({"k_v": 5020.0}, "(the drive's own, 5020 N s/m, is not: raise it, or v_f)"),
-        ({"k_v": None}, "(that of the drive in force, which the file does not tell)"),
-        (None, "(that of the drive in force, which the file does not tell)"),
+        ({"k_v": None}, "(that of the drive in force, which the file does not contain)"),
+        (None, "(that of the drive in force, which the file does not contain)"),
     ],
 )
 def test_the_drives_own_damping_is_compared(drive, words, tmp_path):
@@ -586,7 +586,7 @@ def test_the_drives_own_damping_is_compared(drive, words, tmp_path):
     path = saved(tmp_path, axis={"drive": drive})
     found = jf.feedforward(path, fade="2 mm/s")
     (told,) = (line for line in found.cautions if "measured velocity" in line)
-    assert f"above 5030 N s/m {words}" in told
+    assert f"exceed 5030 N s/m {words}" in told
     own = drive and drive["k_v"]
     assert found.to_json()["of_a_measured_velocity"]["own_damping"] == own
     volts = jf.feedforward(path, fade="2 mm/s", drive_gain="20 N/V")

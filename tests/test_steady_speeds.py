@@ -228,7 +228,7 @@ def test_a_stribeck_term_does_not_stand_for_a_curve_that_grows(tmp_path):
     ("changes", "words"),
     [
         ({"F_c": -146.0, "fs": 159.0, "vs": 5.0, "F_v": 38.0}, "Coulomb friction is -146"),
-        ({"spread": 40.0}, "not known better than itself"),
+        ({"spread": 40.0}, "as large as the friction"),
     ],
 )
 def test_nothing_is_compensated_by_friction_that_is_none(changes, words, tmp_path):

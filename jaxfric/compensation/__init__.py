@@ -1,4 +1,4 @@
-"""Feedforward of an axis or joint: its friction as a formula, a C function and a table."""
+"""Friction feedforward of an axis or joint, as a formula, a C function and a table."""
 
 from .fade import Fade as Fade
 from .fade import FadeReason as FadeReason

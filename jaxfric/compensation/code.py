@@ -1,4 +1,4 @@
-"""A feedforward as C99: one function for the map of friction, one for the whole feedforward."""
+"""A feedforward as C99: one function for the friction map, one for the whole feedforward."""
 
 import re
 import textwrap
@@ -28,26 +28,26 @@ def c_code(
     name: str = "axis",
     made_by: Sequence[str] = (),
 ) -> str:
-    """The source of NAME_friction(v) and NAME_feedforward(v, a), for -std=c99.
+    """Return the source of NAME_friction(v) and NAME_feedforward(v, a), for -std=c99.
 
-    It needs math.h alone. Where friction depends on the position, NAME_feedforward(q, v, a) has it
-    as its first argument, and NAME_friction is of the middle of the travel, without ripples and
-    weight.
+    It includes only math.h. If friction depends on position, the function is
+    NAME_feedforward(q, v, a), and NAME_friction holds for the middle of the travel, without ripples
+    and weight.
 
     Parameters
     ----------
-    about, pieces : what is compensated.
-    fade : v_f of the sign, and why.
-    notes : what is not compensated and what limits it, for the head.
-    name : of the axis, a word of C.
-    made_by : lines on what made it, for the head.
+    about, pieces : the axis and the terms of its feedforward.
+    fade : the fade speed v_f of the sign, with its reason.
+    notes : omitted effects and limits, for the head comment.
+    name : of the axis, a C identifier.
+    made_by : lines on the origin of the code, for the head comment.
 
     Raises
     ------
-    InputError : a name that is none in C.
+    InputError : `name` is not a C identifier.
     """
     if not re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII) or name in _TAKEN:
-        raise InputError(f"--name '{name}' is no name in C; write letters, digits and _: axis_1")
+        raise InputError(f"--name '{name}' is not a C identifier; use letters, digits, _: axis_1")
     inertia = any(p.part == INERTIA for p in pieces)
     arguments = ["double q"] if uses_position(pieces) else []
     arguments += ["double v"] + (["double a"] if inertia else [])
@@ -115,18 +115,18 @@ def _constants(about: Identified, pieces: Sequence[Piece], fade: float) -> list[
 
 
 def constant(piece: Piece) -> str:
-    """The name of a coefficient in C."""
+    """The C name of a coefficient."""
     return re.sub(r"\W+", "_", piece.name)
 
 
 def number(value: float) -> str:
-    """A double in C, exactly."""
+    """A double as an exact C literal."""
     text = f"{value:.17g}"
     return text if "e" in text or "." in text else f"{text}.0"
 
 
 def _expression(pieces: Sequence[Piece]) -> list[str]:
-    """The sum, a term a line."""
+    """The terms of the sum, one a line."""
 
     def product(piece: Piece) -> str:
         return f"{constant(piece)} * {piece.code}" if piece.code else constant(piece)
@@ -144,7 +144,7 @@ def _returned(terms: Sequence[str]) -> list[str]:
 
 
 def _comment(lines: Sequence[str]) -> list[str]:
-    """Lines as a comment that nothing in them can end, or begin another in."""
+    """Format lines as a C comment; escape what would end it or open another."""
     safe = [
         re.sub(r"\?(?=\?)", "? ", line.replace("*/", "* /").replace("/*", "/ *")) for line in lines
     ]

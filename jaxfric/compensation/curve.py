@@ -1,10 +1,9 @@
-"""The friction of an axis over velocity as its rig has it, with errors and slopes.
+"""The steady friction of an axis over velocity, with standard errors and slopes.
 
     F(v) = R(v) + s(v) G(v)
 
-R has no jump where the velocity turns, s is the (smoothed) sign of v, and G is what changes sign
-with it: the level. States of friction are steady. All numbers come from `AxisRig`, the model that
-was fitted.
+s is the (smoothed) sign of v. R is continuous at v = 0; G, the level, is the part that changes sign
+with v. States of friction are steady. All numbers come from `AxisRig`, the fitted model.
 """
 
 from collections.abc import Sequence
@@ -23,7 +22,7 @@ from .identified import Identified
 
 _BUCKET = 1024
 _SHARP, _NONE = 1e-300, 1e300
-"""Widths of a sign that jumps, and of one that is 0 everywhere."""
+"""Widths for which the sign is a jump, and 0 everywhere."""
 
 
 class FrictionValues(NamedTuple):
@@ -37,7 +36,7 @@ class FrictionValues(NamedTuple):
 
 
 class FrictionCurve:
-    """The friction over velocity of an identified axis, at a place, with some of its effects."""
+    """Friction over velocity of an identified axis, at one position and with some effects."""
 
     def __init__(self, about: Identified, effects: Sequence[type[AbstractEffect]], place: float):
         self.about, self.effects, self.place = about, tuple(effects), place
@@ -45,28 +44,28 @@ class FrictionCurve:
         self.row = np.asarray([about.values[name] for name in self.names])
 
     def at(self, velocity: np.ndarray, fade: float | None) -> FrictionValues:
-        """Friction with s = tanh(v/fade); None: with a sign that jumps."""
+        """Friction with s = tanh(v/fade); None: with a discontinuous sign."""
         width = _SHARP if fade is None else fade
         force, by, slope = self._numbers(velocity, width)
         return FrictionValues(force, self._error(by), slope)
 
     def level(self, velocity: np.ndarray) -> np.ndarray:
-        """G, the mean of both directions [F]."""
+        """G, averaged over both directions [F]."""
         v = np.abs(np.asarray(velocity, float))
         ends = [self._numbers(s * v, _SHARP)[0] - self._numbers(s * v, _NONE)[0] for s in (1, -1)]
         return 0.5 * (ends[0] - ends[1])
 
     def mean(self, velocity: np.ndarray, fade: float | None = None) -> FrictionValues:
-        """(F(v) - F(-v))/2 of both directions, by default without fade, with its error."""
+        """(F(v) - F(-v))/2, the mean of both directions, with its error; no fade by default."""
         v = np.abs(np.asarray(velocity, float))
         width = _SHARP if fade is None else fade
         (f, by, slope), (g, other, back) = (self._numbers(s * v, width) for s in (1, -1))
         return FrictionValues(0.5 * (f - g), self._error(0.5 * (by - other)), 0.5 * (slope + back))
 
     def _error(self, by: np.ndarray) -> np.ndarray:
-        """Standard errors (n) of sums whose derivatives by the parameters are `by` (n, p)."""
+        """Standard errors (n) of values with the derivatives `by` (n, p) in the parameters."""
         index = [self.names.index(name) for name in self.about.free]
-        # sums of very large and very small entries: of correlations, which are neither
+        # covariances differ by many orders of magnitude; correlations avoid loss of precision
         size = np.sqrt(np.maximum(np.diag(self.about.covariance), 0.0))
         scale = np.where(size > 0, size, 1.0)
         correlation = self.about.covariance / scale[:, None] / scale
@@ -75,10 +74,10 @@ class FrictionCurve:
         return np.sqrt(np.maximum(variance, 0.0))
 
     def _numbers(self, velocity: np.ndarray, width: float) -> tuple[np.ndarray, ...]:
-        """Force (n), its derivatives by the parameters (n, p) and by the velocity (n)."""
+        """Force (n), its derivatives in the parameters (n, p) and in velocity (n)."""
         v = np.asarray(velocity, float)
-        padded = np.pad(v, (0, -len(v) % _BUCKET))  # one shape, so that it compiles once
-        with jax.enable_x64(True):  # whatever the user's own numbers are
+        padded = np.pad(v, (0, -len(v) % _BUCKET))  # one shape, compiled once
+        with jax.enable_x64(True):  # independent of the user's precision
             row, at = jnp.asarray(self.row), jnp.asarray(padded)
             widths = jnp.asarray([self.about.width, width])
             place = jnp.asarray(self.place, float)
@@ -95,13 +94,13 @@ def _numbers(
     widths: Array,
     place: Array,
 ) -> tuple[Array, Array, Array]:
-    """Friction at velocities (n), by the values `row` of `names` (p), and its derivatives."""
+    """Friction at velocities (n) for the values `row` of `names` (p), and its derivatives."""
 
     def force(row: Array, velocity: Array) -> Array:
         p = dict(zip(names, row, strict=True))
         rig = AxisRig(
             p.get("M", 0.0), p["F_v"], p["F_c"], p["F_0"], width=widths[0]
-        )  # that of the record, below which no bend of a curve is told
+        )  # the record's width: effects resolve no speed scale below it
         for effect in effects:
             fields = {name: p[f"{effect.id}.{name}"] for name in quantities(effect)}
             rig = made(effect, fields).embed(rig)

@@ -1,43 +1,41 @@
-"""The speed below which a compensation of friction should fade.
+"""The fade speed: below it, a compensation of friction should fade.
 
-Friction of an axis jumps by twice its level where the velocity changes sign. A feedforward that
-jumps too jumps at another moment than friction, as the axis turns later than its reference and
-friction comes back over a distance; until both agree the compensation pushes the axis with up to
-twice the level of friction. So the part of the feedforward that has the sign of the velocity v is
-multiplied by
+Axis friction jumps by twice its level when the velocity changes sign. A feedforward with such a
+jump is not simultaneous with it: the axis reverses later than its reference, and friction recovers
+over a distance. Until both agree, the compensation pushes the axis with up to twice the friction
+level. So the part of the feedforward that changes sign with the velocity v is multiplied by
 
     s(v) = tanh(v/v_f),    v_f = max(v_1, v_2, v_3)
 
-    v_1 = v_slow/2           v_slow: the slowest motion that is known. s(v_slow) = 0.96
-    v_2 = sqrt(2 alpha x)    x: friction has come back after the axis has moved so far
-    v_3 = alpha t            t: the axis turns so much later than the reference
+    v_1 = v_slow/2           v_slow: the slowest motion in the fit, at which s = 0.96
+    v_2 = sqrt(2 alpha x)    x: distance after a reversal over which friction recovers
+    v_3 = alpha t            t: time by which the axis reverses later than the reference
 
-v_slow is the speed from which rows count in the fit; of steady speeds, the slowest run. Few rows
-may be slower than the speed from which the record supports the friction: between the two it is the
-fitted curve continued. Where a speed at which that curve bends is not determined, nothing holds the
-continuation. It fades then as far as leaves the supported friction whole: v_1 is a quarter of the
-slowest speed that the record supports, at which s = 0.999.
+v_slow is the lowest speed of rows that count in the fit, or of steady runs. The record may support
+the friction only from a higher speed on, if few rows are slower. Between the two speeds the fitted
+curve is an extrapolation. If it contains an undetermined speed scale, the extrapolation is
+unreliable and must fade, without reducing the supported friction. Then v_1 is a quarter of the
+lowest supported speed, at which s = 0.999.
 
-alpha is the acceleration of the reference where it turns: a distance x after that its speed is
-sqrt(2 alpha x), a time t after it alpha t.
+alpha is the acceleration of the reference at the reversal. A distance x later its speed is
+sqrt(2 alpha x), a time t later alpha t.
 
-x is the distance within which friction is far from its steady value. What is missing right after a
-reversal, D, decays as exp(-x/l): D = 2 a and l = x_c of a bristle that carries the part a of the
-level G, D = B ln(1 + V/v_c) and l = L of rate-and-state friction that comes from the speed V. A
-bristle that carries all (Dahl's, a = G) is at x = l still 2 G/e away from its steady value, and for
-any other the same is called far:
+x is the distance within which friction is far from its steady value. The deficit D right after a
+reversal decays as exp(-x/l). For a bristle that carries the part a of the level G, D = 2 a and
+l = x_c. For rate-and-state friction after sliding at V, D = B ln(1 + V/v_c) and l = L. A bristle
+that carries all (Dahl's, a = G) has the deficit 2 G/e at x = l. The same deficit defines x:
 
-    x = l (1 + ln(D/(2 G))),  0 where D < 2 G/e
+    x = l (1 + ln(D/(2 G))),  0 if D < 2 G/e
 
-Between v_1 and what this record does not tell nothing is derived: play and a soft transmission turn
-the load later than the motor, and are for t to state.
+Play and a soft transmission make the load reverse later than the motor. The record does not show
+them; include them in t.
 
-Source: compensation by a model of friction, and what it does where the velocity changes sign:
+Source: compensation by a model of friction, and its effect at velocity reversals:
 Armstrong-Helouvry, Dupont and Canudas de Wit (1994, doi:10.1016/0005-1098(94)90209-7) and Olsson,
 Astrom, Canudas de Wit, Gafvert and Lischinsky (1998, doi:10.1016/S0947-3580(98)70113-X); presliding
 over a distance: Canudas de Wit, Olsson, Astrom and Lischinsky (1995, doi:10.1109/9.376053). Servo
-drives fade by a straight line over a speed that the user states (VSTFR of Beckhoff's AX2000). The
-rule above is this project's own.
+drives fade linearly over a speed set by the user (VSTFR of Beckhoff's AX2000). The rule above is
+this project's own.
 """
 
 import math
@@ -45,12 +43,12 @@ from collections.abc import Sequence
 from typing import Final, Literal, NamedTuple
 
 WHOLE: Final = 4
-"""v/v_f from which the fade leaves friction whole: s = 0.999."""
+"""v/v_f above which the fade is negligible: s = 0.999."""
 _PART = {2: "half", WHOLE: "a quarter"}
 
 
 class Known(NamedTuple):
-    """What the slowest motion v_slow is."""
+    """The meaning of v_slow."""
 
     why: str
     """In words."""
@@ -62,11 +60,11 @@ SLOWEST = Known("the slowest motion that is known")
 
 
 class Memory(NamedTuple):
-    """What friction lacks after a reversal, and how far it takes to come back."""
+    """Friction deficit after a reversal, and the distance over which it decays."""
 
     effect: str
     symbol: str
-    """That of the length."""
+    """Symbol of the length."""
     length: float
     """l [m or rad]."""
     missing: float
@@ -79,12 +77,12 @@ class FadeReason(NamedTuple):
     name: str
     """ "rows", "memory", "lag" or "given"."""
     speed: float
-    """[m/s or rad/s]; nan where it needs what is not known."""
+    """[m/s or rad/s]; nan if it needs an unknown acceleration."""
     text: str
 
 
 class Fade(NamedTuple):
-    """The speed below which a compensation fades, with all that was weighed."""
+    """The speed below which a compensation fades, with all reasons considered."""
 
     speed: float
     """v_f of s(v) = tanh(v/v_f) [m/s or rad/s]."""
@@ -92,12 +90,12 @@ class Fade(NamedTuple):
 
     @property
     def decided_by(self) -> str:
-        """The name of the reason that asks for the largest speed."""
+        """The name of the reason with the largest speed."""
         return self._deciding().name
 
     @property
     def why(self) -> str:
-        """The reason that asks for the largest speed, in words."""
+        """The reason with the largest speed, in words."""
         return self._deciding().text
 
     def _deciding(self) -> FadeReason:
@@ -106,9 +104,9 @@ class Fade(NamedTuple):
 
 
 def return_distance(memory: Memory, level: float) -> float:
-    """x = l (1 + ln(D/(2 G))) [m or rad], 0 where friction lacks less than 2 G/e at once.
+    """x = l (1 + ln(D/(2 G))) [m or rad], 0 for an initial deficit below 2 G/e.
 
-    level : G [F], that of the friction which changes sign.
+    level : G, the friction that changes sign [F].
     """
     share = memory.missing / (2 * level)
     return max(memory.length * (1 + math.log(share)), 0.0) if share > 0 else 0.0
@@ -124,20 +122,20 @@ def fade_speed(
     unit: str = "m",
     known: Known = SLOWEST,
 ) -> Fade:
-    """The fade speed of the module's equations, and what asks for it.
+    """Compute the fade speed by the module's equations, with its reasons.
 
     Parameters
     ----------
-    slowest : v_slow, the slowest motion that is known [m/s or rad/s].
+    slowest : v_slow, the slowest known motion [m/s or rad/s].
     level : G, the friction that changes sign [F].
-    memories : what friction lacks after a reversal.
-    acceleration : alpha, of the reference where it turns [m/s^2 or rad/s^2]; None: not known, and
-        then what needs it is told without a speed.
-    lag : t, by which the axis turns later than the reference [s].
+    memories : friction deficits after a reversal.
+    acceleration : alpha, of the reference at reversals [m/s^2 or rad/s^2]; None: unknown, and
+        reasons that need it have no speed.
+    lag : t, by which the axis reverses later than the reference [s].
     unit : of the position, for the texts.
-    known : what `slowest` is, and how much of it v_1 is.
+    known : meaning of `slowest`, and v_slow/v_1.
 
-    Not tried: play, a soft transmission.
+    Play and a soft transmission are not considered.
     """
     reasons = [
         FadeReason(
@@ -148,21 +146,21 @@ def fade_speed(
         )
     ]
     alpha = math.nan if acceleration is None else acceleration
-    rest = f"the reference has that speed then, at {alpha:.3g} {unit}/s^2"
+    rest = f"speed of the reference then, at {alpha:.3g} {unit}/s^2"
     if math.isnan(alpha):
-        rest = f"needs the acceleration of the reference where it turns, in {unit}/s^2"
+        rest = f"needs the acceleration of the reference at reversals, in {unit}/s^2"
     for one in memories:
         x = return_distance(one, level)
         if x == 0:
-            told = f"after a reversal friction lacks {one.missing:.3g} of 2 x {level:.3g}"
-            told += f" ({one.effect}), too little to wait for"
+            told = f"after a reversal the friction deficit is {one.missing:.3g} of 2 x {level:.3g}"
+            told += f" ({one.effect}), negligible"
             reasons.append(FadeReason("memory", 0.0, told))
             continue
-        told = f"after a reversal friction comes back over {x:.3g} {unit} ({one.effect},"
+        told = f"after a reversal friction recovers over {x:.3g} {unit} ({one.effect},"
         told += f" {one.symbol} = {one.length:.3g} {unit}); "
         reasons.append(FadeReason("memory", math.sqrt(2 * alpha * x), told + rest))
     if lag:
-        told = f"the axis turns {lag:.3g} s after its reference; "
+        told = f"the axis reverses {lag:.3g} s after its reference; "
         reasons.append(FadeReason("lag", alpha * lag, told + rest))
     speeds = [one.speed for one in reasons if not math.isnan(one.speed)]
     return Fade(max(speeds), tuple(reasons))

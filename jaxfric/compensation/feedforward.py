@@ -1,4 +1,4 @@
-"""`feedforward(model)`: the friction of a saved axis, to be compensated."""
+"""`feedforward(model)`: compensation of the friction of a saved axis."""
 
 from pathlib import Path
 
@@ -17,9 +17,9 @@ from .units import positive
 
 _ROWS, _FINE = 33, 801
 _NEGLIGIBLE = 0.02
-"""Share of the friction below which a negative Coulomb friction is taken for zero."""
+"""A negative Coulomb friction below this share of the friction counts as zero."""
 _SLOWEST = 0.05
-"""Slowest speed of the table besides 0, in fade speeds."""
+"""Lowest nonzero speed of the table, in fade speeds."""
 
 
 def feedforward(
@@ -30,39 +30,39 @@ def feedforward(
     fade: float | str | None = None,
     drive_gain: str | None = None,
 ) -> Feedforward:
-    """The friction compensation of an axis or joint, from the model that its loop ended with.
+    """Compute the friction compensation of an axis or joint from the final model of its loop.
 
         u = M a + F_v v + F_0 + terms(q, v) + s(v) [F_c + level(q, v)],    s(v) = tanh(v/v_f)
 
-    q, v, a are position, velocity and acceleration of the reference. Terms are those of the effects
-    found: direction_asymmetry, cubic, stribeck, log_viscous, gravity, position_dependence,
-    position_periodic, and rate_and_state in steady motion. Not in it, and told in `left_out`, are
-    time_drift, the apparatus (servo_lag, sensor_lag, sensor_delay) and presliding. Errors are by
-    the covariance of the fit. How v_f is chosen: `jaxfric.compensation.fade`.
+    q, v, a are position, velocity and acceleration of the reference. The terms are those of the
+    effects found: direction_asymmetry, cubic, stribeck, log_viscous, gravity, position_dependence,
+    position_periodic, and rate_and_state in steady motion. It omits time_drift, the apparatus
+    (servo_lag, sensor_lag, sensor_delay) and presliding, which `left_out` lists. Errors follow from
+    the covariance of the fit. `jaxfric.compensation.fade` defines v_f.
 
     Parameters
     ----------
-    model : a loop.json or steady.json of `jaxfric axis`, or the `Loop` or `SteadyLoop` at hand.
-    acceleration : of the reference where it turns [m/s^2 or rad/s^2], or text with a unit; by
-        default that of the record, where the file tells it.
-    lag : time [s] by which the axis turns later than its reference; by default that of the motor
-        where a servo_lag was found.
-    fade : v_f [m/s or rad/s] instead of the one derived.
+    model : a loop.json or steady.json of `jaxfric axis`, or a `Loop` or `SteadyLoop`.
+    acceleration : of the reference at reversals [m/s^2 or rad/s^2], or text with a unit; default:
+        that of the record, if the file contains it.
+    lag : time [s] by which the axis reverses later than its reference; default: that of the motor
+        if the loop found a servo_lag.
+    fade : v_f [m/s or rad/s] instead of the derived one.
     drive_gain : force per signal of the drive, "35.15 N/V": the feedforward is then in V or A.
 
     Returns
     -------
     Feedforward : `formula`, `latex`, `c()`, `csv()`, `to_pandas()`, `plot()`, the fade speed with
-        its reasons, and what a measured velocity in place of the reference would ask for.
+        its reasons, and the conditions for use with a measured velocity.
 
     Raises
     ------
-    InputError : no file of an axis, a damaged one; an argument that is no positive quantity; an
-        effect that has no formula.
-    NothingToCompensate : a model that did not converge, whose friction would drive the axis, or
-        is not known better than itself.
+    InputError : not a file of an axis, or a damaged one; an argument that is not a positive
+        quantity; an effect without a formula.
+    NothingToCompensate : the model did not converge, its friction would drive the axis, or its
+        friction has a relative error of 1 or more.
 
-    Not tried: play, a soft transmission, several axes that load each other.
+    Play, a soft transmission and coupling between axes are not considered.
     """
     about = identified(model)
     if drive_gain is not None:
@@ -84,7 +84,7 @@ def feedforward(
 def _derived(
     about: Identified, level: float, acceleration: float | None, lag: float | None
 ) -> Fade:
-    """The fade that the model asks for."""
+    """Compute the fade speed from the model."""
     slowest = about.slowest_row
     known = Known(about.slower)
     if about.guessed:
@@ -99,7 +99,7 @@ def _derived(
 
 
 def _result(terms: Terms, curve: FrictionCurve, fade: Fade, level: float) -> Feedforward:
-    """The table, and what its errors and its slope say."""
+    """Build the result: table, safe share of friction, and least damping."""
     about = curve.about
     mean = curve.mean(_supported(about))
     low = _SLOWEST * min(fade.speed, about.slowest)
@@ -122,8 +122,8 @@ def _result(terms: Terms, curve: FrictionCurve, fade: Fade, level: float) -> Fee
 
 
 def _within(about: Identified, velocity: np.ndarray, table: FrictionValues) -> FrictionValues:
-    """The same without the errors of what the record does not support: they hold for a formula that
-    nothing shows to be right there."""
+    """Return the table with errors set to nan outside the supported speeds, where the formula is
+    untested."""
     return table._replace(std=np.where(about.supports(velocity), table.std, np.nan))
 
 
@@ -133,10 +133,10 @@ def _supported(about: Identified) -> np.ndarray:
 
 
 def _sound_level(curve: FrictionCurve) -> float:
-    """The friction that changes sign, at the slowest speed that the record supports [F].
+    """Return the friction that changes sign, at the lowest supported speed [F].
 
-    Friction takes energy: a model in which it gives some at a supported speed, or at rest, is wrong
-    there, and gives nothing. Nor does one whose standard error there is as large.
+    Raise `NothingToCompensate` if the model's friction feeds energy into the motion at a supported
+    speed or at rest, or if its standard error is as large as the friction.
     """
     about = curve.about
     speed = _supported(about)
@@ -148,22 +148,22 @@ def _sound_level(curve: FrictionCurve) -> float:
         raise NothingToCompensate(
             f"{about.source}: its friction would drive the axis ({least:.3g} {about.force_unit}"
             f" against motion, at {float(speed[worst]):.3g} {about.length}/s), so the model is"
-            " wrong and nothing may be compensated by it"
+            " wrong and must not be used for compensation"
         )
     coulomb = about.values["F_c"]
     if coulomb < -_NEGLIGIBLE * level:
         raise NothingToCompensate(
             f"{about.source}: its Coulomb friction is {coulomb:.3g} {about.force_unit}: it would"
-            " drive the axis, so the model is wrong and nothing may be compensated by it"
+            " drive the axis, so the model is wrong and must not be used for compensation"
         )
     share = np.where(np.isfinite(found.std), found.std, 0.0) / mean
     worst = int(np.argmax(share))
     if share[worst] >= 1.0:
         raise NothingToCompensate(
-            f"{about.source}: its friction is not known better than itself ({mean[worst]:.3g} ±"
-            f" {found.std[worst]:.2g} {about.force_unit} at {float(speed[worst]):.3g}"
-            f" {about.length}/s), so nothing may be compensated by it; record more, or slower and"
-            " faster speeds"
+            f"{about.source}: the error of its friction is as large as the friction"
+            f" ({mean[worst]:.3g} ± {found.std[worst]:.2g} {about.force_unit} at"
+            f" {float(speed[worst]):.3g} {about.length}/s), so it must not be used for"
+            " compensation; record more, or slower and faster speeds"
         )
     return level
 
@@ -178,7 +178,7 @@ def _servo_lag(about: Identified) -> float | None:
 
 
 def _memories(about: Identified) -> list[Memory]:
-    """What friction lacks after a reversal, of effects that the record fixes."""
+    """Friction deficits after a reversal, of effects that the record determines."""
     p = about.values
     found = []
     if "presliding" in about.effects:
@@ -191,12 +191,12 @@ def _memories(about: Identified) -> list[Memory]:
 
 
 def _least_damping(curve: FrictionCurve, fade: float, slowest: float, fastest: float) -> float:
-    """max over v of d(compensation - friction)/dv [F s/m]: k_v must be larger, as then
+    """max over v of d(compensation - friction)/dv [F s/m]. With a larger k_v, perturbations of
 
         M v' = -k_v v - F(v) + compensation(v)
 
-    about any steady velocity decays. The friction is taken as the model has it, its sign sharp; but
-    below the `slowest` speed that the record supports no growth with speed is counted on.
+    decay about any steady velocity. The friction is the model's, with a sharp sign. Below the
+    lowest supported speed `slowest`, a positive slope of friction is counted as 0.
     """
     v = np.geomspace(1e-3 * fade, max(fastest, 10 * fade), _FINE)
     more = []
@@ -213,17 +213,17 @@ def _warnings(about: Identified) -> tuple[str, ...]:
     if bends:
         told = (
             f"{', '.join(bends)} is not determined by the record: below {about.slowest:.3g}"
-            f" {about.length}/s it is a guess where the curve bends, and so is the compensation"
+            f" {about.length}/s the shape of the curve and its compensation are a guess"
         )
         if any(name.endswith(".v_c") and about.values[name] < about.width for name in bends):
             told += (
-                f". In place of v_c stands the least that the fit tells, {about.width:.3g}"
-                f" {about.length}/s, over which it smooths the sign of the velocity"
+                f". v_c is set to the smallest value that the fit resolves, {about.width:.3g}"
+                f" {about.length}/s, the width of its smoothed sign"
             )
         lines.append(told)
     if loose:
         lines.append(
             f"{', '.join(loose)} is not determined by the record; the band of the table holds for"
-            " the sum"
+            " the sum of all terms"
         )
     return tuple(lines)

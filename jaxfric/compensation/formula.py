@@ -16,7 +16,7 @@ def plain_formula(pieces: Sequence[Piece], fade: float) -> str:
 
 
 def latex_formula(pieces: Sequence[Piece], fade: float) -> str:
-    """The same as LaTeX, for an equation."""
+    """The formula as LaTeX, for an equation."""
     return (
         rf"u({_arguments(pieces)}) = {_body(pieces, latex=True)}, \qquad"
         rf" s = \tanh(v/{latex_number(fade)})"

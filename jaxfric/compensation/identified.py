@@ -1,8 +1,8 @@
-"""The friction of an axis that a loop or a curve of steady speeds ended with, to compensate it.
+"""The identified friction of an axis, as input of a compensation.
 
-From a loop.json of `jaxfric axis` the model after the loop, its covariance, and what its record
-showed; from a steady.json of `jaxfric axis` the final curve, whose covariance is that of its
-runs.
+From a loop.json of `jaxfric axis` it takes the model after the loop, its covariance and the range
+of its record. From a steady.json of `jaxfric axis` it takes the final curve, with the covariance of
+its runs.
 """
 
 import dataclasses
@@ -51,12 +51,12 @@ _SUPPORTED = "the slowest that the record supports"
 
 
 class NothingToCompensate(InputError):
-    """A model that no compensation may rest on: it did not converge, or its friction drives."""
+    """The model cannot be used for compensation: not converged, or its friction is invalid."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Identified:
-    """Friction of an axis with its errors, and what they rest on. SI; forces in `force_unit`."""
+    """Friction of an axis with errors and range of validity. SI; forces in `force_unit`."""
 
     source: str
     force_unit: str
@@ -66,36 +66,35 @@ class Identified:
     """By name: M, F_v, F_c, F_0 and effect.parameter."""
     free: tuple[str, ...]
     covariance: np.ndarray
-    """Of the parameters `free` names (p, p)."""
+    """Covariance of the `free` parameters (p, p)."""
     loose: tuple[str, ...]
-    """Parameters that the record does not fix."""
+    """Parameters that the record does not determine."""
     effects: tuple[str, ...]
     width: float
-    """Width of the record's smoothed sign [m/s]; 0 of steady runs."""
+    """Width of the record's smoothed sign [m/s]; 0 for steady runs."""
     slowest_row: float
-    """Speed from which motion counts in the fit [m/s]; little may be slower than `slowest`."""
+    """Lowest speed of rows that count in the fit [m/s]; few may be slower than `slowest`."""
     slowest: float
-    """The record supports the curve from this speed on [m/s] ..."""
+    """Lowest speed at which the record supports the curve [m/s]."""
     fastest: float
-    """... to this one [m/s]."""
+    """Highest speed at which the record supports the curve [m/s]."""
     slower: str
-    """What `slowest_row` is, in words."""
+    """The meaning of `slowest_row`, in words."""
     acceleration: float | None = None
-    """Median over the strokes of the largest acceleration [m/s^2]; None where it is not told."""
+    """Median over the strokes of the largest acceleration [m/s^2]; None: unknown."""
     middle: float = 0.0
     """Middle of the travel [m], in the position of the record."""
     points: np.ndarray | None = None
-    """Measured speed, force and its error (n, 3); None where the file has none."""
+    """Measured speed, force and its error (n, 3), if the file has them."""
     damping: float | None = None
-    """The drive's own k_v in force [F s/m]; None where it is not told."""
+    """The drive's own k_v in force [F s/m]; None: unknown."""
     claim: str = ""
-    """What is said of stability."""
+    """The sentence on stability."""
     left: tuple[float, float] | None = None
-    """Root mean square of what the model leaves of the report block, and the noise [F]; None
-    where the file has none."""
+    """Rms residual of the test block, and the noise [F], if the file has them."""
     warnings: tuple[str, ...] = ()
     claims: tuple[Finding, ...] = ()
-    """Friction by direction, with the rows that support it; none of a file that does not tell."""
+    """Friction by direction, with the rows that support it, if the file has them."""
 
     @property
     def length(self) -> str:
@@ -104,12 +103,12 @@ class Identified:
 
     @property
     def bends(self) -> tuple[str, ...]:
-        """Speeds at which the curve bends, those that the record does not fix."""
+        """Speed scales of the curve (v_c, vs) that the record does not determine."""
         return tuple(name for name in self.loose if name.endswith((".v_c", ".vs")))
 
     @property
     def guessed(self) -> bool:
-        """Whether nothing holds the curve below `slowest`, though slower rows count."""
+        """Whether the curve is unreliable below `slowest`, although slower rows count."""
         return bool(self.bends) and self.slowest > self.slowest_row
 
     def supports(self, velocity: np.ndarray) -> np.ndarray:
@@ -129,14 +128,14 @@ class Identified:
         return unit_of(self.quantity(name), self.force_unit, self.length)
 
     def std(self, weights: Mapping[str, float]) -> float:
-        """Standard error of a sum of parameters, each times its weight; nan where undetermined."""
+        """Standard error of a weighted sum of parameters; nan if one is undetermined."""
         if any(name in self.loose for name, weight in weights.items() if weight):
             return math.nan
         w = np.asarray([weights.get(name, 0.0) for name in self.free])
         return float(np.sqrt(max(w @ self.covariance @ w, 0.0)))
 
     def at_the_drive(self, gain: float, signal: str) -> "Identified":
-        """The same with forces in the drive's signal: F/gain, gain in force per `signal`."""
+        """Convert forces to the drive's signal: F/gain, gain in force per `signal`."""
         part = np.asarray([1 / gain if self._is_force(name) else 1.0 for name in self.free])
         points = self.points
         return dataclasses.replace(
@@ -154,12 +153,12 @@ class Identified:
 
 
 def identified(model: str | Path | Loop | SteadyLoop) -> Identified:
-    """The friction that a loop.json, a steady.json, or the `Loop` or `SteadyLoop` at hand has.
+    """Read the friction of a loop.json, a steady.json, a `Loop` or a `SteadyLoop`.
 
     Raises
     ------
-    InputError : no such file, a damaged one, one that is not of an axis.
-    NothingToCompensate : a model that did not converge.
+    InputError : no such file, a damaged one, or one that is not of an axis.
+    NothingToCompensate : the model did not converge.
     """
     if isinstance(model, SteadyLoop):
         return _of_curve(said("steady_text.to_json", model), "this curve")
@@ -186,8 +185,8 @@ def _of_axis(content: Content, source: str) -> Identified:
     refuse_damage(path, LOOP, missing_key(content, keys))
     if content["law"] != LAW:
         raise InputError(
-            f"{source}: it is of a slider, whose friction is measured on a press; a feedforward is"
-            " of an axis or joint: give the loop.json or steady.json of 'jaxfric axis'"
+            f"{source}: it is of a slider, not of an axis or joint; give the loop.json or"
+            " steady.json of 'jaxfric axis'"
         )
     after = content["after"]
     refuse_damage(path, LOOP, table_damage(after, _BASE, "after."))
@@ -236,8 +235,8 @@ def _of_axis(content: Content, source: str) -> Identified:
 
 
 def _left(content: Content) -> tuple[float, float] | None:
-    """What the model after a loop leaves of the report block, and how much of it is noise [F]: all
-    of it where noise alone gives as much."""
+    """Rms residual of the test block after a loop, and its noise [F]. The noise equals the residual
+    if noise alone explains it."""
     noise = content.get("noise") or {}
     sigma = noise.get("sigma_held_out") or noise.get("sigma")
     found = content["after"].get("report_rms"), sigma
@@ -247,22 +246,20 @@ def _left(content: Content) -> tuple[float, float] | None:
 
 
 def _covariance(about: Content, after: Content) -> tuple[np.ndarray, list[str]]:
-    """The covariance of the model alone; of a file without it that of its parameters, with a
-    warning."""
+    """The covariance of the model; for an older file that of single parameters, with a warning."""
     size = len(after["free"])
     told, warnings = about.get("covariance"), []
     if told is None:
         told = after["covariance"]
         warnings = [
-            "the file is of an older version: its errors hold for single parameters and cover other"
-            " models that fit as well, so that the band of their sum is too wide; run 'jaxfric"
-            " axis' again"
+            "the file is of an older version: its errors include other models that fit as well, so"
+            " the band of friction is too wide; run 'jaxfric axis' again"
         ]
     return np.asarray(told, float).reshape(size, size), warnings
 
 
 def _wrong_size(about: object, steps: object) -> str | None:
-    """The fault of what is said beside the parameters, in words."""
+    """The first fault in entries other than the parameters, in words, or None."""
     if not isinstance(about, dict):
         return "'axis' is no table"
     gains = about.get("gains") or {}
@@ -285,7 +282,7 @@ def _wrong_size(about: object, steps: object) -> str | None:
 
 
 def _refuse_unconverged(content: Content, effects: tuple[str, ...], source: str) -> None:
-    """A model of which no fit of the search converged gives nothing."""
+    """Raise `NothingToCompensate` if no fit of the model converged in the search."""
     candidates = content["candidates"]
     sound = isinstance(candidates, list) and all(
         isinstance(c, dict) and isinstance(c.get("effects"), list) for c in candidates
@@ -294,13 +291,14 @@ def _refuse_unconverged(content: Content, effects: tuple[str, ...], source: str)
     same = [c for c in candidates if set(c["effects"]) == set(effects)]
     if same and not any(c.get("converged", True) for c in same):
         raise NothingToCompensate(
-            f"{source}: the fit of its model did not converge, so no friction may be compensated by"
-            " it; run 'jaxfric axis' again, with a cleaner record or fewer effects (--exclude)"
+            f"{source}: the fit of its model did not converge, so it must not be used for"
+            " compensation; run 'jaxfric axis' again, with a cleaner record or fewer effects"
+            " (--exclude)"
         )
 
 
 def _refuse_one_speed(about: Content, source: str, force: str) -> None:
-    """A record with one speed a direction does not tell friction at any other speed."""
+    """Raise `NothingToCompensate` for a record with only one speed in each direction."""
     known = about.get("driven") or []
     try:
         directions = [Driven(**one) for one in known]
@@ -312,15 +310,15 @@ def _refuse_one_speed(about: Content, source: str, force: str) -> None:
         return
     if single:
         raise NothingToCompensate(
-            f"{source}: {ONE_SPEED}, so that friction is known there alone ({told}); record several"
+            f"{source}: {ONE_SPEED}, so friction is known only there ({told}); record several"
             " speeds in both directions"
         )
 
 
 def _claims(content: Content, source: str) -> tuple[Finding, ...]:
-    """The friction that the file claims, by direction; none of a file without findings.
+    """The friction that the file claims, by direction; empty for a file without findings.
 
-    Raises `NothingToCompensate` where its rows support friction at no speed.
+    Raises `NothingToCompensate` if its rows do not support friction at any speed.
     """
     told = content.get("findings")
     if told is None:
@@ -335,7 +333,8 @@ def _claims(content: Content, source: str) -> tuple[Finding, ...]:
         gains = (content.get("axis") or {}).get("gains") or {}
         said = str(gains.get("sentence") or "").strip() or "nothing is said of its friction."
         raise NothingToCompensate(
-            f"{source}: no rows support its friction, so nothing may be compensated by it. {said}"
+            f"{source}: no rows support its friction, so it must not be used for compensation."
+            f" {said}"
         )
     return found
 
@@ -352,13 +351,13 @@ def _centres(content: Content) -> list[float]:
 
 
 def _middle(content: Content) -> float:
-    """The middle of the travel that the file tells; 0 where it tells none."""
+    """The middle of the travel; 0 if the file does not contain it."""
     places = _profile(content, "position")
     return 0.5 * (min(places) + max(places)) if places else 0.0
 
 
 def _of_curve(content: Content, source: str) -> Identified:
-    """The final curve of a steady.json; its covariance is computed anew from the runs."""
+    """The final curve of a steady.json; the covariance is computed again from the runs."""
     path = Path(source)
     refuse_damage(path, STEADY, missing_key(content, ("curve", "effects", "after", "gains")))
     curve, after, gains = content["curve"], content["after"], content["gains"]
@@ -406,7 +405,7 @@ def _of_curve(content: Content, source: str) -> Identified:
 
 
 def _load(content: Content) -> Load:
-    """What the force has along the travel, of a steady.json."""
+    """The load along the travel from a steady.json."""
     names = tuple(content["parameters"])
     values = [content["parameters"][name]["value"] for name in names]
     arrays = [np.asarray(x, float) for x in (values, content["covariance"], content["centre"])]
@@ -416,10 +415,10 @@ def _load(content: Content) -> Load:
 
 
 def _with_load(about: Identified, load: Load) -> Identified:
-    """The same with the load along the travel, whose columns are no longer less their mean.
+    """Add the load along the travel; its columns are no longer centred on their mean.
 
-    Friction that changes along the travel is that of its middle where the effect has no term for
-    it, as of a joint.
+    If the effect has no term for friction that changes along the travel (a joint), friction is
+    that of the middle.
     """
     told = ("a", "b") if load.effect == "gravity" else ("k", "m")
     size, p = len(about.free), len(load.names)
@@ -441,7 +440,7 @@ def _with_load(about: Identified, load: Load) -> Identified:
     kept = [*range(size), *(size + k for k, name in enumerate(load.names) if name in told)]
     free = (*about.free, *(f"{load.effect}.{name}" for name in load.names if name in told))
     points = np.array(about.points)
-    if load.effect == "gravity":  # the static map leaves the weight out
+    if load.effect == "gravity":  # the static map omits the weight
         points[:, 1] -= load.values[: load.both_ways] @ load.centre
     return dataclasses.replace(
         about,

@@ -1,9 +1,9 @@
-"""The terms of a feedforward, each a number times a function of the motion, and what has none.
+"""The terms of a feedforward, each a number times a function of the motion, and omitted effects.
 
     u = M a + R(q, v) + s(v) G(q, v)
 
-q, v, a are position, velocity and acceleration of the reference. A term says what it is in plain
-text, in LaTeX and in C; how numbers stand in them is for `formula` and `code`.
+q, v, a are position, velocity and acceleration of the reference. A term has a plain text, a LaTeX
+and a C form; `formula` and `code` format the numbers in them.
 """
 
 import math
@@ -34,31 +34,31 @@ from .identified import Identified
 INERTIA, PLAIN, SIGN = "inertia", "plain", "sign"
 """Parts of the formula: M a, R and G."""
 _SURE = 2.0
-"""Standard errors that an inertia must be from zero to be compensated."""
+"""Least ratio of a compensated inertia to its standard error."""
 
 
 class Piece(NamedTuple):
-    """One term: a coefficient times a factor, which is "" where it is 1."""
+    """One term: a coefficient times a factor; the factor 1 is ""."""
 
     name: str
     value: float
     std: float
-    """Standard error; 0 of what is given, nan where it is not determined."""
+    """Standard error; 0 for a given value, nan for an undetermined one."""
     unit: str
     part: str
     """`INERTIA`, `PLAIN` or `SIGN`."""
     text: str = ""
     latex: str = ""
     code: str = ""
-    """In C; the constants in it are `shapes`."""
+    """The factor in C; its constants are `shapes`."""
     shapes: Mapping[str, float] = {}
     """Constants of the factor, by their name in C."""
     ripple: bool = False
-    """Whether it is a ripple or a weight, which the static map leaves out."""
+    """Whether it is a ripple or a weight, which the static map omits."""
 
 
 class Terms(NamedTuple):
-    """The terms of a feedforward, the effects in its curve, and what is left out, in words."""
+    """The terms of a feedforward, the effects in its curve, and the omitted effects in words."""
 
     pieces: tuple[Piece, ...]
     effects: tuple[type[AbstractEffect], ...]
@@ -66,11 +66,11 @@ class Terms(NamedTuple):
 
 
 def terms_of(about: Identified) -> Terms:
-    """What of an identified axis is compensated.
+    """Return the terms that compensate an identified axis.
 
     Raises
     ------
-    InputError : an effect of friction that has no formula here.
+    InputError : a friction effect without a formula.
     """
     pieces, left_out = _base(about)
     inside = []
@@ -84,8 +84,8 @@ def terms_of(about: Identified) -> Terms:
             inside += [] if any(p.ripple for p in made) else [effect]
         else:
             raise InputError(
-                f"effect '{id}' of {about.source} has no formula to write; leave it out of the loop"
-                " (--exclude), and compensate what is left"
+                f"effect '{id}' of {about.source} has no formula for a feedforward; run the loop"
+                " without it (--exclude)"
             )
     return Terms(tuple(pieces), tuple(inside), tuple(left_out))
 
@@ -93,13 +93,13 @@ def terms_of(about: Identified) -> Terms:
 def _base(about: Identified) -> tuple[list[Piece], list[str]]:
     pieces, left_out = [], []
     if "M" not in about.values:
-        left_out.append("inertia: runs at steady speeds do not show it")
+        left_out.append("inertia: runs at steady speeds do not determine it")
     else:
         inertia = _piece(about, "M", INERTIA, "a", "a")
         if math.isfinite(inertia.std) and inertia.value > _SURE * inertia.std:
             pieces.append(inertia)
         else:
-            left_out.append("inertia: the record does not fix it")
+            left_out.append("inertia: the record does not determine it")
     pieces.append(_piece(about, "F_v", PLAIN, "v", "v"))
     pieces.append(_piece(about, "F_0", PLAIN))
     pieces.append(_piece(about, "F_c", SIGN))
@@ -133,7 +133,7 @@ def _stribeck(about: Identified) -> list[Piece]:
 
 
 def _log(about: Identified, piece: Piece, name: str) -> list[Piece]:
-    """A term c ln(1 + |v|/v_c); v_c is no less than the width of the record's sign."""
+    """A term c ln(1 + |v|/v_c); v_c is at least the width of the record's sign."""
     v_c, constant = max(about.values[name], about.width), name.replace(".", "_")
     return [
         piece._replace(
@@ -190,23 +190,23 @@ def _drift(about: Identified) -> str:
     unit = about.unit("time_drift.r")
     r, s = about.values["time_drift.r"], about.values["time_drift.s"]
     return (
-        "it is of the time of the record; what is compensated is the friction of its beginning."
+        "it depends on the time of the record; the friction at its beginning is compensated."
         f" In the record the offset drifted by {r:.3g} {unit}, Coulomb friction by {s:.3g} {unit}"
     )
 
 
 def _bristle(about: Identified) -> str:
     return (
-        "in steady motion it adds nothing; how far friction takes to come back after a reversal is"
-        " weighed in the fade speed"
+        "in steady motion it adds nothing; the fade speed takes its recovery after a reversal into"
+        " account"
     )
 
 
 def _lag(about: Identified) -> str:
     tau = about.values["servo_lag.tau"]
     return (
-        f"the motor's force follows its command {tau:.3g} s late; to lead it, add {tau:.3g} s times"
-        " the rate of change of the feedforward. It is weighed in the fade speed"
+        f"the motor's force lags its command by {tau:.3g} s; to compensate the lag, add {tau:.3g} s"
+        " times the rate of change of the feedforward. The fade speed takes the lag into account"
     )
 
 
@@ -234,12 +234,12 @@ _LEFT_OUT: dict[str, Callable[[Identified], str]] = {
 
 
 def uses_position(pieces: Sequence[Piece], *, ripple: bool = True) -> bool:
-    """Whether a term depends on the position, ripples and weight apart unless `ripple`."""
+    """Whether a term depends on position; ripples and weight count only if `ripple`."""
     return any(re.search(r"\bq\b", p.code) for p in pieces if ripple or not p.ripple)
 
 
 def shape_text(about: Identified, name: str) -> str:
-    """The unit of a constant of a factor, by its name in C, and whether the record fixes it."""
+    """The unit of a factor's constant, by its C name, with a note if it is undetermined."""
     full = next((full for full in about.values if full.replace(".", "_") == name), None)
     unit = "1" if full is None else about.unit(full)
     return f"{unit}, not determined by the record" if full in about.loose else unit
@@ -250,6 +250,6 @@ def _n(value: float) -> str:
 
 
 def latex_number(value: float, digits: int = 5) -> str:
-    """A number as LaTeX has it."""
+    """A number in LaTeX."""
     mantissa, _, power = f"{value:.{digits}g}".partition("e")
     return rf"{mantissa}\cdot 10^{{{int(power)}}}" if power else mantissa

@@ -1,4 +1,4 @@
-"""The result of a feedforward: formula, C function, table, fade speed and what limits it."""
+"""The result of a feedforward: formula, C function, table, fade speed and limits."""
 
 import math
 from collections.abc import Sequence
@@ -28,7 +28,7 @@ class Feedforward(Described, Drawable, Tabular):
     """Friction compensation of an axis or joint. SI; forces in `about.force_unit`."""
 
     about: Identified
-    """What it was made of."""
+    """The identified axis."""
     pieces: tuple[Piece, ...]
     curve: FrictionCurve
     fade: Fade
@@ -37,20 +37,20 @@ class Feedforward(Described, Drawable, Tabular):
     velocity: np.ndarray
     """Velocities of the table [m/s or rad/s], ascending (n)."""
     table: FrictionValues
-    """Friction with fade at the velocities of the table (n); its errors are nan where the record
-    does not support it."""
+    """Friction with fade at the velocities of the table (n); errors are nan outside the supported
+    speeds."""
     level: float
-    """Friction that changes sign, at the slowest speed that the record supports [F]."""
+    """Friction that changes sign, at the lowest supported speed [F]."""
     share: float
-    """Largest share of the friction that its standard error allows to feed back from a measured
-    velocity: 1 less twice its largest relative error over the speeds that the record supports."""
+    """Largest safe share of the friction with a measured velocity: 1 minus twice the largest
+    relative error over the supported speeds."""
     least_damping: float
-    """k_v that a measured velocity in place of the reference would ask for [F s/m]."""
+    """k_v needed if the measured velocity replaces the reference [F s/m]."""
     warnings: tuple[str, ...]
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """The friction that it rests on, by direction, with the rows of the record."""
+        """The friction behind it, by direction, with the rows that support it."""
         return self.about.claims
 
     @property
@@ -70,7 +70,7 @@ class Feedforward(Described, Drawable, Tabular):
     def c(self, name: str = "axis", *, made_by: Sequence[str] = ()) -> str:
         """The source of `NAME_friction` and `NAME_feedforward` in C99, see `compensation.code`.
 
-        `made_by` are lines for its head. Raises `InputError` where `name` is no word of C.
+        `made_by` are lines for its head. Raises `InputError` if `name` is not a C identifier.
         """
         notes = [f"left out: {line}" for line in self.left_out]
         notes += [f"WARNING: {line}" for line in self.warnings]
@@ -84,18 +84,18 @@ class Feedforward(Described, Drawable, Tabular):
     def at(self, velocity: float | str) -> FrictionAt:
         """Friction at a speed [m/s or rad/s], or a text as "50 mm/s", in both directions.
 
-        Its `supported` is whether the record knows it; where not, its errors are nan.
+        `supported` of the result tells whether the record supports it; if not, errors are nan.
 
         Raises
         ------
-        InputError : no positive speed.
+        InputError : not a positive speed.
         """
         speed = positive(velocity, f"{self.about.length}/s", "--at")
         return friction_at(self.curve, self.fade.speed, speed)
 
     def columns(self) -> dict[str, np.ndarray]:
-        """The table by column: velocity, force, its standard error and 95 % band (nan where the
-        record does not support it), and its basis, "record" or "guess"; units in the names."""
+        """The table by column: velocity, force, its standard error and 95 % band (nan outside the
+        supported speeds), and its basis, "record" or "guess"; units in the names."""
         force, std = self.table.force, self.table.std
         unit, speed = self.about.force_unit, f"{self.about.length}/s"
         return {
@@ -108,16 +108,15 @@ class Feedforward(Described, Drawable, Tabular):
         }
 
     def csv(self) -> str:
-        """The table as CSV; commas in it are between columns alone, and an error that is not known
-        is empty."""
+        """The table as CSV. Commas only separate columns; an unknown error is empty."""
         columns = self.columns()
         rows = zip(*columns.values(), strict=True)
         lines = [",".join(_cell(x) for x in row) for row in rows]
         return "\n".join([",".join(columns), *lines]) + "\n"
 
     def to_json(self, asked: Sequence[FrictionAt] = ()) -> dict:
-        """The content of `feedforward.json`, schema "jaxfric.feedforward/1"; SI, null for what is
-        not known. `asked` is friction at speeds, its entry "at"."""
+        """The content of `feedforward.json`, schema "jaxfric.feedforward/1"; SI, null if unknown.
+        `asked` is the friction at requested speeds, its entry "at"."""
         about = self.about
         table = {
             "schema": SCHEMA,
@@ -176,7 +175,7 @@ class Feedforward(Described, Drawable, Tabular):
 
     @property
     def sentence(self) -> str:
-        """What is compensated, and below what speed it fades."""
+        """One line: the compensated friction and the fade speed."""
         about, speed = self.about, f"{self.about.length}/s"
         inertia = any(p.part == INERTIA for p in self.pieces)
         here = self.at(about.slowest)
@@ -189,19 +188,19 @@ class Feedforward(Described, Drawable, Tabular):
         )
 
     def within(self, here: FrictionAt) -> str:
-        """In brackets, where the model misses the rows of the report block by more than the errors
-        of friction `here`: that these are errors of the model's terms alone; else nothing."""
+        """A note in brackets if the misfit of the test block exceeds the errors of friction
+        `here`: these errors do not include the misfit."""
         if not self.missed > here.mean.std:
             return ""
         return (
-            " (errors of the model's terms alone: rows that were scored once it misses by"
-            f" {self.missed:.2g} {self.about.force_unit} besides their noise)"
+            f" (errors of the model's terms alone: its misfit of the test block is"
+            f" {self.missed:.2g} {self.about.force_unit} beyond noise)"
         )
 
     @property
     def missed(self) -> float:
-        """By how much the model misses the rows of the report block, without their noise, root mean
-        square [F]; 0 where noise alone gives as much, or where it is not told."""
+        """Rms misfit of the test block beyond its noise [F]; 0 if noise explains the residual, or
+        if the file does not contain it."""
         if self.about.left is None:
             return 0.0
         rms, noise = self.about.left
@@ -209,61 +208,57 @@ class Feedforward(Described, Drawable, Tabular):
 
     @property
     def cautions(self) -> tuple[str, ...]:
-        """Sentences on how it may be used, and how not."""
+        """Sentences on correct and unsafe use."""
         about, speed = self.about, f"{self.about.length}/s"
         damping = f"{about.force_unit} s/{about.length}"
         lines = [
-            "Feed it the reference's velocity and acceleration. It is in no loop then: it moves no"
-            " pole, makes no limit cycle, and the gains must hold the axis as before"
+            "Drive it with the reference's velocity and acceleration. It is then pure feedforward"
+            " and does not change stability: the gains must stabilise the axis as before"
             + (f" ({about.claim})" if about.claim else "")
         ]
         measured = (
-            "With the measured velocity in its place it is a feedback, which takes damping away:"
-            f" where the sign fades k_v must be above {self.least_damping:.4g} {damping}"
+            "With the measured velocity instead it is a feedback, which reduces damping:"
+            f" below the fade speed k_v must exceed {self.least_damping:.4g} {damping}"
             f" ({own_damping(about, self.least_damping)})"
         )
         if self.share > 0:
             measured += (
-                f", and of the friction no more than {100 * self.share:.3g} % may be fed: the"
-                " true one may be less by two standard errors, and what is fed beyond it makes"
-                " limit cycles. The errors are of this record; by temperature and load friction"
-                " changes more"
+                f". Then compensate at most {100 * self.share:.3g} % of the friction (two standard"
+                " errors): over-compensation causes limit cycles. Friction also changes with"
+                " temperature and load, which these errors do not include"
             )
         else:
-            measured += (
-                ", and as friction is not known within half of itself no share of it is safe"
-            )
+            measured += ". As the error of friction exceeds half of it, no share is then safe"
         lines.append(measured)
         if any(p.name == "F_0" and p.part == PLAIN and p.value for p in self.pieces):
             lines.append(
-                "F_0 acts at rest too: as weight or a bias of the drive does. One that is friction"
-                " that differs by direction holds nothing there, and moves nothing as long as it is"
-                " less than F_c"
+                "F_0 also acts at rest, like a weight or a bias of the drive. If it is a difference"
+                " of Coulomb friction between directions, it is not needed at rest, but does not"
+                " move the axis as long as it is less than F_c"
             )
         if about.left is not None:
             rms, noise = about.left
             unit = about.force_unit
-            text = f"Of the rows that were scored once the model leaves {rms:.2g} {unit}"
+            text = f"Rms residual of the test block: {rms:.2g} {unit}"
             if self.missed:
                 text += (
-                    f" (root mean square), noise {noise:.2g} {unit}: it misses the force by"
-                    f" {self.missed:.2g} {unit}, and what is compensated is no better, whatever the"
-                    " errors of its terms"
+                    f", noise {noise:.2g} {unit}: the misfit of {self.missed:.2g} {unit} limits"
+                    " the compensation, however small the errors of its terms"
                 )
             else:
-                text += ", no more than what the loop took for their noise"
+                text += ", consistent with noise"
             lines.append(text)
         lines.append(low_speeds(about, self.fade))
         if self.fade.speed > about.slowest:
             lines.append(
-                f"The fade is over speeds that the record supports: below {self.fade.speed:.3g}"
-                f" {speed} the compensation is less than the friction of steady motion"
+                f"The fade extends into the supported speeds: below {self.fade.speed:.3g} {speed}"
+                " the compensation is less than the friction of steady motion"
             )
         missing = [one for one in self.fade.reasons if math.isnan(one.speed)]
         if missing:
             lines.append(
-                "The fade speed may be too low: it was not told how fast the reference turns"
-                " (--acceleration)"
+                "The fade speed may be too low: the acceleration of the reference at reversals is"
+                " unknown (--acceleration)"
             )
         return tuple(lines)
 

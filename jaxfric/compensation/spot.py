@@ -1,4 +1,4 @@
-"""Friction at one speed, in both directions: what a user asks of a map of friction."""
+"""Friction of a map at one speed, in both directions."""
 
 import math
 from typing import NamedTuple
@@ -9,7 +9,7 @@ from ..units import decimals, parse_values
 from .curve import FrictionCurve
 
 _WHOLE = 0.995
-"""A sign of at least so much is told as one that has not faded."""
+"""A smoothed sign above this is reported as not faded."""
 
 
 class ForceAt(NamedTuple):
@@ -17,7 +17,7 @@ class ForceAt(NamedTuple):
 
     force: float
     std: float
-    """Standard error; nan where the record does not support the force."""
+    """Standard error; nan if the record does not support the force."""
 
     def text(self, unit: str, digits: int = 4) -> str:
         """Force and error in words."""
@@ -30,8 +30,8 @@ class ForceAt(NamedTuple):
 class FrictionAt(NamedTuple):
     """Friction of the map at one speed. SI; forces in the unit of the feedforward.
 
-    As the table and NAME_friction in C have it: in the middle of the travel, without ripples and
-    weight, with the fade of its sign.
+    Defined as in the table and in NAME_friction in C: in the middle of the travel, without ripples
+    and weight, with the faded sign.
     """
 
     speed: float
@@ -39,19 +39,19 @@ class FrictionAt(NamedTuple):
     forwards: ForceAt
     """F(|v|)."""
     backwards: ForceAt
-    """F(-|v|), negative where it is against the motion."""
+    """F(-|v|), negative if it resists the motion."""
     mean: ForceAt
     """(F(|v|) - F(-|v|))/2."""
     sign: float
-    """s = tanh(|v|/v_f): how much of what has the sign of the velocity is not faded."""
+    """s = tanh(|v|/v_f): the remaining share of the part that changes sign with velocity."""
     unfaded: tuple[float, float]
-    """Friction forwards and backwards without the fade, as the model has it."""
+    """Friction of the model forwards and backwards, without the fade."""
     supported: bool
     """Whether the record supports the friction at this speed; else it is a guess."""
 
     @property
     def faded(self) -> bool:
-        """Whether the fade takes so much of the friction that it must be told."""
+        """Whether the fade reduces the friction enough to be reported."""
         return self.sign < _WHOLE
 
     def to_json(self) -> dict:
@@ -68,17 +68,17 @@ class FrictionAt(NamedTuple):
 
 
 def speeds(text: str, length: str) -> list[float]:
-    """Speeds of a text as "1, 5 mm/s", ascending; `length` is "m" or "rad".
+    """Read speeds from a text as "1, 5 mm/s", ascending; `length` is "m" or "rad".
 
     Raises
     ------
-    InputError : a text that is none, or a speed that is not positive.
+    InputError : an unreadable text, or a speed that is not positive.
     """
     return parse_values(text, f"{length}/s", "--at")
 
 
 def friction_at(curve: FrictionCurve, fade: float, speed: float) -> FrictionAt:
-    """The friction of a map at a speed [m/s or rad/s], its sign faded over `fade`."""
+    """Friction of a map at a speed [m/s or rad/s], with the fade speed `fade`."""
     v = np.asarray([speed, -speed])
     both, sharp, mean = curve.at(v, fade), curve.at(v, None).force, curve.mean(v[:1], fade)
     supported = bool(curve.about.supports(v)[0])

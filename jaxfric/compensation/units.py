@@ -1,4 +1,4 @@
-"""Units of the parameters of an axis where its force is in newtons, in N m or in a drive's own."""
+"""Units of an axis' parameters, for forces in N, in N m or in a drive's own unit."""
 
 import math
 import re
@@ -17,18 +17,18 @@ def amplitude(about: Quantity) -> bool:
 
 
 def unit_of(about: Quantity, force: str, length: str) -> str:
-    """The unit of a parameter: `force` is that of forces, `length` "m" or "rad"."""
+    """The unit of a parameter, given the unit of `force` and `length` "m" or "rad"."""
     if about.unit == "kg":
         return inertia_unit(force, length)
     return re.sub(r"\bm\b", length, about.unit).replace("F", force)
 
 
 def drive_gain(text: str, force: str, what: str = "--drive-gain") -> tuple[float, str]:
-    """Force per signal and the signal of a text such as "35.15 N/V"; `force` is that of the model.
+    """Read force per signal and the signal from "35.15 N/V"; `force` is the model's force unit.
 
     Raises
     ------
-    InputError : no such quantity; a model whose forces are in per cent.
+    InputError : not such a quantity; a model whose forces are in per cent.
     """
     if force not in FORCE_UNITS.values():
         raise InputError(
@@ -38,16 +38,16 @@ def drive_gain(text: str, force: str, what: str = "--drive-gain") -> tuple[float
     signal = text.strip().rpartition("/")[2].strip()
     if signal not in _SIGNALS:
         example = "35.15 N/V" if force == "N" else "0.05 N m/A"
-        raise InputError(f"{what} '{text}' is no force per V or A; write '{example}'")
+        raise InputError(f"{what} '{text}' is not a force per V or A; write '{example}'")
     return quantity_of(text, f"{force.replace(' ', '*')}/{signal}", what), signal
 
 
 def positive(value: float | str, unit: str, what: str) -> float:
-    """A quantity in SI, of a number or of a text with its unit.
+    """Read a positive quantity in SI from a number or a text with its unit.
 
     Raises
     ------
-    InputError : no such quantity, or one that is not above 0.
+    InputError : not such a quantity, or not above 0.
     """
     size = parse_quantity(value, unit, what) if isinstance(value, str) else float(value)
     if not (math.isfinite(size) and size > 0):
