@@ -1,7 +1,7 @@
-"""Statements of results as data: a code, values, and the rows of the record that they rest on.
+"""Statements of results as data: a code, values, and the rows of the record that support them.
 
-What is claimed holds for the speeds and directions of its rows. Without those rows it is not
-claimed: a record from which they are taken out does not have the finding.
+A claim holds for the speeds and directions of its rows. A record without these rows does not
+support the claim.
 """
 
 import typing
@@ -14,35 +14,35 @@ import numpy as np
 
 
 class Severity(StrEnum):
-    """How a finding is meant."""
+    """Kind of a finding."""
 
     CLAIM = "claim"
     """The rows support it."""
     OPEN = "open"
-    """The rows are explained by it, and as well by something else."""
+    """The rows are consistent with it, but also with something else."""
     CAUTION = "caution"
-    """Something speaks against more."""
+    """Evidence against a stronger claim."""
     WITHHELD = "withheld"
-    """Because of it nothing is claimed."""
+    """The reason why no claim is made."""
 
 
 class WarningCode(StrEnum):
-    """Codes of warnings that code asks for; their words may be any."""
+    """Codes of warnings that other code looks for; the wording of such a warning is free."""
 
     MISFIT = "misfit"
-    """A fit leaves far more than the scatter of neighbouring rows."""
+    """The residual of a fit is much larger than the scatter of neighbouring rows."""
     DRIFT = "drift_before_the_step"
-    """Friction drifts before a velocity step as the model does not."""
+    """Friction drifts before a velocity step, and the model does not reproduce this drift."""
     WANDERS = "residual_wanders"
     """The residual wanders over the whole record."""
     CONTRADICTED = "steps_contradict_the_motion"
-    """The velocity that is stated for a step is not that of the recorded load point."""
+    """The stated velocity of a step differs from that of the recorded load point."""
     FLATTENED = "means_flatten_the_peaks"
-    """Means over rows flatten the peaks; values: rows, times the noise."""
+    """Averaging flattens the peaks; values: averaged rows, loss in units of the noise."""
 
 
 class Warned(str):
-    """A warning in words, with its code, and with values where several are told in one."""
+    """A warning text with its code; `values` serve to merge several warnings into one."""
 
     code: WarningCode | None
     values: tuple[float, ...]
@@ -50,14 +50,14 @@ class Warned(str):
     def __new__(
         cls, text: str, code: WarningCode | None = None, values: tuple[float, ...] = ()
     ) -> "Warned":
-        """The text with a code; None: one that is not asked for."""
+        """The text with a code; None if no code looks for this warning."""
         made = super().__new__(cls, text)
         made.code, made.values = code, values
         return made
 
 
 def is_of(warning: str, code: WarningCode) -> bool:
-    """Whether a warning has a code."""
+    """Whether a warning has this code."""
     return isinstance(warning, Warned) and warning.code is code
 
 
@@ -69,11 +69,11 @@ class Finding:
     severity: Severity
     values: Mapping[str, object]
     rows: np.ndarray
-    """Mask of the rows of the record that it rests on (n)."""
+    """Mask of the rows of the record that support it (n)."""
 
     def to_json(self, velocity: np.ndarray) -> dict[str, object]:
-        """Code, severity and values; rows as ranges [first, last + 1], and the directions and
-        speeds that they cover, by the `velocity` of every row (n)."""
+        """Code, severity and values; rows as ranges [first, last + 1]; directions and speeds of
+        these rows. `velocity` is that of every row of the record (n)."""
         return {
             "code": self.code.value,
             "severity": self.severity.value,
@@ -84,9 +84,9 @@ class Finding:
 
 
 def read_findings(told: object, code: StrEnum, *, rows: int) -> tuple[Finding, ...]:
-    """The findings of a code in a list as `Finding.to_json` makes it; `rows` of the record.
+    """Read the findings with one code from a list made by `Finding.to_json`.
 
-    Raises `ValueError` where the list is damaged.
+    `rows` is the number of rows of the record. Raises `ValueError` if the list is damaged.
     """
     found = []
     try:
@@ -102,7 +102,7 @@ def read_findings(told: object, code: StrEnum, *, rows: int) -> tuple[Finding, .
 
 
 class Support(NamedTuple):
-    """Rows of one direction: how many, and between which speeds [m/s or rad/s]."""
+    """Rows of one direction: their number and their range of speeds [m/s or rad/s]."""
 
     direction: str
     """"forwards", "backwards" or "at rest"."""
@@ -112,12 +112,12 @@ class Support(NamedTuple):
 
 
 _PART = 20
-"""A twentieth of the rows that are left is taken away at a time."""
+"""Each round of `deciding_rows` removes one in so many of the remaining rows."""
 _DIRECTIONS = (("forwards", 1), ("backwards", -1), ("at rest", 0))
 
 
 def support(rows: np.ndarray, velocity: np.ndarray) -> tuple[Support, ...]:
-    """What a mask of rows covers, by direction; `velocity` is signed, of every row (n)."""
+    """Range of speeds in a mask of rows, by direction; `velocity` of every row, signed (n)."""
     found = []
     for direction, sign in _DIRECTIONS:
         speed = np.abs(velocity[rows & (np.sign(velocity) == sign)])
@@ -129,15 +129,15 @@ def support(rows: np.ndarray, velocity: np.ndarray) -> tuple[Support, ...]:
 def deciding_rows(
     difference: np.ndarray, jacobian: np.ndarray, used: np.ndarray, least: float
 ) -> np.ndarray:
-    """Mask of few rows without which two models are not told from each other.
+    """Mask of the few rows without which two models cannot be distinguished.
 
-    difference : d, of their predictions [sigma] (n). jacobian : J, of the model without the claim
-    by its parameters [sigma] (n, p). used : rows that count (n). least : the fall of the misfit
-    that a claim needs.
+    difference : d, predictions of one model less those of the other [sigma] (n). jacobian : J, of
+    the model without the claim, by its parameters [sigma] (n, p). used : rows that count (n).
+    least : the reduction of the misfit that a claim needs.
 
-    Without some rows that model is fitted anew, and takes up what it can of d in the others: what
-    decides is left, min_b sum (d - J b)^2. Rows with most of it are taken away, a twentieth at a
-    time, until no more is left than `least`.
+    On fewer rows the model without the claim is refitted, which absorbs part of d. The remaining
+    difference decides: min_b sum (d - J b)^2. The rows with its largest terms are removed, one
+    twentieth at a time, until the sum is at most `least`.
     """
     kept = used & np.isfinite(difference)
     while kept.any():
@@ -152,6 +152,6 @@ def deciding_rows(
 
 
 def ranges(rows: np.ndarray) -> list[list[int]]:
-    """A mask as pairs of its first rows and the rows after its last ones."""
+    """The ranges [first, last + 1] of consecutive rows in a mask."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], rows.astype(int), [0]])))
     return edges.reshape(-1, 2).tolist()

@@ -1,8 +1,8 @@
-"""The least-squares problem of any record, whatever moved: a slider or an axis.
+"""The least-squares problem of a record of a slider or an axis.
 
-Parameters are one vector of unbounded variables: positive quantities by their logarithm, signed
-ones in units of a typical size of the record, which follows from their unit. Rows have a weight, 0
-for those that do not count; residuals are (predicted - recorded)/noise_scale.
+Parameters form one vector of unbounded variables: the logarithms of positive quantities, and signed
+quantities divided by a typical size of the record. The unit of a quantity selects this size.
+Residuals are (predicted - recorded)/noise_scale. Excluded rows have weight 0.
 """
 
 import abc
@@ -22,15 +22,15 @@ from ..quantity import Quantity, array_module
 N = TypeVar("N", Array, np.ndarray)
 
 FAILED_MISFIT = 1e4
-"""Misfit, in units of the noise scale, of a trial whose simulation failed: finite, and worse than
-any fit worth having, so that the solver rejects the trial and shortens its step."""
+"""Misfit of a failed simulation, in units of the noise scale. It is finite but larger than that of
+any useful fit, so that the solver rejects the trial and shortens its step."""
 _MASS_SHARE = 1e-4
 
 
 class ParametricModel(Protocol):
-    """The model that is fitted: names of its parameters and their quantities.
+    """The fitted model: names of its parameters and their quantities.
 
-    Hashable, since it decides what is compiled.
+    It is hashable, because each model is compiled separately.
     """
 
     def names(self) -> tuple[str, ...]:
@@ -43,20 +43,21 @@ class ParametricModel(Protocol):
 
 
 class Sizes(NamedTuple):
-    """Typical sizes of a record, for the scale of unbounded parameters. SI."""
+    """Typical sizes of a record, to scale unbounded parameters. SI."""
 
     force: Array
     velocity: Array
     length: Array
     duration: Array
     lag: Array
-    """Size of a time constant that shows in the record [s]."""
+    """Size of a time constant that is visible in the record [s]."""
 
 
 class Coordinates(NamedTuple):
-    """Natural parameter values [SI], and unbounded variables: p of them and `shifts` of step times.
+    """Maps p natural parameter values [SI] to p + `shifts` unbounded variables, and back.
 
-    Arrays of NumPy give such arrays. Leading axes are those of a batch.
+    The last `shifts` variables shift step times. NumPy arrays give NumPy arrays. Leading axes are
+    batch axes.
     """
 
     quantities: tuple[Quantity, ...]
@@ -65,25 +66,26 @@ class Coordinates(NamedTuple):
     shifts: int
 
     def to_free(self, values: N) -> N:
-        """Unbounded variables (*s, p + shifts) of natural values (*s, p); the shifts are 0."""
+        """Unbounded variables (*s, p + shifts) from natural values (*s, p); the shifts are 0."""
         of: Any = array_module(values)
         pairs = zip(self.quantities, self.scales, of.moveaxis(values, -1, 0), strict=True)
         z = of.stack([about.to_free(x, scale=size) for about, size, x in pairs], axis=-1)
         return of.concatenate([z, of.zeros((*values.shape[:-1], self.shifts))], axis=-1)
 
     def natural(self, z: Float[Array, " p"] | Sequence[Any]) -> list[Any]:
-        """Natural values of p unbounded variables, one by one."""
+        """List of the natural values of p unbounded variables."""
         pairs = zip(self.quantities, self.scales, z, strict=True)
         return [about.from_free(v, scale=size) for about, size, v in pairs]
 
     def from_free(self, z: N) -> N:
-        """Natural values (*s, p) of unbounded variables (*s, p + shifts)."""
+        """Natural values (*s, p) from unbounded variables (*s, p + shifts)."""
         of: Any = array_module(z)
-        with np.errstate(over="ignore"):  # an end of what is not determined may be infinite
+        with np.errstate(over="ignore"):  # interval ends of an undetermined parameter
             return of.stack(self.natural(self._columns(z)), axis=-1)
 
     def slopes(self, z: N) -> N:
-        """Derivative (*s, p) of every natural value by its own variable, z (*s, p + shifts)."""
+        """Derivative (*s, p) of every natural value with respect to its variable in z
+        (*s, p + shifts)."""
         pairs = zip(self.quantities, self.scales, self._columns(z), strict=True)
         of: Any = array_module(z)
         with np.errstate(over="ignore"):
@@ -94,18 +96,19 @@ class Coordinates(NamedTuple):
 
 
 class AbstractProblem(eqx.Module):
-    """A record and a model of it. `friction` is what is recorded: of an axis, its motor force."""
+    """A record and a model of it. `friction` is the fitted signal; for an axis, its motor force."""
 
     time: eqx.AbstractVar[Float[Array, " n"]]
     friction: eqx.AbstractVar[Float[Array, " n"]]
     weight: eqx.AbstractVar[Float[Array, " n"]]
     clock: eqx.AbstractVar[Float[Array, "n k"]]
-    """Clocks over which noise may be correlated, such as time [s] and path [m]."""
+    """Coordinates in which noise may be correlated, such as time [s] and path [m]."""
     noise_scale: eqx.AbstractVar[Float[Array, ""]]
     hold: eqx.AbstractVar[Float[Array, " s"]]
-    """Weights of the last parameters, shifts of step times in units of their errors."""
+    """Weights of the shifts of step times, in units of their errors. They are the last variables
+    of z, and each has a residual of its own."""
     channels: eqx.AbstractVar[tuple]
-    """Other recorded quantities that are fitted beside friction."""
+    """Further recorded quantities, fitted together with friction."""
     model: eqx.AbstractVar[ParametricModel]
 
     @property
@@ -115,15 +118,15 @@ class AbstractProblem(eqx.Module):
 
     @abc.abstractmethod
     def residual(self, z: Float[Array, " q"]) -> Float[Array, " r"]:
-        """(predicted - recorded)/noise_scale, 0 without weight; further channels and shifts."""
+        """(predicted - recorded)/noise_scale, 0 where weight is 0; then channels and shifts."""
 
     @abc.abstractmethod
     def possible(self, z: Float[Array, " q"] | np.ndarray) -> bool:
-        """Whether the whole friction is physically possible."""
+        """Whether the total friction is physically possible."""
 
     @abc.abstractmethod
     def plain(self) -> Self:
-        """A copy: residuals in units of `noise_scale`, as correlated as they are."""
+        """A copy with residuals in units of `noise_scale`, not whitened."""
 
     @abc.abstractmethod
     def heavier(self, factor: int) -> Self:
@@ -131,15 +134,15 @@ class AbstractProblem(eqx.Module):
 
     @abc.abstractmethod
     def late_steps(self) -> tuple[np.ndarray, np.ndarray]:
-        """Time [s] of the step of every shift, and by how much [m] the load point trails after it
-        where the shift is 1."""
+        """Step time [s] of every shift, and the displacement [m] by which a shift of 1 delays the
+        load point."""
 
     @abc.abstractmethod
     def begun(self, z: np.ndarray) -> np.ndarray:
-        """Where a fit begins that is to begin at `z`."""
+        """A safe start of a fit near `z`."""
 
     def on_host(self) -> Self:
-        """A copy with NumPy arrays: for a few numbers of it, of which nothing is compiled then."""
+        """A copy with NumPy arrays: a few numbers are then computed without a compilation."""
         known = isinstance(self.time, np.ndarray)
         return self if known else jax.tree.map(np.asarray, self)
 
@@ -149,20 +152,20 @@ class AbstractProblem(eqx.Module):
 
     @property
     def coordinates(self) -> "Coordinates":
-        """What leads from natural parameter values to unbounded variables, and back."""
+        """The map between natural parameter values and unbounded variables."""
         leaves = jax.tree.leaves(self)
         known = not any(isinstance(leaf, Tracer) for leaf in leaves)
-        sizes = self.on_host().sizes if known else self.sizes  # so nothing is compiled
+        sizes = self.on_host().sizes if known else self.sizes  # on_host: no compilation
         abouts = tuple(self.model.quantity(name) for name in self.model.names())
         scales = tuple(typical_size(about, sizes) for about in abouts)
         return Coordinates(abouts, scales, len(self.hold))
 
 
 def typical_size(about: Quantity, sizes: Sizes) -> Array:
-    """A typical size of an unbounded parameter of a record, from its unit."""
+    """Typical size of an unbounded parameter, from its unit and the sizes of the record."""
     if np.isfinite(about.lower) or np.isfinite(about.upper):
         return sizes.force**0
-    if about.unit == "s":  # a lag, not the length of the record
+    if about.unit == "s":  # times are lags, much shorter than the record
         return sizes.lag
     if about.unit == "F s^2/m":
         return sizes.force / sizes.velocity * _MASS_SHARE * sizes.duration

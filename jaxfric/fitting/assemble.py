@@ -34,11 +34,12 @@ from .uncertainty import (
 NEAR_EDGE = 2.0
 """K/K_cr below which steps of a usual size may leave the basin of steady sliding."""
 _OTHER, _ROWS = 1.5, 20
-"""Of a warning that steps contradict their record: what stands between what they say and it."""
+"""Steps contradict their record if stated and recorded speed differ by this factor, over at least
+so many rows."""
 
 
 def correlation_of(covariance: np.ndarray) -> np.ndarray:
-    """Correlations, shape (p, p); NaN for a parameter whose error is 0, or beyond all numbers."""
+    """Correlations, shape (p, p); NaN for a parameter whose error is 0 or not finite."""
     deviations = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     known = (deviations > 0) & np.isfinite(deviations)
     units = np.where(known, deviations, 1.0)
@@ -53,8 +54,8 @@ def assemble(
     *,
     profile: Callable[[str], None] | None,
 ) -> Fit:
-    """The `Fit` of a solution. `sign` is -1 where the record was mirrored for the fit; `profile`
-    reports every profile likelihood; None: there are none."""
+    """The `Fit` of a solution. `sign` is -1 if friction was negated for the fit. `profile` is the
+    progress callback of profile likelihoods; None: none are computed."""
     problem, solution, noise, glitches, written = solved
     assert isinstance(problem.model, Model)
     failed = solution.cost >= FAILED_MISFIT**2
@@ -95,7 +96,7 @@ def assemble(
 
 
 def _misfit(problem: Problem, solution: Solution, rows: int) -> np.ndarray:
-    """Predicted minus recorded friction at all rows, those that are passed over too."""
+    """Predicted minus recorded friction at all rows, excluded rows too."""
     every = (np.arange(len(problem.weight)) < rows).astype(float)
     plain = solution.residual
     if problem.noise is not None or not np.array_equal(problem.weight, every):
@@ -114,7 +115,7 @@ def _result_words(solution: Solution) -> str:
 def _refined(
     steps: VelocitySteps, problem: Problem, solution: Solution, spread: np.ndarray
 ) -> VelocitySteps:
-    """The steps with those times that were parameters as fitted."""
+    """The steps with fitted times where a step time was a parameter."""
     p = len(problem.model.names())
     index = np.asarray(problem.shifted)
     if len(index) == 0 or steps.time_errors is None:
@@ -137,7 +138,7 @@ def _estimates(
 ) -> tuple[dict[str, Estimate], np.ndarray]:
     """Estimates by name, and the covariance of the free parameters in SI.
 
-    `ended`: the search converged; `profiles` is told of every profile; None: there are none.
+    `ended`: the search converged. `profiles`: progress callback of profiles; None: no profiles.
     """
     z, names, unit = np.asarray(solution.z), problem.model.names(), record.friction_unit
     variance = np.diag(spread)
@@ -172,7 +173,7 @@ def _estimates(
 
 
 def noise_wanders(clock: Float[Array, "n k"], noise: Noise) -> bool:
-    """Whether most of the noise has the longest memory that is searched."""
+    """Whether most of the variance has a correlation length at the upper limit of the search."""
     longest = longest_memory(clock)
     slow = [part.share for part in noise.parts if np.asarray(part.rates) @ longest < 1 / 0.9]
     return bool(np.sum(slow) > 0.5)
@@ -181,7 +182,7 @@ def noise_wanders(clock: Float[Array, "n k"], noise: Noise) -> bool:
 def _plausible(
     record: Record, steps: VelocitySteps, sign: float, problem: Problem, values: np.ndarray
 ) -> list[bool]:
-    """Whether each free parameter has a value that a record of this size can show."""
+    """Whether each free parameter is within the bounds that this record can resolve."""
     noise, friction = float(problem.noise_scale), sign * record.friction
     forward = VelocitySteps(steps.times, np.abs(steps.velocities))
     within = []
@@ -192,7 +193,7 @@ def _plausible(
 
 
 def contradicted(record: Record, steps: VelocitySteps) -> list[str]:
-    """Warnings for the velocity steps whose stated speed is not that of the recorded load point."""
+    """Warning for the first velocity step whose stated speed differs from the recorded one."""
     time, motion = record.relative_time, record.load_point_displacement
     if motion is None:
         return []
@@ -214,7 +215,8 @@ def contradicted(record: Record, steps: VelocitySteps) -> list[str]:
 
 
 def _warn(fit: Fit, moved: list[tuple[int, float]], *, wanders: bool) -> Fit:
-    """The fit with what its user should know; `moved` are steps far from where they were found."""
+    """The fit with its warnings. `moved`: index and shift [standard errors] of steps whose fitted
+    time is far from the detected one."""
     said = [*contradicted(fit.record, fit.steps), *noise_words(fit.noise, fit.record)]
     if not fit.converged:
         said.append(f"the fit did not converge ({fit.result}): do not use its parameters")
@@ -246,7 +248,7 @@ def _warn(fit: Fit, moved: list[tuple[int, float]], *, wanders: bool) -> Fit:
 
 
 def edge_warnings(K: float, critical: float) -> list[str]:
-    """Warnings where the stiffness is below or near the critical one; none if that is 0 or less."""
+    """Warnings if K is below or near the critical stiffness; none if that is not positive."""
     if not critical > 0 or NEAR_EDGE * critical <= K:
         return []
     ratio = f"K/K_cr = {K / critical:.2f}"

@@ -1,8 +1,8 @@
 """Two fits of an axis: inverse dynamics (filtered least squares) and closed-loop output error.
 
-Inverse dynamics compares forces, motion given: quick, and biased where the motion is noisy.
-Output error simulates axis and controller from the reference alone and compares positions: a
-friction law that is wrong shows in how far the simulated position is from the measured one.
+Inverse dynamics compares forces for the measured motion. It is fast, but noise of the motion biases
+it. Output error simulates axis and controller from the reference alone and compares positions. A
+wrong friction law then appears as a position error.
 """
 
 import dataclasses
@@ -48,15 +48,15 @@ class AxisFit(Described, Tabular):
     """Root mean square of the residual [N, N m or %; m or rad]."""
     converged: bool
     loose: tuple[str, ...] = ()
-    """Parameters that the record does not fix: their uncertainty would take more than the largest
-    force, or more than their own value where they are positive."""
+    """Undetermined parameters: the standard error exceeds the largest force (signed parameters) or
+    the value itself (positive parameters)."""
 
 
 def inverse_dynamics(problem: AxisProblem, z: np.ndarray, free: np.ndarray) -> AxisFit:
-    """Ordinary least squares of the prepared force over the rows of the problem's weight.
+    """Ordinary least squares of the prepared force over the rows of non-zero weight.
 
-    The error is relative to the recorded force of these rows, as is usual. `free` are the indices
-    of the parameters that are fitted, from `z`.
+    `relative_error` refers to the recorded force of these rows, as usual in robotics. `free` holds
+    the indices of the fitted parameters, `z` their starting values and the fixed values.
     """
     found = _solve(lambda z, index: _force_error(problem, z, index), z, free)
     used = np.asarray(problem.weight) > 0
@@ -68,17 +68,17 @@ def inverse_dynamics(problem: AxisProblem, z: np.ndarray, free: np.ndarray) -> A
 def output_error(
     problem: AxisProblem, z: np.ndarray, free: np.ndarray, record: AxisRecord
 ) -> AxisFit | None:
-    """Fit of the simulated position by least squares; None without a controller or a mass.
+    """Fit the simulated position by least squares; None without a controller or a mass.
 
-    Every tenth sample is compared. The controller is the one of `closed_loop`, the disturbance of
-    the record is added to its force; lags and delays of the force are not simulated.
+    Every tenth sample is compared. The controller is that of `closed_loop`; the recorded
+    disturbance is added to its force. Lags and delays of the force are not simulated.
     """
     drive, reference = record.drive, record.reference_position
     if drive is None or reference is None or record.position is None:
         return None
     if drive.K_p is None or drive.K_d is None or drive.position_gain is None:
         return None
-    if not problem.rig(jnp.asarray(z)).mass > 0:  # a slow record does not fix it, and it underflows
+    if not problem.rig(jnp.asarray(z)).mass > 0:  # undetermined by a slow record: it underflows
         return None
     problem, kept = _moving_states(problem, free)
     z, free = z[kept], np.searchsorted(kept, free)
@@ -96,9 +96,9 @@ def output_error(
 
 
 def _moving_states(problem: AxisProblem, free: np.ndarray) -> tuple[AxisProblem, np.ndarray]:
-    """The problem without states of effects that are not fitted, and the parameters it keeps.
+    """The problem without unfitted effects that have states, and the indices of kept parameters.
 
-    At their null they do nothing, but a simulation would step them.
+    At their null these effects change nothing, but the simulation would integrate their states.
     """
     model, one = problem.model, jnp.ones(())
     plain = AxisRig(one, one, one, one, width=one)
@@ -121,8 +121,8 @@ class _Setting(NamedTuple):
 
 
 def _solve(both: Callable, z: np.ndarray, free: np.ndarray) -> Descent:
-    """Least squares over the parameters `free`, to a point of all of them; `both` returns the
-    residual and its Jacobian by a few of them, for it is compiled for one number."""
+    """Least squares over the parameters `free`; returns a point of all parameters. `both` returns
+    the residual and `_AT_ONCE` columns of the Jacobian: a fixed number is compiled only once."""
     z = np.array(z)
     beyond = (0, -len(free) % _AT_ONCE)
     parts = np.pad(free, beyond, constant_values=len(z)).reshape(-1, _AT_ONCE)
@@ -163,9 +163,9 @@ def _fit(
 
 @eqx.filter_jit
 def _force_error(problem: AxisProblem, z: Array, free: Array | np.ndarray) -> tuple[Array, Array]:
-    """Residual of the used rows (0 on the others) and its Jacobian by the parameters `free`.
+    """Residual of the used rows (0 elsewhere) and its Jacobian by the parameters `free`.
 
-    An index that does not exist gives a column of zeros.
+    An index out of range gives a column of zeros.
     """
 
     def error(y: Array) -> Array:
@@ -180,7 +180,7 @@ def _force_error(problem: AxisProblem, z: Array, free: Array | np.ndarray) -> tu
 def _position_error(
     problem: AxisProblem, setting: _Setting, z: Array, free: Array | np.ndarray
 ) -> tuple[Array, Array]:
-    """Simulated minus measured position at every tenth sample; its Jacobian as above."""
+    """Simulated minus measured position at every tenth sample, and its Jacobian."""
 
     def error(y: Array) -> Array:
         run = closed_loop(

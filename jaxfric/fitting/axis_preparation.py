@@ -1,16 +1,16 @@
 """Preparation of an axis record: filtered motion, fewer rows to compare.
 
-The position is low-passed without phase (Butterworth, 4th order, forwards and backwards) and
-differenced centrally. Where rows are long, 20 to 39 samples of this motion are kept for each: they
-hold what the low-pass lets through, and a force along all of them takes as much longer. Forces,
-recorded and predicted alike, are then taken to rows, by one of
+The position passes a zero-phase low-pass (Butterworth, 4th order, forwards and backwards) and
+central differences. If rows are long, 20 to 39 samples of the motion are kept per row. They hold
+the whole passband, and more samples would only cost time. Recorded and predicted forces are then
+reduced to rows in the same way, by one of
 
 - `Means`: means of consecutive samples. White noise stays white, so the loop uses these rows.
-- the low-pass of longer rows: magnitude 1/sqrt(1 + (f/f_N)^8) without phase, f_N half the rate of
-  the rows. Its power and what is folded on it from above f_N add to 1, to a twentieth, so that
-  white noise stays white, and little gets through of what the position's low-pass, at 2 f_N, takes.
-- `Decimator`: low-passed without phase (Chebyshev, 8th order, forwards and backwards) and sampled,
-  as is usual in robotics; published errors are of these rows.
+- the low-pass of longer rows: zero phase, magnitude 1/sqrt(1 + (f/f_N)^8), f_N half the row rate.
+  Passed and aliased power add up to 1 within 5 %, so that white noise stays white. It removes most
+  of the force at frequencies that the low-pass of the position, at 2 f_N, removes.
+- `Decimator`: zero-phase low-pass (Chebyshev, 8th order, forwards and backwards), then sampling,
+  as usual in robotics; published errors refer to these rows.
 """
 
 import abc
@@ -30,7 +30,7 @@ _BINS = 4000
 _CUTOFF_SHARE = 0.1
 _SLOW = 200.0
 _SLOW_CUTOFF_SHARE = 0.2
-_RIPPLE = 0.05
+_RIPPLE = 0.05  # with `_PASS`, the filter of scipy.signal.decimate
 _PASS = 0.8
 _EDGE = 0.2
 _UNEVEN = 0.01
@@ -43,8 +43,8 @@ _SAMPLES = 20
 class Preparation(NamedTuple):
     """How an axis record is filtered.
 
-    `cutoff` [Hz] of the Butterworth filter of the position; `decimation` keeps one row in so many;
-    `edge` [s] is left out at both ends, where zero-phase filters have only one side.
+    `cutoff` [Hz] of the Butterworth filter of the position; `decimation`: samples per row; `edge`
+    [s] is excluded at both ends, where a zero-phase filter sees samples on one side only.
     """
 
     cutoff: float
@@ -53,13 +53,12 @@ class Preparation(NamedTuple):
 
 
 def usual(interval: float, cutoff: float | None = None) -> Preparation:
-    """A tenth of the sampling rate for cutoff and rows (100 Hz and 10 of 1 kHz); records slower
-    than 200 Hz keep all rows, with a cutoff of a fifth.
+    """Default preparation: cutoff at a tenth of the sampling rate, ten samples per row.
 
-    A `cutoff` [Hz] that is given is that of the same rows down to a half of the usual one, where
-    what it takes away of the motion is still less than short rows are worth. Below, one row lasts
-    1/cutoff (of a fast record), and forces, recorded and predicted, are low-passed at half of it:
-    what the position's low-pass takes is little in them at any cutoff.
+    Records slower than 200 Hz keep all rows, with a cutoff at a fifth of the rate. A given
+    `cutoff` [Hz] above half the default keeps the length of rows: short rows are worth more than
+    the motion that it removes. Below, a row lasts 1/cutoff (fast records), and all forces are
+    low-passed at half the cutoff, so that they hold little that the motion lacks.
     """
     rate = 1 / interval
     share, rows = _CUTOFF_SHARE, round(1 / _CUTOFF_SHARE)
@@ -75,18 +74,18 @@ def usual(interval: float, cutoff: float | None = None) -> Preparation:
 
 
 def _thinned(every: int) -> int:
-    """One of how many samples of the motion is kept, where rows have `every`: a divisor of it."""
+    """Thinning factor of the motion for rows of `every` samples: a divisor of `every`."""
     return next(k for k in range(max(every // _SAMPLES, 1), 0, -1) if every % k == 0)
 
 
 class AbstractSampler(eqx.Module):
-    """Takes a signal along the motion to fewer rows."""
+    """Reduces a signal along the motion to fewer rows."""
 
     every: eqx.AbstractVar[int]
 
     @abc.abstractmethod
     def __call__(self, signal: Float[Array, " N"]) -> Float[Array, " n"]:
-        """One row for `every` samples."""
+        """One row per `every` samples."""
 
 
 class Means(AbstractSampler):
@@ -96,7 +95,7 @@ class Means(AbstractSampler):
 
     @eqx.filter_jit
     def __call__(self, signal: Float[Array, " N"]) -> Float[Array, " n"]:
-        """The row of samples k..k+every-1 stands at their middle."""
+        """The row of samples k..k+every-1 belongs to the time of their middle."""
         return jnp.mean(signal.reshape(-1, self.every), axis=1)
 
 
@@ -104,15 +103,15 @@ class Decimator(AbstractSampler):
     """Low-pass, then every n-th sample."""
 
     gain: Num[Array, " f"]
-    """Gain of the filter at the frequencies of the extended signal; complex where rows stand
-    elsewhere than at a sample."""
+    """Gain of the filter at the frequencies of the extended signal; its phase shifts the rows if
+    they lie between samples."""
     margin: int = eqx.field(static=True)
     after: int = eqx.field(static=True)
     every: int = eqx.field(static=True)
 
     @eqx.filter_jit
     def __call__(self, signal: Float[Array, " N"]) -> Float[Array, " n"]:
-        """The row of sample k is at that sample, or where the phase of `gain` puts it."""
+        """The row of sample k is at that sample, shifted by the phase of `gain`."""
         m, more = self.margin, self.after
         before = 2 * signal[0] - signal[m:0:-1]
         after = 2 * signal[-1] - signal[-2 : -more - 2 : -1]
@@ -129,9 +128,8 @@ def shifted(
     lead: Float[Array, ""],
     late: Float[Array, ""],
 ) -> Float[Array, " N"]:
-    """signal + lag signal', advanced by `lead`, lagging by `late`; to second order in the times.
-
-    Differences telescope in `Means`, so a jump of the signal does no harm.
+    """signal + lag signal', advanced by `lead`, delayed by `late` (first-order lag); to second
+    order in the times. Differences telescope in `Means`, so a jump of the signal does no harm.
     """
     slope = jnp.asarray(jnp.gradient(signal)) / interval
     bend = jnp.asarray(jnp.gradient(slope)) / interval
@@ -140,17 +138,17 @@ def shifted(
 
 
 class Prepared(NamedTuple):
-    """A prepared record; `rows` of its rows are real, the others padding."""
+    """A prepared record; the first `rows` rows are data, the others padding."""
 
     motion: MeasuredMotion
     means: Means
     forces: AbstractSampler
-    """Filters forces and takes them to the rows of the loop, at the times of those of `means`."""
+    """Filters forces and reduces them to the rows of the loop, at the times of `means`."""
     usual: Decimator
     interval: float
     """Time between samples of the record [s]."""
     step: float
-    """Time between those of the motion [s]."""
+    """Time between samples of the motion [s]."""
     time: np.ndarray
     """Times of the rows (n), from 0 [s]."""
     force: np.ndarray
@@ -159,32 +157,32 @@ class Prepared(NamedTuple):
     """Recorded force at the rows, filtered by `usual` (n)."""
     rows: int
     inside: np.ndarray
-    """Rows that are not at an end."""
+    """Rows outside the excluded edges."""
     white: float
-    """Standard deviation of the white error of the recorded motion, from what the usual filter
-    takes away: of the position, or of the velocity where there is no position."""
+    """Standard deviation of the white error of the recorded position, or velocity if there is no
+    position; from the part that the default filter removes."""
     of_position: bool
     taken: np.ndarray
-    """rms of the motion that the low-pass took away at each row (n)."""
+    """rms of the part of the motion that the low-pass removed, at each row (n)."""
     floor: float
-    """The error of one sample of the recorded motion, from its fourth differences, and no less than
-    that of rounding: what a low-pass may take away without taking motion."""
+    """Error of one sample of the recorded motion, from its fourth differences; at least the
+    rounding error. A low-pass that removes no more than this removes no motion."""
     preparation: Preparation
 
     @property
     def velocity_noise(self) -> float:
-        """Standard deviation of the error of the velocity within the filter."""
+        """Standard deviation of the velocity error within the passband."""
         cutoff = self.preparation.cutoff
-        share = 2 * cutoff * self.interval  # of the band that the filter keeps
+        share = 2 * cutoff * self.interval  # of the Nyquist band
         if not self.of_position:
             return self.white * np.sqrt(share)
         return self.white * 2 * np.pi * cutoff * np.sqrt(share / 3)
 
 
 def acceleration_noise(prepared: Prepared) -> float:
-    """Standard deviation of the error of a row's acceleration, by the motion's white error.
+    """Standard deviation of the error of a row's acceleration, from the motion's white error.
 
-    White noise through the low-pass (both ways), the central differences and that of a row.
+    White noise passes the low-pass (both ways), the central differences and the row filter.
     """
     h, every = prepared.interval, prepared.preparation.decimation
     f = np.linspace(0, 0.5 / h, _BINS + 1)[1:]
@@ -206,15 +204,15 @@ def prepare(
     preparation: Preparation | None = None,
     held: bool = False,
 ) -> Prepared:
-    """Filter and pad a record; all SI, time from 0, one of position and velocity may be missing.
+    """Filter and pad a record; all SI. Position or velocity may be missing.
 
-    Uneven sampling is interpolated to its median interval. A force that is `held` from sample to
-    sample acts half a sample late: `force` is then of the mean of every two neighbours.
+    Uneven sampling is interpolated to its median interval. With a zero-order hold (`held`) the
+    force acts half a sample late: `force` is then the mean of two neighbouring samples.
 
     Raises
     ------
-    InputError : a cutoff not between 0 and half the sampling rate, or so low that few rows are
-        left; a record shorter than its edges.
+    InputError : a cutoff outside 0 to half the sampling rate, or so low that too few rows remain;
+        a record shorter than its edges.
     """
     count = len(time)
     time, position, velocity, recorded = _even(time, position, velocity, force)
@@ -255,7 +253,8 @@ def prepare(
 
 
 def _refuse_unusable(chosen: Preparation, time: np.ndarray, interval: float, count: int) -> None:
-    """`time` is even, of a record of `count` rows."""
+    """Raise `InputError` for an unusable cutoff or record. `time` is on the even grid; `count` is
+    the number of rows before interpolation."""
     if not 0 < chosen.cutoff * 2 * interval < 1:
         raise InputError(
             f"cutoff {chosen.cutoff:g} Hz: choose one above 0 and below half the sampling rate,"
@@ -277,14 +276,15 @@ def _refuse_unusable(chosen: Preparation, time: np.ndarray, interval: float, cou
 
 
 def _low_pass(raw: np.ndarray, cutoff: float, interval: float) -> np.ndarray:
-    """Butterworth low-pass, run forwards and backwards so that it shifts no phase."""
+    """Butterworth low-pass, forwards and backwards for zero phase."""
     from scipy import signal
 
     return signal.sosfiltfilt(signal.butter(_ORDER, cutoff * 2 * interval, output="sos"), raw)
 
 
 def _white(raw: np.ndarray, smooth: np.ndarray, chosen: Preparation, interval: float) -> float:
-    """The scatter of what the usual low-pass takes away: a lower one takes motion too."""
+    """White error of the motion, from the part that the default low-pass removes. A lower cutoff
+    would remove motion too."""
     above, edge = usual(interval).cutoff, round(chosen.edge / interval)
     least = smooth if above == chosen.cutoff else _low_pass(raw, above, interval)
     scatter = float(np.std((raw - least)[edge : len(raw) - edge]))
@@ -299,10 +299,8 @@ def _motion(
     *,
     of_position: bool,
 ) -> MeasuredMotion:
-    """Motion from a smooth position or velocity, at the samples that are `kept`.
-
-    `more` samples at rest are added at the ends before.
-    """
+    """Motion from a smooth position or velocity, padded by `more` samples at rest at the ends,
+    then thinned to the samples `kept`."""
     if of_position:
         q, v = smooth, np.gradient(smooth, interval)
     else:
@@ -319,6 +317,7 @@ def _motion(
 
 
 def _floor(raw: np.ndarray) -> float:
+    # 70 is the sum of squares of the fourth difference's coefficients, 1 4 6 4 1
     levels = np.diff(np.unique(raw))
     rounded = float(np.median(levels)) if 2 * len(levels) < len(raw) else 0.0
     return max(float(np.std(np.diff(raw, 4))) / np.sqrt(70), rounded / np.sqrt(12))
@@ -327,7 +326,7 @@ def _floor(raw: np.ndarray) -> float:
 def _even(
     time: np.ndarray, position: np.ndarray | None, velocity: np.ndarray | None, force: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray | None, np.ndarray | None, np.ndarray]:
-    """The record on an even grid of its median interval, from time 0."""
+    """The record on an even grid with its median interval, from time 0."""
     time = time - time[0]
     steps = np.diff(time)
     interval = float(np.median(steps))
@@ -344,11 +343,11 @@ def _of_rows(f: np.ndarray, interval: float, every: int) -> np.ndarray:
 
 
 _Samplers: TypeAlias = tuple[AbstractSampler, Decimator]
-"""Of a loop's rows, and as published."""
+"""The sampler for the rows of the loop, and that for the rows of published errors."""
 
 
 def _samplers(size: int, interval: float, every: int, thin: int) -> tuple[_Samplers, _Samplers]:
-    """Those of a force along the motion, and of a recorded one."""
+    """Samplers of a force computed along the (thinned) motion, and of a recorded force."""
     begin, middle = thin // 2 * interval, 0.5 * (every - thin) * interval
     along = _decimators(size // thin, thin * interval, every // thin, middle)
     if every <= usual(interval).decimation:
@@ -359,8 +358,8 @@ def _samplers(size: int, interval: float, every: int, thin: int) -> tuple[_Sampl
 def _decimators(
     size: int, interval: float, every: int, middle: float, begin: float = 0.0
 ) -> tuple[Decimator, Decimator]:
-    """Decimators for a loop's rows and as published, which stand `begin` after every so many
-    samples [s], those of a loop `middle` later."""
+    """Decimators for the rows of the loop and of published errors. Published rows lie `begin` [s]
+    after every `every`-th sample, rows of the loop `middle` [s] later."""
     from scipy import signal
     from scipy.fft import next_fast_len
 

@@ -1,7 +1,7 @@
 """The least-squares problem of an axis record by inverse dynamics: motor force from motion.
 
-Residual of every decimated row: (predicted - recorded force)/noise scale. It has the face that
-`jaxfric.loop` fits: parameters in one vector of unbounded variables, rows with weights.
+Residual of every decimated row: (predicted - recorded force)/noise scale. `jaxfric.loop` fits it
+through the interface `AbstractProblem`: one vector of unbounded variables, rows with weights.
 """
 
 from collections.abc import Sequence
@@ -19,16 +19,16 @@ from .axis_preparation import AbstractSampler, Prepared, shifted
 from .encompassing import EncompassingModel
 
 SLOWEST = 0.02
-"""Quantile of the speeds of the rows that count which is the slowest speed that a record tells of,
-and share of the largest one below which no friction is asked for."""
+"""Quantile of the speeds of the used rows: the slowest speed that the record resolves. Also the
+share of the largest speed below which friction is not checked."""
 _SPEEDS = 12
 NEGLIGIBLE = 0.02
-"""Share of a force below which a friction that drives, or a difference, is taken for zero; of the
-way forth below which that back is none."""
+"""Share of the force below which a negative friction, or a difference, counts as zero; share of the
+forward travel below which the backward travel counts as none."""
 _LAG = 1e-2
 _SHARES = (1e-3, 0.1)
-"""Shares of the force that a mass takes at its largest acceleration: it is lost below the first,
-and begun with the second."""
+"""Inertial force at the largest acceleration, as a share of the typical force. A fit that starts
+with a mass below the first share starts at the second instead."""
 
 
 class AxisProblem(AbstractProblem):
@@ -36,10 +36,10 @@ class AxisProblem(AbstractProblem):
 
     time: Float[Array, " n"]
     friction: Float[Array, " n"]
-    """Recorded motor force; the name is that of `jaxfric.fitting.Problem`."""
+    """Recorded motor force, named as in `jaxfric.fitting.Problem`."""
     weight: Float[Array, " n"]
     clock: Float[Array, "n 1"]
-    """Clocks over which noise may be correlated: time [s]."""
+    """Coordinate in which noise may be correlated: time [s]."""
     motion: MeasuredMotion
     sampler: AbstractSampler
     interval: Float[Array, ""]
@@ -57,16 +57,16 @@ class AxisProblem(AbstractProblem):
         return self.typical
 
     def rig(self, z: Float[Array, " p"] | Sequence[Array]) -> AxisRig:
-        """The axis with the parameters `z`, an array or one by one."""
+        """The axis with the parameters `z`, an array or a sequence of scalars."""
         values = self.coordinates.natural(list(z))
         n = len(self.model.base.names())
         rig = AxisRig(*values[:n], width=self.width, reach=self.reach)
         return self.model.embed(rig, values[n:])
 
     def possible(self, z: Float[Array, " p"] | np.ndarray) -> bool:
-        """Whether friction takes energy, as far as the record moves: F_c and (F(v) - F(-v))/2.
+        """Whether friction dissipates at the recorded speeds: F_c and (F(v) - F(-v))/2 >= 0.
 
-        Less than a fiftieth of the force below zero is taken for zero.
+        Negative values count as zero within `NEGLIGIBLE` of the force.
         """
         rig, at = self.rig(jnp.asarray(z)), jnp.mean(self.motion.position)
         v = self.typical.velocity * jnp.geomspace(SLOWEST, 1.0, _SPEEDS)
@@ -74,7 +74,7 @@ class AxisProblem(AbstractProblem):
         return bool(least >= -NEGLIGIBLE * self.sizes.force)
 
     def plain(self) -> "AxisProblem":
-        """Itself: its residuals are in units of `noise_scale`, as correlated as they are."""
+        """Itself: its residuals are in units of `noise_scale`, not whitened."""
         return self
 
     def heavier(self, factor: int) -> "AxisProblem":
@@ -82,14 +82,14 @@ class AxisProblem(AbstractProblem):
         return self
 
     def late_steps(self) -> tuple[np.ndarray, np.ndarray]:
-        """None: an axis follows a reference, without steps of its own."""
+        """Empty: an axis has no step times to fit."""
         return np.zeros(0), np.zeros(0)
 
     def begun(self, z: np.ndarray) -> np.ndarray:
-        """`z`, with a mass that counts.
+        """`z` with a mass that is not negligible.
 
-        A base that lacks a spring or a weight wants a mass below zero and loses the one it has;
-        force no longer depends on its logarithm then, and no effect would bring it back.
+        A base model that lacks a spring or gravity drives the mass towards zero. There the force
+        does not depend on the logarithm of the mass, so a later fit could not recover it.
         """
         z, i = np.array(z), self.model.names().index("M")
         about = self.on_host()
@@ -99,8 +99,8 @@ class AxisProblem(AbstractProblem):
         return z
 
     def predict(self, z: Float[Array, " p"] | Sequence[Array]) -> Float[Array, " n"]:
-        """Motor force at the decimated rows. A derivative by one of the parameters is cheaper where
-        they come one by one: it leaves out what the others do."""
+        """Motor force at the decimated rows. A derivative by one parameter is cheaper if `z` is a
+        sequence of scalars: JAX then skips the other parameters."""
         rig = self.rig(z)
         force = shifted(
             rig.force(self.motion), self.interval, lag=rig.lag, lead=rig.delay, late=rig.late
@@ -121,7 +121,7 @@ def make_problem(
     width: float,
     noise_scale: float,
 ) -> AxisProblem:
-    """A problem whose rows have the given weights (0 or 1)."""
+    """The problem of a prepared record with the given weights of rows (0 or 1)."""
     motion, used = prepared.motion, weight > 0
     v = np.asarray(prepared.means(motion.velocity))[used]
     sizes = Sizes(
@@ -159,7 +159,7 @@ def make_problem(
 def shape_columns(
     problem: AxisProblem, zs: Float[Array, "c p"], amplitudes: tuple[int, ...]
 ) -> Float[Array, "n k"]:
-    """Derivatives of the prediction by some amplitudes, at every row of `zs`, in noise units."""
+    """Derivatives of the prediction by some amplitudes, for every point in `zs`, in noise units."""
 
     def one(z):
         def push(i):

@@ -1,13 +1,12 @@
-"""What follows from the parameters of a fit, with its error: A-B, the critical stiffness.
+"""Quantities derived from a fit, with errors: A-B and the critical stiffness.
 
-A less the sum of all B (a - b) is how steady friction changes with the logarithm of velocity. It is
-linear in the parameters, so its variance is w^T C w with C the covariance of the fit and w = 1 for
-A, -1 for every B: errors of A and B that go together cancel.
+A minus the sum of all B (a - b) is the slope of steady friction over ln V. It is linear in the
+parameters: its variance is w^T C w, with C the covariance of the fit and w = 1 for A, -1 for every
+B. Correlated errors of A and B cancel.
 
-The critical stiffness, (B - A)/L for one state, is not linear. Its interval is from samples of the
-covariance: parameters that are positive (A, L) are drawn by their logarithms, as their own
-intervals are, and 2.5 and 97.5 % of the critical stiffnesses lie outside its ends. Neither is
-profiled.
+The critical stiffness, (B - A)/L for one state, is not linear. Its 95 % interval lies between the
+2.5 and 97.5 percentiles of samples from the covariance. Positive parameters (A, L) are sampled in
+their logarithms, like their own intervals. Neither interval is profiled.
 """
 
 import dataclasses
@@ -29,11 +28,11 @@ from .problem import Model, quantity_of
 from .uncertainty import ENDS, QUANTILE
 
 SAMPLES = 4096
-"""Samples behind an interval: its ends are then right to a few per cent of a standard deviation."""
+"""Samples for an interval: its ends are exact to a few per cent of a standard deviation."""
 
 
 class Estimated(Protocol):
-    """What has estimates with a covariance: a `Fit`, or a model of a loop."""
+    """A result that has estimates with a covariance: a `Fit`, or a model of a loop."""
 
     @property
     def parameters(self) -> Mapping[str, Estimate]: ...
@@ -44,19 +43,19 @@ class Estimated(Protocol):
 
 
 def amplitudes(fit: Estimated) -> list[str]:
-    """Names of A and of all B, of effects too ("second_state.B2"); none without an A."""
+    """Names of A and all B, also those of effects ("second_state.B2"); empty without an A."""
     letters = {n: n.rpartition(".")[2].rstrip("0123456789") for n in fit.parameters}
     names = [n for n, letter in letters.items() if letter in ("A", "B")]
     return names if any(letters[n] == "A" for n in names) else []
 
 
 def signs(fit: Estimated) -> dict[str, int]:
-    """+1 of A and -1 of every B, by name."""
+    """+1 for A and -1 for every B, by name."""
     return {n: (1 if n.rpartition(".")[2] == "A" else -1) for n in amplitudes(fit)}
 
 
 def difference(fit: Estimated) -> tuple[float, float]:
-    """A less the sum of all B, the rate dependence of steady friction, and its standard error."""
+    """A minus the sum of all B, the rate dependence of steady friction, and its standard error."""
     sign = signs(fit)
     value = sum(fit.parameters[n].value * sign[n] for n in sign)
     weight = np.array([sign.get(n, 0) for n in fit.free], float)
@@ -64,12 +63,11 @@ def difference(fit: Estimated) -> tuple[float, float]:
 
 
 def rate_dependence(fit: Estimated, span: float = 0.0) -> Estimate:
-    """A less all B as an `Estimate`, in the unit of friction; its interval is 1.96 errors wide
-    on either side.
+    """A minus all B as an `Estimate`, in the unit of friction; its interval is +-1.96 errors.
 
-    It is determined where A and all B are, or where half its interval is less than the `span` of
-    friction that the record covers: levels before and after a step can fix A-B where the peak
-    between them is not resolved.
+    It is determined if A and all B are, or if half its interval is less than the `span` of friction
+    in the record. Steady levels before and after a step can fix A-B even if the peak between them
+    is not resolved.
     """
     names = amplitudes(fit)
     value, std = difference(fit)
@@ -87,13 +85,13 @@ def rate_dependence(fit: Estimated, span: float = 0.0) -> Estimate:
 
 
 def critical_stiffness_of(law: AbstractRateState) -> float:
-    """Critical stiffness without mass and damping [friction/m]: (25) of a `RateState`, of another
-    law that of (18)-(20) at V0."""
+    """Critical stiffness without mass and damping [friction/m]: equation (25) of the theory for a
+    `RateState`, (18)-(20) at V0 for another law."""
     return float(_critical(law))
 
 
 def critical_stiffness_at(model: Model, values: Mapping[str, float]) -> float:
-    """Critical stiffness of the law of a model with natural (SI) values by name [friction/m]."""
+    """Critical stiffness of a model [friction/m] with natural (SI) parameter values by name."""
     if model.states == 1 and evolution_of(model.law) is not None:  # nothing to compile
         return float((values["B"] - values["A"]) / values["L"])
     own = np.asarray([values[name] for name in model.names()])
@@ -124,7 +122,7 @@ def _critical_of_samples(
 
 
 def samples_of(fit: Estimated, names: tuple[str, ...], number: int = SAMPLES) -> np.ndarray:
-    """Samples (number, p) of the parameters `names`; those that are not free keep their values."""
+    """Samples (number, p) of the parameters `names`; fixed parameters keep their values."""
     values = np.array([fit.parameters[n].value for n in names])
     drawn = np.tile(values, (number, 1))
     free = [n for n in names if n in fit.free]
@@ -139,18 +137,18 @@ def samples_of(fit: Estimated, names: tuple[str, ...], number: int = SAMPLES) ->
 
 @dataclasses.dataclass(frozen=True)
 class Critical:
-    """The critical stiffness of a fit, and the stiffness in units of it. SI."""
+    """The critical stiffness of a fit, and the ratio of the stiffness to it. SI."""
 
     stiffness: Estimate
-    """K_cr [friction/m]; 0 or less: steady sliding is stable at any stiffness."""
+    """K_cr [friction/m]; if 0 or less, steady sliding is stable at any stiffness."""
     ratio: Estimate
-    """K/K_cr, K with its error where it was fitted; inf where K_cr is 0 or less."""
+    """K/K_cr, including the error of a fitted K; inf if K_cr is 0 or less."""
 
 
 def critical_of(fit: Estimated, model: Model, value: float, *, known: bool) -> Critical:
-    """Intervals about the critical stiffness `value` of a fit of `model`.
+    """The critical stiffness `value` of a fit of `model`, with intervals.
 
-    `known` is whether all parameters that it takes are determined; where not, nor are these.
+    `known`: all parameters in it are determined; otherwise the results are undetermined too.
     """
     K, V0 = fit.parameters["K"], fit.parameters["V0"].value
     unit, ratio = K.unit, K.value / value if value > 0 else np.inf
@@ -169,7 +167,7 @@ def critical_of(fit: Estimated, model: Model, value: float, *, known: bool) -> C
 
 
 def _spread(samples: np.ndarray, value: float, unit: str) -> Estimate:
-    """About `value`, the ends between which 95 % of the samples lie; std inf where some are."""
+    """`value` with the interval that holds 95 % of the samples; std is inf if a sample is."""
     lower, upper = np.percentile(samples, ENDS, method="nearest")
     std = float(np.std(samples)) if np.all(np.isfinite(samples)) else np.inf
     return Estimate(value, std, float(lower), float(upper), unit)

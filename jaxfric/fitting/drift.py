@@ -1,10 +1,10 @@
-"""Whether friction drifts before a velocity step as the fitted model says.
+"""Test for a drift of friction before the first velocity step that the fitted model lacks.
 
-Before the first step the slider slides steadily and friction of the model changes by its slip trend
-alone, by nothing where it has none. The rows there are cut into eight blocks of as many rows, and a
-line through the means of their residuals over the load point is the drift that the model lacks. Its
-error is that of the scatter of the means about the line, so that noise that is alike within a block
-counts as it should; p is by Student's t with six degrees of freedom.
+Before the first step sliding is steady, so friction of the model changes by its slip trend alone.
+The rows are cut into eight blocks of equal size. A line through the block means of the residual
+over load-point displacement gives the missing drift. Its error follows from the scatter of the
+means about the line, which accounts for noise correlated within a block. The p-value is that of
+Student's t with six degrees of freedom.
 """
 
 import math
@@ -19,24 +19,23 @@ from .result import Fit
 _BLOCKS = 8
 _FEWEST_ROWS = 5 * _BLOCKS
 _RARE, _CONTRADICTED = 1e-3, 1e-2
-"""Chance that a fit without drift is told to have one; that one with the right trend is told to
-have a wrong one."""
+"""Significance levels: of a drift if the model has no slip trend; of a wrong slip trend."""
 
 
 class Drift(NamedTuple):
-    """What friction changes by over the rows before the first step, less what the model says."""
+    """Recorded minus modelled change of friction with load-point displacement before the step."""
 
     slope: float
     """[F/m]."""
     error: float
     p: float
     shift: float
-    """By how much A-B is off if it goes on after the step [F]."""
+    """Error of A-B if the drift continues after the step [F]."""
 
 
 def drift_before(fit: Fit) -> Drift | None:
-    """The drift that a fit lacks before its first velocity step; None where there are too few rows,
-    no step, no motion before it."""
+    """The drift that a fit lacks before its first velocity step; None if there are too few rows, no
+    step, or no motion before it."""
     times, velocities = fit.steps.times, fit.steps.velocities
     moving = velocities[velocities != 0]
     if len(times) < 2 or velocities[0] == 0 or len(moving) < 2:
@@ -60,14 +59,14 @@ def drift_before(fit: Fit) -> Drift | None:
 
 
 def chance(slope: float, error: float, freedom: int) -> float:
-    """The probability that a line without slope is as steep by chance: Student's t, both sides."""
+    """p-value of a slope under the hypothesis of no slope: Student's t, two-sided."""
     from scipy.special import stdtr
 
     return 2 * float(stdtr(freedom, -abs(slope) / error)) if error > 0 else 1.0
 
 
 def told_drift(fit: Fit) -> Drift | None:
-    """The drift of a fit that is beyond chance, and as large as the error of A-B."""
+    """The drift of a fit if it is significant and shifts A-B by more than its error; else None."""
     found = drift_before(fit) if fit.converged else None
     most = _CONTRADICTED if fit.model.slip_trend else _RARE
     if found is None or found.p >= most or not found.shift > fit.A_minus_B.std:
@@ -76,13 +75,13 @@ def told_drift(fit: Fit) -> Drift | None:
 
 
 def is_contradicted(fit: Fit) -> bool:
-    """Whether a fit has a slip trend that the rows before its step do not have."""
+    """Whether the rows before the step contradict the fitted slip trend."""
     return fit.model.slip_trend and told_drift(fit) is not None
 
 
 def drift_warning(fit: Fit) -> tuple[str, ...]:
-    """That friction drifts before the step as the model does not, where that is beyond chance and
-    as large as the error of A-B."""
+    """Warning about a drift before the step that the model lacks; empty if it is not significant or
+    shifts A-B by less than its error."""
     found = told_drift(fit)
     if found is None:
         return ()

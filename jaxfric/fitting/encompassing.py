@@ -1,7 +1,7 @@
-"""The encompassing model of all candidates: a base fit with every effect in it at its null.
+"""The encompassing model of all candidates: a base model that contains every effect at its null.
 
-One compilation of its residual and Jacobian serves every candidate: a candidate is a choice of
-which parameters are free.
+One compilation of its residual and Jacobian serves every candidate, because a candidate only
+chooses which parameters are free.
 """
 
 import math
@@ -25,14 +25,14 @@ class EncompassingModel(NamedTuple):
     base: ParametricModel
     effects: tuple[type[AbstractEffect], ...]
     lighter: tuple[str, ...] = ()
-    """Ids of heavy effects that are taken to first order: only where they are at their null."""
+    """Ids of heavy effects that are expanded to first order; valid only at their null."""
 
     def names(self) -> tuple[str, ...]:
         """The base's names, then those of the effects in order."""
         return (*self.base.names(), *(name for e in self.effects for name in names_of(e)))
 
     def quantity(self, name: str) -> Quantity:
-        """The quantity behind a name."""
+        """The quantity of a parameter name."""
         if "." not in name:
             return self.base.quantity(name)
         effect, field = name.split(".")
@@ -70,7 +70,7 @@ class EncompassingModel(NamedTuple):
         return [i for i, name in enumerate(self.names()) if name in wanted]
 
     def amplitudes(self, id: str) -> list[int]:
-        """Indices of the amplitudes of one effect: those of its parameters without bounds."""
+        """Indices of the amplitudes of one effect: its parameters without a lower bound."""
         return [
             i
             for i in self.columns((id,))

@@ -1,4 +1,4 @@
-"""One parameter as it was estimated."""
+"""The estimate of one parameter."""
 
 from dataclasses import dataclass
 
@@ -7,9 +7,9 @@ from dataclasses import dataclass
 class Estimate:
     """One parameter in SI: value, standard deviation, 95 % interval.
 
-    `free` is False for a parameter that was given, whose std is 0. `determined` is False where
-    the record does not fix a free one: value, std and interval then mean nothing.
-    `profiled` tells an interval from the profile likelihood from one from the covariance.
+    `free` is False for a given parameter; its std is 0. `determined` is False if the record does
+    not fix a free parameter: value, std and interval then mean nothing.
+    `profiled` is True if the interval is from the profile likelihood, else it is from covariance.
     """
 
     value: float

@@ -1,4 +1,4 @@
-"""What a fit claims, and the rows of the record that each claim rests on."""
+"""Claims of a fit, each with the rows of the record that support it."""
 
 from collections.abc import Mapping
 from enum import StrEnum
@@ -16,14 +16,14 @@ class FitCode(StrEnum):
     """Codes of the findings of a fit."""
 
     STABILITY = "stability"
-    """What A-B means for the motion; values: kind ("free" or "critical"), A_minus_B, std."""
+    """Stability that follows from A-B; values: kind ("free" or "critical"), A_minus_B, std."""
 
 
 def stability_finding(
     claim: Claim, fit: Estimated, solved: Solved | None, rows: int
 ) -> tuple[Finding, ...]:
-    """The claim on stability, where there is one, with the few of the `rows` of the record without
-    which A-B is not told from 0 by two of its errors."""
+    """The finding of a stability `claim`; empty if the claim is open. It rests on the few of the
+    `rows` rows without which A-B differs from 0 by less than two of its errors."""
     if claim.kind == "open" or solved is None:
         return ()
     value, std = difference(fit)
@@ -33,15 +33,15 @@ def stability_finding(
 
 
 def _telling(solved: Solved, weights: Mapping[str, int], ratio: float) -> np.ndarray:
-    """Rows that tell A-B, `ratio` errors from 0, from 0.
+    """Mask of the rows that distinguish A-B from 0; `ratio` is A-B over its standard error.
 
-    To first order the best fit with A-B of 0 differs by d = J C w (w C w)^-1 (A-B), C = (J^T J)^-1,
-    A-B = w z. Its size is set to that of A-B in errors, which count the noise as it is.
+    To first order the best fit with A-B = 0 differs by d = J C w (w C w)^-1 (A-B), C = (J^T J)^-1,
+    A-B = w z. d is scaled to the norm `ratio`, because the error of A-B includes correlated noise.
     """
     problem, solution = solved.problem, solved.solution
     _, jacobian = data_part(problem, solution)
     w = solved.gradient(weights)
     away = jacobian @ normal_inverse(solution.jacobian) @ w
     away *= ratio / np.linalg.norm(away)
-    without = np.linalg.svd(w[None])[2][1:].T  # directions that leave A-B as it is
+    without = np.linalg.svd(w[None])[2][1:].T  # directions of constant A-B
     return deciding_rows(away, jacobian @ without, np.asarray(problem.weight) > 0, SURE**2)

@@ -1,9 +1,9 @@
 """`fit(record, stiffness=...)`: rate-and-state parameters of a velocity-step record.
 
-Weights: "ordinary" least squares minimises the plain sum of squares, as published fits do;
-"whitened" weighs by the estimated noise, which is more precise where noise is correlated. Errors
-are honest in both. Found step times whose errors are felt above the noise are refined with the
-rest. Fitted means over rows (`rows`) take time in proportion; errors are those of their noise.
+Weights: "ordinary" least squares minimises the plain sum of squares, as published fits do.
+"whitened" weights by the estimated noise, which is more precise if noise is correlated. Errors of
+both account for correlated noise. Detected step times are fitted too if their errors exceed the
+noise. With `rows` the record is averaged; time falls in proportion, errors use the new noise.
 """
 
 import dataclasses
@@ -56,8 +56,8 @@ from .uncertainty import data_part, fair_hold
 
 WEIGHTINGS = ("ordinary", "whitened")
 _MAX_STATES = 3
-_BLUR = 0.5
-_DESCENTS = 3  # one after the other, until one converges
+_BLUR = 0.5  # flattening of the peaks that warns, in units of the noise
+_DESCENTS = 3  # at most, until one converges
 
 
 def fit(
@@ -79,38 +79,38 @@ def fit(
 ) -> Fit:
     """Fit f0, A, B_i, L_i (and K, and a slip trend) to a record of velocity steps.
 
-    A slider in steady sliding at the first velocity, on a spring, without mass (`rig.QuasiStatic`)
-    or with one that is stated (`rig.Inertial`):
+    The slider starts in steady sliding at the first velocity. A spring pulls it; it has no mass
+    (`rig.QuasiStatic`) or a given mass (`rig.Inertial`):
     f = f0 + A ln(V/V0) + sum_i theta_i (+ s x), K (x_m - x) = f - f_start (+ m dV/dt).
 
     Parameters
     ----------
-    record : as read by `jaxfric.read`, or the path of one that needs no more words.
+    record : as read by `jaxfric.read`, or the path of a file that `read` needs no options for.
     stiffness : of spring and specimen [1/m for a coefficient, N/m for a force], or "1.6e-3/um".
-    mass : of what slides [kg for a force, kg/N = s^2/m for a coefficient: over the normal force],
-        or "12 kg"; None: it is so small that it does not count. What is recorded is friction: the
-        pull of the spring less m dV/dt.
+    mass : of the slider [kg for a force; kg/N = s^2/m for a coefficient: mass over normal force],
+        or "12 kg"; None: negligible. The recorded friction is the spring force minus m dV/dt.
     law : "slip" or "ageing".
     states : number of state variables, 1 to 3.
-    fit_stiffness, slip_trend : also fit K (`stiffness`, needed otherwise, is a start); also fit s.
+    fit_stiffness : also fit K; `stiffness` is then optional, a starting value.
+    slip_trend : also fit s.
     steps : velocity steps of the load point, or text "0 s: 2 um/s, 60 s: 20 um/s" (time from the
-        first row), taken as exact. Else found, and refined with the rest where noise lets it.
+        first row), taken as exact. None: detected; their times are fitted where errors matter.
     reference_velocity : V0 [m/s], where friction is f0; default the first speed.
-    start : starting values (SI) by name, of any parameter; others come from the data.
-    weighting : "ordinary" least squares, as published fits; "whitened": by the estimated noise.
+    start : starting values (SI) by name, for any parameter; the others come from the data.
+    weighting : "ordinary" least squares as in published fits, or "whitened" by estimated noise.
     profile : intervals from the profile likelihood instead of the covariance.
-    rows : fit means over neighbouring rows instead, about so many (`records.thin`).
-    progress : told what is being done.
+    rows : average neighbouring rows first, to about so many (`records.thin`).
+    progress : callback for progress messages.
 
     Returns
     -------
-    Fit. Look at its `converged`, `result` and `warnings`: nothing about a record raises.
+    Fit. Check `converged`, `result` and `warnings`: a bad fit raises no exception.
 
     Raises
     ------
     InputError : float64 is off, an argument is out of range, or the record has no step.
 
-    Not tried: a mass that is fitted, more than 3 states.
+    Not supported: a fitted mass, more than 3 states.
     """
     require_float64()
     record = as_record(record)
@@ -137,7 +137,7 @@ def task_of(
     model: Model,
     reference_velocity: float | str | None,
 ) -> FitTask:
-    """What `fit` begins with; raises what it does."""
+    """The task that `fit` solves; raises the same errors."""
     record = as_record(record)
     K, m = _stiffness(stiffness, record, model.fit_stiffness), _mass(mass, record)
     return _task(record, steps_of(record, steps), model, K, reference_velocity, m)
@@ -172,8 +172,8 @@ def finished(
     whitened: bool = False,
     profile: Callable[[str], None] | None = None,
 ) -> Fit:
-    """The `Fit` of a solution with the noise that it leaves, found again where that noise changes
-    it: without glitches, with fair weights on the times of steps, and `whitened` by it."""
+    """The `Fit` of a solution and the noise of its residual. This noise refines the solution: no
+    outliers, balanced weights on step times, and whitened residuals if `whitened`."""
     written = recorded_steps(task.record.friction)
     found = _noise(problem, solution, written)
     solved, found = _without_glitches(problem, solution, found, task.steps, written)
@@ -192,8 +192,8 @@ def finished(
 
 
 def _settled(problem: Problem, solution: Solution) -> Solution:
-    """The solution from where `solution` ended, descended again while it has not converged: a model
-    far from its record creeps where a step's time crosses a row."""
+    """The solution of a descent from `solution`, repeated until one converges. A model that is far
+    from its record converges slowly where a step time crosses a row."""
     for _ in range(_DESCENTS):
         solution = solve(problem, np.asarray(solution.z)[None], refine=1)
         if solution.converged:
@@ -217,7 +217,7 @@ def require_float64() -> None:
 
 
 def few_rows(record: Record, rows: int, steps: VelocitySteps) -> tuple[Record, tuple[str, ...]]:
-    """A record of means over neighbouring rows, and a warning of what they cost."""
+    """The record averaged over neighbouring rows, and a warning if this flattens its peaks."""
     few = thinned(record, rows, steps)
     lost = blur(few, noise_from_differences(few.friction)) if few is not record else 0.0
     if lost < _BLUR:
@@ -226,7 +226,7 @@ def few_rows(record: Record, rows: int, steps: VelocitySteps) -> tuple[Record, t
 
 
 def wanted_model(law: str, states: int, fit_stiffness: bool, slip_trend: bool) -> Model:
-    """The model that is asked for. Raises `InputError` for one that there is not."""
+    """The requested model. Raises `InputError` if it does not exist."""
     law = known_law(law)
     always = fixed_states(law)
     if not 1 <= states <= _MAX_STATES:
@@ -237,9 +237,9 @@ def wanted_model(law: str, states: int, fit_stiffness: bool, slip_trend: bool) -
 
 
 def steps_of(record: Record, steps: VelocitySteps | str | None) -> VelocitySteps:
-    """The velocity steps to fit: as given, or found in the load-point motion.
+    """The velocity steps to fit: as given, or detected in the load-point motion.
 
-    Raises `InputError` where there is none, or where the record is no step test.
+    Raises `InputError` if there is no step, or if the record is no step test.
     """
     if isinstance(steps, str):
         steps = VelocitySteps.parse(steps)
@@ -266,11 +266,11 @@ def steps_of(record: Record, steps: VelocitySteps | str | None) -> VelocitySteps
 
 
 def forward_steps(record: Record, steps: VelocitySteps) -> tuple[VelocitySteps, float]:
-    """Steps that begin forwards, and the sign of friction that goes with them.
+    """Steps that begin forwards, and the sign (1 or -1) that friction must be multiplied by.
 
-    A record that begins backwards is mirrored; its friction too if that is negative there
-    (a force that follows the motion, not a coefficient that is always positive). Raises
-    `InputError` for friction that is negative while the load point moves forwards.
+    Steps that begin backwards are mirrored. Friction is mirrored too if it is negative there: it is
+    then a force that follows the motion, not an always positive coefficient. Raises `InputError`
+    if friction is negative while the load point moves forwards.
     """
     until = steps.times[1] if len(steps) > 1 else np.inf
     begin = float(np.mean(record.friction[record.relative_time < until]))
@@ -312,7 +312,7 @@ def _mass(mass: float | str | None, record: Record) -> float | None:
 
 
 def _refuse_soft(K: float, record: Record, steps: VelocitySteps) -> None:
-    """Refuse a stiffness whose spring the whole path of the load point does not load."""
+    """Refuse a stiffness so low that the whole load-point path changes friction less than noise."""
     noise = noise_from_differences(record.friction)
     path = float(np.sum(np.abs(np.diff(steps.displacement(record.relative_time)))))
     if K * path < noise:
@@ -335,7 +335,7 @@ def _reference(reference: float | str | None, steps: VelocitySteps) -> float:
 def _solve_in_stages(
     task: FitTask, start: Mapping[str, float] | None, progress: Callable[[str], None]
 ) -> tuple[Problem, Solution]:
-    """Fit one state first; the velocity that it finds then serves to start more states."""
+    """Fit one state first; its slider velocity then gives starting values for more states."""
     starts = one_state_starts(
         task.record.relative_time,
         task.sign * task.record.friction,
@@ -359,7 +359,7 @@ def _solve_in_stages(
 
 
 def _within(stage: str, progress: Callable[[str], None]) -> Callable[[str], None]:
-    """Reports the stage to which the descents that are counted belong."""
+    """Progress callback that puts the name of the stage before each message."""
     return lambda text: progress(f"{stage}: {text}")
 
 
@@ -387,8 +387,9 @@ def _solve(
 def _noise(
     problem: Problem, solution: Solution, steps: float = 0.0, like: FoundNoise | None = None
 ) -> FoundNoise:
-    """Noise of a memory that the record shows several times, not below the residual's size nor that
-    of the recorder's `steps`; with the parts of a noise that it is `like`."""
+    """Noise of the residual. Correlation lengths are limited to those that the record samples
+    several times; sigma is at least the rms residual, its white part at least the quantisation
+    noise of `steps`. If `like` is given, only sizes of its parts are estimated."""
     clock, least = problem.clock, least_noise(steps) / float(problem.noise_scale)
     residual, jacobian = data_part(problem, solution)
     longest = longest_memory(clock)
@@ -402,8 +403,8 @@ def _noise(
 def _without_glitches(
     problem: Problem, solution: Solution, found: FoundNoise, steps: VelocitySteps, written: float
 ) -> tuple[Solved, FoundNoise]:
-    """The fit and the noise that is `found` of it without rows that stand out of that noise, which
-    are looked for at most twice; friction is `written` in such steps."""
+    """The solution and noise without outliers, searched for at most twice. `found` is the noise of
+    the fit with them; `written` is the quantisation step of friction."""
     glitches = NO_GLITCHES
     step = np.searchsorted(np.asarray(steps.times), np.asarray(problem.time), side="right") - 1
     for _ in range(ROUNDS):

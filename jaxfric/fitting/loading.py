@@ -1,15 +1,14 @@
 """The least stiffness that the rows of a record allow.
 
-What friction a massless slider has, its spring holds: K (x_m - x) = f - f_start. While the slider
-does not move backwards, friction rises by no more than K times the path of the load point:
+The spring balances the friction of a massless slider: K (x_m - x) = f - f_start. While the slider
+does not move backwards, friction rises by at most K times the path of the load point:
 
     K >= (f_2 - f_1)/(x_m2 - x_m1)
 
-A step to a higher speed shows it best: friction rises by the direct effect while the spring is
-drawn out. Taken is half of that rise, which noise of the rows blurs least; a row that stands out
-alone is none. A spring is not much stiffer either than one that would have risen so far a row
-earlier: until half of the direct effect the slider is slower than the load point, at most by
-1/r^(1/2) of it for a step by the factor r.
+A step to a higher speed shows it best: friction rises by the direct effect while the spring
+stretches. The bound uses half of that rise, which noise blurs least, and ignores single outliers.
+There is an upper bound too: a much stiffer spring would have shown this rise one row earlier. Until
+half of the direct effect the slider moves with at most V/r^(1/2), for a step by the factor r to V.
 """
 
 from typing import NamedTuple
@@ -22,16 +21,16 @@ from ..units import format_si, read_as
 from .start import average
 
 UNIT_RIGHT = "is its unit right? It is friction per length, as in 1.6e-3/um"
-"""What is asked where a stiffness is refused."""
+"""Advice in the refusal of a stiffness."""
 _CLEAR = 5.0
-"""Scatter of the rows before a step above which a rise counts, and"""
+"""A rise counts if it exceeds so many standard deviations of the rows before the step, and"""
 _LARGE = 0.1
-"""the part of the range of friction that it must be."""
+"""this share of the range of friction."""
 _IMPOSSIBLE, _DOUBTFUL = 10.0, 1.5
-"""Times that the least stiffness is over the stated one: refused from, warned of from."""
+"""Ratios of the least to the stated stiffness: the first refuses it, the second warns."""
 _STIFF = 10.0
-"""Times that the stated stiffness is over one that would have risen a row earlier, to be warned of:
-steps by a factor of 2 rise to their half over some 3 times the path that the spring takes."""
+"""Ratio that warns: stated stiffness over the one of a rise one row earlier. It is large because a
+step by a factor of 2 needs some 3 times the path of the bare spring for its half rise."""
 
 
 class Loading(NamedTuple):
@@ -41,19 +40,19 @@ class Loading(NamedTuple):
     rise: float
     path: float
     earlier: float = np.inf
-    """Stiffness that would have allowed it a row, or a mean of rows, earlier: the largest of all
-    steps where it is known [friction/m]; inf where every rise is within the first row."""
+    """Stiffness that would have allowed this rise one row (or one mean of rows) earlier, the
+    largest of all steps [friction/m]; inf if every rise is within the first row."""
 
     @property
     def stiffness(self) -> float:
-        """The least stiffness that allows it [friction/m]."""
+        """The least stiffness that allows this rise [friction/m]."""
         return self.rise / self.path
 
 
 def steepest_loading(record: Record, sign: float, steps: VelocitySteps) -> Loading | None:
-    """The rise after a step that needs the stiffest spring; None where no step shows a rise.
+    """The rise that needs the stiffest spring; None if no step shows a rise.
 
-    `steps` are those of a record that begins forwards, and `sign` its friction's.
+    `steps` begin forwards (`fit.forward_steps`), and `sign` is the sign of friction for them.
     """
     time, friction = record.relative_time, sign * record.friction
     size, found, earlier = float(np.ptp(friction)), [], []
@@ -84,12 +83,12 @@ def steepest_loading(record: Record, sign: float, steps: VelocitySteps) -> Loadi
 
 
 def _held(rise: np.ndarray) -> np.ndarray:
-    """What of a rise the next row still has; of the last row nothing is known."""
+    """The part of each rise that the next row confirms (no single outliers); -inf at the last."""
     return np.append(np.minimum(rise[:-1], rise[1:]), -np.inf)
 
 
 def refuse_contradicted(loading: Loading | None, K: float, friction_unit: str) -> None:
-    """Raise `InputError` for a stiffness that is far below what the rows allow."""
+    """Raise `InputError` for a stiffness far below the bound from the rows."""
     if loading is not None and loading.stiffness > _IMPOSSIBLE * K:
         raise InputError(
             f"stiffness is {_number(K, friction_unit)}, and the rows contradict it:"
@@ -98,7 +97,7 @@ def refuse_contradicted(loading: Loading | None, K: float, friction_unit: str) -
 
 
 def doubts(loading: Loading | None, K: float, friction_unit: str) -> tuple[str, ...]:
-    """A warning for a stiffness that is below what the rows allow, or far above what they show."""
+    """A warning for a stiffness below the bound from the rows, or far above the observed one."""
     if loading is None:
         return ()
     if _STIFF * loading.earlier < K:
@@ -134,5 +133,5 @@ def _rise(loading: Loading, friction_unit: str) -> str:
 
 
 def _number(K: float, friction_unit: str) -> str:
-    """A stiffness as it is read: 0.005/µm, 2e+06 N/m."""
+    """A stiffness as text: 0.005/µm, 2e+06 N/m."""
     return f"{1e-6 * K:.2g}/µm" if friction_unit == "1" else f"{K:.2g} {friction_unit}/m"

@@ -1,12 +1,12 @@
 """`fit_many(records, stiffness=...)`: many records of velocity steps by a few compiled calls.
 
-Records are padded to a few sizes. All of one size are fitted in batches: starting values from a
-coarse grid, then one descent by `minimise`. Its cost is the number of points that are tried times
-one simulation with all tangents; the rest (averages, errors, warnings) is done a record at a time.
+Records are padded to a few sizes. Records of one size are fitted in batches: starting values from a
+coarse grid, then one descent by `minimise`. The cost is one simulation with all tangents per
+evaluated point. The rest (averages, errors, warnings) is computed record by record.
 
-A batch lasts as long as its slowest member. So a descent is cut after a few points, and the records
-that have not ended go on in batches of their own. A second and a third descent, from other starting
-values, are made only for records that the first did not fit to their noise.
+A batch lasts as long as its slowest member. So a descent is cut after a few points, and unfinished
+records continue in new batches. A second and third descent, from other starting values, are made
+only for records that are not yet fitted to their noise.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -43,17 +43,17 @@ from .start import (
 )
 
 _AT_ONCE = 32
-"""Records of a batch: more wait longer for the slowest, fewer leave vector units idle."""
+"""Most records in a batch: more wait longer for the slowest, fewer leave vector units idle."""
 _FEW = 4
-"""Records of the smallest batch; others have eight times as many, since each is compiled anew."""
+"""Records in the smallest batch. Sizes grow by factors of eight, since each is compiled."""
 _POINTS = (6, 12, 80)
-"""Most points of a descent before it is cut, and after that before it is cut again."""
+"""Points after which a descent is cut the first, second and third time."""
 _DESCENTS = 3
 NOISES = ("estimated", "white")
 _FEWEST_ROWS = 8
 _SCATTER = 4.0
-"""Two standard errors, times the root of the rows, of the noise's variance from differences: of 16
-records of 500 rows four would otherwise be fitted two times more for nothing."""
+"""Two standard errors of the noise variance from differences, times sqrt(rows). Without this margin
+four of 16 records of 500 rows would be fitted twice more for nothing."""
 
 
 def fit_many(
@@ -72,31 +72,30 @@ def fit_many(
 ) -> list[Fit]:
     """Fit f0, A, B_i, L_i (and K, and a slip trend) to each of many records of velocity steps.
 
-    Model and result are those of `jaxfric.fit`, to a thousandth of the errors. `weighting`,
-    `profile`, `rows` and starting values of your own are left to that.
+    Model and result equal those of `jaxfric.fit` within a thousandth of the errors. Only
+    `jaxfric.fit` has `weighting`, `profile`, `rows` and `start`.
 
     Parameters
     ----------
     records : as for `jaxfric.fit`; they may have different lengths and velocities.
     stiffness : one for all records [1/m for a coefficient, N/m for a force], or "1.6e-3/um"; or a
         sequence with one for each record.
-    mass : as for `jaxfric.fit`, and one for all or for each as the stiffness.
+    mass : as for `jaxfric.fit`; one for all records, or a sequence.
     law, states, fit_stiffness, slip_trend, reference_velocity : as for `jaxfric.fit`.
-    steps : velocity steps for all records, or a sequence with those of each; found where None.
-    noise : "estimated", as by `jaxfric.fit`: with its memory, and without rows that stand out; or
-        "white", which is quicker, and whose errors are too small where neighbouring rows err alike.
-    progress : told what is being done.
+    steps : velocity steps for all records, or a sequence with those of each; None: detected.
+    noise : "estimated" as by `jaxfric.fit`, correlated and without outliers; or "white", which is
+        faster, but its errors are too small if the noise is correlated.
+    progress : callback for progress messages.
 
     Returns
     -------
-    A list with one `Fit` for each record, in their order. Look at `converged` and `warnings` of
-    each: a record that cannot be fitted does not change the others.
+    A list with one `Fit` per record, in the same order. Check `converged` and `warnings` of each: a
+    record that cannot be fitted does not change the others.
 
     Raises
     ------
-    InputError : before anything is computed, for an argument out of range, and for a record without
-        a step, with values that are not finite, too few rows or times that do not ascend. It names
-        the record by its index.
+    InputError : before any computation, for an argument out of range, or for a record (named by its
+        index) without a step, with non-finite values, too few rows or times that do not ascend.
     """
     require_float64()
     model = wanted_model(law, states, fit_stiffness, slip_trend)
@@ -120,8 +119,8 @@ def fit_tasks(
     noise: str = "estimated",
     progress: Callable[[str], None] = silent,
 ) -> list[Fit]:
-    """`fit_many` of what `task_of` made of each record; those with one model go together."""
-    # records that turn back need another form of the law, and so a model of their own
+    """`fit_many` for tasks made by `task_of`; tasks with the same model share batches."""
+    # records that turn back need the regularised law, which is another model
     models: dict[Model, list[int]] = {task.model: [] for task in tasks}
     for i, task in enumerate(tasks):
         models[task.model].append(i)
@@ -149,8 +148,7 @@ def fit_what_can_be(
     reference_velocity: float | str | None,
     progress: Callable[[str], None],
 ) -> list[Fit | str]:
-    """`fit_many` with stiffness, mass and law of each record; in place of a fit, why a record has
-    none."""
+    """`fit_many` with stiffness, mass and law per record; a refused record gives the reason."""
     require_float64()
     ends: list[Fit | str] = [""] * len(records)
     tasks: dict[int, FitTask] = {}
@@ -166,7 +164,7 @@ def fit_what_can_be(
 
 
 def _ended(tasks: list[FitTask], progress: Callable[[str], None]) -> "list[_Ended]":
-    """Where the descents of records with one model end."""
+    """The best solution of each record; all tasks have the same model."""
     progress(f"fitting {len(tasks)} records")
     ended = _best(_with_starts(tasks))
     states = tasks[0].model.states
@@ -177,7 +175,7 @@ def _ended(tasks: list[FitTask], progress: Callable[[str], None]) -> "list[_Ende
 
 
 def _for_each(given: object, records: list, name: str) -> list:
-    """`given` for each record: one for all of them, or a sequence with as many."""
+    """`given` as one value per record: a single value is repeated, a sequence is checked."""
     if given is None or isinstance(given, str | float | int | VelocitySteps | np.number):
         return [given] * len(records)
     several = list(given)  # ty: ignore[invalid-argument-type]
@@ -190,7 +188,7 @@ def _for_each(given: object, records: list, name: str) -> list:
 
 
 def _task(record: Record | str | Path, *stated: Any) -> FitTask:
-    """`task_of`, for rows that were looked at first."""
+    """`task_of` after a check of the rows."""
     if isinstance(record, Record):
         _refuse_bad(record)
     return task_of(record, *stated)
@@ -222,9 +220,9 @@ class _Ended(NamedTuple):
 
 
 def _in_batches(work: Callable, *inputs: list) -> list:
-    """work(batch) of `inputs` stacked along a new first axis, and taken apart again.
+    """Apply `work` to `inputs` stacked along a new first axis; returns one output per input.
 
-    Inputs of different shapes go in different batches, which are filled up with copies.
+    Inputs of different shapes go in different batches, which are padded with copies.
     """
     groups: dict[tuple, list[int]] = {}
     for i, each in enumerate(zip(*inputs, strict=True)):
@@ -271,7 +269,7 @@ def _grids(
 
 @traced
 def _descents(problems: Problem, zs: Float[Array, "r q"], most: Int[Array, " r"]) -> Solution:
-    """A descent of at most `most` points for each of many problems."""
+    """One descent of at most `most` points for each of many problems."""
 
     def one(problem: Problem, z: Float[Array, " q"], most: Int[Array, ""]) -> Solution:
         return descent(problem, z, jnp.ones(z.shape, bool), most)
@@ -283,7 +281,7 @@ def _descents(problems: Problem, zs: Float[Array, "r q"], most: Int[Array, " r"]
 def _motions(
     problems: Problem, zs: Float[Array, "r q"], times: Float[Array, "r m"]
 ) -> tuple[Float[Array, "r m"], Float[Array, "r m"]]:
-    """Velocity [m/s] and slip [m] of many sliders at times of their own."""
+    """Velocity [m/s] and slip [m] of many sliders, each at its own times."""
 
     def one(problem: Problem, z: Array, time: Array) -> tuple[Array, Array]:
         rig = problem.rig(z)
@@ -297,7 +295,7 @@ def _motions(
 
 
 def _with_starts(tasks: list[FitTask]) -> list[Begun]:
-    """The one-state problem of each record, and the best starts of a coarse grid."""
+    """The one-state problem of each record, with the best starts from a coarse grid."""
     sought = [
         seek(
             task.record.relative_time,
@@ -319,7 +317,7 @@ def _with_starts(tasks: list[FitTask]) -> list[Begun]:
 
 
 def _with_more_states(tasks: list[FitTask], ended: list[_Ended]) -> list[Begun]:
-    """The problem with more states of each record, started by the motion of its one-state fit."""
+    """The many-state problem of each record, with starts from the motion of its one-state fit."""
     each = [averaged(task) for task in tasks]
     size = bucket(max(len(data.time) for data in each), 64)
     problems, zs = [end.problem for end in ended], [np.asarray(end.solution.z) for end in ended]
@@ -334,7 +332,7 @@ def _with_more_states(tasks: list[FitTask], ended: list[_Ended]) -> list[Begun]:
 
 
 def _best(begun: list[Begun]) -> list[_Ended]:
-    """The best of up to three descents of each problem; one where it comes down to the noise."""
+    """The best of up to three descents of each problem; one descent if it reaches the noise."""
     best: list[Solution | None] = [None] * len(begun)
     zs = [own.problem.coordinates.to_free(own.starts) for own in begun]
     for k in range(_DESCENTS):
@@ -353,7 +351,7 @@ def _best(begun: list[Begun]) -> list[_Ended]:
 
 
 def _descended(problems: list[Problem], zs: list[np.ndarray]) -> list[Solution]:
-    """One descent of each problem; those that are cut go on together."""
+    """One descent per problem; unfinished descents continue together."""
     found: dict[int, Solution] = {}
     open_ = list(range(len(problems)))
     for most in _POINTS:
@@ -369,7 +367,7 @@ def _descended(problems: list[Problem], zs: list[np.ndarray]) -> list[Solution]:
 
 
 def _fits(point: Solution | None, own: Begun) -> bool:
-    """Whether a descent came down to the noise of its record."""
+    """Whether a descent converged to the noise level of its record."""
     samples = float(np.sum(np.asarray(own.problem.weight) > 0))
     most = NOISE_REACHED * (1 + _SCATTER / np.sqrt(samples)) * samples
     return point is not None and bool(point.converged and point.cost < most)

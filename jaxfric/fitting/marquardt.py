@@ -1,4 +1,4 @@
-"""Levenberg-Marquardt of MINPACK, where residual and Jacobian come from one call."""
+"""Levenberg-Marquardt of MINPACK, for functions that return residual and Jacobian together."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -8,8 +8,8 @@ from scipy.optimize import least_squares
 
 
 class Descent(NamedTuple):
-    """Where a descent ended, with residual and Jacobian there; whether the solver says that it
-    converged; and the points tried."""
+    """End of a descent: the point, residual and Jacobian there, whether the solver reports
+    convergence, and the number of evaluated points."""
 
     y: np.ndarray
     residual: np.ndarray
@@ -27,10 +27,10 @@ def levenberg_marquardt(
     most: int,
     known: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> Descent:
-    """The descent from `start` to a least-squares point.
+    """Descend from `start` to a least-squares point.
 
-    `both` gives residual (r,) and Jacobian (r, p) at a point (p,); it is called once for each of
-    the at most `most` points that are tried, but not at `start` where those there are `known`.
+    `both` gives residual (r,) and Jacobian (r, p) at a point (p,). It is called once per point, for
+    at most `most` points; not at `start` if both are `known` there.
     """
     last = {} if known is None else {start.tobytes(): known}
 

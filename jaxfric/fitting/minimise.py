@@ -1,26 +1,26 @@
 """`minimise(residual, z0, args)`: least squares that JAX compiles, batches and differentiates.
 
 It minimises |r(z, p)|^2 over z by the Levenberg-Marquardt method of optimistix. One evaluation
-gives the residual r (n,) and its Jacobian J (n, q) together, in forward mode; the method asks for
-nothing else, so that a fit costs as many simulations with all tangents as it tries points.
+gives the residual r (n,) and its Jacobian J (n, q) together, in forward mode. The method needs
+nothing else, so a fit costs one simulation with all tangents per evaluated point.
 
-A descent ends where the next Gauss-Newton step d = -(J^T J)^-1 J^T r is small:
+A descent ends when the next Gauss-Newton step d = -(J^T J)^-1 J^T r is small:
 
     |J d| <= rtol |r|/sqrt(n) + atol.
 
 If r is noise, |r|/sqrt(n) is its standard deviation, and |J d| divided by that is the length of d
 in standard errors of the parameters: rtol = 1e-3 ends within a thousandth of an error. The test
-has no scale of its own, so it is the same for any units of z and of r. A trial whose residual is
-not finite, or is huge (a slider that ran away), is rejected, and the next step is shorter. Where
-only ever shorter ones are accepted it has ended within 30 rtol.
+does not depend on the units of z and r. A trial whose residual is not finite, or is huge (a slider
+that ran away), is rejected, and the next step is shorter. If only ever shorter steps are accepted,
+the descent ends within 30 rtol.
 
 Derivatives of the minimum z*(p) come from F(z, p) = J^T r = 0 (the implicit function theorem):
 
     dz*/dp = -F_z^-1 F_p,   F_z = J^T J + sum_i r_i d^2 r_i/dz^2.
 
-F_z is the true Hessian, not the J^T J of Gauss and Newton, so the derivative is exact wherever the
-residual is not small. The descent itself is not differentiated. The derivative of this rule is
-taken again for second derivatives, which need third derivatives of r by z.
+F_z is the true Hessian, not the J^T J of Gauss and Newton, so the derivative is exact even if the
+residual is large. The descent itself is not differentiated. Second derivatives differentiate this
+rule again, which needs third derivatives of r by z.
 """
 
 from collections.abc import Callable
@@ -40,22 +40,22 @@ Residual = Callable[[Float[Array, " q"], Any], Float[Array, " n"]]
 """r(z, args)."""
 
 _LEVEL = 1e-14
-"""Share of |r|^2 that a rejected step would have gained, below which rounding and the error of a
-simulation decide whether a step is a gain: the descent has ended."""
+"""A descent ends when a rejected step would gain less than this share of |r|^2: below it, rounding
+and simulation errors decide whether a step is a gain."""
 
 _NEAR, _SHORT = 30.0, 1e-5
-"""The descent has ended, too, where a whole step is within so many times `rtol`, and so many were
-rejected that the next is a hundredth of it: the squares that a simulation leaves jump where the
-pattern of its time steps changes, and hide what is to be gained."""
+"""A descent also ends when a full step is within `_NEAR` times `rtol` and rejections have shortened
+the next step to a hundredth. The sum of squares jumps where a simulation changes its pattern of
+time steps, which hides the remaining gain."""
 _UNSEEN = 1e-12
-"""Share of a column's square below which what is left of it, beside the others, is rounding."""
+"""Share of a column's squared norm below which its part orthogonal to the others is rounding."""
 _DAMPING = 1e-3
-"""First l of Marquardt: nearly the step of Gauss and Newton."""
+"""First l of Marquardt: almost a Gauss-Newton step."""
 
 
 class Minimum(NamedTuple):
-    """Where a descent ended. Each entry has derivatives by `args`, but `result` and
-    `evaluations`."""
+    """End of a descent. All entries except `result` and `evaluations` have derivatives by
+    `args`."""
 
     value: Float[Array, " q"]
     """z*."""
@@ -66,7 +66,7 @@ class Minimum(NamedTuple):
     cost: Float[Array, ""]
     """|r|^2 at z*."""
     result: optx.RESULTS
-    """`optimistix.RESULTS.successful`, or why the descent did not converge."""
+    """`optimistix.RESULTS.successful`, or the reason for not converging."""
     evaluations: Int[Array, ""]
     """Points at which residual and Jacobian were computed."""
 
@@ -88,24 +88,24 @@ def minimise(
     """Minimise |residual(z, args)|^2 from `z0`; see the module for the method.
 
     It works under `jax.jit`, `jax.vmap`, `jax.jacfwd` and `jax.grad`. Under `vmap` the descent
-    lasts as long as that of the slowest member. A derivative where the Hessian is singular is that
-    of its pseudo-inverse.
+    lasts as long as that of the slowest member. If the Hessian is singular, derivatives use its
+    pseudo-inverse.
 
     Parameters
     ----------
-    residual : a function r(z, args) -> (n,); or a `Problem`, which is then also what the minimum
-        has derivatives by: its friction, weights, stiffness, ... Reverse mode by an array
-        that a simulation depends on needs a simulation that has it.
-    z0 : unbounded parameters to begin with, shape (q,); of no influence on derivatives.
+    residual : a function r(z, args) -> (n,); or a `Problem`. The minimum then has derivatives by
+        the arrays of the problem: friction, weights, stiffness, ... Reverse mode by an array that
+        the simulation uses requires a simulation with reverse mode.
+    z0 : starting point, unbounded parameters (q,); derivatives do not depend on it.
     args : any pytree, passed on to `residual`.
     rtol : the last step in standard errors of the parameters.
     atol : the last step in units of the residual's norm, for residuals that vanish.
-    max_steps : most evaluations of residual and Jacobian; may be traced. With 1 the result is what
-        is known at `z0`.
+    max_steps : most evaluations of residual and Jacobian; may be traced. With 1 only `z0` is
+        evaluated.
 
     Returns
     -------
-    Minimum. Look at its `converged`: a descent that does not converge raises nothing.
+    Minimum. Check `converged`: a descent that does not converge raises no exception.
     """
     if isinstance(residual, AbstractProblem):
         function: Residual = _of_problem
@@ -132,8 +132,8 @@ def minimise(
 def residual_with_jacobian(
     residual: Residual, z: Float[Array, " q"], args: PyTree
 ) -> tuple[Float[Array, " n"], Float[Array, "n q"]]:
-    """r and J at `z` from one evaluation that carries all tangents; an entry of J that is not
-    finite, of which nothing is known, is 0."""
+    """r and J at `z` from one evaluation with all tangents; entries of J that are not finite are
+    set to 0."""
 
     def push(tangent: Array) -> tuple[Array, Array]:
         return jax.jvp(lambda z: residual(z, args), (z,), (tangent,))
@@ -149,8 +149,8 @@ def _of_problem(z: Float[Array, " q"], problem: AbstractProblem) -> Float[Array,
 class _Once(eqx.Module):
     """r(z, args) as a function whose derivative by z is the matrix J.
 
-    optimistix linearises a residual, then applies that linear map several times a step. Of a plain
-    simulation each of them would solve the differential equation again.
+    optimistix linearises a residual, then applies that linear map several times per step. With a
+    plain simulation each application would solve the differential equation again.
     """
 
     function: Residual = eqx.field(static=True)
@@ -185,7 +185,7 @@ def _once_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
 def _as_known(
     function: Residual, z: Array, args: PyTree, known: tuple[Array, Array]
 ) -> tuple[Array, Array]:
-    """r and J at `z`, which are `known` and not computed again; their derivatives are."""
+    """r and J at `z`: their values are `known`, only their derivatives are computed."""
     return known
 
 
@@ -205,8 +205,8 @@ def _as_known_jvp(primals: tuple, tangents: tuple) -> tuple[tuple, tuple]:
 class _Damped(optx.AbstractDescent):
     """The step d of Marquardt: (J^T J + l D) d = -J^T r, D the diagonal of J^T J.
 
-    With D the steps do not depend on the units of z. The few normal equations take a tenth of the
-    time of optimistix's QR of all rows; where they lose digits, l and more steps make up for them.
+    D makes the steps independent of the units of z. The small normal equations take a tenth of the
+    time of optimistix's QR of all rows. They lose digits, which l and more steps compensate.
     """
 
     def init(self, y: Float[Array, " q"], f_info_struct: PyTree) -> PyTree:
@@ -215,7 +215,7 @@ class _Damped(optx.AbstractDescent):
         return jnp.zeros(n, y.dtype), jnp.zeros((n, q), y.dtype)
 
     def query(self, y: Float[Array, " q"], f_info: PyTree, state: PyTree) -> PyTree:
-        """Residual and Jacobian at a point that was accepted."""
+        """Residual and Jacobian at an accepted point."""
         return f_info.residual, f_info.jac.as_matrix()
 
     def step(
@@ -229,21 +229,21 @@ class _Damped(optx.AbstractDescent):
 
 
 def _unit_columns(jacobian: Float[Array, "n q"]) -> tuple[Float[Array, "n q"], Float[Array, " q"]]:
-    """J with columns of length 1, and their lengths; a column of 0 stays."""
+    """J with columns of length 1, and their lengths; a zero column keeps 0, with length 1."""
     size = jnp.sqrt(jnp.sum(jacobian**2, axis=0))
     size = jnp.where(size > 0, size, 1.0)
     return jacobian / size, size
 
 
 def _say_nothing(**_: object) -> None:
-    """optimistix's hook for messages."""
+    """Message hook of optimistix: prints nothing."""
 
 
 class _Marquardt(optx.AbstractGaussNewton):
-    """Levenberg-Marquardt as of optimistix, with an end of its own: see the module.
+    """Levenberg-Marquardt of optimistix with another termination test (see the module).
 
-    optimistix ends where two accepted points are alike, which takes two evaluations more; and where
-    the error of a simulation hides what a step gains, no step is accepted and it does not end.
+    optimistix stops when two accepted points agree, which takes two more evaluations. If simulation
+    error hides the gain of a step, it accepts no step and never stops.
     """
 
     rtol: float
@@ -269,7 +269,7 @@ class _Marquardt(optx.AbstractGaussNewton):
         state: PyTree,
         tags: frozenset[object],
     ) -> tuple[Bool[Array, ""], optx.RESULTS]:
-        """Whether the Gauss-Newton step from the last accepted point is small, or none is left."""
+        """Whether the Gauss-Newton step from the last accepted point is small, or gains nothing."""
         left, jacobian = state.f_info.residual, state.f_info.jac.as_matrix()
         cost = jnp.sum(left**2)
         gain = _gain(left, jacobian)
@@ -287,7 +287,7 @@ class _Marquardt(optx.AbstractGaussNewton):
 
 
 def _gain(left: Float[Array, " n"], jacobian: Float[Array, "n q"]) -> Float[Array, ""]:
-    """|J d|^2 of the Gauss-Newton step d; directions that J does not see do not count."""
+    """|J d|^2 of the Gauss-Newton step d; directions in the null space of J do not count."""
     unit, _ = _unit_columns(jacobian)
     slope = unit.T @ left
     return slope @ (inverted(unit.T @ unit + _UNSEEN * jnp.eye(unit.shape[1])) @ slope)

@@ -1,4 +1,4 @@
-"""How far what a fit leaves is from the scatter of neighbouring rows."""
+"""The residual of a fit compared with the scatter of neighbouring rows."""
 
 from collections.abc import Sequence
 
@@ -7,13 +7,13 @@ from ..records.differences import noise_from_differences
 from .result import Fit
 
 EXCESS = 2.0
-"""From so many times the scatter of neighbouring rows on, a model lacks an effect, or noise is
-correlated over many rows."""
+"""rms residual over scatter from which the model lacks an effect, or the noise is correlated over
+many rows."""
 COLUMN = (
     "misfit: what the fit leaves over the scatter of neighbouring rows, about 1 where that is"
     " noise, and above 1 also where noise is correlated"
 )
-"""What a column of that name is, for a note."""
+"""Explanation of the column `misfit`, for a note."""
 
 
 def excess(fit: Fit) -> float:
@@ -27,20 +27,20 @@ def scatter(fit: Fit) -> float:
 
 
 def misfit_warning(fit: Fit) -> tuple[str, ...]:
-    """What the residual far above the scatter of neighbouring rows may be, and who asks; none
-    where it is not far above."""
+    """Warning if the residual is far above the scatter of neighbouring rows: possible causes, and
+    the command that distinguishes them."""
     return (_warning((fit,)),) if fit.converged and excess(fit) >= EXCESS else ()
 
 
 def misfit_warning_of(fits: Sequence[Fit]) -> tuple[str, ...]:
-    """The warning of all `fits` of one kind of model that have one, in one sentence."""
+    """One warning for all `fits` (of one kind of model) that have this warning."""
     left = [fit for fit in fits if any(is_of(text, WarningCode.MISFIT) for text in fit.warnings)]
     return (_warning(left),) if left else ()
 
 
 def _warning(fits: Sequence[Fit]) -> Warned:
-    """The sentence; a drift that the model lacks may also be taken for a long evolution, so that
-    what is left does not look like one."""
+    """The warning text. It names a drift even if the residual shows none, because a fit may absorb
+    a drift as a slow evolution."""
     times = [f"{x:.2g}" for x in sorted(map(excess, fits))]
     model = fits[0].model
     drift = "" if model.slip_trend else " friction drifts with slip (--slip-trend),"

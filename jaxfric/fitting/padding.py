@@ -1,4 +1,4 @@
-"""Arrays of few shapes, so that few are compiled: padded lengths, and rows that count alone."""
+"""Arrays of few shapes, so that few are compiled: padding, and removal of rows of weight 0."""
 
 import numpy as np
 from jaxtyping import Array, Float
@@ -6,7 +6,7 @@ from jaxtyping import Array, Float
 Numbers = Array | np.ndarray
 
 FEWEST = 256
-"""Rows, velocities or knots for which anything is compiled at least."""
+"""Smallest padded number of rows, velocities or knots."""
 
 
 def bucket(n: int, smallest: int = FEWEST) -> int:
@@ -18,18 +18,18 @@ def bucket(n: int, smallest: int = FEWEST) -> int:
 
 
 def filled(x: np.ndarray, size: int, fill: float | None = None) -> np.ndarray:
-    """`x` (n, ...) with rows up to `size`: the last one again, or `fill`."""
+    """`x` (n, ...) padded to `size` rows with its last row, or with `fill`."""
     out = np.empty((size, *x.shape[1:]), x.dtype)
     out[: len(x)], out[len(x) :] = x, x[-1] if fill is None else fill
     return out
 
 
 WIDE = 48
-"""Columns of a pass that is asked rarely: a multiple of so many, so that fewer are compiled."""
+"""Multiple of columns to pad rare passes to: larger, so that fewer shapes are compiled."""
 
 
 def padded_columns(columns: np.ndarray, *, size: int = 8) -> Float[np.ndarray, "n m"]:
-    """Zero columns fill up to a multiple of `size`, so that few shapes are compiled."""
+    """Pad with zero columns to a multiple of `size`, so that few shapes are compiled."""
     more = -columns.shape[1] % size
     return columns if not more else np.pad(columns, ((0, 0), (0, more)))
 
@@ -40,11 +40,11 @@ def counted_rows(
     columns: Float[Numbers, "n m"],
     scale: Float[Numbers, " *n"],
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """What a noise is found from (clock, weight, columns, scale) without rows of weight 0, but for
-    those that fill up to a padded length.
+    """The input of a noise estimate (clock, weight, columns, scale) without rows of weight 0,
+    padded to a bucket size.
 
-    Noise forgets by how far a clock has gone, whichever way, so a clock that turns goes on. That is
-    what passing over rows comes to, and takes no time.
+    Correlation decays with the distance that a clock covers in either direction, so a clock that
+    turns back is replaced by its path. The result is that of skipping the rows, and costs less.
     """
     clock, weight, columns, scale = (np.asarray(x) for x in (clock, weight, columns, scale))
     on = np.flatnonzero(weight > 0)

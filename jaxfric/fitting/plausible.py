@@ -1,14 +1,14 @@
-"""Bounds on the parameters that a record of this size can show at all.
+"""Bounds on the parameter values that a record of this size can resolve.
 
-A fit can end far outside what the record covers: a slip length longer than all its slip, amplitudes
-that cancel each other, a stiffness at which the load point's whole path moves nothing. The error
-that goes with such a value is that of a straight line through one point of a curved valley. It is
-no value of the record's, and is called undetermined.
+A fit can end far outside the range of the record: a slip length longer than the total slip,
+amplitudes that cancel each other, a stiffness so low that the whole load-point path has no effect.
+There the misfit valley is curved and the linearised error is meaningless. A parameter outside these
+bounds is therefore reported as undetermined.
 
     L   between 1/100 of the least slip from row to row and the slip of the whole record
     A, |B|   up to 30 times the range of friction per e-fold of the largest change of velocity
-    f0  within 10 ranges of friction of what was recorded
-    K   large enough that the whole path of the load point loads it by more than the noise
+    f0  within 10 ranges of friction of the recorded values
+    K   large enough that the whole load-point path changes its force by more than the noise
 """
 
 import numpy as np
@@ -22,7 +22,7 @@ _LEAST_L, _MOST_FORCE, _MOST_OFFSET = 0.01, 30.0, 10.0
 def bounds_of(
     name: str, time: np.ndarray, friction: np.ndarray, steps: VelocitySteps, noise: float
 ) -> tuple[float, float] | None:
-    """Least and largest plausible value [SI] of a parameter; None where the record sets none.
+    """Least and largest plausible value [SI] of a parameter; None if the record sets no bounds.
 
     `time` [s] from the first row, `friction` with the sign of the fit; `noise` is the scatter of
     neighbouring rows [force].

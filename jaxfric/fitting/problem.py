@@ -4,9 +4,9 @@ Parameters are kept in one vector of unbounded variables: positive quantities by
 logarithm, signed ones in units of a force typical of the record. Records are padded to a few
 sizes, with zero weight, so that another record does not compile again.
 
-Step times found in a noisy displacement are uncertain, and a stiff spring turns a step a
-hundredth of a second early into a misfit. Where that matters they are parameters too, in units
-of their standard error, each held by one more residual.
+Step times detected in a noisy displacement are uncertain. With a stiff spring a time error of a
+hundredth of a second is a misfit. Where this matters, step times are parameters too, in units of
+their standard error, each constrained by one more residual.
 """
 
 import dataclasses
@@ -54,7 +54,7 @@ def quantity_of(name: str) -> Quantity:
 
 
 class RigModel(ParametricModel, Protocol):
-    """The model that is fitted to a slider's record: parameters, and the rig that they make."""
+    """The model fitted to a slider's record: parameters, and the rig that they define."""
 
     def rig(
         self, values: Float[Array, " p"], V0: Float[Array, ""], stiffness: Float[Array, ""]
@@ -72,7 +72,7 @@ class Model(NamedTuple):
     slip_trend: bool = False
     regularised: bool = False
     levels: int = 0
-    """Number of stretches after the first, each with a level of its own: `level2`, ..."""
+    """Number of stretches after the first, each with its own offset of friction: `level2`, ..."""
 
     def names(self) -> tuple[str, ...]:
         """Names of the free parameters, in the order of the parameter vector."""
@@ -97,11 +97,11 @@ class Model(NamedTuple):
 
 class Channel(eqx.Module):
     """A second recorded quantity: "slip" of the slider or measured position of the "load_point",
-    less the commanded position [m].
+    minus the commanded position [m].
 
-    Errors of the steps add up to a position that nothing corrects; in the difference to the
-    command as recorded they cancel. Its noise is white; its zero is unknown, so only changes
-    from the mean under `anchor` count.
+    Errors of the steps accumulate in a position, but cancel in its difference from the recorded
+    command. The noise is white. The zero is unknown, so only deviations from the mean with weights
+    `anchor` count.
     """
 
     values: Float[Array, " n"]
@@ -135,14 +135,14 @@ class Problem(AbstractProblem):
     rtol: float = eqx.field(static=True, default=1e-5)
     max_steps: int = eqx.field(static=True, default=4096)
     stiff: bool = eqx.field(static=True, default=True)
-    """Whether the spring relaxes so often over the record that the stiff method is the faster."""
+    """Whether the stiff solver is faster, because the spring relaxes many times over the record."""
     seen: tuple[Float[Array, " m"], Int[Array, " n"]] | None = None
-    """Times at which the sensor sees friction, ascending, and which of them are the rows; None: it
-    sees the rows only. Between them it takes friction as straight."""
+    """Ascending times at which the sensor samples friction, and the indices of the rows among them;
+    None: at the rows only. The sensor interpolates friction linearly between them."""
     mass: Float[Array, ""] | None = None
-    """Mass [F s^2/m], which is stated; None: it is so small that it does not count."""
+    """Given mass [F s^2/m]; None: negligible."""
     stretch: Int[Array, " n"] | None = None
-    """Index of the stretch of every row, where the model has levels of its own for them."""
+    """Index of the stretch of every row, if the model has levels."""
 
     @property
     def sizes(self) -> Sizes:
@@ -156,7 +156,8 @@ class Problem(AbstractProblem):
         return self.motion.times + self._delays(z)
 
     def late_steps(self) -> tuple[np.ndarray, np.ndarray]:
-        """Time of the step of every shift, and by how much the load point trails after it."""
+        """Step time [s] of every shift, and the displacement [m] by which a shift of 1 delays the
+        load point."""
         here = self.on_host()
         V, shifted = here.motion.velocities, here.shifted
         trails = (V[shifted] - V[shifted - 1]) * here.shift_scale
@@ -189,10 +190,10 @@ class Problem(AbstractProblem):
         return eqx.tree_at(lambda r: r.machine.damping, rig, total, is_leaf=lambda x: x is None)
 
     def damped(self, strength: float) -> "Problem":
-        """A copy of this problem with a dashpot added that ends a runaway.
+        """A copy of this problem with an additional dashpot that stops a runaway.
 
-        At the largest commanded speed it carries `strength` force scales: little to a slider
-        in steady motion, decisive at 1/strength times that speed.
+        At the largest commanded speed its force is `strength` times the force scale: small in
+        steady motion, dominant at 1/strength times that speed.
         """
         here = self.on_host()
         dashpot = jax.device_put(strength * here.force_scale / here.motion.largest_speed())
@@ -203,15 +204,15 @@ class Problem(AbstractProblem):
         return dataclasses.replace(self, max_steps=factor * self.max_steps)
 
     def possible(self, z: Float[Array, " q"] | np.ndarray) -> bool:
-        """Whether the whole friction is physically possible: that of a slider always is."""
+        """Whether the total friction is physically possible: for a slider always."""
         return True
 
     def whitened(self, noise: Noise) -> "Problem":
-        """A copy: residuals in units of `noise` and uncorrelated under it."""
+        """A copy whose residuals are whitened by `noise`."""
         return dataclasses.replace(self, noise=noise, hold=_ones(self.hold))
 
     def plain(self) -> "Problem":
-        """A copy: residuals in units of `noise_scale`, as correlated as they are."""
+        """A copy with residuals in units of `noise_scale`, not whitened."""
         return dataclasses.replace(self, noise=None, hold=_ones(self.hold))
 
     def holding(self, hold: np.ndarray) -> "Problem":
@@ -221,7 +222,7 @@ class Problem(AbstractProblem):
     def predict(
         self, z: Float[Array, " q"]
     ) -> tuple[Float[Array, " n"], tuple[Float[Array, " n"], ...], Bool[Array, ""]]:
-        """Predicted friction and channels at the sample times, and whether that succeeded."""
+        """Predicted friction and channels at the sample times, and success of the simulation."""
         rig = self.rig(z)
         times, rows = (self.time, slice(None)) if self.seen is None else self.seen
         out = simulate(
@@ -240,7 +241,7 @@ class Problem(AbstractProblem):
         return recorded, seen, out.result == RESULTS.successful
 
     def _levels(self, z: Float[Array, " q"]) -> Float[Array, " s"]:
-        """The level of every stretch; that of the first is 0."""
+        """The friction offset of every stretch; 0 for the first."""
         names = self.model.names()
         pairs = zip(names, self.coordinates.natural(z[: len(names)]), strict=True)
         own = [value for name, value in pairs if name.startswith("level")]
@@ -255,10 +256,10 @@ class Problem(AbstractProblem):
         return slip - (jax.vmap(self.motion.displacement)(self.time) - late)
 
     def residual(self, z: Float[Array, " q"]) -> Float[Array, " r"]:
-        """(predicted - recorded)/noise_scale, then the same of every channel by its own noise,
-        then the shifts of the step times times `hold`.
+        """(predicted - recorded)/noise_scale, then the same for every channel with its own noise,
+        then `hold` times the shifts of the step times.
 
-        0 on padding, `FAILED_MISFIT` for a failed trial.
+        It is 0 on padding, and `FAILED_MISFIT` for a failed trial.
         """
         predicted, seen, ok = self.predict(z)
         residual = (predicted - self.friction) / self.noise_scale
@@ -275,7 +276,7 @@ class Problem(AbstractProblem):
 
 @functools.cache
 def _motion() -> Any:
-    """What `PiecewiseVelocity` is to JAX; to build one would send its arrays to the device."""
+    """Tree structure of `PiecewiseVelocity`. Its constructor would send arrays to the device."""
     return jax.tree.structure(PiecewiseVelocity(np.zeros(1), np.ones(1)))
 
 
@@ -296,8 +297,8 @@ def step_times_at(problem: Problem, z: Float[Array | np.ndarray, " q"]) -> Float
 
 
 class ProblemSizes(NamedTuple):
-    """Reference velocity [m/s] and stiffness [F/m]; sizes of noise and of friction's changes, in
-    which residuals and unbounded parameters are counted [F]; the mass where it counts [F s^2/m]."""
+    """Reference velocity [m/s]; stiffness [F/m]; noise [F], the unit of residuals; force [F], the
+    unit of unbounded signed parameters; mass [F s^2/m], None if negligible."""
 
     V0: float
     stiffness: float
@@ -307,7 +308,7 @@ class ProblemSizes(NamedTuple):
 
 
 def clock_of(time: np.ndarray, steps: VelocitySteps) -> np.ndarray:
-    """What noise may forget over, by row (n, 3): time [s], path of the load point [m], rows."""
+    """Coordinates in which noise may be correlated (n, 3): time [s], load-point path [m], rows."""
     path = np.cumsum(np.abs(np.diff(steps.displacement(time), prepend=0.0)))
     return np.stack([time, path, np.arange(len(time))], axis=1)
 
@@ -322,16 +323,16 @@ def make_problem(
     shifted: np.ndarray | None = None,
     on_host: bool = False,
 ) -> Problem:
-    """Pad a record (time from 0 [s], friction) to its bucket and attach the scales.
+    """Pad a record (time from 0 [s], friction) to a bucket size and attach the scales.
 
     `shifted` holds the indices of the steps whose times are parameters; `steps` must then
-    have `time_errors`. With `on_host` the arrays are NumPy's, for problems that go to the device
-    many at a time.
+    have `time_errors`. With `on_host` arrays stay in NumPy, for problems that are sent to the
+    device in batches.
     """
     n, clock = len(time), clock_of(time, steps)
     path = clock[:, 1]
     shifted = np.zeros(0, int) if shifted is None else np.asarray(shifted, int)
-    if len(shifted):  # to a few lengths; the first velocity has no step and no error
+    if len(shifted):  # padded with index 0: the first velocity has no time error
         shifted = filled(shifted, bucket(len(shifted), 4), 0)
     errors = np.zeros(len(steps)) if steps.time_errors is None else steps.time_errors
     size, velocities = bucket(n), bucket(len(steps), 4)
@@ -364,13 +365,14 @@ def make_problem(
         # A is about a third of a change of friction
         or bool(sizes.stiffness * (path[-1] - path[0]) > STIFF / 3 * sizes.force),
     )
-    return problem if on_host else jax.device_put(problem)  # together: a call costs as an array
+    return problem if on_host else jax.device_put(problem)  # one call, its cost is the overhead
 
 
 def most_steps(velocities: int) -> int:
-    """The solver's steps that a simulation of so many velocities may take.
+    """Most solver steps of a simulation with so many velocities.
 
     A tenfold step of the slip law takes 100 at 8 times the critical stiffness, 180 at 3 times, 300
-    at 2 times: 256 of each, and at least 4096; by powers of two, since each is compiled anew.
+    at 2 times. So 256 per velocity are allowed, at least 4096. The limit is a power of two, because
+    each value is compiled.
     """
     return max(4096, 1 << (256 * velocities - 1).bit_length())

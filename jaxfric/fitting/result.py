@@ -47,7 +47,7 @@ class Fit(Described, Drawable, Gridded, Tabular):
     predicted: np.ndarray
     """Fitted friction at the rows of the record."""
     sum_of_squares: float
-    """Sum of squared residuals over the rows that count: glitches are passed over."""
+    """Sum of squared residuals over the used rows (outliers excluded)."""
     rms: float
     """Root mean square of the residual over the same rows."""
     noise: NoiseEstimate
@@ -57,7 +57,7 @@ class Fit(Described, Drawable, Gridded, Tabular):
     weighting: str
     warnings: tuple[str, ...]
     solved: Solved | None = field(default=None, repr=False)
-    """The least-squares problem and its solution, for what goes on from them."""
+    """The least-squares problem and its solution, for further computations."""
 
     @property
     def residual(self) -> np.ndarray:
@@ -80,7 +80,7 @@ class Fit(Described, Drawable, Gridded, Tabular):
         return self.model.rig(vector, jnp.asarray(values["V0"]), jnp.asarray(values["K"]))
 
     def motion(self) -> PiecewiseVelocity:
-        """The commanded motion that was fitted with; time from the record's first row."""
+        """The commanded motion of the fit; time from the record's first row."""
         return PiecewiseVelocity(self.steps.times, self.steps.velocities)
 
     def critical_stiffness(self) -> float:
@@ -89,29 +89,29 @@ class Fit(Described, Drawable, Gridded, Tabular):
 
     @property
     def A_minus_B(self) -> Estimate:
-        """A less all B (a - b), the rate dependence of steady friction, with its error; in the
-        unit of friction. Below 0 friction weakens with velocity."""
+        """A minus all B (a - b), the rate dependence of steady friction, with its error; in the
+        unit of friction. Negative values are velocity weakening."""
         found = rate_dependence(self, float(np.ptp(self.record.friction)))
         return found if self.converged else replace(found, determined=False)
 
     def critical(self) -> Critical:
-        """The critical stiffness and K in units of it, with 95 % intervals: of 4096 samples of the
+        """The critical stiffness and the ratio K/K_cr, with 95 % intervals from 4096 samples of the
         covariance."""
         return self._critical
 
     @functools.cached_property
     def _critical(self) -> Critical:
-        """Drawn once: tables, files and pages ask for it."""
+        """Sampled once, because tables, files and pages use it."""
         used = [n for n in self.parameters if n.rstrip("0123456789") in ("A", "B", "L")]
         known = self.converged and all(self.parameters[n].determined for n in used)
-        # numbers of a fit that did not converge may be none that a law can have
+        # values of a fit that did not converge may be impossible for the law
         value = self.critical_stiffness() if self.converged else np.nan
         return critical_of(self, self.model, value, known=known)
 
     @functools.cached_property
     def with_trend(self) -> tuple[float, float] | None:
-        """A less all B, and its standard error, were a trend of friction over slip free as well, to
-        first order; None where it is, and of a fit that did not converge."""
+        """A minus all B and its standard error if a slip trend were fitted too, to first order.
+        None if the fit has a slip trend or did not converge."""
         if self.solved is None or not self.converged or self.model.slip_trend:
             return None
         way = self.steps.displacement(self.record.relative_time)
@@ -119,17 +119,17 @@ class Fit(Described, Drawable, Gridded, Tabular):
         return difference(self)[0] + moved, error
 
     def stability(self) -> Claim:
-        """The claim on stability that A, all B and, for a critical stiffness, L allow, and that a
-        trend of friction over slip would leave as it is."""
+        """The stability claim that A and all B support (and L, for a critical stiffness), made only
+        if fitting a slip trend would not change it."""
         return held_with_trend(self.claim(), self.with_trend)
 
     @functools.cached_property
     def findings(self) -> tuple[Finding, ...]:
-        """What the fit claims, each with the rows of the record that support it."""
+        """Claims of the fit, each with the rows of the record that support it."""
         return stability_finding(self.stability(), self, self.solved, len(self.record))
 
     def claim(self) -> Claim:
-        """The claim that the fitted model alone allows, whatever trend it may lack."""
+        """The stability claim of the fitted model itself, without regard to a missing trend."""
         if not self.converged:
             return Claim("open", ("the fit did not converge",))
         lengths = [n for n in self.parameters if n.rstrip("0123456789") == "L"]
@@ -143,7 +143,7 @@ class Fit(Described, Drawable, Gridded, Tabular):
         return claim
 
     def to_json(self) -> dict:
-        """The content of `fit.json`, schema "jaxfric.fit/1"; SI, null for what is not known."""
+        """The content of `fit.json`, schema "jaxfric.fit/1"; SI, null for unknown values."""
         return said("fit_json.content", self)
 
 

@@ -1,9 +1,9 @@
 """The best of several descents: `minimise` from one start after the other.
 
-One compiled function does all of it: a descent, what is known at a point (a descent of one step),
-and a descent along a profile, where some parameters are held. Descents of one record are not
-batched: the first often comes down to the noise, and then no other is made. On a step of 500 rows a
-descent takes 5 ms so, and 8 ms by MINPACK, which comes back to Python at every point.
+One compiled function has three uses: a descent, an evaluation at one point (a descent of one step),
+and a descent along a profile, with some parameters fixed. Descents of one record are not batched:
+the first often reaches the noise, and then no other is made. On a step of 500 rows a descent takes
+5 ms; MINPACK takes 8 ms, because it returns to Python at every point.
 """
 
 import time
@@ -20,16 +20,16 @@ from ..traced import traced
 from .minimise import minimise
 from .problem import FAILED_MISFIT, Problem
 
-# A descent from which the misfit per sample is below this is not compared with others: it
-# fits to the noise (measured from second differences of the record).
+# No further start is tried if the misfit per sample is below this: the fit has reached the noise
+# (estimated from second differences of the record).
 NOISE_REACHED = 1.1
-_TRIALS = (10, 80)  # of a descent
-_DASHPOTS = (1e-2, 2e-3, 4e-4, 8e-5, 1.6e-5, 3e-6, 6e-7)
+_TRIALS = (10, 80)  # usual and largest number of points of a descent
+_DASHPOTS = (1e-2, 2e-3, 4e-4, 8e-5, 1.6e-5, 3e-6, 6e-7)  # strengths, see `Problem.damped`
 
 
 class Solution(NamedTuple):
-    """Parameters at which a descent ended, what they leave, whether it converged, and the number of
-    points that it tried; while JAX traces, all of them are its arrays."""
+    """End of a descent: parameters, residual, Jacobian, convergence and number of evaluated points.
+    Under tracing all fields are JAX arrays."""
 
     z: Float[Array, " q"]
     residual: Float[np.ndarray, " r"]
@@ -44,8 +44,8 @@ class Solution(NamedTuple):
 def descent(
     problem: Problem, z: Float[Array, " q"], free: Bool[Array, " q"], most: Int[Array, ""]
 ) -> Solution:
-    """One descent of at most `most` points from `z` in those parameters that are `free`; the
-    Jacobian is 0 by the others."""
+    """One descent of at most `most` points from `z` over the parameters that are `free`; columns of
+    the Jacobian are 0 for the others."""
     found = minimise(_held, z, (problem, z, free), max_steps=most)
     there: Any = jnp.where(free, found.value, z)
     left: tuple[Any, ...] = (found.residual, found.jacobian, found.converged, found.evaluations)
@@ -61,7 +61,7 @@ def _held(z: Float[Array, " q"], args: tuple[Problem, Array, Array]) -> Float[Ar
 def descend(
     problem: Problem, z: np.ndarray, free: np.ndarray | None = None, *, most: int = _TRIALS[1]
 ) -> Solution:
-    """`descent` with NumPy arrays; `free` holds indices, None: all."""
+    """`descent` with NumPy arrays; `free` holds indices, None: all parameters."""
     which = np.ones(len(z), bool)
     if free is not None:
         which = np.isin(np.arange(len(z)), free)
@@ -70,14 +70,14 @@ def descend(
 
 
 def on_host(found: Solution) -> Solution:
-    """The same with NumPy's arrays and numbers, but for `z`."""
+    """The solution with NumPy arrays and Python numbers, except `z`."""
     residual, jacobian = np.asarray(found.residual), np.asarray(found.jacobian)
     ended, count = bool(found.converged), int(found.trials)
     return Solution(found.z, residual, jacobian, ended, count, float(found.cost))
 
 
 def known_at(problem: Problem, z: np.ndarray | Array) -> Solution:
-    """Residual, Jacobian and cost at `z`, by the function that descends anyway."""
+    """Residual, Jacobian and cost at `z`, by the compiled `descent`."""
     return descend(problem, np.asarray(z), most=1)
 
 
@@ -93,10 +93,10 @@ def solve(
     refine: int = 3,
     progress: Callable[[str], None] = silent,
 ) -> Solution:
-    """Minimise the sum of squared residuals from up to `refine` of the `starts`, likeliest first.
+    """Minimise the sum of squared residuals from up to `refine` of the `starts`, best first.
 
-    No other is tried where a descent comes down to the noise. `progress` is told which descent it
-    is, and how long one takes.
+    No further start is tried once a descent reaches the noise. `progress` receives the number of
+    the descent and the time of the previous one.
     """
     samples = float(np.sum(np.asarray(problem.weight) > 0))
     most, few = min(refine, len(starts)), f"{_TRIALS[0]} to {_TRIALS[1]} trials"
@@ -113,9 +113,9 @@ def solve(
 
 
 def _in_turn(problem: Problem, starts: np.ndarray, most: int) -> Iterator[tuple[float, Solution]]:
-    """When it began, and the descent from the first start and, where more are asked for, from the
-    second and those of least misfit; a first from which the slider runs away has its turn among
-    them."""
+    """Yield starting time and solution of each descent: from the first start, from the second, then
+    in the order of misfit. If the slider runs away from the first start, its turn is by misfit
+    too."""
     begun, away = time.perf_counter(), FAILED_MISFIT**2
     first = descend(problem, starts[0])
     able = first.cost < away
@@ -123,10 +123,10 @@ def _in_turn(problem: Problem, starts: np.ndarray, most: int) -> Iterator[tuple[
         yield begun, first
     cost = np.concatenate([[np.inf if able else away], misfits(problem, starts[1:])])
     order = np.argsort(cost)
-    if able and len(cost) > 1 and cost[1] < away:  # that of another valley, whatever it misses
+    if able and len(cost) > 1 and cost[1] < away:  # in another valley: early, whatever its misfit
         order = np.array([1, *(k for k in order if k != 1)])
     if cost[order[0]] >= away and problem.damping is None and not able:
-        # every start runs away: the record lies near that edge. Approach it with a dashpot.
+        # every start runs away: the record is near the stability edge. Approach it with a dashpot.
         order = np.argsort(misfits(problem.damped(_DASHPOTS[0]), starts))
     for i in [i for i in order if i > 0 or not able][: most - able]:
         begun = time.perf_counter()
@@ -134,7 +134,7 @@ def _in_turn(problem: Problem, starts: np.ndarray, most: int) -> Iterator[tuple[
 
 
 def _descend_safely(problem: Problem, z: np.ndarray, *, runs_away: bool) -> Solution:
-    """Descend; from a start that runs away, first with ever weaker dashpots that forbid it."""
+    """Descend. If the start runs away, first descend with dashpots of decreasing strength."""
     for strength in _DASHPOTS:
         if not runs_away:
             break

@@ -1,4 +1,4 @@
-"""A solved problem with the noise that its solution leaves."""
+"""A solved problem with the noise of its residual."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -11,8 +11,8 @@ from .solve import Solution
 
 
 class Solved(NamedTuple):
-    """A solved problem, the noise that it leaves [noise scales], the rows that are passed over, and
-    the steps in which friction was recorded (0: none are seen)."""
+    """A problem, its solution, the noise of the residual [noise scales], excluded outliers, and the
+    quantisation step of friction (0: none is detected)."""
 
     problem: Problem
     solution: Solution
@@ -21,8 +21,8 @@ class Solved(NamedTuple):
     written: float
 
     def gradient(self, weights: Mapping[str, int]) -> np.ndarray:
-        """By how much a sum of parameters, each with its weight, changes with each of the unbounded
-        ones (q,): 0 with the shifts of step times."""
+        """Gradient (q,) of a weighted sum of natural parameters by the unbounded variables; 0 for
+        the shifts of step times."""
         names, z = self.problem.model.names(), np.asarray(self.solution.z)
         slopes = self.problem.coordinates.slopes(z)[: len(names)]
         own = [weights.get(name, 0) for name in names] * slopes

@@ -1,7 +1,7 @@
-"""The problems of a fit: one state first, whose motion then serves to start more states.
+"""The problems of a fit: one state first, whose motion then gives starts for more states.
 
-`fit` solves them one record after the other, `fit_many` many records at once. A law that is no
-`RateState` has no states one by one: its search begins with one state of the slip law.
+`fit` solves them record by record, `fit_many` for many records at once. A law other than a
+`RateState` has no separate states: its search begins with one state of the slip law.
 """
 
 from typing import NamedTuple
@@ -16,12 +16,12 @@ from .problem import Model, Problem, ProblemSizes, RigModel, make_problem
 from .start import Averaged, OneStateMotion, average, more_state_starts, split_state
 
 FELT = 0.25
-"""Share of the noise of a row from which a known change of friction is felt by a fit."""
+"""Above this share of the noise of a row a known change of friction matters to a fit."""
 
 
 class FitTask(NamedTuple):
-    """A record, steps that begin forwards and the sign of friction that goes with them, the model,
-    the stiffness where it is known, the reference velocity [m/s], and the mass where it counts."""
+    """A record, steps that begin forwards and the sign of friction for them, the model, the
+    stiffness (None: unknown), the reference velocity [m/s] and the mass (None: negligible)."""
 
     record: Record
     steps: VelocitySteps
@@ -51,7 +51,7 @@ def prepare(
     """The least-squares problem of a record that moves forwards at first; `on_host` as in
     `make_problem`.
 
-    A step time is a parameter where its error, through the spring, is felt above the noise.
+    A step time is a parameter if its error changes friction by more than `FELT` of the noise.
     """
     friction = sign * record.friction
     noise_scale = max(noise_from_differences(friction), least_noise(recorded_steps(friction)))
@@ -69,7 +69,7 @@ def prepare(
 
 
 def _felt(steps: VelocitySteps, stiffness: float, noise: float) -> np.ndarray | None:
-    """Indices of the steps whose errors in time are felt above the noise; None: they are exact."""
+    """Indices of the steps whose time errors matter; None: all times are exact."""
     if steps.time_errors is None:
         return None
     slack = np.abs(np.diff(steps.velocities, prepend=steps.velocities[0])) * steps.time_errors
@@ -77,7 +77,7 @@ def _felt(steps: VelocitySteps, stiffness: float, noise: float) -> np.ndarray | 
 
 
 class Begun(NamedTuple):
-    """A least-squares problem, and where its descents begin (s, p) [SI], the likeliest first."""
+    """A least-squares problem, and starts of its descents (s, p) [SI], best first."""
 
     problem: Problem
     starts: np.ndarray
@@ -109,8 +109,8 @@ def first_stage(task: FitTask, starts: np.ndarray, *, on_host: bool = False) -> 
 
 
 def averaged(task: FitTask) -> Averaged:
-    """The record by intervals, those with rows; at their mean times the second stage asks for the
-    motion."""
+    """Means of the record over intervals that have rows. The second stage evaluates the motion at
+    their mean times."""
     data = average(task.record.relative_time, task.sign * task.record.friction, task.steps)
     return Averaged(*(x[data.rows > 0] for x in data))
 
@@ -123,8 +123,8 @@ def second_stage(
     moved: tuple[np.ndarray, np.ndarray],
     number: int = 5,
 ) -> Begun:
-    """The problem with all states, started by the one-state fit `z` of the `first` problem: its
-    velocity and slip have `moved` so at the times of the `averaged` `data`."""
+    """The problem with all states, started from the one-state fit `z` of the `first` problem.
+    `moved` holds its velocity and slip at the times of the `averaged` `data`."""
     values = first.coordinates.from_free(np.asarray(z))
     K = float(first.stiffness)
     if task.model.fit_stiffness:

@@ -1,4 +1,4 @@
-"""Starting values from the data: no guess is asked of the user.
+"""Starting values from the data, without a guess of the user.
 
 One state. The record is averaged over intervals that are short after a step and grow
 with the time since. On these intervals a slider is simulated by implicit Euler steps, coarse
@@ -7,8 +7,8 @@ free). The range of A comes from the size of the jumps, that of B from the stead
 from the slip resolved after a step and the slip travelled. f0 (and a slip trend) follow
 by linear least squares. The best few distinct members are the starts.
 
-A state is carried over an interval at constant velocity by `held`. A law that is no `RateState`
-tells nothing of its states one by one: its search begins as that of the slip law.
+`held` advances a state over an interval at constant velocity. A law other than a `RateState` has no
+separate states: its search begins like that of the slip law.
 
 More states. Once a one-state fit gives the slider's velocity without the record's noise, the
 evolution is driven by known velocity: theta = B h, where h, the state of B = 1, is
@@ -17,8 +17,8 @@ evolution is driven by known velocity: theta = B h, where h, the state of B = 1,
     ageing   h = ln(V0 Theta/L),   dTheta/dt = 1 - V Theta/L
 
 so f = f0 + A ln(V/V0) + sum_i B_i h_i (+ s x) is linear in all but the L_i, which are scanned.
-(Taking the velocity from the record itself instead biases the regression: the noise of the
-record is then in the regressors, and a fast state of negative B wins.)
+(A velocity from the record itself would bias the regression: noise in the regressors favours a fast
+state of negative B.)
 """
 
 from typing import Any, NamedTuple
@@ -38,27 +38,27 @@ from .padding import FEWEST, bucket, filled
 from .problem import Model
 
 HOLD = 3.0
-"""Change of ln V for which the reload after a hold counts at least."""
+"""The reload after a hold counts as a change of ln V of at least this size."""
 _GRID_PAIRS = 16
 
 
 class Fineness(NamedTuple):
-    """How closely starting values are sought."""
+    """Resolution of the search for starting values."""
 
     intervals: int = 160
-    """Means of the record, about."""
+    """Approximate number of means of the record."""
     A: tuple[float, ...] = tuple(np.geomspace(0.6, 8.0, 9))
     """Values of A, in units of the largest jump per unit of ln V."""
     B: tuple[float, ...] = (-1.0, -0.4, 0.0, 0.4, 1.0)
-    """Values of B in the same unit, around what the levels say."""
+    """Offsets of B in the same unit, from the value that the steady levels suggest."""
     L: int = 16
     K: int = 8
-    """Numbers of slip lengths and of stiffnesses; K where it is not known."""
+    """Numbers of slip lengths and of stiffnesses; the latter if K is unknown."""
 
 
 FINE = Fineness()
 COARSE = Fineness(48, tuple(np.geomspace(0.7, 5.0, 5)), (-0.5, 0.0, 0.7), 8, 5)
-"""For many records: a tenth of the time, and rarely another basin."""
+"""For many records: a tenth of the time, and rarely another minimum."""
 
 
 class Averaged(NamedTuple):
@@ -103,11 +103,11 @@ def seek(
     stiffness: float | None,
     fineness: Fineness = FINE,
 ) -> "Sought":
-    """What the search for one-state starts of a record compares, as NumPy arrays."""
+    """Input of the search for one-state starts of a record, as NumPy arrays."""
     t, f, steps = _before_reversal(t, f, steps)
     data = average(t, f, steps, intervals=fineness.intervals)
     grid = _grid(data, steps, stiffness, fineness)
-    # the fewest intervals that hold as many means, so that others need not compile again
+    # padded to a few sizes, so that other records need no compilation
     grid_columns: Any = grid.T
     size = bucket(len(data.time), FEWEST if fineness == FINE else 64)
     length, load = np.diff(data.end, prepend=0.0), steps.displacement(data.end)
@@ -135,7 +135,7 @@ def one_state_starts(
 ) -> np.ndarray:
     """The best `number` one-state starts, rows in the order of `model.names()` for one state.
 
-    `stiffness` None scans it over the decades above the steepest loading seen.
+    With `stiffness` None, K is scanned from 0.8 to 20 times the steepest loading rate.
     """
     sought = seek(t, f, steps, V0=V0, stiffness=stiffness)
     members, intervals, reference, begin = jax.device_put(sought)
@@ -202,7 +202,7 @@ def _grid(
 
 
 def _steepest_loading(data: Averaged, steps: VelocitySteps, travel: float) -> float:
-    """A stiffness that the loading after the steps shows to be exceeded or nearly so."""
+    """Approximate lower bound of the stiffness, from the loading after the steps."""
     full = data.rows > 0
     times, velocities = steps.times, steps.velocities
     load = steps.displacement(data.time[full])
@@ -222,7 +222,7 @@ def _steepest_loading(data: Averaged, steps: VelocitySteps, travel: float) -> fl
 
 
 class Members(NamedTuple):
-    """Parameters of the sliders that are tried, SI; an entry for each."""
+    """Parameters of the trial sliders ("members"), SI; one entry each."""
 
     A: Float[Array, " m"]
     B: Float[Array, " m"]
@@ -231,8 +231,8 @@ class Members(NamedTuple):
 
 
 class Intervals(NamedTuple):
-    """The record by intervals: length [s], load point [m] at the end, its mean velocity [m/s],
-    friction, rows. Length 0: padding."""
+    """The record by intervals: length [s], load point [m] at the end, its mean velocity [m/s], mean
+    friction, number of rows. Length 0: padding."""
 
     length: Float[Array, " n"]
     load: Float[Array, " n"]
@@ -242,8 +242,8 @@ class Intervals(NamedTuple):
 
 
 class Sought(NamedTuple):
-    """A record by intervals, the sliders that are tried on it, reference and first velocity [m/s];
-    of many records with an axis for them in front."""
+    """Trial sliders, a record by intervals, reference and first velocity [m/s]. A batch of records
+    has a leading axis."""
 
     members: Members
     intervals: Intervals
@@ -253,12 +253,12 @@ class Sought(NamedTuple):
     def best(
         self, linear: np.ndarray, misfit: np.ndarray, model: Model, number: int
     ) -> Float[np.ndarray, "s p"]:
-        """The `number` best members that are not alike, first the least of each valley along L;
-        rows in the order of `model.names()`.
+        """The `number` best distinct members, first the minimum of each valley along L; rows in the
+        order of `model.names()`.
 
-        `linear` (m, 2) and `misfit` (m,) are those of `grid_misfit`. A slow change along a record
-        makes a valley of long L beside that of the evolution after the steps, and the coarse grid
-        does not say which is the deeper.
+        `linear` (m, 2) and `misfit` (m,) are those of `grid_misfit`. A slow drift of a record makes
+        a second valley, at long L, next to that of the evolution after the steps. The coarse grid
+        does not show which one is deeper.
         """
         grid = np.stack(self.members, axis=1)
         misfit = np.where(np.isfinite(misfit), misfit, np.inf)
@@ -276,7 +276,7 @@ class Sought(NamedTuple):
 
 
 def _valleys(L: np.ndarray, misfit: np.ndarray) -> list[int]:
-    """The member of least misfit of every L whose neighbours have none as small, best first."""
+    """Members at the local minima, along L, of the least misfit at each L; best first."""
     order = np.lexsort((misfit, L))
     least = order[np.unique(L[order], return_index=True)[1]]
     walled = np.pad(misfit[least], 1, constant_values=np.inf)
@@ -285,7 +285,7 @@ def _valleys(L: np.ndarray, misfit: np.ndarray) -> list[int]:
 
 
 def first_evolution(law: str) -> AbstractEvolution:
-    """The evolution by which starting values are sought: the law's, or that of the slip law."""
+    """Evolution for the search of starting values: that of the law, else that of the slip law."""
     return evolution_of(law) or SlipEvolution()
 
 
@@ -297,14 +297,14 @@ def held(
     V0: Float[Array, ""],
     time: Float[Array, ""],
 ) -> Float[Array, " m"]:
-    """States, one of each member, after `time` [s] at the constant velocities exp(u) V0.
+    """States, one per member, after `time` [s] at the constant velocities exp(u) V0.
 
-    Of the slip and ageing laws exactly: theta relaxes to -B ln(V/V0) over L, Theta to L/V. Of
-    another by an exponential step,
+    Exact for the slip and ageing laws: theta relaxes to -B ln(V/V0) over L, Theta to L/V. Other
+    laws use an exponential step,
 
         theta + t (1 - exp(-z))/z dtheta/dt,   z = -t d(dtheta/dt)/dtheta,
 
-    exact where the rate is linear in theta, and near enough to begin with.
+    which is exact if the rate is linear in theta, and accurate enough for starting values.
     """
     r = jnp.exp(u)
     if isinstance(evolution, SlipEvolution):
@@ -338,8 +338,8 @@ def grid_misfit(
 ) -> tuple[Float[Array, "m 2"], Float[Array, " m"]]:
     """Misfit of every member after linear least squares for f0 (and the trend).
 
-    The slider is stepped by implicit Euler in ln V with the state carried by `held`.
-    Trapezoidal means of successive values stand for the interval means of the record.
+    Implicit Euler in ln V advances the slider, `held` its state. Trapezoidal means of successive
+    values are compared with the interval means of the record.
     """
     A, B, _, K = members
     u0 = jnp.log(jnp.abs(first_velocity) / V0)
@@ -367,7 +367,7 @@ def grid_misfit(
         state = balance(trial)[1]
         return x + V0 * jnp.exp(trial) * h, trial, state, A * trial + state
 
-    # at the start the spring holds the steady force: x is counted from there
+    # at the start the spring carries the steady force: x is counted from there
     theta0 = -B * u0
     force0 = A * u0 + theta0
     start = (-force0 / K, u0 * jnp.ones_like(A), theta0, force0)
@@ -384,7 +384,7 @@ def _linear_part(
     rows: Float[Array, " n"],
     trend: bool,
 ) -> tuple[Float[Array, " 2"], Float[Array, ""]]:
-    """f0 and trend by weighted least squares, and the misfit that is left."""
+    """f0 and trend by weighted least squares, and the remaining misfit."""
     target = friction - force
     total = jnp.sum(rows)
     f0 = jnp.sum(rows * target) / total
@@ -398,8 +398,8 @@ def _linear_part(
 
 
 class OneStateMotion(NamedTuple):
-    """Motion of the slider by a one-state fit: at times [s] its friction, velocity and slip, and
-    the square root of the number of rows."""
+    """Slider motion from a one-state fit: times [s], friction, velocity, slip, and square roots of
+    the numbers of rows."""
 
     time: np.ndarray
     friction: np.ndarray
@@ -413,7 +413,7 @@ def more_state_starts(
 ) -> np.ndarray:
     """Starts for two or more states from the velocity and slip of a one-state fit.
 
-    None (no rows) where the velocity is not positive throughout, or no regression has A > 0.
+    Empty (no rows) if the velocity is not positive throughout, or no regression has A > 0.
     """
     time, friction, velocity, slip, weight = seen
     if not (np.isfinite(slip).all() and np.isfinite(velocity).all() and (velocity > 0).all()):
@@ -425,7 +425,7 @@ def more_state_starts(
     Ls = np.geomspace(1e-3 * travel, travel, _GRID_PAIRS)
     driven = (jnp.asarray(x, float) for x in (V, dt, Ls, u[0], V0))
     h = np.asarray(_memory(first_evolution(model.law), *driven))
-    finite = np.isfinite(h).all(axis=0)  # a state may overflow on the way of a bad one-state fit
+    finite = np.isfinite(h).all(axis=0)  # a bad one-state fit may make a state overflow
     Ls, h, found = Ls[finite], h[:, finite], []
     for chosen in _combinations(len(Ls), model.states):
         columns = [np.ones_like(u), u, *(h[:, i] for i in chosen)]
@@ -445,7 +445,7 @@ def more_state_starts(
 
 
 def split_state(one: np.ndarray, states: int) -> np.ndarray:
-    """A start for more states from the values of a one-state fit: B shared, L in steps of 4."""
+    """A start for more states from a one-state fit: equal shares of B, L times powers of 4."""
     f0, A, B, L, *rest = one
     pairs = [(B / states, L * 4.0**i) for i in range(states)]
     return np.array([[f0, A, *(value for pair in pairs for value in pair), *rest]])

@@ -1,8 +1,9 @@
-"""What A-B would be with a trend of friction over slip that the model lacks.
+"""Change of A-B if a slip trend that the model lacks were fitted too.
 
-A step test tells A-B by the levels before and after the step, and a trend over slip changes levels
-too. To first order a fit with a trend s x moves to the least squares of [J, x], J its Jacobian and
-x the load point's way; the error of A-B is that of the same columns under the noise of the fit.
+A step test determines A-B from the levels before and after the step, but a slip trend changes
+levels too. To first order a fit with a trend s x is the least-squares solution with columns [J, x]:
+J is the Jacobian of the fit, x the load-point displacement. The error of A-B follows from the same
+columns and the noise of the fit.
 """
 
 from collections.abc import Mapping
@@ -17,8 +18,8 @@ from .uncertainty import covariance
 def shift_with_trend(
     solved: Solved, weights: Mapping[str, int], way: np.ndarray
 ) -> tuple[float, float]:
-    """By how much a sum of parameters, each with its weight, moves where a trend over the `way` (n)
-    is free as well, and the standard error of the sum then [unit of friction]."""
+    """Change of a weighted sum of parameters if a trend over the displacement `way` (n) is fitted
+    too, and the standard error of the sum in that fit [unit of friction]."""
     problem, solution = solved.problem, solved.solution
     n, jacobian = len(problem.time), np.asarray(solution.jacobian)
     column, counted = np.zeros((len(jacobian), 1)), np.asarray(problem.weight)

@@ -1,15 +1,15 @@
-"""Honest errors: covariance under coloured noise, intervals, and what is not determined.
+"""Parameter errors under coloured noise: covariance, intervals, and determined parameters.
 
 Ordinary least squares minimises r^T r, so under noise of covariance Sigma its parameters have the
 covariance G J^T Sigma J G, G = (J^T J)^-1 (the sandwich form; White 1980,
-doi:10.2307/1912934). If the residual was whitened first, J is the whitened Jacobian W J and
-the covariance is (J^T W^T W J)^-1. The shift of a step time has unit variance in both, and
-its residual is `hold` times that.
+doi:10.2307/1912934). If the residual was whitened first, the Jacobian is W J and the covariance
+is (J^T W^T W J)^-1. The shift of a step time has unit variance in both cases, and its residual
+is `hold` times the shift.
 
-Intervals are taken in the unbounded variables, so those of positive quantities are
-multiplicative. A profile interval is where the misfit, minimised over all other parameters,
-has risen by q^2 C_ii/G_ii: q^2 in units of the noise, scaled so that curvature and covariance agree
-(Chandler & Bate 2007, doi:10.1093/biomet/asm015).
+Intervals are computed in the unbounded variables, so those of positive quantities are
+multiplicative. A profile-likelihood interval ends where the misfit, minimised over all other
+parameters, has risen by q^2 C_ii/G_ii, q = `QUANTILE`. The ratio makes curvature and covariance
+agree (Chandler & Bate 2007, doi:10.1093/biomet/asm015).
 """
 
 from statistics import NormalDist
@@ -23,17 +23,17 @@ from .problem import Problem
 from .solve import Solution, descend
 
 ENDS = (2.5, 97.5)
-"""Ends of an interval, in per cent of what may be: 95 % lie between."""
+"""Percentiles at the ends of a 95 % interval."""
 QUANTILE = NormalDist().inv_cdf(ENDS[1] / 100)
 """Half width of a 95 % interval in standard deviations of a normal distribution."""
 
-
 _HALF_DECADE = 0.5 * np.log(10.0)
 _PROFILE_POINTS = (0.7, 1.4, 2.0, 2.8, 4.0, 6.0)
+"""Distances from the estimate at which a profile is computed, in standard errors."""
 
 
 def normal_inverse(jacobian: Float[Array, "n p"] | np.ndarray) -> np.ndarray:
-    """(J^T J)^-1, by scaled eigenvectors; directions that J does not see become very large."""
+    """(J^T J)^-1, by scaled eigenvectors; very large along directions in the null space of J."""
     root = inverse_root(jacobian)
     return root @ root.T
 
@@ -44,10 +44,10 @@ def inverse_root(jacobian: Float[Array, "n p"] | np.ndarray) -> np.ndarray:
 
 
 def spread_of(jacobian: Float[Array, "n p"] | np.ndarray, middle: np.ndarray) -> np.ndarray:
-    """G middle G, G = (J^T J)^-1, the covariance of parameters where that of J^T r is `middle`.
+    """G middle G, G = (J^T J)^-1: the covariance of the parameters if that of J^T r is `middle`.
 
-    Of a direction that J does not see, J^T r says nothing: it is 0 whatever the parameters are.
-    Such a direction keeps the very large error that G has there, and no error is 0.
+    Along a direction in the null space of J, J^T r is 0 whatever the parameters are. Such a
+    direction keeps the very large error that G has there, instead of an error of 0.
     """
     root, blind = _root(jacobian)
     inside = root.T @ middle @ root
@@ -58,10 +58,10 @@ def spread_of(jacobian: Float[Array, "n p"] | np.ndarray, middle: np.ndarray) ->
 
 
 def _root(jacobian: Float[Array, "n p"] | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """R with R R^T = (J^T J)^-1, and which of its columns are directions that J does not see."""
+    """R with R R^T = (J^T J)^-1, and the indices of its columns in the null space of J."""
     jacobian = np.asarray(jacobian)
     gram = jacobian.T @ jacobian
-    if not np.isfinite(gram).all():  # a failed trial sees nothing
+    if not np.isfinite(gram).all():  # a failed trial carries no information
         gram = np.zeros_like(gram)
     diagonal = np.diag(gram)
     scale = 1 / np.sqrt(np.where(diagonal > np.finfo(float).tiny, diagonal, 1.0))
@@ -78,8 +78,8 @@ def data_part(problem: Problem, solution: Solution):
 
 
 def covariance(problem: Problem, jacobian: np.ndarray, noise: Noise) -> np.ndarray:
-    """Covariance of the parameters whose columns `jacobian` (r, q) has, by all residuals; the last
-    ones are the shifts of step times."""
+    """Covariance (q, q) of the unbounded variables from the `jacobian` (r, q) of all residuals; the
+    last variables are the shifts of step times."""
     if problem.noise is not None:
         return normal_inverse(jacobian)
     middle = np.array(sandwich(problem.clock, jacobian[: len(problem.time)], noise))
@@ -91,8 +91,8 @@ def covariance(problem: Problem, jacobian: np.ndarray, noise: Noise) -> np.ndarr
 def fair_hold(problem: Problem, solution: Solution, noise: Noise) -> np.ndarray:
     """Weights on the shifts of step times that balance them with a record of coloured noise.
 
-    Plain least squares counts every row as independent and so takes the record for more
-    precise than it is, by the ratio of the true to the nominal variance of a shift.
+    Ordinary least squares treats all rows as independent, which overstates the precision of the
+    record by the ratio of the true to the nominal variance of a shift.
     """
     _, jacobian = data_part(problem, solution)
     inverse = normal_inverse(jacobian)
@@ -102,11 +102,11 @@ def fair_hold(problem: Problem, solution: Solution, noise: Noise) -> np.ndarray:
 
 
 def determined(problem: AbstractProblem, std: np.ndarray, span: float) -> list[bool]:
-    """Whether the record fixes each parameter, given the errors of the unbounded ones.
+    """Whether the record determines each parameter, given the errors of the unbounded variables.
 
-    A positive parameter is determined if its 95 % interval is shorter than a decade, a signed
-    one if half the interval is less than the `span` of friction that the record covers; no record
-    fixes a parameter without error.
+    A positive parameter is determined if its 95 % interval is shorter than a decade; a signed one
+    if half its interval is less than the `span` of friction in the record. An error of 0 means
+    undetermined, because no record determines a parameter exactly.
     """
     signed = span / float(problem.sizes.force)
     limits = [
@@ -122,7 +122,7 @@ def profile_interval(
     index: int,
     std: float,
 ) -> tuple[float, float]:
-    """Profile-likelihood 95 % interval of one unbounded parameter; infinite where it stays open."""
+    """Profile-likelihood 95 % interval of one unbounded variable; infinite at an open end."""
     inverse = normal_inverse(solution.jacobian)
     unit = std**2 / inverse[index, index]
     free = np.delete(np.arange(len(solution.z)), index)
