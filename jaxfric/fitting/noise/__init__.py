@@ -1,12 +1,12 @@
-"""The noise of a record: what it is, how it is found, and what of a record is no noise of a row.
+"""The noise of a record: its model, its estimate, and disturbances that are not row noise.
 
 - `parts`, `model`: white noise and a sum of correlated parts, each over a clock of its own.
-- `filter`, `covariance`, `likelihood`: one Kalman filter for any number of parts; errors and the
-  worth of rows; restricted likelihoods of many noises at once.
-- `search`, `spectrum`: which parts a residual has, and whether it is white at a glance.
-- `by_step`, `hum`, `glitches`, `quantisation`: scale and pace of a velocity step, lines in time,
-  rows that stand out, steps of a recorder.
-- `estimate`: the noise of a result, as JSON and in words.
+- `filter`, `covariance`, `likelihood`: one Kalman filter for any number of parts; errors and
+  effective numbers of rows; restricted likelihoods of many noises at once.
+- `search`, `spectrum`: which parts a residual has; a fast test for whiteness.
+- `by_step`, `hum`, `glitches`, `quantisation`: scale and pace (correlation length in rows) of a
+  velocity step, lines of constant frequency, outliers, quantisation of a recorder.
+- `estimate`: the noise of a result, as JSON and as text.
 """
 
 # ruff: noqa: F401

@@ -1,8 +1,8 @@
-"""Noise that differs from velocity step to velocity step: in size, and in pace.
+"""Noise whose size or pace (correlation length in rows) differs between velocity steps.
 
-A recorder may be set anew at every velocity, so that neighbouring rows are as good as independent
-at one and nearly the same at the next. Size and pace are read off the residual less everything
-smooth; whether they are needed is decided by likelihood (`Engine.learn_noise`).
+Recorder settings may change with velocity. Neighbouring rows are then almost independent at one
+velocity and almost equal at another. Size and pace are estimated from the residual without smooth
+columns. The likelihood decides whether they are needed (`loop.learn.learn_noise`).
 """
 
 import numpy as np
@@ -13,10 +13,10 @@ from .filter import taken_out
 
 
 def scale_of_steps(white: np.ndarray, step: np.ndarray, train: np.ndarray) -> np.ndarray:
-    """Root mean square of the innovations in the step of every row, (n,).
+    """rms of the innovations in the velocity step of every row (n,), relative to the train rows.
 
-    `white` are the whitened residual and smooth columns (n, 1 + m), `step` the step of each row.
-    Steps that are held out show their own; the mean square over the `train` rows is 1.
+    `white`: whitened residual and smooth columns (n, 1 + m); `step`: velocity step of each row.
+    Held-out steps have values of their own. The mean square over the `train` rows is 1.
     """
     left, free = taken_out(white)
     squares, degrees = (np.bincount(step, x) for x in (left**2, free))
@@ -28,7 +28,7 @@ def scale_of_steps(white: np.ndarray, step: np.ndarray, train: np.ndarray) -> np
 def likeness_of_steps(columns: np.ndarray, step: np.ndarray) -> np.ndarray:
     """Correlation of neighbouring rows in each step, (steps,).
 
-    `columns` are the residual and smooth columns (n, 1 + m) as they were recorded.
+    `columns` are the residual and smooth columns (n, 1 + m), not whitened.
     """
     left, _ = taken_out(columns)
     same = step[1:] == step[:-1]
@@ -39,14 +39,16 @@ def likeness_of_steps(columns: np.ndarray, step: np.ndarray) -> np.ndarray:
 
 
 def pace_of(likeness: np.ndarray) -> np.ndarray:
-    """Memory in rows of noise whose neighbouring rows are alike by so much: -1/ln of that."""
+    """Correlation length in rows, -1/ln(rho), from the correlation rho of neighbouring rows."""
     return -1 / np.log(likeness)
 
 
 def gain_of_pace(likeness: np.ndarray, explained: np.ndarray, step: np.ndarray) -> float:
-    """About twice the rise of ln L by a pace of each step: the squares of the differences of what
-    is seen (Fisher's z of `likeness`, (steps,)) and what the noise explains already ((n,), of every
-    row and the next), less what all steps have in common, over their variances 1/n."""
+    """Approximate rise of 2 ln L if each step has its own pace: sum of n (z - mean z)^2 over steps.
+
+    z is Fisher's z of the observed `likeness` (steps,) minus that of the correlation `explained` by
+    the noise ((n,), of every row and the next). Its variance in a step of n rows is 1/n.
+    """
     count = np.bincount(step[:-1], minlength=len(likeness))
     mean = np.bincount(step[:-1], explained[:-1], len(likeness)) / np.maximum(count, 1)
     z = np.arctanh(likeness) - np.arctanh(np.clip(mean, *const.LIKENESS))
@@ -54,7 +56,7 @@ def gain_of_pace(likeness: np.ndarray, explained: np.ndarray, step: np.ndarray) 
 
 
 def own_clock(pace: np.ndarray, step: np.ndarray, rows: np.ndarray, size: int) -> np.ndarray:
-    """A clock that moves by 1/pace with every row that the clock `rows` (n,) counts; `size` rows
-    come out, the last one repeated."""
+    """A clock that advances by 1/pace per row of the clock `rows` (n,), padded to `size` rows with
+    its last value."""
     moved = np.cumsum(np.diff(rows, prepend=rows[0]) / pace[step])
     return filled(moved, size)

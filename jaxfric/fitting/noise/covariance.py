@@ -1,4 +1,4 @@
-"""The covariance of a noise, never as a matrix: what errors and the worth of rows follow from."""
+"""Products with the covariance of a noise, without its matrix: errors, effective rows."""
 
 import itertools
 import math
@@ -14,8 +14,8 @@ from ..padding import Numbers
 from .model import Noise, distances
 
 _Terms = Sequence[tuple[Array, Array]]
-"""A correlation as a sum of exponentials: complex sizes, and what each forgets to the next row
-(n,); their sum is real."""
+"""A correlation as a sum of exponentials: complex amplitudes, and the decay exponents to the next
+row (n,). The sum is real."""
 
 
 def _terms(clock: Float[Numbers, "n *k"], noise: Noise) -> _Terms:
@@ -30,7 +30,7 @@ def _terms(clock: Float[Numbers, "n *k"], noise: Noise) -> _Terms:
 def sandwich(
     clock: Float[Numbers, "n *k"], jacobian: Float[Numbers, "n p"], noise: Noise
 ) -> Float[Numbers, "p p"]:
-    """J^T Sigma J for the noise covariance Sigma, in one pass; by NumPy where it is white."""
+    """J^T Sigma J for the noise covariance Sigma, in one pass; in NumPy if it is white."""
     if not noise.parts:
         scaled = np.reshape(noise.sigma * noise.scale, (-1, 1)) * np.asarray(jacobian)
         return scaled.T @ scaled
@@ -48,12 +48,12 @@ def _sandwich(
 
 @traced
 def neighbours(clock: Float[Numbers, "n *k"], noise: Noise) -> Float[Array, " n"]:
-    """Correlation of the noise of every row and of the next one; of the last row with itself."""
+    """Correlation of the noise of every row with the next row; of the last row with itself."""
     return sum((x * jnp.exp(-d) for x, d in _terms(clock, noise)), jnp.zeros(len(clock))).real
 
 
 def _correlated(columns: Float[Numbers, "n p"], terms: _Terms) -> Float[Array, "p p"]:
-    """C^T R C, R_ij the sum over terms of what is kept from row i to row j."""
+    """C^T R C, R_ij the correlation of rows i and j, summed over terms."""
     columns, sizes = jnp.asarray(columns), jnp.stack([size + 0j for size, _ in terms])
     keep = jnp.exp(-jnp.stack([d for _, d in terms], axis=1))
     keep = jnp.concatenate([jnp.ones_like(keep[:1]), keep[:-1]])
@@ -73,7 +73,7 @@ def rms_error(clock: Float[Numbers, "n *k"], used: ArrayLike, noise: Noise) -> f
     """Relative standard error of the rms of noise over the `used` rows (a mask or 0 and 1).
 
     sqrt(sum_ij (s_i s_j rho_ij)^2/2)/sum_i s_i^2, rho the correlation and s the scale of rows:
-    correlated rows count for fewer, and so do those beside others with more noise.
+    correlated rows count less, and so do rows with a smaller scale than others.
     """
     sizes = np.asarray(used, float) * np.asarray(noise.scale) ** 2
     return math.sqrt(0.5 * float(_squares(clock, sizes, noise))) / max(float(sizes.sum()), 1e-300)
@@ -83,7 +83,7 @@ def rms_error(clock: Float[Numbers, "n *k"], used: ArrayLike, noise: Noise) -> f
 def _squares(
     clock: Float[Numbers, "n *k"], sizes: Float[Numbers, " n"], noise: Noise
 ) -> Float[Array, ""]:
-    """Sum over all pairs of rows of the square of their correlation, times both sizes."""
+    """Sum over all pairs of rows: squared correlation times both sizes."""
     if not noise.parts:
         return jnp.sum(sizes**2)
     terms = _terms(clock, noise)

@@ -15,13 +15,13 @@ from .parts import Exponential, Resonator
 from .quantisation import least_noise, step_words
 
 CLOCKS = ("time", "path", "rows", "pace")
-"""Clocks over which noise forgets: time [s], the path of the load point [m], rows of the record, or
-rows in units of the memory that each velocity step shows."""
+"""Coordinates in which noise may be correlated: time [s], load-point path [m], row number, or row
+number over the correlation length of the velocity step."""
 ROTARY_CLOCKS = ("time", "angle", "rows", "pace")
-"""The clocks of an axis that turns: its path is an angle [rad]."""
+"""The clocks of a rotary axis, whose path is an angle [rad]."""
 _UNITS = {"time": "s", "path": "m", "angle": "rad", "rows": "rows", "pace": "memory of a step"}
 EXPONENTIAL = -1.0
-"""Value of beta of a part that is no resonator; no resonator has it."""
+"""beta of an exponential part; a resonator never has this value."""
 
 
 @dataclass(frozen=True)
@@ -29,26 +29,27 @@ class NoisePart:
     """A correlated part of a noise (see `noise`)."""
 
     share: float
-    """Share of the variance; below 0 neighbouring rows differ by more than chance."""
+    """Share of the variance; negative if neighbouring rows are anticorrelated."""
     over: str
-    """The clock over which this part forgets: one of `CLOCKS` or `ROTARY_CLOCKS`."""
+    """The clock over which this part is correlated: one of `CLOCKS` or `ROTARY_CLOCKS`."""
     memory: float
-    """Memory in [s], [m], [rad] or rows; for a resonator without a swing the longer of two."""
+    """Correlation length in [s], [m], [rad] or rows; the longer of two for an overdamped
+    resonator."""
     beta: float = EXPONENTIAL
-    """w^2 of a resonator (see `noise`); `EXPONENTIAL` where it is none."""
+    """w^2 of a resonator (see `noise`), or `EXPONENTIAL`."""
 
     @property
     def period(self) -> float:
-        """Period of the swing, in the unit of `memory`; infinite where it does not swing."""
+        """Period of the oscillation, in the unit of `memory`; infinite if there is none."""
         return 2 * math.pi * self.memory / math.sqrt(self.beta) if self.beta > 0 else math.inf
 
     @property
     def swings(self) -> bool:
-        """Whether a swing is seen before it is damped away."""
+        """Whether an oscillation is visible before it is damped."""
         return self.beta > const.SWING_SEEN**2
 
     def correlation(self, apart: np.ndarray) -> np.ndarray:
-        """rho between rows that are `apart` (n,) on its clock."""
+        """Correlation of rows at the distances `apart` (n,) on its clock."""
         one = np.ones(1)
         own = (
             Resonator(one, one, self.beta * one)
@@ -59,7 +60,7 @@ class NoisePart:
         return np.real(sum(size * np.exp(-rate * d) for size, rate in own.exponentials()))
 
     def text(self) -> str:
-        """The memory in words: "2.1 s", "3.4 µm of load-point motion", "3 rows"."""
+        """The correlation length as text: "2.1 s", "3.4 µm of load-point motion", "3 rows"."""
         words = self._size(self.memory)
         return words + (f", swinging every {self._size(self.period)}" if self.swings else "")
 
@@ -79,7 +80,7 @@ class NoisePart:
 
 
 def _plain(size: float) -> str:
-    """Two digits, and no power of ten."""
+    """A number with two digits, without an exponent."""
     return f"{size:.2g}" if size < 100 else f"{float(f'{size:.2g}'):.0f}"
 
 
@@ -91,19 +92,19 @@ class NoiseEstimate:
     sigma: float
     parts: tuple[NoisePart, ...] = ()
     longest: tuple[float, ...] = ()
-    """Longest memory that was searched over each of `clocks` that the record has."""
+    """Upper limit of the correlation length in the search, for each of the record's `clocks`."""
     pace: tuple[float, ...] = ()
-    """Memory of each velocity step in rows, where noise forgets over that clock."""
+    """Correlation length of each velocity step in rows, if the noise uses this clock."""
     scale: tuple[float, ...] = ()
-    """Relative noise of every velocity step where they differ; mean square 1 over train rows."""
+    """Relative noise of every velocity step if they differ; mean square 1 over train rows."""
     glitches: Glitches = NO_GLITCHES
-    """Rows that stand out of the noise and are passed over."""
+    """Outliers, excluded from the fit."""
     steps: float = 0.0
-    """Steps in which friction is recorded [unit of friction]; 0 where it is continuous."""
+    """Quantisation step of friction [unit of friction]; 0 if friction is continuous."""
     clocks: tuple[str, ...] = CLOCKS
     """Names of the record's clocks: `CLOCKS` or `ROTARY_CLOCKS`."""
     hum: tuple[Hum, ...] = ()
-    """Lines of one frequency in time that a loop took out of the record: no part of `sigma`."""
+    """Lines of constant frequency that a loop removed from the record; not part of `sigma`."""
 
     @property
     def correlated_share(self) -> float:
@@ -112,13 +113,13 @@ class NoiseEstimate:
 
     @property
     def written(self) -> bool:
-        """Whether the recorder's steps are most of the white part."""
+        """Whether quantisation is most of the white part."""
         white = self.sigma**2 * (1 - self.correlated_share)
         return least_noise(self.steps) ** 2 > const.MOST_OF_WHITE * white
 
     def resolved(self, apart: np.ndarray) -> "NoiseEstimate":
-        """The noise as rows that are `apart` (k,) from their neighbours on every clock, where they
-        are close, show it: a part that is hardly alike over that is white."""
+        """The noise as the rows resolve it. `apart` (k,) is the distance of close neighbours on
+        every clock; a part with little correlation over this distance counts as white."""
         parts = tuple(
             part
             for part in self.parts
@@ -128,13 +129,13 @@ class NoiseEstimate:
 
     @property
     def kind(self) -> str:
-        """The noise in a word: "white", "correlated" or "alternating"."""
+        """Kind of noise: "white", "correlated" or "alternating" (anticorrelated)."""
         if any(part.share < -const.WHITE for part in self.parts):
             return "alternating"
         return "correlated" if any(part.share >= const.WHITE for part in self.parts) else "white"
 
     def text(self) -> str:
-        """The noise in words: "white", or "40 % of its variance correlated over 3 rows"."""
+        """The noise as text: "white", or "40 % of its variance correlated over 3 rows"."""
         if self.kind == "alternating":
             return "alternating: neighbouring rows differ by more than chance"
         if self.kind == "white":
@@ -146,26 +147,26 @@ class NoiseEstimate:
         return words + "".join(f", {share} over {part.text()}" for share, part in rest)
 
     def _in_rows(self, part: NoisePart) -> NoisePart:
-        """A part that has the pace of each step, by the rows of the middle one."""
+        """The part; a correlation length on the clock "pace" becomes rows of the median step."""
         if part.over != "pace" or not self.pace:
             return part
         middle = sorted(self.pace)[len(self.pace) // 2]
         return dataclasses.replace(part, memory=middle * part.memory)
 
     def bound(self) -> str:
-        """The longest memory that was searched, in words; nothing where it is not known."""
+        """The longest correlation length of the search as text; empty if it is unknown."""
         pairs = zip(self.clocks[:3], self.longest, strict=False)
         return " or ".join(NoisePart(1.0, over, most).text() for over, most in pairs)
 
     def correlation(self, apart: np.ndarray) -> np.ndarray:
-        """Correlation (n,) of different rows that are `apart` (n, k) in the record's clocks."""
+        """Correlation (n,) of different rows at distances `apart` (n, k) on the record's clocks."""
         total = np.zeros(len(apart))
         for part in self.parts:
             total += part.share * part.correlation(apart[:, self.clocks.index(part.over)])
         return total
 
     def to_json(self) -> dict:
-        """The estimate as JSON values, null for what is infinite; memories in SI and in rows."""
+        """The estimate as JSON values, null if infinite; correlation lengths in SI or rows."""
         return {
             "correlated_share": self.correlated_share if math.isfinite(self.sigma) else None,
             "parts": [
@@ -197,10 +198,11 @@ def noise_estimate(
     clocks: tuple[str, ...] = CLOCKS,
     hum: tuple[Hum, ...] = (),
 ) -> NoiseEstimate:
-    """The estimate of a residual's noise in units of `scale`; `longest` memory searched over every
-    clock, pace and scale `by_step` of velocity where they differ, `glitches` that are passed over,
-    the `steps` of the recorder [unit of friction], names of the `clocks`, and the `hum` that was
-    taken out."""
+    """The `NoiseEstimate` of a `noise` in units of `scale`.
+
+    `longest`: longest correlation length of the search on every clock. `by_step`: pace and scale of
+    every velocity step if they differ. Other arguments are fields of `NoiseEstimate`.
+    """
     parts = []
     for part in noise.parts:
         if part.share != 0:
@@ -216,6 +218,6 @@ def noise_estimate(
 
 
 def noise_words(noise: NoiseEstimate, record: ToldRecord) -> tuple[str, ...]:
-    """Sentences on a record's noise for the user: rows passed over, coarse recorder steps."""
+    """Warnings about a record's noise: excluded outliers, coarse quantisation."""
     coarse = step_words(noise.steps, noise.sigma, record.provenance.path)
     return (*glitch_words(noise.glitches, record), *coarse)

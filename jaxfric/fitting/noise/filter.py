@@ -1,12 +1,12 @@
 """The Kalman filter of a noise of any number of parts: it whitens many columns in one pass.
 
-It is linear in the rows, which may be uneven, and rows left out are passed over. The states of all
-parts are few, so loops over them are written out as operations on single numbers: a product of
-small matrices in every row would take longer.
+Its time is linear in the number of rows. Rows may be uneven, and excluded rows are skipped. There
+are few states, so loops over them are unrolled to scalar operations: products of small matrices in
+every row would take longer.
 
-tinygp's quasi-separable kernels solve the same equations, but with one coordinate for all terms:
-parts with clocks of their own, a negative one, rows passed over, and the restricted likelihood of
-many columns would still have to be written around them.
+tinygp's quasi-separable kernels solve the same equations, but with one coordinate for all terms.
+Separate clocks, a negative part, skipped rows and the restricted likelihood of many columns would
+still have to be written around them.
 """
 
 from collections.abc import Iterable, Sequence
@@ -24,34 +24,34 @@ from .model import Noise, distances
 from .parts import AbstractPart, Matrix
 
 _Terms = list[list[tuple[int, Array]]]
-"""Of every state the states that it becomes of, and by how much."""
+"""For every state: the states that contribute to it in the next row, with factors."""
 
 
 class Moves(NamedTuple):
-    """What becomes of the states of every part from a row to the next."""
+    """Change of the states of every part from one row to the next."""
 
     turn: tuple[Matrix, ...]
     """Transitions, entries (*g, n)."""
     gained: tuple[Matrix, ...]
-    """Covariances that the states gain: lower halves."""
+    """Process-noise covariances of the states: lower triangles."""
 
 
 def moves_of(parts: Sequence[AbstractPart], away: Float[Numbers, "n k"]) -> Moves:
-    """The moves of some parts, of one noise or of many, over distances on the clocks."""
+    """The moves of the parts of one noise or many, over the distances `away` on the clocks."""
     turn = tuple(part.transition(away) for part in parts)
     return Moves(turn, tuple(p.gained(f) for p, f in zip(parts, turn, strict=True)))
 
 
 class Carried(NamedTuple):
-    """What a filter carries from row to row: of every column the means of all states, of all
-    columns alike their covariances (the lower half)."""
+    """The filter's state between rows: means of all noise states for every column, and their
+    covariance (lower triangle), which all columns share."""
 
     mean: list[Float[Array, " m"]]
     spread: list[list[Float[Array, ""]]]
 
 
 def at_first_row(parts: Sequence[AbstractPart], columns: Float[Numbers, "n m"]) -> Carried:
-    """What a filter of some columns begins with."""
+    """The filter's state before the first row of some columns."""
     own = [jnp.asarray(part.share * v) for part in parts for v in part.variances()]
     none = jnp.zeros(())
     spread = [[own[i] if i == j else none for j in range(i + 1)] for i in range(len(own))]
@@ -67,11 +67,11 @@ def filtered(
     *,
     backwards: bool = False,
 ) -> tuple[Carried, tuple[Float[Array, "n m"], Float[Array, " n"]]]:
-    """Innovations of columns of scale 1 (or `backwards` the columns of such innovations), and the
-    logarithm of the inverse variance of each row's misfit, (n,).
+    """Innovations of columns of scale 1 (`backwards`: columns from innovations), and the logarithm
+    of the inverse innovation variance of each row, (n,).
 
-    Rows not `used` are to be passed over; `white` is the share of white noise. Goes on from what is
-    carried, and tells what is carried on.
+    Rows not `used` are skipped; `white` is the share of white noise. The filter continues from the
+    state `begun` and returns its last state.
     """
     seen = _seen(moves.turn)
 
@@ -99,12 +99,12 @@ def _sum(terms: Iterable[Array]) -> Array:
 
 
 def _seen(turn: tuple[Matrix, ...]) -> list[int]:
-    """The states that add to a row: the first of every part."""
+    """Indices of the states that add to a row: the first of every part."""
     return [0, *np.cumsum([len(own) for own in turn]).tolist()][: len(turn)]
 
 
 def _terms(turn: tuple[Matrix, ...]) -> _Terms:
-    """What states of all parts become of: of none of another part."""
+    """Contributions to the next states; they come from states of the same part only."""
     begin = _seen(turn)
     return [
         [(first + k, x) for k, x in enumerate(row)]
@@ -116,8 +116,8 @@ def _terms(turn: tuple[Matrix, ...]) -> _Terms:
 def _update(
     spread: list[list[Array]], white: Float[Array, ""], seen: list[int]
 ) -> tuple[list[Array], Array, list[list[Array]]]:
-    """Gains, the inverse variance of the misfit, and the covariance of the states once it is
-    seen."""
+    """Gains, inverse innovation variance, and covariance of the states after the row is
+    observed."""
     number = range(len(spread))
     along = [_sum(spread[max(i, j)][min(i, j)] for j in seen) for i in number]
     inverse = 1 / (_sum(along[i] for i in seen) + white)
@@ -174,7 +174,7 @@ def whiten(
 ) -> Float[Array, "n m"]:
     """The columns in units of the noise and uncorrelated: W c with W^T W = inverse covariance.
 
-    Rows of zero weight are passed over and come out as 0.
+    Rows of zero weight are skipped and return 0.
     """
     return innovations(clock, weight, columns, noise)[0] / noise.sigma
 
@@ -188,7 +188,7 @@ def coloured(
 ) -> Float[Array, "n m"]:
     """Columns of this noise from columns of white noise of variance 1: the inverse of `whiten`.
 
-    Rows of zero weight come out as 0.
+    Rows of zero weight return 0.
     """
     used = weight > 0
     moves, begun = moves_of(noise.parts, distances(clock)), at_first_row(noise.parts, white)
@@ -199,14 +199,15 @@ def coloured(
 
 
 class Whitening(NamedTuple):
-    """The filter of `whiten` with its gains, which follow from the noise and the clocks alone.
+    """The filter of `whiten` with precomputed gains, which depend on noise and clocks alone.
 
-    Where the noise is held, one filter whitens many columns in a small part of the time."""
+    For a fixed noise it whitens many columns in a small part of the time.
+    """
 
     gain: list[Float[Array, " n"]]
     turn: tuple[Matrix, ...]
     size: Float[Numbers, " n"]
-    """1 over the standard deviation of the misfit of a row; 0 where it is passed over."""
+    """1 over the standard deviation of a row's innovation; 0 for skipped rows."""
 
     def __call__(self, columns: Float[Numbers, "n m"]) -> Float[Array, "n m"]:
         """The columns in units of the noise and uncorrelated."""
@@ -227,7 +228,7 @@ class Whitening(NamedTuple):
 
 @traced
 def whitening(clock: Float[Numbers, "n *k"], weight: Float[Numbers, " n"], noise: Noise):
-    """The `Whitening` of this noise of a scale that is the same in all rows."""
+    """The `Whitening` of a noise whose scale is the same in all rows."""
     used, moves = weight > 0, moves_of(noise.parts, distances(clock))
     seen = _seen(moves.turn)
 
@@ -252,7 +253,7 @@ _innovations = traced(innovations)
 def innovations_of(
     clock: Float[Numbers, "n *k"], weight: Float[Numbers, " n"], column: np.ndarray, noise: Noise
 ) -> tuple[np.ndarray, float]:
-    """`innovations` of one column (n,), compiled as for eight."""
+    """`innovations` of one column (n,), padded to eight to share a compilation."""
     white, size = _innovations(
         clock, weight, padded_columns(column[:, None], size=const.FEW), noise
     )
@@ -276,8 +277,8 @@ def whitened(
 
 
 def taken_out(columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The first column without the directions of the others, and the share of each row's variance
-    that they leave."""
+    """The first column projected orthogonal to the others, and the share of each row's variance
+    that remains."""
     size = np.linalg.norm(columns, axis=0)
     basis = np.linalg.qr(columns[:, 1:][:, size[1:] > 0] / size[1:][size[1:] > 0])[0]
     left = columns[:, 0] - basis @ (basis.T @ columns[:, 0])

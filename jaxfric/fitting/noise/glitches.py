@@ -1,24 +1,23 @@
-"""Glitches of a recorder: single rows, or two or three neighbours, far out of the noise.
+"""Glitches of a recorder: outliers of one to three neighbouring rows.
 
-Every row is predicted from the rows before it and, with the rows turned round, from those after
-it, by the noise that was found (one Kalman pass each way). A run of up to three rows is a glitch
-if its first row stands out of what went before and its last one out of what follows, to the same
-side, and none of the three rows before it and after it does by six tenths as much. A step of
-friction does not: its first row stands out of what went before, and the row before that one out of
-what follows, to the other side. Nor does what lasts longer than three rows, nor a peak that rises
-and falls.
+Every row is predicted from the rows before it and from the rows after it, with the estimated noise
+(one Kalman pass each way). A run of up to three rows is a glitch if its first row deviates from the
+prediction from before, and its last row, with the same sign, from the prediction from after. None
+of the three rows on either side may deviate by six tenths as much. A step of friction is no glitch:
+its first row deviates from before, but the row before it deviates from after, with opposite sign.
+Longer events, and peaks that rise and fall smoothly, do not qualify either.
 
-How far is far: farther than noise alone gives once in a hundred records of as many rows, in units
-of the median error of the same velocity step: noise differs from step to step, and a median does
-not know of a few wrong rows, as a standard deviation does. Noise is not always normal, so its law
-is a Student's t with as many degrees of freedom as the body of the prediction errors shows (their
-median and their 93rd percentile, which a hundredth of wrong rows and their neighbours hardly move):
-under heavy tails the limit rises, and next to nothing is passed over. Rows beside a velocity step
-are spared: friction is steep there, and a model may lack what it does.
+Noise alone exceeds the limit once in a hundred records of this length. The limit is in units of the
+median error of the same velocity step: noise differs between steps, and a median, unlike a standard
+deviation, is robust. Noise need not be normal, so the limit is that of Student's t. Its degrees of
+freedom follow from the body of the prediction errors: the median and the 93rd percentile, which a
+hundredth of outliers and their neighbours hardly change. Heavy tails raise the limit, and almost no
+row is excluded. Rows next to a velocity step are spared: friction is steep there, and a model may
+lack an effect.
 
 Source: Chang, Tiao & Chen 1988 (doi:10.1080/00401706.1988.10488367) for single outliers and level
-shifts by what noise predicts. Not tried: glitches at more than a hundredth of the rows, or longer
-than three rows.
+shifts by predictions. Not supported: glitches at more than a hundredth of the rows, or longer than
+three rows.
 """
 
 from statistics import NormalDist
@@ -33,22 +32,22 @@ from .filter import taken_out, whitened
 from .model import Noise
 
 ROUNDS = 2
-"""Number of times that noise is learned anew without what stands out of it."""
+"""Number of searches for outliers, each followed by a new estimate of the noise."""
 _UPPER = 0.5 * (1 + const.BODY)
 _NORMAL = NormalDist().inv_cdf(_UPPER)
 """Median size of a normal error of unit variance."""
 
 
 class Glitches(NamedTuple):
-    """Rows that are passed over because they stand out of the noise."""
+    """Outliers, excluded from the fit."""
 
     rows: tuple[int, ...] = ()
-    """Indices of the glitches among the fitted rows, from 0. They are not row numbers of the file
-    where rows are means, or prepared rows of an axis."""
+    """Indices of the glitches among the fitted rows, from 0. They differ from row numbers of the
+    file if rows are means, or prepared rows of an axis."""
     beyond: float = 0.0
-    """[standard deviations of the noise of its velocity step, of a row predicted from others]"""
+    """Limit of the prediction error [standard deviations of the noise of the velocity step]."""
     tails: int = 0
-    """Rows that stand out as far, but are too many to be glitches: none is passed over."""
+    """Rows beyond the limit that are too many to be glitches (heavy tails): none is excluded."""
 
     def to_json(self) -> dict:
         """The fields as JSON values, and the number of glitches; row indices count from 0."""
@@ -59,8 +58,8 @@ NO_GLITCHES = Glitches()
 
 
 def beside_steps(step: np.ndarray) -> np.ndarray:
-    """Rows (n,) beside where the `step` of the rows changes: three before, whose times may be
-    wrong, and after it a tenth of the shorter of the two steps, but five to ten rows."""
+    """Mask (n,) of rows near a change of `step`: three rows before it, since its time may be wrong,
+    and after it a tenth of the shorter of the two steps, within five to ten rows."""
     near = np.zeros(len(step), bool)
     edges = np.flatnonzero(np.diff(step)) + 1
     ends = np.concatenate([[0], edges, [len(step)]])
@@ -76,8 +75,8 @@ def prediction_errors(
     """Errors of predicting every row from the rows before it, and from those after it, in standard
     deviations; each (n,).
 
-    Column 0 of `columns` (n, m) is the residual, the others are what a model may still explain of
-    it. Rows of `weight` 0 are passed over: 0.
+    Column 0 of `columns` (n, m) is the residual. The others are directions that a model may still
+    fit, and are projected out. Rows of `weight` 0 are skipped and return 0.
     """
     found = []
     for turn in (slice(None), slice(None, None, -1)):
@@ -92,8 +91,8 @@ def prediction_errors(
 def in_sizes_of_steps(
     ahead: np.ndarray, back: np.ndarray, step: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Errors of prediction (n,) both ways over their median in the same step, scaled as for a
-    normal law of unit variance; the median of few rows is drawn to that of all steps."""
+    """Prediction errors (n,) both ways over their median in the same step, scaled to unit variance
+    for a normal law. The median of a step with few rows is shrunk towards that of all steps."""
     size, every = np.ones(len(step)), np.concatenate([ahead, back])
     whole = float(np.median(np.abs(every)))
     for own in (step == k for k in np.unique(step)):
@@ -108,16 +107,16 @@ def in_sizes_of_steps(
 def standing_out(
     ahead: np.ndarray, back: np.ndarray, spared: np.ndarray
 ) -> tuple[np.ndarray, float]:
-    """Mask (n,) of the rows that are glitches, by their errors of prediction both ways; and how far
-    out a glitch is at least, in standard deviations of a normal law with the same median error.
+    """Mask (n,) of the glitches from prediction errors both ways, and the limit of the errors, in
+    standard deviations of a normal law with the same median error.
 
-    `spared` rows (a mask) are none.
+    Rows in the mask `spared` are never glitches.
     """
     n = len(ahead)
     from scipy.special import stdtrit
 
     size, freedom = _law(np.concatenate([ahead, back]))
-    # what noise alone gives once in a hundred records of so many rows
+    # noise alone exceeds it once in a hundred records of so many rows
     beyond = -float(stdtrit(freedom, 0.5 * const.CHANCE_OF_GLITCH / (const.LONGEST_GLITCH * n)))
     limit = size * beyond if size > 0 else np.inf
     found = np.zeros(n, bool)
@@ -132,7 +131,7 @@ def standing_out(
                     *before[max(begin - const.LONGEST_GLITCH, 0) : begin],
                     *after[end : end + const.LONGEST_GLITCH],
                 ]
-                # what a shorter glitch explains needs no longer one
+                # a shorter glitch takes precedence
                 new = not here[begin:end].any()
                 if new and max(around, default=0.0) <= const.NEAR_GLITCH * limit:
                     here[begin:end] = True
@@ -141,8 +140,8 @@ def standing_out(
 
 
 def _law(errors: np.ndarray) -> tuple[float, float]:
-    """Student's t with the median and the 93rd percentile of the sizes of some errors: its scale
-    and its degrees of freedom."""
+    """Scale and degrees of freedom of the Student's t that has the median and the 93rd percentile
+    of the absolute errors."""
     from scipy.special import stdtrit  # scipy.stats takes half a second to import
 
     body, shoulder = np.quantile(np.abs(errors), [const.BODY, const.SHOULDER])
@@ -164,11 +163,11 @@ def find_glitches(
     before: Glitches = NO_GLITCHES,
     least: float = 1.0,
 ) -> Glitches:
-    """The glitches among n rows, with those known `before`, whose weight is 0.
+    """The glitches among n rows, including those known `before`, whose weight is 0.
 
-    `columns` as in `prediction_errors`; `step` (n,) is the velocity step of every row. Rows that
-    are wrong by less than `least` in the unit of the residual are none, which keeps rounding out.
-    Where more than a hundredth of the rows would be glitches no more of them are.
+    `columns` as in `prediction_errors`; `step` (n,) is the velocity step of every row. Deviations
+    below `least` (in the unit of the residual) do not count, which excludes rounding errors. If
+    more than a hundredth of the rows would be glitches, no new ones are added.
     """
     rows, known = np.flatnonzero(np.asarray(weight) > 0), list(before.rows)
     if len(rows) < const.ROWS_FOR_GLITCHES:
@@ -176,7 +175,7 @@ def find_glitches(
     ahead, back = (x[rows] for x in prediction_errors(clock, weight, columns, noise))
     if not (np.isfinite(ahead).all() and np.isfinite(back).all()):
         return before
-    # of an axis only rows that move count: those beside a reversal are the first of them
+    # an axis uses moving rows only, so a reversal is a change of step too
     sizes = in_sizes_of_steps(ahead, back, step[rows])
     found, beyond = standing_out(*sizes, beside_steps(step[rows]))
     found &= np.maximum(np.abs(ahead), np.abs(back)) * float(noise.sigma) > least
@@ -189,7 +188,7 @@ def find_glitches(
 
 
 class ToldRecord(Protocol):
-    """What `glitch_words` needs of a record: the times of its rows and its provenance."""
+    """The part of a record that `glitch_words` uses: times of rows, and provenance."""
 
     @property
     def relative_time(self) -> np.ndarray: ...
@@ -198,7 +197,7 @@ class ToldRecord(Protocol):
 
 
 def glitch_words(glitches: Glitches, record: ToldRecord) -> tuple[str, ...]:
-    """Sentences on glitches for the user: how many, how far out, and where the first ones are."""
+    """Warning about glitches: their number, the limit, and the position of the first ones."""
     origin, time = record.provenance, record.relative_time
     far = f"{glitches.beyond:.2g} standard deviations"
     if glitches.tails:

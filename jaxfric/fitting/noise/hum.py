@@ -1,20 +1,19 @@
-"""Hum: lines of one frequency in time, as of the mains, in the residual of a record.
+"""Hum: lines of constant frequency, such as the mains, in the residual of a record.
 
-A wave along the path has a frequency that goes with velocity; hum has one frequency at every
-velocity. So the residual is cut into pieces of one velocity, each has its periodogram over the
-noise around (cosines of its logarithm), and the pieces are added at equal frequency. A line
-is hum where it stands out in all of them together,
+The frequency of a wave along the path is proportional to velocity; that of hum is constant. So the
+residual is cut into pieces of constant velocity. Each piece has a periodogram over the surrounding
+noise (a cosine series of its logarithm), and the pieces are added at equal frequency. A line is hum
+if it is significant in the sum over pieces,
 
     P = sum_i |sum_j r_j exp(2 pi i f t_j)|^2/(n_i S_i(f)),   under noise alone Gamma(pieces, 1),
 
-goes on through both halves of a piece, as what rings after a step does not, and stands out at two
-velocities, while no wave along the path explains as much. What stands out at one velocity only is
-a wave along the path as well as hum: it is hum where it has a frequency of the mains. Every piece
-has an amplitude and a phase of its own, by least squares; a frequency that the rows of a piece do
-not resolve is not sought there.
+persists through both halves of a piece (ringing after a step does not), and is significant at two
+velocities, while no wave along the path explains as much. A line at one velocity only may be either
+a wave along the path or hum; it counts as hum at a frequency of the mains. Every piece has its own
+amplitude and phase, by least squares. Frequencies that its rows do not resolve are not searched.
 
-Source: Lomb 1976 (doi:10.1007/BF00648343) and Scargle 1982 (doi:10.1086/160554) for rows that are
-uneven; here they are put into cells of a quarter of their interval, which costs 5 % of P at most.
+Source: Lomb 1976 (doi:10.1007/BF00648343) and Scargle 1982 (doi:10.1086/160554) for uneven rows.
+Here rows are binned into cells of a quarter of their interval, which costs at most 5 % of P.
 """
 
 from typing import NamedTuple
@@ -27,14 +26,14 @@ from .filter import taken_out
 
 
 class Hum(NamedTuple):
-    """A line of one frequency in time."""
+    """A line of constant frequency."""
 
     frequency: float
     """[Hz]"""
     error: float
     """Its standard error [Hz]."""
     sizes: tuple[float, ...]
-    """Its rms at every velocity step [unit of friction]; 0 where the rows do not resolve it."""
+    """Its rms in every velocity step [unit of friction]; 0 if the rows do not resolve it."""
 
     def scaled(self, unit: float) -> "Hum":
         """The line with its sizes in another unit."""
@@ -45,20 +44,20 @@ class Hum(NamedTuple):
         return {"frequency": self.frequency, "std": self.error, "rms_by_step": list(self.sizes)}
 
     def text(self) -> str:
-        """The line in words: "hum at 100.0 Hz", with its error where it is not known to 0.1 Hz."""
+        """The line as text: "hum at 100.0 Hz", with its error if that is 0.1 Hz or more."""
         known = f"{self.frequency:.1f}" + (f" ± {self.error:.1f}" if self.error >= 0.1 else "")
         return f"hum at {known} Hz"
 
 
 class _Piece(NamedTuple):
-    """Neighbouring rows of one velocity, and the periodogram of what they have left."""
+    """Neighbouring rows of constant velocity, and the periodogram of their residual."""
 
     rows: Int[np.ndarray, " n"]
     time: Float[np.ndarray, " n"]
     speed: float
     frequency: Float[np.ndarray, " m"]
     power: Float[np.ndarray, " m"]
-    """Over the noise around: 1 on average."""
+    """Relative to the surrounding noise: 1 on average."""
     around: Float[np.ndarray, " m"]
 
     @property
@@ -67,11 +66,11 @@ class _Piece(NamedTuple):
         return 1 / float(np.ptp(self.time))
 
     def resolves(self, f: float) -> bool:
-        """Whether such a frequency is sought here."""
+        """Whether the frequency is within the searched range of this piece."""
         return bool(self.frequency[0] <= f <= self.frequency[-1])
 
     def at(self, f: np.ndarray) -> np.ndarray:
-        """The power at some frequencies, 0 beyond those that are sought."""
+        """The power at some frequencies, 0 outside the searched range."""
         return np.interp(f, self.frequency, self.power, left=0.0, right=0.0)
 
     def near(self, f: float) -> float:
@@ -80,7 +79,7 @@ class _Piece(NamedTuple):
         return float(np.max(self.power, where=here, initial=0.0))
 
     def exact(self, left: np.ndarray, f: np.ndarray, part: slice = slice(None)) -> np.ndarray:
-        """The power at some frequencies, by least squares of the rows of a part."""
+        """The power at some frequencies, by least squares over a part of the rows."""
         time, values = self.time[part], left[self.rows[part]]
         angle = 2 * np.pi * np.outer(f, time - time[0])
         c, s = np.cos(angle), np.sin(angle)
@@ -90,7 +89,7 @@ class _Piece(NamedTuple):
             *(np.sum(x, axis=1) for x in (c * c, c * s, s * s)),
         )
         both = cc * ss - cs**2
-        # where there are two rows a cycle only one of both is seen
+        # with two rows per cycle only one of sine and cosine is visible
         alone = both < const.HALF_A_CYCLE * len(time) ** 2
         power = 0.5 * (ss * a**2 - 2 * cs * a * b + cc * b**2) / np.where(alone, 1.0, both)
         power = np.where(alone, (a**2 + b**2) / len(time), power)
@@ -104,10 +103,10 @@ def find_hum(
     on: Bool[np.ndarray, " n"],
     columns: Float[np.ndarray, "n m"],
 ) -> tuple[tuple[Hum, ...], Float[np.ndarray, " n"]]:
-    """The hum in a residual, in its unit, and what it adds to every row.
+    """The hum in a residual, in its unit, and its contribution to every row.
 
-    Column 0 of `columns` is the residual, the others are what a model may still explain of it.
-    `step` is the velocity step of each row; rows not `on` are passed over.
+    Column 0 of `columns` is the residual; the others are directions that a model may still fit.
+    `step` is the velocity step of each row; rows not `on` are skipped.
     """
     wave, used = np.zeros(len(time)), np.flatnonzero(on)
     left = np.zeros(len(time))
@@ -137,8 +136,8 @@ def find_hum(
 
 
 def _error(pieces: list[_Piece], power: np.ndarray) -> float:
-    """Standard error of a frequency that pieces show with such powers, at least: each gives
-    sqrt(6/P)/(2 pi T) (Rife and Boorstyn 1974, doi:10.1109/TIT.1974.1055282)."""
+    """Lower bound of the standard error of a frequency, from its power P in all pieces: a piece of
+    duration T gives sqrt(6/P)/(2 pi T) (Rife & Boorstyn 1974, doi:10.1109/TIT.1974.1055282)."""
     known = sum(x / p.width**2 for x, p in zip(power, pieces, strict=True))
     return float(np.sqrt(6 / max(known, 1e-300))) / (2 * np.pi)
 
@@ -155,12 +154,12 @@ def _cut(time: np.ndarray, step: np.ndarray, used: np.ndarray) -> list[np.ndarra
 
 
 def _piece(left: np.ndarray, time: np.ndarray, path: np.ndarray, rows: np.ndarray) -> _Piece | None:
-    """A piece with its periodogram; None where it is too short for one."""
+    """A piece with its periodogram; None if it is too short for one."""
     if len(rows) < const.FEWEST_OF_PIECE:
         return None
     when = time[rows]
     lasting = float(when[-1] - when[0]) * len(rows) / (len(rows) - 1)
-    # of rows that come in bursts the cells are a part of their mean interval
+    # if rows come in bursts, cells are limited by their mean interval
     cell = max(float(np.median(np.diff(when))), lasting / (const.BURST * len(rows))) / const.CELLS
     size = int(np.ceil(lasting / cell)) * const.FINER
     place = np.round((when - when[0]) / cell).astype(int)
@@ -173,15 +172,16 @@ def _piece(left: np.ndarray, time: np.ndarray, path: np.ndarray, rows: np.ndarra
     if first >= last:  # fewer than two frequencies
         return None
     around = _smooth(power, angle)
-    around[last + 1 - const.FINER :] *= 2  # a sine is 0 there: half as many numbers, as large
+    around[last + 1 - const.FINER :] *= 2  # no sine: chi-squared of 1 d.o.f., halved
     frequency, power, around = (x[first:] for x in (frequency, power, around))
     speed = float(np.ptp(path[rows])) / lasting
     return _Piece(rows, when, speed, frequency, power / around, around)
 
 
 def _smooth(power: np.ndarray, angle: np.ndarray) -> np.ndarray:
-    """Mean power of the noise: the logarithm of independent ones by a few cosines of the angle, as
-    of a noise that forgets within a few rows, a line having little weight in it."""
+    """Mean power of the noise: a few cosines of the angle, fitted to the logarithms of independent
+    coefficients. Few cosines mean correlation over few rows, and logarithms give a line little
+    weight."""
     own = slice(const.SLOW * const.FINER, None, const.FINER)
     number = len(power[own])
     order = np.arange(1 + int(np.clip(number // const.EACH_COSINE, *const.COSINES)))
@@ -194,7 +194,7 @@ def _smooth(power: np.ndarray, angle: np.ndarray) -> np.ndarray:
 def _likeliest(
     pieces: list[_Piece], left: np.ndarray, barred: list[tuple[float, float]]
 ) -> float | None:
-    """The frequency of the line that stands out most; None where none does."""
+    """The frequency of the most significant line; None if none is significant."""
     from scipy.special import gammaincc
 
     if not pieces:
@@ -211,7 +211,7 @@ def _likeliest(
     if not len(seen):
         return None
     chance = gammaincc(count[seen], total[seen])
-    # of lines beyond what a double holds the largest
+    # if p underflows to 0, the largest power decides
     best = seen[np.lexsort((-total[seen], chance))[0]]
     resolving = [p for p in pieces if p.resolves(f[best])]
     ends = [min(p.frequency[0] for p in resolving), max(p.frequency[-1] for p in resolving)]
@@ -226,7 +226,7 @@ def _likeliest(
 def _is_hum(
     pieces: list[_Piece], resolving: list[_Piece], power: np.ndarray, left: np.ndarray, f: float
 ) -> bool:
-    """Whether a line, of such a power in the pieces resolving it, is fixed in time: see above."""
+    """Whether a line with this power in the pieces that resolve it is hum: see the module."""
     speed = np.array([p.speed for p in resolving])
     stands = power > -np.log(const.CHANCE_OF_LINE / len(power))
     for k in np.flatnonzero(stands):
@@ -248,8 +248,8 @@ def _is_hum(
 def _along_path(
     pieces: list[_Piece], resolving: list[_Piece], power: np.ndarray, stands: np.ndarray, f: float
 ) -> bool:
-    """Whether a wave along the path, of a length that a piece gives, stands out at the other
-    velocities, and by more than a line in time does."""
+    """Whether a wave along the path, with the wavelength that one piece gives, is significant at
+    the other velocities and stronger there than a line of constant frequency."""
     from scipy.special import gammaincc
 
     speed = np.array([p.speed for p in resolving])
@@ -268,14 +268,14 @@ def _along_path(
 
 
 def _alike(one: np.ndarray | float, other: float) -> np.ndarray:
-    """Whether velocities are one."""
+    """Whether velocities are equal within the tolerance."""
     return np.minimum(one, other) > const.SAME_VELOCITY * np.maximum(one, other)
 
 
 def _wave(
     cut: list[np.ndarray], time: np.ndarray, left: np.ndarray, frequencies: list[float]
 ) -> np.ndarray:
-    """What lines of some frequencies add to every row, by least squares in every piece."""
+    """Contribution of some frequencies to every row, by least squares in every piece."""
     wave = np.zeros(len(time))
     for rows in cut:
         when = time[rows] - time[rows[0]]

@@ -1,7 +1,7 @@
 """Restricted likelihoods of many noises of a residual at once.
 
-The likelihood is the restricted one (REML): the residual of a fit has lost the directions of its
-parameters, and without correcting for that a long memory is under-estimated. sigma is profiled out.
+The likelihood is restricted (REML): a fit removes the directions of its parameters from the
+residual. Without this correction a long correlation is underestimated. sigma is profiled out.
 
 Source: Harville 1977 (doi:10.1080/01621459.1977.10480998) for the restricted likelihood.
 """
@@ -26,7 +26,7 @@ def products(
     scale: Float[Numbers, " *n"],
     noises: Noises,
 ) -> tuple[Float[Array, "g m m"], Float[Array, " g"]]:
-    """Products of the columns whitened under every noise of sigma 1, and its log-determinants."""
+    """Products of the columns whitened by every noise of sigma 1, and log-determinants."""
     scale, used = jnp.broadcast_to(scale, weight.shape), weight > 0
     each = const.BLOCK if len(weight) % const.BLOCK == 0 else len(weight)
     rows = (distances(clock), used, columns / scale[:, None])
@@ -85,10 +85,10 @@ def _profiled(
     p = int(np.sum(used[0]))
     size = np.where(used, 1 / np.sqrt(np.where(used, diagonal, 1.0)), 1.0)
     ridge = np.where(used, 1e-12, 1.0)[:, :, None] * np.eye(len(design[0]))
-    with np.errstate(divide="ignore", invalid="ignore"):  # of more columns than rows
+    with np.errstate(divide="ignore", invalid="ignore"):  # more columns than rows
         scaled = design * size[:, :, None] * size[:, None, :] + ridge
         projection = gram[:, 1:, 0] * size
-        # what is left is no ratio of determinants: of columns nearly alike those are not known
+        # not by a ratio of determinants: those lose all digits if columns are nearly equal
         solved = np.linalg.solve(scaled, projection[..., None])[..., 0]
         left = np.maximum(gram[:, 0, 0] - np.sum(projection * solved, axis=1), 1e-300)
         variance = left / (n - p)

@@ -3,12 +3,12 @@
     r_i = s_i (e_i + sum_k a_k,i),   var e = sigma^2 (1 - sum_k c_k)
     cov a_k,i, a_k,j = sigma^2 c_k rho_k(d_k)
 
-s is the scale of a row, c_k the share of a part, rho_k its correlation and d_k what it forgets
-between two rows (`parts`). Clocks are time (amplifier, servo), the path of the load point
-(roughness, gouge: ten times as fast at ten times the velocity) and the samples of a recorder whose
-filter follows its rate; they are the columns of an array (n, k). A clock alone may be (n,).
+s is the scale of a row, c_k the share of a part, rho_k its correlation and d_k the distance of two
+rows in its correlation lengths (`parts`). Clocks are time (amplifier, servo), the load-point path
+(roughness, gouge: ten times as fast at ten times the velocity) and samples (a recorder whose filter
+follows its rate). They are the columns of an array (n, k); a single clock may be (n,).
 
-How a noise is found is in `search`.
+`search` estimates a noise.
 """
 
 from typing import NamedTuple
@@ -22,7 +22,7 @@ from .parts import AbstractPart, Exponential
 
 
 class Noise(NamedTuple):
-    """Standard deviation of a row of scale 1, and the parts that are correlated."""
+    """Standard deviation of a row of scale 1, and the correlated parts."""
 
     sigma: Float[Numbers, ""]
     parts: tuple[AbstractPart, ...]
@@ -37,7 +37,7 @@ class Noise(NamedTuple):
 
     @property
     def is_white(self) -> bool:
-        """Whether no part has a share."""
+        """Whether all shares are 0."""
         return not any(np.any(np.asarray(part.share)) for part in self.parts)
 
 
@@ -50,7 +50,7 @@ class Noises(NamedTuple):
 
 
 def white_of(parts: tuple[AbstractPart, ...]) -> Float[Numbers, "*g"]:
-    """Share of the variance that is white beside some parts."""
+    """White share of the variance: 1 minus the shares of the parts."""
     return 1.0 - sum((part.share for part in parts), np.zeros(()))
 
 
@@ -60,10 +60,10 @@ def noise_of(
     memory: ArrayLike = 1.0,
     log_likelihood: ArrayLike = 0.0,
 ) -> Noise:
-    """White noise and, of a `share`, an exponential part; `memory` over every clock, infinite where
-    it has none.
+    """White noise and an exponential part with this `share`. `memory`: its correlation length on
+    every clock, infinite on clocks that it does not use.
 
-    Shapes: all of them () but `memory` (k,) or ().
+    Shapes: `memory` (k,) or (), all others ().
     """
     rates = np.atleast_1d(1 / np.asarray(memory, float))
     parts = (Exponential(np.asarray(share, float), rates),) if share else ()
@@ -72,7 +72,7 @@ def noise_of(
 
 
 def distances(clock: Float[Numbers, "n *k"]) -> Float[Array, "n k"]:
-    """How far every clock goes to the next row; 0 from the last one."""
+    """Distance to the next row on every clock; 0 for the last row."""
     columns = clock[:, None] if clock.ndim == 1 else clock
     steps = jnp.abs(jnp.diff(columns, axis=0))
     return jnp.concatenate([steps, jnp.zeros_like(steps[:1])])

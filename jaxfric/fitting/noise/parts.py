@@ -1,16 +1,15 @@
-"""Parts of a noise: each a process of few states that forgets over one clock of the record.
+"""Parts of a noise: each is a process of few states, correlated over one clock of the record.
 
     exponential   rho(d) = exp(-d)
     resonator     rho(d) = exp(-d) (cos w d + sin(w d)/w),   w^2 = beta
 
-d is what a part forgets between two rows: its rates times how far the clocks have moved. An
-exponential is an Ornstein-Uhlenbeck process. A resonator is a damped oscillator driven by white
-noise, b'' + 2 b' + (1 + beta) b, whose record is smooth: an amplifier's filter (beta <= 0: real
-roots) or a servo that swings (beta > 0). An alternating part is an exponential of negative
-variance: neighbouring rows differ by more than chance, as where the noise of a position is
-differentiated.
+d is the distance of two rows on the clocks times the rates of the part. An exponential is an
+Ornstein-Uhlenbeck process. A resonator is a damped oscillator driven by white noise, b'' + 2 b' +
+(1 + beta) b, with smooth paths: an amplifier's filter (beta <= 0: real roots) or an oscillating
+servo (beta > 0). An alternating part is an exponential of negative variance: neighbouring rows are
+anticorrelated, as in the noise of a differentiated position.
 
-A further part is a further class here, and a line in `KINDS`.
+To add a part, write a class here and add it to `KINDS`.
 
 Sources: Foreman-Mackey et al. 2017 (doi:10.3847/1538-3881/aa9332) for such terms in linear time;
 Kelly et al. 2014 (doi:10.1088/0004-637X/788/1/33) for filters of white noise at uneven sampling.
@@ -35,7 +34,7 @@ Matrix = tuple[tuple[Array, ...], ...]
 
 
 class Limits(NamedTuple):
-    """Shortest and longest memory that is searched over each clock, (k,)."""
+    """Shortest and longest correlation length of the search on each clock, (k,)."""
 
     shortest: np.ndarray
     longest: np.ndarray
@@ -44,7 +43,7 @@ class Limits(NamedTuple):
 
 
 class Term(NamedTuple):
-    """A part that a noise is to have: of which kind, and the clock that it forgets over."""
+    """The kind of a part and the index of its clock."""
 
     kind: "type[AbstractPart]"
     clock: int
@@ -53,20 +52,20 @@ class Term(NamedTuple):
 class AbstractPart(eqx.Module):
     """A correlated part of a noise, or the parts of `g` noises of one kind.
 
-    Its first state is what adds to a row; it is stationary, with states that are independent of
-    each other in a row.
+    Its first state adds to a row. The process is stationary, and its states at one row are
+    independent of each other.
     """
 
     share: eqx.AbstractVar[Float[Numbers, "*g"]]
-    """Share of the variance; below 0 neighbouring rows differ by more than chance."""
+    """Share of the variance; negative if neighbouring rows are anticorrelated."""
     rates: eqx.AbstractVar[Float[Numbers, "*g k"]]
-    """Inverse memory over every clock."""
+    """Inverse correlation length on every clock."""
 
     parameters: eqx.AbstractClassVar[int]
-    """Numbers that fix it: its size over the white noise, its memory, and what else its kind has;
-    all of them as logarithms."""
+    """Number of its parameters, all logarithms: variance over that of the white noise, correlation
+    length, and further ones of its kind."""
     sizes: eqx.AbstractClassVar[tuple[float, ...]]
-    """Values of the first of them from which it is sought."""
+    """Starting values of the first parameter."""
 
     @abc.abstractmethod
     def variances(self) -> tuple[Array | float, ...]:
@@ -74,7 +73,7 @@ class AbstractPart(eqx.Module):
 
     @abc.abstractmethod
     def transition(self, away: Float[Numbers, "n k"]) -> Matrix:
-        """What becomes of the states over distances on the clocks."""
+        """Transition matrix of the states over distances on the clocks."""
 
     @abc.abstractmethod
     def exponentials(self) -> tuple[tuple[Array | complex, Array | complex], ...]:
@@ -82,28 +81,28 @@ class AbstractPart(eqx.Module):
 
     @abc.abstractmethod
     def longest(self) -> np.ndarray:
-        """The longest memory, in units of 1 over the rate."""
+        """The longest correlation length, in units of 1 over the rate."""
 
     @classmethod
     @abc.abstractmethod
     def at(cls, theta: Float[np.ndarray, "g q"], limits: Limits, clock: int) -> "AbstractPart":
-        """The parts of some parameters; their `share` is the variance over that of white noise."""
+        """Parts from parameters; their `share` is the variance over that of the white noise."""
 
     @classmethod
     @abc.abstractmethod
     def starts(cls, memories: Sequence[float]) -> list[tuple[float, ...]]:
-        """Parameters after the first from which it is sought, by logarithms of its memory."""
+        """Starting values of the other parameters, for given logarithms of correlation lengths."""
 
     @classmethod
     @abc.abstractmethod
     def bounds(cls, low: float, high: float) -> list[tuple[float, float]]:
-        """Least and largest parameters, for a logarithm of the memory from `low` to `high`."""
+        """Bounds of the parameters; `low` and `high` are those of ln(correlation length)."""
 
     @classmethod
     @abc.abstractmethod
     def joins(cls, others: "Sequence[type[AbstractPart]]", *, either_sign: bool) -> bool:
-        """Whether a part of this kind may be added to some `others`; with `either_sign` rows are
-        sampled evenly."""
+        """Whether a part of this kind may be added to some `others`. `either_sign`: rows are evenly
+        sampled, so that negative variance is allowed."""
 
     @classmethod
     def over(cls, clock: int) -> Term:
@@ -115,8 +114,8 @@ class AbstractPart(eqx.Module):
         return jnp.einsum("nk,...k->...n", away, self.rates)
 
     def gained(self, turn: Matrix) -> Matrix:
-        """Covariance that is added to that of the states over a `transition`, its lower half: it is
-        what they lose, as they are stationary."""
+        """Process-noise covariance of a `transition`, lower triangle: it replaces the covariance
+        that the states lose, because they are stationary."""
         share = jnp.asarray(self.share)[..., None]
         own = [share * jnp.asarray(v)[..., None] for v in self.variances()]
 
@@ -132,15 +131,15 @@ class AbstractPart(eqx.Module):
 
 
 def rates_of(memory: Float[np.ndarray, " g"], clock: int, clocks: int) -> np.ndarray:
-    """Rates (g, k) of parts that forget over one of the clocks."""
+    """Rates (g, k) of parts with the correlation lengths `memory` (g,) on one of the clocks."""
     return np.eye(clocks)[clock] / memory[:, None]
 
 
 class AbstractExponential(AbstractPart):
-    """A part that forgets exponentially: one state."""
+    """A part with exponential correlation: one state."""
 
     def variances(self) -> tuple[float]:
-        """Its own."""
+        """1: it has one state."""
         return (1.0,)
 
     def transition(self, away: Float[Numbers, "n k"]) -> Matrix:
@@ -148,26 +147,26 @@ class AbstractExponential(AbstractPart):
         return ((jnp.exp(-self.forgotten(away)),),)
 
     def exponentials(self) -> tuple[tuple[float, float]]:
-        """Itself."""
+        """exp(-d) itself."""
         return ((1.0, 1.0),)
 
     def longest(self) -> np.ndarray:
-        """Its only one."""
+        """1: it has one correlation length."""
         return np.ones(())
 
     @classmethod
     def starts(cls, memories: Sequence[float]) -> list[tuple[float, ...]]:
-        """The memories."""
+        """The correlation lengths."""
         return [(m,) for m in memories]
 
     @classmethod
     def bounds(cls, low: float, high: float) -> list[tuple[float, float]]:
-        """Of its size and of its memory."""
+        """Bounds of size and correlation length."""
         return [(-const.LARGEST, const.LARGEST), (low, high)]
 
 
 class Exponential(AbstractExponential):
-    """A part of positive variance that forgets exponentially."""
+    """A part of positive variance with exponential correlation."""
 
     share: Float[Numbers, "*g"]
     rates: Float[Numbers, "*g k"]
@@ -182,14 +181,14 @@ class Exponential(AbstractExponential):
 
     @classmethod
     def at(cls, theta: Float[np.ndarray, "g 2"], limits: Limits, clock: int) -> "Exponential":
-        """From ln of the variance over the white one and of the memory."""
+        """From ln of the variance over the white one and ln of the correlation length."""
         size, memory = np.exp(theta).T
         return cls(size, rates_of(memory, clock, len(limits.gaps)))
 
 
 class Alternating(AbstractExponential):
-    """An exponential of negative variance, for rows that are sampled evenly. It is only sought:
-    what is found is an `Exponential`, so that nothing more is compiled."""
+    """An exponential of negative variance, for evenly sampled rows. Only the search uses this
+    class; its parts are `Exponential`, which needs no further compilation."""
 
     share: Float[Numbers, "*g"]
     rates: Float[Numbers, "*g k"]
@@ -198,38 +197,39 @@ class Alternating(AbstractExponential):
 
     @classmethod
     def joins(cls, others: Sequence[type[AbstractPart]], *, either_sign: bool) -> bool:
-        """Beside white noise alone."""
+        """Only to white noise."""
         return either_sign and not others
 
     @classmethod
     def at(cls, theta: Float[np.ndarray, "g 2"], limits: Limits, clock: int) -> Exponential:
-        """From ln of the variance over what is left to the limit, and of the memory."""
+        """From ln of the variance over the remaining distance to its limit, and ln of the
+        correlation length."""
         size, memory = np.exp(theta).T
         most = limit_of_negative(np.exp(-limits.gaps[clock] / memory))
         return Exponential(-most * size / (1 + size), rates_of(memory, clock, len(limits.gaps)))
 
 
 def limit_of_negative(keep: np.ndarray) -> np.ndarray:
-    """Largest -variance of an exponential, in units of the white one, that is a covariance.
+    """Limit of -variance of an exponential, over the white variance, for a non-negative spectrum.
 
-    `keep` is its correlation from a row to the next: the spectrum is least at zero frequency.
+    The spectrum is least at zero frequency. `keep` is the correlation of neighbouring rows.
     """
     return const.ALTERNATING * (1 - keep) / (1 + keep)
 
 
 class Resonator(AbstractPart):
-    """A damped oscillator driven by white noise: its states are b and, over d, its slope."""
+    """A damped oscillator driven by white noise. Its states are b and db/dd."""
 
     share: Float[Numbers, "*g"]
     rates: Float[Numbers, "*g k"]
     beta: Float[Numbers, "*g"]
-    """w^2; from -1 to 0 it does not swing, and of its two memories the shorter one is by 1 - s less
-    than its rate says, s^2 = -beta."""
+    """w^2. From -1 to 0 it is overdamped, with decay rates (1 - s) and (1 + s) times `rates`,
+    s^2 = -beta."""
     parameters: ClassVar[int] = 3
     sizes: ClassVar[tuple[float, ...]] = const.SIZES_OF_RESONATORS
 
     def _damped(self) -> Float[Array, "*g"]:
-        """s of a resonator without a swing; not 0."""
+        """s of an overdamped resonator, bounded away from 0."""
         return jnp.sqrt(jnp.clip(-jnp.asarray(self.beta), const.CRITICAL**2, 1.0))
 
     def variances(self) -> tuple[float, Array]:
@@ -238,8 +238,8 @@ class Resonator(AbstractPart):
         return 1.0, 1 + jnp.where(beta > 0, beta, -(self._damped() ** 2))
 
     def transition(self, away: Float[Numbers, "n k"]) -> Matrix:
-        """From the solution of its equation. Sines are half of the time of a filter: they are
-        computed once, and only where some part swings."""
+        """From the solution of its equation. Sines take half the time of a filter, so they are
+        computed once, and only if some part oscillates."""
         d = self.forgotten(away)
         beta, s = jnp.asarray(self.beta)[..., None], self._damped()[..., None]
         w = jnp.sqrt(jnp.maximum(beta, const.CRITICAL**2))
@@ -262,26 +262,26 @@ class Resonator(AbstractPart):
 
     @classmethod
     def joins(cls, others: Sequence[type[AbstractPart]], *, either_sign: bool) -> bool:
-        """Once: two swings of one record are two parts of one."""
+        """Only once: a record has at most one resonator."""
         del either_sign
         return cls not in others
 
     @classmethod
     def starts(cls, memories: Sequence[float]) -> list[tuple[float, ...]]:
-        """With the natural frequencies of some shapes, ln(1 + beta)/2."""
+        """Correlation lengths with natural frequencies for some shapes, ln(1 + beta)/2."""
         return [(m, s - m) for s in const.SHAPES for m in memories]
 
     @classmethod
     def bounds(cls, low: float, high: float) -> list[tuple[float, float]]:
-        """With those of the natural frequency."""
+        """Bounds of size, correlation length and natural frequency."""
         least, most = const.SHAPE_ENDS
         size = const.LARGEST
         return [(-size, size), (low, high), (least - high, most - low)]
 
     @classmethod
     def at(cls, theta: Float[np.ndarray, "g 3"], limits: Limits, clock: int) -> "Resonator":
-        """From ln of the variance over the white one, of the longest memory, and of the natural
-        frequency sqrt(1 + beta)/memory. A swing has four rows or more."""
+        """From ln of the variance over the white one, of the longest correlation length, and of the
+        natural frequency sqrt(1 + beta)/memory. A period has at least four rows."""
         size, memory = np.exp(theta[:, :2]).T
         fastest = (0.5 * np.pi * memory / limits.gaps[clock]) ** 2
         shape = np.clip(theta[:, 2] + theta[:, 1], *const.SHAPE_ENDS)
@@ -290,9 +290,9 @@ class Resonator(AbstractPart):
         return cls(size, rates_of(shorter, clock, len(limits.gaps)), beta)
 
     def longest(self) -> np.ndarray:
-        """That of the slower root."""
+        """1/(1 - s), that of the slower root."""
         return 1 / (1 - np.sqrt(np.maximum(-np.asarray(self.beta), 0.0)))
 
 
 KINDS: tuple[type[AbstractPart], ...] = (Exponential, Alternating, Resonator)
-"""Kinds of parts that a noise may have."""
+"""Kinds of parts of a noise."""

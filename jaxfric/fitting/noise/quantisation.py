@@ -1,10 +1,10 @@
-"""Quantisation: the steps in which a recorder writes, and the least white noise that they are.
+"""Quantisation: the steps of a recorder, and the lower bound of white noise that they imply.
 
-A value rounded to steps of q is wrong by as much as q/2 either way, by q/sqrt(12) rms (Bennett
-1948, doi:10.1002/j.1538-7305.1948.tb01340.x). From row to row such errors are independent where
-noise or signal moves by about a step: then the white part of a noise has a variance of q^2/12 at
-least, whatever a likelihood would rather have. Where the rest of the noise is much smaller than a
-step they are not, and the rows are a staircase.
+Rounding to steps of q makes errors of up to q/2, q/sqrt(12) rms (Bennett 1948,
+doi:10.1002/j.1538-7305.1948.tb01340.x). These errors are independent from row to row if noise or
+signal changes by about a step. Then the white part of the noise has a variance of at least q^2/12,
+even if the likelihood prefers less. If the rest of the noise is much smaller than a step, the
+errors are not independent and the rows form a staircase.
 """
 
 import math
@@ -15,9 +15,9 @@ from . import thresholds as const
 
 
 def recorded_steps(values: np.ndarray) -> float:
-    """The step q that explains all of n recorded values as multiples; 0 where there is none.
+    """The step q of which all differences of n recorded values are multiples; 0 if there is none.
 
-    q is the smallest difference of two values; means of rounded rows have smaller steps, and a
+    q is the smallest difference of two values. Means of rounded rows have smaller steps, and a
     quotient of two columns has none.
     """
     x = np.unique(np.asarray(values, float))
@@ -27,7 +27,7 @@ def recorded_steps(values: np.ndarray) -> float:
     step = float(apart.min())
     if not step > const.SMALLEST_STEP * float(np.abs(x).max()):
         return 0.0
-    # a difference knows the step only to rounding, and a far value counts it many times
+    # the smallest difference has a rounding error: refine q as the range over its number of steps
     number = np.concatenate([[0.0], np.cumsum(np.round(apart / step))])
     step = float(x[-1] - x[0]) / float(number[-1])
     off = np.abs((x - x[0]) / step - number)
@@ -35,13 +35,13 @@ def recorded_steps(values: np.ndarray) -> float:
 
 
 def least_noise(step: float) -> float:
-    """Standard deviation of the error of rounding to steps."""
+    """Standard deviation of the rounding error, step/sqrt(12)."""
     return step / math.sqrt(12.0)
 
 
 def step_words(step: float, sigma: float, path: str) -> tuple[str, ...]:
-    """A warning where the steps of a record are more than twice the rest of its noise, both and
-    `sigma` of all its noise in the unit of friction."""
+    """A warning if the quantisation step exceeds twice the rest of the noise. `step` and `sigma`
+    (of the total noise) are in the unit of friction."""
     rest = math.sqrt(max(sigma**2 - least_noise(step) ** 2, 0.0))
     if not step > const.COARSE * rest:
         return ()

@@ -1,14 +1,12 @@
-"""Finds the noise of a residual by restricted likelihood: white, with a few correlated parts.
+"""Estimates the noise of a residual by restricted likelihood: white, with a few correlated parts.
 
-A `Family` says which parts there are and over which clock each forgets. Its parameters, as
-logarithms, are found by Newton's method with damping, whose derivatives are differences between
-noises that are all whitened in one pass (`likelihood`).
+A `Family` lists the parts and their clocks. Damped Newton steps find its parameters (logarithms);
+the derivatives are finite differences between noises that are whitened in one pass (`likelihood`).
 
-`estimate_noise` begins with white noise and adds a part where the likelihood rises by more than
-the part's parameters are worth (BIC); `profile_noise` keeps the parts and finds their sizes anew.
-A residual whose spectrum is far from worth a part is white without a search (`spectrum`). Which
-parts a very long record has is sought in some stretches of it, their sizes in more; sigma and the
-likelihood are those of all of it.
+`estimate_noise` starts from white noise and adds a part if this lowers the BIC. `profile_noise`
+keeps the parts and estimates their sizes anew. If the spectrum of a residual is far from justifying
+a part, the noise is white without a search (`spectrum`). In a very long record the parts are
+searched in a few stretches and their sizes in more; sigma and the likelihood use all rows.
 """
 
 import itertools
@@ -29,20 +27,20 @@ from .spectrum import gains_of_parts, spectrum
 
 
 class Family(NamedTuple):
-    """Parts of a noise; none: it is white."""
+    """The parts of a noise; none: it is white."""
 
     terms: tuple[Term, ...] = ()
 
     @property
     def parameters(self) -> int:
-        """Number of parameters beside sigma."""
+        """Number of parameters without sigma."""
         return sum(term.kind.parameters for term in self.terms)
 
     def joined(
         self, term: Term, theta: np.ndarray, new: Sequence[Sequence[float]]
     ) -> tuple["Family", np.ndarray]:
-        """The family with one part more, whose parameters are `new` (g, p), beside those of
-        `theta`: (g, q). Parts with few come first, so that few orders are compiled."""
+        """The family with one more part, and its parameters (g, q): those of `theta` and `new`
+        (g, p) of the part. Parts with few parameters come first, so few orders are compiled."""
         at = sum(kind.parameters < term.kind.parameters for kind, _ in self.terms)
         terms = self.terms[:at], self.terms[at:]
         place = Family(terms[0]).parameters
@@ -70,9 +68,9 @@ Values = tuple[Float[np.ndarray, " g"], Float[np.ndarray, " g"]]
 
 
 class NoiseRows(NamedTuple):
-    """The input of a noise estimate. Column 0 is the residual, the others are the Jacobian's.
+    """The input of a noise estimate. Column 0 is the residual, the others are the Jacobian.
 
-    Rows that are passed over and columns of zeros may be gone; `every` is the scale of all rows.
+    Skipped rows and zero columns may be absent; `every` is the scale of all rows.
     """
 
     clock: Float[np.ndarray, "n k"]
@@ -85,7 +83,7 @@ class NoiseRows(NamedTuple):
 
     @property
     def worth(self) -> float:
-        """ln L that a parameter is worth (BIC)."""
+        """Rise of ln L that justifies one more parameter (BIC): ln(rows)/2."""
         return 0.5 * float(np.log(self.rows))
 
     def values(self, family: Family, theta: Float[np.ndarray, "g q"]) -> Values:
@@ -93,11 +91,11 @@ class NoiseRows(NamedTuple):
         return self.values_of_all({family: theta})[0]
 
     def values_of_all(self, thetas: Mapping[Family, Float[np.ndarray, "g q"]]) -> list[Values]:
-        """The same of noises of many families."""
+        """`values` for noises of many families."""
         return self.values_of([noises_at(f, theta, self.limits) for f, theta in thetas.items()])
 
     def values_of(self, every: Sequence[Noises]) -> list[Values]:
-        """Those of several sets of noises, each with parts of its own kinds."""
+        """`values` for several sets of noises, each with its own kinds of parts."""
         passes = [list(self._passes(noises)) for noises in every]
         found = iter(side_by_side(self._values, itertools.chain(*passes)))
         values = []
@@ -108,10 +106,10 @@ class NoiseRows(NamedTuple):
         return values
 
     def _passes(self, noises: Noises) -> Iterator[Noises]:
-        """The noises of every pass: of two sizes, the last one filled up, so that few shapes are
-        compiled."""
+        """The noises of every pass. Passes have one of two sizes and the last is padded, so that
+        few shapes are compiled."""
         count, alone = len(noises.white), self.columns.shape[1] == 1
-        # more than a step of Newton's method asks for
+        # more noises than a Newton step evaluates
         many = alone and count > const.ALONE // 3
         size = const.ALONE if many else const.TOGETHER
         for begin in range(0, count, size):
@@ -126,7 +124,7 @@ class NoiseRows(NamedTuple):
         return value, sigma
 
     def found(self, family: Family, theta: np.ndarray, value: float, sigma: float) -> "Found":
-        """The noise of a family at `theta`, with its likelihood and sigma."""
+        """The noise of a family at `theta`, with given likelihood and sigma."""
         noises = noises_at(family, theta[None], self.limits)
         parts = jax.tree.map(lambda x: x[0], noises.parts)
         noise = Noise(np.asarray(sigma), parts, self.every, np.asarray(value))
@@ -139,7 +137,7 @@ class Found(NamedTuple):
     noise: Noise
     family: Family
     theta: np.ndarray
-    """Parameters of each part one after the other (`parts`)."""
+    """Parameters of the parts, concatenated (`parts`)."""
     value: float
 
 
@@ -147,7 +145,7 @@ class Found(NamedTuple):
 
 
 def longest_memory(clock: Float[Numbers, "n *k"]) -> np.ndarray:
-    """Longest memory of a fit's noise over every clock: `LONGEST` times the record's span, (k,)."""
+    """Longest correlation length of a fit's noise on every clock (k,): `LONGEST` times its span."""
     return const.LONGEST * np.ptp(np.asarray(clock).reshape(len(clock), -1), axis=0)
 
 
@@ -174,8 +172,8 @@ def noise_rows(
 ) -> NoiseRows:
     """The input of a noise estimate: a residual (n,) with the Jacobian of its fit (n, p).
 
-    `clock` is (n, k) or (n,), `weight` (n,) is 0 for rows to be passed over. Memories are searched
-    from half the median gap of rows to `longest`, by default half the record, in each clock.
+    `clock` is (n, k) or (n,), `weight` (n,) is 0 for skipped rows. On each clock correlation
+    lengths range from half the median gap of rows to `longest`, by default half the record.
     """
     clock, weight, jacobian = (np.asarray(x) for x in (clock, weight, jacobian))
     clock = clock[:, None] if clock.ndim == 1 else clock
@@ -187,9 +185,9 @@ def noise_rows(
 
 
 def stretches(record: NoiseRows, number: int = const.SOUGHT) -> NoiseRows:
-    """Stretches of neighbouring rows, spread evenly over a long record; of a shorter one, itself.
+    """Stretches of neighbouring rows, spread evenly over a long record; a short record as it is.
 
-    What is correlated over longer than a stretch is seen from stretch to stretch.
+    Correlation beyond the length of a stretch is visible between stretches.
     """
     if record.rows <= number * const.STRETCH:
         return record
@@ -206,7 +204,7 @@ def stretches(record: NoiseRows, number: int = const.SOUGHT) -> NoiseRows:
 
 
 def noises_at(family: Family, theta: Float[np.ndarray, "g q"], limits: Limits) -> Noises:
-    """The noises of a family at some parameters."""
+    """The noises of a family with parameters `theta`."""
     pairs = zip(family.terms, family.split(theta), strict=True)
     parts = [kind.at(own, limits, clock) for (kind, clock), own in pairs]
     whole = 1 + sum((part.share for part in parts), np.zeros(len(theta)))
@@ -223,10 +221,10 @@ def noises_around(
     alike: bool = False,
     white: bool = True,
 ) -> Noises:
-    """Noises of a family around and between some `thetas`, and, of the same kinds, `white` noise.
+    """Noises of a family around and between some `thetas`; `white` adds white noise.
 
-    Logarithms of their `sizes` and `memories` differ from those between by so much; sizes of all
-    parts are `alike` or differ, memories are alike.
+    `sizes` and `memories` are offsets of logarithms from points between the first and last theta.
+    Offsets of correlation lengths are equal for all parts; those of sizes are if `alike`.
     """
     first, last, number = thetas[0], thetas[-1], len(family.terms)
     each = zip(*[sizes] * number, strict=True) if alike else itertools.product(sizes, repeat=number)
@@ -262,9 +260,9 @@ def estimate_noise(
 ) -> Found:
     """Restricted maximum-likelihood noise of a residual with its Jacobian (`noise_rows`).
 
-    With `either_sign` also negative correlation, of even sampling. `least` is the smallest standard
-    deviation of the white part, as of a recorder's steps. Where the noise is `like` another one
-    that is not white, it has the parts of that, and only their sizes are sought.
+    With `either_sign` negative correlation is allowed (even sampling). `least` is the smallest
+    standard deviation of the white part, as from quantisation. If `like` is given and not white,
+    its parts are kept, and only their sizes are estimated.
     """
     part, larger = stretches(record, const.SOUGHT), stretches(record, const.SIZED)
     if like is None or not like.family.parameters:
@@ -282,16 +280,16 @@ def estimate_noise(
 def profile_noise(
     record: NoiseRows, family: Family, starts: Sequence[np.ndarray], *, least: float = 0.0
 ) -> Found:
-    """The likeliest noise of one family, from some starts (as `Found.theta`); `least` as of
+    """The likeliest noise of one family, from some starts (as `Found.theta`); `least` as in
     `estimate_noise`."""
     return not_below(record, _best_of(record, family, np.stack(starts)), least)
 
 
 def not_below(record: NoiseRows, found: Found, least: float) -> Found:
-    """The noise with a white part of the standard deviation `least`, if it has a smaller one.
+    """The noise with its white standard deviation raised to `least` if it is smaller.
 
-    What white noise gains the correlated parts lose, in proportion; where they have less than that
-    the whole grows. The likelihood is that of the noise that comes out.
+    The correlated parts lose this variance in proportion. If they have less, the total variance
+    grows. The likelihood is that of the returned noise.
     """
     sigma, share = float(found.noise.sigma), 1 - float(found.noise.white)
     if sigma**2 * (1 - share) >= least**2:
@@ -309,10 +307,10 @@ def not_below(record: NoiseRows, found: Found, least: float) -> Found:
 
 
 def _restricted_at(record: NoiseRows, parts: tuple, sigma: float) -> float:
-    """Restricted log-likelihood of a noise whose sigma is given.
+    """Restricted log-likelihood of a noise with given sigma.
 
-    With the likeliest sigma, s, and n - p free rows it is less by (n - p)/2 (q - 1 - ln q),
-    q = s^2/sigma^2.
+    It is lower than at the likeliest sigma, s, by (n - p)/2 (q - 1 - ln q), q = s^2/sigma^2, with
+    n - p degrees of freedom.
     """
     one = jax.tree.map(lambda x: np.asarray(x)[None], Noises(white_of(parts), parts))
     (value,), (likeliest,) = record.values_of([one])[0]
@@ -322,7 +320,7 @@ def _restricted_at(record: NoiseRows, parts: tuple, sigma: float) -> float:
 
 
 def _with_parts(record: NoiseRows, *, either_sign: bool) -> Found:
-    """The likeliest noise, part by part, of as many parts as are worth their parameters."""
+    """The likeliest noise, built part by part while the BIC falls."""
     best = _best_of(record, Family(), np.zeros((1, 0)))
     for _ in range(0 if seems_white(record, either_sign=either_sign) else const.MOST_PARTS):
         more = _with_another(record, best, either_sign=either_sign)
@@ -334,7 +332,7 @@ def _with_parts(record: NoiseRows, *, either_sign: bool) -> Found:
 
 
 def seems_white(record: NoiseRows, *, either_sign: bool) -> bool:
-    """Whether no part comes near to being worth its parameters by the residual's spectrum."""
+    """Whether, by the residual's spectrum, no part comes near to lowering the BIC."""
     scale = np.broadcast_to(record.scale, record.weight.shape)
     seen = spectrum(record.clock, record.weight, record.columns / scale[:, None])
     if seen is None:
@@ -345,11 +343,11 @@ def seems_white(record: NoiseRows, *, either_sign: bool) -> bool:
 
 
 def _with_another(record: NoiseRows, best: Found, *, either_sign: bool) -> Found | None:
-    """The likeliest noise with one part more than `best`."""
+    """The likeliest noise with one more part than `best`."""
     limits, family = record.limits, best.family
     there = [kind for kind, _ in family.terms]
     kinds = [kind for kind in KINDS if kind.joins(there, either_sign=either_sign)]
-    # beside a part that is nearly all of the noise a few times the white one is nothing
+    # sizes are relative to white noise: scale them up if `best` is mostly correlated
     white = -float(np.log(np.clip(best.noise.white, np.exp(-const.LARGEST), 1.0)))
     starts = {}
     for kind, k in itertools.product(kinds, np.flatnonzero(limits.longest > limits.shortest)):
@@ -371,14 +369,14 @@ def _with_another(record: NoiseRows, best: Found, *, either_sign: bool) -> Found
 
 
 def _memories(limits: Limits, clock: int, number: int) -> list[float]:
-    """Logarithms of memories over a clock, from the shortest to the longest."""
+    """Logarithms of correlation lengths on a clock, from the shortest to the longest."""
     ends = np.log(limits.shortest[clock]), np.log(limits.longest[clock])
     return np.linspace(*ends, number).tolist()
 
 
 def _all_parts(family: Family, limits: Limits) -> np.ndarray:
-    """Starts with all parts at once, (g, q), as a part beside one that has taken its share is not
-    found. Empty for a family with one part."""
+    """Starts for all parts at once, (g, q): adding a part to one that has absorbed its variance
+    does not find it. Empty for a family with one part."""
     number = len(family.terms)
     if number < 2:
         return np.zeros((0, family.parameters))
@@ -400,8 +398,8 @@ def _all_parts(family: Family, limits: Limits) -> np.ndarray:
 def _likeliest(record: NoiseRows, starts: Mapping[Family, np.ndarray]) -> list[Found]:
     """The likeliest start of every family.
 
-    In a long record the likelihood of the residual alone, as if nothing had been fitted, says which
-    `LIKELY` of a family the restricted one is asked of: it takes a fraction of that one's time.
+    In a long record the likelihood of the residual alone (without the Jacobian) preselects the
+    `LIKELY` starts of a family, in a fraction of the time of the restricted likelihood.
     """
     starts = {family: _inside(some, family, record.limits) for family, some in starts.items()}
     if record.rows > const.STRETCH:
@@ -421,15 +419,15 @@ def _best(
 
 
 def _best_of(record: NoiseRows, family: Family, starts: np.ndarray) -> Found:
-    """The likeliest noise of a family, sought from the likeliest of some starts."""
+    """The likeliest noise of a family, refined from the likeliest of some starts."""
     starts = _inside(np.asarray(starts, float), family, record.limits)
     return _refined(record, _best(record, family, starts, *record.values(family, starts)))
 
 
 def _refined(record: NoiseRows, best: Found, worth: float = -np.inf) -> Found:
-    """The likeliest noise of a family that Newton's method finds from a start.
+    """The likeliest noise of a family by Newton's method from a start.
 
-    It goes no further where not even the slope of the likelihood promises the value `worth`.
+    It stops early if even the slope of the likelihood cannot reach the value `worth`.
     """
     family = best.family
     for _ in range(const.NEWTON if family.parameters else 0):
@@ -438,7 +436,7 @@ def _refined(record: NoiseRows, best: Found, worth: float = -np.inf) -> Found:
             break
         trials = _inside(trials, family, record.limits)
         found = _best(record, family, trials, *record.values(family, trials))
-        if not found.value > best.value:  # a kink: a resonator of as few rows as may be
+        if not found.value > best.value:  # a kink: a resonator of the shortest period
             found = around
         gain = found.value - best.value
         best = found if gain > 0 else best
@@ -450,8 +448,8 @@ def _refined(record: NoiseRows, best: Found, worth: float = -np.inf) -> Found:
 def _newton(
     record: NoiseRows, family: Family, theta: np.ndarray
 ) -> tuple[Found, np.ndarray, float]:
-    """The likeliest of points around theta, Newton steps from it with many dampings, and the
-    most that such a step would gain if the slope stayed what it is."""
+    """The likeliest of the points around theta, Newton steps from theta with many dampings, and the
+    largest gain of such a step at constant slope."""
     q, step = len(theta), const.STEP
     low, high = family.bounds(record.limits)
     centre = np.clip(theta, low + step, np.maximum(high - step, low + step))

@@ -1,23 +1,23 @@
-"""Whether a residual is white, told from its spectrum in a millisecond.
+"""Test from the spectrum whether a residual is white, in a millisecond.
 
-The search whitens a record under hundreds of noises. Most of that is spared where
-nothing is correlated. Over a piece of a record with one pace of all clocks a part of the noise is
-stationary from row to row, whichever clock it forgets over, and the Fourier coefficients of the
-piece are nearly independent: with s_j the variance of coefficient j, white part and correlated one
-together 1, the restricted likelihood is, up to a constant,
+The search whitens a record under hundreds of noises; this test avoids most of that for white noise.
+Over a piece of a record in which all clocks advance evenly, every part is stationary from row to
+row, whatever its clock. The Fourier coefficients of the piece are then nearly independent. Let s_j
+be the variance of coefficient j, with a total (white and correlated) of 1. Up to a constant, the
+restricted likelihood is
 
     -2 log L = N log(sum_j I_j/s_j / N) + sum_j (1 - h_j) log s_j,   N = sum_j (1 - h_j)
 
-I is the periodogram of the residual and h_j the share of coefficient j that the fit has taken,
-from an orthonormal basis of the Jacobian. Neighbouring coefficients are summed over bands that a
-part cannot resolve. Sampled at even distances d, the exponential has the spectrum of
+I is the periodogram of the residual. h_j is the share of coefficient j that the fit absorbs, from
+an orthonormal basis of the Jacobian. Neighbouring coefficients are summed over bands that a part
+cannot resolve. Sampled at even distances d, the exponential has the spectrum
 
     S(w) = (1 - r^2)/(1 - 2 r cos w + r^2),   r = exp(-d)
 
-and other parts are sums of such, with complex r.
+and other parts are sums of such spectra, with complex r.
 
-Only a bound is asked of it, with much to spare, so edges of pieces and uneven rows within them may
-be neglected; where rows are too uneven for pieces it says nothing.
+Only a rough bound is needed, so edges of pieces and uneven rows within them are neglected. There is
+no result if the rows are too uneven for pieces.
 
 Source: Whittle 1953 (doi:10.1007/BF02590998) for the likelihood of a spectrum.
 """
@@ -35,24 +35,24 @@ from .parts import KINDS, AbstractPart, Limits
 
 
 class Spectrum(NamedTuple):
-    """The residual by bands of frequencies of all pieces, (b,)."""
+    """Spectrum of the residual in frequency bands of all pieces, (b,)."""
 
     angle: np.ndarray
-    """Frequency [rad a row]."""
+    """Frequency [rad per row]."""
     step: Float[np.ndarray, "b k"]
-    """How far every clock moves from row to row in the band's piece."""
+    """Advance of every clock per row in the band's piece."""
     power: np.ndarray
     """Sum of the periodogram."""
     number: np.ndarray
-    """Number of coefficients that the fit has left."""
+    """Number of coefficients, minus those that the fit absorbs."""
 
 
 def spectrum(
     clock: Float[Numbers, "n k"], weight: Float[Numbers, " n"], columns: Float[Numbers, "n m"]
 ) -> Spectrum | None:
-    """The spectrum of the residual, column 0, with what the Jacobian, the others, has taken.
+    """The spectrum of the residual (column 0), corrected for the Jacobian (the other columns).
 
-    None where the rows are not in pieces of `PIECE` rows with even clocks.
+    None if the rows do not form pieces of at least `PIECE` rows with even clocks.
     """
     on = np.asarray(weight) > 0
     clock, columns = np.asarray(clock)[on], np.asarray(columns)[on]
@@ -70,7 +70,7 @@ def spectrum(
 def gains_of_parts(
     seen: Spectrum, limits: Limits, *, either_sign: bool = False
 ) -> dict[type[AbstractPart], float]:
-    """By how much the likeliest part of every kind raises 2 log L above that of white noise."""
+    """Rise of 2 log L above that of white noise by the likeliest part of every kind."""
     clocks = np.flatnonzero(limits.longest > limits.shortest)
     kinds = [kind for kind in KINDS if kind.joins((), either_sign=either_sign)]
     return {
@@ -80,7 +80,7 @@ def gains_of_parts(
 
 
 def _gain(seen: Spectrum, kind: type[AbstractPart], clock: int, limits: Limits) -> float:
-    """The largest gain of a part over one clock."""
+    """The largest rise of 2 log L by a part on one clock."""
     ends = np.log(limits.shortest[clock]), np.log(limits.longest[clock])
     shapes = kind.starts(np.linspace(*ends, const.SPECTRAL_MEMORIES).tolist())
     theta = np.array([[size, *own] for size in const.SPECTRAL_SIZES for own in shapes])
@@ -94,7 +94,7 @@ def _gain(seen: Spectrum, kind: type[AbstractPart], clock: int, limits: Limits) 
 
 
 def _spectrum_of(part: AbstractPart, seen: Spectrum) -> Float[np.ndarray, "m b"]:
-    """Spectra of m parts of variance 1: sums of those of exponentials, which may be complex."""
+    """Spectra of m parts of variance 1: sums of spectra of (complex) exponentials."""
     away, found = np.asarray(part.rates) @ seen.step.T, 0.0
     for size, rate in part.exponentials():
         keep = np.exp(-np.reshape(rate, (-1, 1)) * away)
@@ -106,12 +106,12 @@ def _spectrum_of(part: AbstractPart, seen: Spectrum) -> Float[np.ndarray, "m b"]
 
 
 def _pieces(steps: Float[np.ndarray, "r k"]) -> list[tuple[int, int]]:
-    """First and last row (one past) of pieces with one pace of all clocks, long enough."""
+    """Rows [first, last + 1] of sufficiently long pieces in which all clocks advance evenly."""
     clocks = [s for s in steps.T if np.any(s > 0)]
     breaks = np.zeros(max(len(steps) - 1, 0), bool)
     for s in clocks:
         breaks |= np.abs(np.diff(s)) > const.SAME_STEP * np.maximum(s[1:], s[:-1])
-    for a, b in itertools.pairwise(clocks[:2]):  # how fast one goes with the other
+    for a, b in itertools.pairwise(clocks[:2]):  # relative speed of clocks
         pace = b / np.maximum(a, 1e-300)
         breaks |= np.abs(np.diff(pace)) > const.SAME_SPEED * np.maximum(pace[1:], pace[:-1])
     edges = np.concatenate([[0], np.flatnonzero(breaks) + 1, [len(steps) + 1]])
@@ -119,14 +119,14 @@ def _pieces(steps: Float[np.ndarray, "r k"]) -> list[tuple[int, int]]:
 
 
 def _basis(jacobian: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n q"]:
-    """Orthonormal basis of the columns that are not 0."""
+    """Orthonormal basis of the non-zero columns."""
     size = np.linalg.norm(jacobian, axis=0)
     used = jacobian[:, size > 0] / size[size > 0]
     return np.linalg.qr(used)[0]
 
 
 def _bands(left: np.ndarray, basis: np.ndarray, step: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Angles, steps, power and number of coefficients of one piece, by bands."""
+    """Angle, step, power and number of coefficients of one piece, by band."""
     n = len(left)
     power = np.abs(np.fft.rfft(left)) ** 2 / n
     taken = np.sum(np.abs(np.fft.rfft(basis, axis=0)) ** 2, axis=1) / n

@@ -1,100 +1,98 @@
-"""Numbers of the noise that are chosen, not derived; each with its reason."""
+"""Constants of the noise model that are chosen, not derived; each with its reason."""
 
 # ---- the filter
 
 HIDDEN = 1e12
-"""Variance of a row that is passed over: its gain is 0 to the precision of a double."""
+"""Variance of a skipped row: its gain is 0 in double precision."""
 CRITICAL = 1e-3
-"""|w| and s of a resonator below which it is taken as that: 1/w is not known at its critical
-damping."""
+"""Lower bound of |w| and s of a resonator: at critical damping they are 0, and 1/w is infinite."""
 BLOCK = 512
-"""Rows that are whitened before their products are added: they are still in the cache then."""
+"""Rows that are whitened before their products are added: they then fit in the cache."""
 FEW, MANY, LONG = 8, 64, 1 << 16
-"""Columns that are whitened in one pass, few or many, so that few shapes are compiled; and rows
-from which on memory counts: few columns at a time."""
+"""Columns per whitening pass, few or many, so that few shapes are compiled. Above `LONG` rows
+memory is limiting, so passes have few columns."""
 ALTERNATING = 0.98
-"""Largest share of the limit of a negative part: at the limit no white noise is left at zero
-frequency, and the filter divides by 0."""
+"""Largest negative part, as a share of its limit. At the limit the spectrum is 0 at zero frequency,
+and the filter divides by 0."""
 
 # ---- the search
 
 LONGEST = 0.1
-"""Longest memory of the noise of a fit, as a share of the record: what wanders for longer is seen
-too seldom for its size to be known, and a likelihood makes it as large as it likes."""
+"""Longest correlation length of a fit's noise, as a share of the record. Slower noise is sampled
+too rarely to determine its size, and its likelihood has no maximum."""
 SHORTEST = 1e-6
-"""Shortest gap of rows that is searched, as a share of the record: clocks may stand."""
+"""Shortest gap of rows in the search, as a share of the record: a clock may stand still."""
 MOST_PARTS = 2
-"""Correlated parts that are sought at most: measured runs show one that is gone after two or three
-rows and one that lasts tens of them, or a swing."""
+"""Most correlated parts. Measured runs show one part with a correlation length of two or three
+rows, and one of tens of rows or an oscillation."""
 LARGEST = 9.0
-"""Largest |logarithm| of a part's variance over the white one: beyond it is all or nothing."""
+"""Largest |logarithm| of a part's variance over the white one: beyond, one is negligible."""
 SHAPE_ENDS = (-2.0, 4.5)
-"""Smallest and largest ln(1 + beta)/2 of a resonator: it is an exponential below, and swings for
-fifteen periods above."""
+"""Range of ln(1 + beta)/2 of a resonator: below it is exponential, above it oscillates for more
+than fifteen periods."""
 MEMORIES, SHAPES = 6, (-1.0, 0.0, 0.75, 1.75)
-"""Memories of a clock, and shapes ln(1 + beta)/2, from which a part is sought; a likelihood has its
-maximum within half a step of the grid, or Newton's method goes there."""
+"""Number of correlation lengths on a clock, and shapes ln(1 + beta)/2, that start a search. The
+maximum is within half a step of this grid, or Newton's method reaches it."""
 SIZES, SIZES_OF_RESONATORS = (-2.0, -0.5, 1.0, 2.5), (-0.5, 2.0)
-"""Logarithms of a new part's variance over the white one from which it is sought."""
+"""Logarithms of a new part's variance over the white one that start a search."""
 SIZES_OF_ALTERNATING = (-1.0, 1.0, 3.0, 5.0)
-"""The same of a negative part, of its variance over what is left to the limit."""
+"""The same for a negative part: its variance over the remaining distance to its limit."""
 TOGETHER_SIZES, TOGETHER_RATIO, TOGETHER_MEMORIES = (0.0, 3.0), 1.0, 3
-"""The same where all parts are sought at once, beside white noise or hardly any; the logarithm of
-the ratio of the largest part to the smallest; and memories of each."""
+"""The same for all parts at once, with much or little white noise; the logarithm of the ratio of
+the largest part to the smallest; and the number of correlation lengths of each."""
 LIKELY = 12
-"""Starts of a family, likeliest for the residual alone, whose restricted likelihood is asked of a
-record longer than a stretch."""
+"""Starts of a family in a record longer than a stretch: the likelihood of the residual alone
+preselects them for the restricted likelihood."""
 REFINED = 2
-"""Families, likeliest at their starts, that are refined with one part more."""
+"""Families with one more part that are refined: those with the likeliest starts."""
 TOGETHER, ALONE = 8, 64
-"""Noises that are whitened in one pass: passes of more take as long for each, and every number of
-them is compiled for. Of the residual alone more fit in the cache."""
+"""Noises per whitening pass. More take as long for each, and every number is compiled. For the
+residual alone more fit in the cache."""
 NEWTON, DAMPINGS, STEP = 12, 8, 0.2
-"""Steps of Newton's method at most, dampings that are tried in each, and the difference by which
-derivatives are taken: a likelihood bends over a unit of theta."""
+"""Most Newton steps, dampings tried in each, and the step of finite differences. The curvature of a
+likelihood changes over a unit of theta."""
 SETTLED = 0.02
-"""Gain of ln L below which a search ends: a fiftieth of what a parameter is worth at least."""
+"""Gain of ln L that ends a search: less than a fiftieth of the BIC penalty of a parameter."""
 FAR_FROM = 0.5
-"""Share of what a part is worth below which the spectrum's gain is far from it."""
+"""The noise is white if the spectrum's gain is below this share of a part's BIC penalty."""
 STRETCH, SOUGHT, SIZED = 1024, 8, 64
-"""Rows of a stretch; stretches of a long record in which its parts are sought, and their sizes."""
+"""Rows of a stretch; stretches of a long record to search its parts in, and to size them in."""
 BETWEEN, SIZES_AROUND, MEMORIES_AROUND = (0.0, 0.5, 1.0), (-1.5, 0.0, 1.5), (-0.7, 0.0, 0.7)
-"""Places between two noises, and logarithms of sizes and of memories around them, that candidates
-are screened under: a finer grid names the same effects."""
+"""Positions between two noises, and offsets of the logarithms of sizes and correlation lengths, for
+screening candidates. A finer grid selects the same effects."""
 
 # ---- the spectrum
 
 SAME_SPEED, SAME_STEP = 0.02, 0.5
-"""Relative changes from row to row of one clock over another, and of a clock, within a piece."""
+"""Largest relative changes from row to row in a piece: of one clock over another, of a clock."""
 PIECE = 64
-"""Rows of a piece at least."""
+"""Fewest rows of a piece."""
 LEFT_OUT = 0.1
-"""Most rows in shorter pieces, as a share."""
+"""Largest share of rows in shorter pieces, which are not used."""
 BAND = 0.04
-"""Width of a band over its frequency: narrower than a part resolves."""
+"""Width of a band over its frequency: a part has no structure in it."""
 SPECTRAL_SIZES, SPECTRAL_MEMORIES = (-3.0, -2.0, -1.0, 0.0, 1.5, 3.0), 9
-"""Logarithms of sizes over the white noise, and memories of a clock, that the bound tries: it is to
-be within half of what a part is worth."""
+"""Logarithms of sizes over the white noise, and number of correlation lengths on a clock, for the
+bound. It must be exact to half the BIC penalty of a part."""
 
 # ---- the noise of a result
 
 WHITE = 0.05
-"""Share of the variance below which a correlated part is not told: it is of no consequence."""
+"""Share of the variance below which a correlated part is negligible and not reported."""
 ALIKE = 0.2
-"""Correlation of neighbouring rows from which a part of a noise is not white: less the rows do not
-resolve."""
+"""Correlation of neighbouring rows below which a part counts as white: the rows do not resolve
+it."""
 SWING_SEEN = 1.5
-"""w of a resonator from which its swing is seen: it has lost a factor 66 after a period."""
+"""w of a resonator above which its oscillation is visible: it decays by a factor 66 per period."""
 MOST_OF_WHITE = 0.5
-"""Share of the white part's variance above which it is a recorder's steps."""
+"""Share of the white variance above which the white part counts as quantisation."""
 
 # ---- by velocity step
 
 LEAST_VARIANCE = 1e-4
-"""Least variance of a step over the largest one: a step whose rows are all alike has none."""
+"""Least variance of a step over the largest one: a step of equal rows would have variance 0."""
 LIKENESS = (0.05, 0.995)
-"""Ends of the correlation of neighbouring rows that a pace is read off: less is white, more is
-structure."""
+"""Range of correlation of neighbouring rows that gives a pace: less is white, more is misfit."""
 
 # ---- quantisation
 
@@ -105,7 +103,7 @@ SMALLEST_STEP = 1e-11
 DISTINCT = 0.9
 """Largest ratio of distinct values to rows; in a continuous column it is nearly 1."""
 COARSE = 2.0
-"""Steps over the rest of the noise from which they are told: rows are a staircase then."""
+"""Quantisation step over the rest of the noise that warns: the rows then form a staircase."""
 
 # ---- glitches
 
@@ -116,55 +114,56 @@ CHANCE_OF_GLITCH = 0.01
 SHARE_OF_GLITCHES = 0.01
 """Largest share of rows that may be glitches: more frequent outliers belong to the noise."""
 BODY, SHOULDER = 0.5, 0.93
-"""Quantiles of the sizes of prediction errors that their law is read off: a hundredth of wrong rows
-and their neighbours hardly move them."""
+"""Quantiles of absolute prediction errors that determine their law: a hundredth of outliers and
+their neighbours hardly change them."""
 ROWS_FOR_GLITCHES = 50
-"""Rows below which none is looked for: a law is not known from fewer."""
+"""Fewest rows for a search: fewer do not determine the law of the errors."""
 BESIDE, BESIDE_PART = (5, 10), 0.1
-"""Rows after a velocity step that are spared: a tenth of the shorter step, but so few and many."""
+"""Range of the number of spared rows after a velocity step, and its share of the shorter step."""
 NEAR_GLITCH = 0.6
 """Share of the limit for glitches that the rows beside a glitch must stay below."""
 SHARED = 20
-"""Weight of the median of all steps against that of one, in rows."""
+"""Weight, in rows, of the median of all steps in that of one step."""
 TOLD = 3
-"""How many of a kind are told at most: glitches, models left open, velocities that decide."""
+"""Most items of a kind in a message: glitches, undecided models, velocities that decide."""
 CLEAR = 3.0
-"""Standard errors from which something is off: a line the mains, a step the time that the load
-point shows, a curve another, a sign what is possible. Chance in one of 400."""
+"""Standard errors of a clear deviation (chance about 1 in 400): of a line from the mains, of a step
+time from the load point, of a curve from another, of a sign from the possible one."""
 
 # ---- hum
 
 MAINS = (50.0, 60.0, 100.0, 120.0)
 """Frequencies of the mains and of their rectified current [Hz]."""
 MAINS_OFF = 0.2
-"""How far the mains may be off [Hz]: the steady deviation that the grid of Europe allows itself."""
+"""Tolerance of a mains frequency [Hz]: the steady deviation that the European grid allows."""
 CHANCE_OF_HUM = 1e-4
-"""Chance that noise alone shows a line in a record, were the noise around it known; of 400 records
-of noise alone (`fits/hum`) none had one, of 300 at ten times the chance two."""
+"""Chance of a false line in a record of noise alone, if its spectrum is known. None of 400 records
+of noise (`fits/hum`) had one; at ten times the chance two of 300 had."""
 CHANCE_OF_LINE = 1e-3
-"""Chance that noise has as much at a given frequency in any piece: a line stands out there."""
+"""Chance that noise has as much power at a given frequency in any piece: below, a line is
+significant there."""
 SAME_VELOCITY = 0.9
-"""Two velocities that were found are one commanded velocity from this ratio on."""
+"""Two detected velocities count as one commanded velocity above this ratio."""
 LONGEST_PIECE, ROWS_OF_PIECE = 10.0, 1000
-"""Pieces last so long [s] and have so many rows at least, where a step has: the mains stay in
-phase for some ten seconds."""
+"""Shortest duration [s] and fewest rows of a piece, if the step has them. The mains stay in phase
+for some ten seconds."""
 LOWEST = 1.0
-"""Lowest frequency of a line [Hz]: slower are servos, which swing, and temperature, which is no
+"""Lowest frequency of a line [Hz]. Below are oscillating servos, and temperature, which is no
 noise."""
 FEWEST_OF_PIECE, CYCLES, CYCLES_FITTED = 80, 10, 4
-"""Rows of a piece in which lines are sought, and cycles in it: below, friction has what it does
-after a step. Cycles in a piece from which a line that is known is fitted to it."""
+"""Fewest rows and cycles of a piece for a search: below, friction changes after a step look alike.
+Fewest cycles in a piece to fit a known line to it."""
 HALF_A_CYCLE = 1e-6
-"""Determinant over that of many cycles, and how far rows may be off half a cycle, where a cosine
-and a sine are one."""
+"""Tolerance for two rows per cycle, where cosine and sine coincide: of the determinant relative to
+that of many cycles, and of the frequency relative to half a cycle per row."""
 GOES_ON = 0.7
-"""Share of both halves' lines that is in phase: 1 of hum, 0.5 of what is in one half only."""
+"""Power of a piece over that of its halves: 1 for hum, 0.5 for a line in one half only."""
 CELLS, FINER, TRIED_AROUND = 4, 4, 41
-"""Cells of a row, frequencies of a cycle in a piece, and those that are tried around the best."""
+"""Cells per row, frequencies per cycle in a piece, and frequencies tried around the best."""
 BURST = 4
-"""The mean interval of rows over the median at most, as far as frequencies are sought."""
+"""Largest ratio of the mean to the median interval of rows that widens the frequency range."""
 SLOW, EACH_COSINE, COSINES = 3, 20, (2, 24)
-"""Cycles of a piece below which noise around is not asked; frequencies for each of its cosines, and
-how many of them."""
+"""Cycles per piece below which the surrounding noise is not fitted; frequencies per cosine, and
+range of the number of cosines."""
 LINES_TRIED, LINES = 8, 6
-"""Lines that are looked at, and taken, at most."""
+"""Most lines tested, and most lines accepted."""
