@@ -10,10 +10,9 @@ progress on stderr) and `--out FOLDER`. Exit codes:
       that could not be drawn |
 | 2 | bad input: one line on stderr, and no result was written |
 | 130, 143 | interrupted, ended by another process |
-| 141 | the reader of the output went away |
+| 141 | the program that read the output has ended |
 
-Only what a verb needs is imported when it runs, so that `jaxfric --help` is quick. Bad input
-ends in one line on stderr and exit code 2.
+A verb imports what it needs when it runs, so that `jaxfric --help` is quick.
 """
 
 from .app import main as main

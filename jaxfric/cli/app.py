@@ -1,4 +1,4 @@
-"""The application, and what happens to its failures: one line and an exit code."""
+"""The application; it turns every failure into one line on stderr and an exit code."""
 
 import contextlib
 import gc
@@ -31,14 +31,14 @@ from .study import study
 from .told import telling
 
 CODES = {
-    0: "a result: it stands in what was printed and written",
-    1: "no result to rely on: a fit that did not converge, one of several files that failed, a"
-    " posterior that claims nothing, a figure that could not be drawn; stderr says which",
+    0: "a result, printed and written",
+    1: "no reliable result: a fit did not converge, one of several files failed, a posterior"
+    " cannot be trusted, or a figure could not be drawn; stderr says which",
     2: "bad input: one line on stderr says what, where and what to do; no result was written",
-    130: "interrupted (Ctrl-C); 143: a study that another process ended",
-    141: "the program that read the output went away",
+    130: "interrupted (Ctrl-C); 143: another process ended the study",
+    141: "the program that read the output has ended",
 }
-"""Exit codes of all verbs, and what each means."""
+"""Exit codes of all verbs with their meaning."""
 _EPILOGUE = "\n".join(
     [
         "Every verb has --json (one JSON document on stdout, nothing else there), --quiet (no"
@@ -49,7 +49,7 @@ _EPILOGUE = "\n".join(
 )
 app = cyclopts.App(
     name="jaxfric",
-    help="Sliders that stick-slip: fit friction to records, and find gains that hold them steady.",
+    help="Fit friction to records, find missing effects, and compute gains against stick-slip.",
     help_epilogue=_EPILOGUE,
     version="0.1.0",
     default_parameter=cyclopts.Parameter(negative=()),
@@ -74,16 +74,16 @@ _NAMES = {verb.__name__ for verb in _VERBS}
 for verb in _VERBS:
     app.command(verb, help_epilogue="")
 app.register_install_completion_command(
-    help="Let the shell complete verbs and options (bash, zsh, fish, PowerShell): once, then open"
-    " a new shell.",
+    help="Install completion of verbs and options in the shell (bash, zsh, fish, PowerShell). Then"
+    " open a new shell.",
     help_epilogue="",
 )
 
 
 def main() -> None:
     """Run the command; every failure becomes one line and an exit code."""
-    gc.disable()  # a short-lived process: collecting while JAX traces costs a tenth of its time
-    sys.setswitchinterval(5e-4)  # one thread traces, often: another would wait 5 ms every time
+    gc.disable()  # garbage collection while JAX traces costs a tenth of this short process's time
+    sys.setswitchinterval(5e-4)  # default 5 ms: other threads would wait while one thread traces
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
         if stream is None:  # closed by the caller
@@ -97,16 +97,16 @@ def main() -> None:
         code = 130
     except BrokenPipeError:
         code = 141
-    except SystemExit as end:  # rich ends the program where its reader went away
+    except SystemExit as end:  # rich exits on a broken pipe
         code = 141 if isinstance(end.__context__, BrokenPipeError) else end.code
     if code == 141:
         sys.stdout = None
-    gc.freeze()  # what is left ends with the process: to search it for cycles takes half a second
+    gc.freeze()  # skips the search for reference cycles at exit, which takes half a second
     sys.exit(code)
 
 
 def _run(arguments: list[str]) -> int:
-    """The exit code; a verb returns one that is not 0."""
+    """Run the verb of a command line and return the exit code; a verb's None means 0."""
     try:
         with _quiet(), words_of_the_command():
             arguments, remarks = in_new_words(arguments)
@@ -144,7 +144,7 @@ def _run(arguments: list[str]) -> int:
 
 
 def _of_another_rig(error: cyclopts.CycloptsError) -> str:
-    """Advice about an option that only the verbs of other rigs have; '' for another error."""
+    """Return advice if only the verb of another rig has this option; '' for another error."""
     (verb,) = error.command_chain or ("",)
     if not isinstance(error, cyclopts.UnknownOptionError) or verb not in LOOPS:
         return ""
@@ -162,7 +162,7 @@ def _of_another_rig(error: cyclopts.CycloptsError) -> str:
 
 @contextlib.contextmanager
 def _quiet() -> Generator[None]:
-    """Silence libraries' remarks on fonts, caches and rounding, unless debugging."""
+    """Silence the libraries' warnings on fonts, caches and rounding, unless debugging."""
     if _debugging():
         yield
         return

@@ -1,4 +1,4 @@
-"""`jaxfric axis`: which effect does Coulomb and viscous friction lack on this servo axis?"""
+"""`jaxfric axis`: find the effects of a servo axis beyond Coulomb and viscous friction."""
 
 from typing import TYPE_CHECKING, Annotated
 
@@ -26,9 +26,9 @@ def axis(
     cutoff: Annotated[
         str | None,
         Parameter(
-            help='Low-pass of the position, "50 Hz". By default a tenth of the sampling rate (a'
-            " fifth of one below 200 Hz), or less where the encoder's error, differentiated twice,"
-            " would drown the force."
+            help='Cutoff of the low-pass filter of the position, "50 Hz". Default: a tenth of the'
+            " sampling rate (a fifth below 200 Hz). It is lower if the encoder's error,"
+            " differentiated twice, would exceed the force."
         ),
         options.MORE,
     ] = None,
@@ -37,14 +37,15 @@ def axis(
 ) -> int:
     """Name the effect that a servo axis has beyond Coulomb and viscous friction.
 
-    Fits mass, friction and an offset to a record of motor force and encoder that moves back and
-    forth, tests what they leave, and tries every effect of the catalogue. Writes loop.html,
-    loop.json and the figures residual, noise, location, profiles, aliasing and candidates to the
-    output folder, by default ./NAME-loop/ with the options that differ from their default.
+    The record holds motor force and encoder position of an axis that moves back and forth. The
+    command fits mass, friction and an offset, tests the residual, and tries every effect of the
+    catalogue. Writes loop.html, loop.json and the figures residual, noise, location, profiles,
+    aliasing and candidates to the output folder, by default ./NAME-loop/ with the options that
+    differ from their default.
 
-    A folder holds runs at steady speeds, each a table of columns: every run is one point of the
-    curve of friction over speed, and --from and --to cut all of them alike. Writes steady.json and
-    the figures curve and noise.
+    A folder holds runs at steady speeds, each a table of columns. Every run is one point of the
+    friction-velocity curve; --from and --to cut all runs alike. Writes steady.json and the figures
+    curve and noise.
     """
     checked_most(max_effects)
     if file.is_dir():
@@ -79,7 +80,7 @@ def axis(
 
 
 def _filtered(record: "AxisRecord", cutoff: str | None) -> "Preparation | None":
-    """The usual preparation of an axis record, with a cutoff of the user's own."""
+    """Return the default preparation of an axis record with the cutoff of --cutoff."""
     if cutoff is None:
         return None
     import numpy as np

@@ -1,4 +1,4 @@
-"""The user's request: the verb, the command line, the options that are not the default."""
+"""The current call: its verb, its command line, and the options that differ from the default."""
 
 import contextlib
 import contextvars
@@ -9,7 +9,7 @@ from collections.abc import Callable, Generator, Sequence
 from typing import NamedTuple
 
 LOOPS = ("loop", "axis")
-"""Verbs whose results are those of a loop, and are kept under that name."""
+"""Verbs that write a loop's results, into folders named `loop`."""
 
 
 class Call(NamedTuple):
@@ -26,7 +26,7 @@ _CURRENT: contextvars.ContextVar[Call] = contextvars.ContextVar("call")
 
 
 def current_call() -> Call:
-    """The call that is being run; an empty one outside of the command."""
+    """Return the call that is running; an empty one outside of the command."""
     return _CURRENT.get(Call("", "", {}))
 
 
@@ -34,7 +34,7 @@ def current_call() -> Call:
 def calling(
     verb: Callable[..., object], bound: inspect.BoundArguments, words: Sequence[str]
 ) -> Generator[None]:
-    """Within the block, `current_call` is this one."""
+    """Make this call the `current_call` within the block."""
     given = _given(verb, bound)
     name = getattr(verb, "__name__", "")
     name = "loop" if name in LOOPS else name
@@ -47,7 +47,7 @@ def calling(
 
 
 def _given(verb: Callable[..., object], bound: inspect.BoundArguments) -> dict[str, object]:
-    """Options that differ from their default, those of a group by their own names."""
+    """Return the options that differ from their default; a group counts as single options."""
     given: dict[str, object] = {}
     for name, parameter in inspect.signature(verb).parameters.items():
         default, value = parameter.default, bound.arguments.get(name, parameter.default)

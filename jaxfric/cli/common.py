@@ -1,4 +1,4 @@
-"""Helpers that several verbs share: quantities of options, preparing JAX, telling."""
+"""Helpers that several verbs share: quantities of options, setup of JAX, warnings."""
 
 import contextlib
 import os
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def refuse_unused(by: str, options: Mapping[str, object], instead: str = "") -> None:
-    """Refuse options that something has no use for."""
+    """Raise `InputError` if options are given that `by` does not use."""
     wrong = [option for option, given in options.items() if given]
     if wrong:
         raise InputError(
@@ -26,19 +26,18 @@ def refuse_unused(by: str, options: Mapping[str, object], instead: str = "") -> 
 
 
 def prepare_jax(*, gpu: bool = False) -> None:
-    """64-bit numbers, loops compiled whole, and a compilation cache in the user's cache folder if
-    there can be one.
+    """Set JAX to 64 bits, whole compiled loops, and a compilation cache in the user's cache folder.
 
-    On the processor, but for who sets JAX_PLATFORMS: a record asks for many small things in turn,
-    which take a GPU ten times as long. With `gpu` JAX takes one where there is one.
+    JAX then runs on the CPU, unless JAX_PLATFORMS is set: a record needs many small computations in
+    turn, which take ten times as long on a GPU. With `gpu` JAX uses a GPU if there is one.
     """
     doing("loading JAX")
     _keep_freed_memory()
     if not gpu:
         os.environ.setdefault("JAX_PLATFORMS", "cpu")
-    # XLA takes preferences of some processors for features that these lack, and says so of all that
-    # it loads from the cache (jax issue 38445); what goes wrong is an exception. "1" is JAX's own
-    # default, which a process begun from Python inherits
+    # XLA mistakes preferences of some CPUs for missing features, and logs an error for everything
+    # that it loads from the cache (jax issue 38445). Real failures still raise. "1" is JAX's own
+    # default, which a child process of Python inherits
     if os.environ.get("TF_CPP_MIN_LOG_LEVEL", "1") == "1":
         os.environ["TF_CPP_MIN_LOG_LEVEL"] = "3"
     import jax
@@ -56,10 +55,10 @@ def prepare_jax(*, gpu: bool = False) -> None:
 
 
 def _keep_freed_memory() -> None:
-    """Have glibc keep memory that is freed, instead of giving it back and asking for it anew.
+    """Have glibc keep freed memory instead of returning it to the system.
 
-    XLA allocates the arrays of a call again in every call; the kernel clears each of their pages
-    each time, which is a quarter of the time of a loop. Elsewhere nothing is done.
+    XLA allocates its arrays anew in every call, and the kernel then clears every page, which is a
+    quarter of the time of a loop. Without glibc nothing is changed.
     """
     import ctypes
 
@@ -71,14 +70,14 @@ def _keep_freed_memory() -> None:
 
 
 def warn(lines: Iterable[str], kind: str = "warning") -> None:
-    """Print each line as a warning, or another kind of remark, on stderr."""
+    """Print each line on stderr as a warning, or as another `kind` of message."""
     for line in lines:
         print(f"jaxfric: {kind}: {line}", file=sys.stderr)
 
 
 def stdout_console(width: int = 120) -> "Console":
-    """A console of rich for tables on stdout, so wide, or as COLUMNS says if that is more, where
-    stdout is no terminal."""
+    """Return a rich console for stdout. If stdout is no terminal, it is `width` columns wide, or
+    COLUMNS if that is larger."""
     from rich.console import Console
 
     told = os.environ.get("COLUMNS", "")
@@ -87,18 +86,18 @@ def stdout_console(width: int = 120) -> "Console":
 
 
 def optional_quantity(text: str | None, unit: str, option: str) -> float | None:
-    """A quantity [`unit`] or None."""
+    """Return the quantity of a text in `unit`; None for None."""
     from ..units import parse_quantity
 
     return None if text is None else parse_quantity(text, unit, option)
 
 
 class OfMotion:
-    """Options whose units are of a line, or of a rotation: all of them, and the law, must agree.
+    """Options in units of linear motion or of rotation; all of them and the law must agree.
 
-    **Arguments:** the options with the SI unit of each on a line, and the law's coordinate.
+    **Arguments:** the options, each with its SI unit in linear motion, and the law's coordinate.
 
-    Raises `InputError` where they disagree.
+    Raises `InputError` if they disagree.
     """
 
     def __init__(
@@ -110,24 +109,24 @@ class OfMotion:
         self.coordinate = agreed(options, law)
 
     def unit(self, option: str) -> str:
-        """The SI unit of an option."""
+        """Return the SI unit of an option."""
         from ..coordinate import unit_of
 
         return unit_of(self._options[option][1], self.coordinate)
 
     def read(self, option: str) -> float | None:
-        """The quantity in SI, or None."""
+        """Return the quantity in SI, or None."""
         return optional_quantity(self._options[option][0], self.unit(option), option)
 
     def positive(self, option: str) -> float | None:
-        """A quantity above 0, or None."""
+        """Return a positive quantity, or None; refuse 0 and negative ones."""
         value = self.read(option)
         if value is not None and not value > 0:
             raise InputError(f"{option}: '{self._options[option][0]}' is not positive")
         return value
 
     def damping(self, option: str) -> float:
-        """A damping, 0 where none is given."""
+        """Return a damping of at least 0; 0 if none is given."""
         value = self.read(option)
         if value is not None and value < 0:
             text = self._options[option][0]
@@ -135,7 +134,7 @@ class OfMotion:
         return value or 0.0
 
     def values(self, option: str, *, count: int = 25) -> list[float]:
-        """One or several positive values (`parse_values`)."""
+        """Return one or several positive values (`parse_values`)."""
         from ..units import parse_values
 
         text, _ = self._options[option]
@@ -143,7 +142,7 @@ class OfMotion:
         return parse_values(text, self.unit(option), option, count=count)
 
     def masses(self) -> list[float] | None:
-        """Masses of --mass; a number alone is in kg, or kg m^2. None where none is given."""
+        """Return the masses of --mass, or None. A number without a unit is in kg, or kg m^2."""
         from ..units import parse_values
 
         text, _ = self._options["--mass"]
@@ -155,7 +154,7 @@ class OfMotion:
         return parse_values(text, self.unit("--mass"), "--mass", count=5)
 
     def mass(self) -> float | None:
-        """One mass, or None."""
+        """Return one mass, or None; refuse several."""
         masses = self.masses()
         if masses is not None and len(masses) > 1:
             text = self._options["--mass"][0]
@@ -164,7 +163,7 @@ class OfMotion:
 
 
 def effect_ids(texts: list[str] | None, option: str) -> tuple[str, ...]:
-    """Ids of an option that may be repeated and hold commas, each once."""
+    """Return the distinct ids of an option that may be repeated and may hold commas."""
     found = [id.strip() for text in texts or [] for id in text.split(",")]
     if texts and not all(found):
         raise InputError(

@@ -17,17 +17,17 @@ from .shown import show
 @options.FLAT
 @dataclass(frozen=True)
 class MapOptions:
-    """What the feedforward is for, and in which units."""
+    """Motion and units that the feedforward is made for."""
 
     at: options.Text = None
     """Print the friction at these speeds first, forwards and backwards: "50 mm/s", "1, 5 rad/s"."""
     acceleration: options.Text = None
-    """Acceleration of the reference where it turns, "2 m/s^2" or "50 rad/s^2". By default that of
-    the record, where the file tells it."""
+    """Acceleration of the reference at a reversal, "2 m/s^2" or "50 rad/s^2". Default: that of the
+    record, if the file has it."""
     lag: options.Text = None
-    """Time by which the axis turns later than its reference, "4 ms"."""
+    """Delay of the axis behind its reference at a reversal, "4 ms"."""
     fade_speed: options.Text = None
-    """Fade below this speed, "5 mm/s", instead of the one derived."""
+    """Fade the compensation below this speed, "5 mm/s", instead of the derived one."""
     drive_gain: options.DriveGain = None
     name: str = "axis"
     """Name of the axis in C: NAME_feedforward."""
@@ -42,9 +42,9 @@ def feedforward(
 ) -> int:
     """Compensate the friction of an axis or joint: formula, C function, table, and fade speed.
 
-    For a controller that adds it to its output, from the velocity and acceleration of the
-    reference. Writes feedforward.c, .csv, .tex, .json and the figure feedforward to the output
-    folder, by default ./MODEL-feedforward/.
+    The controller computes it from velocity and acceleration of the reference, and adds it to its
+    output. Writes feedforward.c, .csv, .tex, .json and the figure feedforward to the output folder,
+    by default ./MODEL-feedforward/.
     """
     prepare_jax()
     from ..compensation import NothingToCompensate

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from ..report.report import Report
 
 _WEIGHTINGS = {"ols": "ordinary", "gls": "whitened"}
-"""What the choices of --weighting are called in Python and in files."""
+"""Names of the choices of --weighting in Python and in files."""
 
 
 @options.FLAT
@@ -34,23 +34,23 @@ class FitOptions:
     """How a model is fitted."""
 
     reference_velocity: Annotated[options.Text, options.MORE] = None
-    """Velocity, with unit, at which friction is f0."""
+    """Reference velocity with unit, at which steady-state friction is f0."""
     start: Annotated[str | None, options.MORE] = None
-    """Starting values, 'A=0.01, B=0.012, L=20 um'. Not needed as a rule."""
+    """Starting values, 'A=0.01, B=0.012, L=20 um'. Rarely needed."""
     weighting: Annotated[Literal["ols", "gls"], options.MORE] = "ols"
-    """Ordinary least squares (ols), or generalised (gls): weighted by the noise."""
+    """Ordinary least squares (ols), or generalised (gls): whitened by the noise model."""
     profile: Annotated[bool, options.MORE] = False
     """Intervals from the profile likelihood (slower)."""
     downsample_to: options.DownsampleTo = None
 
     @property
     def of_one(self) -> bool:
-        """Whether an option is given that fits of many records at once do not have."""
+        """Whether an option is given that a batched fit of many records does not have."""
         return self != FitOptions(reference_velocity=self.reference_velocity)
 
 
 class Fitter(NamedTuple):
-    """The fit that the options ask for, of several records: values in the order of the files."""
+    """The fit of several records, with one stiffness, mass and law for each file."""
 
     stiffnesses: Sequence[str | None]
     masses: Sequence[str | None]
@@ -60,7 +60,7 @@ class Fitter(NamedTuple):
     steps: str | None
 
     def one(self, number: int, record: "Record", say: Said) -> "Fit":
-        """Fit the record of the file of this number."""
+        """Fit the record of file `number`."""
         from ..fitting import fit as run
 
         how, model = self.how, self.model
@@ -82,7 +82,7 @@ class Fitter(NamedTuple):
         )
 
     def together(self, numbers: list[int], records: "list[Record]", say: Said) -> "list[Fit | str]":
-        """Fit many records at once; in place of a fit, why there is none."""
+        """Fit many records in one batch; a failed one returns its reason in place of a fit."""
         from ..fitting.many import fit_what_can_be
 
         return fit_what_can_be(
@@ -102,15 +102,15 @@ class Fitter(NamedTuple):
 def fit(
     file: options.File,
     /,
-    *more: Annotated[Path, Parameter(help="Further records: then there is one table of all.")],
+    *more: Annotated[Path, Parameter(help="Further records; one table lists all fits.")],
     stiffness: Annotated[list[str] | None, options.STIFFNESS] = None,
     mass: Annotated[list[str] | None, options.MASS] = None,
     law: Annotated[list[str] | None, options.LAW] = None,
     compare: Annotated[
         bool,
         Parameter(
-            help="Compare friction laws: slip and ageing, with one state and with two. Or those of"
-            " --law 'slip,ageing'."
+            help="Compare friction laws: slip and ageing, with one and with two states. Choose"
+            " others with --law 'slip,ageing'."
         ),
     ] = False,
     model: options.ModelOptions = options.ModelOptions(),
@@ -123,15 +123,15 @@ def fit(
 ) -> int:
     """Fit A, B and L (rate-and-state friction) to a record of velocity steps.
 
-    Writes fit.json, its row for a paper (table.csv, table.tex), fit.png and fit.svg to the output
-    folder, by default ./NAME-fit/ with the options that differ from their default:
-    ./NAME-fit-ageing/. With --prior also posterior.nc. Of several files (jaxfric fit *.csv) one
-    table is printed and written with a row for each; one that cannot be fitted says why in its row,
-    and the exit code is 1.
+    Writes fit.json, a table row for a paper (table.csv, table.tex), fit.png and fit.svg to the
+    output folder, by default ./NAME-fit/ with the options that differ from their default:
+    ./NAME-fit-ageing/. With --prior also posterior.nc. For several files (jaxfric fit *.csv) prints
+    and writes one table with a row for each file. If a file cannot be fitted, its row gives the
+    reason, and the exit code is 1.
 
-    With --compare several laws are fitted to one record, with three steps or more also without some
-    of them, which the law then predicts. Says which law the record supports, and by how much, or
-    that it cannot tell. Writes compare.json, compare.csv, compare.tex, compare.png and compare.svg
+    With --compare fits several laws to one record. With three or more steps each law also predicts
+    steps that it was not fitted to. Prints which law the record supports and by how much, or that
+    it does not decide. Writes compare.json, compare.csv, compare.tex, compare.png and compare.svg
     to ./NAME-compare/.
     """
     prior.refuse_unusable()
@@ -218,7 +218,7 @@ def _save(result: "Fit", content: str, posterior: "Posterior | None", folder: Fo
 
 
 def _report(result: "Fit", posterior: "Posterior | None") -> "Report":
-    """The report of the fit; where there is a posterior its table comes first."""
+    """Return the report of the fit, with the table of the posterior first if there is one."""
     from ..views import report
 
     fit = report(result)
@@ -234,7 +234,7 @@ def _report(result: "Fit", posterior: "Posterior | None") -> "Report":
 
 
 def _has_converged(file: Path) -> bool:
-    """Whether a fit that converged was saved here before."""
+    """Whether the file holds a fit that converged."""
     try:
         return json.loads(file.read_text()).get("converged") is True
     except (OSError, ValueError, AttributeError):
@@ -242,7 +242,7 @@ def _has_converged(file: Path) -> bool:
 
 
 def _complain_and_keep(result: "Fit", folder: Folder) -> int:
-    """Refuse to replace a fit that converged by one that did not."""
+    """Refuse to replace a converged fit by one that did not converge; the exit code."""
     warn(result.warnings)
     print(
         f"jaxfric: error: {_not_converged(result, folder)}. {folder.path} keeps the fit that"
@@ -253,7 +253,7 @@ def _complain_and_keep(result: "Fit", folder: Folder) -> int:
 
 
 def _not_converged(result: "Fit", folder: Folder) -> str:
-    """What to do; of files only those that this run wrote are named."""
+    """Return what to do after a failed fit; it names only files that this run wrote."""
     no_use = ", and no other verb takes its fit.json" if "fit.json" in folder.files else ""
     figure = f"Look at {folder.path / 'fit.png'}: are" if "fit.png" in folder.files else "Are"
     return (
@@ -264,8 +264,8 @@ def _not_converged(result: "Fit", folder: Folder) -> str:
 
 
 def parse_start(text: str, friction_unit: str) -> dict[str, float]:
-    """Starting values (SI) by name, of "A=0.01, B=0.012, L=20 um". Raises `InputError` for text
-    that is not of this form."""
+    """Return starting values (SI) by name from "A=0.01, B=0.012, L=20 um". Raises `InputError` for
+    text of another form."""
     from ..errors import InputError
     from ..fitting.problem import quantity_of
     from ..fitting.result import unit_of

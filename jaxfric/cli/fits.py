@@ -1,4 +1,4 @@
-"""`jaxfric fit` of several files: one table with a row each; one that fails loses no other."""
+"""`jaxfric fit` of several files: one table with a row for each; a failed file stops no other."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -17,17 +17,17 @@ if TYPE_CHECKING:
 
 SCHEMA = "jaxfric.fits/1"
 _MANY = 16
-"""Files from which on what is compiled for many at once pays."""
+"""Number of files from which compiling a batched fit saves time."""
 Said = Callable[[str], None]
 Fitting = Callable[[int, "Record", Said], "Fit"]
-"""Fits the record of the file of this number, from 0; is told what is being done."""
+"""Fits the record of a file, given its number (from 0) and a progress callback."""
 Together = Callable[[list[int], list["Record"], Said], "list[Fit | str]"]
-"""The same for many files at once; in place of a fit, why there is none."""
+"""Fits many files in one batch; a failed one returns its reason in place of a fit."""
 _Value = TypeVar("_Value")
 
 
 def for_each(files: Sequence[Path], values: Sequence[_Value], option: str) -> Sequence[_Value]:
-    """The value of an option for every file: given once for all, or for each in their order."""
+    """Return the value of an option for every file; one value holds for all files."""
     if len(values) == 1:
         return [values[0]] * len(files)
     if len(values) == len(files):
@@ -47,12 +47,12 @@ def fit_files(
     fitting: Fitting,
     together: Together | None,
 ) -> int:
-    """Fit every file, write and print the table; the exit code, 1 where one failed.
+    """Fit every file, write and print the table; return the exit code, 1 if a file failed.
 
-    From `_MANY` files on they are fitted `together`, where that is given.
+    `_MANY` or more files are fitted in one batch by `together`, unless that is None.
 
-    Raises `InputError` where a file is not there, before any is fitted; and where none of them
-    could be fitted: then nothing is written.
+    Raises `InputError` before any fit if a file does not exist. Raises it without writing anything
+    if no file can be fitted.
     """
     from ..report.fits_table import TabledFit
 
@@ -113,7 +113,7 @@ def fit_files(
 
 
 def _names(files: Sequence[Path]) -> list[str]:
-    """Names of the results of each file: its own, with a number where there are two of them."""
+    """Return a name for the results of each file; equal file names get a number."""
     names: list[str] = []
     for file in files:
         name, k = file.stem, 2
@@ -138,7 +138,7 @@ def _content(found: "Sequence[TabledFit]") -> dict[str, object]:
 
 
 def _write(found: "Sequence[TabledFit]", names: Sequence[str], content: str, to: Path) -> None:
-    """The table as CSV and LaTeX, all fits as one JSON, and each as other verbs take it."""
+    """Write the table as CSV and LaTeX, all fits as one JSON, and one fit.json for each file."""
     from ..report.fits_table import files_of
 
     texts = files_of(found) | {"fits.json": content + "\n"}
@@ -156,7 +156,7 @@ def _draw(fit: "Fit", name: str, folder: Folder) -> None:
 
 
 def _warnings(found: "Sequence[TabledFit]") -> list[str]:
-    """What the fits warn of, with the files of each warning."""
+    """Return the warnings of the fits, each with the files that it concerns."""
     files: dict[str, list[str]] = {}
     for one in found:
         if one.fit is not None:

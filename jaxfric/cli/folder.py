@@ -1,8 +1,8 @@
-"""The folder that a command writes to: its name, what was there before, and what is left.
+"""The output folder of a command: its name, and which earlier files a run replaces.
 
-A folder that a command has written to holds a hidden file, `.jaxfric.json`, that says for every
-verb which command wrote which files from which input. By it the next run knows what it replaces,
-what of an earlier run would be stale, and whether a default name is taken by another input.
+Every output folder holds a hidden file, `.jaxfric.json`. For every verb it lists the command, the
+input files and the written files. From it the next run knows which files it replaces, which files
+of an earlier run are stale, and whether the default name belongs to another input.
 """
 
 import contextlib
@@ -24,7 +24,8 @@ from .stamp import made_by, stamp
 
 NOTES = ".jaxfric.json"
 _SCHEMA = "jaxfric.folder/1"
-# Options that say what is asked, which have no default to differ from, and how it is read or told.
+# Options that the name of a folder leaves out: inputs without a default, machine data, and options
+# of reading and printing.
 _ASKED = (
     "from_",
     "parameters",
@@ -53,13 +54,13 @@ _READ_AND_TOLD = (
     "scheduler",
 )
 _NOT_NAMED = {*_ASKED, *_OF_A_MACHINE, *_READ_AND_TOLD, "model", "record", "slip_per_step"}
-# Choices whose value says enough by itself: `ageing`, `whitened`.
+# Choices whose value needs no option name in front: `ageing`, `whitened`.
 _ALONE = frozenset(("law", "weighting"))
 _LONGEST_VALUE, _LONGEST_NAME = 24, 120
 
 
 def folder_name(source: str, verb: str, given: dict[str, object]) -> str:
-    """SOURCE-VERB, and the options that differ from their default: `run-fit-ageing-states2`."""
+    """Return SOURCE-VERB with the options that differ from the default: `run-fit-ageing`."""
     tags = [_tag(name, value) for name, value in given.items() if name not in _NOT_NAMED]
     name = "-".join([*filter(None, (source, verb)), *tags])
     if len(name) <= _LONGEST_NAME:
@@ -90,15 +91,15 @@ def _short_digest(text: str) -> str:
 
 
 def source_name(file: Path) -> str:
-    """The name of a saved result: that of its folder, where the file is called as all are."""
+    """Return the name of a saved result; for a standard file name that of its folder."""
     folder = file.parent.name
     return folder if folder and file.stem in ("fit", "loop", "posterior", "steady") else file.stem
 
 
 def input_name(path: Path) -> str:
-    """The name of an input: a file's without its ending, a folder's in whole, `0.096kg` too.
+    """Return the name of an input: of a file without its suffix, of a folder in full (`0.096kg`).
 
-    Of a folder that is written "." its own name.
+    The folder "." has its real name.
     """
     if path.name in ("", ".."):
         return path.resolve().name
@@ -108,11 +109,11 @@ def input_name(path: Path) -> str:
 def choose_folder(
     out: Path | None, source: str, *inputs: Path, unnamed: Sequence[str] = ()
 ) -> "Folder":
-    """The folder of this call: `out`, or its default name, checked before any work.
+    """Return the output folder of this call, `out` or its default name, checked before any work.
 
-    `unnamed` are options that the default name leaves out, as `source` says them already.
-    Raises `InputError` where it cannot be written, or where it holds the results of another record
-    (or, under a default name, another input of any kind): these would be lost.
+    The default name leaves out the options `unnamed`, because `source` already contains them.
+    Raises `InputError` if the folder cannot be written, or if it holds results of another record,
+    which would be lost. Under a default name every input must be the same, not only the record.
     """
     call = current_call()
     given = {name: value for name, value in call.given.items() if name not in unnamed}
@@ -125,7 +126,7 @@ def choose_folder(
 
 
 class _Run(TypedDict):
-    """The last run of a verb, as a folder notes it."""
+    """The last run of a verb, as `.jaxfric.json` stores it."""
 
     version: str
     command: str
@@ -138,7 +139,7 @@ _NO_RUN: _Run = {"version": "", "command": "", "inputs": [], "files": []}
 
 @dataclasses.dataclass
 class Folder:
-    """An output folder in use: first the results, then the figures, then what is said of it."""
+    """An output folder during a run; a verb writes its results, then figures, then closes it."""
 
     path: Path
     call: Call
@@ -148,14 +149,14 @@ class Folder:
     strange: list[str] = dataclasses.field(default_factory=list)
     earlier: str = ""
     code: int = 0
-    """The exit code of the verb: 1 where a figure is missing."""
+    """The exit code of the verb: 1 if a figure is missing."""
 
     def refuse_another_input(self, *, asked_for: bool = False) -> None:
-        """A folder that this verb's results of another input are in is not written to.
+        """Raise `InputError` if the folder holds results of this verb for another input.
 
-        The same input may have moved, or changed where it is. In a folder that was `asked_for` only
-        the first input counts, the record: who runs it again with another prior or other events
-        means to replace.
+        An input is the same if its path or its content is the same. In a folder `asked_for` with
+        --out only the first input counts, the record: running it again with another prior or other
+        events is meant to replace the results.
         """
         before = _read_notes(self.path).get(self.call.verb, _NO_RUN)
         for old, new in zip(
@@ -173,10 +174,10 @@ class Folder:
 
     @contextlib.contextmanager
     def results(self) -> Generator[Path]:
-        """Write results: in the folder of the block, which is moved here when it is complete.
+        """Yield a temporary folder for the results, whose files move here at the end of the block.
 
-        What the same verb wrote here before is replaced, or taken away where it is not written
-        now; the files of others stay.
+        They replace the files of the same verb's last run; files that this run does not write again
+        are deleted. Files of other verbs stay.
         """
         notes = _read_notes(self.path)
         before = notes.get(self.call.verb, _NO_RUN)
@@ -195,16 +196,16 @@ class Folder:
             self.earlier = "the same command" if same else f"'{before['command']}'"
 
     def save_json(self, name: str, table: Mapping[str, object]) -> str:
-        """Write a table as the JSON file `name`, the only result; its text."""
+        """Write a table as the JSON file `name`, the only result, and return its text."""
         content = json_text(table)
         with self.results() as to:
             (to / name).write_text(content + "\n", encoding="utf-8")
         return content
 
     def draw(self, what: str, drawing: Callable[[Path], object]) -> list[str]:
-        """Add `what`, a figure or page that may fail: then it is missing, and nothing else.
+        """Add `what`, a figure or page; if drawing it fails, only this figure is missing.
 
-        `drawing` writes to the folder that it is given. Returns the names of the new files.
+        `drawing` writes to the folder of its argument. Returns the names of the new files.
         """
         try:
             with output_folder(self.path) as work:
@@ -237,12 +238,12 @@ class Folder:
 
     @property
     def written(self) -> str:
-        """The files that this run wrote, in words."""
+        """The line that lists the files of this run."""
         return f"written: {self.path}/{', '.join(self.files)}"
 
     @property
     def replaced(self) -> str:
-        """The files that this run replaced, in words; '' for none."""
+        """The line that lists the replaced files; '' for none."""
         where = f"replaced in {self.path}"
         if self.known:
             return f"{where}: {', '.join([*self.known, *self.strange])}, written by {self.earlier}"
@@ -250,7 +251,7 @@ class Folder:
         return f"{where}: {strange}, written by an unknown command" if strange else ""
 
     def close(self) -> int:
-        """Say what was replaced; the exit code of the verb."""
+        """Print the replaced files and return the exit code of the verb."""
         if self.replaced:
             print(f"jaxfric: {self.replaced}", file=sys.stderr)
         return self.code
@@ -265,7 +266,7 @@ class Folder:
             return file.resolve().as_posix()
 
     def _note(self, notes: dict[str, _Run], work: Path, files: list[str]) -> None:
-        """Note in `work` what is to be in the folder, and remember which of it was there."""
+        """Write the notes of this run to `work`, and add overwritten unknown files to `strange`."""
         there = (file.name for file in work.iterdir() if (self.path / file.name).is_file())
         self.strange += sorted(set(there) - set(self.known) - set(self.files))
         for verb in set(notes) - {self.call.verb}:
@@ -281,8 +282,7 @@ class Folder:
 
 
 def json_text(table: Mapping[str, object]) -> str:
-    """A table as the text of a JSON file, with what made it; one that is not a number must be null
-    in it."""
+    """Return a table as JSON text with version and command. NaN raises `ValueError`: use None."""
     origin = made_by()
     return json.dumps(
         {**table, **({"made_by": origin} if origin else {})}, indent=1, allow_nan=False
@@ -290,7 +290,7 @@ def json_text(table: Mapping[str, object]) -> str:
 
 
 def _digest(file: Path) -> str:
-    """SHA-256 of a file, '' of a folder."""
+    """Return the SHA-256 of a file, '' for a folder."""
     if not file.is_file():
         return ""
     with file.open("rb") as stream:
@@ -298,7 +298,7 @@ def _digest(file: Path) -> str:
 
 
 def _read_notes(folder: Path) -> dict[str, _Run]:
-    """The notes in a folder, by verb; empty where they are damaged."""
+    """Return the notes in a folder, by verb; empty if they are missing or damaged."""
     try:
         runs = json.loads((folder / NOTES).read_text(encoding="utf-8"))["runs"]
         return {verb: _checked(run) for verb, run in runs.items()}
@@ -307,7 +307,7 @@ def _read_notes(folder: Path) -> dict[str, _Run]:
 
 
 def _checked(run: _Run) -> _Run:
-    """The notes of one verb; names of files have no folder in them."""
+    """Return the notes of one verb with the right types, and without files outside the folder."""
     return {
         "version": str(run.get("version", "")),
         "command": str(run["command"]),

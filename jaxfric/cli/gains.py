@@ -1,4 +1,4 @@
-"""`jaxfric gains`: the smallest PD gains that are safe over a set of situations."""
+"""`jaxfric gains`: the smallest PD gains whose margins hold in every scenario."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,18 +21,18 @@ if TYPE_CHECKING:
 @options.FLAT
 @dataclass(frozen=True)
 class GainOptions:
-    """What the gains must reach."""
+    """Margins and bounds of the gains."""
 
     margin: Annotated[
         list[str] | None,
         Parameter(
-            help="A margin that every scenario must have, NAME=NUMBER. May be repeated; names:"
-            f" {named_with_units()}. modulus=0.5 is required beside them, unless modulus is named;"
-            " modulus=0 switches it off."
+            help="A margin that every scenario must reach, NAME=NUMBER. May be repeated; names:"
+            f" {named_with_units()}. modulus=0.5 is always required too, unless another modulus is"
+            " named; modulus=0 switches it off."
         ),
     ] = None
     samples: Annotated[int, options.MORE] = 64
-    """Samples of the law. They are from the fit's covariance, or draws of a posterior."""
+    """Number of samples of the law, from the fit's covariance or from posterior draws."""
     confidence: Annotated[float, options.MORE] = 1.0
     """Share of the samples in which the margins must hold."""
     seed: Annotated[int, options.MORE] = 0
@@ -48,7 +48,7 @@ class GainOptions:
     scale_kv: Annotated[Text, options.MORE] = None
     """Unit of k_v in the norm, '10 N*s/m'."""
     accuracy: Annotated[Text, options.MORE] = None
-    """How near its target it must stop, '10 um'. k_p is then at least the static friction over
+    """Largest position error at rest, '10 um'. k_p is then at least static friction divided by
     it."""
     integral: options.Integral = None
 
@@ -63,8 +63,8 @@ def gains(
     basin: Annotated[
         float | None,
         Parameter(
-            help="Raise the gains until velocity may jump by this factor. The simulated slider"
-            " still settles after a jump either way."
+            help="Raise the gains until the slider tolerates velocity jumps by this factor. It is"
+            " simulated after a jump up and down, and must settle."
         ),
         options.MORE,
     ] = None,
@@ -79,8 +79,7 @@ def gains(
         bool,
         Parameter(
             name="--map",
-            help="Also map the gains at which stick-slip disappears. The map is by simulation from"
-            " rest.",
+            help="Also map the gains at which stick-slip disappears, by simulations from rest.",
         ),
         options.MORE,
     ] = False,

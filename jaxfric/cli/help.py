@@ -1,7 +1,7 @@
-"""`--help` of a verb: the options that a first user needs, on a screen; `--help-all`: all of them.
+"""`--help` of a verb prints the options that a first user needs; `--help-all` prints all of them.
 
-Which options these are stands where each is declared: those of the group `options.MORE` are left to
-`--help-all`, which cyclopts prints. The text is the first sentence of an option's help.
+`--help` fits on one screen. It leaves out the options of the group `options.MORE`, and prints the
+first sentence of an option's help. cyclopts prints `--help-all`.
 """
 
 import inspect
@@ -19,7 +19,7 @@ FLAGS = ("--help", "-h", ALL)
 
 
 def print_first(name: str, verb: cyclopts.App) -> None:
-    """Print how a verb is called, what it does, and the options of first use."""
+    """Print usage, purpose and the first options of a verb."""
     from rich.table import Table
     from rich.text import Text
 
@@ -46,7 +46,7 @@ def print_first(name: str, verb: cyclopts.App) -> None:
 
 
 def _label(argument: "Argument") -> str:
-    """The names of an option, and its values, or a word for them."""
+    """Return the names of an option with its choices, or with a word for its value."""
     names = " ".join(name for name in argument.names if not name.startswith(("--no-", "--empty-")))
     if argument.hint is bool or not names.startswith("-"):
         return names
@@ -55,6 +55,6 @@ def _label(argument: "Argument") -> str:
 
 
 def _first_sentence(argument: "Argument") -> str:
-    """The first sentence of an option's help, without the marks of Markdown."""
+    """Return the first sentence of an option's help, without Markdown marks."""
     text = " ".join((argument.parameter.help or "").split()).replace("\\[", "[")
     return text.partition(". ")[0].removesuffix(".")

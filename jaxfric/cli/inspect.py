@@ -1,4 +1,4 @@
-"""`jaxfric inspect`: what is understood of a record."""
+"""`jaxfric inspect`: show how a record is read."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -26,13 +26,12 @@ def inspect(
     axis: options.AxisOptions = options.AxisOptions(),
     output: options.OutputOptions = options.OutputOptions(),
 ) -> int:
-    """Show what is understood of a record, and draw it.
+    """Show how a record is read, and draw it.
 
-    Of a slider: columns, units, sampling, velocity steps; with --reduce what every step of the
-    script did, and the columns as recorded in a second figure. Of an axis: columns, units,
-    sampling, the steps of the encoder, strokes, and which columns are not used. Of a folder of
-    steady runs: speed and force of each. Figures go to the output folder, by default
-    ./NAME-inspect/.
+    For a slider: columns, units, sampling and velocity steps. With --reduce also what every step of
+    the script did, and a second figure of the recorded columns. For an axis: columns, units,
+    sampling, encoder resolution, strokes, and unused columns. For a folder of steady runs: speed
+    and force of each. Figures go to the output folder, by default ./NAME-inspect/.
     """
     unused = {
         "slider": axis.of_signals | axis.of_loops,
@@ -114,11 +113,11 @@ def _show(
     content: Mapping[str, object],
     output: options.OutputOptions,
 ) -> int:
-    """Draw, and show the report."""
+    """Draw the record and print its report."""
     with told() as progress:
         progress("drawing the figure")
         with folder.results():
-            pass  # what is understood is told; only the figure is written
+            pass  # the only file is the figure; the report is printed
         folder.draw("the figure", drawing)
     figures = [str(folder.path / name) for name in folder.files]
     text = json_text({**content, "figures": figures})

@@ -1,4 +1,4 @@
-"""`jaxfric loop`: which effect does this model of a slider's record lack?"""
+"""`jaxfric loop`: find the effect that a model of a slider's record lacks."""
 
 from typing import Annotated
 
@@ -22,7 +22,7 @@ def loop(
     run: Annotated[
         bool,
         Parameter(
-            help="The record is a whole run: find its steps and holds, and fit all as one.",
+            help="The record is a whole run: find its steps and holds, and fit them together.",
         ),
     ] = False,
     events: options.Events = None,
@@ -34,15 +34,14 @@ def loop(
 ) -> int:
     """Name the effect that a fitted model lacks, add it, and report the error before and after.
 
-    Fits the base model to a slider's record of velocity steps, tests what it leaves, and tries
-    every effect of the catalogue. Writes loop.html, loop.json and the figures residual, noise,
-    location, profiles, aliasing and candidates to the output folder, by default ./NAME-loop/ with
-    the options that differ from their default. 'jaxfric axis' asks the same of a servo
-    axis.
+    Fits the base model to a slider's record of velocity steps, tests the residual, and tries every
+    effect of the catalogue. Writes loop.html, loop.json and the figures residual, noise, location,
+    profiles, aliasing and candidates to the output folder, by default ./NAME-loop/ with the options
+    that differ from their default. For a servo axis use 'jaxfric axis'.
 
-    Of a whole run (--run, --events) all steps and holds are one question: they share A, B, L and
-    the effects, every stretch between changes of normal stress has its own level, and whole steps
-    are held out.
+    For a whole run (--run, --events) all steps and holds are fitted together. They share A, B, L
+    and the effects. Every segment between changes of normal stress has its own friction level.
+    Whole steps are held out.
     """
     if steps is not None and (run or events is not None):
         raise InputError(

@@ -1,4 +1,4 @@
-"""Output of `jaxfric loop` and `jaxfric axis`: a closed loop is written, drawn and told."""
+"""Output of `jaxfric loop` and `jaxfric axis`: files, figures and the printed answer."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -15,13 +15,16 @@ if TYPE_CHECKING:
 
 
 def checked_most(most: int) -> None:
-    """Refuse to add less than one effect."""
+    """Raise `InputError` if --max-effects is below 1."""
     if most < 1:
         raise InputError(f"--max-effects is {most}; it must be 1 or more")
 
 
 def save_loop(result: "Loop", folder: Folder, progress: Callable[[str], None]) -> str:
-    """Write loop.json, the figures, and the page of those that could be drawn; the JSON's text."""
+    """Write loop.json, the figures and the page; return the JSON text.
+
+    The page shows the figures that could be drawn.
+    """
     from ..plot.loop import DRAWERS
     from ..report.loop_html import page
     from ..report.page import installed_version
@@ -42,7 +45,7 @@ def save_loop(result: "Loop", folder: Folder, progress: Callable[[str], None]) -
 
 
 def tell_loop(result: "Loop", content: str, folder: Folder, output: OutputOptions) -> int:
-    """Show the answer; the verb's exit code, 1 where the verdict is withheld."""
+    """Print the answer and return the exit code: 1 if the verdict is withheld."""
     from ..findings import Severity  # only here: the command begins without NumPy
     from ..report.loop_next import next_steps
     from ..report.loop_report import report
@@ -57,7 +60,7 @@ def tell_loop(result: "Loop", content: str, folder: Folder, output: OutputOption
 
 
 def _written(folder: Folder) -> str:
-    """The page first, then the names of the figures, each of which there is in two formats."""
+    """Return the line of written files: the page, then the figures without their two suffixes."""
     names = folder.files
     pictures = sorted({Path(name).stem for name in names if name.endswith((".png", ".svg"))})
     page = "loop.html (open it in a browser)" if "loop.html" in names else ""

@@ -1,4 +1,4 @@
-"""The command line of a call that was changed, of a plan or of a whole run."""
+"""Command lines of next calls: the current call with changed options."""
 
 import re
 import shlex
@@ -8,23 +8,23 @@ from typing import TYPE_CHECKING
 from .call import Call
 
 _OF_STEPS = ("states", "fit_stiffness", "slip_trend", "downsample_to")
-"""Options of a run's fits that its loop does not have, or in another sense."""
+"""Options of `jaxfric run` that `jaxfric loop` lacks or uses in another sense."""
 
 if TYPE_CHECKING:
     from ..protocol.design import Change
 
 _LEFT_OUT = ("file", "velocities", "out", "details", "json", "quiet")
-"""Options that are said before, and those of the folder and of how it is told."""
+"""The argument of the verb, and the options of output."""
 
 _SPELT = {"since": "--from", "until": "--to"}
-"""Options whose names in Python are others."""
+"""Options with another name in Python."""
 
 
 def command_line(verb: str, argument: str, given: Mapping[str, object]) -> str:
-    """A call of a verb, to be pasted into a shell, with options by their names in Python.
+    """Return the shell command of a verb with the options `given` by their names in Python.
 
-    It has neither those of the folder nor of how it is told. Several values of an option are one
-    list, but of --column, whose values may hold commas.
+    Options of output are left out. Several values of an option are joined by commas, except for
+    --column, whose values may hold commas.
     """
     words = [f"jaxfric {verb}", _quoted(argument)]
     for name, value in given.items():
@@ -41,10 +41,10 @@ def command_line(verb: str, argument: str, given: Mapping[str, object]) -> str:
 
 
 def run_line(call: Call) -> str:
-    """Of a call of `jaxfric run` whose steps are missed by their fits, the call that asks on: the
-    same with a drift of friction with slip; where it has that, the loop over the run.
+    """Return the next command after a `jaxfric run` whose fits miss the steps.
 
-    Empty where the loop would have no stiffness, and outside of the command.
+    It is the same call with --slip-trend or, if that was given, the loop over the run. Empty if the
+    loop would have no stiffness, and outside of the command.
     """
     from ..runs.ramps import RAMPS
 
@@ -60,9 +60,9 @@ def run_line(call: Call) -> str:
 
 
 def loop_line(call: Call, law: str) -> str:
-    """The loop over the record of a call of `jaxfric fit --compare`, with a base of `law`.
+    """Return the `jaxfric loop` command for the record of a `jaxfric fit --compare`, with `law`.
 
-    Empty where the loop would have no stiffness, and outside of the command.
+    Empty if the loop would have no stiffness, and outside of the command.
     """
     given, file = dict(call.given), call.given.get("file")
     if file is None or "stiffness" not in given:
@@ -73,10 +73,10 @@ def loop_line(call: Call, law: str) -> str:
 
 
 def changed_line(call: Call, change: "Change") -> str:
-    """The call of `jaxfric protocol` with a change of its plan, to be pasted into a shell.
+    """Return the shell command of a `jaxfric protocol` call with a change of its plan.
 
-    Options are those of the call, but for the folder and for how it is told. Empty where no option
-    plans the change (a load-point encoder), and for a call that gave no velocities.
+    Options of output are left out. Empty if no option plans the change (a load-point encoder), and
+    if the call gave no velocities.
     """
     given, noise = dict(call.given), change.slip_noise
     velocities, slip = given.get("velocities"), given.get("slip_per_step")
@@ -91,7 +91,7 @@ def changed_line(call: Call, change: "Change") -> str:
 
 
 def _in_unit_of(text: str, si_unit: str, *values: float) -> str:
-    """Values in SI as a text in the last unit of another text."""
+    """Format SI values in the last unit of `text`."""
     from ..units import factor
 
     unit = text.split(",")[-1].strip().lstrip("+-0123456789.eE").strip()
@@ -100,7 +100,7 @@ def _in_unit_of(text: str, si_unit: str, *values: float) -> str:
 
 
 def _quoted(text: str) -> str:
-    """A text for a shell: in double quotes, which every shell takes, where that is enough."""
+    """Quote a text for a shell, in double quotes if they suffice: every shell accepts them."""
     if " " in text and re.search(r"[\\\"$`!]", text) is None:
         return f'"{text}"'
     return shlex.quote(text)

@@ -1,4 +1,4 @@
-"""What `jaxfric fit --prior` adds to a fit: its posterior in a file, a figure and tables."""
+"""`jaxfric fit --prior`: the posterior of a fit, in a file, a figure and tables."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,20 +21,20 @@ _CHAINS = 4
 @options.FLAT
 @dataclass(frozen=True)
 class PriorOptions:
-    """The priors of a posterior, and how many draws of it are wanted."""
+    """Priors of the fit, and number of posterior draws."""
 
     prior: Path | None = None
-    """Find the posterior too, by this TOML file of priors. Priors: [priors] A = {normal = [0.006,
-    0.001]}. Writes posterior.nc and a figure. Needs pip install "jaxfric\\[posterior]"."""
+    """Find the posterior too, with the priors of this TOML file. Example: [priors] A = {normal =
+    [0.006, 0.001]}. Writes posterior.nc and a figure. Needs pip install "jaxfric\\[posterior]"."""
     draws: Annotated[int | None, options.MORE] = None
-    """Draws of each chain by NUTS, as in --draws 1000. Otherwise none."""
+    """Draws of each NUTS chain, --draws 1000. Default: no draws."""
     chains: Annotated[int | None, options.MORE] = None
-    """Chains of draws, 4 where not given."""
+    """Number of NUTS chains. Default: 4."""
     seed: Annotated[int | None, options.MORE] = None
-    """Seed of the draws, 0 where not given."""
+    """Seed of the draws. Default: 0."""
 
     def refuse_unusable(self) -> None:
-        """Refuse what cannot be done, or would not be used, before anything is fitted."""
+        """Before the fit, refuse options that are impossible or would not be used."""
         given = {"--draws": self.draws, "--chains": self.chains, "--seed": self.seed}
         unused = [option for option, value in given.items() if value is not None]
         if self.prior is None:
@@ -53,7 +53,7 @@ class PriorOptions:
             refuse_few(self.draws, _CHAINS if self.chains is None else self.chains)
 
     def check(self, model: "Model", friction_unit: str) -> None:
-        """Refuse priors that are none of this model, before it is fitted."""
+        """Before the fit, refuse priors of parameters that this model does not have."""
         from ..laws.registry import known_law
         from ..posterior.priors import priors_of, read_priors
 
@@ -63,7 +63,7 @@ class PriorOptions:
             priors_of(model, priors, friction_unit, str(self.prior))
 
     def of(self, fit: "Fit", progress: Callable[[str], None]) -> "Posterior | None":
-        """The posterior of a fit; None where it did not converge, and without priors."""
+        """Return the posterior of a fit; None without priors, or if the fit did not converge."""
         from ..posterior import find_posterior
 
         if self.prior is None or not fit.converged:
@@ -79,7 +79,7 @@ class PriorOptions:
 
 
 def write_posterior(posterior: "Posterior | None", to: Path) -> None:
-    """The posterior as netCDF in a folder, where one was found."""
+    """Write the posterior as netCDF to a folder, if one was found."""
     if posterior is None or not posterior.found:
         return
     from ..posterior import write_netcdf
@@ -88,7 +88,7 @@ def write_posterior(posterior: "Posterior | None", to: Path) -> None:
 
 
 def draw(posterior: "Posterior | None", folder: Folder) -> None:
-    """The figure of the posterior, where one was found."""
+    """Draw the posterior, if one was found."""
     if posterior is None or not posterior.found:
         return
     from ..plot.posterior import draw_posterior

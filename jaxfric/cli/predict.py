@@ -1,4 +1,4 @@
-"""`jaxfric predict`: a saved model on a record that it has not seen."""
+"""`jaxfric predict`: test a saved model on a record that it was not fitted to."""
 
 from pathlib import Path
 from typing import Annotated
@@ -19,7 +19,7 @@ def predict(
     stiffness: options.Stiffness = None,
     refit: Annotated[
         str | None,
-        Parameter(help="Of a slider: parameters fitted to this record, 'f0,A'; none: ''."),
+        Parameter(help="For a slider: parameters to fit to this record, 'f0,A'; none: ''."),
         options.MORE,
     ] = None,
     steps: options.Steps = None,
@@ -29,10 +29,10 @@ def predict(
     reduce: options.Reduce = None,
     output: options.OutputOptions = options.OutputOptions(),
 ) -> int:
-    """Predict a record with a saved model: how large is the error, and does the noise allow it?
+    """Predict a record with a saved model, and test whether the error is consistent with noise.
 
-    Of a slider f0 is fitted to the record, of an axis nothing. Writes prediction.json and figures
-    to the output folder, by default ./RECORD-by-MODEL-predict/.
+    For a slider only f0 is fitted to the record, for an axis no parameter. Writes prediction.json
+    and figures to the output folder, by default ./RECORD-by-MODEL-predict/.
     """
     prepare_jax()
     from ..prediction import predict as run

@@ -30,7 +30,7 @@ T = TypeVar("T")
 @options.FLAT
 @dataclasses.dataclass(frozen=True)
 class PlanOptions:
-    """What is planned, and what is asked of the plan."""
+    """The planned experiment, and the pair of effects to distinguish."""
 
     slip_per_step: options.Text = None
     """Required: load-point motion at each velocity, 150um."""
@@ -38,15 +38,15 @@ class PlanOptions:
         options.Stiffness, options.required(options.STIFFNESS, unless=", unless --from has one")
     ] = None
     noise: options.Text = None
-    """Required, unless --from has one: noise of a row, 3e-4, or 0.5 N."""
+    """Required, unless --from has one: noise of a sample, 3e-4, or 0.5 N."""
     rows: Annotated[int, options.MORE] = 250
-    """Rows of the record at each velocity."""
+    """Number of samples at each velocity."""
     slip_channel: Annotated[options.Text, options.MORE] = None
-    """A channel of slip is planned, of this noise: '0.1 um'."""
+    """Plan a slip channel with this noise, '0.1 um'."""
     distinguish: list[str] | None = None
-    """Two effects, 'ageing,second_state': does the plan tell them apart? Or an effect and base (the
-    law without any). The answer is the first line. The base is then without those that the file of
-    --from has."""
+    """Two effects to distinguish, 'ageing,second_state'. Or an effect and base (the law without
+    effects). The first line answers whether the plan distinguishes them. The base model then omits
+    these two even if the file of --from has them."""
     from_: options.From = None
     law: Annotated[str | None, options.LAW] = None
     parameters: options.Parameters = None
@@ -66,7 +66,7 @@ def protocol(
     effects: options.EffectOptions = options.EffectOptions(),
     output: options.OutputOptions = options.OutputOptions(),
 ) -> int:
-    """Say, before the experiment, which effects it can tell apart, and what would help.
+    """Before an experiment, compute which effects it can distinguish, and how to improve it.
 
     Writes protocol.json and the figure aliasing to the output folder, by default ./protocol/
     with the options that differ from their default.

@@ -1,6 +1,6 @@
-"""Old names of verbs and options, which work for one version, with a note.
+"""Old names of verbs and options, which work for one more version with a note.
 
-This is the only place of them: the words of a command are rewritten before they are parsed.
+They occur only here: the command line is rewritten before it is parsed.
 """
 
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ VERBS = {
     "record": ("inspect",),
     "steady": ("axis",),
 }
-"""The words that stand for a verb of earlier versions."""
+"""Verbs of earlier versions, and the words that replace them."""
 OPTIONS = {
     "--fade": "--fade-speed",
     "--flip": "--flip-sign",
@@ -24,19 +24,19 @@ OPTIONS = {
     "--with": "--include",
     "--without": "--exclude",
 }
-"""Options of earlier versions, and what they are called now."""
+"""Options of earlier versions, and their names now."""
 VALUES = {"--weighting": {"ordinary": "ols", "whitened": "gls"}}
-"""Values of options of earlier versions, and what they are called now."""
+"""Option values of earlier versions, and their names now."""
 GONE = {
     "report": "every verb writes its own page or figures; open loop.html or run.html of a result"
 }
-"""Verbs that are no more, and what to do instead."""
+"""Removed verbs, and what to do instead."""
 
 
 def in_new_words(words: Sequence[str]) -> tuple[list[str], list[str]]:
-    """A command line with the names of today, and a note on those that were others.
+    """Return a command line with the current names, and notes on the names that were replaced.
 
-    The `--rows` of a protocol, the rows that are planned at each velocity, keep their name.
+    `--rows` of a protocol, the number of samples at each velocity, keeps its name.
     """
     verb, *rest = words or [""]
     if verb in GONE:

@@ -1,4 +1,4 @@
-"""`jaxfric run`: a whole run of a press, from its file to the table of its steps."""
+"""`jaxfric run`: fit all velocity steps of a whole run of a press."""
 
 import sys
 from collections.abc import Callable, Sequence
@@ -47,12 +47,12 @@ def run(
 ) -> int:
     """Find all velocity steps of a run, fit them, and write the table.
 
-    A run is an hour or a day of a press: steps, holds, changes of normal stress, at sampling rates
-    that change. Every event that is found is written to events.toml, where it can be changed by
-    hand (--events). Writes also run.json and run.html, for the steps table.csv, table_xlook.csv and
-    table.tex, for what else there is holds.csv, stress_steps.csv, stick_slip.csv, ramps.csv and
-    stick_slip_laws.csv, and figures, to the output folder, by default ./NAME-run/ with the options
-    that differ from their default.
+    A run is an hour or a day of a press: steps, holds and changes of normal stress, with changing
+    sampling rates. The command writes every event to events.toml; edit that file and pass it with
+    --events. Also writes run.json, run.html and figures; for the steps table.csv, table_xlook.csv
+    and table.tex; for other events holds.csv, stress_steps.csv, stick_slip.csv, ramps.csv and
+    stick_slip_laws.csv. The output folder is by default ./NAME-run/ with the options that differ
+    from their default.
     """
     from ..report.run_report import report
     from ..runs.findings import findings_of

@@ -1,4 +1,4 @@
-"""What a verb prints of its result: the answer on a screen, all of it with --details, or JSON."""
+"""What a verb prints: the answer on one screen, the whole report with --details, or JSON."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -18,10 +18,10 @@ def show(
     *,
     next_steps: Sequence[str] = (),
 ) -> None:
-    """Print the report, what to do next, and the line of the files that are `written`, or with
-    `output.json` the text `content` alone; then warn.
+    """Print the report, the next commands and the line `written` of the files; then the warnings.
 
-    Without `output.details` all of it has 20 lines, where the terminal is wide enough.
+    With `output.json` it prints the text `content` instead of these. Without `output.details` at
+    most 20 lines are printed if the terminal is wide enough.
     """
     if output.json:
         print(content)

@@ -37,15 +37,15 @@ _WIDTH = 1e-3
 @options.FLAT
 @dataclasses.dataclass(frozen=True)
 class MotionOptions:
-    """How a motion begins, and how long it is."""
+    """Start and duration of a motion."""
 
     duration: options.Text = None
-    """How long, '20 s'. By default until the end is seen."""
+    """Simulated time, '20 s'. By default until the end state is recognised."""
     at_rest: bool = False
-    """Start at rest on an unloaded spring: stuck."""
+    """Start at rest with an unloaded spring (stick)."""
     jump: options.Text = None
     """Jump of the load point at the start, '1 um', of either sign. At a constant velocity the
-    default is a small one: nothing disturbs steady sliding otherwise."""
+    default is a small jump: without it nothing would disturb steady sliding."""
 
 
 def simulate(

@@ -1,4 +1,4 @@
-"""`jaxfric stability`: what the linear theory says of a friction law, with pictures."""
+"""`jaxfric stability`: linear stability of steady sliding under a friction law, with figures."""
 
 import dataclasses
 from typing import Annotated

@@ -1,9 +1,9 @@
-"""Which jaxfric and which command made a file, written into it where its format has room.
+"""Write the version of jaxfric and the command into the result files.
 
-JSON has a key `made_by`, LaTeX and TOML a first line that is a comment, PNG a text chunk
-("Comment"), SVG a description. HTML pages say it at their end, trajectory.csv in its first lines.
-The tables in CSV have their heads in the first line, as pandas and spreadsheets expect, and no room
-before it: of them the file `.jaxfric.json` beside them says it.
+JSON has a key `made_by`, LaTeX and TOML a comment in the first line, PNG a text chunk ("Comment"),
+SVG a description. HTML pages have it at their end, trajectory.csv in its first lines. Other CSV
+tables have no room for it: pandas and spreadsheets expect the header in the first line. Their
+version and command are in `.jaxfric.json` in the same folder.
 """
 
 import struct
@@ -20,13 +20,13 @@ _PNG_HEAD = 33
 
 
 def made_by() -> dict[str, str]:
-    """Version and command of the call that is being run; empty outside of the command."""
+    """Return version and command of the running call; empty outside of the command."""
     command = current_call().command
     return {"version": installed_version(), "command": command} if command else {}
 
 
 def stamp(folder: Path) -> None:
-    """Write version and command into the files of a folder whose formats have room for them."""
+    """Write version and command into the files of a folder whose formats allow it."""
     origin = made_by()
     if not origin:
         return
@@ -41,14 +41,14 @@ def _line(mark: str) -> Callable[[bytes, str], bytes]:
 
 
 def _png(content: bytes, text: str) -> bytes:
-    """An international text chunk after the head (PNG specification, 11.3.4.5)."""
+    """Return a PNG with an iTXt chunk after IHDR (PNG specification, 11.3.4.5)."""
     body = b"iTXtComment\0\0\0\0\0" + text.encode(errors="backslashreplace")
     chunk = struct.pack(">I", len(body) - 4) + body + struct.pack(">I", zlib.crc32(body))
     return content[:_PNG_HEAD] + chunk + content[_PNG_HEAD:]
 
 
 def _svg(content: bytes, text: str) -> bytes:
-    """A description, the first element of the drawing."""
+    """Return an SVG with a description as its first element."""
     begin = content.index(b"<svg")
     end = content.index(b">", begin) + 1
     told = f"\n <desc>{escape(text)}</desc>".encode(errors="backslashreplace")

@@ -1,4 +1,4 @@
-"""`jaxfric axis` of a folder: the friction of a servo axis from runs at steady speeds."""
+"""`jaxfric axis FOLDER`: friction of a servo axis from runs at steady speeds."""
 
 from pathlib import Path
 
@@ -15,7 +15,7 @@ def close_steady(
     reading: options.RecordOptions,
     output: options.OutputOptions,
 ) -> int:
-    """Ask what the friction of a folder of steady runs lacks, write and print it; the exit code."""
+    """Run the loop on the friction curve of steady runs, write and print it; the exit code."""
     declared, excluded = effects.ids()
     doing(f"reading {input_name(folder)}")
     from ..loop.steady.loop import close_steady_loop

@@ -36,20 +36,20 @@ _WARNING = "warning: "
 @options.FLAT
 @dataclass(frozen=True)
 class StudyOptions:
-    """How a study is computed, or that its store is drawn."""
+    """Computation of a study, or drawing of its store."""
 
     function: str | None = None
-    """Your own function of the parameters, FILE.py:NAME, instead of compute."""
+    """Your own function of the parameters, FILE.py:NAME, in place of the key compute."""
     plot: str | None = None
-    """Draw maps and marginal curves of a store, finished or not."""
+    """Draw maps and marginal curves of a store, complete or not."""
     scheduler: str | None = None
     """Address of a Dask scheduler whose workers compute: tcp://HOST:8786."""
     scheduler_file: Annotated[Path | None, options.MORE] = None
-    """The file that a Dask scheduler wrote its address to."""
+    """File to which a Dask scheduler wrote its address."""
     yes: Annotated[bool, options.MORE] = False
-    """Begin a very large study without asking."""
+    """Start a very large study without asking."""
     other_versions: Annotated[bool, options.MORE] = False
-    """Go on with a store that other versions of jaxfric or its packages began."""
+    """Continue a store that other versions of jaxfric or its packages began."""
 
     def address(self) -> str | None:
         """The address of the scheduler, where there is one."""
@@ -69,8 +69,8 @@ def study(
 ) -> int:
     """Run a parameter study: margins, end states, gains, fits or loops over axes and samples.
 
-    Results go to a Zarr store, chunk by chunk. A study that was stopped, or killed, goes on
-    with the same command; chunks are checked by their checksums, and damaged ones computed again.
+    Results go to a Zarr store, chunk by chunk. The same command continues a study that was stopped
+    or killed. It verifies the checksum of each chunk, and computes damaged chunks again.
     """
     _require()
     if how.plot is not None:

@@ -1,11 +1,11 @@
-"""Telling on stderr what is being done, and that it is still being done.
+"""Progress of the command on stderr.
 
-On a terminal one line changes. Elsewhere (a file, a pipe, a notebook) there is no such line: a line
-every ten seconds has the seconds spent so far and the last message, which says what is left where
-that is known ("trial 3 of at most 80"), and how long ago that was.
+A terminal shows one status line that changes. Elsewhere (a file, a pipe, a notebook) a line is
+printed every ten seconds: the elapsed time, the last message ("trial 3 of at most 80"), and its age
+if it is old.
 
-The command begins to tell before its verb imports anything, and the first word comes early: on a
-busy machine to import JAX alone takes many seconds. What is quick says nothing.
+Progress starts before the verb imports anything, and the first line comes early, because importing
+JAX takes many seconds on a busy machine. Quick commands print no progress.
 """
 
 import contextlib
@@ -16,14 +16,13 @@ import time
 from collections.abc import Generator
 
 FIRST = 0.6
-"""The longest silence [s] before the first word, where there is no terminal."""
+"""Time [s] until the first progress line, if stderr is no terminal."""
 BEAT = 10.0
-"""The longest silence [s] after it."""
+"""Time [s] between the following lines."""
 
 
 class Teller:
-    """A line on stderr wherever there was silence for `first` s at the beginning, for `beat` s
-    later."""
+    """Prints the message on stderr after `first` s, then after each `beat` s without output."""
 
     def __init__(self, *, first: float, beat: float):
         self.longest, self.beat = first, beat
@@ -34,7 +33,7 @@ class Teller:
         self.begin()
 
     def begin(self) -> None:
-        """Break silences, from the start and again after an `end`."""
+        """Start the thread that prints; also again after `end`."""
         if self.ended.is_set():
             self.ended.clear()
             self.last = time.monotonic()
@@ -42,22 +41,22 @@ class Teller:
             self.thread.start()
 
     def __call__(self, message: str) -> None:
-        """Note what is being done from now on."""
+        """Set the current message."""
         self.message, self.since = message, time.monotonic()
 
     def say(self, message: str) -> None:
-        """Note it, and print it now: for what is said seldom."""
+        """Set the message and print it now; for rare messages."""
         with self.lock:
             self(message)
             self._print(message)
 
     def end(self) -> None:
-        """Break no more silence; to be called twice is no mistake."""
+        """Stop printing; may be called twice."""
         self.ended.set()
         self.thread.join()
 
     def _watch(self) -> None:
-        """Break every silence until `ended` is set."""
+        """Print the message after every silence until `ended` is set."""
         while not self.ended.wait(max(0.0, self.last + self.longest - time.monotonic())):
             with self.lock:
                 now = time.monotonic()
@@ -68,12 +67,12 @@ class Teller:
 
     def _print(self, text: str) -> None:
         self.last, self.longest = time.monotonic(), self.beat
-        with contextlib.suppress(OSError, ValueError):  # stderr was closed: work goes on
+        with contextlib.suppress(OSError, ValueError):  # a closed stderr must not stop the work
             print(f"jaxfric: {text}", file=sys.stderr, flush=True)
 
 
 class Line:
-    """One line of a terminal that changes."""
+    """A status line on a terminal."""
 
     def __init__(self):
         from rich.console import Console
@@ -82,38 +81,38 @@ class Line:
         self.begin()
 
     def begin(self) -> None:
-        """Show the line, again after an `end`."""
+        """Show the line; also again after `end`."""
         self.status.start()
 
     def __call__(self, message: str) -> None:
-        """Say what is being done from now on."""
+        """Set the current message."""
         from rich.markup import escape
 
         self.status.update(escape(message))
 
     def say(self, message: str) -> None:
-        """Say it: there is but one line."""
+        """Set the current message; the line shows it at once."""
         self(message)
 
     def end(self) -> None:
-        """Take the line away; to be called twice is no mistake."""
+        """Remove the line; may be called twice."""
         self.status.stop()
 
 
 class Silent:
-    """Tells nothing, as --quiet asks."""
+    """Prints no progress, for --quiet."""
 
     def __call__(self, message: str) -> None:
-        """Tell nothing of it."""
+        """Ignore the message."""
 
     def say(self, message: str) -> None:
-        """Tell nothing of it."""
+        """Ignore the message."""
 
     def begin(self) -> None:
-        """There is nothing to begin."""
+        """Do nothing."""
 
     def end(self) -> None:
-        """There is nothing to end."""
+        """Do nothing."""
 
 
 _NOW: contextvars.ContextVar[Teller | Line | Silent | None] = contextvars.ContextVar(
@@ -127,8 +126,7 @@ def _begin() -> Teller | Line:
 
 @contextlib.contextmanager
 def telling(*, silent: bool = False) -> Generator[None]:
-    """Tell of all that is done in the block, at the latest until a `told` in it ends; or, where
-    `silent`, of nothing."""
+    """Show progress within the block, until a `told` in it ends; if `silent`, show none."""
     teller = Silent() if silent else _begin()
     token = _NOW.set(teller)
     try:
@@ -140,9 +138,9 @@ def telling(*, silent: bool = False) -> Generator[None]:
 
 @contextlib.contextmanager
 def told() -> Generator[Teller | Line | Silent]:
-    """Tell on stderr what is being done, see this file.
+    """Yield the progress callback of the command.
 
-    What is printed after the block is not disturbed by a line of a terminal.
+    It stops at the end of the block, so that the status line does not disturb later output.
     """
     teller = _NOW.get() or _begin()
     teller.begin()
@@ -153,7 +151,7 @@ def told() -> Generator[Teller | Line | Silent]:
 
 
 def doing(message: str) -> None:
-    """Note what is being done from now on, outside a `told`."""
+    """Set the current message of the progress, outside of a `told` block."""
     teller = _NOW.get()
     if teller is not None:
         teller(message)
