@@ -96,7 +96,7 @@ class RecordOptions:
     friction, load_point_displacement, load_point_velocity, load_point_encoder, slip, normal_stress,
     shear_stress (divided by normal_stress it is friction; both may be forces). Roles of an axis:
     time, position, motor_force, control_signal, motor_current, reference_position, velocity,
-    disturbance (added to the controller's output). #3 is the third column. ROLE=none: no column has
+    disturbance (added to the output of the controller). #3 is the third column. ROLE=none: no column has
     this role. time=1kHz: no time column; the sampling rate is 1 kHz. 'load_point_velocity=10 um/s':
     the load point moves at this constant speed."""
     drop_bad: bool = False
@@ -242,7 +242,7 @@ STIFFNESS = Parameter(
     allow_leading_hyphen=True,
     help="Stiffness of the machine with unit: 1.6e-3/um, or 2e6 N/m for a force. For several files:"
     " one value, or one per file in their order. For a run also 0.16 MPa/um (it is divided by the"
-    " normal stress of each event), or 'ramps': measured from unloading and reloading.",
+    " normal stress of each event), or ramps: the stiffness during unloading and reloading.",
 )
 """`fit` takes a list of them, one for each record."""
 Stiffness = Annotated[str | None, STIFFNESS]
@@ -412,7 +412,7 @@ VELOCITY = Parameter(
 Velocity = Annotated[Text, VELOCITY]
 GAIN = Parameter(
     name=("--kp", "--stiffness"),
-    help="Position gain or stiffness, '3 kN/m'. 'stability' needs it for poles and margins.",
+    help="Position gain or stiffness, '3 kN/m'. The verb stability needs it for poles and margins.",
 )
 Gain = Annotated[Text, GAIN]
 Integral = Annotated[
