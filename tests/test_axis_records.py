@@ -799,7 +799,7 @@ def test_cells_typed_over_do_not_move_the_means(tmp_path: Path) -> None:
     np.testing.assert_allclose(curve.error, clean.error, rtol=0.05)
     np.testing.assert_allclose(curve.speed, clean.speed, rtol=1e-3)
     notes = "\n".join(curve.provenance.notes)
-    assert "outliers: 3 of 1800 rows do not belong to the others" in notes
+    assert "outliers: 3 of 1800 rows left out" in notes
     assert "1 of steady/10.csv" in notes
     kept = curve.rows[curve.names.index("steady/10.csv")].number
     assert kept.tolist() == [k for k in range(300) if k != 40]

@@ -445,7 +445,7 @@ def test_a_record_of_teeth_is_sent_to_run(tmp_path):
     t = np.arange(0.05, 120.0, 0.1)
     record = tmp_path / "saw.csv"
     at_one_velocity(record, t, 0.6 + 0.03 * (t / 10 % 1 - 0.5))
-    words = "it stick-slips from 0 s to 110 s, and what its teeth tell is told by jaxfric run"
+    words = "it stick-slips from 0 s to 110 s; analyse its stress drops with 'jaxfric run'"
     assert_refused(run("fit", record, "--fit-stiffness", "--quiet"), "no velocity step", words)
     shown = run("inspect", record, "--out", tmp_path / "seen")
     assert shown.code == 0 and words in shown.err

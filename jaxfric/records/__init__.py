@@ -1,4 +1,4 @@
-"""Measured records: read them, and find the velocity steps in them. Nothing here needs JAX."""
+"""Read measured records, and find the velocity steps in them. Nothing here needs JAX."""
 
 from .axis_record import AxisRecord, Drive, axis_from_arrays
 from .formats import read_table

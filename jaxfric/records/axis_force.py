@@ -1,4 +1,4 @@
-"""The motor force of an axis: recorded as such, or as a signal, a current, or per cent."""
+"""The motor force of an axis, from a recorded force, control signal, current, or per cent."""
 
 from typing import NamedTuple
 
@@ -15,7 +15,7 @@ _LENGTHS = {"linear": "m", "rotary": "rad"}
 
 
 class ToldOfDrive(NamedTuple):
-    """The user's statements about the drive, as texts; None where nothing. See `read_axis`."""
+    """The user's arguments about the drive, as texts, or None. See `read_axis`."""
 
     drive_gain: str | None = None
     position_gain: str | None = None
@@ -24,7 +24,7 @@ class ToldOfDrive(NamedTuple):
 
 
 class Forces:
-    """Turns the columns of an axis that stand for a force into forces; changes `found.values`."""
+    """Converts signals, currents and per cent to forces; changes `found.values`."""
 
     def __init__(self, found: Understood, told: ToldOfDrive):
         self.found, self.told = found, told
@@ -35,7 +35,7 @@ class Forces:
         self.force = FORCE_UNITS[self.coordinate]
 
     def from_signal(self) -> tuple[Drive | None, list[str]]:
-        """Put the motor force in place of the control signal or current, gain times it."""
+        """Replace the control signal or current by the motor force, drive gain times signal."""
         values, drive_gain = self.values, self.told.drive_gain
         signals = {role: values.pop(role) for role in _SIGNALS if role in values}
         gains = self.found.table.gains
@@ -56,12 +56,12 @@ class Forces:
         return self._drive(gain, unit), [note]
 
     def _drive(self, gain: float | None, signal: str = "V") -> Drive:
-        """A drive whose loops have the gains of the file."""
+        """Return a drive with the loop gains of the file."""
         gains = self.found.table.gains
         return Drive(gain, gains.get("position_gain"), gains.get("velocity_gain"), signal)
 
     def controlled(self, drive: Drive | None) -> Drive | None:
-        """The drive with the gains of its loops, where they are given."""
+        """Return the drive with the loop gains that the user gave, if any."""
         position_gain, velocity_gain = self.told.position_gain, self.told.velocity_gain
         if position_gain is None and velocity_gain is None:
             return drive
@@ -93,7 +93,7 @@ class Forces:
         )
 
     def in_unit(self) -> str:
-        """The unit of the force; per cent become torque where the rated torque is given."""
+        """Return the unit of the force; with a rated torque convert per cent to torque."""
         rated_torque = self.told.rated_torque
         force_in_per_cent = self._unit("motor_force") == "%"
         if rated_torque is None:
@@ -108,7 +108,7 @@ class Forces:
         return self.force
 
     def add_disturbance(self, force_unit: str) -> list[str]:
-        """Put the disturbance's force, in the unit of the motor force, in place of its column."""
+        """Convert the disturbance to a force in the unit of the motor force; return notes."""
         if "disturbance" not in self.values:
             return []
         unit, rated_torque = self.uses["disturbance"].si_unit, self.told.rated_torque
@@ -132,7 +132,7 @@ class Forces:
         return [f"a disturbance is added to the motor force in {100 * share:.3g} % of the rows"]
 
     def _gain(self, role: str, what: str, unit: str) -> float:
-        """Force per `unit` of a signal: as told, else as the file has it."""
+        """Return force per `unit` of a signal: the user's drive gain, else that of the file."""
         drive_gain, gains, force = self.told.drive_gain, self.found.table.gains, self.force
         if drive_gain is not None:
             si_unit = f"{force.replace(' ', '*')}/{unit}"
@@ -150,5 +150,5 @@ class Forces:
         return self.uses[role].si_unit if role in self.uses else None
 
     def _per_cent(self, rated_torque: str) -> float:
-        """One per cent of the rated torque, in the unit of the force."""
+        """Return one per cent of the rated torque, in the unit of the force."""
         return quantity_of(rated_torque, self.force.replace(" ", "*"), "rated torque") / 100

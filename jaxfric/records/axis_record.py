@@ -28,15 +28,15 @@ COLUMNS = (
 """The columns that a record may have."""
 
 _LEAST_STEPS = 20
-"""A position takes at least this many values over a record, and a force, before it is judged."""
+"""Least number of distinct positions in a record, and of forces for the test of saturation."""
 
 _TOP = 0.4
-"""Rows in the step below the last one, for each in that, below which a force is cut off."""
+"""Below a saturated level the next level has fewer rows than this share of its rows."""
 
 
 @dataclass(frozen=True)
 class Drive:
-    """The drive between the position error and the motor force of two nested loops.
+    """The drive between position error and motor force under cascaded control.
 
     control signal = kv (kp (reference - position) - velocity), force = gtau * control signal:
 
@@ -51,25 +51,25 @@ class Drive:
     position_gain: float | None = None
     velocity_gain: float | None = None
     signal: str = "V"
-    """Unit of the control signal: "V", "A", or that of the force where it is commanded itself."""
+    """Unit of the control signal: "V", "A", or that of the force if the force is commanded."""
 
     @property
     def K_p(self) -> float | None:
-        """Force per position error, kp kv gtau [N/m] ([N m/rad]); None where one is not known."""
+        """Force per position error, kp kv gtau [N/m] ([N m/rad]); None if a gain is not known."""
         if self.K_d is None or self.position_gain is None:
             return None
         return self.position_gain * self.K_d
 
     @property
     def K_d(self) -> float | None:
-        """Force per velocity, kv gtau [N s/m] ([N m s/rad]); None where one is not known."""
+        """Force per velocity, kv gtau [N s/m] ([N m s/rad]); None if a gain is not known."""
         if self.gain is None or self.velocity_gain is None:
             return None
         return self.velocity_gain * self.gain
 
 
 class AxisKind(NamedTuple):
-    """An axis and its drive: the fields of `AxisRecord` of these names."""
+    """Fields of `AxisRecord` that describe the axis and its drive."""
 
     coordinate: str
     force_unit: str
@@ -84,13 +84,13 @@ class AxisRecord(Described, Drawable, Gridded, Tabular):
     - `motor_force`, in `force_unit`: "N", "N m", or "%" of a rated torque that is not known.
     - `position` [m or rad], `velocity` [m/s or rad/s]: at least one of them.
     - `reference_position` [m or rad] where the file has it.
-    - `disturbance_force`, in `force_unit`: what was added to the controller's output at the motor
-      (pulses, an excitation), where the file has it; its sign is that of the motor force. Whether
-      the recorded motor force contains it already, the file does not tell.
+    - `disturbance_force`, in `force_unit`: force added to the controller's output at the motor
+      (pulses, an excitation), if the file has it. Its sign is that of the motor force. The file
+      does not tell whether the recorded motor force already contains it.
     - `coordinate`: "linear" (m, N) or "rotary" (rad, N m).
     - `drive`: the gains of the controller, where they are known.
     - `units`: the unit of each role in the file.
-    - `others`: columns of the file that are the motion of other joints, which move as well.
+    - `others`: columns of the file with the motion of other joints that also move.
     """
 
     time: np.ndarray
@@ -116,7 +116,7 @@ class AxisRecord(Described, Drawable, Gridded, Tabular):
 
     @property
     def columns(self) -> dict[str, np.ndarray]:
-        """The columns that there are, by role."""
+        """The recorded columns, by role."""
         found = {role: getattr(self, role) for role in COLUMNS}
         return {role: values for role, values in found.items() if values is not None}
 
@@ -125,11 +125,11 @@ class AxisRecord(Described, Drawable, Gridded, Tabular):
         return Sampling.of(self.time)
 
     def window(self, start: Bound = None, stop: Bound = None) -> "AxisRecord":
-        """The rows from `start` to `stop`, as a record of its own whose time starts there.
+        """Return the rows from `start` to `stop` as a new record, whose time starts at `start`.
 
-        Both are seconds since the first row, or text, "12 s". None: to the record's own end.
+        Both are seconds since the first row, or text, "12 s". None: no bound.
 
-        Raises `InputError` where fewer than 20 rows are left, and for a bound outside the record.
+        Raises `InputError` if fewer than 20 rows remain, and for a bound outside the record.
         """
         ends = bounds(self.time, None, start, stop, self.provenance.path)
         return replace(self, **cut(self.time, self.columns, self.provenance, *ends))
@@ -147,16 +147,16 @@ def axis_from_arrays(
     force_unit: str | None = None,
     drive: Drive | None = None,
 ) -> AxisRecord:
-    """A record from arrays in SI, held to the rules of a file.
+    """Make a record from arrays in SI; they must pass the same checks as a file.
 
     **Arguments:** `coordinate` is "linear" (m, N) or "rotary" (rad, N m); `force_unit` that of
     the coordinate, or "%".
 
-    Of a motion that was measured less often than it was written, one row of each new value is kept.
+    If the motion was written more often than measured, one row of each measured value is kept.
 
     Raises `InputError` for columns of unequal length, values that are not finite, a time that
-    goes back, fewer than 20 rows, neither position nor velocity, a position that takes fewer than
-    20 values, and a force that is saturated.
+    goes back, fewer than 20 rows, neither position nor velocity, a position with fewer than 20
+    distinct values, and a force that is saturated.
     """
     if coordinate not in FORCE_UNITS:
         raise InputError(f"coordinate is 'linear' or 'rotary', not '{coordinate}'")
@@ -190,7 +190,7 @@ def build(
     rows: FileRows,
     drop_bad: bool,
 ) -> AxisRecord:
-    """Check the rows, drop equal time stamps (and bad rows if so told), and freeze."""
+    """Check the rows, drop equal time stamps (and bad rows if `drop_bad`), and freeze."""
     if "position" not in columns and "velocity" not in columns:
         raise InputError(f"{origin.path}: an axis needs its position or its velocity")
     columns, keep, dropped = whole_rows(columns, origin.path, rows, drop_bad)
@@ -214,7 +214,7 @@ def build(
 
 
 def _check_encoder(columns: Mapping[str, np.ndarray], coordinate: str, path: str) -> None:
-    """Refuse a position that takes too few values to be a motion."""
+    """Refuse a position with too few distinct values to show a motion."""
     if "position" not in columns:
         return
     position, unit = columns["position"], si_units(coordinate)["position"]
@@ -235,10 +235,10 @@ def _check_encoder(columns: Mapping[str, np.ndarray], coordinate: str, path: str
 
 
 def _check_saturation(force: np.ndarray, unit: str, path: str) -> None:
-    """Refuse a force that is cut off: its largest magnitude piles up, in runs of rows.
+    """Refuse a saturated force: many rows, one after the other, have its largest magnitude.
 
-    So does the top of a smooth force that is recorded in steps; but of a parabola the step below
-    its last one holds at least sqrt(2) - 1 as many rows.
+    A smooth maximum that is recorded in steps also has many such rows. But for a parabola the next
+    lower step has at least sqrt(2) - 1 times as many rows.
     """
     magnitude = np.abs(force)
     levels, counts = np.unique(magnitude, return_counts=True)

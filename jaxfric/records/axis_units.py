@@ -1,4 +1,4 @@
-"""Units of servo axes as drives write them, and whether an axis is a line or a rotation."""
+"""Units of servo axes as drives write them, and whether an axis is linear or rotary."""
 
 import re
 from collections.abc import Mapping
@@ -8,11 +8,11 @@ from ..units import parse_quantity, turning
 from .roles import AXIS
 
 FORCE_UNITS = {"linear": "N", "rotary": "N m"}
-"""Unit of the motor force by coordinate; "%" where the rated torque is not known."""
+"""Unit of the motor force by coordinate; it is "%" if the rated torque is not known."""
 
 
 def inertia_unit(force: str, length: str) -> str:
-    """Unit of a mass where forces are in `force`, "%" among them, and lengths in "m" or "rad"."""
+    """Return the unit of mass for forces in `force`, also "%", and lengths in "m" or "rad"."""
     return {"N": "kg", "N m": "kg m^2"}.get(force, f"{force} s^2/{length}")
 
 
@@ -36,9 +36,9 @@ def shown_units(coordinate: str, force_unit: str) -> dict[str, str]:
 
 
 def spelling(unit: str) -> str:
-    """Units as drives write them in the spelling of `jaxfric.units`.
+    """Translate a unit as drives write it to the spelling of `jaxfric.units`.
 
-    `mNm`, `N-m` and `N·m` are torques; `1/min`, `min-1` and `U/min` revolutions per minute.
+    `mNm`, `N-m` and `N·m` are torques; `1/min`, `min-1` and `U/min` are revolutions per minute.
     """
     unit = unit.strip().replace("°", "deg").replace("·", "*").replace("−", "-")
     unit = turning(unit)
@@ -48,9 +48,9 @@ def spelling(unit: str) -> str:
 
 
 def quantity_of(text: str, si_unit: str, what: str) -> float:
-    """The value of a text such as "9.84 mNm" or "35.15 N/V"; positive."""
+    """Return the positive value in SI of a text such as "9.84 mNm" or "35.15 N/V"."""
     number, _, unit = text.strip().partition(" ")
-    spelt = unit if si_unit == "1/s" else spelling(unit)  # 1/min is a rate there, no rotation
+    spelt = unit if si_unit == "1/s" else spelling(unit)  # for a gain in 1/s, 1/min is no rotation
     value = parse_quantity(f"{number} {spelt}" if unit else spelling(text), si_unit, what)
     if not value > 0:
         raise InputError(f"{what}: '{text}' is not positive")
@@ -58,7 +58,7 @@ def quantity_of(text: str, si_unit: str, what: str) -> float:
 
 
 def coordinate_of(path: str, si: Mapping[str, str], written: Mapping[str, str]) -> str:
-    """ "linear" or "rotary", by the units of motion and force, which must agree.
+    """Return "linear" or "rotary" from the units of motion and force, which must agree.
 
     **Arguments:** by role, `si` the SI unit of a column and `written` the unit in the file.
     """

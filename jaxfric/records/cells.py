@@ -1,4 +1,4 @@
-"""Cells of a line of text, and the numbers in them, as spreadsheets and recorders write them."""
+"""Split lines of text into cells, and read numbers as spreadsheets and recorders write them."""
 
 import contextlib
 import csv
@@ -7,27 +7,27 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 DELIMITERS = ("\t", ";", ",", None)
-"""Separator of the cells of a row; None: blanks."""
+"""Delimiters of the cells of a row; None: blanks."""
 
 BLANK = {"", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--", "---"}
-"""Cells that hold nothing, in lower case."""
+"""Texts of empty cells, in lower case."""
 
 _DOUBLE = re.compile(r"(?<=[\d.])[dD](?=[-+]?\d)")
-"""Fortran's exponent of a double: 1.0D+00."""
+"""Fortran's exponent of a double-precision number: 1.0D+00."""
 _BARE = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+))([-+]\d{2,3})")
-"""Fortran's exponent beyond 99, which has no letter: 1.0-100."""
+"""Fortran's exponent above 99, which has no letter: 1.0-100."""
 _EXPONENT = r"(?:[eEdD][-+]?\d+)?"
 
 
 @dataclass(frozen=True)
 class Writing:
-    """Style in which a file writes its rows: the separator, and whether a comma is decimal."""
+    """Style of a file's rows: the delimiter, and whether numbers have decimal commas."""
 
     delimiter: str | None
     decimal_comma: bool = False
 
     def cells(self, line: str) -> list[str]:
-        """Cells without blanks and quotes around them; a quoted one may hold the delimiter."""
+        """Split a line into cells without outer blanks and quotes; quoted cells keep delimiters."""
         line = line.strip(" \n") if self.delimiter == "\t" else line.strip()
         found = line.split(self.delimiter)
         if '"' in line and self.delimiter is not None:
@@ -36,7 +36,7 @@ class Writing:
         return [cell.strip().strip("\"'").strip() for cell in found]
 
     def number(self, cell: str) -> float | None:
-        """The number of a cell; None where it is none."""
+        """Return the number of a cell, or None."""
         if self.decimal_comma:
             if "." in cell:
                 return None
@@ -52,7 +52,7 @@ class Writing:
             return None
 
     def plain(self, rows: list[str]) -> list[str]:
-        """Rows with decimal points, and no delimiter at their ends, as NumPy reads them."""
+        """Return the rows as NumPy reads them: decimal points, and no delimiter at the end."""
         if self.decimal_comma:
             rows = [row.replace(",", ".") for row in rows]
         return (
@@ -61,7 +61,7 @@ class Writing:
 
 
 def has_decimal_commas(rows: Sequence[str], delimiter: str | None) -> bool:
-    """Whether more rows have cells written `0,61` than `0.61`."""
+    """Whether more rows have cells like `0,61` than like `0.61`."""
     if delimiter == "," or not any("," in row for row in rows):
         return False
     edge = r"\s" if delimiter is None else re.escape(delimiter)
@@ -75,6 +75,6 @@ def has_decimal_commas(rows: Sequence[str], delimiter: str | None) -> bool:
 
 
 def decimals(cell: str) -> tuple[int, bool]:
-    """Digits after the decimal sign of a number as written, and whether it has an exponent."""
+    """Return the number of decimals of a written number, and whether it has an exponent."""
     mantissa, exponent = re.fullmatch(r"([^eEdD]*)(.*)", cell, re.DOTALL).groups()  # ty: ignore[missing-union-attribute]
     return len(re.sub(r"^[^.,]*[.,]?", "", mantissa)), len(exponent) > 1

@@ -1,4 +1,4 @@
-"""Times of the clock in a table: HH:MM:SS, with fractions, with a date before them."""
+"""Clock times in a table: HH:MM:SS, with or without fractions and a date."""
 
 import re
 from collections.abc import Iterable, Sequence
@@ -16,22 +16,22 @@ _FORMAT = re.compile(r"(?i)[ymdt./\- ]*h{1,2}:m{1,2}:s{1,2}[.,:]?[s0f]*|[ymd./\-
 
 
 def is_clock(cell: str) -> bool:
-    """Whether a cell is a time of the clock, with or without a date: `12:00:01.5`."""
+    """Whether a cell is a clock time, with or without a date: `12:00:01.5`."""
     return _parts(cell) is not None
 
 
 def is_clock_format(cell: str) -> bool:
-    """Whether a cell of a row of units says how the clock is written: `hh:mm:ss`."""
+    """Whether a cell of a row of units is a format of clock times: `hh:mm:ss`."""
     return _FORMAT.fullmatch(cell) is not None
 
 
 def seconds(cells: Sequence[str], what: str) -> tuple[np.ndarray, str]:
-    """Seconds since the midnight before the first time (NaN where a cell is none), and a note.
+    """Return seconds since the midnight before the first time (NaN for other cells), and a note.
 
-    A time without a date that is more than half a day before the last one is of the next day.
-    Where several rows share each whole second they are spread evenly over it.
+    A time without a date that is more than half a day before the last one is on the next day.
+    If several rows share each whole second, they are spread evenly over it.
 
-    Raises `InputError` where some times have a date and others none.
+    Raises `InputError` if some times have a date and others have none.
     """
     parts = [_parts(cell) for cell in cells]
     dates = {part[0] for part in parts if part is not None}
@@ -52,7 +52,7 @@ def seconds(cells: Sequence[str], what: str) -> tuple[np.ndarray, str]:
 
 
 def _parts(cell: str) -> tuple[str, float] | None:
-    """The date as written ("" without one) and the second of the day, in its time zone."""
+    """Return the date as written ("" without one), and the second of the day in its time zone."""
     date, clock, shift = "", cell.strip(), 0.0
     dated = _DATED.fullmatch(clock)
     if dated:
@@ -76,9 +76,10 @@ def _parts(cell: str) -> tuple[str, float] | None:
 
 
 def _days(dates: Iterable[str]) -> tuple[dict[str, int], int]:
-    """Days since the first one, by date; and the first. Of 1/5 and 5/1 the reading that spans less.
+    """Return days since the first date, by date, and the ordinal of the first date.
 
-    With points the day comes first; a year of four digits may lead.
+    With slashes the order of day and month is the one with the shorter time span. With points the
+    day comes first. A year of four digits may come first.
     """
     readings = []
     for day_first in (False, True):
@@ -95,7 +96,7 @@ def _days(dates: Iterable[str]) -> tuple[dict[str, int], int]:
 
 
 def _number_of_day(date: str, day_first: bool) -> int | None:
-    """Number of a day of the calendar, None where there is no such day."""
+    """Return the number of a calendar day; None if the day does not exist."""
     one, two, three = re.split(r"[-./]", date)
     if len(one) == 4:
         year, month, day = one, two, three
@@ -112,7 +113,7 @@ def _number_of_day(date: str, day_first: bool) -> int | None:
 
 
 def _past_midnight(found: np.ndarray) -> tuple[np.ndarray, str]:
-    """The times with a day added after each midnight, and a note if there is one."""
+    """Add a day after each midnight; return the times, and a note if midnight was passed."""
     good = np.flatnonzero(np.isfinite(found))
     passed = np.zeros(len(found))
     passed[good[1:]] = np.diff(found[good]) < -_DAY / 2
@@ -121,9 +122,9 @@ def _past_midnight(found: np.ndarray) -> tuple[np.ndarray, str]:
 
 
 def _shared_seconds(found: np.ndarray) -> np.ndarray | None:
-    """Times of rows that share whole seconds, spread over each; None where they do not.
+    """Spread rows that share whole seconds evenly over each second; None if they do not share.
 
-    The first second is taken as begun late, the last as ended early.
+    The first second is assumed to have started late, the last one to have ended early.
     """
     good = np.flatnonzero(np.isfinite(found))
     stamps, counts = np.unique(found[good], return_counts=True)

@@ -1,4 +1,4 @@
-"""Finds the role and unit of the columns of a table, for sliders and axes alike."""
+"""Find the roles and units of the columns of a table, for sliders and axes alike."""
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -24,7 +24,7 @@ _PER_CENT = {"%": 1.0, "percent": 1.0, "per cent": 1.0, "‰": 0.1, "permille": 
 
 
 class Use(NamedTuple):
-    """Column `column` of a table; one of its units, `unit` as written, is `size` in `si_unit`."""
+    """Column `column` of a table; 1 `unit`, as written in the file, is `size` `si_unit`."""
 
     column: int
     unit: str
@@ -33,15 +33,15 @@ class Use(NamedTuple):
 
 
 Found = dict[str, tuple[int, str | None]]
-"""The column and its unit as written, by role."""
+"""Column index and unit as written, by role."""
 
 Settle = Callable[[Table, Found, set[str]], list[str]]
-"""Adjusts the columns that were found, before a missing one is refused: it may drop some of them.
-The set has the roles that the user named; it returns notes."""
+"""Adjusts the found columns before a missing one is refused; it may drop some of them.
+Its set holds the roles that the user named; it returns notes."""
 
 
 class Understood(NamedTuple):
-    """The columns of a file by role, in SI, without the empty rows at either end."""
+    """The columns of a file by role, in SI, without empty rows at the start and end."""
 
     table: Table
     uses: dict[str, Use]
@@ -55,9 +55,9 @@ def understand(
 ) -> Understood:
     """Find the columns of all roles of `schema`, and turn them into SI.
 
-    **Arguments:** `columns` maps roles to names of columns, `NAME` or `NAME [unit]`, to `none`
-    where no column has that role, `time` to how often rows were taken, and `load_point_velocity` to
-    a speed that does not change.
+    **Arguments:** `columns` maps roles to names of columns, `NAME` or `NAME [unit]`. `none` means
+    that no column has the role. `time` may map to a sampling rate or interval, and
+    `load_point_velocity` to a constant speed.
 
     Raises `InputError` as `assign` does, and for columns of different length.
     """
@@ -68,7 +68,7 @@ def understand(
     rows = _rows(table, uses)
     filled = filled_rows(table.blank, (use.column for use in uses.values()), len(rows.lines))
     empty = len(rows.lines) - (filled.stop - filled.start)
-    with np.errstate(all="ignore"):  # what overflows is refused with its row
+    with np.errstate(all="ignore"):  # a later check refuses overflows and gives their row
         values = {
             role: scale(table.columns[use.column][filled], use.size) for role, use in uses.items()
         }
@@ -87,9 +87,9 @@ def understand(
 def assign(
     table: Table, columns: Mapping[str, str], schema: Schema, settle: Settle
 ) -> tuple[dict[str, Use], list[str]]:
-    """The column of every role that the table has, and notes on what was assumed.
+    """Return the column of every role in the table, and notes on assumptions.
 
-    **Arguments:** as for `understand`; roles that `columns` lacks are found by their names.
+    **Arguments:** as for `understand`. Roles missing in `columns` are found by the columns' names.
 
     Raises `InputError` for a role or column that does not exist, a required role without
     a column, and a unit that is missing, unknown or of another dimension.
@@ -138,32 +138,32 @@ def assign(
 
 
 FORCES = {"shear_force": "shear_stress", "normal_force": "normal_stress"}
-"""Roles by which a user may name the forces that stand for stresses."""
+"""Roles for users who recorded forces instead of stresses."""
 
 
 def _called(role: str, use: Use) -> str:
-    """A role in a note: a stress that is recorded as a force is called one."""
+    """Return the name of a role for a note; a stress recorded as a force is called a force."""
     return role.replace("_stress", "_force") if use.si_unit == "N" else role
 
 
 def spelt(unit: str | None) -> str:
-    """A unit of a header as `jaxfric.units` reads it; empty where there is none."""
+    """Return a header's unit in the spelling of `jaxfric.units`; '' for None."""
     return "" if unit is None else spelling(unit)
 
 
 def fits(unit: str, si_unit: str) -> bool:
-    """Whether a unit, as `spelt`, is one of `si_unit`, which may be per cent."""
+    """Whether a unit, as `spelt`, has the dimension of `si_unit`, which may be "%"."""
     return _per_cent(unit) is not None if si_unit == "%" else has_dimension(unit, si_unit)
 
 
 def _per_cent(unit: str) -> float | None:
-    """Size of a unit in per cent, "0.113 %"; None where it is none."""
+    """Return the size in per cent of a unit such as "0.113 %"; None for other units."""
     number, size = _NUMBER.match(unit), _PER_CENT.get(_NUMBER.sub("", unit, count=1).lower())
     return None if size is None else size * (float(number[1]) if number else 1.0) or None
 
 
 def _with_suffixes(table: Table, schema: Schema) -> Table:
-    """The table, its names parted from the units that they end with: `velocity_rpm`."""
+    """Return the table with unit suffixes split off its names: `velocity_rpm`."""
     cells = [
         (name, unit) if unit is not None else schema.split(name)
         for name, unit in zip(table.names, table.units, strict=True)
@@ -172,7 +172,7 @@ def _with_suffixes(table: Table, schema: Schema) -> Table:
 
 
 def _rows(table: Table, uses: Mapping[str, Use]) -> FileRows:
-    """The rows of the columns in use: vectors of a MATLAB file may differ in length."""
+    """Return the rows of the used columns; refuse vectors of different length (MATLAB files)."""
     sizes = {role: len(table.columns[use.column]) for role, use in uses.items()}
     if len(set(sizes.values())) > 1:
         shown = ", ".join(
@@ -186,7 +186,7 @@ def _rows(table: Table, uses: Mapping[str, Use]) -> FileRows:
 
 
 def _named(table: Table, schema: Schema, role: str, text: str) -> tuple[int, str | None]:
-    """Column and unit that the user names for a role."""
+    """Return the column and the unit that the user gave for a role."""
     name, unit = schema.split(text)
     number = re.fullmatch(r"#(\d+)", name.strip())
     if number and 0 < int(number[1]) <= len(table.names):
@@ -206,7 +206,7 @@ def _named(table: Table, schema: Schema, role: str, text: str) -> tuple[int, str
 
 
 def _by_name(table: Table, schema: Schema, role: Role, taken: set[int]) -> int | None:
-    """The column whose name fits the role best; an equal fit of two is an error."""
+    """Return the column whose name fits the role best; raise if two fit equally well."""
     fits: list[tuple[int, int]] = []
     for index, name in enumerate(table.names):
         known = schema.role_of(name)
@@ -224,7 +224,7 @@ def _by_name(table: Table, schema: Schema, role: Role, taken: set[int]) -> int |
 
 
 def _fitting(indices: list[int], units: Sequence[str | None], wanted: Iterable[str]) -> list[int]:
-    """Equally named columns with a unit of a wanted dimension; all of them if there are none."""
+    """Return the columns with a unit of a wanted dimension; all of them if there are none."""
     if len(indices) < 2:
         return indices
     good = [i for i in indices if units[i] and any(fits(spelt(units[i]), one) for one in wanted)]
@@ -232,7 +232,7 @@ def _fitting(indices: list[int], units: Sequence[str | None], wanted: Iterable[s
 
 
 def _require(table: Table, schema: Schema, found: Found) -> None:
-    """A column for everything that a record needs."""
+    """Raise `InputError` if a record needs a column that was not found."""
     needs: dict[str, list[str]] = {}
     for role in schema.roles.values():
         if role.need:
@@ -288,14 +288,14 @@ def _require(table: Table, schema: Schema, found: Found) -> None:
 
 
 def _of_an_axis(table: Table) -> bool:
-    """Whether the columns are those of a servo axis: its position and its motor."""
+    """Whether the table has columns of a servo axis: its position and its motor."""
     known = [AXIS.role_of(name) for name in table.names]
     needs = {AXIS.roles[one[0]].need for one in known if one is not None}
     return "force" in needs and any(one is not None and one[0] == "position" for one in known)
 
 
 def _kinds(units: Iterable[str | None], roles: Iterable[Role]) -> tuple[int, int]:
-    """How many of the units that are known are of a line, and how many of a rotation."""
+    """Count the known units of linear motion, and those of rotation."""
     pairs = {(role.unit, role.turning) for role in roles if role.turning}
     told = [spelt(unit) for unit in units if unit]
     known = [one for one in told if not _MACHINE.fullmatch(one) and not fits(one, "%")]
@@ -306,7 +306,7 @@ def _kinds(units: Iterable[str | None], roles: Iterable[Role]) -> tuple[int, int
 def _refuse_other_role(
     table: Table, roles: Mapping[str, Role], role: Role, index: int, unit: str | None
 ) -> None:
-    """Raises where a unit is that of another role of the same need: a current called a force."""
+    """Raise if the unit belongs to another role of the same need, as for a current named force."""
     read = spelt(unit or "")
     if not read or not role.need or any(fits(read, one) for one in role.units):
         return
@@ -323,7 +323,7 @@ def _refuse_other_role(
 def _refuse_without_units(
     table: Table, roles: Mapping[str, Role], found: Found, rotary: bool | None
 ) -> None:
-    """Raises for all columns at once that need a unit and have none; `rotary` None: not known."""
+    """Raise one error for all columns that lack a unit they need; `rotary` None: not known."""
     bare = [
         roles[name] for name, (_, unit) in found.items() if not unit and roles[name].unit != "1"
     ]
@@ -350,7 +350,7 @@ def _with_example(role: Role, name: str, *, rotary: bool) -> str:
 
 
 def _with_unit(table: Table, role: Role, index: int, unit: str | None, rotary: bool) -> Use:
-    """The size of the unit of a column in SI."""
+    """Return the use of a column, with the size of its unit in SI."""
     name, example = table.names[index], role.shown(rotary=rotary)
     what = f"{table.path}, column '{name}' ({role.name})"
     read = spelt(unit)
@@ -366,9 +366,9 @@ def _with_unit(table: Table, role: Role, index: int, unit: str | None, rotary: b
 
 
 def _si_unit(role: Role, unit: str) -> str:
-    """The SI unit of a role that fits a column's unit; the role's own where none does."""
+    """Return the SI unit of a role that fits a column's unit; by default the role's first."""
     for one in role.units[1:]:
-        # an angle has no dimension: 1/s would be one of rad/s
+        # pint takes angles as dimensionless, so that 1/s would pass for rad/s
         if _ANGLE.search(unit) if one.startswith("rad") else fits(unit, one):
             return one
     return role.unit

@@ -1,8 +1,8 @@
-"""Columns of numbers in text: commas, semicolons, tabs or blanks, with a header line.
+"""Delimited text with a header line: commas, semicolons, tabs or blanks.
 
-The header is the last line of words before the numbers, with or without a leading `#`; a line of
-units may stand below it. A byte-order mark, CRLF, blank lines, comment lines, delimiters at the
-end of lines, empty columns, decimal commas, Fortran's exponents and clock times are no obstacle.
+The header is the last line of words before the numbers, with or without a leading `#`. A line of
+units may follow it. The reader accepts a byte-order mark, CRLF, blank lines, comment lines,
+delimiters at the end of lines, empty columns, decimal commas, Fortran's exponents and clock times.
 """
 
 import functools
@@ -22,13 +22,13 @@ from .table import Table
 
 _MOST_HEADER_LINES = 2000
 _SAMPLE = 50
-"""Number of rows from which the style of the columns is learnt."""
+"""Number of rows that are inspected to find the style of the columns."""
 
 
 def parse(data: bytes, path: str) -> Table:
-    """Names, units and columns of delimited text.
+    """Read names, units and columns of delimited text.
 
-    Raises `InputError` for what is no text, no table, or the file of another program.
+    Raises `InputError` for binary data, text without a table, and files of other programs.
     """
     refuse_foreign(data, path)
     head = data[:65536]
@@ -39,7 +39,7 @@ def parse(data: bytes, path: str) -> Table:
 
 
 def decode(data: bytes) -> str:
-    """Text of UTF-8 (with or without a mark), UTF-16 with a mark, or Latin-1."""
+    """Decode UTF-8 (with or without a byte-order mark), UTF-16 with a mark, or Latin-1."""
     if _is_utf16(data):
         return data.decode("utf-16", errors="replace")
     try:
@@ -49,7 +49,7 @@ def decode(data: bytes) -> str:
 
 
 def line_of(data: bytes, number: int) -> str:
-    """Text of a line, counted from 1."""
+    """Return the text of a line, counted from 1."""
     lines = decode(data).replace("\r\n", "\n").replace("\r", "\n").split("\n")
     return lines[number - 1] if 0 < number <= len(lines) else ""
 
@@ -59,7 +59,7 @@ def _is_utf16(data: bytes) -> bool:
 
 
 def parse_text(text: str, path: str) -> Table:
-    """Names, units and columns; `lines` count from the top of the text."""
+    """Read names, units and columns; `lines` are counted from the top of the text."""
     text = text.replace("\r\n", "\n").replace("\r", "\n").replace("\xa0", " ").replace("−", "-")
     ended = text.rstrip("\x1a\0 ").endswith("\n")
     lines = text.rstrip("\x1a\0\n ").split("\n")
@@ -87,13 +87,13 @@ def parse_text(text: str, path: str) -> Table:
 
 
 def _is_row(line: str) -> bool:
-    """Whether a line is no comment and holds more than delimiters."""
+    """Whether a line is not a comment and holds more than delimiters."""
     holds = bool(line.strip(" \t;,\"'")) and not line.lstrip().startswith("#")
     return holds and not is_counts(line)
 
 
 def _first_numbers(lines: list[str], path: str) -> tuple[int, Writing]:
-    """Index of the first line that is mostly numbers, and how it is written."""
+    """Return the index of the first line that is mostly numbers, and its style."""
     seen = 0
     for index, line in enumerate(lines):
         if not _is_row(line):
@@ -114,7 +114,7 @@ def _first_numbers(lines: list[str], path: str) -> tuple[int, Writing]:
 
 
 def _first_of_one_column(lines: list[str]) -> int | None:
-    """Index of the first line of a file whose rows are one number each; None where they are not."""
+    """Return the index of the first row of a file with one number in each row, or None."""
     rows = [i for i, line in enumerate(lines) if _is_row(line)]
     cells = [Writing(None).cells(lines[i]) for i in rows]
     alone = [len(cell) == 1 and Writing(None).number(cell[0]) is not None for cell in cells]
@@ -125,7 +125,7 @@ def _first_of_one_column(lines: list[str]) -> int | None:
 
 
 def _is_numbers(line: str, delimiter: str | None) -> bool:
-    """Whether the cells of a line are mostly numbers, one of them other than a clock time."""
+    """Whether the cells of a line are mostly numbers; one of them must not be a clock time."""
     points, commas = Writing(delimiter), Writing(delimiter, delimiter != ",")
     cells = [cell for cell in points.cells(line) if cell]
     clocks = [clock.is_clock(cell) for cell in cells]
@@ -143,7 +143,7 @@ def _is_numbers(line: str, delimiter: str | None) -> bool:
 
 
 def _is_cut_off(rows: list[str], writing: Writing, count: int) -> bool:
-    """Whether the last row, after which no line ends, lacks cells or digits that others have."""
+    """Whether the last row, without a line end, has fewer cells or digits than the others."""
     before = [writing.cells(row)[:count] for row in rows[-1 - _SAMPLE : -1]]
     last = writing.cells(rows[-1])[:count]
     if not before or any(len(row) < len(before[0]) for row in before):
@@ -165,9 +165,9 @@ def _is_cut_off(rows: list[str], writing: Writing, count: int) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class _Body:
-    """Numbers of all rows (NaN where a cell is none), and which rows and cells hold none.
+    """Numbers of all rows (NaN for other cells), malformed rows and blank cells.
 
-    `clocks`: what is told of the columns that hold times of the clock.
+    `clocks`: notes on the columns of clock times.
     """
 
     values: np.ndarray
@@ -177,7 +177,7 @@ class _Body:
 
 
 def _body(rows: list[str], writing: Writing, names: list[str]) -> _Body:
-    """Numbers of rows: by NumPy where all cells are numbers, else cell by cell."""
+    """Read the numbers of rows, by NumPy if all cells are numbers, else cell by cell."""
     count, size = len(names), len(rows)
     sample = [writing.cells(row) for row in rows[:_SAMPLE]]
     ticking = [i for i in range(count) if _is_clock_column([row[i : i + 1] for row in sample])]
@@ -210,7 +210,7 @@ def _body(rows: list[str], writing: Writing, names: list[str]) -> _Body:
 
 
 def _is_clock_column(cells: list[list[str]]) -> bool:
-    """Whether most of the filled cells of a column are times of the clock."""
+    """Whether most non-empty cells of a column are clock times."""
     filled = [clock.is_clock(cell[0]) for cell in cells if cell and cell[0].lower() not in BLANK]
     return 2 * sum(filled) > len(filled)
 

@@ -5,7 +5,7 @@
     ms;rpm;%
     0.000;-10;-32.0
 
-Fields are parted by semicolons and may be quoted. The first column has no name: it is the time.
+Semicolons separate the fields, which may be quoted. The first column, the time, has no name.
 """
 
 import functools
@@ -24,7 +24,7 @@ _KEY = re.compile(r'\s*"?[A-Za-z][^;"]*:"?\s*;')
 def is_epos(data: bytes, path: str = "") -> bool:
     """Whether a text begins with a line `key:;value`, and its columns have a row of units.
 
-    Where the first column has a name and numbers come right below, it is plain text with remarks.
+    A named first column with numbers directly below is ordinary delimited text with remarks.
     """
     del path
     if not _is_key(_lines(delimited.decode(data[:2000]))[0]):
@@ -37,7 +37,7 @@ def is_epos(data: bytes, path: str = "") -> bool:
 
 
 def parse(data: bytes, path: str) -> Table:
-    """Names, units and columns of an export; `lines` count from the top of the file."""
+    """Read names, units and columns of an export; `lines` are counted from the top of the file."""
     lines = _lines(delimited.decode(data))
     head, body = _header(lines)
     if body + 1 >= len(lines):
@@ -58,7 +58,7 @@ def parse(data: bytes, path: str) -> Table:
 
 
 def _header(lines: list[str]) -> tuple[int, int]:
-    """Indices of the row of names, below the block, and of the row of units below that."""
+    """Return the indices of the row of names, below the block, and of the row of units."""
     head = next((i for i, s in enumerate(lines) if s.strip() and not _is_key(s)), len(lines))
     return head, next((i for i in range(head + 1, len(lines)) if lines[i].strip()), len(lines))
 
@@ -68,7 +68,7 @@ def _lines(text: str) -> list[str]:
 
 
 def _is_key(line: str) -> bool:
-    """Whether a line is of the block `key:;value`, quoted as a whole or not."""
+    """Whether a line belongs to the block `key:;value`, quoted as a whole or not."""
     return _KEY.match(line) is not None
 
 
@@ -91,7 +91,7 @@ def _check_header(path: str, head: int, names: list[str], units: list[str]) -> N
 
 
 def _notes(block: list[str], rows: int) -> tuple[str, ...]:
-    """Notes on when it was recorded, and on samples that are missing."""
+    """Return notes on the date of the recording, and on missing samples."""
     fields = {}
     for line in block:
         name, _, value = line.replace('"', "").partition(":;")

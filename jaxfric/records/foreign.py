@@ -1,4 +1,4 @@
-"""Files of other programs that are no table of columns, refused by what they are."""
+"""Refuse files of other programs that are not tables, and name their format."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ _MAGIC = {
 
 
 def refuse_foreign(data: bytes, path: str) -> None:
-    """Refuse an archive, a spreadsheet and a page.
+    """Refuse an archive, a spreadsheet or a web page.
 
     Raises `InputError`.
     """

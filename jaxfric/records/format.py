@@ -7,12 +7,11 @@ from .table import Table
 
 
 class Format(NamedTuple):
-    """A format: how its files are known, and how one becomes a `Table`.
+    """A file format: `knows` recognises its files, and `parse` reads one as a `Table`.
 
-    `knows` and `parse` are given the contents of a file and its path, for messages and endings.
-    `parse` raises `InputError` for contents that are damaged. `suffixes` are endings, ".csv", by
-    which files of a folder of runs are found. `raw` gives the columns just as they were written,
-    for a reduction; None: as `parse` does.
+    Both take the contents of a file and its path, for messages and suffixes. `parse` raises
+    `InputError` for damaged contents. `suffixes`, ".csv", select files in a folder of runs. `raw`
+    returns the columns exactly as written, for a reduction; None: `parse` does that already.
     """
 
     name: str

@@ -1,7 +1,7 @@
-"""The formats of records, and the opening of a file in any of them.
+"""The formats of records, and a function that opens a file in any of them.
 
-A format is one module of this folder with a `FORMAT`, and its name in `FORMATS`: sliders, axes and
-folders of runs then read it. `register` adds one from outside of the package.
+A format is one module of this folder with a `FORMAT` that is listed in `FORMATS`. Sliders, axes and
+folders of runs can then be read from it. `register` adds a format from outside of the package.
 """
 
 import difflib
@@ -15,25 +15,25 @@ from .format import Format
 from .table import Table
 
 FORMATS: list[Format] = [xlook.FORMAT, mat.FORMAT, epos.FORMAT, log.FORMAT, delimited.FORMAT]
-"""The first that knows a file reads it; the last one is of any text."""
+"""The first format that recognises a file reads it; the last one accepts any text."""
 
 
 def register(format: Format) -> None:
-    """Read files that `format` knows by it, before any other format is asked."""
+    """Add a format, which is tried before all others."""
     FORMATS.insert(0, format)
 
 
 def suffixes() -> tuple[str, ...]:
-    """Endings of the names of files that may be records, in lower case."""
+    """Return the file suffixes of all formats, in lower case."""
     return tuple(dict.fromkeys(suffix for format in FORMATS for suffix in format.suffixes))
 
 
 def read_table(path: str | Path, *, raw: bool = False) -> Table:
-    """Open delimited text (comma, semicolon, tab, blanks), an export of EPOS Studio, a log in JSON,
-    a MATLAB file or xlook's binary format; `raw` as it was written, for a reduction.
+    """Read delimited text (comma, semicolon, tab, blanks), an export of EPOS Studio, a JSON log,
+    a MATLAB file or xlook's binary format. `raw` keeps it exactly as written, for a reduction.
 
-    Raises `InputError` for a file that is missing, empty, a directory, in none of these formats,
-    or without a header.
+    Raises `InputError` for a path that is missing, a directory or empty, and for a file in none of
+    these formats or without a header.
     """
     path = Path(path)
     data = _load(path)
@@ -47,7 +47,7 @@ def read_table(path: str | Path, *, raw: bool = False) -> Table:
 
 
 def _nearest(path: Path) -> str:
-    """A question for the file with the most similar name, or in what folder it was looked for."""
+    """Return a question with the most similar file name, or the folder that was searched."""
     names = sorted(p.name for p in path.parent.iterdir()) if path.parent.is_dir() else []
     found = difflib.get_close_matches(path.name, names, 1)
     return f"; did you mean {path.parent / found[0]}?" if found else f" in {path.parent.resolve()}"

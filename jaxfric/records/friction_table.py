@@ -1,4 +1,4 @@
-"""A table of steady friction against speed: two columns with their units in the header."""
+"""Read a table of steady-state friction against speed: two columns with units in the header."""
 
 from pathlib import Path
 
@@ -14,12 +14,12 @@ _EXAMPLE = "'speed [mm/s],friction [N]'"
 
 
 def read_friction_table(path: Path) -> tuple[np.ndarray, np.ndarray, str, Coordinate]:
-    """Speed and friction in SI, the unit of friction ("1" or a force), and the coordinate.
+    """Return speed and friction in SI, the unit of friction ("1" or a force), and the coordinate.
 
     Raises
     ------
-    InputError : columns that are not one of speed and one of friction, units of a line with those
-        of a rotation, a cell that is no number.
+    InputError : other columns than one of speed and one of friction, units of linear motion mixed
+        with those of rotation, a cell without a number.
     """
     table = read_table(path)
     found: dict[str, list[tuple[int, float, Coordinate | None]]] = {"speed": [], "friction": []}
@@ -50,7 +50,7 @@ def read_friction_table(path: Path) -> tuple[np.ndarray, np.ndarray, str, Coordi
 
 
 def _kind(unit: str) -> tuple[str, float, Coordinate | None] | None:
-    """What a column of this unit is, one of it in SI, and of which motion; None: neither."""
+    """Return the quantity of a unit, its size in SI and its coordinate; None for other units."""
     for coordinate in ("linear", "rotary"):
         for what, si_unit in (("speed", "m/s"), ("friction", "N")):
             si = unit_of(si_unit, coordinate)

@@ -1,4 +1,4 @@
-"""The argument by which a caller gives a record: a record, or the path of one."""
+"""Arguments that accept a record or the path of one."""
 
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from .record import Record
 
 
 def as_record(given: object) -> Record:
-    """A record of a slider, read where `given` is a path.
+    """Return the record of a slider; read it if `given` is a path.
 
     Raises
     ------
@@ -29,7 +29,7 @@ def as_record(given: object) -> Record:
 
 
 def as_axis_record(given: object) -> AxisRecord:
-    """A record of an axis, read where `given` is a path.
+    """Return the record of an axis; read it if `given` is a path.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The names and units of columns, from the lines of text above the numbers."""
+"""Find names and units of columns in the lines of text above the numbers."""
 
 import itertools
 import re
@@ -14,23 +14,23 @@ from .roles import SLIDER, has_role
 
 _NAMES, _UNITS = ("channelname", "channel", "name", "signal"), ("unit", "units")
 _TIMES = ("timestamp", "interval", "starttime", "dt")
-"""Labels of lines of a head, folded: what names columns, their units, and times."""
+"""Labels at the start of header lines, folded: of names, of units, of times."""
 _COUNTS = re.compile(r"\s*(\d+ recs\s*)+")
 
 
 def is_counts(line: str) -> bool:
-    """Whether a line tells how many rows each column has, as below the names of xlook's text."""
+    """Whether a line gives the number of rows of each column, as in xlook's text files."""
     return _COUNTS.fullmatch(line) is not None
 
 
 def read_header(
     above: list[str], rows: list[str], writing: Writing
 ) -> tuple[list[str], list[str | None], str]:
-    """Names ("" for none) and units from the last lines above the numbers, and what is in doubt.
+    """Return names ("" for none) and units from the lines above the numbers, and a doubt or "".
 
-    Where there are none, or not as many as columns, which one has none cannot be told: the
-    columns are then called #1, #2 and so on. A first column that counts rows, as R and xlook write
-    one without a name, is called row; a first time without a name may count, too.
+    Without names, or with a wrong number of names, the columns are called #1, #2 and so on. The
+    doubt gives the reason. R and xlook write a first column without a name that counts the rows; it
+    is called row.
     """
     written = [line for line in above if line.strip().strip("#").strip(" \t;,\"'")]
     written = [line for line in written if not is_counts(line)]
@@ -69,11 +69,10 @@ def read_header(
 def _labelled(
     written: list[str], writing: Writing, count: int
 ) -> tuple[list[str], list[str | None]] | None:
-    """Names and units of columns whose lines of the head begin with a label, which is said again
-    before every column of values; None where the head is not such.
+    """Return names and units from header lines that repeat a label before every column of values.
 
-    National Instruments' text has a time and a value for each channel: `Channel name,Force,Channel
-    name,Input 1`, `Unit,V,Unit,V`, and `Timestamp,DATE,Timestamp,DATE`.
+    None for other headers. National Instruments' text has a time and a value for each channel:
+    `Channel name,Force,Channel name,Input 1`, `Unit,V,Unit,V`, and `Timestamp,DATE,Timestamp,DATE`.
     """
     found: dict[str, list[str]] = {}
     for line in written:
@@ -96,7 +95,7 @@ def _labelled(
 
 
 def _count_rows(rows: list[list[str]]) -> bool:
-    """Whether the first cells of rows are whole numbers, each one more than that above."""
+    """Whether the first cells of the rows are integers that increase by one."""
     first = [row[0].strip("\"'") for row in rows]
     if len(first) < 2 or not all(cell.isdecimal() for cell in first):
         return False
@@ -109,7 +108,7 @@ def _is_time(name: str) -> bool:
 
 
 def _usual(counts: Iterable[int]) -> int:
-    """The most frequent count; of equally frequent ones the largest."""
+    """Return the most frequent count; of equally frequent ones the largest."""
     found = Counter(counts)
     return max(found, key=lambda count: (found[count], count))
 
@@ -121,16 +120,17 @@ def _comma_hint(names: int, cells: int, writing: Writing) -> str:
 
 
 def _without_end(cells: list[str]) -> list[str]:
-    """Cells without the empty ones at the end."""
+    """Remove empty cells at the end."""
     while cells and not cells[-1]:
         cells = cells[:-1]
     return cells
 
 
 def _header_cells(line: str, writing: Writing, least: int, most: int) -> list[str]:
-    """Cells of a header. A `#` leads it; after `;` there is a remark, unless `;` delimits.
+    """Split a header line into cells, without a leading `#` and a remark after `;`.
 
-    Where the delimiter of the rows does not give as many cells as they have, others may.
+    If `;` is the delimiter, it starts no remark. If the delimiter of the rows gives a wrong number
+    of cells, other delimiters are tried.
     """
     line = line.strip(" ").removeprefix("#")
     found = _without_end(_header_cells_by(line, writing))
@@ -154,7 +154,7 @@ def _header_cells_by(line: str, writing: Writing) -> list[str]:
 
 
 def _are_units(cells: list[str], above: list[str]) -> bool:
-    """Whether the cells of a line are units, and those above it rather names of columns."""
+    """Whether the cells of a line are units, and the line above looks more like names."""
     bare = [cell.strip("[]() ") for cell in cells]
     known = all(
         is_unit(cell) or is_unit(spelling(cell)) or clock.is_clock_format(cell) for cell in bare

@@ -1,25 +1,24 @@
-"""Records whose rows repeat the motion because it was measured less often than it was written."""
+"""Remove repeated samples from a record whose motion was written more often than measured."""
 
 from collections.abc import Mapping
 
 import numpy as np
 
 REPEATED = "that repeat the motion before them"
-"""Words of the rows that are left out."""
+"""Reason why rows were dropped, in the provenance of a record."""
 _FEWEST = 100
 _EARLY = 0.75
 _SURE = 0.98
 _BEYOND = 1.5
-"""Counts of a step of which an encoder, read at every row, would have shown parts."""
+"""Steps above this number of counts show that the encoder was not read at every row."""
 _MANY = 0.3
 
 
 def held_for(values: np.ndarray) -> int:
-    """Rows for which every measured value is written; 1 where each row has its own.
+    """Return the number of rows that repeat each measured value; 1 if every row is measured.
 
-    Values are new that many rows apart, or a multiple of it where they are the same, in 98 of 100
-    cases no sooner. An encoder that moves slowly stays on a count for as long, but then moves by
-    one count, not by several.
+    In 98 % of the cases a value changes no sooner than after that number of rows. A slow axis also
+    keeps the same encoder count for many rows, but then changes by one count, not by several.
     """
     changed = np.flatnonzero(np.diff(values)) + 1
     if len(changed) < _FEWEST:
@@ -32,7 +31,7 @@ def held_for(values: np.ndarray) -> int:
 
 
 def _repeats(values: np.ndarray, rows: int) -> bool:
-    """Whether values change hardly ever within fewer rows."""
+    """Whether values almost never change within fewer rows."""
     apart = np.diff(np.flatnonzero(np.diff(values)))
     return bool(np.mean(apart >= _EARLY * rows) >= _SURE) if len(apart) else True
 
@@ -40,12 +39,12 @@ def _repeats(values: np.ndarray, rows: int) -> bool:
 def columns_renewed(
     columns: Mapping[str, np.ndarray],
 ) -> tuple[dict[str, np.ndarray], np.ndarray | None, str]:
-    """One row for each new value of the motion: columns, the numbers of those rows (None where
-    nothing is repeated, and all are as they were), and what is told.
+    """Return one row for each measured value of the motion: columns, row numbers, and a note.
 
-    Between two changes further apart rows stand where new values were that were the same. Other
-    columns that repeat give the value that they have in the middle of a repeat, which became new
-    nearest to the motion's; those with a value of their own in each row give their mean about it.
+    Without repeated values the columns are unchanged and the row numbers None. Between distant
+    changes the measured value was the same; rows are kept there too. Other repeating columns give
+    their value in the middle of a repeat, which was measured nearest in time. Columns with a new
+    value in each row give their mean around the kept row.
     """
     role = "position" if "position" in columns else "velocity"
     rows, n = held_for(columns[role]), len(columns[role])
@@ -60,12 +59,12 @@ def columns_renewed(
         for name, values in columns.items()
     }
     each = float(np.median(np.diff(columns["time"][kept])))
-    note = f"the {role} is new every {rows} rows ({1e3 * each:.3g} ms): one row of each is kept"
+    note = f"the {role} is new every {rows} rows ({1e3 * each:.3g} ms): repeated rows are dropped"
     return renewed, kept, note
 
 
 def _renewals(values: np.ndarray, rows: int) -> np.ndarray:
-    """Rows at which a value that is written `rows` times is new, also where it is the same."""
+    """Return the rows of new measurements of a value written `rows` times, changed or not."""
     changed = np.flatnonzero(np.diff(values)) + 1
     before = np.arange(changed[0] % rows, changed[0], rows)
     after = np.arange(changed[-1], len(values), rows)
@@ -77,7 +76,7 @@ def _renewals(values: np.ndarray, rows: int) -> np.ndarray:
 
 
 def _means(values: np.ndarray, at: np.ndarray, rows: int) -> np.ndarray:
-    """Means of so many values about each place."""
+    """Return means of `rows` values centred at the rows `at`."""
     total = np.concatenate([[0.0], np.cumsum(values)])
     begin = np.maximum(at - rows // 2, 0)
     end = np.minimum(begin + rows, len(values))

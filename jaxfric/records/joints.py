@@ -1,9 +1,9 @@
-"""Finds the joints of a broken line, its slopes, and the standard errors of both.
+"""Find the joints of a piecewise linear fit, its slopes, and their standard errors.
 
-A recorder whose sampling rate is changed with the velocity has few rows of slow sampling beside
-those of fast sampling, and a hold of minutes among hours has none of the candidates that
-`find_lines` spreads. So lines are found in every block of one sampling interval, then again within
-every part that was found; the joints of all are then judged together, on all rows.
+If the sampling rate changes with the velocity, slowly sampled segments have few rows. In a run of
+hours a hold of minutes may contain none of the candidate rows of `find_lines`. So lines are found
+in every block of one sampling interval, then again within every line found. Last, all joints are
+tested together on all rows.
 """
 
 from dataclasses import dataclass
@@ -15,28 +15,29 @@ from .lines import Lines, Sums
 from .segments import LEAST_CHANGE, MIN_ROWS, find_lines, join, settle
 
 _RATE, _UNEVEN, _BLOCK = 1.5, 3.0, 100
-"""Sampling intervals whose medians differ by this factor, and by so many times their spread, are of
-two blocks, of at least so many rows."""
+"""A new block starts where the median sampling interval changes by the factor `_RATE` and by
+`_UNEVEN` times its spread; a block has at least `_BLOCK` rows."""
 _MEANS, _FEWEST, _WEAK = 400, 20, 8.0
-"""A part is looked at again by so many means; a joint that lifts the line by so many of their
-scatters is one where friction answers."""
+"""A part is searched again in `_MEANS` block means, at least twice `_FEWEST`. A joint that lifts
+the line by `_WEAK` times their scatter counts if friction responds to it."""
 _GAP, _AROUND, _FILLED = 5.0, 11, 40
-"""A gap lasts so many times any interval of so many rows on either side; rows put into it. Any: a
-clock whose intervals differ tenfold by chance has no gap in each long one. Beside the pauses of
-p655 as its script reduces it, the longest of them is a tenth of the pause."""
+"""A gap is longer than `_GAP` times every interval within `_AROUND` rows on either side; it is
+filled with `_FILLED` rows. Every interval, not their median: a clock's intervals may differ tenfold
+by chance. Next to the pauses of p655, as reduced, the longest interval is a tenth of the pause."""
 _PLACES = 8
-"""A part is at least so many times as long as what is compared on either side of a joint."""
+"""Windows of friction on either side of a joint are at most this fraction of the part, 1/8."""
 _ANSWER = 5.0
-"""Friction answers a joint where it changes by so many times its own scatter."""
+"""Friction responds to a joint if it changes by this many times its own scatter."""
 _LOCAL_HEIGHT = 20.0
-"""The time of a joint rests on the rows near it: as many as lift it by this many scatters."""
+"""The time of a joint is fitted to nearby rows, up to where the joint's height is this many
+scatters."""
 
 
 @dataclass(frozen=True, eq=False)
 class BrokenLine:
-    """A continuous broken line: times of its joints [s], slopes [m/s], standard errors.
+    """A continuous piecewise linear fit: times of its joints [s], slopes [m/s], standard errors.
 
-    `scatter` is the standard deviation about every line [m], `lengths` how long each is [s].
+    `scatter` is the standard deviation about every line [m], `lengths` the lines' durations [s].
     """
 
     joints: np.ndarray
@@ -50,11 +51,11 @@ class BrokenLine:
 def fit_broken_line(
     time: np.ndarray, values: np.ndarray, felt_by: np.ndarray | None = None
 ) -> BrokenLine:
-    """The broken line through values (n,) over time [s] with as many joints as the data support.
+    """Fit a piecewise linear function to values (n,) over time [s], with the supported joints.
 
-    `felt_by` is what answers at weaker joints, friction; None: only strong ones count. Standard
-    errors are widened for the correlation of the residual; they hold for a load point that is at
-    constant velocity between the joints.
+    `felt_by` is friction, which must respond at weaker joints; None: only strong joints count.
+    Standard errors include the correlation of the residual. They assume that the load point moves
+    at constant velocity between joints.
     """
     time, values, felt = _without_gaps(time, values, values if felt_by is None else felt_by)
     kept, first, doubtful = [], [], []
@@ -67,7 +68,7 @@ def fit_broken_line(
     rows = np.concatenate(kept)
     lines = np.append(np.searchsorted(rows, np.concatenate(first)), len(rows))
     wide = np.append(np.diff(lines) >= MIN_ROWS, True)
-    if not wide[0]:  # the first rows go with the line after them
+    if not wide[0]:  # the first rows join the next line
         wide[:2] = True, len(wide) == 2
     doubts = np.append(np.concatenate(doubtful), False)
     sums = Sums(time[rows], values[rows])
@@ -75,8 +76,8 @@ def fit_broken_line(
 
 
 def gaps(time: np.ndarray) -> np.ndarray:
-    """Rows after which a recorder paused: the interval is more than five times any of the eleven
-    on either side."""
+    """Return the rows before a pause of the recorder: the next interval is more than five times
+    each of the eleven intervals on either side."""
     steps = np.diff(time)
     around = np.lib.stride_tricks.sliding_window_view(np.pad(steps, _AROUND), 2 * _AROUND + 1)
     others = np.delete(around, _AROUND, axis=1).max(axis=1)
@@ -84,7 +85,7 @@ def gaps(time: np.ndarray) -> np.ndarray:
 
 
 def _without_gaps(time: np.ndarray, *columns: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Rows with straight lines of rows in the gaps, where a recorder paused."""
+    """Fill the gaps, where the recorder paused, with linearly interpolated rows."""
     share, rows = np.arange(1, _FILLED + 1) / (_FILLED + 1), gaps(time)
     at = np.repeat(rows + 1, _FILLED)
     filled = ((x[rows, None] + share * np.diff(x)[rows, None]).ravel() for x in (time, *columns))
@@ -92,7 +93,7 @@ def _without_gaps(time: np.ndarray, *columns: np.ndarray) -> tuple[np.ndarray, .
 
 
 def _joints(t: np.ndarray, y: np.ndarray, felt: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
-    """Rows of a block without lone glitches, and of these the first ones of all lines."""
+    """Return the rows of a block without isolated glitches, and the first row of every line."""
     sums, first = find_lines(t, y, LEAST_CHANGE)
     rows = np.searchsorted(t, sums.t)
     edges = first if len(first) == 2 else _again(sums.t, y[rows], first)
@@ -104,13 +105,13 @@ def _joints(t: np.ndarray, y: np.ndarray, felt: np.ndarray | None) -> tuple[np.n
 
 
 def _again(t: np.ndarray, y: np.ndarray, first: np.ndarray) -> np.ndarray:
-    """First rows of the lines that are found within every one of some lines, the last row's end."""
+    """Search for lines within every line; return their first rows and the number of rows."""
     parts = [i + find_lines(t[i:j], y[i:j], LEAST_CHANGE)[1][:-1] for i, j in pairwise(first)]
     return np.concatenate([*parts, first[-1:]])
 
 
 def _felt_joints(t: np.ndarray, y: np.ndarray, friction: np.ndarray) -> np.ndarray:
-    """First rows of the lines of a part whose joints are weaker, but felt by friction."""
+    """Return the first rows of a part's lines with weaker joints that friction responds to."""
     size = int(np.ceil(len(t) / _MEANS))
     count = len(t) // size
     if count < 2 * _FEWEST:
@@ -128,7 +129,7 @@ def _felt_joints(t: np.ndarray, y: np.ndarray, friction: np.ndarray) -> np.ndarr
 
 
 def _is_felt(t: np.ndarray, friction: np.ndarray, at: float, reach: float) -> bool:
-    """Whether friction changes at a time as it does nowhere else in its part."""
+    """Whether friction changes far more at a time than elsewhere in its part."""
     total = np.concatenate([[0.0], np.cumsum(friction - friction[0])])
 
     def change(times: np.ndarray, wide: float) -> np.ndarray:
@@ -152,11 +153,11 @@ def _is_felt(t: np.ndarray, friction: np.ndarray, at: float, reach: float) -> bo
 
 
 def blocks(time: np.ndarray) -> np.ndarray:
-    """First rows of the blocks of one sampling interval, and the number of rows.
+    """Return the first rows of blocks with one sampling interval each, then the number of rows.
 
-    A block of fewer than 100 rows goes with the one before it.
+    A block of fewer than 100 rows joins the previous one.
     """
-    from scipy.ndimage import median_filter  # only here: reading is quick without SciPy
+    from scipy.ndimage import median_filter  # imported late: most records are read without SciPy
 
     logs, wide = np.log(np.diff(time)), _BLOCK | 1
     usual = median_filter(logs, wide, mode="nearest")
@@ -175,7 +176,7 @@ def blocks(time: np.ndarray) -> np.ndarray:
 
 
 def broken_line(sums: Sums, rows: np.ndarray) -> BrokenLine:
-    """The broken line whose lines begin at given `rows`, the number of rows last."""
+    """Fit the lines that begin at `rows`; the last entry of `rows` is the number of rows."""
     lines = sums.lines(rows[:-1], rows[1:])
     parts = sums.residual(rows)
     widening = np.array([_correlation_factor(part) for part in parts])
@@ -197,11 +198,11 @@ def broken_line(sums: Sums, rows: np.ndarray) -> BrokenLine:
 
 
 def _near(sums: Sums, rows: np.ndarray) -> np.ndarray:
-    """Rows (first, joint, end) around a joint that its time is to rest on.
+    """Return the rows (first, joint, end) from which the time of a joint is fitted.
 
-    Far rows would make it more precise, were the load point exact; but a jump of the
-    recorder or a drift far away would then move the joint. The reach shrinks in stages, each
-    around the joint and with the scatter of the stage before.
+    With an exact load point far rows would make it more precise, but a distant jump of the recorder
+    or a drift would shift the joint. The window shrinks in stages; each is centred at the joint of
+    the previous stage and uses its scatter.
     """
     t, here = sums.t, int(rows[1])
     reach, local = float(t[rows[2] - 1] - t[rows[0]]), rows
@@ -222,10 +223,10 @@ def _near(sums: Sums, rows: np.ndarray) -> np.ndarray:
 def _joint(
     sums: Sums, rows: np.ndarray, widening: np.ndarray, white: np.ndarray
 ) -> tuple[float, float]:
-    """Time at which two lines meet, with its standard error; else the row between them.
+    """Return the time at which two lines meet, and its standard error.
 
-    The scatter of the few rows near the joint is itself known to a sixth; it counts as no smaller
-    than `white`, the variance of white noise of the whole lines.
+    If they meet far away, the time is that of the row between them. The variance of the few rows
+    near a joint is uncertain, so it is at least `white`, the white-noise variance of whole lines.
     """
     two: Lines = sums.lines(rows[:-1], rows[1:])
     between = float(sums.t[rows[1]])
@@ -240,15 +241,15 @@ def _joint(
 
 
 def _white_variance(rest: np.ndarray) -> float:
-    """Variance of the white part of a residual, from differences of neighbours: blind to drift and,
-    by their median, to single jumps."""
+    """Estimate the white-noise variance of a residual from the median difference of neighbours,
+    which drift and single jumps do not affect."""
     if len(rest) < 20:
         return 0.0
     return float(0.5 * (1.4826 * np.median(np.abs(np.diff(rest)))) ** 2)
 
 
 def _correlation_factor(rest: np.ndarray) -> float:
-    """Rows that count as one independent row, from the variance of batch means."""
+    """Return the number of rows per independent row, from the variance of batch means."""
     if len(rest) < 40:
         return 2.0
     batch = len(rest) // 20

@@ -1,4 +1,4 @@
-"""Least-squares lines through groups of rows, at a cost that does not grow with the rows."""
+"""Least-squares lines through groups of rows, at a cost independent of the number of rows."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ import numpy as np
 
 _ENOUGH = 1e-4
 _AT_ONCE = 16
-"""Rows of a matrix that are computed at once: as few as stay in the processor's cache."""
+"""Rows of a matrix that are computed at once, so that they stay in the CPU's cache."""
 _DIGIT = 4 * float(np.finfo(np.float64).eps)
 
 
@@ -26,16 +26,16 @@ class Lines:
     """Sum of squared residuals."""
 
     def meet(self) -> np.ndarray:
-        """Times at which neighbouring lines meet; not finite for parallel ones."""
+        """Return the times at which neighbouring lines meet; not finite for parallel lines."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return -np.diff(self.offset) / np.diff(self.slope)
 
 
 class Sums:
-    """Prefix sums of t, y, tt, ty, yy: a line through any rows i..j-1 at once.
+    """Prefix sums of t, y, tt, ty, yy, which give the line through any rows i..j-1.
 
-    The trend of the whole is taken off first, for precision: slopes are relative to
-    `trend`. `floor` is a length far below what a recorder resolves, in place of zero.
+    For precision the overall trend is subtracted first; slopes are relative to `trend`. `floor` is
+    a length far below the recorder's resolution, used instead of zero.
     """
 
     def __init__(self, t: np.ndarray, y: np.ndarray):
@@ -51,7 +51,7 @@ class Sums:
         np.cumsum(terms, axis=1, out=self._sums[:, 1:])
 
     def lines(self, first: np.ndarray, end: np.ndarray) -> Lines:
-        """The lines through the rows first..end-1."""
+        """Return the lines through the rows first..end-1."""
         n = np.maximum(end - first, 1).astype(np.float64)
         sums = self._sums[:, end] - self._sums[:, first]
         slope, spread, squares = _about_line(n, sums)
@@ -60,11 +60,11 @@ class Sums:
         return Lines(n, slope, offset, mean_time, spread, squares)
 
     def squares(self, of: np.ndarray) -> np.ndarray:
-        """Sums of squares of the lines up to every row of `of` (axis 0) from every earlier one
-        (axis 1), (m, m); of others they are infinite.
+        """Return the residual sums of squares (m, m) of lines up to each row of `of` (axis 0) from
+        each earlier one (axis 1); other entries are infinite.
 
-        To `_ENOUGH` of themselves, in doubles, many times as fast as in the longer numbers of
-        `lines`; these are used where doubles may have lost more than that.
+        Their relative error is at most `_ENOUGH`. Double precision is many times as fast as the
+        extended precision of `lines`, which is used only where doubles may lose more than that.
         """
         sums, places = self._sums[:, of].astype(np.float64), np.arange(len(of))
         x, r = np.sqrt(sums[2]), np.sqrt(sums[4])
@@ -74,7 +74,7 @@ class Sums:
             first = places[: end[-1, 0]]
             n = np.maximum(of[end] - of[first], 1).astype(np.float64)
             slope, _, squares = _about_line(n, [one[end] - one[first] for one in sums])
-            # each sum has an error of its last digit, that of t y no more than Cauchy allows
+            # each sum has a rounding error; Cauchy-Schwarz bounds that of t y
             lost = _DIGIT * (r[end] + np.abs(slope) * x[end]) ** 2
             after, block = end > first, (slice(j, j + _AT_ONCE), slice(len(first)))
             found[block] = np.where(after, squares, np.inf)
@@ -84,7 +84,7 @@ class Sums:
         return found
 
     def residual(self, rows: np.ndarray) -> list[np.ndarray]:
-        """Residuals of the lines through the groups rows[k]..rows[k+1]-1, one array each."""
+        """Return the residuals of the lines through rows[k]..rows[k+1]-1, one array for each."""
         fit, size = self.lines(rows[:-1], rows[1:]), np.diff(rows)
         values = np.repeat(fit.offset, size) + np.repeat(fit.slope, size) * self.t
         return np.split(self.rest - values, rows[1:-1])
@@ -92,7 +92,7 @@ class Sums:
     def misfit(
         self, first: np.ndarray, end: np.ndarray, slope: np.ndarray, offset: np.ndarray
     ) -> np.ndarray:
-        """Sums of squares of the rows first..end-1 about given lines; 0 for no rows."""
+        """Return the sums of squares of the rows first..end-1 about given lines; 0 for no rows."""
         own = self.lines(first, end)
         tilt = own.slope - slope
         shift = own.offset - offset + tilt * own.mean_time
@@ -103,7 +103,7 @@ class Sums:
 def _about_line(
     n: np.ndarray, sums: Sequence[np.ndarray] | np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Slopes, sums of squares of the times about their means, and of the rows about the lines, of
+    """Return slopes, sums of squares of times about their means, and residual sums of squares, for
     groups of `n` rows with the `sums` of t, y, tt, ty and yy."""
     st, sy, stt, sty, syy = sums
     mean = st / n

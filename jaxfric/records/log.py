@@ -1,9 +1,9 @@
-"""Logs in JSON, as the tools of servos write them: a list of records, or columns of numbers.
+"""JSON logs of servo tools: a list of records, or columns of numbers.
 
     {"mass": 0.49, "kp": 100, "entries": [{"timestamp": 0.0035, "position": -0.003}, ...]}
     {"t": [0.0, 0.1, 0.2], "x": [0.0, 0.001, 0.003]}
 
-or one record a line. True is 1; what is no number leaves its cell empty.
+or one record in each line. True is 1; other values than numbers give an empty cell.
 """
 
 import json
@@ -21,14 +21,14 @@ _MOST_TOLD = 12
 
 
 def is_log(data: bytes, path: str) -> bool:
-    """Whether a file is JSON, or says so by its name."""
+    """Whether a file is JSON, by its contents or its name."""
     if _text(data)[:1] not in (b"{", b"["):
         return False
     return Path(path).suffix.lower() in _ENDINGS or _loaded(data) is not None
 
 
 def parse(data: bytes, path: str) -> Table:
-    """The columns of a log; `lines` count its records from 1. JSON gives no units."""
+    """Read the columns of a log; `lines` number its records from 1. JSON gives no units."""
     columns, about = _columns(_loaded(data))
     if len(columns) < 2:
         raise InputError(
@@ -45,12 +45,12 @@ def parse(data: bytes, path: str) -> Table:
 
 
 def _text(data: bytes) -> bytes:
-    """Data without a byte-order mark and blanks before them."""
+    """Remove a byte-order mark and leading blanks."""
     return data.lstrip(b"\xef\xbb\xbf \t\r\n")
 
 
 def _loaded(data: bytes) -> object:
-    """The contents of JSON, of one record a line as a list of them; None where it is neither."""
+    """Parse JSON, or JSON with one record in each line as a list; None if it is neither."""
     text = _text(data)
     try:
         return json.loads(text)
@@ -63,8 +63,8 @@ def _loaded(data: bytes) -> object:
 
 
 def _columns(found: object) -> tuple[dict[str, list], dict[str, object]]:
-    """Values by name, as many of each, and what else is told; the longest list of records counts,
-    and where there is none the longest lists of numbers."""
+    """Return columns of equal length by name, and the other entries. The columns are the longest
+    list of records or, if they are longer, the longest lists of numbers."""
     if isinstance(found, list):
         fields = dict.fromkeys(key for one in found if isinstance(one, dict) for key in one)
         return {k: [one.get(k) for one in found if isinstance(one, dict)] for k in fields}, {}
@@ -95,7 +95,7 @@ def _cell(value: object) -> str:
 
 
 def _plain(value: object) -> str:
-    """A text that is one cell."""
+    """Return a value as the text of one cell."""
     return " ".join(str(value).split())
 
 

@@ -1,8 +1,8 @@
-"""MATLAB files of version 5 to 7: numeric vectors by name. Those of the EMPS benchmark are known.
+"""Read numeric vectors of MATLAB files, version 5 to 7, and the files of the EMPS benchmark.
 
 A file is a header of 128 bytes and elements: a tag (type, size), then a body. An array is an
 element whose parts are elements: flags, dimensions, name, values. Values have the smallest type
-that holds them. (SciPy's reader trusts the tags: some damaged files end the process.)
+that holds them. SciPy's reader trusts the tags, so that some damaged files crash the process.
 """
 
 import struct
@@ -31,22 +31,22 @@ _EMPS_ROLES = {
     "control_signal": "vir",
 }
 _EMPS_GAINS = {"gtau": "gain", "kp": "position_gain", "kv": "velocity_gain"}
-# Of the benchmark's second file. They are volts, whatever their name says: vir less the stated
-# controller is 1.014 of them, to 0.1 % of the largest.
+# In the benchmark's second file. Despite the name they are volts: vir minus the stated controller
+# output is 1.014 times the pulses, within 0.1 % of the largest.
 _EMPS_PULSES = "pulses_N"
 
 
 class _Damaged(Exception):
-    """Elements that do not fit together."""
+    """A damaged file: its elements are inconsistent."""
 
 
 def is_mat(data: bytes, path: str = "") -> bool:
-    """Whether bytes are a MATLAB file of version 5 or later, HDF5, or called `.mat`."""
+    """Whether a file is MATLAB 5 or later or HDF5 by its contents, or has the suffix `.mat`."""
     return data.startswith((b"MATLAB", _HDF5)) or path.lower().endswith(".mat")
 
 
 def parse(data: bytes, path: str) -> Table:
-    """The numeric vectors of a MATLAB file, of any orientation, as columns without units.
+    """Read the numeric vectors of a MATLAB file, row or column, as columns without units.
 
     Raises `InputError` for versions 4 and 7.3, a damaged file, and one without a numeric vector.
     """
@@ -83,8 +83,8 @@ def parse(data: bytes, path: str) -> Table:
 def _table(
     vectors: dict[str, np.ndarray], numbers: dict[str, float], notes: tuple[str, ...]
 ) -> Table:
-    """Vectors as columns; of the EMPS benchmark (Janot, Gautier, Brunot 2019) with their units and
-    roles, and the gains of its controller."""
+    """Return vectors as columns. Files of the EMPS benchmark (Janot, Gautier, Brunot 2019) get
+    units, roles, and the gains of their controller."""
     units: dict[str, str] = {}
     roles: dict[str, str] = {}
     gains: dict[str, float] = {}
@@ -108,7 +108,7 @@ def _table(
 
 
 def _variables(data: bytes, order: str) -> dict[str, np.ndarray | str]:
-    """Every variable: a vector of float64, or in words what else it is."""
+    """Return every variable: a vector of float64, or a description of another kind."""
     found: dict[str, np.ndarray | str] = {}
     for kind, body in _elements(data, order):
         if kind == _COMPRESSED:
@@ -126,7 +126,7 @@ def _variables(data: bytes, order: str) -> dict[str, np.ndarray | str]:
 
 
 def _elements(data: bytes, order: str) -> list[tuple[int, bytes]]:
-    """Types and bodies, one after the other. Small ones have tag and body in 8 bytes."""
+    """Return types and bodies of consecutive elements. Small ones pack tag and body in 8 bytes."""
     found: list[tuple[int, bytes]] = []
     at = 0
     while at + 8 <= len(data):
@@ -143,7 +143,7 @@ def _elements(data: bytes, order: str) -> list[tuple[int, bytes]]:
 
 
 def _array(parts: list[tuple[int, bytes]], order: str) -> tuple[str, np.ndarray | str]:
-    """Name of an array, and its values or what it is."""
+    """Return the name of an array, and its values or a description."""
     if not parts:
         return "", ""
     flags = _numbers(parts[0], order)
@@ -169,7 +169,7 @@ def _array(parts: list[tuple[int, bytes]], order: str) -> tuple[str, np.ndarray 
 
 
 def _numbers(part: tuple[int, bytes], order: str) -> np.ndarray:
-    """Values of an element of numbers."""
+    """Return the values of a numeric element."""
     kind, body = part
     if kind not in _TYPES:
         raise _Damaged(f"values of the unknown type {kind}")

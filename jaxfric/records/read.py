@@ -30,21 +30,21 @@ def read(
 
     - `path`: delimited text with a header such as
       `time [s],load_point_displacement [um],friction [1],normal_stress [MPa]`, in any order;
-      headers as laboratories write them (`Time(s)`, `Displ(microns)`) are understood, and so are
-      decimal commas and clock times; a file of xlook's, binary or text; or a MATLAB file, whose
-      vectors have a name but no unit. Where there is a shear stress and a normal stress but no
-      friction, friction is their quotient; both may be forces.
-    - `columns`: names of columns for roles that the header does not give away, such as
-      `{"friction": "mu_corrected"}`; `NAME [unit]` sets the unit, which may carry a factor:
-      `{"load_point_displacement": "Vert_Disp [0.0764 um]"}`. `#3` is the third column, also of a
-      file without a header; `{"time": "1 kHz"}` or "1 ms" says how often rows were taken,
-      and `{"load_point_velocity": "10 um/s"}` that the load point moves at one speed all the time.
-    - `drop_bad`: leave out rows that are not whole instead of refusing the file.
-    - `reduce`: the laboratory's script that makes columns in units of what the press recorded: a
-      command file of xlook, or TOML (`jaxfric.records.reduction.toml_script`). What each of its
-      steps did is in `provenance.reduction`.
+      usual headers of laboratories (`Time(s)`, `Displ(microns)`), decimal commas and clock times
+      are understood. Or an xlook file, binary or text. Or a MATLAB file, whose vectors have names
+      but no units. Friction is computed from shear and normal stress if there is no friction
+      column; both may be forces.
+    - `columns`: names of columns for roles that the header does not identify, such as
+      `{"friction": "mu_corrected"}`. `NAME [unit]` sets the unit, which may have a factor:
+      `{"load_point_displacement": "Vert_Disp [0.0764 um]"}`. `#3` is the third column, also in a
+      file without a header. `{"time": "1 kHz"}` or "1 ms" gives the sampling rate or interval,
+      `{"load_point_velocity": "10 um/s"}` a constant speed of the load point.
+    - `drop_bad`: leave out incomplete rows instead of refusing the file.
+    - `reduce`: a reduction script that converts what the press recorded to columns with units: an
+      xlook command file, or TOML (`jaxfric.records.reduction.toml_script`).
+      `provenance.reduction` lists what each step did.
 
-    **Returns:** a `Record`; its `provenance` says what was assumed and left out.
+    **Returns:** a `Record`; its `provenance` lists assumptions and omitted rows.
 
     Raises `InputError` for a file that cannot be read as a record; the message gives the row
     and the column, and what to do.
@@ -56,7 +56,7 @@ def read(
 def to_record(
     table: Table, *, columns: Mapping[str, str] | None = None, drop_bad: bool = False
 ) -> Record:
-    """A table as a record; arguments and errors as for `read`."""
+    """Make a record from a table; arguments and errors as for `read`."""
     found = understand(table, columns, SLIDER, _stresses)
     values = found.values
     units = {role: use.unit for role, use in found.uses.items()}
@@ -66,7 +66,7 @@ def to_record(
         normal = values["normal_stress"]
         values["friction"] = _quotient(table, found.uses, stress, normal, found.rows.lines)
         units["friction"] = "1"
-        if of_forces:  # over an area that is not known
+        if of_forces:  # without the area they give no stress
             del values["normal_stress"], units["normal_stress"]
     else:
         friction_unit = found.uses["friction"].si_unit
@@ -74,9 +74,9 @@ def to_record(
 
 
 def _stresses(table: Table, found: Found, named: set[str]) -> list[str]:
-    """Leave either friction or two stresses in `found`; a note where friction is computed.
+    """Keep either friction or two stresses in `found`; return a note if friction is computed.
 
-    Raises `InputError` for a shear stress without a normal stress, and a friction that is an angle.
+    Raises `InputError` for a shear stress without a normal stress, and for friction as an angle.
     """
     unit = spelt(found["friction"][1]) if "friction" in found else ""
     is_stress = has_dimension(unit, "Pa")
@@ -112,7 +112,7 @@ def _is_force(found: Found, role: str) -> bool:
 
 
 def _refuse_force(table: Table, found: Found, role: str) -> None:
-    """Refuse a force in place of a stress where the other of shear and normal is none."""
+    """Refuse a force in place of a stress if only one of shear and normal is a force."""
     if not _is_force(found, role):
         return
     index, unit = found[role]
@@ -126,7 +126,7 @@ def _refuse_force(table: Table, found: Found, role: str) -> None:
 
 
 def _share_of(name: str) -> str:
-    """What to do with a shear stress where no normal stress was recorded."""
+    """Return advice for a shear stress without a recorded normal stress."""
     return (
         "where it was constant and not recorded, friction is the share of it, as in --column"
         f" 'friction={name} [0.2]' for MPa under 5 MPa"
@@ -134,7 +134,7 @@ def _share_of(name: str) -> str:
 
 
 def _refuse_friction(table: Table, index: int, unit: str | None, is_stress: bool) -> None:
-    """Refuse a friction whose unit says that it is none."""
+    """Refuse a friction column with the unit of an angle or a stress."""
     what = f"{table.path}, column '{table.names[index]}' (friction)"
     if re.search(r"(?i)deg|rad|°", unit or ""):
         raise InputError(f"{what} is an angle [{unit}]; friction is its tangent: write that")
@@ -149,10 +149,10 @@ def _refuse_friction(table: Table, index: int, unit: str | None, is_stress: bool
 def _quotient(
     table: Table, uses: Mapping[str, Use], shear: np.ndarray, normal: np.ndarray, lines: np.ndarray
 ) -> np.ndarray:
-    """Friction where shear and normal stress, or force, were recorded.
+    """Return friction as shear over normal stress, or force.
 
-    Raises `InputError` where the normal stress is not positive, or recorded as negative in all, and
-    where it is so small that it is none.
+    Raises `InputError` if the normal stress is not positive, and if it is so small that friction is
+    impossible.
     """
     of_forces = uses["normal_stress"].si_unit == "N"
     what, unit, size = ("force", "kN", 1e3) if of_forces else ("stress", "MPa", 1e6)

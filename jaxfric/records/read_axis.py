@@ -21,10 +21,10 @@ _MOTION = ("position", "velocity", "reference_position")
 _FORCE = ("motor_force", "disturbance_force")
 _NUMBER = re.compile(r"\d+")
 _MOVES, _SAME = 0.05, 0.999
-"""Another joint moves by this share of the joint's own range; two encoders of one joint, whose
-columns are correlated more than this, are no two joints."""
+"""Another joint moves by at least the share `_MOVES` of this joint's range. Columns with a
+correlation above `_SAME` are two encoders of one joint."""
 FLIPS = {"force": _FORCE, "motion": _MOTION, "both": (*_MOTION, *_FORCE)}
-"""Columns that change their sign together, by what they are called."""
+"""Columns that change their sign together, by the argument `flip`."""
 
 
 def read_axis(
@@ -45,24 +45,24 @@ def read_axis(
     - `path`: a MATLAB file (the EMPS benchmark's `t qm qg vir kp kv gtau` are known), an export
       of EPOS Studio (a block of `key:;value`, names, units, numbers), or delimited text with a
       header such as `time [s],position [um],reference_position [um],motor_force [N]`.
-    - `columns`: names of columns for roles that the header does not give away, as `NAME` or
+    - `columns`: names of columns for roles that the header does not identify, as `NAME` or
       `NAME [unit]`: `{"position": "x [mm]", "control_signal": "u [V]"}`. Roles: time, position,
       reference_position, velocity, motor_force, control_signal, motor_current, disturbance (a
-      force, or a control signal or current, that was added to the controller's output). `none` in
-      place of a name says that no column has that role; `{"time": "1 kHz"}` or "1 ms" says how
-      often rows were taken.
+      force, control signal or current that was added to the controller's output). `none` instead of
+      a name means that no column has that role. `{"time": "1 kHz"}` or "1 ms" gives the sampling
+      rate or interval.
     - `drive_gain`: motor force per control signal, "35.15 N/V" ("0.05 N m/A" for a current).
-    - `position_gain`, `velocity_gain`: kp [1/s] and kv of two nested loops, force = kv (kp
-      (reference - position) - velocity), "160 1/s" and, of a control signal, "240 V s/m", of a
-      motor force "8436 N s/m". With them, and a reference, the closed loop is simulated.
-    - `rated_torque`: what 100 % of torque are, "9.84 mN m"; without it force stays in "%".
-    - `flip`: change a sign: of the "force", of the "motion", or (True, "both") of both together.
-    - `drop_bad`: leave out rows that are not whole instead of refusing the file.
+    - `position_gain`, `velocity_gain`: kp [1/s] and kv of cascaded control, force = kv (kp
+      (reference - position) - velocity): "160 1/s", and "240 V s/m" for a control signal or
+      "8436 N s/m" for a motor force. With them, and a reference, the closed loop is simulated.
+    - `rated_torque`: the torque of 100 %, "9.84 mN m"; without it the force stays in "%".
+    - `flip`: change the sign of the "force", of the "motion", or (True, "both") of both.
+    - `drop_bad`: leave out incomplete rows instead of refusing the file.
 
-    **Returns:** an `AxisRecord`; its `provenance` says what was assumed and left out.
+    **Returns:** an `AxisRecord`; its `provenance` lists assumptions and omitted rows.
 
     Raises `InputError` for a file that cannot be read as such a record, a control signal without
-    its gain, and a gain or rated torque that nothing in the file needs.
+    its gain, and a gain or rated torque that no column needs.
     """
     table = read_table(path)
     told = ToldOfDrive(drive_gain, position_gain, velocity_gain, rated_torque)
@@ -79,7 +79,7 @@ def _to_record(
     table, signs = with_signs(table)
     found = understand(table, columns, AXIS, _not_needed)
     forces = Forces(found, told)
-    with np.errstate(all="ignore"):  # what overflows is refused with its row
+    with np.errstate(all="ignore"):  # a later check refuses overflows and gives their row
         drive, notes = forces.from_signal()
         drive = forces.controlled(drive)
         force_unit = forces.in_unit()
@@ -97,8 +97,8 @@ def _to_record(
 
 
 def _other_joints(found: Understood) -> tuple[str, ...]:
-    """Columns whose name is that of the motion with another number, and that move on their own:
-    by a twentieth of its range or more, and not as it does."""
+    """Return the columns of other joints that move. Their names differ from that of the motion only
+    in a number; they move by at least 5 % of its range, and in another way."""
     use = found.uses.get("position") or found.uses["velocity"]
     table = found.table
     pattern = _NUMBER.sub("#", table.names[use.column])
@@ -110,7 +110,7 @@ def _other_joints(found: Understood) -> tuple[str, ...]:
 
 
 def _moves_apart(values: np.ndarray, own: np.ndarray) -> bool:
-    """Whether a column moves, and not as `own` does; arrays (n,)."""
+    """Whether a column moves, and differently from `own`; arrays (n,)."""
     if len(values) != len(own):
         return False
     rows = np.isfinite(values) & np.isfinite(own)
@@ -120,11 +120,11 @@ def _moves_apart(values: np.ndarray, own: np.ndarray) -> bool:
 
 
 def _not_needed(table: Table, found: Found, named: set[str]) -> list[str]:
-    """Drop what a file can do without, found by a name alone: no unit tells what it is.
+    """Drop optional columns without a unit, which were found by name alone.
 
-    A disturbance is not among them, for a fit without it would be wrong: it needs a unit, or the
-    word that there is none. One in a unit that no drive has is dropped: pulses that an encoder
-    counts, a speed of a load.
+    A disturbance without a unit stays and is refused later, because a fit without it would be
+    wrong. A disturbance in a unit that is no force or signal is dropped, such as encoder pulses or
+    the speed of a load.
     """
     del table
     spare = {"reference_position"}
@@ -142,7 +142,7 @@ def _not_needed(table: Table, found: Found, named: set[str]) -> list[str]:
 
 
 def _flip(values: dict[str, np.ndarray], which: str | Literal[False]) -> list[str]:
-    """Change the signs of columns; what is told of it."""
+    """Change the signs of columns; return notes."""
     if which is False:
         return []
     if which not in FLIPS:

@@ -19,14 +19,14 @@ ROLES = {name: role.unit for name, role in SLIDER.roles.items() if name != "shea
 """The columns that a record may have, with their SI units. Friction may also be a force, in N."""
 
 EMPTY_ROWS = "empty at the start or end"
-"""Why rows are left out, where a recorder had not begun or had ended."""
+"""Reason for rows that were dropped before a recorder started or after it ended."""
 
 
 @dataclass(frozen=True)
 class Provenance:
-    """Origin of a record, and what was left out of it.
+    """Origin of a record, and the rows that were left out.
 
-    `dropped` counts the rows left out, by reason.
+    `dropped` counts these rows by reason.
     """
 
     path: str = ""
@@ -35,13 +35,13 @@ class Provenance:
     dropped: Mapping[str, int] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
-    """Cells that stand far out of their neighbours, a line a column: where, and what to do."""
+    """Outlier cells, one line for each column: their rows, and what to do."""
     reduction: tuple[str, ...] = ()
-    """What a reduction did to the columns of the file, a line a step; empty: there was none."""
+    """What each step of a reduction did, one line for each; empty without a reduction."""
     stated: Mapping[str, str] = field(default_factory=dict)
-    """Numbers that stand for a column of the file, as the user wrote them, by role."""
+    """Values that the user gave instead of a column, as written, by role."""
     lines: np.ndarray | None = field(default=None, compare=False, repr=False)
-    """The place of every row in the file; None where rows are not those of a file."""
+    """Line number of every row in the file; None if the rows are not those of a file."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Sampling:
 
     @classmethod
     def of(cls, time: np.ndarray) -> "Sampling":
-        """The sampling of rows at `time` [s]."""
+        """Return the sampling of rows at `time` [s]."""
         steps = np.diff(time)
         return cls(
             rows=len(time),
@@ -78,10 +78,10 @@ class Record(Described, Drawable, Gridded, Tabular):
 
     - `time` [s], as in the file; `relative_time` starts at 0.
     - `load_point_displacement` [m], `load_point_velocity` [m/s]: at least one of them.
-    - `load_point_encoder` [m] where the file has it: the load point as measured, beside the
-      displacement as commanded.
+    - `load_point_encoder` [m], if the file has it: the measured load point, in addition to the
+      commanded displacement.
     - `friction`: a coefficient (`friction_unit` "1") or a force ("N").
-    - `slip` [m] and `normal_stress` [Pa] where the file has them.
+    - `slip` [m] and `normal_stress` [Pa], if the file has them.
     - `units`: the unit of each role in the file.
     """
 
@@ -106,7 +106,7 @@ class Record(Described, Drawable, Gridded, Tabular):
 
     @property
     def columns(self) -> dict[str, np.ndarray]:
-        """The columns that there are, by role."""
+        """The recorded columns, by role."""
         found = {role: getattr(self, role) for role in ROLES}
         return {role: values for role, values in found.items() if values is not None}
 
@@ -115,19 +115,19 @@ class Record(Described, Drawable, Gridded, Tabular):
         return Sampling.of(self.time)
 
     def window(self, start: Bound = None, stop: Bound = None) -> "Record":
-        """The rows from `start` to `stop`, as a record of its own whose time starts there.
+        """Return the rows from `start` to `stop` as a new record, whose time starts at `start`.
 
-        Both are seconds since the first row, or text: a time, "120 s", or how far the load point
-        has moved since the first row, "9500 um". None: to the record's own end.
+        Both are seconds since the first row, or text: a time, "120 s", or the displacement of the
+        load point since the first row, "9500 um". None: no bound.
 
-        Raises `InputError` where fewer than 20 rows are left, and for a bound that is no time and
-        no length, or lies outside the record.
+        Raises `InputError` if fewer than 20 rows remain, and for a bound that is neither a time nor
+        a length, or lies outside the record.
         """
         ends = bounds(self.time, self.moved(), start, stop, self.provenance.path)
         return replace(self, **cut(self.time, self.columns, self.provenance, *ends))
 
     def moved(self) -> np.ndarray:
-        """Displacement of the load point [m], from its velocity where that was recorded."""
+        """Displacement of the load point [m], integrated from its velocity if not recorded."""
         if self.load_point_displacement is not None:
             return self.load_point_displacement
         v = self.load_point_velocity
@@ -142,9 +142,9 @@ def cut(
     start: float,
     stop: float,
 ) -> dict:
-    """The fields of a record cut to relative time start..stop [s], its provenance with a note.
+    """Return the fields of a record cut to relative time start..stop [s]; provenance has a note.
 
-    Raises `InputError` where fewer than 20 rows are left.
+    Raises `InputError` if fewer than 20 rows remain.
     """
     relative = time - time[0]
     inside = (relative >= start) & (relative <= stop)
@@ -171,10 +171,10 @@ def from_arrays(
     load_point_encoder: ArrayLike | None = None,
     friction_unit: str = "1",
 ) -> Record:
-    """A record from arrays in SI, held to the rules of a file.
+    """Make a record from arrays in SI; they must pass the same checks as a file.
 
     Raises `InputError` for columns of unequal length, values that are not finite, a time
-    that goes back, fewer than 20 rows, and where the load point is missing.
+    that goes back, fewer than 20 rows, and a missing load point.
     """
     given = {
         "time": time,
@@ -201,9 +201,9 @@ def build(
     rows: FileRows,
     drop_bad: bool,
 ) -> Record:
-    """Check the rows, drop equal time stamps (and bad rows if so told), and freeze.
+    """Check the rows, drop equal time stamps (and bad rows if `drop_bad`), and freeze.
 
-    `origin` counts rows that were read and left out before.
+    `origin` counts the rows that were dropped earlier.
     """
     if "load_point_displacement" not in columns and "load_point_velocity" not in columns:
         raise InputError("a record needs load_point_displacement or load_point_velocity")
@@ -233,7 +233,7 @@ def build(
 def _without(
     columns: Mapping[str, np.ndarray], keep: np.ndarray, dropped: dict[str, int]
 ) -> tuple[np.ndarray, dict[str, int]]:
-    """Rows to keep and the count of the others, less those with cells that stand far out."""
+    """Drop rows with outlier cells too; return the rows to keep, and the counts of the others."""
     rows = np.flatnonzero(keep)
     far = [standing_out.standing_out(role, values[rows]) for role, values in columns.items()]
     wild = np.any(far, axis=0)
@@ -243,7 +243,7 @@ def _without(
 
 
 def vector(values: ArrayLike, role: str) -> np.ndarray:
-    """The values as an array with one dimension; `role` names them in the error."""
+    """Return the values as a one-dimensional array; `role` names them in an error."""
     try:
         found = np.array(values, dtype=np.float64)
     except (TypeError, ValueError):
@@ -254,7 +254,7 @@ def vector(values: ArrayLike, role: str) -> np.ndarray:
 
 
 def frozen(values: np.ndarray) -> np.ndarray:
-    """A read-only, contiguous copy of float64."""
+    """Return a read-only, contiguous copy in float64."""
     values = np.ascontiguousarray(values, dtype=np.float64)
     values.setflags(write=False)
     return values

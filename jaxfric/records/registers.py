@@ -1,4 +1,4 @@
-"""Signed numbers of a drive's registers that were logged without their sign: 65535 for -1."""
+"""Restore the sign of register values that a drive logged as unsigned: 65535 for -1."""
 
 from dataclasses import replace
 
@@ -8,15 +8,15 @@ from .table import Table
 
 _BITS = (16, 32)
 _SHARE = 0.25
-"""A signal stays below this share of what its register counts to, on either side of zero."""
+"""Magnitudes of a signal are below this share of its register's range."""
 
 
 def with_signs(table: Table) -> tuple[Table, dict[int, str]]:
-    """The table with such columns as they were meant, and a note on each by its number.
+    """Return the table with such columns corrected, and a note on each by its number.
 
-    A column is one where all its cells are whole numbers from 0 on, some below a quarter of 2^16
-    (or 2^32), some in its last quarter, and none between, and where taking 2^16 off the latter
-    leaves less than half of its largest jump: not a time with a gap.
+    All cells of such a column are integers from 0 on: some in the first quarter of 2^16 (or 2^32),
+    some in the last quarter, none between. Subtracting 2^16 from the latter must also reduce the
+    largest jump to less than half, which excludes a time with a gap.
     """
     columns, notes = list(table.columns), {}
     for index, values in enumerate(columns):

@@ -1,9 +1,9 @@
-"""Stick-slip in a run at one commanded speed: the slider rests, and moves faster between.
+"""Detect stick-slip in a run at one commanded speed: rest alternates with fast motion.
 
-Means of so many rows are judged that their noise is small beside the speed. The noise is that of
-second differences of neighbouring means, which a slow change leaves alone. A mean is at rest where
-it is within three noises of zero (and half a step of the recorder); it moves from three times that
-speed on.
+The velocity is averaged over blocks that are long enough to make noise small compared with the
+speed. The noise is estimated from second differences of neighbouring means, which cancel slow
+changes. A mean is at rest below the rest level: three standard deviations of noise, or half a
+quantisation step. It moves above three times that level.
 """
 
 from typing import NamedTuple
@@ -11,50 +11,50 @@ from typing import NamedTuple
 import numpy as np
 
 _SURE = 3.0
-"""Noises within which a mean of rows is at rest."""
+"""Rest level in standard deviations of a mean."""
 _FASTER = 3.0
-"""A mean moves from so many times the largest speed of rest on."""
+"""A mean moves above this multiple of the rest level."""
 _FEWEST_MEANS = 30
-"""Means that a run has at least, so that rest and motion can be counted."""
+"""Least number of means of a run, so that rest and motion can be counted."""
 _STOPS = 3
-"""Stops from which rest comes again and again: once or twice may be a start or a fault."""
+"""Least number of stops; one or two may be a start or a fault."""
 _SHARE = 0.05
 """Least share of the time at rest."""
 _APART = 1.7
-"""Means at rest are so many times those between rest and motion: of a speed that swings down to
-zero smoothly, 1/(sqrt(3) - 1) = 1.4, of noise about a mean less than 1."""
+"""Least ratio of means at rest to means between rest and motion. It is 1/(sqrt(3) - 1) = 1.4 for a
+speed that oscillates smoothly down to zero, and less than 1 for noise about a mean."""
 _OF_THE_WAY, _BACK = 0.5, 0.25
-"""Least share of the way that is moved fast, and largest share of the way back."""
+"""Least share of the path that is moved fast, and largest share that is moved backwards."""
 _FALLS = 2.0
-"""Standard errors by which the force falls while the slider rests, where its drive let it rest."""
+"""If the force falls by this many standard errors during rest, the drive stopped on purpose."""
 
 
 class Rests(NamedTuple):
     """Stick-slip of a run at one commanded speed. SI."""
 
     at_rest: float
-    """Share of the time at rest, from the first motion to the last, less that in which a slip that
-    begins and ends at an even acceleration is as slow: half of the time up to three times that."""
+    """Share of the time at rest between the first and the last motion. Half of the time between
+    rest and motion is subtracted: a slip of constant acceleration is at rest level for so long."""
     stops: int
-    """Times that it came to rest and went on."""
+    """Number of stops after which the motion went on."""
     fast: float
     """Mean speed between the stops [m/s or rad/s], signed."""
     first: int
-    """First row of the whole cycles ..."""
+    """First row of the whole cycles."""
     stop: int
-    """... and the row after their last."""
+    """Row after the last whole cycle."""
     level: float
-    """The largest mean speed of rest: three noises of it, or half a step of the recorder."""
+    """Rest level: largest mean speed at rest."""
 
 
 def rests(
     velocity: np.ndarray, force: np.ndarray, reference: np.ndarray | None = None
 ) -> Rests | None:
-    """The stick-slip of a run; None where it moves evenly, or the rows do not tell.
+    """Return the stick-slip of a run; None if it moves evenly or noise hides its motion.
 
-    velocity, force : of every row (n). reference : the commanded velocity (n), where it is known.
-    A drive that stops on purpose is no stick-slip: then the reference rests as well, or the force
-    falls while the axis is at rest, where a stuck one is pulled ever harder.
+    velocity, force : of every row (n). reference : the commanded velocity (n), or None.
+    A drive that stops on purpose is not stick-slip. Then the reference rests too, or the force
+    falls during rest; in stick-slip it rises.
     """
     width = _resolved(velocity)
     if width is None:
@@ -85,18 +85,18 @@ def rests(
         along[edges[0][1] : edges[-1][1]].mean()
         < _OF_THE_WAY * along[moving[0] : moving[-1]].mean()
     ):
-        return None  # it went its way before, and trembles at the end of it
+        return None  # the motion was over before; the axis only trembles at its end
     rows = [slice(start * size, stop * size) for start, stop in edges]
     if _on_purpose(rows, sign * force, reference, abs(float(velocity.mean()))):
         return None
-    # whole cycles: from one stop's end to the last one's
+    # whole cycles: from the end of the first stop to that of the last
     first, stop = (edges[k][1] * size for k in (0, -1))
     fast_speed = float(sign * along[fast].mean())
     return Rests(float(share), len(edges), fast_speed, first, stop, level)
 
 
 def _resolved(velocity: np.ndarray) -> tuple[int, float] | None:
-    """The least number of rows whose mean tells rest from motion, and the largest speed of rest."""
+    """Return the least block length whose means separate rest from motion, and the rest level."""
     values = np.unique(velocity)
     gaps = np.diff(values)
     gaps = gaps[gaps > 1e-9 * np.ptp(values)] if len(gaps) else gaps
@@ -115,7 +115,7 @@ def _resolved(velocity: np.ndarray) -> tuple[int, float] | None:
 
 
 def _stops(still: np.ndarray, fast: np.ndarray) -> list[tuple[int, int]]:
-    """First mean and the one after the last of every stop: means at rest between two fast ones."""
+    """Return first and end index of every stop: means at rest that are followed by a fast one."""
     found, begin, end = [], None, 0
     for k in range(len(still)):
         if still[k]:
@@ -129,7 +129,7 @@ def _stops(still: np.ndarray, fast: np.ndarray) -> list[tuple[int, int]]:
 def _on_purpose(
     stops: list[slice], force: np.ndarray, reference: np.ndarray | None, speed: float
 ) -> bool:
-    """Whether the drive let the axis rest; `force` is positive along the motion."""
+    """Whether the drive stopped on purpose; `force` is positive along the motion."""
     if reference is not None:
         commanded = np.median([np.mean(np.abs(reference[rows])) for rows in stops])
         return bool(commanded < 0.5 * speed)

@@ -1,8 +1,8 @@
-"""The roles that columns of a record can have: one schema for sliders, one for servo axes.
+"""The roles of columns of a record: one schema for sliders, one for servo axes.
 
-A role has a name, the SI units that its column may have, an example of a unit for messages, and the
-names under which laboratories and drives write it. `columns` finds the columns of a file by it, the
-same way for both rigs. To teach a name to the package, add it to its role here.
+A role has a name, the SI units of its column, an example of a unit for messages, and the names that
+laboratories and drives use. `columns` uses them to find the columns of a file, in the same way for
+both rigs. To add a name of a column, add it to its role here.
 """
 
 import re
@@ -12,16 +12,16 @@ from typing import NamedTuple
 from ..errors import folded
 
 NO_COLUMN = "none"
-"""Stands for the column of a role that no column is to have."""
+"""Given instead of a column if no column has the role."""
 
 
 class Role(NamedTuple):
-    """One role that a column of a record can have.
+    """A role that a column of a record can have.
 
-    `unit` is its SI unit and `turning` that of a rotation (empty: there is none); `others` are
-    further units that a column may have. `example` is a unit as it is often written.
-    `aliases` are its names besides its own, folded, the most certain first. A record needs one
-    column for every word in `need`; roles with the same word stand in for each other.
+    `unit` is its SI unit, `turning` that of a rotation ('' for none); `others` are further allowed
+    units. `example` is a common spelling of a unit. `aliases` are other names of the role, folded,
+    the most certain first. A record needs one column for every word in `need`; roles with the same
+    word replace each other.
     """
 
     name: str
@@ -34,16 +34,16 @@ class Role(NamedTuple):
 
     @property
     def units(self) -> tuple[str, ...]:
-        """SI units that a column of this role may have, its own first."""
+        """SI units that a column of this role may have; `unit` comes first."""
         return (self.unit, *filter(None, [self.turning]), *self.others)
 
     def shown(self, *, rotary: bool = False) -> str:
-        """A unit for an advice."""
+        """Return an example of a unit for messages."""
         return self.turning.replace("*", " ") if rotary and self.turning else self.example
 
 
 class Schema:
-    """The roles of one kind of rig, found by their names; `suffixes` are units after a name."""
+    """The roles of one kind of rig, by their names; `suffixes` are units at the end of names."""
 
     def __init__(self, roles: tuple[Role, ...], suffixes: Mapping[str, str]):
         self.roles = {role.name: role for role in roles}
@@ -55,13 +55,13 @@ class Schema:
         }
 
     def role_of(self, name: str) -> tuple[str, int] | None:
-        """Role of a column's name and its rank (0: the role's own name); None: no role."""
+        """Return the role of a column's name and the name's rank (0: the role's own), or None."""
         return self._ranks.get(folded(name))
 
     def split(self, cell: str) -> tuple[str, str | None]:
-        """Name and unit of a header cell: `time [s]`, `Time(s)`, `time_s`; None without a unit.
+        """Return name and unit (or None) of a header cell: `time [s]`, `Time(s)`, `time_s`.
 
-        A suffix counts as a unit only after a name that has a role, so that `layer_m` stays a name.
+        A suffix is a unit only if the name before it has a role, so that `layer_m` stays a name.
         """
         cell = cell.strip().strip("\"'").strip()
         if cell.lower() in _MILLISECONDS:
@@ -82,13 +82,13 @@ class Schema:
 
 
 _MILLISECONDS = ("ms", "msec")
-"""Names of a column of times that are its unit, as drives export them."""
+"""Names of a time column that are also its unit, in exports of drives."""
 _TORQUE = ("Nm", "NM")
-"""Suffixes that are a torque, where they are known, and never nanometres."""
+"""Suffixes that mean a torque, never nanometres."""
 
 
 def _per_second(*lengths: str) -> dict[str, str]:
-    """Suffixes of velocities: um_s, um_per_s, umps."""
+    """Return suffixes of velocities: um_s, um_per_s, umps."""
     return {f"{m}{per}s": f"{m}/s" for m in lengths for per in ("_", "_per_", "p")}
 
 
@@ -168,8 +168,8 @@ SLIDER = Schema(
         **_per_second("m", "mm", "um", "nm"),
     },
 )
-"""Shear stress over normal stress is friction, and so is a shear over a normal force; friction may
-also be a force, and a friction in Pa is taken for a shear stress."""
+"""Friction is shear over normal stress, or shear over normal force. Friction may also be a force;
+a friction column in Pa is read as shear stress."""
 
 AXIS = Schema(
     (
@@ -256,14 +256,14 @@ AXIS = Schema(
         **_per_second("m", "mm", "um", "rad", "mrad", "deg", "rev"),
     },
 )
-"""A force may be a torque, or per cent of a rated torque that is not known; a disturbance may also
-be recorded as a control signal or a current, which the drive's gain turns into a force."""
+"""A force may be a torque, or per cent of an unknown rated torque. A disturbance may also be a
+control signal or a current, which the drive gain converts to a force."""
 
 SIGNAL_UNITS = ("V", "A")
-"""Units of control signals, which are not yet a force."""
+"""Units of control signals and motor currents."""
 
 
 def has_role(cell: str) -> bool:
-    """Whether the name in a header cell has a role on any rig."""
+    """Whether the name in a header cell has a role of any rig."""
     name = SLIDER.split(cell)[0]
     return any(schema.role_of(name) is not None for schema in (SLIDER, AXIS))

@@ -1,4 +1,4 @@
-"""The rows of a record: which are whole, and what is said of those that are not."""
+"""Check the rows of a record: drop or refuse incomplete rows and times that go back."""
 
 import re
 from collections.abc import Callable, Mapping
@@ -9,24 +9,24 @@ import numpy as np
 from ..errors import InputError
 
 LARGEST, SMALLEST = 1e30, 1e-30
-"""Limits to a measured quantity in SI: larger is impossible, smaller is taken as 0."""
+"""Limits of a measured quantity in SI: larger values are refused, smaller ones set to 0."""
 
 MIN_ROWS = 20
 """Least number of rows of a record."""
 _WORD = re.compile(r"[\W_]*(?!nan|inf)[^\W\d_]", re.IGNORECASE)
-"""A letter, after signs, that no number begins with."""
+"""A word at the start of a row, after signs; "nan" and "inf" are numbers."""
 _STILL = 20
-"""A clock that shows the same time in so many more rows stands still."""
+"""A clock stands still if this many further rows have the same time."""
 _GOES_ON = 10
-"""A clock that goes on for so many rows after it went back has started again."""
+"""A clock has restarted if it goes on for this many rows after it went back."""
 
 
 @dataclass(frozen=True, eq=False)
 class FileRows:
-    """Places of the rows in their file.
+    """Positions of the rows in their file.
 
-    `lines`: line (or row) numbers; `malformed`: rows with a wrong number of cells; `text` gives
-    what stands in a line, for messages.
+    `lines`: line (or row) numbers; `malformed`: rows with a wrong number of cells; `text` returns
+    the text of a line, for messages.
     """
 
     lines: np.ndarray
@@ -35,20 +35,20 @@ class FileRows:
 
     @classmethod
     def of(cls, count: int) -> "FileRows":
-        """Rows of arrays that come from no file."""
+        """Return the rows of arrays that are not from a file."""
         return cls(np.arange(1, count + 1), np.zeros(count, bool))
 
     def part(self, rows: slice) -> "FileRows":
-        """A slice of these rows."""
+        """Return a slice of these rows."""
         return FileRows(self.lines[rows], self.malformed[rows], self.text)
 
     def is_words(self, index: int) -> bool:
-        """Whether a row begins with a word, or the sign of a unit, as a line of a head does."""
+        """Whether a row begins with a word or a unit, as a header line does."""
         found = self.text(int(self.lines[index])).strip() if self.text else ""
         return _WORD.match(found) is not None
 
     def place(self, index: int, role: str = "") -> str:
-        """Row and text of a row, for a message; `role` is of the column in question."""
+        """Return number and text of a row for a message; `role` is that of the column."""
         line = int(self.lines[index])
         found = self.text(line).strip() if self.text else ""
         shown = found if len(found) <= 60 else found[:57] + "..."
@@ -60,10 +60,10 @@ class FileRows:
 def whole_rows(
     columns: Mapping[str, np.ndarray], path: str, rows: FileRows, drop_bad: bool
 ) -> tuple[dict[str, np.ndarray], np.ndarray, dict[str, int]]:
-    """The columns without denormal numbers, which rows to keep, and the others' count by reason.
+    """Return the columns without tiny values, a mask of rows to keep, and counts of dropped rows.
 
-    Rows go that repeat a time; rows that are not whole, or go back in time, where `drop_bad` says
-    so.
+    Rows that repeat a time are dropped. Incomplete rows, and rows that go back in time, are dropped
+    with `drop_bad`, else refused.
 
     Raises `InputError` for columns of different length, and for rows that would have to be dropped.
     """
@@ -102,13 +102,13 @@ def whole_rows(
 def _refuse_restart(
     time: np.ndarray, before: np.ndarray, back: np.ndarray, path: str, rows: FileRows
 ) -> None:
-    """Raise `InputError` where a clock starts again and goes on from there: what follows is a
-    record of its own, and to leave out its rows one by one would join what is left."""
+    """Raise `InputError` if a clock restarts and goes on: a second record begins there. Dropping
+    single rows would join parts of two records."""
     first = np.flatnonzero(back)[:_GOES_ON]
     if len(first) < _GOES_ON or np.any(np.diff(first) > 1) or np.any(np.diff(time[first]) <= 0):
         return
     begin = int(first[0])
-    earlier = np.sort(time[:begin])  # one row that is far ahead is a wrong cell
+    earlier = np.sort(time[:begin])  # a single time far ahead is a wrong cell
     if time[begin] < earlier[-2:].min():
         raise InputError(
             f"{path}: the clock starts again in {rows.place(begin)}, from {before[begin]:.10g} to"
@@ -117,15 +117,14 @@ def _refuse_restart(
 
 
 def _refuse_second_head(time: np.ndarray, bad: np.ndarray, path: str, rows: FileRows) -> None:
-    """Raise `InputError` where records follow each other in a file, each with a head of its own:
-    lines of words between rows of numbers, and a clock that starts again after them, or two such
-    lines or more where there is no column of times."""
+    """Raise `InputError` if a file holds several records, each with its own header. A header is
+    lines of words after which the clock restarts; without a time column, two or more such lines."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], bad.astype(int), [0]]))).reshape(-1, 2)
     heads = []
     for a, b in edges.tolist():
         if a == 0 or b == len(bad) or not all(rows.is_words(i) for i in range(a, b)[:_GOES_ON]):
             continue
-        rated = b - a > 1 and np.isfinite(time[a:b]).all()  # times from a rate go on in a head
+        rated = b - a > 1 and np.isfinite(time[a:b]).all()  # times from a rate have no gap there
         if time[b] < time[a - 1] or rated:
             heads.append(a)
     if not heads:
@@ -139,7 +138,7 @@ def _refuse_second_head(time: np.ndarray, bad: np.ndarray, path: str, rows: File
 
 
 def clock_doubt(time: np.ndarray, path: str, rows: FileRows) -> str | None:
-    """A sentence on a clock that stands still over many rows, else None."""
+    """Return a warning if the clock stands still over many rows, else None."""
     moved = (time[1:] != time[:-1]) | ~np.isfinite(time[1:])
     edges = np.flatnonzero(np.diff(np.concatenate([[True], moved, [True]])))
     still = edges.reshape(-1, 2) if len(edges) else np.zeros((0, 2), int)
@@ -154,7 +153,7 @@ def clock_doubt(time: np.ndarray, path: str, rows: FileRows) -> str | None:
 
 
 def refuse_few(count: int, path: str) -> None:
-    """Raise `InputError` where too few rows are left."""
+    """Raise `InputError` if too few rows remain."""
     if count < MIN_ROWS:
         raise InputError(f"{path} has {count} usable rows; {MIN_ROWS} are needed")
 
@@ -172,7 +171,7 @@ def _refuse_malformed(path: str, rows: FileRows) -> None:
 def _refuse_bad(
     finite: Mapping[str, np.ndarray], bad: np.ndarray, path: str, rows: FileRows
 ) -> None:
-    """Refuse cells that are no numbers; a column that ends before the others is told apart."""
+    """Refuse cells without a finite number; a column that ends early gets its own message."""
     if not bad.any():
         return
     first = int(np.flatnonzero(bad)[0])

@@ -1,9 +1,9 @@
-"""How the load point of a record moves: its position without faults of the encoder, and its steps.
+"""Motion of a record's load point: its position without encoder faults, and its velocity steps.
 
-An encoder is set back, or wraps: its position jumps from one row to the next by far more than the
-load point moves in a row on either side, and friction does not answer, as it would through the
-spring. The jump is taken out (`without_resets`). So is what it did not count while the recorder
-paused: the load point moves alike before and after, friction goes on as if it had.
+When an encoder is reset or wraps, its position jumps by far more than the load point moves between
+neighbouring rows. Friction does not respond, as it would to a real motion through the spring. The
+jump is subtracted (`without_resets`). Motion that the encoder missed while the recorder paused is
+added, if the velocities before and after are equal and friction does not respond.
 """
 
 from dataclasses import dataclass
@@ -17,14 +17,14 @@ from .steps import VelocitySteps, find_steps, find_steps_in_velocity
 
 _REACH = 20
 _JUMP, _SIDES = 12.0, 5.0
-"""A reset is a jump of so many scatters, and so many times the largest move between rows beside."""
+"""A reset exceeds `_JUMP` scatters, and `_SIDES` times the largest move between nearby rows."""
 _LOOK, _FEWEST, _MANY = 1.0, 20, 400
-"""Rows beside a pause, of so many times its length, at least and at most so many."""
+"""Window on either side of a pause: duration over that of the pause, least and most rows."""
 _ALIKE, _MOST = 0.1, 0.7
-"""Velocities that differ by less than twice this share are one; the share of a move that is lacking
-where the encoder did not count."""
+"""Velocities are equal if they differ by less than twice `_ALIKE`; an encoder missed a motion if
+more than the share `_MOST` of it is missing."""
 _ANSWER = 5.0
-"""Friction answers a motion where it changes by so many times its own scatter."""
+"""Friction responds to a motion if it changes by this many times its own scatter."""
 
 
 @dataclass(frozen=True)
@@ -35,10 +35,10 @@ class Reset:
     time: float
     size: float
     paused: float = 0.0
-    """How long the recorder paused, where the encoder did not count meanwhile [s]."""
+    """Duration of a pause in which the encoder did not count [s]; 0 for other jumps."""
 
     def told(self) -> str:
-        """The reset in words."""
+        """Return a sentence on the reset."""
         if self.paused:
             return (
                 f"{format_si(-self.size, 'm', 'um', 3)} are not counted in {self.paused:.3g} s"
@@ -58,9 +58,9 @@ class RunMotion:
 
 
 def run_motion(record: Record) -> RunMotion:
-    """How the load point of a record moves, see this file.
+    """Return the motion of a record's load point, as this module describes.
 
-    Time counts from the first row. Where only a velocity was recorded it is integrated.
+    Time counts from the first row. Without a displacement the velocity is integrated.
     """
     t, v = record.relative_time, record.load_point_velocity
     if record.load_point_displacement is None:
@@ -71,19 +71,19 @@ def run_motion(record: Record) -> RunMotion:
 
 
 def record_steps(record: Record) -> VelocitySteps:
-    """The velocity steps of a record, from its displacement or else its velocity."""
+    """Return the velocity steps of a record, from its displacement or else its velocity."""
     return run_motion(record).steps
 
 
 def without_resets(
     time: np.ndarray, position: np.ndarray, friction: np.ndarray
 ) -> tuple[np.ndarray, tuple[Reset, ...]]:
-    """The position [m] without the jumps of its encoder, and what these were.
+    """Return the position [m] without encoder jumps, and the jumps.
 
-    A jump is more than the load point moves from row to row at the velocity before or after it.
+    The size of a jump is the move beyond that at the velocity before or after it.
 
-    Not tried: resets while the load point moves so fast that it passes more than a fifth of the
-    jump from row to row.
+    Limitation: resets are not found if the load point moves by more than a fifth of the jump from
+    row to row.
     """
     from scipy.ndimage import median_filter
 
@@ -110,8 +110,8 @@ def without_resets(
 
 
 def _beyond(time: np.ndarray, position: np.ndarray, row: int) -> float:
-    """How far the move from `row` to the next is beyond those at the velocities before and after:
-    a recorder that changes its rate, or pauses, leaves a long interval between two rows."""
+    """Return the part of the move from `row` to the next that exceeds the moves at the velocities
+    before and after. A recorder that pauses or changes its rate leaves a long interval."""
     speeds = [
         float(np.median(np.diff(position[side]) / np.diff(time[side])))
         for side in (slice(max(row - _REACH, 0), row + 1), slice(row + 1, row + _REACH + 2))
@@ -122,8 +122,8 @@ def _beyond(time: np.ndarray, position: np.ndarray, row: int) -> float:
 
 
 def _not_counted(time: np.ndarray, position: np.ndarray, row: int) -> float:
-    """What the move over a pause after `row` lacks of that at the velocity of the rows before and
-    after, where these are one and most of it is lacking [m]; else 0."""
+    """Return the motion [m] that the encoder missed in a pause after `row`; 0 if it missed little,
+    or if the velocities before and after the pause differ."""
     lasts = float(time[row + 1] - time[row])
     low, high = np.searchsorted(time, [time[row] - _LOOK * lasts, time[row + 1] + _LOOK * lasts])
     sides = slice(max(low, row + 1 - _MANY), row + 1), slice(row + 1, min(high, row + _MANY))
@@ -137,7 +137,7 @@ def _not_counted(time: np.ndarray, position: np.ndarray, row: int) -> float:
 
 
 def _answers(friction: np.ndarray, row: int) -> bool:
-    """Whether friction changes from `row` to the next as it does in no row beside it."""
+    """Whether friction changes far more from `row` to the next than in nearby rows."""
     low, high = max(row - _REACH, 0), min(row + _REACH + 1, len(friction) - 1)
     changes = np.diff(friction[low : high + 1])
     here = abs(float(changes[row - low]))

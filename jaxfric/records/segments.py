@@ -1,24 +1,23 @@
-"""Broken lines through noisy samples: how many lines, and from which row to which.
+"""Piecewise linear fits to noisy samples: the number of lines, and their rows.
 
-The displacement of a load point that moves in velocity steps is a continuous broken
-line. It is found without ever differencing the samples:
+The displacement of a load point that moves in velocity steps is continuous and piecewise
+linear. The fit never differences the samples:
 
-1. Candidate rows are spread evenly over rows, over time and over travel, so that neither
-   a slow sampling rate nor a short fast segment loses its share of them.
+1. Candidate rows are spread evenly over rows, over time and over travel, so that slowly
+   sampled segments and short fast segments both get candidates.
 2. Dynamic programming places separate lines between candidates at the least sum of
-   squares plus a penalty per line. The penalty is small: this stage finds too many.
-3. A joint is where two neighbouring lines meet, and rows belong to the line on their
-   side of it; repeated, this is least squares for a continuous broken line whenever each
-   joint falls between its own two groups of rows (Hudson 1966, J. Am. Stat. Assoc. 61,
-   1097-1129).
-4. The weakest joints go, one batch after the other, until each that is left passes the
-   tests of `_scores`. What a removed joint explained (ripple, drift, a glitch) goes into the
-   scatter that the other joints are measured against, so that noise cannot hold itself up. A
-   joint is measured by its whole lines and by what is near it, and the better one counts: a run-in
-   (loading, a slow ramp, moves by hand) is a line that fits badly all over, and would take the
-   steps after it away one by one.
+   squares plus a penalty per line. The penalty is small, so that this stage finds too many.
+3. A joint is where two neighbouring lines meet, and rows belong to the line on their side of
+   it. Repeated, this is least squares for a continuous piecewise linear function if each joint
+   falls between its own two groups of rows (Hudson 1966, J. Am. Stat. Assoc. 61, 1097-1129).
+4. The weakest joints are removed in batches, until all remaining joints pass the tests of
+   `_scores`. The misfit of a removed joint (ripple, drift, a glitch) increases the scatter that
+   the other joints are compared with, so that noise does not support further joints. A joint is
+   tested with its whole lines and with the rows near it; the better result counts. A run-in
+   (loading, a slow ramp, moves by hand) fits no line, and its large scatter would remove the
+   steps after it one by one.
 
-Everything is computed from prefix sums: the cost of a step does not grow with the rows.
+Prefix sums make the cost of a step independent of the number of rows.
 """
 
 import numpy as np
@@ -26,8 +25,8 @@ import numpy as np
 from .lines import Lines, Sums
 
 _NODES, _MOST_NODES, _ROWS_A_NODE = 150, 300, 40
-"""Candidate rows per spacing rule, as many over rows as over time and over travel: 150, in long
-records one in 40 rows up to 300."""
+"""Number of candidates over rows, over time and over travel: 150 each, in long records one for each
+40 rows up to 300."""
 
 MIN_ROWS = 5
 """Least number of rows of a line."""
@@ -39,19 +38,20 @@ _ROWS_FOR_GLITCHES = 25
 """Lines of this many rows are stiff enough not to follow a glitch."""
 
 _HEIGHT = 25.0
-"""A joint must lift the line this many times the scatter of its two sides. Noise reaches
-about 5; the half waves of a clean ripple, fitted by lines of their own, about 20."""
+"""Least height of a joint over the scatter of its two sides. Noise reaches about 5; half waves of
+a clean ripple, each fitted by a line, reach about 20."""
 
 _BRIEF, _BRIEF_HEIGHT = 0.02, 60.0
-"""A line that lasts less than this fraction of its neighbours is more often a transient of
-the servo or a jump of the recorder than a commanded step: its joints need this height."""
+"""A line shorter than this fraction of its neighbours is more often a servo transient or a
+recorder jump than a commanded step, so its joints need this height."""
 
 _LIFT, _LIFT_ERRORS = 3.0, 4.5
-"""A line between two others leads away from either by so many scatters, and by so many times what
-the error of its own slope is worth, sqrt(12/n) scatters for n rows."""
+"""A line must deviate from the extrapolation of either neighbour by `_LIFT` scatters, and by
+`_LIFT_ERRORS` times the effect of its slope error, sqrt(12/n) scatters for n rows."""
 
 _NEAR = 1.0
-"""Reach on either side in which a joint is judged, in lengths of its shorter line."""
+"""Window on either side of a joint for the test of nearby rows, over the length of its shorter
+line."""
 
 _PASSES = 4
 
@@ -66,12 +66,11 @@ def find_lines(
 ) -> tuple[Sums, np.ndarray]:
     """Fit as many straight lines as the data support.
 
-    **Arguments:** `t` [s], increasing; `y` [m]; `least_change`: a joint whose change of
-    slope is below this fraction of the larger of the two slopes is not a joint; `passes`: the
-    most fits, each but the first without the lone glitches of the one before; `height`: how many
-    times the scatter a joint lifts the line.
+    **Arguments:** `t` [s], increasing; `y` [m]; `least_change`: least change of slope at a joint,
+    over the larger of the two slopes; `passes`: largest number of fits, each without the
+    isolated glitches of the previous one; `height`: least height of a joint over the scatter.
 
-    **Returns:** the sums of the rows used (all but lone glitches), and the first row of
+    **Returns:** the sums of the used rows (all except isolated glitches), and the first row of
     every line followed by the number of rows.
     """
     sums = Sums(t, y)
@@ -88,11 +87,11 @@ def find_lines(
 
 
 def join(sums: Sums, rows: np.ndarray, doubtful: np.ndarray, least_change: float) -> np.ndarray:
-    """The first rows of lines without those of their `doubtful` joints that fail a joint's tests,
-    and without brief lines that lift the rows out of a neighbour's line by no more than scatter.
+    """Remove `doubtful` joints that fail the tests, and short lines that do not deviate from a
+    neighbour's line by more than scatter; return the first rows of the lines.
 
     **Arguments:** the rows' sums; the first row of every line and the number of rows, (m + 1,);
-    `doubtful` (m + 1,): which of them may go; `least_change` as for `find_lines`.
+    `doubtful` (m + 1,): joints that may be removed; `least_change` as for `find_lines`.
     """
     while doubtful[1:-1].any():
         scores = np.where(doubtful[1:-1], _scores(sums, rows, least_change, _HEIGHT), np.inf)
@@ -111,11 +110,11 @@ def join(sums: Sums, rows: np.ndarray, doubtful: np.ndarray, least_change: float
 
 
 def _lifts(sums: Sums, rows: np.ndarray) -> np.ndarray:
-    """How far every line but the outer two leads away from where its neighbours at its beginning
-    and at its end would have led, over what it must (m - 2, 2).
+    """Return the deviation of every inner line from the extrapolations of its two neighbours, over
+    the least deviation (m - 2, 2).
 
-    A neighbour scatters as all of it does, or as the part that is no longer than the line, if that
-    is less: a run-in that fits no line must not take the steps after it away.
+    The scatter of a neighbour is that of the whole line or of a part as long as the inner line,
+    whichever is smaller. Otherwise a run-in that fits no line would remove the steps after it.
     """
     t, lines = sums.t, sums.lines(rows[:-1], rows[1:])
     common = float(np.median(lines.sum_squares / np.maximum(lines.count - 2, 1)))
@@ -136,7 +135,7 @@ def _lifts(sums: Sums, rows: np.ndarray) -> np.ndarray:
 
 
 def _weed(sums: Sums, rows: np.ndarray, least_change: float, height: float) -> np.ndarray:
-    """Take out the weakest joints until each that is left passes its tests."""
+    """Remove the weakest joints until all remaining joints pass their tests."""
     rounds = 0
     while len(rows) > 2 and rounds < 5:
         rows = _collapse(sums, settle(sums, rows, 3))
@@ -149,7 +148,7 @@ def _weed(sums: Sums, rows: np.ndarray, least_change: float, height: float) -> n
 
 
 def _nodes(t: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Candidate first rows, even in rows, in time and in travel; 0 and the end included."""
+    """Return candidate first rows, even in rows, time and travel, with 0 and the end."""
     n = len(t)
     number = int(np.clip(n // _ROWS_A_NODE, _NODES, _MOST_NODES))
     even = np.linspace(0, n, min(number, n // 2) + 1).astype(int)
@@ -165,13 +164,13 @@ def _nodes(t: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def _partition(squares: np.ndarray, nodes: np.ndarray, least_rows: int, floor: float) -> np.ndarray:
-    """Separate lines between nodes: least sum of squares plus penalty, by dynamic programming.
+    """Place separate lines between nodes by dynamic programming: least squares plus penalty.
 
-    `squares` are those of lines up to every node (axis 0) from every earlier one (axis 1).
+    `squares` are the sums for lines up to each node (axis 0) from each earlier one (axis 1).
     """
     count = len(nodes)
     penalty = (15 + 3 * np.log(nodes[-1])) * _local_variance(squares, nodes, least_rows, floor)
-    # least cost of lines up to a node and of beginning one there; how many nodes are early enough
+    # least cost of lines up to each node; number of nodes at which its last line may begin
     cost, before = np.full(count, np.inf), np.zeros(count, int)
     cost[0], total = penalty[0], np.empty(count)
     early = np.searchsorted(nodes, nodes - least_rows, side="right")
@@ -189,7 +188,7 @@ def _partition(squares: np.ndarray, nodes: np.ndarray, least_rows: int, floor: f
 def _local_variance(
     squares: np.ndarray, nodes: np.ndarray, least_rows: int, floor: float
 ) -> np.ndarray:
-    """Variance about a line at every node, from windows short enough to miss most joints."""
+    """Return the variance about a line at every node, in windows so short that few have joints."""
     count = len(nodes)
     width = min(8, count - 1)
     start = np.arange(count - width)
@@ -206,7 +205,7 @@ def _local_variance(
 
 
 def settle(sums: Sums, rows: np.ndarray, rounds: int) -> np.ndarray:
-    """Move every joint to where its two lines meet near it, until none moves (Hudson)."""
+    """Move every joint to where its two lines meet, until no joint moves (Hudson)."""
     for _ in range(rounds):
         first, end = _beside(sums.t, rows)
         before, after = sums.lines(first, rows[1:-1]), sums.lines(rows[1:-1], end)
@@ -217,7 +216,7 @@ def settle(sums: Sums, rows: np.ndarray, rounds: int) -> np.ndarray:
         low, high = rows[:-2] + MIN_ROWS, rows[2:] - MIN_ROWS
         valid = np.isfinite(joints) & (inside >= low) & (inside <= high)
         moved[1:-1] = np.where(valid, inside, rows[1:-1])
-        # those that came too close stay where they were
+        # joints that came too close keep their old rows
         while (np.diff(moved) < MIN_ROWS).any() and not np.array_equal(moved, rows):
             close = np.diff(moved) < MIN_ROWS
             back = np.concatenate([[False], close]) | np.concatenate([close, [False]])
@@ -229,7 +228,7 @@ def settle(sums: Sums, rows: np.ndarray, rounds: int) -> np.ndarray:
 
 
 def _collapse(sums: Sums, rows: np.ndarray) -> np.ndarray:
-    """Take out a line that only cuts a corner: its rows follow its neighbours more closely."""
+    """Remove a line that only cuts a corner: its two neighbours, extended, fit its rows better."""
     if len(rows) < 4:
         return rows
     lines = sums.lines(rows[:-1], rows[1:])
@@ -248,13 +247,13 @@ def _collapse(sums: Sums, rows: np.ndarray) -> np.ndarray:
 
 
 def _scores(sums: Sums, rows: np.ndarray, least_change: float, least_height: float) -> np.ndarray:
-    """Ratio by which every joint passes its weaker test; below 1 it fails.
+    """Return the ratio by which every joint passes its weaker test; below 1 it fails.
 
-    The height of a joint is how far it lifts the line above the chord of its two sides,
-    |v2 - v1| T1 T2 / (T1 + T2). Test 1: the height is `least_height` (at a brief line
-    2.4 times that) times the scatter of the more scattered side. Test 2:
-    the slope changes by `least_change` of the larger one. Of the whole sides or of their parts
-    near the joint, what passes further counts.
+    The height of a joint is its distance from the chord of its two sides,
+    |v2 - v1| T1 T2 / (T1 + T2). Test 1: the height is at least `least_height` (for a brief line
+    2.4 times that) times the scatter of the more scattered side. Test 2: the slope changes by at
+    least `least_change` of the larger one. Both are made with the whole sides and with the rows
+    near the joint; the larger ratio counts.
     """
     lines = sums.lines(rows[:-1], rows[1:])
     common = float(np.median(lines.sum_squares / np.maximum(lines.count - 2, 1)))
@@ -270,8 +269,8 @@ def _scores(sums: Sums, rows: np.ndarray, least_change: float, least_height: flo
 
 
 def _beside(t: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """First and end row of the surroundings of every joint: of both its lines, what is no further
-    from it than `_NEAR` times the length of the shorter one."""
+    """Return first and end row of the window around every joint, within its two lines and within
+    `_NEAR` times the length of the shorter one."""
     edges = np.append(t[rows[:-1]], t[-1])
     length = np.diff(edges)
     reach = _NEAR * np.minimum(length[:-1], length[1:])
@@ -289,7 +288,7 @@ def _pass(
     common: float,
     least_change: float,
 ) -> np.ndarray:
-    """Ratio by which joints between rows first..joint-1 and joint..end-1 pass their weaker test."""
+    """Return the ratios by which joints of rows first..joint-1, joint..end-1 pass their tests."""
     before, after = sums.lines(first, joint), sums.lines(joint, end)
     around = np.maximum(_scatter(before, common, sums.floor), _scatter(after, common, sums.floor))
     t, last = sums.t, len(sums.t) - 1
@@ -303,13 +302,13 @@ def _pass(
 
 
 def _scatter(lines: Lines, common: float, floor: float) -> np.ndarray:
-    """Standard deviation about every line; short lines borrow from the `common` variance."""
+    """Return the standard deviation about every line; short lines use the `common` variance too."""
     free, borrowed = np.maximum(lines.count - 2, 1), 10.0
     return np.sqrt((lines.sum_squares + borrowed * common) / (free + borrowed)) + floor
 
 
 def _glitches(sums: Sums, rows: np.ndarray) -> np.ndarray:
-    """Rows that stand alone, far from their line: at most 3 together, over 8 sigma off."""
+    """Return a mask of isolated glitches: at most 3 rows together, over 8 sigma off their line."""
     parts = sums.residual(rows)
     scale = [_glitch_size(part) for part in parts]
     off = np.abs(np.concatenate(parts)) > np.repeat(scale, np.diff(rows)) + 10 * sums.floor
@@ -322,7 +321,7 @@ def _glitches(sums: Sums, rows: np.ndarray) -> np.ndarray:
 
 
 def _glitch_size(rest: np.ndarray) -> float:
-    """Residual above which a row is a glitch: 8 sigma, and 4 steps of a coarse recorder."""
+    """Return the residual above which a row is a glitch: 8 sigma, and 4 quantisation steps."""
     jumps = np.abs(np.diff(rest))
     typical = float(np.median(jumps[jumps > 0])) if (jumps > 0).any() else 0.0
     return max(8 * 1.4826 * float(np.median(np.abs(rest))), 4 * typical)

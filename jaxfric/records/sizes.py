@@ -1,4 +1,4 @@
-"""Sizes that no laboratory measures: a wrong unit is refused where a record is read."""
+"""Refuse columns with impossible values, which indicate a wrong unit."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,10 +10,10 @@ from ..errors import InputError
 
 @dataclass(frozen=True)
 class Size:
-    """Limits in SI to the values of a column: the largest size, and the least.
+    """Limits in SI of the largest and smallest magnitude of a column.
 
-    The least is that of its change, or where it does not need to change (`changes` is False) of
-    its largest size. 0 is always allowed: it is told elsewhere, where it does harm.
+    The lower limit is for the range of the values or, with `changes` False, for the largest
+    magnitude. 0 is always allowed here; other checks refuse it if needed.
     """
 
     unit: str
@@ -40,7 +40,7 @@ SIZES = {
     ("motor_force", "N"): Size("N", 1e-10, 1e9),
     ("motor_force", "N m"): Size("N m", 1e-10, 1e9),
 }
-"""Limits by role and unit; wide: creep of 0.01 um in ten days, shear over 10 km, 1 Pa of stress."""
+"""Wide limits by role and unit: creep of 0.01 um in ten days, shear over 10 km, 1 Pa of stress."""
 
 
 def refuse_sizes(
@@ -50,10 +50,10 @@ def refuse_sizes(
     path: str,
     lines: np.ndarray,
 ) -> None:
-    """Refuse a column whose size is impossible: its unit is the likely cause.
+    """Refuse a column with impossible values; a wrong unit is the likely cause.
 
-    **Arguments:** `columns` in SI by role; `si_units` of them; `written`: units of the file;
-    `lines`: the rows' places in it. Time counts from the first row.
+    **Arguments:** `columns` in SI by role, and their `si_units`; `written`: units of the file;
+    `lines`: line numbers of the rows. Time counts from the first row.
 
     Raises `InputError`, with the row of the largest value.
     """

@@ -1,4 +1,4 @@
-"""Cells that stand far out of their neighbours: typed over, or a glitch of the recorder."""
+"""Find outlier cells: typing errors, or glitches of the recorder."""
 
 from collections.abc import Mapping
 
@@ -7,23 +7,23 @@ import numpy as np
 from ..units import format_si, read_as
 
 _RANGES = 2.0
-"""Distance beyond both neighbours, in ranges of the rest, from which a cell stands out."""
+"""Least distance of an outlier from both neighbours, over the range of the other cells."""
 _LEVEL = 0.2
-"""It must also lie beyond both by this share of the median, more than any peak after a step."""
+"""Least distance over the median, more than any peak after a step."""
 _STEPS = 10.0
-"""In a column that advances: beyond both by this many times the largest other advance."""
+"""In an advancing column: least distance over the largest other advance."""
 _FEW, _SHARE, _TOLD = 3, 0.01, 3
 _ADVANCE = ("load_point_displacement", "load_point_encoder", "slip")
 
 
 def standing_out(role: str, values: np.ndarray) -> np.ndarray:
-    """Mask (n,) of the cells of a column that stand far out of both neighbours.
+    """Return a mask (n,) of the cells of a column that are far from both neighbours.
 
-    A cell stands out by its distance from the interval between its neighbours (of the first and
-    last the two next to it). The rest are all but the m = max(3, n/100) farthest of either side.
-    Where more than m cells would stand out none does: they are what the column is like.
+    The distance of a cell is that from the interval between its neighbours (for the first and last
+    the two next to it). It is compared with the other cells without the m = max(3, n/100) farthest
+    ones of either side. If more than m cells would be outliers, none is: the column is like that.
 
-    Not tried: two wrong cells side by side; a cell that is wrong by less.
+    Limitation: two neighbouring wrong cells, or smaller errors, are not found.
     """
     x = np.asarray(values, float)
     if role == "time" or len(x) < 4:
@@ -46,9 +46,9 @@ def standing_out(role: str, values: np.ndarray) -> np.ndarray:
 def told(
     path: str, columns: Mapping[str, np.ndarray], lines: np.ndarray, units: Mapping[str, str]
 ) -> tuple[str, ...]:
-    """A line for every column with cells that stand out: where, what, and what to do.
+    """Return a warning for every column with outlier cells: where, which value, what to do.
 
-    `units` are the SI units of the columns; `lines` the places of the rows in the file.
+    `units` are the SI units of the columns, `lines` the line numbers of the rows.
     """
     found = []
     for role, values in columns.items():
@@ -63,7 +63,7 @@ def told(
         )
         more = f" and {len(rows) - _TOLD} more" if len(rows) > _TOLD else ""
         found.append(
-            f"{path}: {role} stands far out of its neighbours: {cells}{more}. A wrong cell can make"
-            " a fit run away: correct it, or leave the row out (--drop-bad)"
+            f"{path}: {role} has outliers: {cells}{more}. A wrong cell can make a fit diverge:"
+            " correct it, or leave the row out (--drop-bad)"
         )
     return tuple(found)

@@ -1,4 +1,4 @@
-"""Runs at steady speeds become one curve of friction against velocity."""
+"""Combine runs at steady speeds to one friction-velocity curve."""
 
 import functools
 import hashlib
@@ -25,16 +25,16 @@ MIN_RUNS = 4
 """Least number of runs of a curve."""
 
 _FEWEST_SAMPLES = 10.0
-"""Independent samples of a run below which its error is not known: a correlation time comes out too
-small in runs shorter than some 20 of it (see `effective_samples`)."""
+"""Least number of independent samples for a known error of a run's mean: the correlation time is
+underestimated in runs shorter than about 20 times it (see `effective_samples`)."""
 _CONSTANT = 1e-9
-"""Spread of a force that is rounding alone, over the largest force."""
+"""Spread of a force by rounding alone, over the largest force."""
 _MOST_LISTED = 5
-"""Files that cannot be read are listed up to this number."""
+"""Largest number of unreadable files that are listed."""
 
 
 class StickSlipRun(NamedTuple):
-    """A run at one commanded speed that rested and moved in turn. SI."""
+    """A run at one commanded speed with stick-slip. SI."""
 
     run: str
     speed: float
@@ -44,29 +44,29 @@ class StickSlipRun(NamedTuple):
     moving_speed: float
     """Mean speed between the stops, signed [m/s or rad/s]."""
     stops: int
-    """Times that it came to rest and went on."""
+    """Number of stops after which the motion went on."""
 
 
 @dataclass(frozen=True, eq=False)
 class SteadyCurve:
     """One row for each run at a steady speed, sorted by speed; arrays are read-only, in SI.
 
-    - `speed`: mean, signed [m/s or rad/s]; `speed_std`: spread of its samples.
-    - `force`: mean, less the `load` along the travel; `std`: spread of its samples, in `force_unit`
-      ("N", "N m" or "%").
-    - `samples`: rows used; `outliers`: rows left out because they do not belong to the others of
-      their run (None: not told); `effective`: independent samples that those used are worth
-      (`effective_samples` of the force).
+    - `speed`: mean, signed [m/s or rad/s]; `speed_std`: standard deviation of its samples.
+    - `force`: mean without the `load` along the travel; `std`: standard deviation of its samples,
+      in `force_unit` ("N", "N m" or "%").
+    - `samples`: number of used rows; `outliers`: number of excluded outliers (None: not known);
+      `effective`: number of independent samples (`effective_samples` of the force).
     - `error`: standard error of `force`, sqrt(std^2 / effective + the part of `shared`); `shared`
-      [R, p]: that part, of p independent errors of the load that all runs share.
-    - `names`: the runs, by their path below the folder; `uneven`: those that moved unevenly, or
-      whose speed is recorded too coarsely to tell; `stuck`: slower ones that are left out because
-      they stood still, turned back or were not steady; `stick_slip`: those that rested and moved in
-      turn at one commanded speed. They are uneven, and means of theirs are of whole cycles.
-    - `load`: what the force has along the travel, taken out of `force` and `rows`; None where none
-      is seen, or where positions are not recorded.
-    - `rows`: of every run those that its means are of (empty: not kept).
-    - `coordinate` and `units` as for `AxisRecord`; `provenance.notes`: what was left out, and why.
+      [R, p]: the part from p independent errors of the load, which all runs share.
+    - `names`: paths of the runs below the folder; `uneven`: runs that moved unevenly, or whose
+      speed is recorded too coarsely to decide; `stuck`: slower runs that were excluded because they
+      stood still, turned back or were not steady; `stick_slip`: runs with stick-slip at one
+      commanded speed, which count as uneven and are averaged over whole cycles.
+    - `load`: force that depends on the position, subtracted from `force` and `rows`; None if none
+      is found, or without positions.
+    - `rows`: the rows of every run that its means use (empty: not kept).
+    - `coordinate` and `units` as for `AxisRecord`; `provenance.notes`: excluded runs and rows, with
+      the reasons.
     """
 
     speed: np.ndarray
@@ -94,13 +94,13 @@ class SteadyCurve:
         return len(self.names)
 
     def covariance(self) -> np.ndarray:
-        """Covariance (R, R) of the errors of `force`."""
+        """Covariance matrix (R, R) of `force`."""
         return force_covariance(self.error, self.shared)
 
     @property
     def wanders(self) -> bool:
-        """Whether the force changes so slowly within the runs that the errors of their means are
-        not known: of the runs whose force is not constant half have fewer than 10 samples."""
+        """Whether the force drifts so slowly that errors of means are not known: half of the runs
+        without constant force have fewer than 10 independent samples."""
         noisy = self.std > _CONSTANT * np.max(np.abs(self.force))
         return bool(noisy.any() and np.median(self.effective[noisy]) < _FEWEST_SAMPLES)
 
@@ -110,7 +110,7 @@ class SteadyCurve:
 
 
 def force_covariance(error: np.ndarray, shared: np.ndarray | None) -> np.ndarray:
-    """Covariance (R, R) of errors (R,) of which a part `shared` (R, p) is of p common ones."""
+    """Return the covariance (R, R) of errors (R,), with a part `shared` (R, p) of p common ones."""
     if shared is None:
         return np.diag(error**2)
     return np.diag(error**2 - np.sum(shared**2, axis=1)) + shared @ shared.T
@@ -126,23 +126,22 @@ def read_steady(
     drop_bad: bool = False,
     window: tuple[Bound, Bound] = (None, None),
 ) -> SteadyCurve:
-    """Read a folder of runs at steady speeds, at any depth, as one curve.
+    """Read a folder of runs at steady speeds, at any depth, as one friction-velocity curve.
 
-    What the force has along the travel, the same both ways (`Load`: the weight of a joint, a
-    spring), is taken out where positions are recorded, and told. Cells that do not belong to the
-    others of a run (`outliers`) are left out of its means, and told. Of a run that sticks and slips
-    (`rests`) whole cycles count. A run is steady where the mean speeds of its ten parts differ from
-    its mean by less than a tenth (and the noise of such means). Rows of a start-up or a stop, whose
-    speed is not yet or no longer that of the middle of the run, are left out. Runs that are not
-    steady, stand still, or whose direction is not determined are left out with a note. The speed is
-    that of the velocity, else that of the position.
+    If positions are recorded, a force that depends on them and is equal in both directions (`Load`:
+    the weight of a joint, a spring) is subtracted, with a note. Outliers (`outliers`) are excluded
+    from the means, with a note. Runs with stick-slip (`rests`) are averaged over whole cycles. A
+    run is steady if the mean speeds of its ten parts differ from its mean by less than 10 % (or by
+    noise alone). Rows of a start-up or a stop are excluded by their speed. Runs that are not
+    steady, stand still, or have no determined direction are excluded with a note. The speed is the
+    recorded velocity, else the derivative of the position.
 
-    **Arguments:** as for `read_axis`; of every run only the rows of the `window` count, from a
-    time since its first row to another (seconds, or "0.6 s"; None: its beginning or end), as where
-    a start-up is seen in the force but not in the speed.
+    **Arguments:** as for `read_axis`. `window` is a time interval since each run's first row
+    (seconds, or "0.6 s"; None: no bound); only its rows are used. It removes a start-up that shows
+    in the force but not in the speed.
 
-    Raises `InputError` for a folder that is none, files that cannot be read, runs in different
-    units, and fewer than 4 steady runs.
+    Raises `InputError` for a path that is no folder, unreadable files, runs in different units, and
+    fewer than 4 steady runs.
     """
     folder = Path(folder)
     one = functools.partial(
@@ -193,7 +192,7 @@ def _slipped(run: Run, slips: Rests) -> StickSlipRun:
 
 
 def _read_all(folder: Path, one: Callable[[Path], AxisRecord]) -> dict[str, AxisRecord]:
-    """The records of all files of a folder, by their path below it."""
+    """Read all files of a folder; return the records by their path below it."""
     records: dict[str, AxisRecord] = {}
     bad: list[str] = []
     files = _files(folder)
@@ -208,7 +207,7 @@ def _read_all(folder: Path, one: Callable[[Path], AxisRecord]) -> dict[str, Axis
 
 
 def _refuse_bad(folder: Path, bad: list[str], count: int) -> None:
-    """One error for all files that cannot be read; advice that all of them end with comes once."""
+    """Raise one error for all unreadable files; advice common to all of them is printed once."""
     if not bad:
         return
     parts = [text.rpartition("; ") for text in bad]
@@ -223,7 +222,7 @@ def _refuse_bad(folder: Path, bad: list[str], count: int) -> None:
 
 
 def _files(folder: Path) -> list[Path]:
-    """Files of runs below a folder, in the order of their paths."""
+    """Return the files of runs below a folder, sorted by path."""
     if folder.is_file():
         raise InputError(
             f"{folder} is one file; a steady curve needs a folder of at least {MIN_RUNS} runs,"
@@ -250,7 +249,7 @@ def _files(folder: Path) -> list[Path]:
 
 
 def _stuck(runs: list[Run], used: list[Run]) -> tuple[str, ...]:
-    """Runs without a steady speed that were slower than the slowest that has one."""
+    """Return the runs without a steady speed that were slower than the slowest steady run."""
     slowest = min(abs(run.speed) for run in used)
     return tuple(run.name for run in runs if run.refused and run.speed < slowest)
 
@@ -280,7 +279,7 @@ def _check_runs(
 def _provenance(
     folder: Path, runs: list[Run], used: list[Run], records: Mapping[str, AxisRecord]
 ) -> Provenance:
-    """Origin of the runs, and what was left out of them."""
+    """Return the origin of the runs, with notes on excluded runs and rows."""
     folders = sorted({Path(run.name).parent.as_posix() for run in used})
     notes = [f"{len(used)} steady runs of {len(runs)} files, from {', '.join(folders)}"]
     if len(folders) > 1:
@@ -290,11 +289,7 @@ def _provenance(
         count = sum(run.outliers for run in wild)
         total = sum(run.samples + run.outliers for run in used)
         named = ", ".join(f"{run.outliers} of {run.name}" for run in wild)
-        do = "does" if count == 1 else "do"
-        notes.append(
-            f"outliers: {count} of {total} rows {do} not belong to the others of the run, left out:"
-            f" {named}"
-        )
+        notes.append(f"outliers: {count} of {total} rows left out: {named}")
     notes += [f"{run.name} is left out: {run.refused}" for run in runs if run.refused]
     notes += [f"{run.name}: {run.note}" for run in used if run.note]
     own = {run.name: records[run.name].provenance.notes for run in used}

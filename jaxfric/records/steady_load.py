@@ -1,12 +1,12 @@
-"""The force along the travel of runs at steady speeds: the weight of a joint, a spring, a slope.
+"""Position-dependent force of runs at steady speeds: the weight of a joint, a spring, a slope.
 
     F = f(run) + w(q) + sgn v u(q) + r sgn v t
 
-Every run has a level f of its own, so that only what changes within a run tells of the position q.
-w is the same both ways, the half sum of both directions at one place; u is friction that changes
-along the travel, their half difference; r is friction that changes with time. Of a joint w is
-a sin q + b cos q, of a linear axis k q, and u alike. Columns are less their mean over the travel:
-the weight there stays in the offset of the curve.
+Every run has its own level f, so that only changes within a run determine w and u. w is equal in
+both directions, half their sum at one position q. u is friction that depends on the position, half
+their difference. r is friction that changes with time. For a joint w is a sin q + b cos q, for a
+linear axis k q; u has the same form. The mean over the travel is subtracted from each column, so
+that the mean load stays in the offset of the curve.
 """
 
 import dataclasses
@@ -19,12 +19,12 @@ from .steady_mean import effective_samples
 from .steady_run import Run
 
 _ACCEPT = 10.0
-"""Fall of BIC for which a dependence on the position is taken, as for an effect of a loop: "very
+"""Least decrease of BIC for a dependence on the position, as for an effect of a loop: "very
 strong" evidence (Kass and Raftery 1995, doi:10.1080/01621459.1995.10476572)."""
 _ROUNDS = 3
-"""Times that the rows of every run are weighed anew by what is left of them."""
+"""Number of reweightings of the runs by their residuals."""
 _SINGULAR = 1e-10
-"""Least eigenvalue of the scaled normal matrix, over the largest, of columns that are told apart"""
+"""Least ratio of the eigenvalues of the scaled normal matrix; below it columns are collinear."""
 _NAMES = {"rotary": ("a", "b"), "linear": ("k",)}
 _FRICTION_NAMES = {"rotary": ("a_friction", "b_friction"), "linear": ("m",)}
 _EFFECTS = {"rotary": "gravity", "linear": "position_dependence"}
@@ -32,13 +32,13 @@ _EFFECTS = {"rotary": "gravity", "linear": "position_dependence"}
 
 @dataclass(frozen=True, eq=False)
 class Load:
-    """What the force of steady runs has along the travel; arrays are read-only, in SI.
+    """Position-dependent force of steady runs; arrays are read-only, in SI.
 
     - `effect`: "gravity", a sin q + b cos q of a joint, or "position_dependence", k q of a linear
-      axis; `names`, `values` and `covariance` of its parameters, those of friction that changes
-      along the travel among them (m of a linear axis; of a joint a_friction sin q + b_friction
-      cos q) where it was found.
-    - `centre`: mean of every column over the travel, at which the offset of the curve holds it.
+      axis.
+    - `names`, `values` and `covariance` of its parameters. They include friction that depends on
+      the position if found: m of a linear axis, a_friction sin q + b_friction cos q of a joint.
+    - `centre`: mean of every column over the travel, which the offset of the curve contains.
     """
 
     effect: str
@@ -59,11 +59,11 @@ class Load:
 
     @property
     def both_ways(self) -> int:
-        """Number of parameters of what is the same both ways; they come first."""
+        """Number of parameters of the force equal in both directions; they come first."""
         return len(_NAMES["rotary" if self.effect == "gravity" else "linear"])
 
     def size(self) -> tuple[float, float]:
-        """Amplitude of the part that is the same both ways, and its standard error."""
+        """Return the amplitude of the force equal in both directions, and its standard error."""
         p = self.both_ways
         found = float(np.linalg.norm(self.values[:p]))
         along = self.values[:p] / found
@@ -71,8 +71,8 @@ class Load:
 
 
 def load_of(runs: Sequence[Run], coordinate: str) -> Load | None:
-    """What the force has along the travel; None where positions are not recorded in all runs,
-    where one direction is not, or where nothing of the kind is seen."""
+    """Return the position-dependent force; None if it is not significant, if a run lacks positions,
+    or if all runs have one direction."""
     rows = [run.rows for run in runs if run.rows is not None]
     placed = [(own, own.position) for own in rows if own.position is not None]
     signs = np.sign([run.speed for run in runs])
@@ -98,8 +98,8 @@ def load_of(runs: Sequence[Run], coordinate: str) -> Load | None:
 
 
 def without_load(load: Load, run: Run, coordinate: str) -> tuple[Run, np.ndarray]:
-    """A run less the load, its means and errors anew; and the derivative (p,) of its mean force by
-    the parameters of the load, with its sign turned."""
+    """Return a run without the load, with new means and errors, and minus the derivative (p,) of
+    its mean force by the parameters of the load."""
     assert run.rows is not None and run.rows.position is not None
     columns = _columns(run.rows.position, coordinate) - load.centre
     if len(load.names) > columns.shape[1]:
@@ -117,27 +117,27 @@ def without_load(load: Load, run: Run, coordinate: str) -> tuple[Run, np.ndarray
 
 
 def _columns(position: np.ndarray, coordinate: str) -> np.ndarray:
-    """sin q and cos q of a joint, q of a linear axis (n, p)."""
+    """Return sin q and cos q of a joint, q of a linear axis (n, p)."""
     if coordinate == "rotary":
         return np.stack([np.sin(position), np.cos(position)], axis=1)
     return position[:, None]
 
 
 _Regressed = tuple[np.ndarray, np.ndarray, float]
-"""Values, their covariance, and how many independent samples they rest on."""
+"""Values, their covariance, and the number of independent samples."""
 
 
 def _regressed(columns: list[np.ndarray], forces: list[np.ndarray]) -> _Regressed | None:
-    """Least squares of the forces on columns, each run with a level and a noise of its own.
+    """Regress the forces on columns by least squares, with a level and a noise for each run.
 
-    The noise of a run is that of what is left of it: its rows count as many as the independent
-    samples that they are worth. None where the columns are not told apart.
+    The noise of a run is that of its residual, and its rows count as `effective_samples`
+    independent ones. None for collinear columns.
     """
     matrix = np.concatenate([x - x.mean(axis=0) for x in columns])
     force = np.concatenate([f - f.mean() for f in forces])
     sizes = [len(f) for f in forces]
     ends = np.cumsum(sizes)[:-1]
-    least = (1e-12 * float(np.ptp(force))) ** 2 + 1e-300  # of a force without noise
+    least = (1e-12 * float(np.ptp(force))) ** 2 + 1e-300  # for a force without noise
     size = np.sqrt(np.sum(matrix**2, axis=0))
     size = np.where(size > 0, size, 1.0)
     values, normal, samples = np.zeros(len(size)), np.eye(len(size)), 0.0
@@ -155,7 +155,7 @@ def _regressed(columns: list[np.ndarray], forces: list[np.ndarray]) -> _Regresse
 
 
 def _seen(values: np.ndarray, covariance: np.ndarray, samples: float, part: list[int]) -> bool:
-    """Whether a part of the values is worth more than what BIC asks for its number."""
+    """Whether a part of the values lowers BIC by more than `_ACCEPT`."""
     own = values[part]
     gain = float(own @ np.linalg.solve(covariance[np.ix_(part, part)], own))
     return gain > len(own) * np.log(samples) + _ACCEPT

@@ -1,5 +1,4 @@
-"""Means of correlated samples: cells that do not belong to them, and how many independent samples
-they are worth."""
+"""Means of correlated samples: outliers, and the number of independent samples."""
 
 import math
 from statistics import NormalDist
@@ -8,26 +7,25 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 _BATCH = 5
-"""Rows that are averaged before slow changes are looked for."""
+"""Number of rows in a mean for the search of slow changes."""
 _FAR = 6.0
-"""Scales from the median beyond which a sample does not belong to the others."""
+"""Distance of an outlier from the median, in scales."""
 _FEWEST = 10
 _FEW = 3
 _SHARE = 0.01
-"""Largest share of the samples that may be outliers; `_FEW` of them are always allowed."""
+"""Largest share of outliers; `_FEW` of them are always allowed."""
 
 
 def outliers(values: ArrayLike) -> np.ndarray:
-    """Mask (n,) of the samples that do not belong to the others.
+    """Return a mask (n,) of the outliers, which lie more than 6 scales from the median.
 
-    They lie more than 6 scales from the median. The scale is the smallest one that the distances
-    of all but m = max(3, n/100) samples allow: that of the (n - m)-th distance, of the median
-    distance if that is larger, each divided by what it is of Gaussian noise of scale 1, and at
-    least one step between values that occur (of a coarse recorder; of a constant its size/6). So
-    Gaussian noise, a ripple or stick-slip of which more than m samples are far out lose none; a
-    sample that is kept moves the mean by at most 6 scales/n; more than m wrong cells can stay.
+    With m = max(3, n/100), the scale is the largest of three: the (n - m)-th smallest distance from
+    the median and the median distance, each divided by its value for Gaussian noise of scale 1, and
+    the smallest step between values (of a constant its size/6). So Gaussian noise, a ripple, or
+    stick-slip with more than m far samples lose no sample. A sample that is kept moves the mean by
+    at most 6 scales/n. More than m wrong cells can remain.
 
-    Nothing is found among fewer than 10 samples. Not tried: what is wrong in many rows.
+    Fewer than 10 samples have no outliers. Limitation: errors in many rows are not found.
     """
     x = np.asarray(values, np.float64)
     n = len(x)
@@ -45,17 +43,17 @@ def outliers(values: ArrayLike) -> np.ndarray:
 
 
 def effective_samples(values: ArrayLike) -> float:
-    """Number of independent samples that n correlated ones are worth, n / (2 tau), in 1..n.
+    """Return the number of independent samples of n correlated ones, n / (2 tau), in 1..n.
 
     tau = 1/2 + sum of the autocorrelation over the lags 1..W is the integrated autocorrelation
     time, W the first lag with W >= 5 tau(W) (automatic windowing: A. Sokal, Monte Carlo Methods in
-    Statistical Mechanics, 1996, sec. 3). The autocovariances lack the variance of the mean that
-    was taken off, which is put back (U. Wolff, Comput. Phys. Commun. 156 (2004) 143, sec. 3.3).
-    A fast ripple may close the window before slow changes are seen; so the means of 5 rows are
-    judged as well, n = var(x) / var(mean), and the smaller count is taken.
+    Statistical Mechanics, 1996, sec. 3). Subtracting the mean lowers the autocovariances by its
+    variance, which is added again (U. Wolff, Comput. Phys. Commun. 156 (2004) 143, sec. 3.3).
+    A fast ripple may end the window before slow changes appear. So n = var(x) / var(mean) is also
+    computed with means of 5 rows, and the smaller number is returned.
 
-    A constant is worth 1 sample. Not tried: runs shorter than about 50 tau, whose tau comes out
-    too small.
+    A constant counts as 1 sample. Limitation: in runs shorter than about 50 tau, tau is
+    underestimated.
     """
     x = np.asarray(values, np.float64)
     n = float(len(x))
@@ -68,7 +66,7 @@ def effective_samples(values: ArrayLike) -> float:
 
 
 def _correlation_time(x: np.ndarray) -> float:
-    """Integrated autocorrelation time in samples; half their number for a constant."""
+    """Return the integrated autocorrelation time in samples; for a constant half their number."""
     n = len(x)
     if n < 3 or np.ptp(x) == 0:
         return n / 2

@@ -1,4 +1,4 @@
-"""One run at a steady speed: its steady rows, and their means."""
+"""One run at a steady speed: its steady rows, and the means over them."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -11,39 +11,39 @@ from .rows import MIN_ROWS
 from .steady_mean import effective_samples, outliers
 
 _BATCH = 5
-"""Rows that are averaged before a start-up is looked for."""
+"""Number of rows in a mean for the search of a start-up."""
 _BLOCKS = 10
-"""Parts of a run whose mean speeds are compared."""
+"""Number of parts of a run whose mean speeds are compared."""
 _MOST_CUT = 4
-"""Parts that may be left out at the ends of a run because their speed differs."""
+"""Largest number of parts that may be cut off at the ends of a run."""
 _CHANGE = 0.1
-"""The mean speed of a part differs from that of the run by less than this fraction."""
+"""Largest relative deviation of a part's mean speed from that of the run."""
 _BACKWARD = 0.25
 """A run that goes backward in more than this fraction of its rows has no direction."""
 _UNEVEN = 0.25
-"""A spread of the speed above this fraction of its mean is told."""
+"""A run is uneven if the standard deviation of its speed exceeds this fraction of the mean."""
 
 
 class SteadyRows(NamedTuple):
-    """The rows of a run of which its means are; arrays (n,), read-only."""
+    """The rows of a run that its means use; arrays (n,), read-only."""
 
     number: np.ndarray
     """Indices of the rows in the record, from 0."""
     time: np.ndarray
-    """Since the first row of the record [s]."""
+    """Time since the first row of the record [s]."""
     force: np.ndarray
-    """[unit of the force of the curve], less the load that the curve found along the travel"""
+    """Force in the unit of the curve, without the position-dependent load of the curve."""
     position: np.ndarray | None = None
-    """[m or rad]; None where it is not recorded"""
+    """Position [m or rad]; None if not recorded."""
 
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """Means over the steady part of a run; or why there is none."""
+    """Means over the steady part of a run, or the reason why it is refused."""
 
     name: str
     speed: float = 0.0
-    """Mean; of a run that is refused the root of the mean square."""
+    """Mean speed; for a refused run the root mean square."""
     speed_std: float = 0.0
     force: float = 0.0
     std: float = 0.0
@@ -54,16 +54,16 @@ class Run:
     uneven: bool = False
     """Whether the axis moved unevenly, or its speed is recorded too coarsely to tell."""
     outliers: int = 0
-    """Rows that are left out because they do not belong to the others."""
+    """Number of excluded outliers."""
     rows: SteadyRows | None = None
-    """The rows of the steady part; None for a run that is refused."""
+    """The rows of the steady part; None for a refused run."""
     rests: Rests | None = None
-    """The stick-slip of the run, whose means are then of whole cycles; None where it has none."""
+    """Stick-slip of the run, whose means are then over whole cycles; None without stick-slip."""
 
 
 @dataclass(frozen=True)
 class _Rows:
-    """The rows of a run without those that do not belong to the others."""
+    """The rows of a run without outliers."""
 
     number: np.ndarray
     """Indices of the rows in the record."""
@@ -71,17 +71,17 @@ class _Rows:
     speed: np.ndarray
     force: np.ndarray
     position: np.ndarray | None
-    """Position of the rows; None where it is not recorded."""
+    """Position of the rows; None if not recorded."""
 
     def part(self, rows: slice | np.ndarray) -> "_Rows":
-        """A slice or selection of these rows."""
+        """Return a slice or selection of these rows."""
         position = None if self.position is None else self.position[rows]
         time, speed, force = self.time[rows], self.speed[rows], self.force[rows]
         return _Rows(self.number[rows], time, speed, force, position)
 
 
 def steady_run(name: str, record: AxisRecord) -> Run:
-    """Means of a run, or why it is none."""
+    """Return the means of a run, or the reason why it is refused."""
     whole = _rows(record)
     if not np.any(whole.speed):
         return Run(name, refused="the axis stands still")
@@ -128,7 +128,8 @@ def steady_run(name: str, record: AxisRecord) -> Run:
 
 
 def _rests(whole: _Rows, record: AxisRecord) -> Rests | None:
-    """The stick-slip of a run, by the velocity or the position, whichever tells rest better."""
+    """Return the stick-slip of a run, from the velocity or the position, whichever resolves rest
+    better."""
     speeds = [whole.speed]
     if whole.position is not None and not _of_position(record):
         speeds.append(np.gradient(whole.position, whole.time))
@@ -138,7 +139,7 @@ def _rests(whole: _Rows, record: AxisRecord) -> Rests | None:
 
 
 def _stick_slip(slips: Rests, record: AxisRecord) -> str:
-    """A sentence on the stick-slip of a run."""
+    """Return a note on the stick-slip of a run."""
     return (
         f"stick-slip: at rest {100 * slips.at_rest:.0f} % of the time, in {slips.stops} stops, and"
         f" at {shown_speed(slips.fast, record)} between"
@@ -146,13 +147,13 @@ def _stick_slip(slips: Rests, record: AxisRecord) -> str:
 
 
 def _commanded(record: AxisRecord, rows: np.ndarray) -> np.ndarray | None:
-    """The velocity of the reference at some rows; None where it is not recorded."""
+    """Return the velocity of the reference at the given rows; None if not recorded."""
     reference = record.reference_position
     return None if reference is None else np.gradient(reference, record.relative_time)[rows]
 
 
 def _kept(part: _Rows) -> SteadyRows:
-    """Copies of the rows, read-only."""
+    """Return read-only copies of the rows."""
     kept = [np.array(x) for x in (part.number, part.time, part.force)]
     kept += [] if part.position is None else [np.array(part.position)]
     for values in kept:
@@ -161,18 +162,18 @@ def _kept(part: _Rows) -> SteadyRows:
 
 
 def _of_position(record: AxisRecord) -> bool:
-    """Whether the speed of a record is that of its position."""
+    """Whether the speed of a record is derived from its position."""
     return record.position is not None and (record.velocity is None or not np.any(record.velocity))
 
 
 def _rows(record: AxisRecord) -> _Rows:
-    """Time, speed and force; of the position where there is no velocity."""
+    """Return time, speed and force; without a recorded velocity differentiate the position."""
     time, speed = record.relative_time, record.velocity
     rows, position = np.arange(len(time)), record.position
     if position is not None and _of_position(record):
-        from scipy.ndimage import median_filter  # only here: reading is quick without SciPy
+        from scipy.ndimage import median_filter  # imported late: reading rarely needs SciPy
 
-        # a wrong cell stands out from the two before and after it
+        # a wrong cell differs from the two cells before and after it
         rows = np.flatnonzero(~outliers(position - median_filter(position, 5)))
         position = position[rows]
         speed = np.gradient(position, time[rows])
@@ -182,7 +183,7 @@ def _rows(record: AxisRecord) -> _Rows:
 
 
 def _told(wild: np.ndarray, part: _Rows, record: AxisRecord) -> str:
-    """A sentence on the rows that are left out, with the worst of them."""
+    """Return a note on the excluded outliers, with the most extreme one."""
     channels = {"motor_force": (record.motor_force, part.force)}
     if not _of_position(record) and record.velocity is not None:
         channels["velocity"] = (record.velocity, part.speed)
@@ -192,35 +193,35 @@ def _told(wild: np.ndarray, part: _Rows, record: AxisRecord) -> str:
         k = int(wild[np.argmax(np.abs(values[wild] - middle))])
         text = f"row {k + 1}: {name} {values[k]:.4g}, the others {middle:.4g} ± {spread:.2g}"
         worst = max(worst, (abs(float(values[k]) - middle) / spread, text))
-    rows = "1 row does" if len(wild) == 1 else f"{len(wild)} rows do"
+    rows = "1 outlier" if len(wild) == 1 else f"{len(wild)} outliers"
     example = worst[1] or f"row {wild[0] + 1}"
-    return f"left out: {rows} not belong to the others ({example})"
+    return f"{rows} left out ({example})"
 
 
 def _refusal(speed: np.ndarray, whole: np.ndarray, record: AxisRecord) -> str:
-    """Why a part of a run gives no mean; empty where it does."""
+    """Return the reason why a part of a run gives no mean, or ''."""
     if len(speed) < MIN_ROWS:
         return _range(whole, record) + ", no steady part of 20 rows"
     if not _is_steady(speed):
         means = [part.mean() for part in np.array_split(whole, _BLOCKS)]
         low, high = (shown_speed(float(x), record) for x in (min(means), max(means)))
         return (
-            f"its speed is not steady: means of its tenths are {low} to {high}, and no"
-            f" {_BLOCKS - _MOST_CUT} of them in a row agree (--from and --to choose the rows)"
+            f"its speed is not steady: means over its tenths are {low} to {high}, and no"
+            f" {_BLOCKS - _MOST_CUT} consecutive ones agree (choose rows with --from and --to)"
         )
     mean, spread = float(speed.mean()), float(speed.std(ddof=1))
     if abs(mean) <= 3 * spread / np.sqrt(effective_samples(speed)):
         shown = shown_speed(mean, record)
         return f"the direction of its mean speed, {shown}, is not determined"
     if np.mean(np.sign(speed) == -np.sign(mean)) > _BACKWARD:
-        return _range(whole, record) + ", it turns back again and again"
+        return _range(whole, record) + ", it often moves backwards"
     return ""
 
 
 def _unevenness(speed: np.ndarray, mean: float, record: AxisRecord) -> str:
-    """A sentence on how unevenly a run moves, or that the recorder hides it; empty: it is even.
+    """Return a note if a run moves unevenly or is recorded too coarsely to decide, else ''.
 
-    A steady speed that is recorded in steps of q spreads by less than q about its mean.
+    A steady speed with quantisation step q has a standard deviation below q.
     """
     spread, step = float(speed.std(ddof=1)), _step(speed)
     share = f"{100 * spread / abs(mean):.0f} % of its mean, {shown_speed(mean, record)}"
@@ -228,24 +229,24 @@ def _unevenness(speed: np.ndarray, mean: float, record: AxisRecord) -> str:
         return ""
     if spread <= step:
         return (
-            f"how evenly it moves is not seen: its speed is recorded in steps of"
-            f" {shown_speed(step, record)} and spreads by {share}"
+            f"its speed is recorded too coarsely to show uneven motion: steps of"
+            f" {shown_speed(step, record)}, standard deviation {share}"
         )
-    return f"moves unevenly: its speed spreads by {share}"
+    return f"moves unevenly: standard deviation of its speed {share}"
 
 
 def _step(speed: np.ndarray) -> float:
-    """The smallest step between speeds that occur; 0 where there is one speed only."""
+    """Return the smallest step between recorded speeds; 0 for a constant."""
     steps = np.diff(np.unique(speed))
     return float(steps[steps > 1e-9 * np.ptp(speed)].min()) if len(steps) else 0.0
 
 
 def steady_rows(speed: np.ndarray) -> tuple[int, int]:
-    """First row of the steady part of a run, and the row after its last.
+    """Return the first row of the steady part of a run, and the row after its last.
 
-    Means of 5 rows are compared with the median of those in the middle half: a start-up ends
-    with the first three in a row that are within six times their scatter (at least 5 % of the
-    median, at least one step of the recorder).
+    Means of 5 rows are compared with the median of the means in the middle half. A start-up ends
+    with the first three consecutive means within six times their scatter (at least 5 % of the
+    median and one quantisation step).
     """
     count = len(speed) // _BATCH
     means = speed[: count * _BATCH].reshape(count, _BATCH).mean(axis=1)
@@ -259,10 +260,10 @@ def steady_rows(speed: np.ndarray) -> tuple[int, int]:
 
 
 def _settled_rows(speed: np.ndarray) -> tuple[int, int]:
-    """`steady_rows`; where these are not steady, the most tenths of the run in a row that are.
+    """Return `steady_rows` or, if these are not steady, the longest steady sequence of tenths.
 
-    Scatter that is larger than the speed hides a start-up from means of five rows; means of tenths
-    still show it. Of as many tenths the later ones are taken: a start-up is commoner than a stop.
+    If the scatter exceeds the speed, means of five rows do not show a start-up, but means of tenths
+    do. Of equally long sequences the last is taken: a start-up is more common than a stop.
     """
     start, stop = steady_rows(speed)
     if stop - start < MIN_ROWS or _is_steady(speed[start:stop]):
@@ -277,7 +278,7 @@ def _settled_rows(speed: np.ndarray) -> tuple[int, int]:
 
 
 def _leading(inside: np.ndarray) -> int:
-    """Number of batches before the first three in a row that are inside."""
+    """Return the number of batches before the first three consecutive ones that are inside."""
     if inside[0]:
         return 0
     settled = inside[2:] & inside[1:-1] & inside[:-2]
@@ -285,10 +286,10 @@ def _leading(inside: np.ndarray) -> int:
 
 
 def _is_steady(speed: np.ndarray) -> bool:
-    """Whether the parts of a run have one mean speed.
+    """Whether the parts of a run have the same mean speed.
 
-    The noise of a part's mean is judged by differences of neighbours, which a slow change of
-    speed leaves alone.
+    The noise of a part's mean is estimated from differences of neighbours, which cancel a slow
+    change of speed.
     """
     parts = np.array_split(speed, _BLOCKS)
     means = np.array([part.mean() for part in parts])
@@ -303,7 +304,7 @@ def _range(speed: np.ndarray, record: AxisRecord) -> str:
 
 
 def shown_speed(speed: float, record: AxisRecord) -> str:
-    """A speed, given in m/s or rad/s, as text in mm/s or rpm."""
+    """Format a speed in m/s or rad/s as text in mm/s or rpm."""
     if record.coordinate == "rotary":
         return f"{speed * 30 / np.pi:.4g} rpm"
     return f"{speed * 1e3:.4g} mm/s"

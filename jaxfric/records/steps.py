@@ -1,4 +1,4 @@
-"""Velocity steps of the load point: written down, or found in a record."""
+"""Velocity steps of the load point: stated by the user, or found in a record."""
 
 from dataclasses import dataclass, replace
 
@@ -12,14 +12,14 @@ from .record import Record
 from .sizes import SIZES
 
 _BEFORE = 1e-9
-"""How long [s] the velocity before the first row lasts in a record that begins at a step: less than
-any sampling interval, and more than rounding errors of a time near 0."""
+"""Duration [s] of the velocity before the first row, if a record begins at a step. It is shorter
+than any sampling interval and longer than rounding errors of a time near 0."""
 
 _ROUNDING = 1e-9
-"""Moves below this share of the whole path are no motion, but rounding errors of sums."""
+"""Moves below this share of the whole path are rounding errors of sums."""
 
 _PARTS, _SEVERAL = 20, 1.5
-"""Parts of a record whose speeds are compared, and the ratio from which they are several."""
+"""Number of parts of a record whose speeds are compared; ratio above which speeds differ."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,8 +27,8 @@ class VelocitySteps:
     """A load point that moves at `velocities[i]` [m/s] from `times[i]` [s] on.
 
     Times count from the first row of the record; `times[0]` is 0. A velocity may be 0 (a
-    hold) or negative. `time_errors` and `velocity_errors` are standard errors where the steps
-    were found in data, else None; `time_errors[0]` is 0.
+    hold) or negative. `time_errors` and `velocity_errors` are standard errors of steps found in
+    data, else None; `time_errors[0]` is 0.
     """
 
     times: np.ndarray
@@ -51,12 +51,12 @@ class VelocitySteps:
 
     @classmethod
     def parse(cls, text: str) -> "VelocitySteps":
-        """Steps from text such as "0 s: 2.289 um/s, 73.2 s: 22.86 um/s".
+        """Parse steps from text such as "0 s: 2.289 um/s, 73.2 s: 22.86 um/s".
 
-        "before: 2 um/s, 0 s: 20 um/s" are those of a record that begins at a step.
+        For a record that begins at a step write "before: 2 um/s, 0 s: 20 um/s".
 
-        Raises `InputError` for text that is not of this form, units that are missing or
-        wrong, a first time that is not 0, and times that do not increase.
+        Raises `InputError` for text of another form, missing or wrong units, a first time other
+        than 0, and times that do not increase.
         """
         times, velocities, before = [], [], False
         for part in filter(None, (piece.strip() for piece in text.replace(";", ",").split(","))):
@@ -79,14 +79,14 @@ class VelocitySteps:
         return cls(np.array(times), np.array(velocities))
 
     def refuse_end(self, end: float) -> None:
-        """Raises `InputError` where the last velocity begins at the record's end [s] or later."""
+        """Raise `InputError` if the last velocity begins at the record's end [s] or later."""
         if self.times[-1] >= end:
             raise InputError(
                 f"steps: the last begins at {self.times[-1]:g} s, but the record ends at {end:g} s"
             )
 
     def text(self, unit: str = "um/s", digits: int = 6) -> str:
-        """The steps as text that `parse` reads back."""
+        """Format the steps as text that `parse` reads."""
         names = [format_si(time, "s", "s", digits) for time in self.times]
         if len(self) > 1 and self.times[1] == _BEFORE:
             names[:2] = "before", "0 s"
@@ -96,12 +96,12 @@ class VelocitySteps:
         )
 
     def velocity(self, time: ArrayLike) -> np.ndarray:
-        """Velocity [m/s] at times [s]; at a step, the one after it."""
+        """Return the velocity [m/s] at times [s]; at a step the velocity after it."""
         index = np.searchsorted(self.times, np.asarray(time), side="right") - 1
         return self.velocities[np.maximum(index, 0)]
 
     def displacement(self, time: ArrayLike) -> np.ndarray:
-        """Displacement since time 0 [m] at times [s]."""
+        """Return the displacement since time 0 [m] at times [s]."""
         at = np.asarray(time, dtype=np.float64)
         index = np.maximum(np.searchsorted(self.times, at, side="right") - 1, 0)
         travelled = np.concatenate([[0.0], np.cumsum(np.diff(self.times) * self.velocities[:-1])])
@@ -111,23 +111,23 @@ class VelocitySteps:
 def find_steps(
     time: ArrayLike, displacement: ArrayLike, friction: ArrayLike | None = None
 ) -> VelocitySteps:
-    """The velocity steps of a load point, from its measured displacement.
+    """Find the velocity steps of a load point in its measured displacement.
 
-    A continuous broken line is fitted to the displacement; the velocity is never
-    differenced from it. A step is named where it lifts the line by 25 times the scatter about it,
-    |v2 - v1| T1 T2 / (T1 + T2) for velocities held for T1 and T2, and where it changes the
-    velocity by 7 % of the larger one; a third of that lift is enough where `friction` answers.
-    Ripple, drift and lone glitches are not named. Sampling may be uneven, and change with the
-    velocity; noise may be correlated. A velocity that moves the load point by less than twice
-    the scatter over its whole length is a hold, and exactly 0.
+    A continuous piecewise linear function is fitted to the displacement, which is never
+    differenced. A step must change the velocity by 7 % of the larger one. Its height,
+    |v2 - v1| T1 T2 / (T1 + T2) for velocities that last T1 and T2, must be 25 times the scatter
+    about the line; a third of that is enough if `friction` responds. Ripple, drift and isolated
+    glitches give no steps. Sampling may be uneven, and change with the velocity; noise may be
+    correlated. A velocity is a hold, exactly 0, if it moves the load point by less than twice the
+    scatter.
 
     **Arguments:** `time` [s], increasing; `displacement` [m], at least 20 rows; `friction` of the
-    same rows, in any unit, where it is known.
+    same rows in any unit, or None.
 
-    **Returns:** steps with standard errors; a single velocity where there is no step.
+    **Returns:** steps with standard errors; a single velocity if there is no step.
 
-    Raises `InputError` for arrays that do not fit together or are not finite. Not tried: a
-    velocity that changes slowly (ramps come out as a few steps), steps closer than 5 rows.
+    Raises `InputError` for arrays of different length or with values that are not finite.
+    Limitations: a ramp of the velocity gives a few steps; steps closer than 5 rows are missed.
     """
     t, y = np.asarray(time, np.float64), np.asarray(displacement, np.float64)
     if t.ndim != 1 or t.shape != y.shape or len(t) < 20:
@@ -145,17 +145,17 @@ def find_steps(
 
 
 def find_steps_in_velocity(time: ArrayLike, velocity: ArrayLike) -> VelocitySteps:
-    """The velocity steps of a load point, from its measured velocity [m/s].
+    """Find the velocity steps of a load point in its measured velocity [m/s].
 
-    The velocity is integrated (trapezoids: a step between two rows is put half way between
-    them) and handed to `find_steps`. Standard errors of times count that gap.
+    The velocity is integrated by trapezoids, which put a step half way between two rows, and passed
+    to `find_steps`. Standard errors of times include half the gap between the rows.
     """
     t, v = np.asarray(time, np.float64), np.asarray(velocity, np.float64)
     if t.ndim != 1 or t.shape != v.shape:
         raise InputError("find_steps_in_velocity needs two arrays of equal length")
     travelled = np.concatenate([[0.0], np.cumsum(np.diff(t) * (v[1:] + v[:-1]) / 2)])
     found = find_steps(t, travelled)
-    # where between its two rows a velocity stepped, nothing tells: evenly likely over the gap
+    # the time of a step is uniformly distributed between its two rows
     gap = np.diff(t)[np.clip(np.searchsorted(t - t[0], found.times) - 1, 0, len(t) - 2)]
     assert found.time_errors is not None
     errors = np.hypot(found.time_errors, gap / np.sqrt(12))
@@ -164,7 +164,7 @@ def find_steps_in_velocity(time: ArrayLike, velocity: ArrayLike) -> VelocityStep
 
 
 def _velocity(text: str, what: str) -> float:
-    """A velocity as stated, 0 or of a size that there is."""
+    """Parse a velocity, which must be 0 or of a plausible size."""
     value, size = parse_quantity(text, "m/s", what), SIZES["load_point_velocity", "m/s"]
     if value and not size.least <= abs(value) <= size.most:
         advice = "write 0 um/s for a hold" if abs(value) < size.least else "is its unit right?"
@@ -173,9 +173,9 @@ def _velocity(text: str, what: str) -> float:
 
 
 def speeds_without_steps(record: Record, steps: VelocitySteps) -> str | None:
-    """A sentence on a load point whose speed changes, but not in steps; None where it does not.
+    """Return a warning if the speed of the load point changes without a step, else None.
 
-    Its speeds are the means over 20 parts of equal rows; a tenth at either end may stand out.
+    Speeds are means over 20 parts with equally many rows; 10 % at either extreme are ignored.
     """
     if len(steps) > 1:
         return None
@@ -198,7 +198,7 @@ def speeds_without_steps(record: Record, steps: VelocitySteps) -> str | None:
 
 
 def _without_creep(line: BrokenLine) -> np.ndarray:
-    """Velocities; exactly 0 where the load point stays within the scatter, or within rounding."""
+    """Return velocities, exactly 0 where the load point moves less than scatter or rounding."""
     moved = np.abs(line.slopes) * line.lengths
     still = moved < 2 * line.scatter + _ROUNDING * moved.sum()
     still &= np.abs(line.slopes) < 0.01 * np.abs(line.slopes).max()

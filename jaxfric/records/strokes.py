@@ -1,4 +1,4 @@
-"""The strokes of an axis, from one reversal or rest to the next, and the steps of its encoder."""
+"""The strokes of an axis, from one reversal or rest to the next, and its encoder resolution."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -8,20 +8,20 @@ import numpy as np
 from .axis_record import AxisRecord
 
 _LEAST_TRAVEL = 0.01
-"""A stroke is at least this share of the whole travel, and some steps of the encoder."""
+"""Least length of a stroke over the whole travel; it has also a least number of encoder steps."""
 _LEAST_STEPS = 4.0
 _LEAST_NOISE, _RARE = 5.0, 0.01
-"""A stroke is also this many times the scatter beyond neighbours (its 1 - `_RARE` quantile)."""
+"""Least length over the noise, the 1 - `_RARE` quantile of distances beyond neighbours."""
 _BACK_AND_FORTH = 1.2
-"""Within a stroke whose reversals make its path so many times its travel, they are strokes too."""
+"""Smaller reversals within a stroke count if its path is this many times its travel."""
 _END = 0.01
-"""A stroke begins and ends where it is this share of its travel from its ends."""
+"""The rest at either end of a stroke is the part within this share of its travel."""
 _PARTS = 20
-"""The largest speed of a stroke is a mean over one of so many parts."""
+"""The largest speed of a stroke is the largest mean over this fraction, 1/20, of its rows."""
 _ON_GRID = 0.1
 _ON_GRID_SHARE = 0.95
 _MOST_STEPS = 8.5
-"""Values lie on a grid where gaps of up to so many steps are whole ones, to this fraction."""
+"""Values lie on a grid if gaps of up to `_MOST_STEPS` steps are integers within `_ON_GRID`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +43,7 @@ class Strokes:
 
 
 def position_of(record: AxisRecord) -> np.ndarray:
-    """The position; where it was not recorded, that of the velocity, from 0."""
+    """Return the position or, if not recorded, the integrated velocity, from 0."""
     if record.position is not None:
         return record.position
     time, velocity = record.relative_time, record.velocity
@@ -53,8 +53,8 @@ def position_of(record: AxisRecord) -> np.ndarray:
 
 
 def find_strokes(record: AxisRecord) -> Strokes:
-    """The strokes of a record. What moves less than a hundredth of the travel around it, a few
-    steps of the encoder or the noise of the position is rest."""
+    """Return the strokes of a record. Moves below 1 % of the surrounding travel, a few encoder
+    steps, or the noise of the position count as rest."""
     time, position = record.relative_time, position_of(record)
     step = encoder_step(position) or 0.0
     noise = float(np.quantile(beyond_neighbours(position), 1 - _RARE))
@@ -71,7 +71,7 @@ def find_strokes(record: AxisRecord) -> Strokes:
 
 
 def encoder_step(position: np.ndarray) -> float | None:
-    """The smallest step of a position, where its values lie on a grid; None where they do not."""
+    """Return the smallest step of a position whose values lie on a grid, else None."""
     gaps = np.diff(np.unique(position))
     gaps = gaps[gaps > 1e-9 * np.ptp(position)]
     if len(gaps) < 3:
@@ -86,7 +86,7 @@ def encoder_step(position: np.ndarray) -> float | None:
 
 
 def beyond_neighbours(values: np.ndarray) -> np.ndarray:
-    """Distance of each of n values from the interval between its two neighbours, (n - 2,); 0
+    """Return the distance (n - 2,) of each of n values from the interval between its neighbours; 0
     inside."""
     low = np.minimum(values[:-2], values[2:])
     high = np.maximum(values[:-2], values[2:])
@@ -94,8 +94,8 @@ def beyond_neighbours(values: np.ndarray) -> np.ndarray:
 
 
 def _all_turns(position: np.ndarray, least: float) -> list[int]:
-    """`_turns` of a hundredth of the travel, or `least`; and in its turn of what goes back and
-    forth between two of them, as the end of a chirp."""
+    """Return the `_turns` of at least 1 % of the travel, and recursively the smaller reversals
+    between two of them, as at the end of a chirp."""
     turns = _turns(position, max(_LEAST_TRAVEL * float(np.ptp(position)), least))
     found = turns[:1]
     for i, j in pairwise(turns):
@@ -110,7 +110,7 @@ def _all_turns(position: np.ndarray, least: float) -> list[int]:
 
 
 def _turns(position: np.ndarray, least: float) -> list[int]:
-    """Rows of the first and last position and of the reversals, between which it moves `least`."""
+    """Return the rows of the first and last position and of reversals at least `least` apart."""
     values = position.tolist()
     turns, extreme, sign = [0], 0, 0
     for i, here in enumerate(values):
@@ -126,13 +126,13 @@ def _turns(position: np.ndarray, least: float) -> list[int]:
 
 
 def _moving(position: np.ndarray, i: int, j: int) -> tuple[int, int]:
-    """The rows of a stroke between the turns i and j, without the rest at its ends."""
+    """Return first and last row of a stroke between the turns i and j, without rest at its ends."""
     done = (position[i : j + 1] - position[i]) / (position[j] - position[i])
     return i + int(np.flatnonzero(done <= _END)[-1]), i + int(np.argmax(done >= 1 - _END))
 
 
 def _fastest(time: np.ndarray, position: np.ndarray, i: int, j: int) -> float:
-    """The largest mean speed over a part of the rows i..j."""
+    """Return the largest mean speed over a part of the rows i..j."""
     w = max(1, (j - i) // _PARTS)
     rows = slice(i, j + 1)
     t, q = time[rows], position[rows]

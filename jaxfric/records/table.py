@@ -1,4 +1,4 @@
-"""Reads any file of columns as it is: names, units as written, numbers, without a meaning."""
+"""A table as a file holds it: names, units as written, and numbers, without roles."""
 
 import re
 from collections.abc import Callable, Iterable, Mapping
@@ -10,22 +10,22 @@ from ..errors import InputError
 from ..units import has_dimension, parse_quantity
 
 _FEW, _FEW_SHARE = 5, 0.05
-"""Rows (and share of them) that may be empty at either edge."""
+"""Number (and share) of rows that may be empty at the start and at the end."""
 
 HOW = "or state how often rows were taken: --column 'time=1 kHz'"
-"""Advice where no column is one of times."""
+"""Advice if there is no time column."""
 
 
 @dataclass(frozen=True, eq=False)
 class Table:
     """Columns of numbers with their names, as a file holds them.
 
-    `units` are the texts of the header (None where it gives none); a cell that is no number
-    is NaN; `lines` is the place of every row in the file (line number, or record number in a
-    binary file); `malformed` marks rows with a wrong number of cells, `blank` (rows x columns)
-    cells that hold nothing (None: there are none). Columns differ in length in MATLAB files only.
+    `units` are texts of the header (None without a unit). A cell without a number is NaN. `lines`
+    is the line number of every row, or the record number in a binary file. `malformed` marks rows
+    with a wrong number of cells, `blank` (rows x columns) empty cells (None: there are none). Only
+    columns of MATLAB files may differ in length.
 
-    A reader of a format fills these; `path`, `sha256` and `format` are added by `read_table`.
+    The reader of a format fills these; `read_table` adds `path`, `sha256` and `format`.
     """
 
     names: tuple[str, ...]
@@ -36,17 +36,17 @@ class Table:
     blank: np.ndarray | None = None
     notes: tuple[str, ...] = ()
     doubt: str = ""
-    """Why the names are only numbers, #1 and so on; else empty."""
+    """Reason why the names are only numbers (#1, #2), else ''."""
     roles: Mapping[str, str] = field(default_factory=dict)
-    """Names of columns by role, where the format tells; roles of any rig."""
+    """Names of columns by role, if the format defines roles; roles of any rig."""
     gains: Mapping[str, float] = field(default_factory=dict)
     """Fields of `Drive` that the file contains, in SI."""
     stated: Mapping[str, str] = field(default_factory=dict)
-    """Numbers that a user stated in place of a column, as written, by role."""
+    """Values that the user gave instead of a column, as written, by role."""
     reduction: tuple[str, ...] = ()
-    """What a reduction did, a line a step; empty where there was none."""
+    """What each step of a reduction did, one line for each; empty without a reduction."""
     text: Callable[[int], str] | None = None
-    """A function that gives the text of a line, for messages; None for a binary file."""
+    """Function that returns the text of a line, for messages; None for a binary file."""
     path: str = ""
     sha256: str = ""
     format: str = ""
@@ -55,7 +55,7 @@ class Table:
         return len(self.lines)
 
     def describe(self) -> str:
-        """Names and units on one line, for messages."""
+        """List names and units on one line, for messages."""
         return ", ".join(
             name if unit is None else f"{name} [{unit}]"
             for name, unit in zip(self.names, self.units, strict=True)
@@ -63,10 +63,11 @@ class Table:
 
 
 def filled_rows(blank: np.ndarray | None, used: Iterable[int], count: int) -> slice:
-    """The rows without the few at the start and at the end where a used column holds nothing.
+    """Return the rows without the few at the start and end in which a used column is empty.
 
-    Recorders begin before their sensors do, and what is computed of neighbouring rows (a speed, a
-    smoothed force) lacks the first and the last. Where many are empty they stay, to be refused.
+    Recorders start before their sensors. Columns computed from neighbouring rows (a speed, a
+    smoothed force) lack the first and last rows. If many rows are empty they stay; a later check
+    refuses them.
     """
     most = max(_FEW, int(_FEW_SHARE * count))
     if blank is None:
@@ -79,13 +80,13 @@ def filled_rows(blank: np.ndarray | None, used: Iterable[int], count: int) -> sl
 
 
 def with_stated(table: Table, columns: Mapping[str, str]) -> tuple[Table, dict[str, str]]:
-    """A table with a column more for each role of which `columns` state a number, and `columns`.
+    """Return a table with an additional column for each role that `columns` maps to a value.
 
-    Of `time` how often rows were taken, "1 kHz" or "1 ms": t_i = i/rate. Of `load_point_velocity` a
-    speed, "10 um/s", at which the load point moves all the time. A column of such a name goes
-    before.
+    `time` may be a sampling rate or interval, "1 kHz" or "1 ms": t_i = i/rate.
+    `load_point_velocity` may be a constant speed, "10 um/s". A column with the same name takes
+    precedence. `columns` is returned too, with the new columns.
 
-    Raises `InputError` for a number that is none of these, and a rate that is not positive.
+    Raises `InputError` for a value in another unit, and a rate that is not positive.
     """
     said = dict(columns)
     for role in ("time", "load_point_velocity"):
@@ -114,7 +115,7 @@ def with_stated(table: Table, columns: Mapping[str, str]) -> tuple[Table, dict[s
 
 
 def _interval(text: str, path: str) -> float:
-    """Seconds from a row to the next."""
+    """Return the sampling interval [s] from a rate or an interval."""
     what = f"{path}, how often rows were taken"
     unit = text.lstrip("+-.0123456789eE ")
     is_rate = bool(unit) and has_dimension(unit, "Hz")

@@ -1,5 +1,5 @@
-"""What friction alone shows: the saw teeth of stick-slip, rows that stand out, and a load point
-that turns where the size of its friction is recorded."""
+"""Features of friction alone: the saw teeth of stick-slip, spikes, and dips of |friction| where the
+load point reverses."""
 
 from typing import NamedTuple
 
@@ -10,40 +10,40 @@ from .record import Record
 from .steps import VelocitySteps
 
 _HEIGHT, _LEAST = 8.0, 0.004
-"""A tooth is so many times as high as the noise of neighbours, and this share of friction."""
+"""Least height of a tooth over the noise of neighbouring rows, and over friction."""
 _TEETH, _ALIKE, _STEEP, _LESS_STEEP = 4, 4.0, 0.34, 0.42
-"""So many teeth in a row, whose drops and times between drops are alike within this factor, each
-drop faster than the rise before it by this factor, or within one row; after the first one by the
-last factor."""
+"""Stick-slip has at least `_TEETH` teeth. Their drops and periods agree within the factor `_ALIKE`.
+A drop takes at most `_STEEP` of the time of the rise before it (`_LESS_STEEP` after the first
+tooth), or one row."""
 _BEFORE, _ODD = 1.5, 2.5
-"""Periods that the rise before the first tooth may last, and the time from a drop to the next tip
-where an odd tooth lies between."""
+"""Largest duration in periods of the rise before the first tooth, and of the time from a drop to
+the next tip across an irregular tooth."""
 _FLANK, _LARGER = 0.5, 1.5
-"""From tip to tip friction rises by less than this share of a drop; by so much more a tooth is
-looked for where it is noise on a flank."""
+"""If friction rises from tip to tip by more than `_FLANK` of a drop, the teeth are noise on the
+flank of a larger tooth, and teeth `_LARGER` times as high are searched."""
 _NEAR = 0.2
-"""Share of a rise or drop that is near to its ends."""
+"""Share of a rise or drop that counts as near its ends."""
 _SMALL = 0.3
-"""What turns by less than this share of the usual drop is no tooth of its own."""
+"""Turns below this share of the usual drop are no teeth."""
 _SPIKE, _WIDE, _WINDOW, _AROUND = 18.0, 3, 9, 200
-"""A spike stands out of a median over `_WINDOW` rows by so many times what the rows around it do,
-over so many rows; `_AROUND` rows say what that is."""
+"""A spike deviates from the running median over `_WINDOW` rows by `_SPIKE` times the usual scatter,
+over at most `_WIDE` rows; the usual scatter is that of `_AROUND` rows."""
 _OWN = 0.5
-"""White noise is off a median by more than this share of its standard deviation half of the time.
-"""
+"""White noise deviates from a median by more than this share of its standard deviation half of the
+time."""
 
 
 _HALF, _ZERO, _LONGEST = 0.5, 0.25, 50
-"""Friction dips if it falls below the first share of its level, over so many rows at most, and at
-the lowest row below the second."""
+"""In a dip friction falls below the share `_HALF` of its level for at most `_LONGEST` rows, and
+below the share `_ZERO` at its lowest row."""
 _FLANK_ENDS, _ABOVE, _BESIDE = 0.9, 0.1, 10
-"""A flank ends at this share of the median of so many rows, and has a row this share of it above
-the lowest one."""
+"""A flank ends at `_FLANK_ENDS` of the median of the next `_BESIDE` rows. One of its rows is above
+the lowest one by `_ABOVE` of the flank."""
 
 
 class Teeth(NamedTuple):
-    """Stick-slip from `start` to `stop` [s], first tip at `tip`: drop, time from drop to drop [s]
-    (medians, or means of the medians on both sides of an odd tooth)."""
+    """Stick-slip from `start` to `stop` [s], first tip at `tip`; `drop` and `period` [s] are
+    medians, or means of the medians on both sides of an irregular tooth."""
 
     start: float
     tip: float
@@ -53,7 +53,7 @@ class Teeth(NamedTuple):
 
 
 def turns(values: np.ndarray, least: float) -> np.ndarray:
-    """Rows at which values turn, up or down in turn, by at least `least` from the turn before."""
+    """Return the rows of alternating maxima and minima that differ by at least `least`."""
     found, low, high, rising = [], 0, 0, 0
     for row, value in enumerate(values.tolist()):
         if value > values[high]:
@@ -72,18 +72,18 @@ def turns(values: np.ndarray, least: float) -> np.ndarray:
 
 
 def turns_from_foot(values: np.ndarray, least: float) -> np.ndarray:
-    """The `turns` from the foot of the first rise on."""
+    """Return the `turns` from the first minimum on."""
     rows = turns(values, least)
     return rows[1:] if len(rows) > 1 and values[rows[0]] > values[rows[1]] else rows
 
 
 def find_teeth(time: np.ndarray, friction: np.ndarray) -> list[Teeth]:
-    """Stretches of stick-slip in rows at one velocity: four teeth or more in a row.
+    """Find intervals of stick-slip in rows at one velocity: four or more consecutive teeth.
 
-    A tooth is a rise and a drop of like height, three times as fast (after the first one more than
-    twice). Noise that wanders is as fast down as up. What a drop takes away the next rise makes
-    good: where friction goes on rising from tip to tip by half of a drop or more, it is noise on
-    the flank of a larger tooth. Larger teeth are looked for then, and where none is found.
+    A tooth is a rise and a drop of similar height; the drop is three times as fast (after the first
+    tooth more than twice). Correlated noise falls as fast as it rises. A rise compensates the drop
+    before it. If friction still rises from tip to tip by half of a drop or more, the teeth are
+    noise on the flank of a larger tooth. Then, or if no tooth is found, larger teeth are searched.
     """
     if len(time) < 4 * _TEETH:
         return []
@@ -99,8 +99,8 @@ def find_teeth(time: np.ndarray, friction: np.ndarray) -> list[Teeth]:
 
 
 def _stretches(time: np.ndarray, friction: np.ndarray, least: float) -> tuple[list[Teeth], bool]:
-    """Stretches of teeth between turns of at least `least`; whether there are others, which lie on
-    the flanks of larger teeth."""
+    """Return intervals of teeth between turns of at least `least`, and whether other teeth lie on
+    flanks of larger ones."""
     found = _measured(time, friction, least)
     usual = found.drop[found.ratio <= _STEEP]
     if len(usual) >= _TEETH and _SMALL * np.median(usual) > least:
@@ -124,7 +124,7 @@ def _stretches(time: np.ndarray, friction: np.ndarray, least: float) -> tuple[li
                 of_flanks, first = True, k if k < number and steep[k] else k + 1
                 continue
             period = float(np.median(wait[first + 1 : k]))
-            # what rises before the first tooth may be something else
+            # a long rise before the first tooth may have another cause
             tip, stop = float(time[tips[first]]), float(time[ends[k - 1]])
             start = max(float(time[feet[first]]), tip - _BEFORE * period)
             out.append(Teeth(start, tip, stop, usual_drop, period))
@@ -133,7 +133,7 @@ def _stretches(time: np.ndarray, friction: np.ndarray, least: float) -> tuple[li
 
 
 def _joined(stretches: list[Teeth]) -> list[Teeth]:
-    """Stretches whose teeth are alike as one, where one tooth is between."""
+    """Merge intervals with similar teeth that are separated by one irregular tooth."""
     out = stretches[:1]
     for b in stretches[1:]:
         a = out[-1]
@@ -148,8 +148,8 @@ def _joined(stretches: list[Teeth]) -> list[Teeth]:
 
 
 class _Turns(NamedTuple):
-    """Rows of the foot, the tip and the end of teeth, their drops, and how long a drop takes over
-    the rise before it (0: one row)."""
+    """Rows of foot, tip and end of teeth, their drops, and the ratio of the durations of drop and
+    previous rise (0: one row)."""
 
     foot: np.ndarray
     tip: np.ndarray
@@ -159,7 +159,7 @@ class _Turns(NamedTuple):
 
 
 def _measured(time: np.ndarray, friction: np.ndarray, least: float) -> _Turns:
-    """Teeth between turns of at least `least`."""
+    """Return the teeth between turns of at least `least`."""
     rows = turns_from_foot(friction, least)
     ends = rows[2::2]
     feet, tips = rows[0::2][: len(ends)], rows[1::2][: len(ends)]
@@ -171,8 +171,8 @@ def _measured(time: np.ndarray, friction: np.ndarray, least: float) -> _Turns:
 
 
 def _between(time: np.ndarray, friction: np.ndarray, begin: int, end: int) -> float:
-    """Time between the two rows, less what friction is near to either: extremes of noise are rows
-    away from a drop, and from a rise."""
+    """Return the time between two rows, without the parts where friction is near either value:
+    noise puts the extremes some rows away from a rise or drop."""
     f = friction[begin : end + 1]
     part = (f - f[0]) / (f[-1] - f[0])
     last = int(np.flatnonzero(part <= _NEAR)[-1])
@@ -181,25 +181,25 @@ def _between(time: np.ndarray, friction: np.ndarray, begin: int, end: int) -> fl
 
 
 def _alike(value: float | np.floating, usual: float | np.floating) -> bool:
-    """Whether a value is within a factor of the usual one."""
+    """Whether a value is within the factor `_ALIKE` of the usual one."""
     return bool(usual / _ALIKE < value < usual * _ALIKE)
 
 
 def slips_told(record: Record, steps: VelocitySteps) -> str | None:
-    """A sentence on a record without a velocity step that stick-slips; None where it does not."""
+    """Return a sentence if a record without a velocity step has stick-slip, else None."""
     if len(steps) > 1:
         return None
     found = find_teeth(record.relative_time, record.friction)
     if not found:
         return None
     return (
-        f"it stick-slips from {found[0].start:.4g} s to {found[-1].stop:.4g} s, and what its"
-        " teeth tell is told by jaxfric run"
+        f"it stick-slips from {found[0].start:.4g} s to {found[-1].stop:.4g} s; analyse its stress"
+        " drops with 'jaxfric run'"
     )
 
 
 class Dip(NamedTuple):
-    """Friction falls to `lowest` at `row`; `rows` of it lie below the levels beside them."""
+    """Friction falls to `lowest` at `row`; `rows` lie below the level on either side."""
 
     row: int
     rows: slice
@@ -207,10 +207,9 @@ class Dip(NamedTuple):
 
 
 def find_dips(friction: np.ndarray) -> list[Dip]:
-    """Where friction falls towards zero and comes back, over rows on both flanks.
+    """Find dips in which friction falls towards zero and returns, with rows on both flanks.
 
-    A recorder that takes the size of friction (|F|/N) makes such a V where the load point turns. A
-    cell that is lost has no flanks.
+    A recorder of |F|/N shows such a V where the load point reverses. A lost cell has no flanks.
     """
     size = np.abs(friction)
     level = float(np.median(size))
@@ -223,7 +222,7 @@ def find_dips(friction: np.ndarray) -> list[Dip]:
             continue
         row = a + int(np.argmin(size[a:b]))
         lowest = float(size[row])
-        # between two rows a V may come nearer to zero than at either
+        # the minimum of a V may lie between two rows
         towards = max(_ZERO * level, _HALF * float(size[[row - 1, row + 1]].max()))
         flanks = [_flank(part, lowest) for part in (size[:row][::-1], size[row + 1 :])]
         if lowest < towards and all(flanks):
@@ -232,24 +231,24 @@ def find_dips(friction: np.ndarray) -> list[Dip]:
 
 
 def _flank(size: np.ndarray, lowest: float) -> int:
-    """How many rows from the lowest one on are below the level beside it; 0 where none of them is
+    """Return the number of rows from the lowest one up to the level beside it; 0 if none of them is
     well above the lowest."""
     out = int(np.argmax(size >= _FLANK_ENDS * np.median(size[:_BESIDE])))
     return out if out and size[out - 1] > lowest + _ABOVE * (size[out] - lowest) else 0
 
 
 def find_spikes(friction: np.ndarray) -> np.ndarray:
-    """First rows of what stands out of its neighbours for at most three rows."""
-    from scipy.ndimage import median_filter  # only here: a fit needs no run
+    """Return the first rows of spikes, outliers of one to three neighbouring rows."""
+    from scipy.ndimage import median_filter  # imported late: fits do not need it
 
     away = np.abs(friction - median_filter(friction, _WINDOW, mode="nearest"))
     size = len(away) // _AROUND
     if size < 2:
         usual = np.full(len(away), np.median(away))
-    else:  # medians of groups of rows, and between them on straight lines
+    else:  # medians of groups of rows, linearly interpolated
         levels = np.median(away[: size * _AROUND].reshape(size, _AROUND), axis=1)
         usual = np.interp(np.arange(len(away)), (np.arange(size) + 0.5) * _AROUND, levels)
-    # on a steep rise a row is its own median: there it is noise that says what is usual
+    # on a steep rise each row is its own median, so that the noise level is used there
     usual = np.maximum(usual, max(np.median(away), _OWN * noise_from_differences(friction)))
     off = away > _SPIKE * 1.4826 * usual
     edges = np.flatnonzero(np.diff(np.concatenate([[0], off.astype(int), [0]])))

@@ -1,12 +1,11 @@
-"""Fewer rows, honestly: means over equal numbers of neighbouring rows.
+"""Downsample a record by block averaging: means over k neighbouring rows.
 
-A fit costs time in proportion to its rows, and a recorder often writes far more than friction
-needs. The mean over k rows keeps what they say: white noise falls by sqrt(k), noise that is
-correlated over more than k rows stays as it is, and both are estimated anew from the means, so that
-errors stay right. No mean reaches over a velocity step; rows that fill no group before the next
-step (fewer than k) are left out. The first row is kept as it is, for times count from it. What a
-mean loses is curvature: a peak is flattened by a 24th of its second difference, and `blur` says how
-that compares with the noise that is left.
+The time of a fit is proportional to the number of rows, and recorders often write more rows than
+friction needs. In means over k rows white noise falls by sqrt(k); noise that is correlated over
+more than k rows does not change. A fit estimates both from the means, so that its errors stay
+correct. No mean spans a velocity step; the last rows before a step, fewer than k, are dropped. The
+first row is kept, because times count from it. Averaging flattens a peak by 1/24 of its second
+difference; `blur` compares this with the noise of the means.
 """
 
 from collections.abc import Sequence
@@ -23,35 +22,35 @@ from .steps import VelocitySteps
 
 LEAST_ROWS = 100
 _FLATTENED = (
-    "means over {} rows flatten the peaks after the steps by {} times the noise that is left: A"
-    " comes out too small; ask for more --downsample-to"
+    "means over {} rows flatten the peaks after the steps by {} times the noise of the means: A"
+    " is too small; choose a larger --downsample-to"
 )
 
 
 def refuse_few_means(rows: int) -> None:
-    """Raises `InputError` for fewer than 100 rows to be left."""
+    """Raise `InputError` if fewer than 100 rows are asked for."""
     if rows < LEAST_ROWS:
         raise InputError(f"--downsample-to is {rows}; {LEAST_ROWS} or more are needed")
 
 
 def thinned(record: Record, rows: int, steps: VelocitySteps) -> Record:
-    """The record as at most about `rows` means over equal numbers of rows, none over a step.
+    """Return the record reduced to about `rows` block means, none of which spans a step.
 
-    Returns the record itself where it has no more rows than that. Its provenance says what was
-    done. Raises `InputError` for fewer than 100 rows, and where less than 20 would be left.
+    A record with at most `rows` rows is returned unchanged. The provenance gets a note. Raises
+    `InputError` for `rows` below 100, and if fewer than 20 would remain.
     """
     refuse_few_means(rows)
     size = int(np.ceil(len(record) / rows))
     if size == 1:
         return record
-    # a step lies between rows: the groups after it begin at the first row that has seen it
+    # a step lies between rows: the blocks after it begin at the first row after the step
     edges = np.searchsorted(record.relative_time, steps.times[1:], side="left")
     edges = np.concatenate([[1], edges, [len(record)]])
     starts = [np.arange(a, b - size + 1, size) for a, b in pairwise(edges)]
     first = np.concatenate(starts)
     if len(first) < MIN_ROWS:
         raise InputError(
-            f"--downsample-to {rows}: only {len(first)} means would be left; ask for more rows"
+            f"--downsample-to {rows}: only {len(first)} means would remain; choose more rows"
         )
     index = first[:, None] + np.arange(size)
     means = {
@@ -64,18 +63,18 @@ def thinned(record: Record, rows: int, steps: VelocitySteps) -> Record:
 
 
 def blur(record: Record, noise: float) -> float:
-    """Largest flattening of the peaks of a record of means, in units of its `noise`."""
+    """Return the largest flattening of peaks in a record of means, over its `noise`."""
     second = np.abs(np.diff(record.friction, 2))
     return float(np.quantile(second, 1 - 3 / max(len(second), 6))) / 24 / noise
 
 
 def blur_warning(rows: int, lost: float) -> Warned:
-    """What means over `rows` rows cost that flatten the peaks by `lost` times the noise."""
+    """Return the warning that `rows` rows a mean flatten the peaks by `lost` times the noise."""
     return Warned(_FLATTENED.format(rows, f"{lost:.2g}"), WarningCode.FLATTENED, (rows, lost))
 
 
 def blur_warning_of(warnings: Sequence[str]) -> tuple[str, ...]:
-    """Those of `warnings` that are of `blur_warning`, in one sentence; of none nothing."""
+    """Merge the warnings from `blur_warning` into one; () if there are none."""
     found = [
         w.values for w in warnings if isinstance(w, Warned) and w.code is WarningCode.FLATTENED
     ]

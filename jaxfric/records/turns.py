@@ -1,4 +1,4 @@
-"""Angles that a recorder gives within one turn, and what they were before."""
+"""Unwrap angles that are recorded modulo one turn."""
 
 from collections.abc import Mapping
 
@@ -6,17 +6,17 @@ import numpy as np
 
 TURN = 2 * np.pi
 _CLOSE = 0.25
-"""Part of a turn within which neighbouring rows move, and within which of a turn they jump."""
+"""Moves between rows are below this part of a turn; jumps are within this part of a whole turn."""
 WITHIN_A_TURN = "is given within one turn"
-"""Words of a note on an angle that was unwound."""
+"""Text of the note on an angle that was unwrapped."""
 
 
 def unwound(angle: np.ndarray) -> tuple[np.ndarray, int]:
-    """An angle [rad] that goes on where its recorder begins a turn anew, and how often that is.
+    """Unwrap an angle [rad] recorded modulo one turn; return it and the number of jumps.
 
-    It is one that is given within a turn: no row leaves it, some jump by nearly all of it, and no
-    others by more than a quarter. Another angle is returned as it is: a jump by half a turn is a
-    wrong cell, or a motion too fast for its rows.
+    Such an angle stays within one turn, and rows differ either by almost a turn or by less than a
+    quarter. Other angles are returned unchanged: a jump by half a turn is a wrong cell, or a motion
+    too fast for its sampling.
     """
     step = np.diff(angle) / TURN
     jumps = np.abs(step) > 1 - _CLOSE
@@ -29,14 +29,14 @@ def unwound(angle: np.ndarray) -> tuple[np.ndarray, int]:
 
 
 def in_turn_with(angle: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """An angle [rad] less as many whole turns as it is ahead of another one."""
+    """Shift an angle [rad] by whole turns to bring it nearest to another one."""
     return angle - TURN * np.round(np.median(angle - other) / TURN)
 
 
 def columns_unwound(
     columns: Mapping[str, np.ndarray],
 ) -> tuple[dict[str, np.ndarray], list[str]]:
-    """The columns of a record with angles that go on over the end of a turn, and what is told."""
+    """Return the columns of a record with unwrapped angles, and notes."""
     angles = [role for role in ("position", "reference_position") if role in columns]
     found = {role: unwound(columns[role]) for role in angles}
     notes = [

@@ -1,4 +1,4 @@
-"""Windows of a record: from and to a time, or a displacement of the load point."""
+"""Windows of a record between two times or two displacements of the load point."""
 
 import numpy as np
 
@@ -12,13 +12,13 @@ Bound = float | str | None
 def bounds(
     time: np.ndarray, moved: np.ndarray | None, start: Bound, stop: Bound, path: str
 ) -> tuple[float, float]:
-    """Beginning and end of a window as times since the first row [s].
+    """Return start and end of a window as times since the first row [s].
 
-    A length is reached where the load point has `moved` [m] so far, either way, for the first
-    time; `moved` is None where nothing moves one way only.
+    A displacement, in either direction, is converted to the time at which `moved` [m] first reaches
+    it. `moved` is None for an axis, which moves back and forth and accepts only times.
 
-    Raises `InputError` for text that is neither a time nor a length, a length where none is
-    taken or that is not reached, and an end that is not after the beginning.
+    Raises `InputError` for text that is neither a time nor a length, a length for an axis or one
+    that is not reached, and an end that is not after the start.
     """
     relative = time - time[0]
     low = _seconds(relative, moved, start, "--from", path, 0.0)

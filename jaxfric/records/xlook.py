@@ -1,10 +1,10 @@
 """xlook's binary format (Penn State rock mechanics): header in big-endian order, then columns.
 
-Header: 20 bytes name, four 4-byte integers (rows, columns, sweep, date); then slots of 84 bytes
-that describe a column: name (13), unit (13), gain (4), comment (50), rows (4). Old files have 16
-slots, newer ones 32; the size of the file tells. The name of a column that is not used is
-`no_val`. Data: one column after the other, single or double precision, in the byte order of the
-machine that wrote them.
+Header: 20 bytes name, four 4-byte integers (rows, columns, sweep, date). Then slots of 84 bytes,
+each for a column: name (13), unit (13), gain (4), comment (50), rows (4). Old files have 16 slots,
+newer ones 32, as the size of the file shows. The name of an unused column is `no_val`. Data: one
+column after the other, single or double precision, in the byte order of the machine that wrote
+them.
 """
 
 import struct
@@ -23,7 +23,7 @@ _TIME_COUNT = 1e-4
 
 @dataclass(frozen=True)
 class _Layout:
-    """Layout of a file: how many slots the header has, and how many bytes a number."""
+    """Layout of a file: slots of the header, and bytes of a number."""
 
     slots: int
     width: int
@@ -44,11 +44,11 @@ def is_xlook(data: bytes, path: str = "") -> bool:
 
 
 def parse(data: bytes, path: str) -> Table:
-    """Names, units and columns of an xlook file.
+    """Read names, units and columns of an xlook file.
 
-    A raw file's `Time` column does not increase: it holds the sampling period in counts of
-    0.1 ms (the reduction logs of such runs divide it by 10000 and sum it). It becomes the
-    elapsed time, and the period [s] is kept as a column of its own.
+    In a raw file the `Time` column does not increase: it holds the sampling period in counts of
+    0.1 ms (the reduction logs of such runs divide it by 10000 and sum it). It is replaced by the
+    elapsed time; the period [s] becomes an additional column.
     """
     table = raw(data, path)
     names, units, columns = list(table.names), list(table.units), list(table.columns)
@@ -67,7 +67,7 @@ def parse(data: bytes, path: str) -> Table:
 
 
 def raw(data: bytes, path: str) -> Table:
-    """Names, units and columns of an xlook file as they were written."""
+    """Read names, units and columns of an xlook file exactly as written."""
     rows, count = struct.unpack(">2i", data[20:28])
     layout = _layout(data, rows, count, path)
     names, units = _descriptions(data, layout.slots)
@@ -82,9 +82,9 @@ def raw(data: bytes, path: str) -> Table:
 
 
 def _layout(data: bytes, rows: int, count: int, path: str) -> _Layout:
-    """The slots and the precision with which header and numbers fill the file.
+    """Find the number of slots and the precision that match the size of the file.
 
-    As many slots as columns must be in use, and none may follow where the numbers begin.
+    As many slots as columns must be in use, and no slot may follow where the numbers begin.
     """
     for width in (4, 8):
         slots, rest = divmod(len(data) - _HEAD - rows * count * width, _COLUMN)
@@ -103,14 +103,14 @@ def _layout(data: bytes, rows: int, count: int, path: str) -> _Layout:
 
 
 def _is_slot(data: bytes, slot: int) -> bool:
-    """Whether there is a description of a column: a printable name and unit."""
+    """Whether a slot describes a column, with a printable name and unit."""
     start = _HEAD + _COLUMN * slot
     name, unit = _text(data, start), _text(data, start + 13)
     return start + _COLUMN <= len(data) and bool(name) and (name + unit).isprintable()
 
 
 def _counted(data: bytes, slot: int, rows: int) -> bool:
-    """Whether that description counts its rows, too: numbers may look like a name."""
+    """Whether the slot also gives the right number of rows; numbers may look like a name."""
     end = _HEAD + _COLUMN * (slot + 1)
     return _is_slot(data, slot) and struct.unpack(">i", data[end - 4 : end])[0] in (0, rows)
 
@@ -120,7 +120,7 @@ def _text(data: bytes, start: int) -> str:
 
 
 def _descriptions(data: bytes, slots: int) -> tuple[list[str], list[str | None]]:
-    """Names and units of the columns in use."""
+    """Return names and units of the used columns."""
     starts = [_HEAD + _COLUMN * slot for slot in range(slots)]
     used = [start for start in starts if not _text(data, start).startswith("no_val")]
     return [_text(data, start) for start in used], [
@@ -129,7 +129,7 @@ def _descriptions(data: bytes, slots: int) -> tuple[list[str], list[str | None]]
 
 
 def _values(data: bytes, rows: int, count: int, layout: _Layout) -> np.ndarray:
-    """The data section, one row per column; sense tells the byte order."""
+    """Return the data, one row per column, in the byte order with more plausible values."""
     orders = [
         np.frombuffer(data, f"{order}f{layout.width}", rows * count, offset=layout.start)
         for order in "><"
@@ -138,7 +138,7 @@ def _values(data: bytes, rows: int, count: int, layout: _Layout) -> np.ndarray:
 
 
 def _sensible(values: np.ndarray) -> float:
-    """Fraction of the values that a recorder could have written."""
+    """Return the fraction of plausible values."""
     with np.errstate(invalid="ignore"):
         size = np.abs(values)
         return float(np.mean((size == 0) | ((size > 1e-12) & (size < 1e12))))

@@ -1,8 +1,8 @@
-"""Reduction: from what a press recorded to columns in units, by the laboratory's own script.
+"""Reduction: convert what a press recorded to columns with units, by the laboratory's own script.
 
-`operations` has the arithmetic, `bench` the numbered columns that a script works on and the log of
-what it did; `xlook_script` is the command language of xlook, `toml_script` another one for those
-who have no such script, and `reduce` opens a file and reduces it.
+`operations` has the arithmetic. `bench` has the numbered columns that a script works on, and the
+log of its steps. `xlook_script` runs command files of xlook, `toml_script` scripts in TOML.
+`reduce` opens a file and reduces it.
 """
 
 from .bench import Bench as Bench

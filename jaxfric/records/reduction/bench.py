@@ -1,4 +1,4 @@
-"""The numbered columns that a reduction works on, and the log of what it did."""
+"""The numbered columns that a reduction works on, and the log of its steps."""
 
 from dataclasses import dataclass, field, replace
 
@@ -10,22 +10,22 @@ from ..table import Table
 
 @dataclass(frozen=True)
 class Done:
-    """One step of a reduction: its `line` in the script (0: not known), its `text`, and what it
-    `changed`."""
+    """One step of a reduction: its `line` in the script (0: not known), its `text`, and a
+    description of the change."""
 
     line: int
     text: str
     changed: str
 
     def told(self) -> str:
-        """The step on one line."""
+        """The log line of the step."""
         where = f"line {self.line}: " if self.line else ""
         return f"{where}{self.text} -> {self.changed}"
 
 
 @dataclass(frozen=True, eq=False)
 class BenchColumn:
-    """A column: its name, its unit as written, and its numbers (n,)."""
+    """A column: its name, its unit as written, and its values (n,)."""
 
     name: str
     unit: str
@@ -33,16 +33,16 @@ class BenchColumn:
 
     @property
     def shown(self) -> str:
-        """The name with its unit, where it has one."""
+        """The name, with the unit if there is one."""
         return f"{self.name} [{self.unit}]" if self.unit else self.name
 
 
 @dataclass(eq=False)
 class Bench:
-    """Columns by number, from 1, and where each of their rows stands in the file.
+    """Columns by number, from 1, and the line of each row in the file.
 
-    All have as many rows. A method raises `InputError`, in the words of what is wrong alone, for a
-    column or rows that are not there.
+    All columns have equally many rows. Methods raise `InputError` for columns or rows that do not
+    exist; the message does not name the script, the caller adds it.
     """
 
     columns: dict[int, BenchColumn]
@@ -51,7 +51,7 @@ class Bench:
 
     @staticmethod
     def of(table: Table) -> "Bench":
-        """The columns of a table, in their order."""
+        """Return the columns of a table, in their order."""
         pairs = zip(table.names, table.units, table.columns, strict=True)
         columns = [BenchColumn(name, unit or "", np.array(values)) for name, unit, values in pairs]
         return Bench(dict(enumerate(columns, 1)), np.asarray(table.lines))
@@ -60,14 +60,14 @@ class Bench:
         return len(self.lines)
 
     def column(self, number: int) -> BenchColumn:
-        """A column by its number."""
+        """Return the column of a number."""
         if number not in self.columns:
             there = ", ".join(f"{n} {self.columns[n].name}" for n in sorted(self.columns))
             raise InputError(f"there is no column {number}; there are {there}")
         return self.columns[number]
 
     def rows(self, first: int, last: int) -> slice:
-        """The rows from `first` to `last`, both counted from 0 and included; -1 is the last row."""
+        """Return the rows `first` to `last`, inclusive, counted from 0; -1 is the last row."""
         count = len(self)
         stop = count if last in (-1, count) else last + 1
         if first < 0:
@@ -79,7 +79,7 @@ class Bench:
         return slice(first, stop)
 
     def row(self, number: int) -> int:
-        """A row that is there."""
+        """Return the number of an existing row."""
         if number >= len(self):
             raise InputError(f"row {number} is beyond the last, {len(self) - 1}")
         if number < 0:
@@ -87,15 +87,15 @@ class Bench:
         return number
 
     def change(self, number: int, values: np.ndarray) -> str:
-        """Give all rows of a column that is there other values; what changed."""
+        """Replace all values of an existing column; return a description of the change."""
         column = self.column(number)
         return self.write(number, values, name=column.name, unit=column.unit)
 
     def write(
         self, number: int, values: np.ndarray, rows: slice | None = None, *, name: str, unit: str
     ) -> str:
-        """Put values into rows of a column, by default all; it is made of zeros if it is new. What
-        changed."""
+        """Write values into rows of a column, by default all; a new column is filled with zeros
+        first. Return a description of the change."""
         if number < 1:
             raise InputError(f"there can be no column {number}; the first is 1")
         rows = slice(0, len(self)) if rows is None else rows
@@ -113,7 +113,7 @@ class Bench:
         return f"{what}: {_where(rows, full)}{spread(full[rows])}"
 
     def keep(self, rows: np.ndarray) -> str:
-        """Keep the rows of a mask; what changed."""
+        """Keep the rows of a mask; return a description of the change."""
         for number, column in self.columns.items():
             self.columns[number] = replace(column, values=column.values[rows])
         self.lines = self.lines[rows]
@@ -121,7 +121,7 @@ class Bench:
         return f"{count - int(rows.sum())} of {count} rows removed"
 
     def table(self, like: Table) -> Table:
-        """The columns as a table, with the file, the notes and the digest of another."""
+        """Return the columns as a table, with path, notes and digest of the table `like`."""
         order = sorted(self.columns)
         columns = tuple(self.columns[n].values for n in order)
         return replace(
@@ -137,7 +137,7 @@ class Bench:
 
 
 def spread(values: np.ndarray) -> str:
-    """The range of some values in words, and how many are no numbers."""
+    """Describe the range of values, and the number of NaN."""
     good = values[np.isfinite(values)]
     wrong = len(values) - len(good)
     words = f"{good.min():.6g} to {good.max():.6g}" if len(good) else "no number"

@@ -1,18 +1,18 @@
-"""What a reduction does to a column: functions of arrays (n,), none of which changes its input.
+"""Operations of a reduction: functions of arrays (n,) that do not change their input.
 
 The arithmetic is that of xlook (github.com/PennStateRockandSedimentMechanics/xlook, `array.c` and
-`special.c`), so that a script gives the numbers that it always gave; only at the last rows of an
-interval that is smoothed, where xlook takes away the wrong row, it is not.
+`special.c`), so that a script gives the same numbers as in xlook. The one exception are the last
+rows of a smoothed interval, where xlook removes the wrong row.
 """
 
 import numpy as np
 
-_AT_ONCE = 1_000_000  # numbers that windows have together
+_AT_ONCE = 1_000_000  # largest number of values in windows that are processed at once
 
 
 def without_jump(values: np.ndarray, first: int, last: int, *, flat: bool) -> np.ndarray:
-    """All rows from `last` on, moved so that it has the value of row `first`, as where an encoder
-    was reset; with `flat` the rows between have that value too."""
+    """Shift all rows from `last` on so that row `last` gets the value of row `first`, to remove an
+    encoder reset; with `flat` the rows between get this value too."""
     out = values.copy()
     out[last:] -= values[last] - values[first]
     if flat:
@@ -23,7 +23,7 @@ def without_jump(values: np.ndarray, first: int, last: int, *, flat: bool) -> np
 def elastically_corrected(
     displacement: np.ndarray, stress: np.ndarray, stiffness: float
 ) -> np.ndarray:
-    """Displacement less what the frame is stretched by: x - (tau - tau_0)/k.
+    """Subtract the elastic stretch of the frame from a displacement: x - (tau - tau_0)/k.
 
     `stiffness` k is in units of stress over those of displacement.
     """
@@ -31,34 +31,34 @@ def elastically_corrected(
 
 
 def shear_strain(displacement: np.ndarray, thickness: np.ndarray) -> np.ndarray:
-    """gamma_i = x_0/h_0 + sum of dx_j/mean(h_j, h_j-1): slip over the thickness of that time."""
+    """Return gamma_i = x_0/h_0 + sum of dx_j/mean(h_j, h_j-1): slip over current thickness."""
     middle = 0.5 * (thickness[1:] + thickness[:-1])
     begin = displacement[:1] / thickness[:1]
     return np.concatenate([begin, begin + np.cumsum(np.diff(displacement) / middle)])
 
 
 def edge_strain(strain: np.ndarray, stress: np.ndarray, size: float) -> np.ndarray:
-    """Volume strain less what the edges of a layer give under load: e - (tau - tau_0) `size`."""
+    """Subtract the deformation of a layer's edges from volume strain: e - (tau - tau_0) `size`."""
     return strain - (stress - stress[:1]) * size
 
 
 def thinned(displacement: np.ndarray, length: float, thickness: float) -> np.ndarray:
-    """Thickness of a layer that shear draws out: dh = -h dx/(2 L), from `thickness` on."""
+    """Return the thickness of a layer that shear thins: dh = -h dx/(2 L), from `thickness` on."""
     shares = 1 - np.diff(displacement) / (2 * length)
     return thickness * np.concatenate([np.ones(1), np.cumprod(shares)])
 
 
 def with_thinning(displacement: np.ndarray, thickness: np.ndarray, length: float) -> np.ndarray:
-    """Thickness of the row before, with what shear has drawn out added: sum of h dx/(2 L)."""
+    """Return the previous row's thickness plus the geometric thinning by shear, sum h dx/(2 L)."""
     gained = np.cumsum(np.diff(displacement) * thickness[:-1] / (2 * length))
     return np.concatenate([thickness[:1], thickness[:-1] + gained])
 
 
 def running_slope(x: np.ndarray, y: np.ndarray, window: int) -> np.ndarray:
-    """dy/dx by least squares over `window` rows, an odd number of them, about each row.
+    """Return dy/dx by least squares over `window` rows (odd) centred at each row.
 
-    Rows too near to either end have the slope of the nearest row that is not; as in xlook, those
-    at the last end that of the row before it. Where x stands still the slope is not a number.
+    Rows near the start get the slope of the first full window. As in xlook, rows near the end get
+    that of the window before the last. The slope is NaN where x is constant.
     """
     half = window // 2
     wide = 2 * half + 1
@@ -76,15 +76,15 @@ def running_slope(x: np.ndarray, y: np.ndarray, window: int) -> np.ndarray:
 
 
 def running_mean(values: np.ndarray, window: int) -> np.ndarray:
-    """Mean over `window` rows, an odd number of them, about each row; the first and the last value
-    stand for the rows beyond the ends."""
+    """Return the mean over `window` rows (odd) centred at each row; the first and last values are
+    repeated beyond the ends."""
     half = window // 2
     wide = np.pad(values, half, mode="edge")
     return np.convolve(wide, np.full(2 * half + 1, 1 / (2 * half + 1)), mode="valid")
 
 
 def running_median(values: np.ndarray, window: int) -> np.ndarray:
-    """Median over `window` rows, an odd number of them; rows too near to either end stay."""
+    """Return the median over `window` rows (odd); rows near the ends keep their values."""
     half = window // 2
     out = values.copy()
     windows = np.lib.stride_tricks.sliding_window_view(values, 2 * half + 1)
@@ -93,7 +93,7 @@ def running_median(values: np.ndarray, window: int) -> np.ndarray:
 
 
 def derivative(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """dy/dx by the parabola through each row and both neighbours; the ends have the next one's."""
+    """Return dy/dx of the parabola through each row and its neighbours; ends copy the next row."""
     before, after = np.diff(x)[:-1], np.diff(x)[1:]
     with np.errstate(all="ignore"):
         weight = np.abs(after) * before**2 + np.abs(before) * after**2
@@ -102,7 +102,7 @@ def derivative(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def rising(values: np.ndarray, *, falling: bool = False) -> np.ndarray:
-    """Which rows have a value beyond all of those kept before them (a mask); the first is kept."""
+    """Return a mask of the rows whose value exceeds all previously kept ones; row 0 is kept."""
     signed = -values if falling else values
     highest = np.maximum.accumulate(np.concatenate([[-np.inf], signed[:-1]]))
     kept = signed > highest

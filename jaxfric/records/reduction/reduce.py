@@ -1,4 +1,4 @@
-"""A file of a recorder, reduced by a script."""
+"""Reduce the file of a recorder by a script."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -10,9 +10,9 @@ from .xlook_script import run_xlook
 
 
 def reduced(path: str | Path, script: str | Path) -> Table:
-    """The file `path` as it was recorded, reduced by `script`: TOML, or else xlook's commands.
+    """Reduce the recorded file `path` by `script`: TOML, or else an xlook command file.
 
-    Its `reduction` says, a line a step, what was done.
+    `reduction` of the table has one line for each step.
 
     Raises `InputError` as `read_table`, `run_toml` and `run_xlook` do.
     """

@@ -1,9 +1,9 @@
-"""A reduction written as TOML, for laboratories without a script of xlook's.
+"""A reduction written as TOML, for laboratories without an xlook script.
 
     [columns.load_point_displacement]
-    from = "Vert_Disp"             # a column of the file, or of those made above; "#2" by number
-    factor = "0.076472 um"         # what one of it is
-    jumps = [[18593, 19058]]       # encoder reset: rows from the second on join the first
+    from = "Vert_Disp"             # a column of the file, or one made above; "#2" by number
+    factor = "0.076472 um"         # size of one unit of the column
+    jumps = [[18593, 19058]]       # encoder reset: the second row gets the value of the first
     zero = 1459                    # the row that becomes 0
 
     [columns.friction]
@@ -12,13 +12,13 @@
     [rows]
     remove = [[86283, 86283]]
 
-Keys of a column, in the order in which they are carried out: `from`, `factor`, or `ratio`; `sum`
-(the column holds intervals: true), `jumps`, `zero`, `elastic` (`{stress = "shear_stress",
-stiffness = "0.1 MPa/um"}`: less what the frame is stretched by) and `smooth` (a mean over so many
-rows). Keys of `rows`: `from`, `to`, `remove` and `rising` (a column in which rows that do not rise
-go). Rows are those of the file, counted from 0. A column of the file may be written with its unit,
-"Weg [mm]". The record has the columns made here; where none of them is its time, its motion or its
-friction, a column of the file whose header says so is.
+Keys of a column, in the order of execution: `from`, `factor`, or `ratio`; `sum` (true: the column
+holds intervals), `jumps`, `zero`, `elastic` (`{stress = "shear_stress", stiffness = "0.1 MPa/um"}`:
+subtract the elastic stretch of the frame) and `smooth` (number of rows of a running mean). Keys of
+`rows`: `from`, `to`, `remove` and `rising` (a column; rows where it does not rise are removed).
+Rows are those of the file, counted from 0. A column of the file may be written with its unit, "Weg
+[mm]". The record has the columns made here. If none of them is its time, motion or friction, a
+column of the file with such a header is used.
 """
 
 import json
@@ -39,14 +39,14 @@ _ROWS = ("from", "to", "remove", "rising")
 
 
 class _Maker:
-    """The columns that are made, and those of the file that they are made of."""
+    """The columns that a script makes, and those of the file that it uses."""
 
     def __init__(self, table: Table):
         self.bench = Bench.of(table)
         self.given = len(table.names)
 
     def number(self, name: object) -> int:
-        """The number of a column by its name, the one made last first, or by "#2"."""
+        """Return the number of a column by its name, the last made first, or by "#2"."""
         columns = self.bench.columns
         if isinstance(name, str):
             if name.startswith("#") and name[1:].isdecimal() and int(name[1:]) <= self.given:
@@ -68,7 +68,7 @@ class _Maker:
 
 
 def _parted(name: str, unit: str = "") -> tuple[str, str]:
-    """A name and its unit, which may stand in it; '' for none."""
+    """Split a name and its unit, "Weg [mm]"; '' for no unit."""
     if unit:
         return name, unit
     name, own = SLIDER.split(name)
@@ -76,10 +76,10 @@ def _parted(name: str, unit: str = "") -> tuple[str, str]:
 
 
 def run_toml(table: Table, script: Path) -> tuple[Table, tuple[Done, ...]]:
-    """A table reduced as the file `script` says (see above), and what each key did.
+    """Reduce a table by the file `script` (see above); return it and what each key did.
 
-    Raises `InputError`, with the key, for a file that is no TOML, a key that is not known or has a
-    value of another kind, a column or row that is not there, and a unit that does not fit.
+    Raises `InputError`, with the key, for a file that is not TOML, an unknown key, a value of the
+    wrong type, a column or row that does not exist, and a unit of another dimension.
     """
     spec = _loaded(script)
     columns, rows = spec.get("columns"), spec.get("rows", {})
@@ -99,7 +99,7 @@ def run_toml(table: Table, script: Path) -> tuple[Table, tuple[Done, ...]]:
 
 
 def _understood(maker: _Maker) -> set[int]:
-    """Columns of the file whose header says that they are what a record needs and none is made."""
+    """Return the columns of the file that a record needs and the script does not make."""
     roles: dict[int, Role] = {}
     for number, column in maker.bench.columns.items():
         known = SLIDER.role_of(_parted(column.name, column.unit)[0])
@@ -108,7 +108,7 @@ def _understood(maker: _Maker) -> set[int]:
     made = {role.need or role.name for n, role in roles.items() if n > maker.given}
     kept = {}
     for number, role in roles.items():
-        # friction may be a quotient, for which a normal stress is needed too
+        # friction may be a quotient, which needs a normal stress
         need = "friction" if role.name == "normal_stress" else role.need
         if number <= maker.given and need and not {need, role.name} & made:
             kept[number] = role.name
@@ -144,7 +144,7 @@ def _known(script: Path, where: str, keys: Mapping[str, object], known: tuple[st
 
 
 def _make(maker: _Maker, script: Path, name: str, keys: Mapping[str, object]) -> None:
-    """Make one column: where it is from, then its other keys in their order."""
+    """Make one column from its source, then apply the other keys in their order."""
     where = f"columns.{name}"
     _known(script, where, keys, ("from", "factor", "ratio", *_STEPS))
     if ("from" in keys) == ("ratio" in keys):
@@ -173,7 +173,7 @@ def _make(maker: _Maker, script: Path, name: str, keys: Mapping[str, object]) ->
 
 
 def _written(value: object) -> str:
-    """A value as TOML has it, but for dates."""
+    """Write a value as in TOML, except dates."""
     return json.dumps(value, ensure_ascii=False, default=str)
 
 
@@ -182,7 +182,7 @@ def _unit_of(maker: _Maker, number: int) -> str:
 
 
 def _begun(maker: _Maker, keys: Mapping[str, object], role: Role | None) -> tuple[np.ndarray, str]:
-    """A column of the file, in the unit of its `factor`, which most roles of a record need."""
+    """Return a column of the file in the unit of its `factor`, which most roles need."""
     column = maker.column(keys["from"])
     text = keys.get("factor")
     if text is None:
@@ -203,7 +203,7 @@ def _begun(maker: _Maker, keys: Mapping[str, object], role: Role | None) -> tupl
 
 
 def _si(unit: str) -> str:
-    """The SI unit of a unit, of those that a record of a slider has."""
+    """Return the SI unit of a unit of length, stress, time, force or velocity."""
     for si in ("m", "Pa", "s", "N", "m/s", "1"):
         try:
             factor(unit, si, "unit")
@@ -214,7 +214,7 @@ def _si(unit: str) -> str:
 
 
 def _ratio(maker: _Maker, pair: object) -> tuple[np.ndarray, str]:
-    """One column over another, without a unit."""
+    """Return the ratio of two columns, without a unit."""
     if not (isinstance(pair, list) and len(pair) == 2):
         raise InputError('write two columns, as in ratio = ["shear_stress", "normal_stress"]')
     above, below = (maker.column(name) for name in pair)
@@ -249,7 +249,7 @@ def _zeroed(maker: _Maker, number: int, value: object) -> np.ndarray:
 
 
 def _corrected(maker: _Maker, number: int, value: object) -> np.ndarray:
-    """Less what the frame is stretched by; the stiffness is in units of its own."""
+    """Subtract the elastic stretch of the frame; the stiffness is a text with a unit."""
     if not isinstance(value, dict) or set(value) != {"stress", "stiffness"}:
         raise InputError('write it as {stress = "shear_stress", stiffness = "0.1 MPa/um"}')
     column, stress = maker.bench.columns[number], maker.column(value["stress"])
@@ -285,7 +285,7 @@ def _integer(value: object) -> int:
 
 
 def _pairs(value: object) -> list[tuple[int, int]]:
-    """Pairs of rows, the first and the last of each."""
+    """Return pairs of rows, first and last."""
     whole = isinstance(value, list) and all(isinstance(x, list) and len(x) == 2 for x in value)
     if not whole or not isinstance(value, list):
         raise InputError("write pairs of rows, as in [[120, 180], [400, 420]]")
@@ -293,7 +293,7 @@ def _pairs(value: object) -> list[tuple[int, int]]:
 
 
 def _keep(maker: _Maker, script: Path, keys: Mapping[str, object]) -> None:
-    """Leave rows out, all of them counted as the file has them."""
+    """Leave rows out; their numbers are those of the file."""
     _known(script, "rows", keys, _ROWS)
     bench = maker.bench
     mask = np.ones(len(bench), bool)

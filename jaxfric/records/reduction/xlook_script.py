@@ -1,9 +1,9 @@
-"""xlook's command files, by which Penn State's laboratories and others reduce a run.
+"""xlook's command files, with which Penn State's laboratories and others reduce a run.
 
-A line is a command and its arguments, apart by blanks or commas; columns are counted from 1, rows
-from 0, and -1 is the last row. `#` begins a comment, `end` ends the script. Commands that compute
-are carried out; those that show something or fit are named in the log; a command that is neither
-ends with its line, so that nothing is skipped unseen.
+A line is a command and its arguments, separated by blanks or commas. Columns are counted from 1,
+rows from 0, and -1 is the last row. `#` begins a comment, `end` ends the script. Commands that
+compute are executed. Commands that plot, list or fit are only named in the log. An unknown command
+is an error, so that nothing is skipped silently.
 
 Source: github.com/PennStateRockandSedimentMechanics/xlook, `cmds.c` and `event.c`.
 """
@@ -62,11 +62,11 @@ class _Call(NamedTuple):
     words: list[str]
 
     def integers(self, *places: int) -> list[int]:
-        """Arguments that are whole numbers, by their places."""
+        """Return the arguments at these places as integers."""
         return [int(self._number(place, "a whole number", int)) for place in places]
 
     def real(self, place: int) -> float:
-        """An argument that is a number."""
+        """Return an argument as a number."""
         return self._number(place, "a number", float)
 
     def _number(self, place: int, what: str, kind: Callable[[str], float]) -> float:
@@ -77,11 +77,11 @@ class _Call(NamedTuple):
 
 
 def run_xlook(table: Table, script: Path) -> tuple[Table, tuple[Done, ...]]:
-    """A table reduced by xlook's commands in the file `script`, and what each of them did.
+    """Reduce a table by xlook's commands in the file `script`; return it and what each command did.
 
-    Raises `InputError`, with the line, for a command that is not known or has not the arguments
-    that it needs, a column or a row that is not there, a column divided by zeros alone, and a
-    script that removes all rows or cannot be read.
+    Raises `InputError`, with the line, for an unknown command, missing arguments, a column or row
+    that does not exist, division by a column of zeros, and a script that removes all rows or cannot
+    be read.
     """
     bench = Bench.of(table)
     for number, line in enumerate(_lines(script), 1):
@@ -112,7 +112,7 @@ def _lines(script: Path) -> list[str]:
 
 
 def _carried_out(bench: Bench, command: str, words: list[str], text: str, table: Table) -> str:
-    """Carry out one command; what it changed. Nothing for what only frames a script."""
+    """Execute one command; return what it changed, '' for commands that only frame a script."""
     if command in _WORKS:
         return ""
     if command == "read":
@@ -185,7 +185,7 @@ def _mapped(call: _Call) -> str:
 
 
 def _named(call: _Call, place: int) -> _Named:
-    """Name and unit of a column, the arguments from `place` on."""
+    """Return name and unit of a column from the arguments at `place`."""
     return {"name": call.words[place], "unit": _unit(call.words[place + 1])}
 
 
@@ -269,7 +269,7 @@ def _smoothed(call: _Call) -> str:
 
 
 def _wide_enough(call: _Call, first: int, last: int, window: int) -> slice:
-    """The rows, if a window fits into them."""
+    """Return the rows; refuse a window that is longer."""
     rows = call.bench.rows(first, last)
     if not 0 < window // 2 * 2 + 1 <= rows.stop - rows.start:
         raise InputError(f"a window of {window} rows does not fit into {rows.stop - rows.start}")
@@ -277,7 +277,7 @@ def _wide_enough(call: _Call, first: int, last: int, window: int) -> slice:
 
 
 def _thickness(call: _Call) -> str:
-    """LENGTH THICKNESS DISPLACEMENT OUT NAME UNIT: thickness as shear draws a layer out."""
+    """LENGTH THICKNESS DISPLACEMENT OUT NAME UNIT: thickness of a layer thinned by shear."""
     column, out = call.integers(2, 3)
     values = call.bench.column(column).values
     values = op.thinned(values, _length(call), call.real(1))
@@ -285,7 +285,7 @@ def _thickness(call: _Call) -> str:
 
 
 def _without_thinning(call: _Call) -> str:
-    """LENGTH DISPLACEMENT THICKNESS OUT NAME UNIT: thickness with what shear drew out added."""
+    """LENGTH DISPLACEMENT THICKNESS OUT NAME UNIT: thickness without thinning by shear."""
     column, thickness, out = call.integers(1, 2, 3)
     if out == column:
         raise InputError("it cannot write over the displacement that it needs")
@@ -322,7 +322,7 @@ def _without_jump(call: _Call) -> str:
 
 
 def _offset(call: _Call) -> str:
-    """COL ROW OTHER ROW: moved so that it has the value of another column in a row of that."""
+    """COL ROW OTHER ROW: shift COL so that its ROW equals OTHER in the second ROW."""
     number, row, other, other_row = call.integers(*range(4))
     column = call.bench.column(number)
     wanted = call.bench.column(other).values[call.bench.row(other_row)]
@@ -346,7 +346,7 @@ def _remove_rows(call: _Call) -> str:
 
 
 def _order(call: _Call) -> str:
-    """COL FIRST LAST: rows between that do not rise beyond those before go; -COL: do not fall."""
+    """COL FIRST LAST: remove rows that do not rise above all before; -COL: do not fall below."""
     number, first, last = call.integers(0, 1, 2)
     rows = call.bench.rows(first, last)
     values = call.bench.column(abs(number)).values[rows]
@@ -356,7 +356,7 @@ def _order(call: _Call) -> str:
 
 
 def _despike(call: _Call) -> str:
-    """COL ROW: a row has the value of the row before it."""
+    """COL ROW: the row gets the value of the row before."""
     number, row = call.integers(0, 1)
     if row == 0:
         raise InputError("there is no row before row 0")
@@ -394,4 +394,4 @@ _COMMANDS: dict[str, tuple[int, Callable[[_Call], str]]] = {
     "r_spike": (2, _despike),
     "name": (3, _name),
 }
-"""Commands by name: how many arguments each needs, and what does it."""
+"""Number of arguments and function of each command."""
