@@ -422,7 +422,7 @@ def test_a_legend_of_many_words_stays_within_its_figure() -> None:
     axis = figure.subplots()
     axis.plot([0, 1], [0, 1], label=words)
     axis.plot([0, 1], [1, 0], label="model")
-    style.finish(figure, "a title of many words " * 9, legend=[axis])
+    style.finish(figure, "a title of many words " * 9)
     figure.canvas.draw()
     (legend,) = figure.legends
     boxes = legend.get_window_extent(), figure._suptitle.get_window_extent()

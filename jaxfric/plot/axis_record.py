@@ -4,14 +4,13 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch
 
 from ..records import AxisRecord, SteadyCurve
 from ..records.axis_units import shown_units
 from ..records.strokes import Strokes, position_of
 from . import style
 from .label import printable
-from .palette import BLACK, BLUE, GREY, ORANGE
+from .palette import BLACK, GREY, ORANGE
 
 _WINDOW = 200
 """Part of the longest stroke's rows over which speeds are averaged."""
@@ -38,39 +37,36 @@ def axis_record_figure(record: AxisRecord, strokes: Strokes) -> Figure:
     heights = [1.2, 1.0, *[1.0] * followed, 1.0, 1.5]
     figure, axes = style.panels(heights, last_alone=True)
     force, path, *between, speed, plane = axes
-    style.samples(force, place.x, record.motor_force, f"motor {label.split()[0]}", BLUE)
+    style.samples(force, place.x, record.motor_force, f"motor {label.split()[0]}")
     if record.disturbance_force is not None:
         style.samples(force, place.x, record.disturbance_force, "disturbance", ORANGE)
-    style.samples(path, place.x, position, "", BLUE)
+    style.samples(path, place.x, position, "")
     if reference is not None:
         style.curve(path, place, reference / size, "reference", ORANGE, width=0.8)
     if followed:
         error = 1e3 * (reference - record.position) / size
-        style.samples(between[0], place.x, error, "", BLUE)
-        between[0].set_ylabel(f"error [{'µm' if size < 1 else 'mrad'}]")
+        style.samples(between[0], place.x, error, "")
+        style.tidy(between[0], y=f"error [{'µm' if size < 1 else 'mrad'}]")
     moved = _speed(record, strokes) / size
-    style.samples(speed, place.x, moved, "", BLUE)
-    speed.set_xlabel(place.label)
+    style.samples(speed, place.x, moved, "")
     for axis in (force, path, *between, speed):
         for start, stop in zip(strokes.start, strokes.stop, strict=True):
-            axis.axvspan(start, stop, color=_STROKE, lw=0, zorder=0)
-        axis.margins(x=0.01)
-        style.tidy(axis)
-    style.samples(plane, moved, record.motor_force, "", BLUE)
-    style.tidy(plane)
-    for axis, text in ((force, label), (path, f"position [{units['position']}]"), (plane, label)):
-        axis.set_ylabel(text)
-    speed.set_ylabel(f"speed [{units['velocity']}]")
-    plane.set_xlabel(f"speed [{units['velocity']}]")
+            axis.axvspan(start, stop, color=_STROKE, lw=0, zorder=0, label="strokes")
+    style.samples(plane, moved, record.motor_force, "")
+    speeds = f"speed [{units['velocity']}]"
+    style.tidy(force, y=label)
+    style.tidy(path, y=f"position [{units['position']}]")
+    style.tidy(speed, x=place.label, y=speeds)
+    style.tidy(plane, x=speeds, y=label)
     limits, beyond = ordinary(record.motor_force)
     if beyond and record.disturbance_force is None:
         force.set_ylim(*limits)
         plane.set_ylim(*limits)
-        style.tidy(force, "1 row lies beyond the panel" if beyond == 1 else
-             f"{beyond} rows lie beyond the panel")  # fmt: skip
+        rows = "1 row lies" if beyond == 1 else f"{beyond} rows lie"
+        style.tidy(force, f"{rows} beyond the panel")
     number = f"{len(strokes)} stroke{'' if len(strokes) == 1 else 's'}"
     title = f"{printable(record.provenance.path)}: {record.sampling()}; {number}"
-    return style.finish(figure, title, legend=[force, path, Patch(fc=_STROKE, label="strokes")])
+    return style.finish(figure, title)
 
 
 def ordinary(values: np.ndarray) -> tuple[tuple[float, float], int]:
@@ -88,15 +84,12 @@ def draw_curve(curve: SteadyCurve, path: str | Path) -> None:
     rotary = curve.coordinate == "rotary"
     unit, size = ("rpm", np.pi / 30) if rotary else ("mm/s", 1e-3)
     factor, force_unit = style.prefixed(style.most(curve.force), curve.force_unit)
-    figure = style.new_figure(style.DOUBLE, 3.0)
-    axis = figure.subplots()
+    figure, (axis,) = style.panels([2.25])
     force, error = factor * curve.force, factor * curve.error
     style.bars(axis, curve.speed / size, force, error, colour=BLACK)
-    axis.axhline(0, color=GREY, lw=0.8)
     axis.axvline(0, color=GREY, lw=0.8)
-    axis.set_xlabel(f"speed [{unit}]")
-    axis.set_ylabel(f"motor {'torque' if rotary else 'force'} [{force_unit}]")
-    style.tidy(axis)
+    name = f"motor {'torque' if rotary else 'force'} [{force_unit}]"
+    style.tidy(axis, x=f"speed [{unit}]", y=name, zero=True)
     name = printable(curve.provenance.path)
     style.write(style.finish(figure, f"{name}: {len(curve)} steady runs, mean ± its error"), path)
 

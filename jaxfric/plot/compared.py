@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch
 
 from ..loop.compare import LawComparison, LawScore
 from ..runs.table import amount
@@ -30,26 +29,23 @@ def comparison_figure(found: LawComparison) -> Figure:
         residual = np.clip(score.fit.residual / found.sigma, -limit, limit)
         cut |= bool(np.any(np.abs(residual) == limit))
         style.samples(axis, place.x, residual, "", colour)
-        axis.axhline(0, color=BLACK, lw=0.6)
         axis.set_ylim(-1.05 * limit, 1.05 * limit)
-        axis.set_ylabel("record − fit\n[σ]")
+        style.tidy(axis, y="record − fit\n[σ]", zero=True)
         style.beside(axis, _words(found, score))
-    top.set_ylabel(friction_label(record.friction_unit))
-    below[-1].set_xlabel(place.label)
+    style.tidy(top, y=friction_label(record.friction_unit))
     style.mark_steps([top, *below], place)
     ends = np.append(place.starts, place.x[-1])
     for axis in (top, *below):
-        style.tidy(axis)
         for k in found.held_out_steps:
-            axis.axvspan(ends[k], ends[k + 1], color=HELD, lw=0, zorder=-1)
-    legend = [top, *([style.velocity_step()] if len(place.starts) > 1 else [])]
-    if found.held_out_steps:
-        legend.append(Patch(fc=HELD, ec="0.8", label="held out of a second fit"))
+            axis.axvspan(
+                ends[k], ends[k + 1], fc=HELD, lw=0, zorder=-1, label="held out of a second fit"
+            )
     unit = " N" if record.friction_unit == "N" else ""
     told = f"σ = {found.sigma:.3g}{unit}, the noise under the likeliest law"
     style.tidy(below[0], told + (f"; beyond ±{limit:.2g} σ points are cut" if cut else ""))
+    style.tidy(below[-1], x=place.label)
     name = printable(record.provenance.path)
-    return style.finish(figure, f"{name}: {_answer(found)}", legend=legend)
+    return style.finish(figure, f"{name}: {_answer(found)}")
 
 
 def _answer(found: LawComparison) -> str:

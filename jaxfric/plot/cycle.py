@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from ..coordinate import Coordinate, unit_of
 from ..motion import PiecewiseVelocity
@@ -60,7 +61,7 @@ class Motion:
         return Motion(rig.friction, *gains, steps[at], time, load, friction, slip, velocity)
 
 
-def _save_series(motion: Motion, folder: Path) -> list[str]:
+def _series_figure(motion: Motion) -> Figure:
     figure, axes = style.panels([1.4, 1.4, 1.1])
     t_size, t_unit = style.prefixed(min(float(motion.time[-1]), 1.0), "s")
     velocity, slow = _drawn(motion), _slowest(motion)
@@ -77,21 +78,18 @@ def _save_series(motion: Motion, folder: Path) -> list[str]:
             axis.plot(x, y, color=ORANGE, lw=1.1, ls="--", label="load point")
         if name == "velocity":
             _velocity_scale(axis, "y", size * values, size * slow)
-        axis.set_ylabel(f"{name} [{unit}]")
         axis.margins(x=0.01)
-        style.tidy(axis, _stuck_note(motion) if name == "velocity" else "")
-    axes[2].set_xlabel(f"time [{t_unit}]")
-    style.finish(figure, _heading(motion), legend=axes)
-    return style.save(figure, folder, "motion")
+        style.tidy(axis, _stuck_note(motion) if name == "velocity" else "", y=f"{name} [{unit}]")
+    style.tidy(axes[2], x=f"time [{t_unit}]")
+    return style.finish(figure, _heading(motion))
 
 
-def _save_plane(motion: Motion, folder: Path) -> list[str]:
+def _plane_figure(motion: Motion) -> Figure:
     """Friction against velocity, with the steady curve behind."""
     drawn, slow, friction = _drawn(motion), _slowest(motion), motion.friction
     f_size, f_unit = style.prefixed(style.most(friction), motion.unit("N"))
     v_size, v_unit = style.prefixed(style.most(motion.command), motion.unit("m/s"))
-    figure = style.new_figure(style.DOUBLE, 4.2)
-    axis = figure.subplots()
+    figure, (axis,) = style.panels([3.45])
     low, high = _velocity_limits(drawn, slow)
     V = np.geomspace(low if low > 0 else 0.03 * slow, high, _CURVE)
     force = np.asarray(steady_points(motion.law, V).force)
@@ -114,11 +112,9 @@ def _save_plane(motion: Motion, folder: Path) -> list[str]:
     room = max(0.12 * (top - least), 1e-9 * abs(top))
     axis.set_ylim(least - room, top + 2 * room)
     axis.set_xlim(v_size * low, v_size * high)
-    axis.set_xlabel(f"velocity of the slider [{v_unit}]")
-    axis.set_ylabel(f"friction [{f_unit}]")
-    style.tidy(axis, _stuck_note(motion))
-    style.finish(figure, _heading(motion), legend=[axis])
-    return style.save(figure, folder, "phase_plane")
+    x, y = f"velocity of the slider [{v_unit}]", f"friction [{f_unit}]"
+    style.tidy(axis, _stuck_note(motion), x=x, y=y)
+    return style.finish(figure, _heading(motion))
 
 
 def _velocity_limits(drawn: np.ndarray, slow: float) -> tuple[float, float]:
@@ -182,8 +178,7 @@ def _heading(motion: Motion) -> str:
     return f"{law_name(motion.law)}, {gains} {motion.unit('N s/m')}, {mass}"
 
 
-DRAWERS: dict[str, Callable[[Motion, Path], list[str]]] = {
-    "motion": _save_series,
-    "phase_plane": _save_plane,
-}
+DRAWERS: dict[str, Callable[[Motion, Path], list[str]]] = style.drawers(
+    {"motion": _series_figure, "phase_plane": _plane_figure}
+)
 """Functions that each write a figure of a simulation to a folder and return names written."""

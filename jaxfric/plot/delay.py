@@ -42,24 +42,22 @@ def draw_delay(found: Study, folder: Path) -> list[str]:
     squares = _chart(over_damping, (size, scale), k_p, k_v, (mass, k_v + own, strength, delay))
     words = "|k_f| − f_v: any k_p is stable above it"
     over_damping.axhline(scale * enough, color=ORANGE, ls=":", lw=1.3, label=words)
-    over_damping.set_ylabel(f"{K_V} [{v_unit}]")
+    title = f"Delay α = {law:.4g} s: no critical stiffness"
+    style.tidy(over_damping, title, y=f"{K_V} [{v_unit}]", grid=False)
     alphas = np.linspace(0, 3 * law, _CHART + 1)[1:]
     factor, a_unit = style.prefixed(alphas[-1], "s")
     _chart(over_delay, (size, factor), k_p, alphas, (mass, damping, strength, alphas))
     over_delay.axhline(factor * law, color=BLACK, ls=":", lw=1.3, label="the law's delay α")
-    over_delay.set_ylabel(f"delay α of friction [{a_unit}]")
-    style.tidy(over_damping, f"Delay α = {law:.4g} s: no critical stiffness", grid=False)
-    damped = f"{found.k_v:g} {found.unit('N s/m')}"
-    style.tidy(over_delay, f"Damping k_v = {damped}", grid=False)
+    title = f"Damping k_v = {found.k_v:g} {found.unit('N s/m')}"
+    y = f"delay α of friction [{a_unit}]"
+    style.tidy(over_delay, title, x=f"{K_P} [{unit}]", y=y, grid=False)
     if found.k_p is not None:
         style.mark(over_damping, size * found.k_p, scale * found.k_v, "o", GIVEN)
         style.mark(over_delay, size * found.k_p, factor * law, "o", GIVEN)
     over_delay.set_xlim(0, size * k_p[-1])
-    over_delay.set_xlabel(f"{K_P} [{unit}]")
     where = f"{speed(float(found.here.velocity), found.coordinate)}: k_f = {float(strength):.4g}"
     rig = f"{found.unit('N s/m')}, {mass_text(found.mass, found.coordinate)}"
-    legend = [*squares, over_damping, over_delay]
-    style.finish(figure, f"Delay law at {where} {rig}", legend=legend)
+    style.finish(figure, f"Delay law at {where} {rig}", legend=squares)
     return style.save(figure, folder, "delay_chart")
 
 
@@ -83,7 +81,6 @@ def _chart(
         (found.minus_stiffness, ORANGE, "--", "k_n−: two roots become unstable"),
     ):
         values = np.where(np.isfinite(branch), sizes[0] * np.asarray(branch), np.nan)
-        lines = axis.plot(values, sizes[1] * y, color=colour, ls=line, lw=1.2)
-        lines[0].set_label(text)
+        axis.plot(values, sizes[1] * y, color=colour, ls=line, lw=1.2, label=text)
     axis.set_ylim(0, sizes[1] * y[-1])
     return squares

@@ -29,16 +29,14 @@ def feedforward_figure(found: Feedforward) -> Figure:
     figure, (left, right) = style.side_by_side(2, height=2.8)
     fastest = found.about.fastest
     near = min(max(_NEAR * found.fade.speed, 1e-3 * fastest), fastest)
-    _panel(left, found, 1.04 * fastest)
-    _panel(right, found, near)
-    style.tidy(left, "All speeds")
-    style.tidy(right, "Near the reversal: its sign fades")
+    _panel(left, found, 1.04 * fastest, "All speeds")
+    _panel(right, found, near, "Near the reversal: its sign fades")
     path = Path(found.about.source)
     source = "/".join(printable(part) for part in (path.parent.name, path.name) if part)
-    return style.finish(figure, f"Friction of {source}", legend=[left])
+    return style.finish(figure, f"Friction of {source}")
 
 
-def _panel(axis: Axes, found: Feedforward, largest: float) -> None:
+def _panel(axis: Axes, found: Feedforward, largest: float, title: str) -> None:
     about, fade = found.about, found.fade.speed
     v = np.linspace(-largest, largest, _CURVE)
     percent = about.force_unit == "%"
@@ -68,7 +66,6 @@ def _panel(axis: Axes, found: Feedforward, largest: float) -> None:
         x, y, error = about.points[np.abs(about.points[:, 0]) <= largest].T
         label = "runs: mean ± its error"
         style.bars(axis, factor * x, size * y, size * error, label, BLACK)
-    axis.axhline(0, color=BLACK, lw=0.6)
     axis.set_xlim(-factor * largest, factor * largest)
-    axis.set_xlabel(f"velocity of the reference [{speed}]")
-    axis.set_ylabel(f"feedforward without inertia [{unit}]")
+    name = f"feedforward without inertia [{unit}]"
+    style.tidy(axis, title, x=f"velocity of the reference [{speed}]", y=name, zero=True)

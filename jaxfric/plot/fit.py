@@ -13,7 +13,7 @@ from ..report.fit_text import rows
 from . import style
 from .label import friction_label, printable
 from .noise import clocks, draw_autocorrelation, mark_glitches
-from .palette import BLACK, BLUE, ORANGE
+from .palette import BLACK, ORANGE
 
 _BAND, _WIDE = "0.82", "0.93"
 _ALIKE = 1.1
@@ -29,23 +29,19 @@ def fit_figure(fit: Fit) -> Figure:
     """Figure of a fit and its record, the residual, and its autocorrelation, with words beside."""
     figure, (top, middle, bottom) = style.panels([2.1, 1.1, 1.1], last_alone=True)
     record, place = fit.record, style.along(fit.steps, fit.record.relative_time)
-    style.samples(top, place.x, record.friction, colour=BLUE)
+    style.samples(top, place.x, record.friction)
     style.curve(top, place, fit.predicted, "fit", ORANGE, width=1.3)
-    top.set_ylabel(friction_label(record.friction_unit))
+    style.tidy(top, y=friction_label(record.friction_unit))
     style.beside(top, _parameters(fit))
     _residual(middle, fit, place)
-    middle.set_xlabel(place.label)
     style.mark_steps([top, middle], place)
     path = np.asarray(fit.steps.displacement(record.relative_time))
     clock = clocks(record.relative_time, path)
     draw_autocorrelation(bottom, clock, _counted(fit), fit.noise, model=fit.converged)
-    for axis in (top, middle, bottom):
-        style.tidy(axis, axis.get_title(loc="left"))
     states = "" if fit.model.states == 1 else f", {fit.model.states} states"
     title = f"{printable(record.provenance.path)}: {fit.model.law} law{states}"
     title += "" if fit.converged else "; did not converge, its numbers mean nothing"
-    explained = [top, *([style.velocity_step()] if len(place.starts) > 1 else []), middle, bottom]
-    return style.finish(figure, title, legend=explained, colour=BLACK if fit.converged else ORANGE)
+    return style.finish(figure, title, colour=BLACK if fit.converged else ORANGE)
 
 
 def _parameters(fit: Fit) -> str:
@@ -68,11 +64,12 @@ def _residual(axis: Axes, fit: Fit, place: style.Along) -> None:
             axis.axhspan(-1.96 * sigma, 1.96 * sigma, color=colour, lw=0, label=text, zorder=0.2)
         if any(is_of(text, WarningCode.MISFIT) for text in fit.warnings):
             said = f"residual: {excess(fit):.2g} times the scatter of neighbouring rows"
-            axis.set_title(said, loc="left")
-    style.samples(axis, place.x, _counted(fit), "residual", BLUE)
+            style.tidy(axis, said)
+    style.samples(axis, place.x, _counted(fit), "residual")
     mark_glitches(axis, place.x, fit.noise.glitches)
-    axis.axhline(0, color=BLACK, lw=0.6)
-    axis.set_ylabel("record − fit [N]" if fit.record.friction_unit == "N" else "record − fit")
+    style.tidy(
+        axis, x=place.label, y=style.named("record − fit", fit.record.friction_unit), zero=True
+    )
 
 
 def _counted(fit: Fit) -> np.ndarray:

@@ -66,7 +66,7 @@ def draw_gain_map(axis: Axes, result: Gains) -> list:
     name_gains(axis, k_p, k_v, sizes, units)
     number = len(result.scenarios)
     style.tidy(axis, f"{number} scenario{'' if number == 1 else 's'}", grid=False)
-    return [*squares, axis]
+    return squares
 
 
 def _of(optimum: LocalOptimum) -> str:

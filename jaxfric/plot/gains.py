@@ -25,7 +25,6 @@ from .stability import (
     name_gains,
     speed,
 )
-from .ticks import plain_log
 
 _VELOCITIES = 61
 _ENDS = {
@@ -57,7 +56,7 @@ def gains_figure(result: Gains) -> Figure:
     draw_curve(bottom, law, V, coordinate=result.coordinate)
     style.tidy(bottom, "Friction law")
     title = f"{_title(result)}: {_stiffness(result)}, {_damping(result)} ({_required(result)})"
-    return style.finish(figure, title, legend=[*legend, top, bottom])
+    return style.finish(figure, title, legend=legend)
 
 
 def _title(result: Gains) -> str:
@@ -108,13 +107,11 @@ def _margins(axis: Axes, result: Gains) -> None:
     least, top = axis.get_ylim()
     most = max(8 * required, 1.05)
     axis.set_ylim(max(min(0.0, least), -most), min(max(top, 1.25 * required), most))
-    only, unit_of_it = names[0], MARGINS[names[0]].unit
-    bracket = "" if unit_of_it == "1" else f" [{unit_of_it}]"
-    axis.set_ylabel("margin over its requirement" if several else f"{only} margin{bracket}")
+    only = style.named(f"{names[0]} margin", MARGINS[names[0]].unit)
+    y = "margin over its requirement" if several else only
     axis.set_xlim(size * velocities[0], size * velocities[-1])
-    plain_log(axis, "x")
-    axis.set_xlabel(f"velocity [{unit}]")
-    style.tidy(axis, "Margins, of the worst mass and sample")
+    title = "Margins, of the worst mass and sample"
+    style.tidy(axis, title, x=f"velocity [{unit}]", y=y, log="x")
 
 
 def _least_margins(
@@ -182,8 +179,7 @@ def draw_end_map(
     """
     k_p, k_v = np.asarray(k_p, float), np.asarray(k_v, float)
     sizes, units = gain_units(k_p, k_v, coordinate)
-    figure = style.new_figure(style.DOUBLE, 4.2)
-    axis = figure.subplots()
+    figure, (axis,) = style.panels([3.45])
     codes = np.argmax(np.stack([ends.code == getattr(ENDS, name) for name in _ENDS]), axis=0)
     colours = {words: colour for colour, words in _ENDS.values()}
     legend = style.shade(axis, sizes[0] * k_p, sizes[1] * k_v, codes, colours)
@@ -199,5 +195,4 @@ def draw_end_map(
     axis.set_xlim(sizes[0] * k_p[0], sizes[0] * k_p[-1])
     axis.set_ylim(sizes[1] * k_v[0], sizes[1] * k_v[-1])
     title = f"How a stuck slider ends, simulated{where}"
-    style.finish(figure, title, legend=[*legend, axis])
-    return style.save(figure, Path(folder), "end_map")
+    return style.save(style.finish(figure, title, legend=legend), Path(folder), "end_map")

@@ -2,10 +2,10 @@
 
 import textwrap
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from ..loop.residual_tests import p_text
 from ..loop.result import LocationProfile, Loop
@@ -13,8 +13,7 @@ from ..loop.thresholds import SIGNIFICANT
 from ..report.location_text import added_shares, share_text, shares_told, variable_words
 from ..report.loop_text import in_words, readable
 from . import style
-from .palette import BLACK, BLUE, GREY, ORANGE
-from .ticks import plain_log
+from .palette import BLUE, GREY, ORANGE
 
 _TINY = 0.01
 _LINE = 0.16
@@ -36,7 +35,7 @@ _VARIABLES = {
 # ---- shares ----------------------------------------------------------------------------------
 
 
-def save_location(loop: Loop, folder: Path) -> list[str]:
+def location_figure(loop: Loop) -> Figure:
     """One sentence, and bars of what each variable carries of the missing friction; with the rest
     they make 100 %."""
     shares = added_shares(loop.location)
@@ -47,7 +46,7 @@ def save_location(loop: Loop, folder: Path) -> list[str]:
     if shares:
         _bars(figure.subplots(), shares)
     style.finish(figure).suptitle(words, x=0.01, ha="left", fontsize=style.TITLE, parse_math=False)
-    return style.save(figure, folder, "location")
+    return figure
 
 
 def _bars(axis: Axes, shares: Sequence[tuple[str | None, float]]) -> None:
@@ -59,28 +58,26 @@ def _bars(axis: Axes, shares: Sequence[tuple[str | None, float]]) -> None:
     axis.set_ylim(len(shares) - 0.4, -0.6)
     axis.set_xlim(0, 112)
     axis.set_xticks([0, 20, 40, 60, 80, 100])
-    axis.set_xlabel("share of the missing friction [%], beyond that of the bars above")
-    style.tidy(axis)
+    style.tidy(axis, x="share of the missing friction [%], beyond that of the bars above")
     axis.grid(False, axis="y")
 
 
 # ---- profiles --------------------------------------------------------------------------------
 
 
-def save_profiles(loop: Loop, folder: Path) -> list[str]:
+def profiles_figure(loop: Loop) -> Figure:
     """A panel for every variable: missing friction over it, as bumps that act in the law."""
     figure, panels = style.side_by_side(len(loop.location), height=1.75)
     for axis, profile in zip(panels, loop.location, strict=False):
         _profile(axis, profile, loop, readable(loop)[0])
     for axis in panels[::3]:
-        axis.set_ylabel("missing friction / rms")
+        style.tidy(axis, y="missing friction / rms")
     if not loop.location:
         panels[0].text(0.5, 0.5, "no structure was searched for", ha="center", va="center")
         panels[0].set_axis_off()
     rms = in_words(loop, loop.before.rms["train"])
     title = f"Missing friction in units of the rms of the base, {rms}, by each variable alone"
-    style.finish(figure, title, legend=panels[:1])
-    return style.save(figure, folder, "profiles")
+    return style.finish(figure, title)
 
 
 def _profile(axis: Axes, profile: LocationProfile, loop: Loop, size: float) -> None:
@@ -98,17 +95,15 @@ def _profile(axis: Axes, profile: LocationProfile, loop: Loop, size: float) -> N
     known = np.isfinite(amplitude) & np.isfinite(error)
     for sign, text in ((-1, "noise of a row"), (1, "")):
         axis.axhline(sign * loop.sigma / left, color=GREY, lw=1.0, ls=":", label=text)
-    axis.axhline(0, color=BLACK, lw=0.8)
     axis.errorbar(
         x[known], amplitude[known], error[known], fmt="o-", color=BLUE, ecolor=ORANGE, ms=3,
         lw=0.7, elinewidth=1.2, capsize=2, label="missing friction, bars: standard error",
     )  # fmt: skip
     even = dict.fromkeys(("position", "velocity", "time"), np.inf)
     many = {"log_velocity": 3, "wavelength": 5, **even}.get(profile.variable, 30)
-    if np.all(x > 0) and np.max(x) > many * np.min(x):
-        plain_log(axis, "x")
-    axis.set_xlabel(label if unit in ("", "1") else f"{label} [{unit}]")
-    style.tidy(axis, _share_and_p(name, profile))
+    log = "x" if np.all(x > 0) and np.max(x) > many * np.min(x) else ""
+    title = _share_and_p(name, profile)
+    style.tidy(axis, title, x=style.named(label, unit), log=log, zero=True)
 
 
 def _share_and_p(name: str, profile: LocationProfile) -> str:

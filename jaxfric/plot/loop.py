@@ -18,10 +18,9 @@ from ..report.loop_text import base_name, sigma_texts
 from . import style
 from .aliasing import aliasing_figure, save_aliasing
 from .label import printable
-from .location import save_location, save_profiles
+from .location import location_figure, profiles_figure
 from .noise import clocks, draw_autocorrelation, error_of_mean, mark_glitches
 from .palette import BLACK, BLUE, GREY, LIGHT, MIDDLE, ORANGE, PALE, REPORT, SELECT, TRAIN
-from .ticks import plain_log
 
 __all__ = ["DRAWERS", "FIGURES", "aliasing_figure", "draw_loop", "residual_figure", "save_aliasing"]
 
@@ -32,8 +31,8 @@ _BLOCKS = {
 }
 _MOST_BINS, _BIN_ROWS = 18, 10
 _MOST_CANDIDATES = 14
-_LONGEST = 40
-"""Letters of the name of a record in a title."""
+_LONGEST, _TITLE = 40, 0.55 * style.DOUBLE
+"""Letters of the name of a record in a title, and room in one for the names of effects [inch]."""
 _ROLES = {
     "model": (BLUE, "the chosen model; below, its effects"),
     "base": (MIDDLE, "the base, and models on the way"),
@@ -45,16 +44,7 @@ _ROLES = {
 """Colours of the bars, and what the legend says of each."""
 
 
-def draw_loop(loop: Loop, folder: str | Path) -> list[str]:
-    """Write the figures of `DRAWERS` to `folder` as PNG and SVG; the names written."""
-    return [name for draw in DRAWERS.values() for name in draw(loop, Path(folder))]
-
-
 # ---- residual --------------------------------------------------------------------------------
-
-
-def _save_residual(loop: Loop, folder: Path) -> list[str]:
-    return style.save(residual_figure(loop), folder, "residual")
 
 
 def residual_figure(loop: Loop) -> Figure:
@@ -64,60 +54,48 @@ def residual_figure(loop: Loop) -> Figure:
     )
     figure, axes = style.panels([0.6, 1.7, 1.4, 1.4])
     top, record, before, after = axes
-    _velocities(top, loop, place)
-    friction, unit = np.asarray(loop.record.friction), loop.record.friction_unit
-    style.samples(record, place.x, friction)
+    words, friction = loop.words, np.asarray(loop.record.friction)
+    size, unit = style.prefixed(_middle(loop.base_fit.steps.velocities), f"{loop.length_unit}/s")
+    style.stairs(top, place, size * loop.base_fit.steps.velocities)
+    style.tidy(top, f"{words.velocity}; dashed: {words.marks}", y=f"velocity\n[{unit}]")
+    style.samples(record, place.x, friction, colour=GREY)
     style.curve(record, place, friction + loop.before.residual, "model before", ORANGE)
     if loop.effects:
         style.curve(record, place, friction + loop.after.residual, "model after", BLUE)
-    record.set_ylabel(loop.words.force if unit == "1" else f"{loop.words.force} [{unit}]")
-    style.tidy(record, "Record and model")
-    base = " + ".join([base_name(loop), *loop.before.effects])
-    added = " + ".join(loop.effects)
-    for axis, score, title, short in (
-        (before, loop.before, f"Before: {base}", f"Before: {base_name(loop)} and effects"),
-        (after, loop.after, f"After: with {added}", f"After: with {len(loop.effects)} effects"),
+    style.tidy(record, "Record and model", y=style.named(words.force, loop.record.friction_unit))
+    base = base_name(loop)
+    added = f"with {_effects(loop.effects)}" if loop.effects else "no effect was added"
+    for axis, score, title in (
+        (before, loop.before, f"Before: {_effects([base, *loop.before.effects], base)}"),
+        (after, loop.after, f"After: {added}"),
     ):
-        if axis is after and not added:
-            title = "After: no effect was added"
         _residual(axis, loop, -score.residual / loop.row_sigma(), place)
         mark_glitches(axis, place.x, score.noise.glitches)
-        error = f" (test error {loop.test_error(score):.2f} σ)"
-        fits = len(title + error) <= style.letters(0.9 * style.DOUBLE)
-        style.tidy(axis, (title if fits else short) + error)
+        style.tidy(axis, f"{title} (test error {loop.test_error(score):.2f} σ)")
+    style.tidy(after, x=place.label)
     for axis in axes:
         _blocks(axis, loop, place.x)
         axis.grid(False)
-    style.mark_steps(axes, place)
+    style.mark_steps(axes, place, "")
     after.set_xlim(place.x.min(), place.x.max())
-    after.set_xlabel(place.label)
     shades = [Patch(fc=colour, ec="0.8", label=text) for colour, text in _BLOCKS.values()]
-    name = printable(loop.record.provenance.path)
-    name = name if len(name) <= _LONGEST else f"{name[:_LONGEST]}..."
+    name = style.shortened(printable(loop.record.provenance.path), _LONGEST)
     title = f"{name}: noise σ = {', in rows held out '.join(sigma_texts(loop))}"
-    return style.finish(figure, title, legend=[*shades, record, before, after])
+    return style.finish(figure, title, legend=shades)
 
 
-def _velocities(axis: Axes, loop: Loop, place: style.Along) -> None:
-    velocities = loop.base_fit.steps.velocities
+def _effects(names: Sequence[str], base: str = "") -> str:
+    """The names of what a model has, or their number where a title has no room for all of them."""
+    text = " + ".join(names)
+    if len(text) <= style.letters(_TITLE):
+        return text
+    return f"{base} and effects" if base else f"{len(names)} effects"
+
+
+def _middle(velocities: np.ndarray) -> float:
+    """The velocity in the middle of those of a record, by factors; 1e-6 where nothing moves."""
     moving = np.abs(velocities[velocities != 0])
-    middle = float(np.sqrt(moving.min() * moving.max())) if len(moving) else 1e-6
-    size, unit = style.prefixed(middle, f"{loop.length_unit}/s")
-    shown, ends = size * velocities, np.append(place.starts, place.x[-1])
-    axis.stairs(shown, ends, baseline=None, color=BLACK, lw=1.2)
-    if np.all(shown > 0):
-        axis.set_ylim(shown.min() / 2, shown.max() * 8)
-        plain_log(axis, "y")
-    else:
-        axis.margins(y=0.4)
-    room = style.letters(0.85 * style.DOUBLE)
-    for k, share in enumerate(np.abs(np.diff(ends)) / np.ptp(place.x)):
-        text = f"{float(f'{shown[k]:.3g}'):.15g}".replace("-", "−")  # 2000, not 2e+03
-        if len(text) + 1 <= room * share:  # longer, it would lie on the line at its side
-            at = 0.5 * (ends[k] + ends[k + 1]), shown[k]
-            axis.annotate(text, at, (0, 2), textcoords="offset points", ha="center")
-    axis.set_ylabel(f"velocity\n[{unit}]")
-    style.tidy(axis, f"{loop.words.velocity}; dashed: {loop.words.marks}")
+    return float(np.sqrt(moving.min() * moving.max())) if len(moving) else 1e-6
 
 
 def _blocks(axis: Axes, loop: Loop, x: np.ndarray) -> None:
@@ -136,14 +114,13 @@ def _residual(axis: Axes, loop: Loop, values: np.ndarray, place: style.Along) ->
     groups, mean, error = _bins(loop, values)
     highest = np.nanmax(np.abs(mean), initial=0.0)
     reach = max(4.0, 1.1 * np.nanquantile(np.abs(values), 0.998), 1.25 * highest)
-    style.samples(axis, place.x, values, "rows")
+    style.samples(axis, place.x, values, "rows", GREY)
     x = np.asarray([place.x[rows].mean() if len(rows) else np.nan for rows in groups])
     low, high = mean - error, mean + error
     style.band(axis, x, low, high, "mean ± 1 σ of the mean", BLUE, 0.3)
     axis.plot(x, mean, color=BLUE, lw=1.1, label="mean of neighbouring rows", zorder=3)
-    axis.axhline(0, color=BLACK, lw=0.8, zorder=2)
     axis.set_ylim(-reach, reach)
-    axis.set_ylabel("record − model [σ]")
+    style.tidy(axis, y="record − model [σ]", zero=True)
 
 
 def _bins(loop: Loop, values: np.ndarray) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
@@ -175,27 +152,21 @@ def _clocks(loop: Loop) -> np.ndarray:
 # ---- noise -----------------------------------------------------------------------------------
 
 
-def _save_noise(loop: Loop, folder: Path) -> list[str]:
+def _noise_figure(loop: Loop) -> Figure:
     """Autocorrelation of the residual where the model is fitted, and of the noise model."""
-    figure = style.new_figure(style.DOUBLE, 3.2)
-    axis = figure.subplots()
+    figure, (axis,) = style.panels([2.45])
     scale = np.asarray(loop.after.noise.scale or (1.0,))
     scale = scale[np.minimum(loop.blocks.step, len(scale) - 1)]
     residual = np.where(loop.blocks.train, loop.after.residual / scale, np.nan)
     draw_autocorrelation(axis, _clocks(loop), residual, loop.after.noise)
     style.tidy(axis, "Residual of the train block")
-    style.finish(figure, legend=[axis, *map(style.note, noise_lines(loop.after.noise))])
-    return style.save(figure, folder, "noise")
-
-
-def _save_aliasing(loop: Loop, folder: Path) -> list[str]:
-    return save_aliasing(loop.alias_ids, loop.alias_cosines, folder, added=loop.effects)
+    return style.finish(figure, legend=[*map(style.note, noise_lines(loop.after.noise))])
 
 
 # ---- candidates ------------------------------------------------------------------------------
 
 
-def _save_candidates(loop: Loop, folder: Path) -> list[str]:
+def _candidates_figure(loop: Loop) -> Figure:
     """Bars of the change of BIC by every model and every single effect: below 0 it is better."""
     tried = loop.ranked()[:_MOST_CANDIDATES]
     screened = [s for s in loop.screened if np.isfinite(s.delta_bic)]
@@ -206,21 +177,21 @@ def _save_candidates(loop: Loop, folder: Path) -> list[str]:
     second = figure.add_subplot(grid[1, 0])
     names = [" + ".join(c.effects) or "base" for c in tried]
     colours = [_ROLES[loop.role(c)][0] for c in tried]
-    _bars(first, names, [0.0 - c.delta_bic for c in tried], colours)
-    style.tidy(first, "Fitted models")
+    _bars(first, "Fitted models", names, [0.0 - c.delta_bic for c in tried], colours)
     _held_out(beside, loop, tried, colours)
     beside.set_ylim(first.get_ylim())
     chosen = [BLUE if s.id in loop.effects else LIGHT for s in screened]
-    _bars(second, [s.id for s in screened], [0.0 - s.delta_bic for s in screened], chosen)
-    style.tidy(second, "Single effects, to first order")
+    title, changes = "Single effects, to first order", [0.0 - s.delta_bic for s in screened]
+    _bars(second, title, [s.id for s in screened], changes, chosen)
     legend = [style.square(colour, text) for colour, text in _ROLES.values() if text]
     accept = f"ΔBIC −{ACCEPT:g}: needed to add an effect"
     legend.append(Line2D([], [], color=ORANGE, ls="--", lw=1.2, label=accept))
-    style.finish(figure, legend=[*legend, beside])
-    return style.save(figure, folder, "candidates")
+    return style.finish(figure, legend=legend)
 
 
-def _bars(axis: Axes, names: list[str], values: list[float], colours: list[str]) -> None:
+def _bars(
+    axis: Axes, title: str, names: list[str], values: list[float], colours: list[str]
+) -> None:
     """Horizontal bars, first on top, numbers beside; the line from which an effect is added."""
     places = np.arange(len(names))
     lengths = np.where(np.isfinite(values), values, 0.0)
@@ -242,7 +213,7 @@ def _bars(axis: Axes, names: list[str], values: list[float], colours: list[str])
     axis.axvline(-ACCEPT, color=ORANGE, lw=1.2, ls="--", zorder=1)
     axis.set_yticks(places, names, parse_math=False)
     axis.set_ylim(len(names) - 0.4 if names else 0.6, -0.6)
-    axis.set_xlabel("ΔBIC = BIC − BIC of the base (below 0: better)")
+    style.tidy(axis, title, x="ΔBIC = BIC − BIC of the base (below 0: better)")
 
 
 def _number(axis: Axes, place: float, text: str) -> None:
@@ -270,17 +241,25 @@ def _held_out(axis: Axes, loop: Loop, tried: list[CandidateScore], colours: Sequ
         value = values[place]
         _number(axis, float(place), f"{value:.3f}" if value < 100 else f"{value:.3g}")
     axis.set_yticks(range(len(tried)), [""] * len(tried))
-    axis.set_xlabel("rms [σ]")
-    style.tidy(axis, "Error on the validation block")
+    style.tidy(axis, "Error on the validation block", x="rms [σ]")
 
 
-DRAWERS: dict[str, Callable[[Loop, Path], list[str]]] = {
-    "residual": _save_residual,
-    "noise": _save_noise,
-    "location": save_location,
-    "profiles": save_profiles,
-    "aliasing": _save_aliasing,
-    "candidates": _save_candidates,
-}
+DRAWERS: dict[str, Callable[[Loop, Path], list[str]]] = style.drawers(
+    {
+        "residual": residual_figure,
+        "noise": _noise_figure,
+        "location": location_figure,
+        "profiles": profiles_figure,
+        "aliasing": lambda loop: aliasing_figure(
+            loop.alias_ids, loop.alias_cosines, added=loop.effects
+        ),
+        "candidates": _candidates_figure,
+    }
+)
 """Functions that each write a figure of a loop to a folder and return the names written."""
 FIGURES: tuple[str, ...] = tuple(DRAWERS)
+
+
+def draw_loop(loop: Loop, folder: str | Path) -> list[str]:
+    """Write the figures of `DRAWERS` to `folder` as PNG and SVG; the names written."""
+    return [name for draw in DRAWERS.values() for name in draw(loop, Path(folder))]

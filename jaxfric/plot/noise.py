@@ -8,8 +8,8 @@ from matplotlib.axes import Axes
 from scipy.special import ndtri
 
 from ..fitting.noise import Glitches, NoiseEstimate
-from .palette import BAND, BLACK, BLUE, ORANGE
-from .ticks import plain_log
+from . import style
+from .palette import BAND, BLUE, ORANGE
 
 _FEWEST, _PAIRED, _MOST, _SOME = 30, 40, 60, 400
 _BAND, _CHANCE = 1.96, 0.05
@@ -148,13 +148,10 @@ def draw_autocorrelation(
         axis.plot(lag, modelled, color=ORANGE, lw=1.2, ls="--", label="noise model")
         if words := beyond_text(found.beyond()):
             axis.plot([], [], " ", label=words)
-    axis.axhline(0, color=BLACK, lw=0.6)
-    if np.any(lag > 0):  # none where all rows but a few are passed over
-        plain_log(axis, "x")
     both = np.concatenate([value, modelled, [-0.25]])
     axis.set_ylim(1.15 * float(both[np.isfinite(both)].min()), 1.02)
-    axis.set_xlabel("lag [rows]")
-    axis.set_ylabel("autocorrelation")
+    log = "x" if np.any(lag > 0) else ""  # none where all rows but a few are passed over
+    style.tidy(axis, x="lag [rows]", y="autocorrelation", log=log, zero=True)
 
 
 def beyond_text(ranges: Sequence[tuple[float, float, bool]]) -> str:

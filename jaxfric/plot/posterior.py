@@ -57,8 +57,7 @@ def posterior_figure(posterior: Posterior) -> Figure:
     title += f"{posterior.fit.model.law} law"
     title += "" if posterior.converged else "; it claims nothing, see the warnings"
     colour = BLACK if posterior.converged else _LAPLACE
-    every = [axis for axis in axes.ravel() if axis.axison]
-    return style.finish(figure, title, legend=every, colour=colour)
+    return style.finish(figure, title, colour=colour)
 
 
 def _columns(posterior: Posterior, values: np.ndarray) -> dict[str, np.ndarray]:
@@ -131,6 +130,6 @@ def _labels(
             continue
         unit = unit_name(name, posterior.fit).replace("um", "µm")
         word = "A − B" if name == DIFFERENCE else name
-        axis_of.set_label_text(word if unit == "1" else f"{word} [{unit}]")
+        axis_of.set_label_text(style.named(word, unit))
         axis_of.set_major_formatter(ScalarFormatter(useOffset=False))
     axis.tick_params(axis="x", rotation=40)

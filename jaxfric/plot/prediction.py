@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from ..prediction import Prediction
 from . import style
 from .label import printable
-from .palette import BAND, BLACK, BLUE, ORANGE
+from .palette import BAND, ORANGE
 
 
 def draw_prediction(found: Prediction, folder: Path) -> list[str]:
@@ -23,38 +23,31 @@ def prediction_figure(found: Prediction) -> Figure:
     )
     size, unit = _unit(found)
     place = style.along(None, found.time)
-    style.samples(top, place.x, size * found.recorded, colour=BLUE)
+    style.samples(top, place.x, size * found.recorded)
     style.curve(top, place, size * found.predicted, "model", ORANGE)
-    top.set_ylabel(f"{'motor force' if found.kind == 'axis' else 'friction'}{unit}")
+    name = "motor force" if found.kind == "axis" else "friction"
+    style.tidy(top, y=style.named(name, unit))
     band = 1.96 * size * found.sigma
     middle.axhspan(
         -band, band, color=BAND, lw=0, zorder=0.2, label="±1.96 σ, the scatter of neighbouring rows"
     )
-    style.samples(middle, place.x, size * (found.recorded - found.predicted), "residual", BLUE)
-    middle.set_ylabel(f"record − model{unit}")
+    style.samples(middle, place.x, size * (found.recorded - found.predicted), "residual")
+    style.tidy(middle, y=style.named("record − model", unit), zero=True)
     if found.position is not None:
         time, error, si = found.position
         size, shown = style.prefixed(style.most(error), si)
         style.curve(last[0], style.along(None, time), size * error)
-        last[0].set_ylabel(f"position error [{shown}]")
-        style.tidy(
-            last[0], "Closed loop simulated from the reference: simulated − recorded position"
-        )
-    for axis in (middle, *last):
-        axis.axhline(0, color=BLACK, lw=0.6)
-    for axis in (top, middle, *last):
-        axis.margins(x=0.01)
-        style.tidy(axis, axis.get_title(loc="left"))
-    (last or [middle])[0].set_xlabel(place.label)
+        words = "Closed loop simulated from the reference: simulated − recorded position"
+        style.tidy(last[0], words, y=f"position error [{shown}]", zero=True)
+    style.tidy((last or [middle])[0], x=place.label)
     title = f"{printable(found.origin.path)} predicted with {_model(found)}"
-    return style.finish(figure, title, legend=[top, middle])
+    return style.finish(figure, title)
 
 
 def _unit(found: Prediction) -> tuple[float, str]:
     if found.force_unit in ("1", "%"):
-        return 1.0, "" if found.force_unit == "1" else " [%]"
-    size, unit = style.prefixed(style.most(np.asarray(found.recorded)), found.force_unit)
-    return size, f" [{unit}]"
+        return 1.0, found.force_unit
+    return style.prefixed(style.most(np.asarray(found.recorded)), found.force_unit)
 
 
 def _model(found: Prediction) -> str:

@@ -18,7 +18,7 @@ from ..runs.table import difference, misses
 from . import style
 from .label import friction_label, printable
 from .palette import BLACK, BLUE, GOLD, MAGENTA, MINT, ORANGE, SKY, SLATE
-from .ticks import plain_log, whole_numbers
+from .ticks import whole_numbers
 
 _COLOURS = {
     "step": ORANGE,
@@ -46,24 +46,23 @@ def draw_events(record: Record, events: Sequence[Event], *paths: str | Path) -> 
     stress against the displacement of the load point."""
     figure, axes = style.panels([2.0, 1.0, *([] if record.normal_stress is None else [1.0])])
     x = 1e3 * (record.moved() - record.moved()[0])
-    style.samples(axes[0], x, record.friction, "record", BLUE)
-    axes[0].set_ylabel(friction_label(record.friction_unit))
+    style.samples(axes[0], x, record.friction)
+    style.tidy(axes[0], y=friction_label(record.friction_unit), grid=False)
     low, high = np.quantile(record.friction, [0.002, 0.998])  # a few wild rows do not decide
     room = 0.12 * max(high - low, 1e-12)
     axes[0].set_ylim(low - room, high + 2 * room)
     _speeds(axes[1], record, events, x)
     if record.normal_stress is not None:
-        style.samples(axes[2], x, record.normal_stress / 1e6, "", BLUE)
-        axes[2].set_ylabel("normal\nstress [MPa]")
+        style.samples(axes[2], x, record.normal_stress / 1e6, "")
+        style.tidy(axes[2], y="normal\nstress [MPa]", grid=False)
         whole_numbers(axes[2], "y", most=4, least=_LEAST)
     at = x[_rows(record, [event.time for event in events])]
     for axis in axes:
-        style.tidy(axis, grid=False)
         _mark(axis, record, events, at, x)
-        axis.margins(x=0.005)
     fitted = [place for place, event in zip(at, events, strict=True) if event.fitted]
     _number(axes[0], fitted)
-    axes[-1].set_xlabel("load-point displacement since the first row [mm]")
+    name = "load-point displacement since the first row [mm]"
+    style.tidy(axes[-1], x=name, grid=False)
     legend = [
         Line2D([], [], color=colour, lw=2, label=_WORDS.get(kind, kind))
         for kind, colour in _COLOURS.items()
@@ -90,8 +89,7 @@ def _speeds(axis: Axes, record: Record, events: Sequence[Event], x: np.ndarray) 
     for a, b, v in zip(ends[:-1], ends[1:], speeds, strict=True):
         if v:
             axis.plot([a, b], [1e6 * abs(v)] * 2, color=BLUE, lw=1.8, ls="-" if v > 0 else ":")
-    plain_log(axis, "y")
-    axis.set_ylabel("speed\n[µm/s]")
+    style.tidy(axis, y="speed\n[µm/s]", log="y", grid=False)
 
 
 def _mark(
@@ -148,33 +146,25 @@ def rates_figure(run: RunFit) -> Figure:
     figure, axes = style.side_by_side(len(sides), height=2.2, sharey=True)
     up = np.array([abs(s.event.after) > abs(s.event.before) for s in found], bool)
     kinds = [
-        (up & ~missed, "^", BLUE, "step up"),
-        (~up & ~missed, "v", ORANGE, "step down"),
-        (up & missed, "^", BLUE, "step up, missed (*)"),
-        (~up & missed, "v", ORANGE, "step down, missed (*)"),
+        (up & ~missed, "^", BLUE, "step up", False),
+        (~up & ~missed, "v", ORANGE, "step down", False),
+        (up & missed, "^", BLUE, "step up, missed (*)", True),
+        (~up & missed, "v", ORANGE, "step down, missed (*)", True),
     ]
     for axis, (label, x, log) in zip(axes, sides, strict=True):
-        for chosen, marker, colour, words in kinds:
+        for chosen, marker, colour, words, hollow in kinds:
             if chosen.any():
-                y, error = pairs[chosen, 0], 1.96 * pairs[chosen, 1]
-                hollow = words.endswith("(*)")
-                style.bars(
-                    axis, np.array(x)[chosen], y, error, words, colour, marker, hollow=hollow
-                )
-        axis.axhline(0, color=BLACK, lw=0.7)
-        axis.set_xlabel(label)
-        if log:
-            plain_log(axis, "x")
-        else:
+                at, (y, error) = np.array(x)[chosen], pairs[chosen].T
+                style.bars(axis, at, y, 1.96 * error, words, colour, marker, hollow=hollow)
+        style.tidy(axis, x=label, log="x" if log else "", zero=True)
+        if not log:
             whole_numbers(axis, "x", most=4, least=_LEAST)
-        style.tidy(axis)
-    axes[0].set_ylabel("A − B (bars: 95 %)")
     _fill(axes[0], pairs)
     low, high = axes[0].get_ylim()
     words = "all below 0: velocity weakening" if high < 0 else "below 0: velocity weakening"
     words = "all above 0: velocity strengthening" if low > 0 else words
-    style.tidy(axes[0], words)  # within, it would lie on the line of 0
-    return style.finish(figure, legend=axes[:1])
+    style.tidy(axes[0], words, y="A − B (bars: 95 %)")  # within, words would lie on the line of 0
+    return style.finish(figure)
 
 
 def _fill(axis: Axes, pairs: np.ndarray) -> None:
@@ -207,9 +197,9 @@ def draw_healing(record: Record, holds: Sequence[Hold], *paths: str | Path) -> N
         ends = np.array([lasts.min(), lasts.max()])
         words = f"{rate.slope:.4f}{force} per decade"
         left.plot(ends, rate.at(np.log10(ends)), color=ORANGE, lw=1.2, label=words)
-    plain_log(left, "x")
-    left.set_xlabel("hold time [s]")
-    left.set_ylabel(f"change of friction{force and ' [N]'} (bars: 95 %)")
+    unit = record.friction_unit
+    y = f"{style.named('change of friction', unit)} (bars: 95 %)"
+    style.tidy(left, x="hold time [s]", y=y, log="x")
     t, x, f = record.relative_time, record.load_point_displacement, record.friction
     assert x is not None
     shades = colormaps["cividis"](np.linspace(0.0, 0.85, max(len(holds), 2)))
@@ -220,9 +210,6 @@ def draw_healing(record: Record, holds: Sequence[Hold], *paths: str | Path) -> N
         level = np.median(f[(t < hold.time) & (t > hold.time - 5 / hold.velocity * 1e-6)])
         label = f"hold of {hold.lasts:.4g} s"
         style.samples(right, 1e6 * moved[near], f[near] - level, label, shade)
-    right.axhline(0, color=BLACK, lw=0.7)
-    right.set_xlabel("load point after the hold [µm]")
-    right.set_ylabel(f"friction less that before{force and ' [N]'}")
-    for axis in (left, right):
-        style.tidy(axis)
-    style.write(style.finish(figure, "Slide-hold-slide", legend=[left, right]), *paths)
+    y = style.named("friction less that before", unit)
+    style.tidy(right, x="load point after the hold [µm]", y=y, zero=True)
+    style.write(style.finish(figure, "Slide-hold-slide"), *paths)

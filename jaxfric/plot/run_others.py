@@ -12,7 +12,6 @@ from ..runs.stress_steps import FittedStress
 from ..units import measured
 from . import style
 from .palette import BLUE, GREY, ORANGE, SKY
-from .ticks import plain_log
 
 _LAWS = {"slip": ORANGE, "ageing": SKY}
 _HEIGHT = 1.9
@@ -27,17 +26,17 @@ def draw_stress_steps(found: Sequence[FittedStress], *paths: str | Path) -> None
         rows, fit = one.rows, one.fit
         assert rows is not None and fit is not None
         x, on = 1e6 * one.velocity * (rows.time - rows.corners[0]), rows.weight > 0
-        style.samples(axis, x[on], rows.friction[on], "record", BLUE)
+        style.samples(axis, x[on], rows.friction[on])
         without, predicted = (np.where(on, f, np.nan) for f in (fit.without, fit.predicted))
         axis.plot(x, without, color=GREY, lw=1.0, ls="--", label="the same with alpha 0")
         axis.plot(x, predicted, color=ORANGE, lw=1.0, label="fit")
         known = one.alpha is not None and one.error is not None
         words = f"alpha {measured(one.alpha, one.error)}" if known else "no alpha"
-        style.tidy(axis, f"{one.before / 1e6:.4g} → {one.after / 1e6:.4g} MPa: {words}")
-        axis.set_xlabel(f"load point since {one.time:.6g} s [µm]")
+        title = f"{one.before / 1e6:.4g} → {one.after / 1e6:.4g} MPa: {words}"
+        style.tidy(axis, title, x=f"load point since {one.time:.6g} s [µm]")
     for axis in axes[::3]:
-        axis.set_ylabel("friction")
-    style.write(style.finish(figure, "Steps of the normal stress", legend=axes[:1]), *paths)
+        style.tidy(axis, y="friction coefficient")
+    style.write(style.finish(figure, "Steps of the normal stress"), *paths)
 
 
 def draw_stick_slip(found: StickSlip, *paths: str | Path) -> None:
@@ -48,7 +47,7 @@ def draw_stick_slip(found: StickSlip, *paths: str | Path) -> None:
         _draw_creep(axis, found, one, place)
     _draw_drops(drops, found)
     title = "Stick-slip: creep of the slider before it slips, and drop of friction"
-    style.write(style.finish(figure, title, legend=axes[:1]), *paths)
+    style.write(style.finish(figure, title), *paths)
 
 
 def _draw_creep(axis: Axes, found: StickSlip, one: Rises, place: int) -> None:
@@ -71,9 +70,8 @@ def _draw_creep(axis: Axes, found: StickSlip, one: Rises, place: int) -> None:
             label = f"{law} law" + (": nothing is claimed" if doubted else "")
             fitted = creep(found.fits[law].fitted[place])
             axis.plot(1e6 * x, fitted, color=colour, lw=1.0, ls=line, label=label)
-    style.tidy(axis, f"{1e6 * one.velocity:.4g} µm/s, {one.count} teeth")
-    axis.set_xlabel("load point in a tooth [µm]")
-    axis.set_ylabel("creep [µm]")
+    title = f"{1e6 * one.velocity:.4g} µm/s, {one.count} teeth"
+    style.tidy(axis, title, x="load point in a tooth [µm]", y="creep [µm]")
 
 
 def _draw_drops(axis: Axes, found: StickSlip) -> None:
@@ -84,7 +82,6 @@ def _draw_drops(axis: Axes, found: StickSlip) -> None:
     if line := drop_by_velocity(found):
         x = np.array([v.min(), v.max()])
         axis.plot(x, line.at(np.log10(1e-6 * x)), color=GREY, lw=1)
-    plain_log(axis, "x")
-    axis.set_xlabel("load-point velocity [µm/s]")
-    axis.set_ylabel("drop [N]" if found.unit == "N" else "drop")
-    style.tidy(axis, "Drops; bars: scatter of teeth")
+    y = style.named("drop of friction", found.unit)
+    title = "Drops; bars: scatter of teeth"
+    style.tidy(axis, title, x="load-point velocity [µm/s]", y=y, log="x")

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
 
 from ..coordinate import Coordinate, unit_of
 from ..laws.registry import name_of
@@ -43,19 +44,17 @@ FIGURES: tuple[str, ...] = ("friction", "gain_map", "velocity", "root_locus")
 def drawers(found: Study) -> dict[str, Callable[[Study, Path], list[str]]]:
     """Functions that write each figure of a study to a folder and return the names written, by the
     name of the figure."""
-    maps = {} if found.delayed else {"gain_map": _save_map, "velocity": _save_sweep}
-    return {"friction": _save_friction, **maps, "root_locus": _save_locus}
+    maps = {} if found.delayed else {"gain_map": _map_figure, "velocity": _sweep_figure}
+    return style.drawers({"friction": _friction_figure, **maps, "root_locus": _locus_figure})
 
 
 # ---- friction ----------------------------------------------------------------------------------
 
 
-def _save_friction(found: Study, folder: Path) -> list[str]:
-    figure = style.new_figure(style.DOUBLE, 3.4)
-    axis = figure.subplots()
+def _friction_figure(found: Study) -> Figure:
+    figure, (axis,) = style.panels([2.65])
     draw_curve(axis, found.law, np.asarray(found.points.velocity), coordinate=found.coordinate)
-    title = f"Steady friction against velocity: {law_name(found.law)}"
-    return style.save(style.finish(figure, title, legend=[axis]), folder, "friction")
+    return style.finish(figure, f"Steady friction against velocity: {law_name(found.law)}")
 
 
 def draw_curve(
@@ -77,10 +76,7 @@ def draw_curve(
         axis.set_ylim(0, 1.3 * f_size * np.max(np.abs(force)))
     mark_velocities(axis, size * low, size * high)
     axis.margins(x=0)
-    plain_log(axis, "x")
-    axis.set_xlabel(f"velocity [{unit}]")
-    axis.set_ylabel(f"steady friction [{f_unit}]")
-    style.tidy(axis)
+    style.tidy(axis, x=f"velocity [{unit}]", y=f"steady friction [{f_unit}]", log="x")
 
 
 def mark_velocities(axis: Axes, low: float, high: float) -> None:
@@ -127,29 +123,24 @@ def name_gains(
     """Limits and names of the axes of a map over k_p and k_v."""
     axis.set_xlim(0, sizes[0] * k_p[-1])
     axis.set_ylim(0, sizes[1] * k_v[-1])
-    axis.set_xlabel(f"{K_P} [{units[0]}]")
-    axis.set_ylabel(f"{K_V} [{units[1]}]")
-    style.tidy(axis, grid=False)
+    style.tidy(axis, x=f"{K_P} [{units[0]}]", y=f"{K_V} [{units[1]}]", grid=False)
 
 
-def _save_map(found: Study, folder: Path) -> list[str]:
+def _map_figure(found: Study) -> Figure:
     at, needed = found.here, float(found.here.needed_damping)
     k_p, k_v = gain_axes(found)
     stable = np.asarray(stability_map(at.friction, found.mass, k_p, k_v, found.late, found.k_i))
     sizes, units = gain_units(k_p, k_v, found.coordinate)
-    figure = style.new_figure(style.DOUBLE, 4.2)
-    axis = figure.subplots()
+    figure, (axis,) = style.panels([3.45])
     squares = shade_stable(axis, sizes[0] * k_p, sizes[1] * k_v, stable)
     if found.is_spring:
         k_cr = np.asarray(theorem_over_damping(at.friction, k_v, found.mass).critical_stiffness)
         draw_boundaries(axis, k_v, k_cr, needed, sizes)
     if found.k_p is not None:
-        x, y = sizes[0] * found.k_p, sizes[1] * found.k_v
-        style.mark(axis, x, y, "o", GIVEN)
+        style.mark(axis, sizes[0] * found.k_p, sizes[1] * found.k_v, "o", GIVEN)
     name_gains(axis, k_p, k_v, sizes, units)
     title = f"Linear stability at {speed(float(at.velocity), found.coordinate)}, {_rig_text(found)}"
-    style.finish(figure, title, legend=[*squares, axis])
-    return style.save(figure, folder, "gain_map")
+    return style.finish(figure, title, legend=squares)
 
 
 def shade_stable(axis: Axes, x: np.ndarray, y: np.ndarray, stable: np.ndarray) -> list:
@@ -227,7 +218,7 @@ def _rig_text(found: Study) -> str:
 # ---- over velocity -----------------------------------------------------------------------------
 
 
-def _save_sweep(found: Study, folder: Path) -> list[str]:
+def _sweep_figure(found: Study) -> Figure:
     """k_cr and the damping needed against velocity."""
     velocities = np.asarray(found.points.velocity)
     low, high = float(velocities.min()), float(velocities.max())
@@ -242,31 +233,28 @@ def _save_sweep(found: Study, folder: Path) -> list[str]:
     ):
         _sweep(axis, size * V, values, found.unit(si), name, zero)
         mark_velocities(axis, size * low, size * high)
-        style.tidy(axis)
     axes[0].set_xlim(size * V[0], size * V[-1])
-    plain_log(axes[0], "x")
-    axes[1].set_xlabel(f"velocity [{unit}]")
+    style.tidy(axes[1], x=f"velocity [{unit}]", log="x")
     where = f"k_v = {found.k_v:g} {found.unit('N s/m')}, {mass_text(found.mass, found.coordinate)}"
     title = f"Stiffness that steady sliding needs with {where}; damping with which any will do"
-    style.finish(figure, title, legend=axes[:1])
-    return style.save(figure, folder, "velocity")
+    return style.finish(figure, title)
 
 
 def _sweep(axis: Axes, V: np.ndarray, values: np.ndarray, base: str, name: str, zero: str) -> None:
     """A curve over velocity where it is finite and positive, and words where it is not."""
     shown = np.isfinite(values) & (values > 0)
-    unit = base
+    unit, log = base, ""
     if shown.any():
         size, unit = prefixed(float(np.median(values[shown])), base)
         axis.plot(V, np.where(shown, size * values, np.nan), color=BLUE, lw=1.6)
         span = values[shown].max() / values[shown].min()
         if span > 8 and shown.all():
-            plain_log(axis, "y")
+            log = "y"
         elif span < 1.05:
             axis.set_ylim(0, 1.3 * size * values[shown].max())
     else:
         axis.set_yticks([])
-    axis.set_ylabel(f"{name}\n[{unit}]")
+    style.tidy(axis, y=style.named(name, unit, "\n"), log=log)
     for mask, text in ((np.isinf(values), "no stiffness suffices"), (values <= 0, zero)):
         places = np.flatnonzero(mask)
         run = max(np.split(places, np.flatnonzero(np.diff(places) > 1) + 1), key=len)
@@ -279,7 +267,7 @@ def _sweep(axis: Axes, V: np.ndarray, values: np.ndarray, base: str, name: str, 
 # ---- poles -------------------------------------------------------------------------------------
 
 
-def _save_locus(found: Study, folder: Path) -> list[str]:
+def _locus_figure(found: Study) -> Figure:
     """Poles in the complex plane over k_p, and the rightmost one's real part.
 
     Poles at one k_p are crosses; the dots between, coloured by k_p, are the paths that they take.
@@ -295,7 +283,6 @@ def _save_locus(found: Study, folder: Path) -> list[str]:
     plain_log(bar.ax, "y")
     rightmost = np.max(np.real(locus), axis=1)
     growth.plot(size * k_p, rightmost, color=BLUE, lw=1.6)
-    growth.axhline(0, color=BLACK, lw=0.8)
     across = growth.get_xaxis_transform()
     growth.fill_between(
         size * k_p, 0, 1, where=rightmost < 0, transform=across, color=STABLE, lw=0, label="stable"
@@ -309,15 +296,13 @@ def _save_locus(found: Study, folder: Path) -> list[str]:
         _poles(plane, s, BLACK, f"poles at k_p = {size * found.k_p:.4g} {unit}")
         growth.plot(size * found.k_p, np.max(np.real(s)), "x", color=BLACK, ms=7, mew=1.6)
     growth.set_xlim(size * k_p[0], size * k_p[-1])
-    plain_log(growth, "x")
-    growth.set_xlabel(f"{K_P} [{unit}]")
-    growth.set_ylabel("real part of the rightmost pole [1/s]")
-    style.tidy(growth, "Growth (above 0) or decay")
+    y = "real part of the rightmost pole [1/s]"
+    style.tidy(growth, "Growth (above 0) or decay", x=f"{K_P} [{unit}]", y=y, log="x", zero=True)
     rest = f" ({hidden} more far to the left)" if hidden else ""
     style.tidy(plane, f"Poles near the imaginary axis{rest}")
     where = f"{speed(float(found.here.velocity), found.coordinate)}, {_rig_text(found)}"
     title = f"Root locus in k_p at {where}, k_v = {found.k_v:g} {found.unit('N s/m')}"
-    return style.save(style.finish(figure, title, legend=axes), folder, "root_locus")
+    return style.finish(figure, title)
 
 
 def _locus(found: Study, k_p: np.ndarray) -> np.ndarray:
@@ -353,9 +338,8 @@ def _locus_stiffness(found: Study) -> tuple[np.ndarray, float | None]:
     known = 0 < k_cr < math.inf
     given = found.k_p if found.k_p is not None else own_stiffness(found)
     middle = k_cr if known else given
-    return np.geomspace(
-        middle / 30, middle * 30, _LOCUS
-    ), k_cr if known and found.is_spring else None
+    marked = k_cr if known and found.is_spring else None
+    return np.geomspace(middle / 30, middle * 30, _LOCUS), marked
 
 
 def _plane(axis: Axes, locus: np.ndarray, k_p: np.ndarray, size: float) -> int:
@@ -366,10 +350,10 @@ def _plane(axis: Axes, locus: np.ndarray, k_p: np.ndarray, size: float) -> int:
     reach = style.most(np.real(lead))
     height = 1.3 * style.most(np.imag(lead)) or reach
     reach = 1.4 * min(max(reach, 0.01 * height), 3 * height)
-    colour = np.repeat(size * k_p, locus.shape[1])
-    both = np.concatenate([locus.ravel(), np.conj(locus.ravel())])
+    both = np.concatenate([locus, np.conj(locus)], axis=1)
+    colour = np.repeat(size * k_p, both.shape[1])
     axis.scatter(
-        np.real(both), np.imag(both), c=np.concatenate([colour, colour]), s=4, lw=0,
+        np.real(both), np.imag(both), c=colour, s=4, lw=0,
         norm=LogNorm(size * k_p[0], size * k_p[-1]), cmap="cividis", rasterized=True,
     )  # fmt: skip
     axis.axvspan(-1.5 * reach, 0, color=STABLE, lw=0, zorder=0)
@@ -377,6 +361,5 @@ def _plane(axis: Axes, locus: np.ndarray, k_p: np.ndarray, size: float) -> int:
     axis.axhline(0, color="0.8", lw=0.8)
     axis.set_xlim(-1.5 * reach, reach)
     axis.set_ylim(-height, height)
-    axis.set_xlabel("real part [1/s]")
-    axis.set_ylabel("imaginary part [rad/s]")
+    style.tidy(axis, x="real part [1/s]", y="imaginary part [rad/s]")
     return int(np.sum(np.all(np.real(locus) < -1.5 * reach, axis=0)))

@@ -16,7 +16,6 @@ from . import style
 from .label import printable
 from .noise import draw_autocorrelation
 from .palette import BLACK, BLUE, GREY, ORANGE
-from .ticks import plain_log
 
 _LINE = 400
 
@@ -54,15 +53,12 @@ def steady_figure(loop: SteadyLoop) -> Figure:
         top.plot(factor * both, force / size, color=colour, lw=1.3, label=label)
         left, fitted = (curve.force - model.force(curve.speed)) / size, ~slipping
         style.bars(bottom, x[fitted], left[fitted], error[fitted], None, colour)
-    bottom.axhline(0, color=BLACK, lw=0.8)
-    top.set_ylabel(f"friction [{unit}]")
-    bottom.set_ylabel(f"run − model [{unit}]")
-    bottom.set_xlabel(f"speed [{shown}]")
     rms = " → ".join(f"{m.rms / size:.3g}" for m, _, _ in lines)
-    style.tidy(top)
-    style.tidy(bottom, f"Residual: rms {rms} {unit}")
+    style.tidy(top, y=f"friction [{unit}]")
+    title = f"Residual: rms {rms} {unit}"
+    style.tidy(bottom, title, x=f"speed [{shown}]", y=f"run − model [{unit}]", zero=True)
     title = f"{printable(curve.provenance.path)}: friction at steady speed"
-    return style.finish(figure, title, legend=[top])
+    return style.finish(figure, title)
 
 
 def speed_shown(curve: SteadyCurve) -> tuple[float, str]:
@@ -80,9 +76,8 @@ def draw_noise(curve: SteadyCurve, noise: SteadyNoise, folder: str | Path) -> li
     draw_autocorrelation(left, noise.clock, noise.residual, noise.estimate, part=noise.run)
     style.tidy(left, "Rows of a run about its mean, all runs")
     _samples(right, curve, noise)
-    style.tidy(right, "Independent samples of a run")
     words = [*noise_lines(noise.estimate, "the runs"), *turn_text(noise)]
-    style.finish(figure, legend=[left, right, *map(style.note, words)])
+    style.finish(figure, legend=[*map(style.note, words)])
     return style.save(figure, Path(folder), "noise")
 
 
@@ -97,6 +92,5 @@ def _samples(axis: Axes, curve: SteadyCurve, noise: SteadyNoise) -> None:
         (noise.effective, "D", ORANGE, f"by the noise of all runs: {ratio:.2f} times (median)"),
     ):
         axis.plot(speed, values, marker, color=colour, ms=3.5, mfc="none", label=label)
-    plain_log(axis, "y")
-    axis.set_xlabel(f"speed [{unit}]")
-    axis.set_ylabel("independent samples")
+    title = "Independent samples of a run"
+    style.tidy(axis, title, x=f"speed [{unit}]", y="independent samples", log="y")

@@ -7,9 +7,9 @@ gives titles, letters and legend their places, `save` writes the files.
 
 import math
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -22,6 +22,9 @@ from matplotlib.lines import Line2D
 from ..records.joints import gaps
 from ..records.steps import VelocitySteps
 from .palette import BLACK, BLUE, GREY
+from .ticks import plain_log
+
+Result = TypeVar("Result")
 
 SINGLE, DOUBLE = 85 / 25.4, 170 / 25.4
 """Widths of one and of two columns of a journal [inch]."""
@@ -76,10 +79,25 @@ def side_by_side(
     return figure, axes[: max(count, 1)]
 
 
-def tidy(axis: Axes, title: str = "", *, grid: bool = True) -> None:
-    """Style a panel: a title of one line at the left, a light grid, no box."""
-    axis.set_title(title, loc="left", fontsize=TITLE, parse_math=False)
-    axis.spines[["top", "right"]].set_visible(False)
+def tidy(
+    axis: Axes, title: str | None = None, *, x: str = "", y: str = "", log: str = "",
+    grid: bool = True, zero: bool = False,
+) -> None:  # fmt: skip
+    """Style a panel: a title of one line at the left, names of its axes, no box.
+
+    `log` names logarithmic axes, "x", "y" or "xy"; `grid` is a light one; `zero` draws a line at 0.
+    A name or title that is not given stays as it is.
+    """
+    if title is not None:
+        axis.set_title(title, loc="left", fontsize=TITLE, parse_math=False)
+    if x:
+        axis.set_xlabel(x)
+    if y:
+        axis.set_ylabel(y)
+    for which in log:
+        plain_log(axis, which)
+    if zero:
+        axis.axhline(0, color=BLACK, lw=0.7, zorder=1.9)
     axis.set_axisbelow(True)
     axis.grid(False)
     if grid:
@@ -87,11 +105,11 @@ def tidy(axis: Axes, title: str = "", *, grid: bool = True) -> None:
 
 
 def finish(
-    figure: Figure, title: str = "", *, legend: Sequence[Axes | Artist] = (), colour: str = "black"
+    figure: Figure, title: str = "", *, legend: Sequence[Artist] = (), colour: str = "black"
 ) -> Figure:
     """The figure with a title of one line, letters of one size, and a legend below its panels.
 
-    `legend` are what it explains: artists with labels, or axes of which every label is explained.
+    The legend explains the artists of `legend`, then all that has a label in a panel.
     """
     for axis in figure.axes:
         if axis.axison:
@@ -102,16 +120,17 @@ def finish(
         for text in (*axis.texts, *labels, *offsets):
             text.set_fontsize(LETTERS)
     if title:
-        title = shortened(title, figure.get_figwidth())
+        title = shortened(title, letters(figure.get_figwidth(), TITLE))
         figure.suptitle(title, x=0.01, ha="left", fontsize=TITLE, parse_math=False, color=colour)
     figure.align_ylabels()
-    legend_below(figure, legend)
+    shown = [handle for axis in figure.axes for handle in axis.get_legend_handles_labels()[0]]
+    legend_below(figure, [*legend, *shown])
     return figure
 
 
-def shortened(text: str, width: float) -> str:
-    """A title that is no longer than a line of so many inches: it ends in "..." where it was."""
-    return textwrap.shorten(text, letters(width, TITLE), placeholder=" ...")
+def shortened(text: str, most: int) -> str:
+    """A text of no more letters than `most`: it ends in "..." where it was longer."""
+    return text if len(text) <= most else f"{text[: most - 4].rstrip()} ..."
 
 
 def letters(width: float, size: float = LETTERS) -> int:
@@ -122,12 +141,11 @@ def letters(width: float, size: float = LETTERS) -> int:
 # ---- legends -----------------------------------------------------------------------------------
 
 
-def legend_below(figure: Figure, artists: Sequence[Axes | Artist]) -> None:
+def legend_below(figure: Figure, artists: Sequence[Artist]) -> None:
     """Put one legend below all panels, in as many columns and lines as there is room for."""
     found: dict[str, Artist] = {}
-    for one in artists:
-        handles = one.get_legend_handles_labels()[0] if isinstance(one, Axes) else [one]
-        found |= {str(handle.get_label()): handle for handle in handles}
+    for artist in artists:
+        found.setdefault(str(artist.get_label()), artist)
     width = letters(figure.get_figwidth()) - _HANDLE
     labels = ["\n".join(textwrap.fill(x, width) for x in text.split("\n")) for text in found]
     for columns in range(min(len(found), _MOST_COLUMNS), 0, -1):
@@ -186,8 +204,9 @@ def along(steps: VelocitySteps | None, time: np.ndarray, *, over_path: bool = Tr
     return Along(size * x, label, size * starts, pauses)
 
 
-def samples(axis: Axes, x: np.ndarray, y: np.ndarray, label: str = "record", colour=GREY) -> None:
-    """Draw what was measured, as points."""
+def samples(axis: Axes, x: np.ndarray, y: np.ndarray, label: str = "record", colour=BLUE) -> None:
+    """Draw what was measured, as points that fill the width of the panel."""
+    axis.margins(x=0.01)
     axis.plot(x, y, ".", color=colour, ms=2.0, mew=0, rasterized=True, label=label, zorder=1.5)
 
 
@@ -233,17 +252,30 @@ def mark(
     )  # fmt: skip
 
 
-def mark_steps(axes: Sequence[Axes], place: Along) -> None:
-    """Dashed lines where the velocity changes, and a margin that shows all rows."""
+def mark_steps(axes: Sequence[Axes], place: Along, label: str = "velocity step") -> None:
+    """Dashed lines where the velocity changes."""
     for axis in axes:
         for start in place.starts[1:]:
-            axis.axvline(start, color=GREY, lw=0.7, ls="--", zorder=0.5)
-        axis.margins(x=0.01)
+            axis.axvline(start, color=GREY, lw=0.7, ls="--", zorder=0.5, label=label)
 
 
-def velocity_step() -> Line2D:
-    """The legend's line of `mark_steps`."""
-    return Line2D([], [], color=GREY, lw=0.7, ls="--", label="velocity step")
+def stairs(
+    axis: Axes, place: Along, velocities: np.ndarray, colour: str = BLACK, label: str = ""
+) -> None:
+    """The commanded velocities in the unit of the panel, each with its number if that has room."""
+    ends = np.append(place.starts, place.x[-1])
+    axis.stairs(velocities, ends, baseline=None, color=colour, lw=1.3, label=label)
+    if np.all(velocities > 0):
+        axis.set_ylim(velocities.min() / 2, velocities.max() * 8)
+        plain_log(axis, "y")
+    else:
+        axis.margins(y=0.4)
+    room = letters(0.85 * DOUBLE)
+    for k, share in enumerate(np.abs(np.diff(ends)) / np.ptp(place.x)):
+        text = f"{float(f'{velocities[k]:.3g}'):.15g}".replace("-", "−")  # 2000, not 2e+03
+        if len(text) + 1 <= room * share:  # longer, it would lie on the line at its side
+            at = 0.5 * (ends[k] + ends[k + 1]), velocities[k]
+            axis.annotate(text, at, (0, 2), textcoords="offset points", ha="center")
 
 
 def shade(
@@ -282,6 +314,25 @@ def told(value: float, unit: str, digits: int = 4) -> str:
     """A value with a prefix of its unit, as text."""
     size, text = prefixed(abs(value), unit)
     return f"{size * value:.{digits}g} {text.replace('*', ' ')}"
+
+
+def named(name: str, unit: str, gap: str = " ") -> str:
+    """The name of an axis and, after the `gap`, its unit in brackets; no unit where it is 1."""
+    return name if unit in ("", "1") else f"{name}{gap}[{unit.replace('*', ' ')}]"
+
+
+def drawers(
+    figures: Mapping[str, Callable[[Result], Figure]],
+) -> dict[str, Callable[[Result, Path], list[str]]]:
+    """Functions that each write one of the figures of a result to a folder, and return the names
+    written."""
+
+    def drawer(
+        name: str, figure: Callable[[Result], Figure]
+    ) -> Callable[[Result, Path], list[str]]:
+        return lambda result, folder: save(figure(result), folder, name)
+
+    return {name: drawer(name, figure) for name, figure in figures.items()}
 
 
 def save(figure: Figure, folder: Path, name: str) -> list[str]:

@@ -24,10 +24,9 @@ def trajectory_figure(found: Trajectory) -> Figure:
         factor, shown = style.prefixed(style.most(values), si) if si else (1.0, "F")
         alpha = 1.0 if members == 1 else 0.5
         axis.plot(size * times.T, factor * values.T, color=BLUE, lw=1.0, alpha=alpha)
-        axis.set_ylabel(f"{label} [{shown}]")
         axis.margins(x=0.01)
-        style.tidy(axis)
-    axes[-1].set_xlabel(f"time [{unit}]")
+        style.tidy(axis, y=f"{label} [{shown}]")
+    style.tidy(axes[-1], x=f"time [{unit}]")
     drawn = f"the first {_MOST} of {members}" if members > _MOST else f"{members}"
     title = f"{drawn} simulated motions" if members > 1 else "Simulated motion"
     if members == 1 and found.result != RESULTS.successful:
