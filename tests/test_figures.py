@@ -327,25 +327,16 @@ def test_a_scale_of_colours_ends_where_its_values_do() -> None:
         assert figure.axes[-1]._colorbar.extend == arrows
 
 
-def test_the_border_of_stability_is_drawn_finer_than_the_map() -> None:
-    """Without mass it is k_p = (B - A - k_v V)/L (25): right in every part of a cell, of the worse
-    of two velocities, and only cells at the border are looked at."""
+def test_the_border_of_stability_is_that_of_the_worst_scenario() -> None:
+    """Without mass it is k_p = (B - A - k_v V)/L (25), here of the lower of two velocities."""
     A, B, L = 5.0, 9.0, 2e-5
     law = jf.RateState(300.0, A, [B], [L], 1e-6)
     velocities = np.asarray([1e-6, 1e-4])
     scenarios = Scenarios.at(stack([law]), velocities, None, np.zeros(2, int))
     k_p, k_v = np.linspace(1.0, 3e5, 121), np.linspace(0.0, 3e6, 121)
-
-    def stable(k_p, k_v):
-        return k_p[None, :] > (B - A - k_v[:, None] * velocities[0]) / L
-
-    coarse = stable(k_p, k_v)
-    pairs = np.divmod(np.arange(2 * 121**2), 2)
-    result = SimpleNamespace(scenarios=scenarios)
-    finer = gain_map._finer(result, (k_p, k_v), coarse, pairs)
-    expected = stable(gain_map._centres(k_p), gain_map._centres(k_v))
-    np.testing.assert_array_equal(finer, expected)
-    assert not np.array_equal(np.kron(coarse[:-1, :-1], np.ones((5, 5), bool)), expected)
+    expected = k_p[None, :] > (B - A - k_v[:, None] * velocities[0]) / L
+    np.testing.assert_array_equal(gain_map._stable(scenarios, k_p, k_v), expected)
+    assert expected.any() and not expected.all()
 
 
 def test_a_study_of_one_member_has_no_curves() -> None:

@@ -2,25 +2,22 @@
 
 from collections.abc import Callable, Sequence
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 
-from ..gains.margins import paired_slacks
+from ..gains.margins import slacks
 from ..gains.result import Gains, LocalOptimum, norm_text
 from ..gains.scenarios import Scenarios
-from ..stability.analysis import needed_damping
-from ..stability.linear import LinearFriction
-from ..stability.margins import is_stable
-from ..stability.theorem import theorem
+from ..stability.analysis import needed_damping, stability_map, theorem_over_damping
 from . import style
 from .palette import BLACK, MEETS, STABLE, UNSTABLE
-from .stability import draw_boundaries, from_zero, gain_units, name_gains, shade_stable
+from .stability import draw_boundaries, from_zero, gain_units, name_gains
 
-_GRID, _CELLS, _DAMPINGS, _FINER = 121, 12, 64, 5
+_GRID, _EVERY, _DAMPINGS = 161, 16, 64
+"""Gains along an axis; of every so many of them the worst scenario is looked for."""
 _ALONE = {"stiff": ">", "damped": "^"}
 _MEANS = {"stiff": "stiffness", "damped": "damping"}
 
@@ -28,27 +25,24 @@ _MEANS = {"stiff": "stiffness", "damped": "damping"}
 def draw_gain_map(axis: Axes, result: Gains) -> list:
     """Draw the gains that all scenarios accept, the limits of the linear theory, and the optima.
 
-    At every gain only the scenarios count that are the worst at the corners of a coarser grid
-    around it, or at an optimum: a few of thousands. Returns what a legend explains.
+    Only those scenarios count that are the worst at some gains of a coarser grid, or at an optimum:
+    a few of thousands. Returns what a legend explains beside the labels of the panel.
     """
     k_cr_at, needed = _boundary(result.scenarios)
     k_p, k_v = _map_axes(result, k_cr_at, needed)
-    gains = np.stack(np.meshgrid(k_p, k_v), axis=-1).reshape(-1, 2)
-    pairs = _deciding_pairs(result, gains)
-    slack, stable = (x.reshape(_GRID, _GRID) for x in _over_scenarios(result, gains, pairs))
-    level = np.where(slack >= 0, 2, np.where(stable, 1, 0))
+    few = result.scenarios.take(_deciding(result, k_p, k_v))
+    slack, stable = _least_slack(result, few, k_p, k_v), _stable(few, k_p, k_v)
     sizes, units = gain_units(k_p, k_v, result.coordinate)
     x, y = sizes[0] * k_p, sizes[1] * k_v
-    finer = _finer(result, (k_p, k_v), stable, pairs)
-    shade_stable(axis, _centres(x), _centres(y), finer)
-    if (level == 2).any():
-        axis.contourf(x, y, np.clip(slack, -1.0, 1.0), levels=[0.0, 2.0], colors=[MEETS])
+    axis.contourf(x, y, np.where(stable, 1.0, -1.0), [-2.0, 0.0, 2.0], colors=[UNSTABLE, STABLE])
+    if (slack >= 0).any():
+        axis.contourf(x, y, np.clip(slack, -1.0, 1.0), [0.0, 2.0], colors=[MEETS])
     named = (
-        (MEETS, "meets the requirement in every scenario", 2),
-        (STABLE, "stable, but misses it somewhere", 1),
-        (UNSTABLE, "unstable somewhere", 0),
+        (MEETS, "meets the requirement in every scenario", slack >= 0),
+        (STABLE, "stable, but misses it somewhere", stable & (slack < 0)),
+        (UNSTABLE, "unstable somewhere", ~stable),
     )
-    squares = [style.square(colour, text) for colour, text, code in named if (level == code).any()]
+    squares: list[Artist] = [style.square(c, text) for c, text, mask in named if mask.any()]
     if result.is_spring:
         draw_boundaries(axis, k_v, k_cr_at(k_v), needed, sizes)
     _iso_norm(axis, result, sizes)
@@ -59,14 +53,13 @@ def draw_gain_map(axis: Axes, result: Gains) -> list:
             continue
         marker = "D" if one.minimum else _ALONE[one.name]
         style.mark(axis, sizes[0] * one.kp, sizes[1] * one.kv, marker, _of(one), face="white")
-    used = "NOT recommended" if result.unsafe else "recommended"
-    label = f"{used}{here}{_simulated(result)}"
-    marker = "X" if result.unsafe else "*"
-    style.mark(axis, sizes[0] * result.kp, sizes[1] * result.kv, marker, label, size=9)
+    used, marker = ("NOT recommended", "X") if result.unsafe else ("recommended", "*")
+    at = sizes[0] * result.kp, sizes[1] * result.kv
+    style.mark(axis, *at, marker, used + here, size=9)
     name_gains(axis, k_p, k_v, sizes, units)
     number = len(result.scenarios)
     style.tidy(axis, f"{number} scenario{'' if number == 1 else 's'}", grid=False)
-    return squares
+    return squares + [style.note(text) for text in _simulated(result)]
 
 
 def _of(optimum: LocalOptimum) -> str:
@@ -75,35 +68,33 @@ def _of(optimum: LocalOptimum) -> str:
     return f"{what} (norm {norm_text(optimum.norm, 3)})"
 
 
-def _simulated(result: Gains) -> str:
-    """Result of the nonlinear check, for the legend."""
+def _simulated(result: Gains) -> list[str]:
+    """Results of the nonlinear check, for the legend."""
     checked = result.simulation
     if checked is None:
-        return ""
-    late = "" if result.delay is None else "\n(simulated without the controller's delay)"
-    text = f":\n{checked.steady} of {checked.checked} simulated starts end steady{late}"
-    if checked.basin is None:
-        return text
-    more = "" if checked.basin_lost else " or more"
-    return f"{text},\nvelocity may jump by a factor {checked.basin:.3g}{more}"
+        return []
+    late = "" if result.delay is None else " (without the controller's delay)"
+    lines = [f"{checked.steady} of {checked.checked} simulated starts end steady{late}"]
+    if checked.basin is not None:
+        more = "" if checked.basin_lost else " or more"
+        lines.append(f"velocity may jump by a factor {checked.basin:.3g}{more}")
+    return lines
 
 
 def _boundary(scenarios: Scenarios) -> tuple[Callable[[np.ndarray], np.ndarray], float]:
     """k_cr as a function of k_v, largest over the scenarios, and the damping that all need."""
-    mass = jnp.zeros(len(scenarios)) if scenarios.mass is None else jnp.asarray(scenarios.mass)
-
-    @eqx.filter_jit
-    def largest(k_v: Float[Array, ""]) -> Float[Array, ""]:
-        def one(friction: LinearFriction, mass: Float[Array, ""]) -> Float[Array, ""]:
-            return theorem(friction.kernel, friction.slope + k_v, mass).critical_stiffness
-
-        return jnp.max(jax.vmap(one)(scenarios.friction, mass))
+    every = jax.jit(jax.vmap(theorem_over_damping, in_axes=(0, None, 0)))
 
     def k_cr(k_v: np.ndarray) -> np.ndarray:
-        return np.asarray([float(largest(jnp.asarray(v))) for v in k_v])
+        found = every(scenarios.friction, jnp.asarray(k_v), jnp.asarray(_masses(scenarios)))
+        return np.asarray(jnp.max(found.critical_stiffness, axis=0))
 
-    needed = eqx.filter_jit(jax.vmap(needed_damping))(scenarios.friction)
-    return k_cr, float(jnp.max(needed))
+    return k_cr, float(jnp.max(jax.jit(jax.vmap(needed_damping))(scenarios.friction)))
+
+
+def _masses(scenarios: Scenarios) -> np.ndarray:
+    """Mass of every scenario; 0 where there is none."""
+    return np.zeros(len(scenarios)) if scenarios.mass is None else np.asarray(scenarios.mass)
 
 
 def _map_axes(
@@ -128,121 +119,43 @@ def _map_axes(
 def _most_damping(result: Gains) -> float:
     """The largest k_v with which a late controller is stable at the k_p of an optimum, in all
     scenarios of one sample of the law; 0 where there is none."""
-    tried = np.geomspace(1e-6, 10, _DAMPINGS) * result.region.unit[1]
-    k_p = np.asarray([b.kp for b in result.optima])
-    gains = np.stack(np.meshgrid(k_p, tried), axis=-1).reshape(-1, 2)
+    k_v = np.geomspace(1e-6, 10, _DAMPINGS) * result.region.unit[1]
     one = np.flatnonzero(result.scenarios.sample == result.scenarios.sample[0])
-    row, column = np.divmod(np.arange(len(gains) * len(one)), len(one))
-    stable = _stable(result.scenarios.take(one[column]), gains[row])
-    held = stable.reshape(len(gains), len(one)).all(axis=1)
-    return float(gains[held, 1].max(initial=0.0))
+    k_p = np.asarray([optimum.kp for optimum in result.optima])
+    held = _stable(result.scenarios.take(one), k_p, k_v).any(axis=1)
+    return float(k_v[held].max(initial=0.0))
 
 
-def _deciding_pairs(result: Gains, gains: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rows of the gains, ascending, and with each a scenario that may decide there."""
-    many = len(result.scenarios)
-    if many > 2 * _CELLS:
-        return _deciding(result, gains)
-    row, column = np.divmod(np.arange(len(gains) * many), many)
-    return row, column
+def _pairs(k_p: np.ndarray, k_v: np.ndarray) -> np.ndarray:
+    """Every k_p with every k_v, (v p, 2)."""
+    return np.stack(np.meshgrid(k_p, k_v), axis=-1).reshape(-1, 2)
 
 
-def _over_scenarios(
-    result: Gains, gains: np.ndarray, pairs: tuple[np.ndarray, np.ndarray]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Least slack over the scenarios, and mask of stability, at every pair of gains."""
-    scenarios, number, (row, column) = result.scenarios, len(gains), pairs
-    slack = np.full(number, np.inf)
-    values = paired_slacks(result.requirement, scenarios, result.region.unit, gains[row], column)
-    np.minimum.at(slack, row, values)
-    stable = np.ones(number, bool)
-    np.logical_and.at(stable, row, _stable(scenarios.take(column), gains[row]))
-    return slack, stable
-
-
-def _centres(values: np.ndarray) -> np.ndarray:
-    """Centres of the `_FINER` parts of every cell between two of the values."""
-    parts = (np.arange(_FINER) + 0.5) / _FINER
-    return (values[:-1, None] + np.diff(values)[:, None] * parts).ravel()
-
-
-def _finer(
-    result: Gains,
-    axes: tuple[np.ndarray, np.ndarray],
-    stable: np.ndarray,
-    pairs: tuple[np.ndarray, np.ndarray],
-) -> np.ndarray:
-    """Mask of stability at the centres of `_centres` of both axes: where the corners of a cell of
-    the map differ, by the scenarios that may decide at one of them."""
-    corners = [stable[i : _GRID - 1 + i, j : _GRID - 1 + j] for i in (0, 1) for j in (0, 1)]
-    found = np.kron(corners[0], np.ones((_FINER, _FINER), bool))
-    mixed = np.argwhere(np.any(corners, axis=0) & ~np.all(corners, axis=0))
-    row, column = pairs
-    x, y = (_centres(values).reshape(-1, _FINER) for values in axes)
-    at, scenario = [], []
-    for number, (i, j) in enumerate(mixed):
-        around = [(i + up) * _GRID + j + right for up in (0, 1) for right in (0, 1)]
-        spans = [slice(*np.searchsorted(row, [one, one + 1])) for one in around]
-        known = np.unique(np.concatenate([column[span] for span in spans]))
-        at += [number] * len(known)
-        scenario += known.tolist()
-    if not at:
-        return found
-    inside = _FINER * _FINER
-    gains = np.stack([np.stack(np.meshgrid(x[j], y[i]), axis=-1) for i, j in mixed])
-    gains = gains.reshape(len(mixed), inside, 2)[at].reshape(-1, 2)
-    held = _stable(result.scenarios.take(np.repeat(scenario, inside)), gains)
-    cells = np.ones((len(mixed), inside), bool)
-    np.logical_and.at(cells, np.asarray(at), held.reshape(-1, inside))
-    for (i, j), cell in zip(mixed, cells.reshape(-1, _FINER, _FINER), strict=True):
-        found[i * _FINER : (i + 1) * _FINER, j * _FINER : (j + 1) * _FINER] = cell
-    return found
-
-
-def _deciding(result: Gains, gains: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rows of the gains, and with each a scenario that may decide there."""
-    pick = np.linspace(0, _GRID - 1, _CELLS + 1).astype(int)
-    coarse = gains.reshape(_GRID, _GRID, 2)[np.ix_(pick, pick)].reshape(-1, 2)
+def _deciding(result: Gains, k_p: np.ndarray, k_v: np.ndarray) -> np.ndarray:
+    """Scenarios that are the worst at one of some of the gains, or at an optimum."""
     optima = np.asarray([[optimum.kp, optimum.kv] for optimum in result.optima])
-    worst = _worst(result, np.concatenate([coarse, optima]))
-    corner = worst[: len(coarse)].reshape(len(pick), len(pick))
-    cell = np.clip(np.searchsorted(pick, np.arange(_GRID), side="right") - 1, 0, _CELLS - 1)
-    up, right = np.meshgrid(cell, cell, indexing="ij")
-    around = [corner[up + i, right + j].reshape(-1) for i in (0, 1) for j in (0, 1)]
-    at_optima = [np.full(len(gains), index) for index in np.unique(worst[len(coarse) :])]
-    every = np.stack(around + at_optima, axis=1)
-    place = np.repeat(np.arange(len(gains)), every.shape[1])
-    row, column = np.unique(np.stack([place, every.reshape(-1)], axis=1), axis=0).T
-    return row, column
+    some = np.concatenate([_pairs(k_p[::_EVERY], k_v[::_EVERY]), optima])
+    every = slacks(result.requirement, result.scenarios, result.region.unit, some)
+    return np.unique(np.argmin(every, axis=1))
 
 
-def _worst(result: Gains, gains: np.ndarray) -> np.ndarray:
-    """The worst scenario at every pair of gains: the worst velocity and mass under one sample of
-    the law, the worst sample there, and once more from that one."""
-    scenarios = result.scenarios
-    mass = np.zeros(len(scenarios)) if scenarios.mass is None else scenarios.mass
-    sample, place = scenarios.sample, np.stack([scenarios.velocity, mass], axis=1)
-    found = np.zeros(len(gains), int)
-    for _ in range(2):
-        found = _least(result, gains, sample[found, None] == sample)
-        found = _least(result, gains, (place[found, None] == place).all(axis=2))
-    return found
+def _least_slack(
+    result: Gains, scenarios: Scenarios, k_p: np.ndarray, k_v: np.ndarray
+) -> np.ndarray:
+    """Least slack over the scenarios, rows are the values of k_v, columns those of k_p."""
+    found = slacks(result.requirement, scenarios, result.region.unit, _pairs(k_p, k_v))
+    return found.min(axis=1).reshape(len(k_v), len(k_p))
 
 
-def _least(result: Gains, gains: np.ndarray, asked: np.ndarray) -> np.ndarray:
-    """For every pair of gains the scenario with the least slack among those `asked`."""
-    row, column = np.nonzero(asked)
-    unit = result.region.unit
-    values = paired_slacks(result.requirement, result.scenarios, unit, gains[row], column)
-    order = np.lexsort((values, row))
-    _, begin = np.unique(row[order], return_index=True)
-    return column[order][begin]
-
-
-def _stable(scenarios: Scenarios, gains: np.ndarray) -> np.ndarray:
-    """Whether each scenario is stable at its pair of gains."""
-    sliders = scenarios.setting.slider(jnp.asarray(gains).T, scenarios.friction)
-    return np.asarray(eqx.filter_jit(eqx.filter_vmap(is_stable))(sliders))
+def _stable(scenarios: Scenarios, k_p: np.ndarray, k_v: np.ndarray) -> np.ndarray:
+    """Mask of stability in all scenarios: rows are the values of k_v, columns those of k_p."""
+    stable = np.ones((len(k_v), len(k_p)), bool)
+    for k in range(len(scenarios)):
+        friction = jax.tree.map(lambda leaf, k=k: leaf[k], scenarios.friction)
+        mass = None if scenarios.mass is None else scenarios.mass[k]
+        late = scenarios.delay, scenarios.integral
+        stable &= np.asarray(stability_map(friction, mass, k_p, k_v, *late))
+    return stable
 
 
 def _iso_norm(axis: Axes, result: Gains, sizes: Sequence[float]) -> None:

@@ -89,7 +89,10 @@ def _margins(axis: Axes, result: Gains) -> None:
     """Required margins at the recommended gains, least over masses and samples, by velocity."""
     names: tuple[str, ...] = result.requirement.names
     low, high = (float(f(result.scenarios.velocity)) for f in (np.min, np.max))
-    velocities, values = _least_margins(result, names, low / 3, 3 * high)
+    more = np.geomspace(low / 3, 3 * high, _VELOCITIES)
+    velocities = np.union1d(more, result.scenarios.velocity)
+    gains = np.asarray([result.kp, result.kv])
+    values = _least_margins(result.scenarios, names, gains, velocities)
     size, unit = style.prefixed(float(np.sqrt(low * high)), result.unit("m/s"))
     several = len(names) > 1
     for i, (name, required) in enumerate(zip(names, result.requirement.values, strict=True)):
@@ -115,42 +118,19 @@ def _margins(axis: Axes, result: Gains) -> None:
 
 
 def _least_margins(
-    result: Gains, names: tuple[str, ...], low: float, high: float
-) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Velocities from `low` to `high`, and at each the least of every margin at the gains.
-
-    Where scenarios are, of all of them; at the ends of every mass and sample; between, of those
-    masses and samples that are the least at any of these velocities.
-    """
-    gains = np.asarray([result.kp, result.kv])
-    known = result.scenarios.join(_at(result.scenarios, np.asarray([low, high])))
-    found = several_margins(names, known, gains)
-    worst = []
-    for values in found.values():
-        order = np.lexsort((values, known.velocity))
-        worst.append(order[np.unique(known.velocity[order], return_index=True)[1]])
-    some = known.take(np.unique(np.concatenate(worst)))
-    more = _at(some, np.geomspace(low, high, _VELOCITIES)[1:-1])
-    extra = several_margins(names, more, gains)
-    velocities, place = np.unique(
-        np.concatenate([known.velocity, more.velocity]), return_inverse=True
-    )
-    least = {name: np.full(len(velocities), np.inf) for name in names}
-    for name in names:
-        np.minimum.at(least[name], place, np.concatenate([found[name], extra[name]]))
-    return velocities, least
-
-
-def _at(scenarios: Scenarios, velocities: np.ndarray) -> Scenarios:
-    """Every pair of sample and mass of the scenarios at other velocities."""
+    scenarios: Scenarios, names: tuple[str, ...], gains: np.ndarray, velocities: np.ndarray
+) -> dict[str, np.ndarray]:
+    """The least of every margin at the gains and each velocity, over all samples and masses."""
     number = len(scenarios)
     mass = np.zeros(number) if scenarios.mass is None else scenarios.mass
     pairs = np.unique(np.stack([scenarios.sample, mass], axis=1), axis=0)
     sample, mass = (np.repeat(x, len(velocities)) for x in pairs.T)
-    V = np.tile(velocities, len(pairs))
-    masses = None if scenarios.mass is None else mass
-    of_all = (scenarios.delay, scenarios.integral)
-    return Scenarios.at(scenarios.laws, V, masses, sample.astype(int), *of_all)
+    masses, V = None if scenarios.mass is None else mass, np.tile(velocities, len(pairs))
+    every = Scenarios.at(
+        scenarios.laws, V, masses, sample.astype(int), scenarios.delay, scenarios.integral
+    )
+    found = several_margins(names, every, gains)
+    return {name: x.reshape(len(pairs), -1).min(axis=0) for name, x in found.items()}
 
 
 def draw_end_map(
