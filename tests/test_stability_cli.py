@@ -27,7 +27,7 @@ from jaxfric.plot.gain_map import (
     _least_slack,
     _map_axes,
     _of,
-    _simulated,
+    simulated,
     draw_gain_map,
 )
 from jaxfric.plot.gains import _stiffness, draw_end_map, draw_gains
@@ -169,7 +169,7 @@ def table(folder: str) -> np.ndarray:
 
 
 @pytest.mark.long
-def test_a_simulated_record_is_read_and_fitted() -> None:
+def test_asimulated_record_is_read_and_fitted() -> None:
     steps = ("--steps", "0 s: 1 mm/s, 4 s: 5 mm/s", "--duration", "8 s")
     code, out, err = run("simulate", *SLIP, *steps, "--stiffness", "20 kN/m", "--out", "simulation")
     assert code == 0 and err == "" and "simulated: 8 s of 8 s" in out
@@ -322,7 +322,7 @@ def test_the_optimum_is_no_second_mark_below_the_recommended_gains() -> None:
     assert marked["D"].startswith("optimum: damped")
 
 
-def test_the_figure_says_what_the_least_gains_are_and_how_they_were_simulated() -> None:
+def test_the_figure_says_what_the_least_gains_are_and_how_they_weresimulated() -> None:
     least = LocalOptimum("stiff", 1e-9, 0.0, 1e-9, 0.0, 0.0, (), True)
     checked = CheckReport(10, 9, 0, 0, 1, None, None, ())
     some = dataclasses.replace(golden_gains(), kp=1e-9, optima=(least,), simulation=checked)
@@ -332,8 +332,8 @@ def test_the_figure_says_what_the_least_gains_are_and_how_they_were_simulated() 
     assert (_stiffness(at_once), _stiffness(late)) == ("any k_p > 0", "any small k_p")
     assert _stiffness(golden_gains()) == "k_p = 3.1 kN/m"
     assert _of(least) == "optimum: stiff (norm 0)"
-    assert _simulated(at_once) == ["9 of 10 simulated starts end steady"]
-    assert "without the controller's delay" in _simulated(late)[0]
+    assert simulated(at_once) == ["9 of 10 simulated starts end steady"]
+    assert "without the controller's delay" in simulated(late)[0]
 
 
 def test_the_map_of_a_late_controller_shows_gains_of_its_size() -> None:

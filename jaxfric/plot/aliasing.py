@@ -47,13 +47,14 @@ def aliasing_figure(
     axis.tick_params(length=0)
     axis.spines[:].set_visible(False)
     frame = f"{ALIAS:.2f} or more: not told apart to first order"
-    notes = [Patch(fill=False, ec=ORANGE, lw=1.5, label=frame)]
-    notes.append(style.note("0: nothing alike; 1: the same, no fit can tell"))
+    framed = Patch(fill=False, ec=ORANGE, lw=1.5, label=frame)
+    notes = ["0: nothing alike; 1: the same, no fit can tell"]
     if added:
-        notes.append(style.note("orange names: effects that were added"))
+        notes.append("orange names: effects that were added")
     if np.any(~np.isfinite(cosines[below])):
-        notes.append(style.note(f"–: {what} does not show one of the two"))
-    figure = style.finish(figure, f"|cosine| between effects in {what}", legend=notes)
+        notes.append(f"–: {what} does not show one of the two")
+    title = f"|cosine| between effects in {what}"
+    style.finish(figure, title, legend=[framed], notes=notes)
     axis.spines[:].set_visible(False)
     return figure
 

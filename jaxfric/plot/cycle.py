@@ -78,7 +78,6 @@ def _series_figure(motion: Motion) -> Figure:
             axis.plot(x, y, color=ORANGE, lw=1.1, ls="--", label="load point")
         if name == "velocity":
             _velocity_scale(axis, "y", size * values, size * slow)
-        axis.margins(x=0.01)
         style.tidy(axis, _stuck_note(motion) if name == "velocity" else "", y=f"{name} [{unit}]")
     style.tidy(axes[2], x=f"time [{t_unit}]")
     return style.finish(figure, _heading(motion))

@@ -51,16 +51,20 @@ def _parameters(fit: Fit) -> str:
         error = f" ± {row.std}" if row.std not in ("", "fixed") else ""
         unit = f" {row.unit}" if row.unit and row.value != "undetermined" else ""
         lines.append(f"{row.name} = {row.value}{error}{unit}")
-    return "\n".join(lines)
+    return "\n".join(lines).replace("= -", "= −")
 
 
 def _residual(axis: Axes, fit: Fit, place: style.Along) -> None:
     if fit.converged:
         near, whole = scatter(fit), fit.noise.sigma
-        bands = [(near, _BAND, "±1.96 σ of neighbouring rows"), (whole, _WIDE, "of all residuals")]
+        words = "±1.96 σ of"
+        bands = [
+            (whole, _WIDE, f"{words} all residuals"),
+            (near, _BAND, f"{words} neighbouring rows"),
+        ]
         if whole <= _ALIKE * near:
-            bands = [(whole, _BAND, "±1.96 σ of noise")]
-        for sigma, colour, text in reversed(bands):
+            bands = [(whole, _BAND, f"{words} noise")]
+        for sigma, colour, text in bands:
             axis.axhspan(-1.96 * sigma, 1.96 * sigma, color=colour, lw=0, label=text, zorder=0.2)
         if any(is_of(text, WarningCode.MISFIT) for text in fit.warnings):
             said = f"residual: {excess(fit):.2g} times the scatter of neighbouring rows"

@@ -59,7 +59,7 @@ def draw_gain_map(axis: Axes, result: Gains) -> list:
     name_gains(axis, k_p, k_v, sizes, units)
     number = len(result.scenarios)
     style.tidy(axis, f"{number} scenario{'' if number == 1 else 's'}", grid=False)
-    return squares + [style.note(text) for text in _simulated(result)]
+    return squares
 
 
 def _of(optimum: LocalOptimum) -> str:
@@ -68,7 +68,7 @@ def _of(optimum: LocalOptimum) -> str:
     return f"{what} (norm {norm_text(optimum.norm, 3)})"
 
 
-def _simulated(result: Gains) -> list[str]:
+def simulated(result: Gains) -> list[str]:
     """Results of the nonlinear check, for the legend."""
     checked = result.simulation
     if checked is None:

@@ -14,7 +14,7 @@ from ..gains.scenarios import Scenarios
 from ..stability.analysis import SteadyPoint, theorem_over_damping
 from ..stability.margin_table import MARGINS
 from . import style
-from .gain_map import draw_gain_map
+from .gain_map import draw_gain_map, simulated
 from .palette import CYCLE, ESCAPE, LINES, OPEN, ORANGE, STABLE
 from .stability import (
     draw_boundaries,
@@ -56,7 +56,7 @@ def gains_figure(result: Gains) -> Figure:
     draw_curve(bottom, law, V, coordinate=result.coordinate)
     style.tidy(bottom, "Friction law")
     title = f"{_title(result)}: {_stiffness(result)}, {_damping(result)} ({_required(result)})"
-    return style.finish(figure, title, legend=legend)
+    return style.finish(figure, title, legend=legend, notes=simulated(result))
 
 
 def _title(result: Gains) -> str:

@@ -160,7 +160,7 @@ def _noise_figure(loop: Loop) -> Figure:
     residual = np.where(loop.blocks.train, loop.after.residual / scale, np.nan)
     draw_autocorrelation(axis, _clocks(loop), residual, loop.after.noise)
     style.tidy(axis, "Residual of the train block")
-    return style.finish(figure, legend=[*map(style.note, noise_lines(loop.after.noise))])
+    return style.finish(figure, notes=noise_lines(loop.after.noise))
 
 
 # ---- candidates ------------------------------------------------------------------------------

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from . import style
 from .palette import BLUE
-from .side import Side, code_colour, side_of
+from .side import Side, code_colours, side_of
 from .ticks import plain_log, whole_numbers
 
 if TYPE_CHECKING:
@@ -32,6 +32,8 @@ _ROUNDING = 1e-6
 
 Columns: TypeAlias = dict[str, tuple[Side, np.ndarray]]
 """Parameters by name: each as an axis, and its value for every member."""
+Pair: TypeAlias = tuple[str, str]
+"""An output and the parameter that it is drawn over."""
 
 
 class _Band(NamedTuple):
@@ -54,62 +56,65 @@ def draw_marginals(found: "Dataset", outputs: Sequence[str], coded: Sequence[str
     members, columns = _thinned(found)
     values = {name: np.asarray(found[name].isel(members).values).ravel() for name in outputs}
     empty = [n for n in outputs if n not in coded and not np.isfinite(values[n]).any()]
-    shown = {n: columns for n in outputs if n not in empty}
-    if not (shown and columns):
+    every = [(output, name) for output in outputs if output not in empty for name in columns]
+    if not every:
         return None
-    cut = _moving(columns, {n: values[n] for n in shown}, coded) if _many(shown) else {}
-    shown = cut or shown
-    count = sum(map(len, shown.values()))
-    several = _ACROSS if cut else max(1, _ACROSS // len(columns)) * len(columns)
-    across = min(several, count)
-    figure = style.new_figure(style.DOUBLE, _HEIGHT * -(-count // across) + 0.6)
-    grid = figure.add_gridspec(-(-count // across), across)
-    place, legend = 0, {}
-    for name, some in shown.items():
-        spots = [divmod(place + k, across) for k in range(len(some))]
-        row = [figure.add_subplot(grid[spots[0]])]
-        row += [figure.add_subplot(grid[spot], sharey=row[0]) for spot in spots[1:]]
-        legend |= _row(row, some, values[name], found[name].attrs, name)
-        for axis, (_, column) in zip(row[1:], spots[1:], strict=True):
-            if column:
-                axis.tick_params(which="both", labelleft=False)
-            else:
-                axis.set_ylabel(row[0].get_ylabel())
-        place += len(some)
-    style.finish(figure, legend=list(legend.values()))
-    title = _title(found, empty, _still(cut, values, columns, empty) if cut else {})
-    figure.suptitle(title, x=0.01, ha="left", fontsize=style.LETTERS)
+    shown = _moving(every, columns, values, coded) if len(every) > _MANY else []
+    across = _ACROSS if shown else max(1, _ACROSS // len(columns)) * len(columns)
+    shown = shown or every
+    across = min(across, len(shown))
+    rows = -(-len(shown) // across)
+    figure = style.new_figure(style.DOUBLE, _HEIGHT * rows + 0.6)
+    grid = figure.add_gridspec(rows, across)
+    panels: dict[str, dict[str, Axes]] = {output: {} for output, _ in shown}
+    left: list[Axes] = []
+    for k, (output, name) in enumerate(shown):
+        first = next(iter(panels[output].values()), None)
+        axis = figure.add_subplot(grid[divmod(k, across)], sharey=first)
+        panels[output][name] = axis
+        if first is None or k % across == 0:
+            left.append(axis)
+        else:
+            axis.tick_params(which="both", labelleft=False)
+    legend = []
+    for output, row in panels.items():
+        about = found[output].attrs
+        label, unit = "\n".join(textwrap.wrap(about.get("long_name", output), _WIDE)), "share"
+        at = [(axis, columns[name][1]) for name, axis in row.items()]
+        if "flag_meanings" in about:
+            legend += _shares(at, values[output], about["flag_meanings"].split())
+        else:
+            unit = _numbers(at, values[output], about.get("units", "1"))
+        for name, axis in row.items():
+            side, y = columns[name][0], style.named(label, unit, "\n") if axis in left else ""
+            style.tidy(axis, x=side.label, y=y, log="x" if side.log else "")
+            if not side.log:
+                whole_numbers(axis, "x", most=2)
+    style.finish(figure, legend=legend)
+    figure.suptitle(_title(found, empty, every, shown), x=0.01, ha="left", fontsize=style.LETTERS)
     return figure
 
 
-def _many(shown: Mapping[str, Columns]) -> bool:
-    return sum(map(len, shown.values())) > _MANY
-
-
 def _moving(
-    columns: Columns, values: Mapping[str, np.ndarray], coded: Sequence[str]
-) -> dict[str, Columns]:
-    """The parameters over which each output moves, up to `_PANELS` of them: of every output the one
-    over which it moves most, and then those that move most."""
+    every: Sequence[Pair], columns: Columns, values: Mapping[str, np.ndarray], coded: Sequence[str]
+) -> list[Pair]:
+    """Those of the pairs in which an output moves, up to `_PANELS` of them: of every output the one
+    in which it moves most, and then those that move most."""
     moves = {
-        (output, name): _movement(at, values[output], output in coded)
-        for output in values
-        for name, (_, at) in columns.items()
+        (output, name): _movement(columns[name][1], values[output], output in coded)
+        for output, name in every
     }
-    order = sorted((pair for pair in moves if moves[pair] > _LEAST), key=lambda p: -moves[p])
-    first = list({output: (output, name) for output, name in reversed(order)}.values())
-    first.sort(key=order.index)
-    kept = [*first, *(pair for pair in order if pair not in first)][:_PANELS]
-    found = {o: {n: columns[n] for n in columns if (o, n) in kept} for o in values}
-    return {output: some for output, some in found.items() if some}
+    order = sorted((pair for pair in every if moves[pair] > _LEAST), key=lambda p: -moves[p])
+    first = {output: (output, name) for output, name in reversed(order)}.values()
+    kept = [*(p for p in order if p in first), *(p for p in order if p not in first)][:_PANELS]
+    return [pair for pair in every if pair in kept]
 
 
 def _movement(at: np.ndarray, values: np.ndarray, coded: bool) -> float:
     """By how much of its range the median of an output changes over a parameter, or a share."""
     if coded:
-        places = np.unique(at)
-        shares = [[np.mean(values[at == x] == c) for x in places] for c in np.unique(values)]
-        return float(np.ptp(np.asarray(shares), axis=1).max())
+        shares = _share_of(at, values, np.unique(values))
+        return float(np.ptp(shares, axis=1).max())
     known = values[np.isfinite(values)]
     spread = float(np.subtract(*np.percentile(known, [95, 5])))
     if not spread > _ROUNDING * np.abs(known).max():
@@ -118,48 +123,29 @@ def _movement(at: np.ndarray, values: np.ndarray, coded: bool) -> float:
     return float(np.ptp(middle[np.isfinite(middle)])) / spread
 
 
-def _still(
-    cut: Mapping[str, Columns],
-    values: Mapping[str, np.ndarray],
-    columns: Columns,
-    empty: Sequence[str],
-) -> dict[str, list[str]]:
-    """Outputs that are not drawn over a parameter, by parameter; under "": those never drawn."""
-    never = [name for name in values if name not in cut and name not in empty]
-    still = {n: [output for output, some in cut.items() if n not in some] for n in columns}
-    return {"": never} | {
-        n: ["all"] if len(some) == len(cut) else some for n, some in still.items()
-    }
+def _share_of(at: np.ndarray, values: np.ndarray, codes: Sequence[int] | np.ndarray) -> np.ndarray:
+    """Share of every code (rows) among the members at each value of a parameter (columns)."""
+    return np.asarray([[np.mean(values[at == x] == code) for x in np.unique(at)] for code in codes])
 
 
-def _row(
-    row: Sequence[Axes], columns: Columns, values: np.ndarray, about: Mapping[str, str], name: str
-) -> dict[str, Artist]:
-    """The panels of an output, one over each parameter; what a legend explains of them."""
-    label = "\n".join(textwrap.wrap(about.get("long_name", name), _WIDE))
-    unit, legend = "share", {}
-    if "flag_meanings" in about:
-        legend = _codes(row, columns, values, about["flag_meanings"].split())
-    else:
-        unit = _numbers(row, columns, values, about.get("units", "1"))
-    row[0].set_ylabel(f"{label}\n[{unit}]" if unit else label)
-    for axis, (side, _) in zip(row, columns.values(), strict=True):
-        axis.set_xlabel(side.label)
-        if side.log:
-            plain_log(axis, "x")
-        else:
-            whole_numbers(axis, "x", most=2)
-    return legend
-
-
-def _title(found: "Dataset", empty: Sequence[str], still: Mapping[str, Sequence[str]]) -> str:
+def _title(
+    found: "Dataset", empty: Sequence[str], every: Sequence[Pair], shown: Sequence[Pair]
+) -> str:
     """Title: what is drawn, and what is not; lines no longer than the figure."""
+
+    def names(some: Sequence[str]) -> str:
+        return ", ".join(found[name].attrs.get("long_name", name) for name in some)
+
+    drawn = list(dict.fromkeys(output for output, _ in shown))
+    never = [o for o in dict.fromkeys(output for output, _ in every) if o not in drawn]
+    over = []
+    for name in dict.fromkeys(name for _, name in every):
+        rest = [output for output in drawn if (output, name) not in shown]
+        text = "all" if len(rest) == len(drawn) else ", ".join(rest)
+        over += [f"{text} over {name}"] if rest else []
     lines = ["Over all other parameters: median, and where nine in ten lie; shares of codes"]
-    names = ", ".join(found[name].attrs.get("long_name", name) for name in empty)
-    lines += [f"No number anywhere: {names}"] if names else []
-    names = ", ".join(found[name].attrs.get("long_name", name) for name in still.get("", ()))
-    lines += [f"Left out, for nothing moves: {names}"] if names else []
-    over = [f"{', '.join(some)} over {name}" for name, some in still.items() if name and some]
+    lines += [f"No number anywhere: {names(empty)}"] if empty else []
+    lines += [f"Left out, for nothing moves: {names(never)}"] if never else []
     lines += [f"Left out, for little or nothing moves there: {'; '.join(over)}"] if over else []
     return "\n".join(textwrap.fill(line, style.letters(style.DOUBLE)) for line in lines)
 
@@ -200,26 +186,25 @@ def _binned(side: Side, values: np.ndarray) -> tuple[Side, np.ndarray]:
     return Side(side.name, middle, side.label, log), middle[place]
 
 
-def _numbers(row: Sequence[Axes], columns: Columns, values: np.ndarray, unit: str) -> str:
-    """A row of bands on one scale; the unit in which they are drawn."""
+def _numbers(panels: Sequence[tuple[Axes, np.ndarray]], values: np.ndarray, unit: str) -> str:
+    """Bands of an output on one scale, each panel over a parameter; the unit they are drawn in."""
     finite = np.abs(values[np.isfinite(values)])
-    size, text = (1.0, "")
-    if unit != "1":
-        size, text = style.prefixed(float(np.percentile(finite, 95)), unit)
-    bands = [_band(at, size * values) for _, at in columns.values()]
-    for axis, band in zip(row, bands, strict=True):
-        x, low, middle, high = band
-        known = int(np.isfinite(middle).sum())
-        axis.fill_between(x, low, high, color=BLUE, alpha=0.18, lw=0)
-        axis.plot(x, middle, color=BLUE, lw=1.4, marker="." if known < 6 else None)
-        axis.grid(True, color="0.93")
-    low = np.concatenate([band.low for band in bands])
-    high = np.concatenate([band.high for band in bands])
-    if np.nanmin(low) > 0 and np.nanmax(high) > 50 * np.nanmin(low):
-        plain_log(row[0], "y")  # all panels of the output share it
+    size, unit = (
+        (1.0, "1") if unit == "1" else style.prefixed(float(np.percentile(finite, 95)), unit)
+    )
+    ends = []
+    for axis, at in panels:
+        x, low, middle, high = _band(at, size * values)
+        style.band(axis, x, low, high, None, BLUE, 0.18)
+        few = np.isfinite(middle).sum() < 6
+        axis.plot(x, middle, color=BLUE, lw=1.4, marker="." if few else None)
+        ends += [low, high]
+    first, least = panels[0][0], np.nanmin(np.concatenate(ends))
+    if least > 0 and np.nanmax(np.concatenate(ends)) > 50 * least:
+        plain_log(first, "y")  # all panels of the output share it
     else:
-        whole_numbers(row[0], "y", least=0.01)
-    return text.replace("*", " ")
+        whole_numbers(first, "y", least=0.01)
+    return unit
 
 
 def _band(at: np.ndarray, values: np.ndarray) -> _Band:
@@ -230,16 +215,14 @@ def _band(at: np.ndarray, values: np.ndarray) -> _Band:
     return _Band(*np.asarray(rows).T)
 
 
-def _codes(
-    row: Sequence[Axes], columns: Columns, values: np.ndarray, names: list[str]
-) -> dict[str, Artist]:
-    """A row of shares of codes; the squares of its legend, of those that occur."""
-    colours = [code_colour(i, name) for i, name in enumerate(names)]
-    for axis, (_, at) in zip(row, columns.values(), strict=True):
-        x = np.unique(at)
-        shares = [[np.mean(values[at == v] == i) for v in x] for i in range(len(names))]
-        axis.stackplot(x, np.asarray(shares), colors=colours, lw=0)
-    row[0].set_ylim(0, 1)
-    seen = [i for i in range(len(names)) if (values == i).any()]
-    words = {i: names[i].replace("_", " ") for i in seen}
-    return {f"{words[i]}{colours[i]}": style.square(colours[i], words[i]) for i in seen}
+def _shares(
+    panels: Sequence[tuple[Axes, np.ndarray]], values: np.ndarray, names: list[str]
+) -> list[Artist]:
+    """Shares of codes, each panel over a parameter; the squares of those that occur."""
+    colours = code_colours(names)
+    for axis, at in panels:
+        shares = _share_of(at, values, range(len(names)))
+        axis.stackplot(np.unique(at), shares, colors=list(colours.values()), lw=0)
+    panels[0][0].set_ylim(0, 1)
+    named = enumerate(colours.items())
+    return [style.square(colour, name) for k, (name, colour) in named if (values == k).any()]

@@ -97,7 +97,8 @@ def _mark(
 ) -> None:
     """A line at every event, and shades of the windows that are fitted and of stick-slip."""
     for place, event in zip(at, events, strict=True):
-        axis.axvline(place, color=_COLOURS[event.kind], lw=0.8, zorder=0)
+        width = 2.6 if event.kind == "hold" else 0.8  # seen beside the reload at the same place
+        axis.axvline(place, color=_COLOURS[event.kind], lw=width, zorder=0)
         if event.fitted or is_stretch(event):
             begin = event.start if event.fitted else event.time
             kind = "step" if event.fitted else "stick_slip"

@@ -1,5 +1,6 @@
 """Parts that the figures of a study share: a parameter as an axis, and colours of codes."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -41,7 +42,7 @@ def side_of(found: "Dataset", name: str) -> Side:
     size, text = (1.0, "") if unit == "1" else style.prefixed(style.most(values), unit)
     label = about.attrs.get("long_name", name)
     label = f"{label} {name}" if label != name else name
-    label += f" [{text.replace('*', ' ')}]" if text else ""
+    label = style.named(label, text)
     log = about.attrs.get("spacing") == "log" or (about.dims == (name,) and by_factors(values))
     return Side(name, size * values, label, log)
 
@@ -58,6 +59,7 @@ def by_factors(values: np.ndarray) -> bool:
     return bool(np.ptp(factors) / factors.mean() <= np.ptp(steps) / steps.mean())
 
 
-def code_colour(index: int, name: str) -> str:
-    """The colour of a code, by its name, else by its number."""
-    return _COLOURS.get(name) or _MORE[index % len(_MORE)]
+def code_colours(names: Sequence[str]) -> dict[str, str]:
+    """The colours of codes by their names in words, in their order."""
+    colours = [_COLOURS.get(name) or _MORE[k % len(_MORE)] for k, name in enumerate(names)]
+    return {name.replace("_", " "): colour for name, colour in zip(names, colours, strict=True)}

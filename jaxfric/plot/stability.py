@@ -288,7 +288,7 @@ def _locus_figure(found: Study) -> Figure:
         size * k_p, 0, 1, where=rightmost < 0, transform=across, color=STABLE, lw=0, label="stable"
     )
     if centre is not None:
-        growth.axvline(size * centre, color=ORANGE, ls="--", lw=1.2)
+        growth.axvline(size * centre, color=ORANGE, ls="--", lw=1.2, label="k_cr")
         s = _locus(found, np.asarray([centre]))[0]
         _poles(plane, s[np.abs(np.real(s)) <= 1e-6 * np.abs(s)], ORANGE, "poles at k_cr")
     if found.k_p is not None and found.poles is not None:

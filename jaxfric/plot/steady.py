@@ -77,7 +77,7 @@ def draw_noise(curve: SteadyCurve, noise: SteadyNoise, folder: str | Path) -> li
     style.tidy(left, "Rows of a run about its mean, all runs")
     _samples(right, curve, noise)
     words = [*noise_lines(noise.estimate, "the runs"), *turn_text(noise)]
-    style.finish(figure, legend=[*map(style.note, words)])
+    style.finish(figure, notes=words)
     return style.save(figure, Path(folder), "noise")
 
 

@@ -4,29 +4,19 @@ From the Dataset of a store alone: names, units, codes and their texts are in it
 Outputs with further dimensions (motions in time) are not drawn.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import QuadMesh
-from matplotlib.colors import (
-    BoundaryNorm,
-    Colormap,
-    ListedColormap,
-    LogNorm,
-    Normalize,
-    TwoSlopeNorm,
-)
+from matplotlib.colors import LogNorm, Normalize, TwoSlopeNorm
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from ..stability.margin_table import MARGINS
 from . import style
 from .marginals import draw_marginals
-from .side import Side, code_colour, side_of
-from .ticks import plain_log
+from .side import Side, code_colours, side_of
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -35,7 +25,7 @@ _PANELS = 4
 _REGULAR = 3e-3
 """A spread of the periods below this part of the period is that of the solver: cycles that repeat
 show up to 1.4e-3 at an rtol of 1e-6, as crossings are interpolated within its steps."""
-_SHARE = "share_of_"
+_SHARE, _NOT_YET = "share_of_", "not computed yet"
 _GOOD = {"stability": "whose steady sliding is stable", "end": "that end steady"}
 """Of coded outputs in words: the members with their first code."""
 _INFINITE = {"period": "no cycle", "period_spread": "no cycle"} | dict.fromkeys(
@@ -134,25 +124,29 @@ def _map(found: "Dataset", name: str, dims: tuple[str, ...], *, coded: bool) -> 
     values = [np.asarray(found[name].isel(panel).transpose(y, x).values) for panel in shown]
     figure, axes = style.side_by_side(len(shown), height=2.5, most=2, share=True)
     sides = side_of(found, x), side_of(found, y)
-    for k, (axis, panel) in enumerate(zip(axes, shown, strict=True)):
-        held = [_shown_at(found, d, i) for d, i in panel.items() if found.sizes[d] > 1]
-        _panel(axis, sides, ", ".join(held))
-        axis.set_xlabel(sides[0].label if k >= len(shown) - 2 else "")
-        axis.set_ylabel("" if k % 2 else sides[1].label)
-    about = found[name].attrs
+    edges = [_edges(side) for side in sides]
+    about, legend = found[name].attrs, []
+    meanings = about["flag_meanings"].split() if coded else []
     if coded:
-        legend = _codes(axes, sides, values, about["flag_meanings"].split())
+        colours = {_NOT_YET: "white"} | code_colours(meanings)
+        for axis, part in zip(axes, values, strict=True):
+            legend += style.shade(axis, *edges, part + 1, colours)
     else:
         infinite = _INFINITE.get(name, "infinite") if "end" in found else "infinite"
-        _numbers(figure, axes, sides, values, name, about, infinite)
-        legend = []
+        _numbers(figure, axes, edges, values, name, about.get("units", "1"), infinite)
+    for k, (axis, panel) in enumerate(zip(axes, shown, strict=True)):
+        held = [_shown_at(found, d, i) for d, i in panel.items() if found.sizes[d] > 1]
+        labels = sides[0].label if k >= len(shown) - 2 else "", "" if k % 2 else sides[1].label
+        log = "".join(which for which, side in zip("xy", sides, strict=True) if side.log)
+        style.tidy(axis, ", ".join(held), x=labels[0], y=labels[1], log=log, grid=False)
+        axis.set(xlim=edges[0][[0, -1]], ylim=edges[1][[0, -1]])
     fixed = [_shown_at(found, d, 0) for d in dims if found.sizes[d] == 1]
     title = "; ".join([about.get("long_name", name), *([", ".join(fixed)] if fixed else [])])
     if len(shown) > 1 and len(shown) < found.sizes[longest[2]]:
         title += f"; at {len(shown)} of {found.sizes[longest[2]]} values of {longest[2]}"
     ends = np.unique(every) if coded else []
     if len(ends) == 1 and ends[0] >= 0:
-        title += f": {about['flag_meanings'].split()[int(ends[0])].replace('_', ' ')} everywhere"
+        title += f": {meanings[int(ends[0])].replace('_', ' ')} everywhere"
     return style.finish(figure, title[:1].upper() + title[1:], legend=legend)
 
 
@@ -169,15 +163,6 @@ def _panels_of(
     return panels
 
 
-def _panel(axis: Axes, sides: tuple[Side, Side], title: str) -> None:
-    style.tidy(axis, title, grid=False)
-    for which, side in zip("xy", sides, strict=True):
-        edges = _edges(side)
-        axis.set(**{f"{which}lim": (edges[0], edges[-1])})
-        if side.log:
-            plain_log(axis, which)
-
-
 def _edges(side: Side) -> np.ndarray:
     """Borders between cells around the values."""
     x = np.log(side.values) if side.log else side.values
@@ -187,53 +172,31 @@ def _edges(side: Side) -> np.ndarray:
     return np.exp(edges) if side.log else edges
 
 
-def _mesh(
-    axis: Axes, sides: tuple[Side, Side], values: np.ndarray, cmap: Colormap | str, norm: Normalize
-) -> QuadMesh:
-    x, y = (_edges(side) for side in sides)
-    return axis.pcolormesh(x, y, values, cmap=cmap, norm=norm, rasterized=True)
-
-
-def _codes(
-    axes: Sequence[Axes], sides: tuple[Side, Side], values: Sequence[np.ndarray], names: list[str]
-) -> list[Line2D]:
-    """Maps of codes; the squares of their legend."""
-    colours = [code_colour(i, name) for i, name in enumerate(names)]
-    norm = BoundaryNorm(np.arange(-1.5, len(names)), len(names) + 1)
-    for axis, part in zip(axes, values, strict=True):
-        _mesh(axis, sides, part, ListedColormap(["white", *colours]), norm)
-    present = np.unique(np.concatenate([part.ravel() for part in values])).astype(int).tolist()
-    known = [code for code in present if 0 <= code < len(names)]
-    squares = [style.square(colours[code], names[code].replace("_", " ")) for code in known]
-    return squares + ([style.square("white", "not computed yet")] if -1 in present else [])
-
-
 def _numbers(
-    figure: Figure, axes: Sequence[Axes], sides: tuple[Side, Side], values: Sequence[np.ndarray],
-    name: str, about: Mapping[str, str], infinite: str,
+    figure: Figure, axes: Sequence[Axes], edges: Sequence[np.ndarray],
+    values: Sequence[np.ndarray], name: str, unit: str, infinite: str,
 ) -> None:  # fmt: skip
     """Maps of numbers with their scale of colours; what has no number is grey."""
     every = np.concatenate([part.ravel() for part in values])
     finite = every[np.isfinite(every)]
-    unit = about.get("units", "1")
     low, high = np.percentile(finite, [1, 99])
-    size, text = (1.0, "") if unit == "1" else style.prefixed(max(abs(low), abs(high)), unit)
-    label, nothing = name.replace("_", " ") if len(name) > 4 else name, "no number"
-    norm, cmap = _scale(size * low, size * high, name, size * finite)
     if unit == "%":
-        size, text, label, nothing = 1.0, "%", "share of samples", "not computed yet"
+        size, label, nothing = 1.0, "share of samples", _NOT_YET
         norm, cmap = Normalize(0, 100), "cividis"
+    else:
+        size, unit = (1.0, unit) if unit == "1" else style.prefixed(max(-low, high), unit)
+        label, nothing = name.replace("_", " ") if len(name) > 4 else name, "no number"
+        norm, cmap = _scale(size * low, size * high, name, size * finite)
     for axis, part in zip(axes, values, strict=True):
         shown = np.where(np.isfinite(part), size * part, np.nan)
-        mesh = _mesh(axis, sides, shown, cmap, norm)
+        mesh = axis.pcolormesh(*edges, shown, cmap=cmap, norm=norm, rasterized=True)
         axis.set_facecolor("0.87")
     below, above = size * np.min(finite) < norm.vmin, size * np.max(finite) > norm.vmax
     extend = {(0, 0): "neither", (1, 0): "min", (0, 1): "max", (1, 1): "both"}[below, above]
     bar = figure.colorbar(mesh, ax=list(axes), extend=extend, shrink=0.9, pad=0.02)
-    label += f" [{text.replace('*', ' ')}]" if text else ""
     kinds = [(infinite, np.isinf(every)), (nothing, np.isnan(every))]
     grey = " or ".join(kind for kind, mask in kinds if mask.any())
-    bar.set_label(f"{label}; grey: {grey}" if grey else label)
+    bar.set_label(style.named(label, unit) + (f"; grey: {grey}" if grey else ""))
 
 
 def _scale(low: float, high: float, name: str, finite: np.ndarray) -> tuple[Normalize, str]:

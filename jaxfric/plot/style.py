@@ -60,6 +60,8 @@ def panels(heights: Sequence[float], *, last_alone: bool = False) -> tuple[Figur
         axes.append(figure.add_subplot(grid[k, 0], sharex=None if alone else axes[0]))
         if not alone:
             axes[k - 1].tick_params(which="both", labelbottom=False)
+    for axis in axes:
+        axis.margins(x=0.01)
     return figure, axes
 
 
@@ -105,11 +107,13 @@ def tidy(
 
 
 def finish(
-    figure: Figure, title: str = "", *, legend: Sequence[Artist] = (), colour: str = "black"
-) -> Figure:
+    figure: Figure, title: str = "", *, legend: Sequence[Artist] = (), notes: Sequence[str] = (),
+    colour: str = "black",
+) -> Figure:  # fmt: skip
     """The figure with a title of one line, letters of one size, and a legend below its panels.
 
-    The legend explains the artists of `legend`, then all that has a label in a panel.
+    The legend explains the artists of `legend`, then all that has a label in a panel, and ends with
+    `notes`, words alone.
     """
     for axis in figure.axes:
         if axis.axison:
@@ -124,7 +128,8 @@ def finish(
         figure.suptitle(title, x=0.01, ha="left", fontsize=TITLE, parse_math=False, color=colour)
     figure.align_ylabels()
     shown = [handle for axis in figure.axes for handle in axis.get_legend_handles_labels()[0]]
-    legend_below(figure, [*legend, *shown])
+    words = [Line2D([], [], ls="", label=text) for text in notes]
+    legend_below(figure, [*legend, *shown, *words])
     return figure
 
 
@@ -166,11 +171,6 @@ def beside(axis: Axes, text: str) -> None:
     axis.text(1.02, 1.0, text, transform=axis.transAxes, va="top", fontsize=LETTERS)
 
 
-def note(text: str) -> Line2D:
-    """Words for a legend."""
-    return Line2D([], [], ls="", label=text)
-
-
 def square(colour: str, text: str) -> Line2D:
     """A coloured square of a legend."""
     return Line2D([], [], ls="", marker="s", color=colour, mec="0.6", mew=0.5, ms=6, label=text)
@@ -205,8 +205,7 @@ def along(steps: VelocitySteps | None, time: np.ndarray, *, over_path: bool = Tr
 
 
 def samples(axis: Axes, x: np.ndarray, y: np.ndarray, label: str = "record", colour=BLUE) -> None:
-    """Draw what was measured, as points that fill the width of the panel."""
-    axis.margins(x=0.01)
+    """Draw what was measured, as points."""
     axis.plot(x, y, ".", color=colour, ms=2.0, mew=0, rasterized=True, label=label, zorder=1.5)
 
 
@@ -280,14 +279,13 @@ def stairs(
 
 def shade(
     axis: Axes, x: np.ndarray, y: np.ndarray, codes: np.ndarray, colours: Mapping[str, str]
-) -> list[Line2D]:
+) -> list[Artist]:
     """Colour a map by whole numbers, the places of their names among `colours`; rows of `codes` go
-    with y. The squares of the legend, of those that occur."""
+    with y. x and y are middles of its cells, or their borders. The squares of the legend, of those
+    that occur."""
     codes, limits = np.asarray(codes, int), (-0.5, len(colours) - 0.5)
     colour_of = ListedColormap(list(colours.values()))
-    axis.pcolormesh(
-        x, y, codes, cmap=colour_of, clim=limits, shading="nearest", rasterized=True, zorder=0
-    )
+    axis.pcolormesh(x, y, codes, cmap=colour_of, clim=limits, rasterized=True, zorder=0)
     named = enumerate(colours.items())
     return [square(colour, name) for k, (name, colour) in named if (codes == k).any()]
 

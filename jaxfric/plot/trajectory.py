@@ -24,7 +24,6 @@ def trajectory_figure(found: Trajectory) -> Figure:
         factor, shown = style.prefixed(style.most(values), si) if si else (1.0, "F")
         alpha = 1.0 if members == 1 else 0.5
         axis.plot(size * times.T, factor * values.T, color=BLUE, lw=1.0, alpha=alpha)
-        axis.margins(x=0.01)
         style.tidy(axis, y=f"{label} [{shown}]")
     style.tidy(axes[-1], x=f"time [{unit}]")
     drawn = f"the first {_MOST} of {members}" if members > _MOST else f"{members}"
