@@ -367,17 +367,17 @@ def test_no_legend_of_a_steady_curve_lies_on_a_panel(monkeypatch, tmp_path) -> N
 @pytest.mark.parametrize(
     ("explained", "p", "words"),
     [
-        (0.98, 0.0, "slip: 98 %, p < 1e-12"),
-        (0.004, 0.0, "slip: less than 1 %, tiny, p < 1e-12"),
-        (0.011, 1e-3, "slip: 1 %, p = 0.001"),
-        (0.5, 0.0101, "slip: no more than chance, p = 0.01"),
-        (np.nan, 1e-15, "slip: too little for a share, p < 1e-12"),
-        (np.nan, np.nan, "slip: p unknown"),
+        (0.98, 0.0, "98 %, p < 1e-12"),
+        (0.004, 0.0, "less than 1 %, tiny, p < 1e-12"),
+        (0.011, 1e-3, "1 %, p = 0.001"),
+        (0.5, 0.0101, "no more than chance, p = 0.01"),
+        (np.nan, 1e-15, "share too small, p < 1e-12"),
+        (np.nan, np.nan, "p unknown"),
     ],
 )
 def test_a_share_and_its_p_are_told_together(explained, p, words) -> None:
     one = np.ones(1)
-    assert _share_and_p("slip", LocationProfile("slip", "m", one, one, one, explained, p)) == words
+    assert _share_and_p(LocationProfile("slip", "m", one, one, one, explained, p)) == words
 
 
 @pytest.mark.parametrize(

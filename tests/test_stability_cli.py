@@ -27,8 +27,8 @@ from jaxfric.plot.gain_map import (
     _least_slack,
     _map_axes,
     _of,
-    simulated,
     draw_gain_map,
+    simulated,
 )
 from jaxfric.plot.gains import _stiffness, draw_end_map, draw_gains
 from jaxfric.plot.style import new_figure

@@ -19,17 +19,16 @@ _TINY = 0.01
 _LINE = 0.16
 """Height of a line of a sentence [inch]."""
 _VARIABLES = {
-    "slip": ("slip", "slip since the first row"),
-    "log_velocity": ("velocity", "velocity"),
-    "state": ("state", "θ − θ_ss, state from its steady value"),
-    "position": ("position", "position"),
-    "velocity": ("velocity", "velocity"),
-    "since_reversal": ("since the stop", "distance since the last stop"),
-    "time": ("time", "time since the first row"),
-    "time_since_step": ("after the step", "time since the last step"),
-    "relaxation_length": ("relaxation", "slip of relaxation after a step"),
-    "wavelength": ("ripple (size)", "wavelength along the slip"),
+    "slip": "slip since the first row",
+    "log_velocity": "velocity",
+    "state": "state less its steady value",
+    "since_reversal": "distance since the last stop",
+    "time": "time since the first row",
+    "time_since_step": "time since the last step",
+    "relaxation_length": "slip of relaxation after a step",
+    "wavelength": "wavelength of a ripple",
 }
+"""Names of the axes of variables, where they are not those of the catalogue."""
 
 
 # ---- shares ----------------------------------------------------------------------------------
@@ -81,7 +80,7 @@ def profiles_figure(loop: Loop) -> Figure:
 
 
 def _profile(axis: Axes, profile: LocationProfile, loop: Loop, size: float) -> None:
-    name, label = _VARIABLES.get(profile.variable, (profile.variable, profile.variable))
+    label = _VARIABLES.get(profile.variable, profile.variable)
     x, unit = np.asarray(profile.centres, float), profile.unit
     if profile.variable == "log_velocity" and unit != "m/s":
         x, unit = _velocity_of(x, loop), "m/s"
@@ -102,19 +101,19 @@ def _profile(axis: Axes, profile: LocationProfile, loop: Loop, size: float) -> N
     even = dict.fromkeys(("position", "velocity", "time"), np.inf)
     many = {"log_velocity": 3, "wavelength": 5, **even}.get(profile.variable, 30)
     log = "x" if np.all(x > 0) and np.max(x) > many * np.min(x) else ""
-    title = _share_and_p(name, profile)
+    title = _share_and_p(profile)
     style.tidy(axis, title, x=style.named(label, unit), log=log, zero=True)
 
 
-def _share_and_p(name: str, profile: LocationProfile) -> str:
-    """Title of a panel: what the variable explains, and whether that may be chance."""
+def _share_and_p(profile: LocationProfile) -> str:
+    """Title of a panel: what the variable below it explains, and whether that may be chance."""
     p = p_text(profile.p_value)
     if not profile.p_value < SIGNIFICANT:
-        return f"{name}: {'no more than chance, ' if np.isfinite(profile.p_value) else ''}{p}"
+        return f"{'no more than chance, ' if np.isfinite(profile.p_value) else ''}{p}"
     if not np.isfinite(profile.explained):
-        return f"{name}: too little for a share, {p}"
+        return f"share too small, {p}"
     tiny = ", tiny" if profile.explained < _TINY else ""
-    return f"{name}: {share_text(profile.explained)}{tiny}, {p}"
+    return f"{share_text(profile.explained)}{tiny}, {p}"
 
 
 def _velocity_of(logarithm: np.ndarray, loop: Loop) -> np.ndarray:

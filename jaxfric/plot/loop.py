@@ -114,7 +114,7 @@ def _residual(axis: Axes, loop: Loop, values: np.ndarray, place: style.Along) ->
     groups, mean, error = _bins(loop, values)
     highest = np.nanmax(np.abs(mean), initial=0.0)
     reach = max(4.0, 1.1 * np.nanquantile(np.abs(values), 0.998), 1.25 * highest)
-    style.samples(axis, place.x, values, "rows", GREY)
+    style.samples(axis, place.x, values, "", GREY)
     x = np.asarray([place.x[rows].mean() if len(rows) else np.nan for rows in groups])
     low, high = mean - error, mean + error
     style.band(axis, x, low, high, "mean ± 1 σ of the mean", BLUE, 0.3)

@@ -28,11 +28,11 @@ def draw_stress_steps(found: Sequence[FittedStress], *paths: str | Path) -> None
         x, on = 1e6 * one.velocity * (rows.time - rows.corners[0]), rows.weight > 0
         style.samples(axis, x[on], rows.friction[on])
         without, predicted = (np.where(on, f, np.nan) for f in (fit.without, fit.predicted))
-        axis.plot(x, without, color=GREY, lw=1.0, ls="--", label="the same with alpha 0")
+        axis.plot(x, without, color=GREY, lw=1.0, ls="--", label="the same with α = 0")
         axis.plot(x, predicted, color=ORANGE, lw=1.0, label="fit")
         known = one.alpha is not None and one.error is not None
-        words = f"alpha {measured(one.alpha, one.error)}" if known else "no alpha"
-        title = f"{one.before / 1e6:.4g} → {one.after / 1e6:.4g} MPa: {words}"
+        words = f"α = {measured(one.alpha, one.error)}" if known else "no α"
+        title = f"{one.before / 1e6:.3g} → {one.after / 1e6:.3g} MPa: {words}"
         style.tidy(axis, title, x=f"load point since {one.time:.6g} s [µm]")
     for axis in axes[::3]:
         style.tidy(axis, y="friction coefficient")
@@ -61,7 +61,7 @@ def _draw_creep(axis: Axes, found: StickSlip, one: Rises, place: int) -> None:
     def creep(friction: np.ndarray) -> np.ndarray:
         return 1e6 * (x - x[0] - (friction - mean[0]) / K)
 
-    axis.plot(1e6 * x, creep(one.means).T, ".", color=BLUE, ms=2, alpha=0.3)
+    axis.plot(1e6 * x, creep(one.means).T, ".", color=BLUE, ms=2, alpha=0.3, label="teeth")
     axis.plot(1e6 * x, creep(mean), "o", color=BLUE, ms=3, mfc="none", label="mean of the teeth")
     for law, colour in _LAWS.items():
         if law in found.fits:
@@ -81,7 +81,7 @@ def _draw_drops(axis: Axes, found: StickSlip) -> None:
     style.bars(axis, v, drop, spread)
     if line := drop_by_velocity(found):
         x = np.array([v.min(), v.max()])
-        axis.plot(x, line.at(np.log10(1e-6 * x)), color=GREY, lw=1)
+        axis.plot(x, line.at(np.log10(1e-6 * x)), color=GREY, lw=1, label="line in log velocity")
     y = style.named("drop of friction", found.unit)
     title = "Drops; bars: scatter of teeth"
     style.tidy(axis, title, x="load-point velocity [µm/s]", y=y, log="x")

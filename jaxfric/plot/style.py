@@ -18,6 +18,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import NullFormatter
 
 from ..records.joints import gaps
 from ..records.steps import VelocitySteps
@@ -34,8 +35,9 @@ DOTS = 220.0
 """Dots in an inch of a PNG."""
 _LETTER = 0.58
 """Width of a letter on average, of its size."""
-_MOST_COLUMNS, _HANDLE = 6, 8
-"""Columns of a legend, and letters that its handles take the room of."""
+_MOST_COLUMNS, _HANDLE, _LEGEND = 6, 8, 0.35
+"""Columns of a legend, letters that its handles take the room of, and the height that a figure has
+for it [inch]: of one or two lines."""
 _PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n"}
 
 
@@ -161,7 +163,10 @@ def legend_below(figure: Figure, artists: Sequence[Artist]) -> None:
         for handle in legend.legend_handles:  # points of a record are too small to be seen alone
             if isinstance(handle, Line2D):
                 handle.set_markersize(max(handle.get_markersize(), 4.0))
-        if columns == 1 or legend.get_window_extent().width <= 0.98 * figure.bbox.width:
+        box = legend.get_window_extent()
+        if columns == 1 or box.width <= 0.98 * figure.bbox.width:
+            more = max(box.height / figure.dpi - _LEGEND, 0.0)  # panels keep their height
+            figure.set_figheight(figure.get_figheight() + more)
             return
         legend.remove()
 
@@ -266,7 +271,9 @@ def stairs(
     axis.stairs(velocities, ends, baseline=None, color=colour, lw=1.3, label=label)
     if np.all(velocities > 0):
         axis.set_ylim(velocities.min() / 2, velocities.max() * 8)
-        plain_log(axis, "y")
+        axis.set_yscale("log")
+        axis.yaxis.set_major_formatter("{x:g}")
+        axis.yaxis.set_minor_formatter(NullFormatter())  # the numbers of the steps say more
     else:
         axis.margins(y=0.4)
     room = letters(0.85 * DOUBLE)
@@ -348,7 +355,8 @@ def write(figure: Figure, *paths: str | Path, dpi: float = DOTS) -> None:
     engine = figure.get_layout_engine()
     if engine is not None:
         figure.set_dpi(dpi)
-        engine.execute(figure)
+        if figure.axes:
+            engine.execute(figure)
         figure.set_layout_engine(None)
     for path in paths:
         figure.savefig(str(path), dpi=dpi)
