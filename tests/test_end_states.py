@@ -15,11 +15,11 @@ from helpers import UM, make_law
 from scipy.integrate import solve_ivp
 
 import jaxfric as jf
+from jaxfric.gains.cycle_map import end_map
 from jaxfric.gains.ends import ENDS, Track, classify, settles
 from jaxfric.gains.scenarios import Scenarios
 from jaxfric.gains.settle import Policy, end_state
 from jaxfric.gains.verify import STARTS, jump_sizes, standard_starts, verify
-from jaxfric.plot.cycle_map import end_map
 from jaxfric.simulation import jump_start, step_start
 
 V0 = UM

@@ -164,7 +164,7 @@ def gains(
 def _draw_map(result: "Gains", folder: Path, progress: Callable[[str], None]) -> list[str]:
     import jax.numpy as jnp
 
-    from ..plot.cycle_map import cycle_map
+    from ..gains.cycle_map import cycle_map
     from ..plot.gains import draw_end_map
     from ..stability.analysis import steady_point
 

@@ -150,7 +150,7 @@ def draw_end_map(
 
     Parameters
     ----------
-    ends : of shape (len(k_v), len(k_p)), as `plot.cycle_map.end_map` gives it.
+    ends : of shape (len(k_v), len(k_p)), as `gains.cycle_map.end_map` gives it.
     k_p, k_v : ascending gains [N/m], [N s/m], evenly or logarithmically spaced.
     point : steady sliding (`stability.analysis.steady_point`), whose linear boundaries are drawn
         with `mass`.

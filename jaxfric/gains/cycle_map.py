@@ -15,16 +15,16 @@ import numpy as np
 from jaxtyping import Array, ArrayLike
 
 from ..errors import InputError
-from ..gains.ends import EndState
-from ..gains.result import Gains
-from ..gains.scenarios import Scenarios
-from ..gains.settle import PERIODS, STANDARD, Policy, end_state
 from ..rig import Inertial, QuasiStatic, Rig
 from ..rig.friction.law import AbstractLaw
 from ..simulation import rest_start
 from ..simulation.start import regularised
 from ..stability.linear import LinearSlider
 from ..stability.margins import poles
+from .ends import EndState
+from .result import Gains
+from .scenarios import Scenarios
+from .settle import PERIODS, STANDARD, Policy, end_state
 
 
 @dataclass(frozen=True, eq=False)
