@@ -4,15 +4,14 @@ import numpy as np
 import pytest
 
 from jaxfric.fitting import NoiseEstimate, NoisePart
-from jaxfric.plot.noise import (
+from jaxfric.fitting.noise.autocorrelation import (
     Autocorrelation,
     autocorrelation,
     bartlett,
-    beyond_text,
     clocks,
-    draw_autocorrelation,
     error_of_mean,
 )
+from jaxfric.plot.noise import beyond_text, draw_autocorrelation
 from jaxfric.plot.style import new_figure
 
 LAGS = np.asarray([1, 2, 5, 20])

@@ -9,10 +9,10 @@ from command import run
 
 from jaxfric.errors import InputError
 from jaxfric.fitting.noise import ROTARY_CLOCKS, NoiseEstimate, NoisePart
+from jaxfric.fitting.noise.autocorrelation import autocorrelation
 from jaxfric.loop.steady.loop import close_steady_loop
 from jaxfric.loop.steady.noise import after_a_turn, steady_noise
 from jaxfric.plot import steady, style
-from jaxfric.plot.noise import autocorrelation
 from jaxfric.records.steady import SteadyCurve
 from jaxfric.records.steady_mean import effective_samples
 from jaxfric.records.steady_run import SteadyRows

@@ -9,10 +9,11 @@ from matplotlib.figure import Figure
 from ..findings import WarningCode, is_of
 from ..fitting import Fit
 from ..fitting.misfit import excess, scatter
+from ..fitting.noise.autocorrelation import clocks
 from ..report.fit_text import rows
 from . import style
 from .label import friction_label, printable
-from .noise import clocks, draw_autocorrelation, mark_glitches
+from .noise import draw_autocorrelation, mark_glitches
 from .palette import BLACK, ORANGE
 
 _BAND, _WIDE = "0.82", "0.93"

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from ..fitting.noise.autocorrelation import clocks, error_of_mean
 from ..loop.result import CandidateScore, Loop
 from ..loop.split import NAMES
 from ..loop.thresholds import ACCEPT
@@ -19,7 +20,7 @@ from . import style
 from .aliasing import aliasing_figure, save_aliasing
 from .label import printable
 from .location import location_figure, profiles_figure
-from .noise import clocks, draw_autocorrelation, error_of_mean, mark_glitches
+from .noise import draw_autocorrelation, mark_glitches
 from .palette import BLACK, BLUE, GREY, LIGHT, MIDDLE, ORANGE, PALE, REPORT, SELECT, TRAIN
 
 __all__ = ["DRAWERS", "FIGURES", "aliasing_figure", "draw_loop", "residual_figure", "save_aliasing"]

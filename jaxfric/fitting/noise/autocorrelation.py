@@ -1,0 +1,135 @@
+"""Autocorrelation of a residual and of its noise model, and errors of means under a noise."""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import ndtri
+
+from .estimate import NoiseEstimate
+
+_FEWEST, _PAIRED, _MOST, _SOME = 30, 40, 60, 400
+_CHANCE, _RANGES = 0.05, 4
+BAND = 1.96
+"""Half width of a 95 % band [standard errors]."""
+
+
+def clocks(time: np.ndarray, path: np.ndarray, pace: np.ndarray | None = None) -> np.ndarray:
+    """Clocks at every row: time, path of the load point, rows, and rows over the `pace` of each;
+    (n, 4)."""
+    moved = np.cumsum(np.abs(np.diff(path, prepend=path[:1])))
+    own = np.zeros(len(time)) if pace is None else np.cumsum(1 / pace)
+    return np.stack([time, moved, np.arange(float(len(time))), own], axis=1)
+
+
+class Autocorrelation(NamedTuple):
+    """Autocorrelation of a residual, by distance in rows, beside that of its noise model."""
+
+    lag: np.ndarray
+    value: np.ndarray
+    model: np.ndarray
+    """Mean autocorrelation of records of this length under the noise model, less their means."""
+    error: np.ndarray
+    """Standard error of `value` under the noise model."""
+
+    def beyond(self) -> list[tuple[float, float, bool]]:
+        """Ranges of distances at which the noise model is not the record's: first and last
+        distance, and whether rows are more alike there than it says.
+
+        A range is out of the 95 % band, and at one of its distances by more than chance, at all
+        that are asked together.
+        """
+        z = (self.value - self.model) / self.error
+        rare = -ndtri(0.5 * _CHANCE / max(len(z), 1))
+        side = np.where(np.abs(z) > BAND, np.sign(z), 0.0)
+        cuts = np.flatnonzero(np.diff(side)) + 1
+        pieces = [
+            p for p in np.split(np.arange(len(z)), cuts) if np.abs(z[p]).max(initial=0) > rare
+        ]
+        told = sorted(pieces, key=lambda p: -np.abs(z[p]).max())[:_RANGES]
+        ends = sorted((int(p[0]), int(p[-1])) for p in told)
+        return [(float(self.lag[a]), float(self.lag[b]), bool(side[a] > 0)) for a, b in ends]
+
+
+def autocorrelation(
+    clock: np.ndarray,
+    residual: np.ndarray,
+    noise: NoiseEstimate,
+    part: np.ndarray | None = None,
+) -> Autocorrelation:
+    """Autocorrelation of a residual (nan: no value), at distances that are spaced by factors.
+
+    `part` (n,) are the parts of a record that are none of each other's neighbours, as runs: a
+    number for every row, equal ones side by side. Of each part its mean is taken away, and pairs of
+    rows are of one part. Without it the record is one part.
+    """
+    known = np.isfinite(residual)
+    part = np.zeros(len(residual), int) if part is None else part
+    left, counts = np.array(residual, float), []
+    for own in (part == k for k in np.unique(part[known])):
+        left[own] -= residual[own & known].mean()
+        counts.append(int((own & known).sum()))
+    spread = max(float(np.mean(left[known] ** 2)), 1e-300)
+    longest = int(np.unique(part, return_counts=True)[1].max())
+    shifts = np.unique(np.geomspace(1, max(longest // 4, 1), _PAIRED).astype(int))
+    rho, found = _by_rows(clock, known, noise, part, max(longest // 2, 1)), []
+    of_mean = float(np.average([_of_mean(rho, n) for n in counts], weights=counts))
+    for s in shifts:
+        product = left[s:] * left[:-s]
+        pairs = np.isfinite(product) & (part[s:] == part[:-s])
+        if pairs.sum() < _FEWEST:
+            continue
+        model = noise.correlation((clock[s:] - clock[:-s])[pairs]).mean()
+        shown = (model - of_mean) / (1 - of_mean)
+        found.append((s, product[pairs].mean() / spread, shown, pairs.sum()))
+    lag, value, model, count = np.array(found, float).reshape(-1, 4).T
+    return Autocorrelation(lag, value, model, bartlett(rho, lag.astype(int), count))
+
+
+def _of_mean(rho: np.ndarray, n: int) -> float:
+    """Variance of the mean of n rows of variance 1, whose correlation is `rho` by distance."""
+    return float(2 * np.sum(np.maximum(1 - np.arange(len(rho)) / n, 0.0) * rho) - 1) / n
+
+
+def bartlett(rho: np.ndarray, lag: np.ndarray, count: np.ndarray) -> np.ndarray:
+    """Standard error of a measured autocorrelation at distances `lag`, each from `count` pairs of
+    rows, of noise whose autocorrelation is `rho` at 0, 1, 2, ... rows.
+
+    var r_k = (1/n) sum_m (rho_m^2 + rho_(m+k) rho_(m-k) - 4 rho_k rho_m rho_(m-k)
+    + 2 rho_m^2 rho_k^2) over all whole m (Bartlett 1946, doi:10.2307/2983611).
+    """
+    both = np.concatenate([rho[:0:-1], rho])
+    power = np.abs(np.fft.rfft(both, 4 * len(rho))) ** 2
+    # sum of rho_m rho_(m-j) at every j
+    overlap = np.append(np.fft.irfft(power)[: 2 * len(rho)], 0.0)
+    at = rho[np.minimum(lag, len(rho) - 1)] * (lag < len(rho))
+    one, two = (overlap[np.minimum(j, 2 * len(rho))] for j in (lag, 2 * lag))
+    total = overlap[0] * (1 + 2 * at**2) + two - 4 * at * one
+    return np.sqrt(np.maximum(total, 0.0) / count)
+
+
+def _by_rows(
+    clock: np.ndarray, known: np.ndarray, noise: NoiseEstimate, part: np.ndarray, most: int
+) -> np.ndarray:
+    """Correlation of rows 0, 1, 2, ..., `most` apart, on average over those `known` of one
+    `part`."""
+    shifts = np.unique(np.concatenate([np.arange(1, 65), np.geomspace(1, most, 100)]).astype(int))
+    at, means = [0], [1.0]
+    for s in shifts[shifts <= most]:
+        apart = (clock[s:] - clock[:-s])[known[s:] & known[:-s] & (part[s:] == part[:-s])]
+        if len(apart):
+            some = np.unique(np.linspace(0, len(apart) - 1, min(len(apart), _SOME)).astype(int))
+            at.append(s)
+            means.append(noise.correlation(apart[some]).mean())
+    return np.interp(np.arange(most + 1), at, means, right=0.0)
+
+
+def error_of_mean(clock: np.ndarray, noise: NoiseEstimate) -> float:
+    """Standard error of the mean of rows at `clock` (n, 4), noise of variance 1."""
+    n = len(clock)
+    if n > _MOST:
+        rho = _by_rows(clock, np.ones(n, bool), noise, np.zeros(n, int), n - 1)
+        return float(np.sqrt(max(_of_mean(rho, n), 0.0)))
+    apart = np.abs(clock[:, None] - clock)
+    together = noise.correlation(apart.reshape(-1, clock.shape[1])).mean()
+    variance = (1 - noise.correlated_share) / n + together
+    return float(np.sqrt(max(variance, 0.0)))
