@@ -50,8 +50,8 @@ class Refusal(NamedTuple):
     """What becomes of the parameters of the base that are taken."""
     value: float = float("nan")
     threshold: float = float("nan")
-    """The fall of BIC and the least that is asked, or how many times the error of the validation block
-    grows and the most that is allowed; nan where the fault is no number."""
+    """The fall of BIC and the least that is asked, or the growth of the validation error (a ratio)
+    and the most that is allowed; nan where the fault is no number."""
 
 
 def takes(refusal: Refusal | None) -> bool:
