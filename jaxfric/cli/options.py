@@ -96,9 +96,9 @@ class RecordOptions:
     friction, load_point_displacement, load_point_velocity, load_point_encoder, slip, normal_stress,
     shear_stress (divided by normal_stress it is friction; both may be forces). Roles of an axis:
     time, position, motor_force, control_signal, motor_current, reference_position, velocity,
-    disturbance (added to the output of the controller). #3 is the third column. ROLE=none: no column has
-    this role. time=1kHz: no time column; the sampling rate is 1 kHz. 'load_point_velocity=10 um/s':
-    the load point moves at this constant speed."""
+    disturbance (added to the output of the controller). #3 is the third column. ROLE=none: no
+    column has this role. time=1kHz: no time column; the sampling rate is 1 kHz.
+    'load_point_velocity=10 um/s': the load point moves at this constant speed."""
     drop_bad: bool = False
     """Leave out rows that have cells without a number. For a slider also rows far from their
     neighbours."""
