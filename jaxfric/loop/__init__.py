@@ -1,4 +1,4 @@
-"""Closing the loop: find what a model lacks, name it, add it, report before and after."""
+"""Closing the loop: find the effect that a model lacks, add it, report before and after."""
 
 from .compare import LawComparison as LawComparison
 from .compare import LawScore as LawScore

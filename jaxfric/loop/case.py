@@ -1,6 +1,6 @@
-"""A record made ready for the loop: what a slider, a run or an axis brings, and nothing that moves.
+"""A record of a slider, a run or an axis, prepared for the loop. It is immutable.
 
-A case is what is fitted; a `subject.Subject` is a case with what results ask of a kind of record.
+A `Case` holds the fitted problem; a `subject.Subject` adds the functions that results need.
 """
 
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -18,14 +18,14 @@ from .split import Blocks
 P = TypeVar("P", bound=AbstractProblem)
 
 MOST = 8
-"""Largest number of effects that a search adds: evidence ends it before, as a rule."""
+"""Largest number of effects that a search adds; usually it ends earlier for lack of evidence."""
 
 
 class Offered(NamedTuple):
-    """The effects that a loop may add, and those that its base has from the start."""
+    """Candidate effects of a loop, and effects of its base model."""
 
     effects: tuple[type[AbstractEffect], ...]
-    """The effects of the encompassing model: those that may be added, and those of the base."""
+    """All effects of the encompassing model: candidates and effects of the base."""
     with_: tuple[str, ...]
     without: tuple[str, ...]
     most: int
@@ -33,11 +33,11 @@ class Offered(NamedTuple):
     def seen_by(
         self, channels: Collection[str], refusal: Callable[[type[AbstractEffect]], str]
     ) -> "Offered":
-        """The offer without the effects that need a channel which is none of these.
+        """The offer without the effects that need a channel other than these.
 
         Raises
         ------
-        InputError : with the words of `refusal`, where one that is asked for needs such a channel.
+        InputError : with the text of `refusal`, if a requested effect needs such a channel.
         """
         seen = tuple(e for e in self.effects if e.channel in (None, *channels))
         lost = [e for e in self.effects if e not in seen and e.id in self.with_]
@@ -54,11 +54,11 @@ def offered(
     most: int,
     effect_of: Callable[[str], type[AbstractEffect]],
 ) -> Offered:
-    """The offer of a loop: effects of a catalogue and the user's own, with what was asked.
+    """The `Offered` effects of a loop: those of a catalogue and the user's own.
 
     Raises
     ------
-    InputError : an unknown effect, or one both with and without; `most` out of its range.
+    InputError : an unknown effect, or one in both `with_` and `without`; `most` out of range.
     """
     together = {**known, **{effect.id: effect for effect in own}}
     for id in (*with_, *without):
@@ -81,22 +81,22 @@ class Choice(NamedTuple):
     always: tuple[str, ...] = ()
     """Effects of the base."""
     without: tuple[str, ...] = ()
-    """Effects that are not offered."""
+    """Excluded effects."""
     one_of: tuple[frozenset[str], ...] = ()
-    """Groups of which a record determines what they do together: no two of one group are in one
-    model, unless they belong to the base."""
+    """Groups of which a record determines the sum only: a model has at most one effect of a group,
+    unless the base has more."""
 
 
 class NoiseBounds(NamedTuple):
-    """Limits to the noise of a record."""
+    """Limits to the noise model of a record."""
 
     longest: np.ndarray | None = None
-    """Memory over each clock of the problem; by default a tenth of the mean duration, path or
-    number of rows of a velocity: a slower noise would explain structure away."""
+    """Longest correlation length on each clock of the problem; by default a tenth of the mean
+    duration, path or number of rows of a velocity. Slower noise would absorb structure."""
     either_sign: bool = False
-    """Whether neighbouring rows may also be correlated negatively."""
+    """Whether neighbouring rows may also be anticorrelated."""
     by_step: bool = True
-    """Whether noise may differ from step to step: in scale, in pace, and in its hum."""
+    """Whether the noise may differ between velocity steps: in scale, pace and hum."""
 
 
 _ALL, _USUAL = Choice(), NoiseBounds()
@@ -123,19 +123,19 @@ class Sensitivities(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Case(Generic[P]):
-    """What is fitted: a least-squares problem with all effects in it, and how its rows are used."""
+    """A least-squares problem with all effects in it, and the use of its rows."""
 
     problem: P
     """Its model is an `EncompassingModel`."""
     blocks: Blocks
     shapes: Callable[..., Sensitivities]
-    """A function of engine, z, missing effects and scales: the sensitivities at z of those effects
-    all of whose shapes it can try at once."""
+    """Function of engine, z, missing effects and scales: sensitivities at z of the effects whose
+    shapes it can evaluate together."""
     shifted: np.ndarray
-    """Indices of its shifts of step times that are parameters."""
+    """Indices of the shifts of step times that are parameters."""
     path: np.ndarray
-    """Distance travelled at every row [m]: what is smooth along it, and along the path since each
-    step, is no noise."""
+    """Distance travelled at every row [m]. Smooth functions of it, or of the path since each step,
+    do not count as noise."""
     choice: Choice = _ALL
     bounds: NoiseBounds = _USUAL
 

@@ -1,4 +1,4 @@
-"""The loop itself: base fit, search, what is left, verdict; the same for a slider and an axis."""
+"""The loop itself: base fit, search, residual structure, verdict; for a slider and an axis."""
 
 import dataclasses
 import time
@@ -29,7 +29,8 @@ from .verdict import conclude
 
 
 def close(subject: Subject[P], *, most: int, begun: float, progress: Callable[[str], None]) -> Loop:
-    """Search, location and verdict; `begun` is when the loop began (`time.monotonic`)."""
+    """Search effects, locate the remaining misfit, and conclude with a verdict. `begun` is the
+    starting time of the loop (`time.monotonic`)."""
     start, scales = declared(subject), subject.scales
     found = search(Engine.of(subject.case), start, scales, most=most, progress=progress)
     engine = found.engine
@@ -60,7 +61,7 @@ def close(subject: Subject[P], *, most: int, begun: float, progress: Callable[[s
         moved=_moved(before, after),
         withheld=subject.withheld,
     )
-    alone = dataclasses.replace(after.noise, sigma=floor.sigma)  # everything smooth taken out
+    alone = dataclasses.replace(after.noise, sigma=floor.sigma)  # without smooth columns
     missed = np.sqrt(max(after.rms["report"] ** 2 - (floor.most["report"] * floor.later) ** 2, 0.0))
     rows, details = subject.rows(engine), subject.details(engine, found, after, missed, progress)
     effects = effect_findings(engine, found, told.verdict, rows.used)
@@ -95,7 +96,7 @@ def close(subject: Subject[P], *, most: int, begun: float, progress: Callable[[s
 
 
 def declared(subject: Subject[P]) -> np.ndarray:
-    """Parameters of the base with its declared effects, each started from its best shape."""
+    """Parameters of the base with its declared effects; each effect starts at its best shape."""
     case, z = subject.case, subject.start
     if not case.choice.always:
         return z
@@ -117,7 +118,7 @@ def _score(
     tests: dict[str, float],
     rivals: Sequence[Candidate] | None,
 ) -> Score:
-    """Errors of a model, in all and for each velocity or stroke."""
+    """Errors of a model, in total and for each velocity or stroke."""
     parameters, free, covariance = estimates(engine, candidate, subject.friction_unit, rivals)
     rows, noise = subject.rows(engine), engine.noise
     residual = np.where(rows.used, engine.unit * candidate.residual[: len(rows.used)], np.nan)
@@ -144,8 +145,8 @@ def _score(
 
 
 def _moved(before: Score, after: Score) -> tuple[Move, ...]:
-    """The headline parameters that move by many of their errors: A-B of a slider, mass and Coulomb
-    friction of an axis."""
+    """The headline parameters that move by more than `MANY` standard errors: A-B of a slider, mass
+    and Coulomb friction of an axis."""
     moves = []
     first, last = before.A_minus_B, after.A_minus_B
     if first is not None and last is not None:
@@ -157,13 +158,13 @@ def _moved(before: Score, after: Score) -> tuple[Move, ...]:
 
 
 def moves_far(move: Move) -> bool:
-    """Whether a headline parameter moves by many of the errors that it had."""
+    """Whether a parameter moves by more than `MANY` of its standard errors before the move."""
     error = move.before.std
     return error > 0 and abs(move.after.value - move.before.value) > MANY * error
 
 
 def _apart(engine: Engine, used: np.ndarray) -> np.ndarray:
-    """How far neighbouring rows are apart on every clock, those in ten that are closest."""
+    """10th percentile of the distance between neighbouring rows, on every clock."""
     clock = engine.noise.clock[: len(used)][used]
     return np.quantile(np.abs(np.diff(clock, axis=0)), 0.1, axis=0)
 
@@ -174,7 +175,7 @@ def _rms(residual: np.ndarray) -> float:
 
 
 def candidate_scores(found: Search) -> tuple[CandidateScore, ...]:
-    """Scores of all candidates that were tried, best Delta BIC first."""
+    """Scores of all tried candidates, best Delta BIC first."""
     engine, out = found.engine, []
     for c in found.tried:
         values = engine.values(c.z)

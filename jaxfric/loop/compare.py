@@ -1,23 +1,23 @@
-"""Which friction law does one record support? Several laws fitted to it, and asked the same.
+"""Comparison of friction laws on one record.
 
 Every law is fitted with one state and with two. The fits are ranked by
 
     BIC = -2 ln L + p ln n,
 
-L the likelihood of the residual, its p parameters and the noise being the likeliest for that law,
-and n the number of independent rows. The noise is found anew for each law, but has the same parts
-for all: of those found for one law or another, the parts under which some law has the best account
-of the record. With white noise assumed, rows that are correlated count many times and any law wins
-by hundreds. The memory of the noise is bounded by a tenth of a velocity step (but by ten rows where
-a step has fewer than a hundred), so that noise cannot take the place of a law.
+L is the maximum likelihood of the residual over the p parameters of the law and those of the noise;
+n is the number of independent rows. Each law has its own noise, but all have the same parts of
+noise: those of the law with the best likelihood. White noise would count correlated rows many
+times, and some law would always win by hundreds. The correlation length of the noise is at most a
+tenth of a velocity step (ten rows in steps of fewer than a hundred), so that noise cannot replace
+a law.
 
-Where there are three velocity steps or more each law is also fitted without about a third of them
-(`loop.split`), and predicts these.
+With three velocity steps or more, each law is also fitted without about a third of them
+(`loop.split`) and predicts these.
 
-Words for people are made in `report.comparison`.
+Texts for users are made in `report.comparison`.
 
 Sources: Schwarz 1978 (doi:10.1214/aos/1176344136) for BIC; Kass and Raftery 1995
-(doi:10.1080/01621459.1995.10476572) for what a difference of it means.
+(doi:10.1080/01621459.1995.10476572) for the meaning of its differences.
 """
 
 import dataclasses
@@ -65,23 +65,23 @@ _TRIALS, _TOLERANCE = 60, 1e-6  # of a descent
 
 @dataclass(frozen=True, eq=False)
 class LawScore:
-    """One law with a number of states. Without a BIC it could not be fitted.
+    """The score of one law with a number of states. `bic` is None if it could not be fitted.
 
-    A fit that did not converge (`fit.converged`), as of a second state that the record does not
-    show, may have a BIC where its search stood. It is no claim: it only tells whether the law with
-    another number of states can do without it.
+    A fit that did not converge (`fit.converged`), as with a second state that the record does not
+    show, may have the BIC of its last point. That supports no claim. It only shows whether fewer
+    states suffice for the law.
     """
 
     fit: Fit
-    """The fit of the whole record, as of `jaxfric.fit`."""
+    """The fit of the whole record, as by `jaxfric.fit`."""
     parameters: int
-    """Number of parameters that were fitted."""
+    """Number of fitted parameters."""
     bic: float | None = None
     """-2 ln L + p ln n, see `loop.compare`; only differences mean something."""
     held_out: float | None = None
-    """Root mean square of the error at steps that were not fitted, in the record's unit."""
+    """rms error in the held-out steps, in the record's unit."""
     held_out_deviance: float | None = None
-    """-2 ln p of those rows, but for a constant of the record."""
+    """-2 ln p of the held-out rows, up to a constant of the record."""
 
     @property
     def states(self) -> int:
@@ -95,7 +95,7 @@ class LawScore:
 
     @property
     def settled(self) -> bool:
-        """Whether its BIC can be held against that of others."""
+        """Whether its BIC can be compared with that of others."""
         return self.bic is not None and self.fit.converged
 
     @property
@@ -104,7 +104,7 @@ class LawScore:
         return self.fit.converged and all(e.determined for e in self.fit.parameters.values())
 
     def over(self, other: "LawScore") -> float:
-        """BIC above that of another score; infinite where one of them has none."""
+        """BIC minus that of another score; infinite if either has none."""
         return np.inf if self.bic is None or other.bic is None else self.bic - other.bic
 
     def predicts_better(self, other: "LawScore") -> bool:
@@ -115,7 +115,7 @@ class LawScore:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LawComparison(Described, Worded, Drawable, Tabular):
-    """Laws fitted to one record, in the order in which they were asked."""
+    """Laws fitted to one record, in the order of the request."""
 
     record: Record
     steps: VelocitySteps
@@ -123,31 +123,31 @@ class LawComparison(Described, Worded, Drawable, Tabular):
     sigma: float
     """Standard deviation of the noise under the likeliest law, in the record's unit."""
     independent_rows: float
-    """Number of independent rows that the record is worth under that noise."""
+    """Effective number of independent rows under that noise."""
     held_out_steps: tuple[int, ...]
-    """Velocity steps that were held out, counted from 1; none where it could not be asked."""
+    """Held-out velocity steps, counted from 1; empty if none could be held out."""
     unasked: str
-    """Why no step was held out; '' where some were."""
+    """The reason if no step was held out, else ''."""
     own_warnings: tuple[str, ...] = ()
 
     @property
     def ranked(self) -> tuple[LawScore, ...]:
-        """The scores of laws that were fitted to their end, best first."""
+        """The scores of converged fits, best first."""
         return tuple(sorted((s for s in self.scores if s.settled), key=lambda s: s.bic or 0.0))
 
     def above(self, score: LawScore) -> float | None:
-        """BIC above the least; None of a fit that did not converge."""
+        """BIC minus the lowest BIC; None for a fit that did not converge."""
         return score.over(self.ranked[0]) if score.settled else None
 
     def best_of(self, law: str) -> LawScore:
-        """The score of the least BIC of a law that was fitted to its end."""
+        """The score with the lowest BIC among the converged fits of a law."""
         return next(score for score in self.ranked if score.fit.law == law)
 
     @property
     def of_laws(self) -> tuple[LawScore, ...]:
-        """One score for each law, best law first: with as many states as the record asks for.
+        """One score per law, best law first, with as many states as the record supports.
 
-        A further state is taken where it lowers BIC by more than `ACCEPT`.
+        A further state must lower BIC by more than `ACCEPT`.
         """
         simplest: dict[str, LawScore] = {}
         for score in self.ranked:
@@ -159,9 +159,9 @@ class LawComparison(Described, Worded, Drawable, Tabular):
 
     @property
     def rivals(self) -> tuple[LawScore, ...]:
-        """Scores of other laws that explain the record about as well as the best, or predict better
-        the steps that were held out, or may do so but could not be compared: their fit did not
-        converge where BIC stood about as low, with states that they cannot do without."""
+        """Scores of other laws that remain possible. Their BIC is within `ACCEPT` of the best, or
+        they predict the held-out steps better, or they could not be compared: the fit did not
+        converge at a BIC within `ACCEPT`, with states that the law needs."""
         if not self.of_laws:
             return ()
         best, (first, *others) = self.ranked[0], self.of_laws
@@ -176,23 +176,23 @@ class LawComparison(Described, Worded, Drawable, Tabular):
 
     @property
     def supported(self) -> LawScore | None:
-        """The law that the record supports; None where it cannot tell."""
+        """The law that the record supports; None if it does not decide."""
         return None if self.rivals or len(self.of_laws) < 2 else self.of_laws[0]
 
     @property
     def untold(self) -> tuple[str, ...]:
-        """The laws that the record cannot tell from each other, the best first."""
+        """The laws that the record cannot distinguish, best first."""
         return tuple(dict.fromkeys(s.fit.law for s in (self.of_laws[0], *self.rivals)))
 
     def needless(self, score: LawScore) -> bool:
-        """Whether a score has states that the record does not fix, and that its law with fewer
-        states, whose fit converged, can do without."""
+        """Whether a score has undetermined parameters, while a converged fit of the same law with
+        fewer states is about as good."""
         law = score.fit.law
         fewer = [s for s in self.ranked if s.fit.law == law and s.states < score.states]
         return not score.determined and any(s.over(score) <= ACCEPT for s in fewer)
 
     def drifts(self, score: LawScore) -> bool:
-        """Whether a further state of a fit lasts over more slip than the record has."""
+        """Whether the length L of a further state exceeds the displacement of the record."""
         way = float(np.ptp(self.record.moved()))
         lengths = [e.value for name, e in score.fit.parameters.items() if name[0] == "L"]
         return score.states > 1 and max(lengths, default=0.0) > way
@@ -208,25 +208,25 @@ def compare_laws(
     rows: int | None = None,
     progress: Callable[[str], None] = silent,
 ) -> LawComparison:
-    """Fit several friction laws to one record and say which of them it supports.
+    """Fit several friction laws to one record and report which of them it supports.
 
     Parameters
     ----------
-    record : as read by `jaxfric.read`, or the path of one that needs no more words.
+    record : as read by `jaxfric.read`, or the path of a file that `read` needs no options for.
     laws : names of rate-and-state laws, by default all of them: "slip", "ageing" and your own.
-    stiffness : of spring and specimen, as of `jaxfric.fit`; None: every law finds its own.
-    slip_trend, steps, rows : as of `jaxfric.fit`, the same for all laws.
-    progress : told what is being done.
+    stiffness : of spring and specimen, as in `jaxfric.fit`; None: fitted with every law.
+    slip_trend, steps, rows : as in `jaxfric.fit`, the same for all laws.
+    progress : callback for progress messages.
 
     Returns
     -------
-    LawComparison : a score for every law with one and with two states, and the sentence.
+    LawComparison : a score for every law with one and with two states, and a summary sentence.
 
     Raises
     ------
-    InputError : as `jaxfric.fit`; fewer than two laws; no fit converged.
+    InputError : as in `jaxfric.fit`; fewer than two laws; no fit converged.
 
-    Not tried: more than two states; records with mass (inertia).
+    Not supported: more than two states; records with mass (inertia).
     """
     require_float64()
     models = _models(laws)
@@ -303,9 +303,9 @@ def _words(law: str, states: int) -> str:
 
 
 def held_out_blocks(record: Record, steps: VelocitySteps) -> Blocks:
-    """The velocity steps of a record that are held out, as select and report blocks.
+    """The held-out velocity steps of a record, as validation and test blocks.
 
-    Raises `InputError` where there are too few of them, or too few rows.
+    Raises `InputError` if there are too few steps or rows.
     """
     count = len(steps) - 1
     if count < HELD_OUT_FROM:
@@ -315,15 +315,15 @@ def held_out_blocks(record: Record, steps: VelocitySteps) -> Blocks:
 
 
 class Rival(NamedTuple):
-    """A law with the parameters and the noise under which it is compared with others."""
+    """A law with the parameters and the noise for the comparison."""
 
     fit: Fit
     problem: Problem
-    """Its problem, over the same rows and in the same unit of noise for all laws."""
+    """Its problem; all laws use the same rows and the same unit of noise."""
     longest: np.ndarray
-    """Longest memory of the noise over each clock (k,)."""
+    """Longest correlation length of the noise on each clock (k,)."""
     least: float
-    """Least standard deviation of white noise: that of the recorder's steps [noise scales]."""
+    """Lower bound of the white noise from quantisation [noise scales]."""
     z: np.ndarray
     """Unbounded parameters, then the shifts of step times (q,)."""
     noise: FoundNoise
@@ -332,35 +332,35 @@ class Rival(NamedTuple):
 
     @property
     def words(self) -> str:
-        """The law with its states, for reports of progress."""
+        """The law with its states, for progress messages."""
         return _words(self.fit.law, self.fit.model.states)
 
     @property
     def rows(self) -> float:
-        """Number of rows that count."""
+        """Number of used rows."""
         return float(np.sum(self.problem.weight))
 
     @property
     def independent_rows(self) -> float:
-        """Number of independent rows that the record is worth under the noise."""
+        """Effective number of independent rows under the noise."""
         noise, weight = self.noise.noise, self.problem.weight
         white = whitened(self.problem.clock, weight, np.ones((len(weight), 1)), noise)
         return float(np.clip(np.sum(white**2) * float(noise.sigma) ** 2, 2.0, self.rows))
 
     def bic(self, rows: float, more: int = 0) -> float:
-        """BIC of so many independent rows; `more` parameters count besides those of the law."""
+        """BIC for a number of independent rows, with `more` parameters besides those of the law."""
         p = len(self.fit.free)
         deviance = np.sum(np.square(self.z[p:])) - 2 * self.noise.value
         return float(deviance + (p + more) * np.log(rows))
 
     @property
     def cost(self) -> float:
-        """BIC where the parameters of the noise count too, and every row."""
+        """BIC that counts the parameters of the noise too, and every row."""
         return self.bic(self.rows, self.noise.family.parameters)
 
     def under(self, family: Family, starts: Sequence[np.ndarray]) -> "Rival":
-        """The same with the parameters and the noise of a family that make the record likeliest,
-        sought in turn; `starts` of the noise as `Found.theta`."""
+        """The law with the maximum-likelihood parameters and noise of a family, optimised in turn;
+        `starts` of the noise as `Found.theta`."""
 
         def profiled(z: np.ndarray, starts: Sequence[np.ndarray]) -> FoundNoise:
             left = _left(self.problem, z, self.longest)
@@ -377,9 +377,9 @@ class Rival(NamedTuple):
         return best
 
     def held_out(self, noise: Noise, blocks: Blocks) -> tuple[float, float]:
-        """How the law predicts the steps that it is not fitted to: root mean square of the error,
-        and -2 ln p of these rows but for a constant of the record. Times of steps are those of the
-        whole record: they are no matter of the law."""
+        """Prediction of the held-out steps: rms error, and -2 ln p of these rows up to a constant
+        of the record. Step times are from the fit of the whole record, as they do not depend on
+        the law."""
         problem, p = self.problem, len(self.fit.free)
         held = np.array(problem.weight)
         held[: len(blocks.train)] *= ~blocks.train
@@ -392,17 +392,17 @@ class Rival(NamedTuple):
 
 
 def _left(problem: Problem, z: np.ndarray, longest: np.ndarray) -> NoiseRows:
-    """What a law leaves at `z`, as the input of a noise estimate."""
+    """The residual of a law at `z`, as the input of a noise estimate."""
     residual, _ = data_part(problem, known_at(problem, z))
     nothing = np.zeros((len(residual), 1))
     return noise_rows(problem.clock, problem.weight, residual, nothing, longest)
 
 
 def _descend(problem: Problem, z: np.ndarray, noise: Noise) -> Descent:
-    """Least squares of the residual whitened by a noise that is held.
+    """Least squares of the residual, whitened by a fixed noise.
 
-    By MINPACK: `fitting.solve` would compile the whitened problem of every law, and goes on for as
-    long as it may along states that the record does not fix.
+    It uses MINPACK: `fitting.solve` would compile the whitened problem of every law, and would use
+    all its steps along states that the record does not determine.
     """
     weight = np.asarray(problem.weight)
     n = len(weight)
@@ -418,9 +418,9 @@ def _descend(problem: Problem, z: np.ndarray, noise: Noise) -> Descent:
 
 
 def _rivals(record: Record, fits: Sequence[Fit]) -> list[Rival]:
-    """The fits that the record follows, each with the noise that it leaves. One that was still
-    moving is among them, as of a second state of which there is none in the record. Rows count for
-    all where they do for one: without those that are glitches under every law."""
+    """The fits whose simulation succeeded, each with the noise of its residual. They include fits
+    that did not converge, as with a second state that the record lacks. All use the same rows: a
+    row is excluded only if it is an outlier under every law."""
     solved = [(one, one.solved) for one in fits if one.solved is not None]
     solved = [(one, of) for one, of in solved if of.solution.cost < FAILED_MISFIT**2]
     if not solved:
@@ -440,11 +440,11 @@ def _rivals(record: Record, fits: Sequence[Fit]) -> list[Rival]:
 
 
 def likeliest(rivals: Sequence[Rival], progress: Callable[[str], None] = silent) -> list[Rival]:
-    """Every law with the noise that makes it likeliest, of the same parts for all: of the parts
-    that were found for one law or another those under which some law has the best account.
+    """Every law with its likeliest noise, with the same parts of noise for all: of the families
+    found for single laws, the one under which some law has the lowest `cost`.
 
-    What a search finds for one law alone may be no more than near the likeliest: parts that it
-    passed over, and found for another law, may make both likelier.
+    The search for one law alone may miss the best family. A family found for another law may then
+    be likelier for both.
     """
     tried = []
     for family in dict.fromkeys(one.noise.family for one in rivals):

@@ -1,12 +1,12 @@
-"""Curves of other shapes in place of those of a fit, to first order about it.
+"""Steady-state curves of other shapes in place of the fitted one, to first order about the fit.
 
-The steady curve that the fit added is taken out and another put in its place, together with the
-part of the base that is such a curve itself (f0, A and B of a slider). What changes of friction
-along the motion is small where the other curve fits, so it is sent through the linearised dynamics
-and the rest of the parameters follow linearly: one least-squares problem a shape, under the noise
-of the fit. BIC is then that of any candidate, with its noise found anew.
+Another curve replaces the steady curve that the fit added, together with the steady curve of the
+base (f0, A and B of a slider). If it fits, it changes friction along the motion little. So the
+change passes through the linearised dynamics, and the other parameters follow linearly: one
+least-squares problem per shape, under the noise of the fit. BIC is computed as for any candidate,
+with its own noise.
 
-Other shapes: polynomials in ln V, and broken lines in ln V that have a value for every velocity.
+Other shapes: polynomials in ln V, and broken lines in ln V with a value for every velocity.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,7 +22,7 @@ from .refit import Candidate, bic
 from .thresholds import ACCEPT, GRID, REACH
 
 Curve = Callable[[np.ndarray], np.ndarray]
-"""Speeds (m,) to friction (m, k)."""
+"""Maps speeds (m,) to friction (m, k)."""
 _DEGREES = {1: "a line in ln V", 2: "a quadratic in ln V", 3: "a cubic in ln V"}
 _FREE = "a value for every velocity"
 
@@ -31,19 +31,19 @@ class CurveRig(NamedTuple):
     """The steady curves of a kind of rig; speeds in m/s or rad/s, positive."""
 
     effects: tuple[str, ...]
-    """The effects of the fit that are such curves."""
+    """Effects of the fit that are steady curves."""
     declared: tuple[str, ...]
-    """The effects given with the base that are such curves."""
+    """Effects of the base that are steady curves."""
     speeds: np.ndarray
-    """Speeds of the motion segments that train or select."""
+    """Speeds of the motion segments in the train and validation blocks."""
     counted: bool
-    """Whether the rig slides at these speeds only."""
+    """Whether the rig slides at these discrete speeds only."""
     replaced: tuple[str, ...]
-    """Parameters of the base that `base` stands for."""
+    """Parameters of the base that `base` replaces."""
     base: Curve
     """The steady curves of the base."""
     lowest: int
-    """Degree of the first power of ln V that the base has not."""
+    """Lowest power of ln V that the base lacks."""
     parameters: int
     """Number of parameters of the base's steady curve."""
     level: Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -54,7 +54,7 @@ class CurveRig(NamedTuple):
 
 
 def curve_family(engine: Engine, final: Candidate, rig: CurveRig) -> CurveFamily | None:
-    """Other shapes that fit in place of the steady curves of a fit; None where it has none."""
+    """Other shapes in place of the steady curves of a fit; None if the fit has no such curves."""
     if not rig.effects or final.failed:
         return None
     speeds = distinct(rig.speeds)
@@ -106,8 +106,8 @@ def _refitted(
     first: int,
     at: Sequence[int],
 ) -> tuple[Rows, np.ndarray]:
-    """Rows with the added curve taken out and columns `at` of those sent put in, fitted together
-    with the parameters `kept`; and the weights of the columns."""
+    """Rows of the fit without the added curve but with the columns `at` of `sent`, refitted with
+    the parameters `kept`; and the coefficients of these columns."""
     columns, more = sent
     matrix = np.concatenate([columns[:, at], rows.jacobian[:, kept]], axis=1)
     extra = np.concatenate([more[:, at], rows.extra_jacobian[:, kept]], axis=1)
@@ -123,7 +123,7 @@ def _refitted(
 
 
 def distinct(speeds: np.ndarray) -> np.ndarray:
-    """Speeds that differ, ascending: of those within a tenth of the slowest one, their mean."""
+    """Distinct speeds, ascending: speeds within `SAME_VELOCITY` are replaced by their mean."""
     groups: list[list[float]] = []
     for speed in np.sort(np.abs(speeds[speeds != 0])).tolist():
         if groups and groups[-1][0] >= SAME_VELOCITY * speed:
@@ -134,8 +134,8 @@ def distinct(speeds: np.ndarray) -> np.ndarray:
 
 
 def _shapes(rig: CurveRig, speeds: np.ndarray) -> list[tuple[str, Curve]]:
-    """Other shapes, each with its words. Between velocities the transients tell of a curve, so that
-    a cubic may be known of three."""
+    """Other shapes, each with its name. Transients contain information between velocities, so three
+    velocities may determine a cubic."""
     centre = np.log(np.sqrt(speeds[0] * speeds[-1]))
 
     def powers(degree: int) -> Curve:
@@ -150,8 +150,8 @@ def _shapes(rig: CurveRig, speeds: np.ndarray) -> list[tuple[str, Curve]]:
 
 
 def _grid(speeds: np.ndarray, *, counted: bool) -> np.ndarray:
-    """Speeds to ask for, of two digits, from a tenth of the slowest to ten times the fastest; not
-    those that the record has."""
+    """Speeds at which curves are compared, rounded to two digits, from a tenth of the slowest to
+    ten times the fastest; without those of the record."""
     grid = np.geomspace(speeds[0] / REACH, REACH * speeds[-1], GRID)
     grid = np.unique([float(f"{V:.1e}") for V in grid])
     if not counted:
@@ -163,7 +163,7 @@ def _grid(speeds: np.ndarray, *, counted: bool) -> np.ndarray:
 def _sorted_out(grid, named, found, speeds, error) -> tuple[tuple, tuple]:
     """The other shapes, best first, and the velocities that decide between them.
 
-    A shape that is nowhere clearly apart from the named one is that one, in other words.
+    A shape that nowhere differs clearly from the named one counts as the same curve.
     """
     found = [f for f in found if np.max(np.abs(f[1] - named)) > CLEAR * error]
     found = sorted(found, key=lambda f: f[0].worse)
@@ -175,11 +175,11 @@ def _sorted_out(grid, named, found, speeds, error) -> tuple[tuple, tuple]:
 def deciding(
     grid: np.ndarray, levels: np.ndarray, speeds: np.ndarray, error: float
 ) -> tuple[Decisive, ...]:
-    """Velocities at which curves differ most: the best one in every gap between those of the record
-    and beyond them, if curves differ there by more than 3 errors; the three clearest.
+    """Velocities at which curves differ most. Each gap between recorded speeds, and the ranges
+    beyond them, gives its best velocity if curves differ by more than 3 errors; the three clearest.
 
-    grid : speeds (m,). levels : friction of every curve there (c, m). speeds : those of the record,
-    ascending. error : of the mean of one more step.
+    grid : speeds (m,). levels : friction of every curve there (c, m). speeds : recorded speeds,
+    ascending. error : standard error of the mean of one more step.
     """
     apart = np.ptp(levels, axis=0) / error
     gap = np.searchsorted(speeds, grid)
@@ -189,10 +189,10 @@ def deciding(
 
 
 def step_error(engine: Engine, final: Candidate) -> float:
-    """Standard error of the mean of a motion segment, in the unit of friction: of all rows that
-    train, as many independent ones as their noise leaves, and shared among the segments."""
+    """Standard error of the mean of a motion segment, in the unit of friction: from the effective
+    number of independent train rows, divided equally among the segments."""
     rows = engine.blocks.train
     segments = len(np.unique(engine.blocks.step[rows]))
     ones = engine.whiten(np.ones((len(engine.weight), 1)) * engine.weight[:, None], final.noise)
-    # whitened: one over the standard error of the mean of all
+    # the norm of whitened ones is one over the standard error of the total mean
     return float(engine.problem.noise_scale) * float(np.sqrt(segments / np.sum(ones**2)))

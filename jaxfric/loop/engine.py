@@ -1,9 +1,8 @@
-"""A case with what was learnt of its noise: all that a fit of a candidate needs. It never changes.
+"""A case with its noise model: all that a fit of a candidate needs. It is immutable.
 
-Noise is estimated with every candidate, never taken from another one: noise estimated from a fit
-that lacks an effect swallows the effect. Which parts it has is found once, from what the base
-leaves when everything smooth is taken out (`learn.learn_noise`); their sizes, memories and periods
-are found anew for each candidate.
+Noise is estimated with every candidate: noise from a fit that lacks an effect would absorb the
+effect. Its parts are identified once, from the residual of the base without smooth columns
+(`learn.learn_noise`). Their sizes, correlation lengths and periods are estimated per candidate.
 """
 
 import dataclasses
@@ -55,26 +54,26 @@ _PACKAGE = __name__.partition(".")[0] + "."
 
 
 class NoiseState(NamedTuple):
-    """What is known of a record's noise. Arrays of rows have the padding of the problem."""
+    """The noise model of a record. Arrays of rows have the padding of the problem."""
 
     blocks: Blocks
-    """Without the rows that are glitches."""
+    """Blocks without outliers."""
     friction: np.ndarray
-    """What is recorded, less its hum."""
+    """Recorded friction (or motor force) without hum."""
     clock: np.ndarray
-    """Clocks of the noise (N, k); the last one may have a pace of its own in every step."""
+    """Clocks of the noise (N, k); the last one may have a different pace in every step."""
     longest: np.ndarray
-    """Longest memory over every clock (k,)."""
+    """Longest correlation length on every clock (k,)."""
     scale: np.ndarray
-    """Size of the noise of every row (N,), relative."""
+    """Relative size of the noise of every row (N,)."""
     alone: Noise
-    """The noise with everything smooth taken out."""
+    """The noise without smooth columns."""
     family: Family | None = None
-    """Its parts; None until a residual was seen."""
+    """Its parts; None before the first estimate."""
     noises: tuple[np.ndarray, ...] = ()
-    """Values of the parts from which those of a candidate are searched."""
+    """Starting values of the parts for the noise of a candidate."""
     pace: np.ndarray | None = None
-    """Memory in rows in every step, where steps differ."""
+    """Correlation length in rows in every step, if steps differ."""
     hum: tuple[Hum, ...] = ()
     glitches: Glitches = NO_GLITCHES
 
@@ -86,18 +85,18 @@ class Engine(Generic[P]):
     case: Case[P]
     noise: NoiseState
     evaluator: Evaluator[P]
-    """Of the problem with `noise.friction`."""
+    """Evaluates the problem with `noise.friction`."""
 
     @classmethod
     def of(cls, case: Case[P]) -> Self:
-        """The engine of a case whose noise is not known yet."""
+        """The engine of a case before its noise is estimated."""
         problem, blocks, bounds = case.problem, case.blocks, case.bounds
         rows = len(blocks.train)
         clock = np.asarray(problem.clock)
         longest = bounds.longest
         if longest is None:
             longest = longest_of_steps(clock[:rows], int(blocks.step.max()) + 1)
-        if bounds.by_step:  # a last clock, which `learn_noise` may set going
+        if bounds.by_step:  # a last clock, which `learn_noise` may use
             clock = np.pad(clock, ((0, 0), (0, 1)))
             longest = np.append(longest, 0.0)
         white = noise_of(1.0, 0.0, np.ones(clock.shape[1]))
@@ -106,12 +105,12 @@ class Engine(Generic[P]):
         return cls(case, state, evaluator_of(case, friction))
 
     def knowing(self, noise: NoiseState) -> Self:
-        """A copy that knows more of the noise."""
+        """A copy with another noise model."""
         same = noise.friction is self.noise.friction
         evaluator = self.evaluator if same else evaluator_of(self.case, noise.friction)
         return dataclasses.replace(self, noise=noise, evaluator=evaluator)
 
-    # What there is to fit.
+    # Parameters.
 
     @property
     def model(self) -> EncompassingModel:
@@ -140,17 +139,17 @@ class Engine(Generic[P]):
 
     @property
     def offered(self) -> tuple[type[AbstractEffect], ...]:
-        """The effects that are considered."""
+        """The effects that are not excluded."""
         return tuple(e for e in self.model.effects if e.id not in self.case.choice.without)
 
     def addable(self, effects: tuple[str, ...]) -> tuple[type[AbstractEffect], ...]:
-        """The effects that are offered and can be added to a candidate with `effects`."""
+        """The offered effects that can be added to a candidate with `effects`."""
         present = (*self.always, *effects)
         absent = [e for e in self.offered if e.id not in present]
         return tuple(e for e in absent if self.apart((*effects, e.id)))
 
     def apart(self, effects: tuple[str, ...]) -> bool:
-        """Whether no two effects are of one group of `Choice.one_of`, but for those of the base."""
+        """Whether no two effects are in one group of `Choice.one_of`; those of the base may be."""
         groups = self.case.choice.one_of
         together = [group & {*self.always, *effects} for group in groups]
         return all(len(own) < 2 or own <= set(self.always) for own in together)
@@ -166,8 +165,8 @@ class Engine(Generic[P]):
         return dict(zip(self.names, natural.tolist(), strict=True))
 
     def law(self, id: str, z: np.ndarray) -> np.ndarray | None:
-        """`z` with the amplitudes of an effect by which the base is another law; None where the
-        effect makes no law of it."""
+        """`z` with the amplitudes of an effect that turn the base into another known law; None if
+        the effect has no such law."""
         (effect,) = (e for e in self.model.effects if e.id == id)
         if not effect.law:
             return None
@@ -180,8 +179,8 @@ class Engine(Generic[P]):
     def moderate(self, z: np.ndarray, start: np.ndarray) -> bool:
         """Whether no positive parameter of the base changes by more than a factor of ten.
 
-        A first-order start that does so is none: two sensitivities are nearly one there, as that
-        of a second state whose length is that of the first, and their amplitudes run away.
+        A first-order start that does so is useless. Two sensitivities are then nearly parallel, as
+        for a second state with the length of the first, and their amplitudes diverge.
         """
         positive = [i for i in self.base if np.isfinite(self.model.quantity(self.names[i]).lower)]
         return bool(np.all(np.abs(start - z)[positive] < np.log(10)))
@@ -193,12 +192,12 @@ class Engine(Generic[P]):
     def beyond(
         self, effects: tuple[str, ...], z: np.ndarray, scales: RecordScales
     ) -> tuple[str, ...]:
-        """Names of parameters of some effects that are beyond what a record of such sizes shows."""
+        """Names of parameters of some effects that a record with these scales cannot resolve."""
         own = self._effects(effects, z)
         return tuple(f"{effect.id}.{name}" for effect in own for name in beyond(effect, scales))
 
     def _effects(self, effects: tuple[str, ...], z: np.ndarray) -> Iterator[AbstractEffect]:
-        """The effects with their parameters, of NumPy so that nothing is compiled."""
+        """The effects with parameters in NumPy, which avoids a compilation."""
         values = self.values(z)
         for effect in self.model.effects:
             if effect.id in effects:
@@ -206,11 +205,11 @@ class Engine(Generic[P]):
                 fields = {name.split(".")[1]: values[name] for name in names}
                 yield jax.tree.map(np.asarray, made(effect, fields))
 
-    # The rows that count, and how far off a model is in them.
+    # Rows, and residuals of a model.
 
     @property
     def blocks(self) -> Blocks:
-        """Blocks without the rows that are glitches."""
+        """Blocks without outliers."""
         return self.noise.blocks
 
     @property
@@ -220,12 +219,12 @@ class Engine(Generic[P]):
 
     @cached_property
     def weight(self) -> np.ndarray:
-        """1 for the rows that train, 0 for others and the padding (N,)."""
+        """1 for train rows, 0 for others and padding (N,)."""
         return self.padded(self.blocks.train)
 
     @cached_property
     def known(self) -> np.ndarray:
-        """1 for the rows that train or select (N,)."""
+        """1 for train and validation rows (N,)."""
         return self.padded(self.blocks.train | self.blocks.select)
 
     def padded(self, rows: np.ndarray) -> np.ndarray:
@@ -234,7 +233,7 @@ class Engine(Generic[P]):
 
     @cached_property
     def problem(self) -> P:
-        """The problem with the rows that train, its noise as it is known."""
+        """The problem with the train rows, and clocks and friction of the noise model."""
         found = jax.device_put((self.weight, self.noise.clock, self.noise.friction))
         where = lambda p: (p.weight, p.clock, p.friction)  # noqa: E731
         return eqx.tree_at(where, self.case.problem, found)
@@ -246,15 +245,15 @@ class Engine(Generic[P]):
 
     @cached_property
     def smooth(self) -> np.ndarray:
-        """Columns of what is smooth along the record: no noise."""
+        """Smooth columns along the record, which do not count as noise."""
         return smooth_columns(self.case.path, self.blocks.step, len(self.weight))
 
     @cached_property
     def each(self) -> Callable[..., list]:
         """Maps over candidates, on all cores.
 
-        A user's effect may call LAPACK for many matrices at once, and two such calls side by side
-        wait for each other without end: then one after the other.
+        With a user's effects it runs serially: such an effect may call batched LAPACK, and two such
+        calls in parallel deadlock.
         """
         return each_of(self.model)
 
@@ -272,7 +271,7 @@ class Engine(Generic[P]):
 
     @cached_property
     def steps(self) -> float:
-        """Steps in which friction was recorded [unit of friction]; 0 where none are seen."""
+        """Quantisation step of friction [unit of friction]; 0 if none is detected."""
         return recorded_steps(np.asarray(self.case.problem.friction)[: self.rows])
 
     @property
@@ -285,15 +284,15 @@ class Engine(Generic[P]):
         columns: np.ndarray,
         near: tuple[np.ndarray, ...] = (),
     ) -> FoundNoise:
-        """Noise of the train block, the directions of `columns` taken out: of the parts that are
-        known, where they are, their values searched also from those `near`."""
+        """Noise of the train block, with the directions of `columns` projected out. If its parts
+        are known, only their values are estimated, with `near` as additional starts."""
         if self.noise.family is None:
             return self.noise_afresh(residual, columns)
         starts = (*self.noise.noises, *near)
         return self.noise_of_family(residual, columns, self.noise.family, starts)
 
     def noise_afresh(self, residual: np.ndarray, columns: np.ndarray) -> FoundNoise:
-        """The noise with whatever parts are likeliest."""
+        """The noise with the likeliest parts, whatever is known."""
         rows = self._noise_rows(residual, columns)
         return estimate_noise(rows, either_sign=self.case.bounds.either_sign, least=self._least)
 
@@ -304,7 +303,7 @@ class Engine(Generic[P]):
         family: Family,
         starts: tuple[np.ndarray, ...],
     ) -> FoundNoise:
-        """The noise with the parts of a `family`, searched from some values of theirs."""
+        """The noise with the parts of a `family`, from starting values `starts`."""
         rows = self._noise_rows(residual, columns)
         return profile_noise(rows, family, starts, least=self._least)
 
@@ -315,19 +314,19 @@ class Engine(Generic[P]):
         )
 
     def limits(self) -> Limits:
-        """Shortest and longest memory that is searched over each clock."""
+        """Shortest and longest correlation length of the search on each clock."""
         return limits_of(self.noise.clock, self.weight, self.noise.longest)
 
     def trial_noises(self) -> Noises:
-        """Noises to screen under."""
+        """Noises under which effects are screened."""
         assert self.noise.family is not None, "learn_noise comes first"
         return noises_around(self.noise.family, self.noise.noises, self.limits())
 
     def whiten(
         self, columns: np.ndarray, noise: Noise, weight: np.ndarray | None = None
     ) -> np.ndarray:
-        """Columns (rows of a weight, by default train; others 0) in units of the noise, and
-        uncorrelated."""
+        """Columns whitened by the noise, over the rows with `weight` (default: train); 0 in other
+        rows."""
         known = self.weight if weight is None else weight
         return whitened(self.noise.clock, known, columns, noise)
 
@@ -336,13 +335,13 @@ class Engine(Generic[P]):
         return rms_error(self.noise.clock, self.padded(used), noise)
 
     def passed_on(self) -> np.ndarray:
-        """Mask of the rows of the record that are no glitches."""
+        """Mask of the rows of the record that are not outliers."""
         on = np.ones(self.rows, bool)
         on[list(self.noise.glitches.rows)] = False
         return on
 
     def scale_by_step(self) -> tuple[float, ...]:
-        """Scale of the noise of each velocity step; nothing where they have one."""
+        """Scale of the noise of each velocity step; empty if all are equal."""
         scale = self.noise.scale[: self.rows]
         if np.ptp(scale) == 0:
             return ()
@@ -351,8 +350,8 @@ class Engine(Generic[P]):
 
 
 def longest_of_steps(clock: np.ndarray, steps: int) -> np.ndarray:
-    """Longest memory of the noise of so many velocity steps over every clock, (k,): a tenth of what
-    a step has on average, or ten rows, where that is more. `clock` (n, k) has the record's rows."""
+    """Longest correlation length of the noise on every clock, (k,): a tenth of the mean length of a
+    velocity step, at least ten rows. `clock` (n, k) has the record's rows."""
     rows = np.median(np.diff(clock, axis=0), axis=0)
     return np.maximum(LEAST_MEMORY * rows, longest_memory(clock) / steps)
 

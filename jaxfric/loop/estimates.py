@@ -24,11 +24,11 @@ def estimates(
     """Parameters by name (SI), names of the free ones, and their covariance.
 
     By least squares under the candidate's own noise; intervals in the unbounded variables. With
-    `rivals`, the fits that are as good, errors also cover what those say of the same parameters,
-    and all are as much larger as velocity steps disagree on the base's parameters by more than the
-    noise allows (`between_steps`; in the median, as one step alone may fix a parameter). A noise
-    that changes along the record makes them disagree, and so does a small effect that is not seen:
-    one factor for all is the ratio of Birge 1932 (doi:10.1103/PhysRev.40.207).
+    `rivals` (fits that are about as good) errors include the differences between these models. They
+    are also multiplied by one factor if velocity steps disagree on the base's parameters by more
+    than the noise allows: the ratio of Birge 1932 (doi:10.1103/PhysRev.40.207), from the median
+    over parameters of `between_steps`, as one step alone may fix a parameter. Steps disagree if the
+    noise changes along the record, or if a small effect is missed.
     """
     z = candidate.z
     index = engine.free(candidate.effects)
@@ -80,16 +80,16 @@ def between_steps(
     step: Int[np.ndarray, " n"],
     own: Bool[np.ndarray, " m"],
 ) -> Float[np.ndarray, " m"]:
-    """Variance of the parameters by how far they move when each step of a record is left out.
+    """Jackknife variance of the parameters: leave out each velocity step of a record in turn.
 
-    Residual r, Jacobian J and the rows E that other residuals add are in units of the noise; `step`
-    numbers the step of every row. To first order a fit without step c moves by
+    Residual r, Jacobian J and additional rows E are in units of the noise; `step` numbers the step
+    of every row. To first order a fit without step c moves by
 
         d_c = -(N - N_c)^-1 J_c^T r_c,   N = J^T J + E^T E,
 
-    and of G steps the variance is (G - 1)/G sum_c (d_c - mean)^2, whatever the noise is. A step
-    without which errors of the parameters `own` would more than double, in the median, is not left
-    out: what one step alone shows, no other can agree with. 0 of fewer than three others.
+    and for G steps the variance is (G - 1)/G sum_c (d_c - mean)^2, whatever the noise is. A step is
+    not left out if the errors of the parameters `own` would more than double without it (median):
+    no other step has the same information. The result is 0 if fewer than three can be left out.
 
     Source: the jackknife of MacKinnon & White 1985 (doi:10.1016/0304-4076(85)90158-7), here by
     step, within which rows are correlated.
@@ -110,13 +110,13 @@ def disagreement(
 ) -> Float[np.ndarray, "m m"]:
     """Covariance between fits of different models, of parameters with indices `index` in z.
 
-    It is the part of a parameter's covariance that comes from not knowing which of them is true,
+    It is the part of a parameter's covariance that comes from the uncertainty of the model,
 
         sum_c w_c (z_c - z)(z_c - z)^T,   w_c = exp(-BIC_c/2) / sum exp(-BIC/2)
 
-    to be added to the covariance of the fit. Parameters that only one fit has differ by nothing,
-    and so does the level f0 of friction: an effect that adds to friction steadily, as heat does,
-    leaves f0 another meaning, and no quantity that is asked for.
+    to be added to the covariance of the fit. Parameters that only one fit has contribute 0. So does
+    f0: an effect that adds steady friction, such as heating, changes the meaning of f0, so values
+    of different models are not comparable.
 
     Source: Buckland, Burnham & Augustin 1997 (doi:10.2307/2533961) for errors that include the
     choice of a model.

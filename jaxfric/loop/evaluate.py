@@ -1,4 +1,4 @@
-"""The residual of a problem and its Jacobian, along as many directions as are compiled at once."""
+"""The residual of a problem and its Jacobian, a fixed number of directions at a time."""
 
 import threading
 from collections.abc import Callable
@@ -18,20 +18,19 @@ from .shared import SharedShifts
 P = TypeVar("P", bound=AbstractProblem)
 
 _AT_ONCE, _OF_LONG, _LONG = 24, 16, 8192
-"""Directions of one pass, and of a record with more rows than that, where those that only fill it
-up cost as much as others."""
+"""Directions per pass, and fewer for records with more rows than `_LONG`, where padding is costly.
+The third number is `_LONG`."""
 _HEAVY = 2
-"""Steps of a simulation with a heavy effect, over those of others."""
+"""Factor on the largest number of solver steps for a heavy effect."""
 _KEPT = 32 * 2**20
-"""Bytes of the linearisations that are kept: a fit begins where the one before ended, and its
-errors are asked where it ends."""
+"""Bytes of cached linearisations: fits restart at the previous optimum, so hits are frequent."""
 
 
 class Rows(NamedTuple):
     """Residual and Jacobian at some parameters.
 
-    Friction has all rows of the record and its padding, whatever their block. The extra rows have
-    unit variance: other channels in the train block, shifts of step times.
+    `residual` and `jacobian` have all rows of the record and its padding, whatever their block. The
+    extra rows have unit variance: other channels in the train block, shifts of step times.
     """
 
     residual: np.ndarray
@@ -47,9 +46,9 @@ class Rows(NamedTuple):
 
 
 class Evaluator(Generic[P]):
-    """Residual and Jacobian of a problem whose rows all count; the latest ones are kept.
+    """Residual and Jacobian of a problem over all rows, with a cache of the latest results.
 
-    `shifts` are the indices of the shifts of step times in z, `each` maps over parts side by side.
+    `shifts` are the indices of the shifts of step times in z; `each` maps over parts in parallel.
     """
 
     def __init__(self, problem: P, shifts: np.ndarray, each: Callable[..., list]):
@@ -66,9 +65,9 @@ class Evaluator(Generic[P]):
         self._lock = threading.Lock()
 
     def simulated(self, z: np.ndarray, problem: P) -> P:
-        """`problem` as it is simulated at `z`: lighter where it can be.
+        """The problem to simulate at `z`: heavy effects at their null become first-order ones.
 
-        That is another compilation, but most candidates lack the effects that are heavy.
+        That is another compilation, but it pays because most candidates lack the heavy effects.
         """
         lighter = tuple(id for id, own in self._heavy.items() if not np.any(np.asarray(z)[own]))
         if len(lighter) < len(self._heavy):
@@ -76,8 +75,8 @@ class Evaluator(Generic[P]):
         return problem.with_model(self.model._replace(lighter=lighter)) if lighter else problem
 
     def __call__(self, z: np.ndarray, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Residual (r,) and its Jacobian (r, m) by the parameters of `index`; not to be written to,
-        as they are kept."""
+        """Residual (r,) and its Jacobian (r, m) by the parameters of `index`; read-only, as they
+        are cached."""
         key = np.asarray(z, float).tobytes()
         columns, residual, jacobian = self._known.get(key, (np.zeros(0), None, None))
         if residual is None or jacobian is None or not np.all(np.isin(index, columns)):
@@ -103,7 +102,7 @@ class Evaluator(Generic[P]):
                 del self._known[oldest]
 
     def _found(self, z: np.ndarray, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Residual and Jacobian; shifts of step times share directions where that saves a part."""
+        """Residual and Jacobian; shifts of step times share directions if that saves a pass."""
         problem = self.simulated(z, self.problem)
         few = self._shared.directions(index, len(z))
         if _parts(problem, few) < _parts(problem, index) and index.tobytes() not in self._apart:
@@ -120,7 +119,7 @@ def _at_once(problem: AbstractProblem) -> int:
 
 
 def _parts(problem: AbstractProblem, directions: np.ndarray) -> int:
-    """In how many parts a Jacobian along so many directions is computed."""
+    """Number of passes for a Jacobian along these directions."""
     return max(-(-len(directions) // _at_once(problem)), 1)
 
 
@@ -130,7 +129,7 @@ def _in_parts(
     directions: np.ndarray,
     each: Callable[..., list],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """`_evaluate` along a few directions at a time: it is compiled for one number of them."""
+    """`_evaluate` along a few directions per pass: it is compiled for one number of them."""
     number = _at_once(problem)
     begins = range(0, _parts(problem, directions) * number, number)
 

@@ -1,8 +1,8 @@
-"""Likelihoods of many linear candidates at once, each with the noise that suits it best.
+"""Likelihoods of many linear candidates at once, each with its own best noise.
 
-Columns are whitened under every noise model of a grid, and only their products are kept. The
-likelihood of any choice of columns then is a small linear problem, so the noise is profiled anew
-for each of hundreds of candidates at the cost of one.
+Columns are whitened under every noise model of a grid, and only their products are stored. The
+likelihood of any choice of columns is then a small linear problem. So the noise is profiled for
+each of hundreds of candidates at the cost of one.
 """
 
 from typing import NamedTuple
@@ -32,7 +32,7 @@ class Evidence(NamedTuple):
     """Products (m, m) of the extra rows, which have unit variance."""
 
     def deviance(self, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """-2 ln L of several choices of columns, profiled over sigma, the coefficients, the noise.
+        """-2 ln L of several choices of columns, profiled over sigma, coefficients and noise.
 
         `columns` has shape (c, p); -1 stands for none. Returns the deviances (c,), the indices of
         the best noises (c,), and the coefficients (c, p) of the columns in the residual.
@@ -46,7 +46,7 @@ class Evidence(NamedTuple):
         more_side = np.where(used, self.extra[0, at], 0.0)[None]
         first, first_more = self.products[:, 0, 0][:, None], self.extra[0, 0]
         variance = first / self.rows
-        # the variance of the noise weighs friction against the extra rows: a few passes settle it
+        # the noise variance weights friction against the extra rows: a few passes converge
         solved = np.zeros_like(side)
         for _ in range(_PASSES if self.extra.any() else 1):
             v = variance[..., None]
@@ -63,7 +63,7 @@ class Evidence(NamedTuple):
         return deviance[best, chosen], best, solved[best, chosen]
 
     def independent_rows(self, noise: int) -> float:
-        """Number of independent rows that the record is worth under a noise of the grid."""
+        """Effective number of independent rows under a noise of the grid."""
         return float(np.clip(self.products[noise, -1, -1], 2.0, self.rows))
 
 
@@ -85,10 +85,10 @@ def evidence(
     noises: Noises,
     scale: np.ndarray | None = None,
 ) -> Evidence:
-    """Products of the residual and some columns (rows of zero weight are passed over).
+    """Products of the residual and some columns (rows of zero weight are skipped).
 
     The `extra` rows (residual, columns) are data of unit variance, uncorrelated with the others.
-    All `noises` have one `scale` of every row.
+    All `noises` have the same `scale` of rows.
     """
     n, m = columns.shape
     pad = -(m + 2) % WIDE

@@ -1,9 +1,9 @@
-"""A family of effects where its shape cannot be told: some steady curve of velocity is missing.
+"""A family of steady-state curves of velocity, if a record does not determine the curve's shape.
 
-Friction of steady sliding, f_ss(V), is known at the velocities of a record and between them only
-as far as its transients show it. Where a curve has as many parameters as there are velocities it
-goes through any values, and where a curve of another shape fits as well the record does not say
-which it is. That a curve is missing is then certain; which one is not.
+Steady friction f_ss(V) is measured at the velocities of a record; between them only transients
+contain information. A curve with as many parameters as velocities fits any values, and a curve of
+another shape may fit as well. Then a steady curve is certainly missing, but the record does not
+determine which one.
 """
 
 from collections.abc import Sequence
@@ -16,33 +16,33 @@ class OtherShape(NamedTuple):
     """A curve of another shape, fitted in place of the named one."""
 
     shape: str
-    """The shape in words."""
+    """The shape as text."""
     worse: float
-    """BIC with it less that of the fit; below 0 it fits better."""
+    """BIC with it minus that of the fit; negative if it fits better."""
 
 
 class Decisive(NamedTuple):
-    """A velocity at which curves that fit differ."""
+    """A velocity at which the fitting curves differ."""
 
     velocity: float
     """The velocity [m/s], or [rad/s]."""
     errors: float
-    """Range of the curves there, over the standard error of the mean of one more step."""
+    """Range of the curves there over the standard error of the mean of one more step."""
 
 
 class CurveFamily(NamedTuple):
-    """The effects of a fit that are a steady curve of velocity, and what else would be one."""
+    """The effects of a fit that are steady curves of velocity, and alternative shapes."""
 
     effects: tuple[str, ...]
     """Ids of the effects of the fit that are steady curves."""
     velocities: int | None
-    """Number of velocities in the train and select rows; None where velocity takes all values."""
+    """Number of velocities in the train and validation blocks; None if velocity is continuous."""
     parameters: int
-    """Number of parameters of the steady curve, with those of the base."""
+    """Number of parameters of the steady curve, including those of the base."""
     others: tuple[OtherShape, ...]
-    """All other shapes that were fitted, best first."""
+    """All other fitted shapes, best first."""
     decided_by: tuple[Decisive, ...]
-    """Velocities at which the shapes that fit differ most, and clearly; the clearest first."""
+    """Velocities at which the fitting shapes differ clearly; the clearest first."""
     unit: str = "m/s"
 
     @property
@@ -57,12 +57,12 @@ class CurveFamily(NamedTuple):
 
     @property
     def untold(self) -> bool:
-        """Whether the record leaves the shape of the curve open."""
+        """Whether the record does not determine the shape of the curve."""
         return self.interpolates or bool(self.fitting)
 
 
 def listed(names: Sequence[str], last: str = "and") -> str:
-    """Names as a list in words: "a", "a and b", "a, b and c"."""
+    """Names as a list in text: "a", "a and b", "a, b and c"."""
     if len(names) < 2:
         return "".join(names)
     return f"{', '.join(names[:-1])} {last} {names[-1]}"

@@ -1,4 +1,4 @@
-"""What a loop finds, with the rows that it rests on; its words are in `report.verdict_text`."""
+"""Findings of a loop, with the rows that support them; texts are in `report.verdict_text`."""
 
 from collections.abc import Sequence
 from enum import StrEnum
@@ -20,27 +20,28 @@ class LoopCode(StrEnum):
     """Codes of the findings of a loop."""
 
     EFFECT = "effect"
-    """An effect that the base lacks; values: its id, the fall of BIC."""
+    """An effect that the base lacks; values: its id, the reduction of BIC."""
     FRICTION = "friction"
     """Friction of an axis in one direction; values: direction, slowest and fastest speed."""
     STABILITY = "stability"
-    """What friction means for the motion of an axis; values: kind, slowest and fastest speed."""
+    """Stability of an axis that follows from its friction; values: kind, slowest and fastest
+    speed."""
     STICK_SLIP = "stick_slip"
-    """A run at steady speed rests and slips in turn; values: speed, share of the time at rest."""
+    """A run at steady speed sticks and slips; values: speed, share of the time at rest."""
     STRUCTURE = "structure_left"
-    """What is left is not noise; values: p-value by test."""
+    """The residual is not only noise; values: p-value by test."""
     BLOCK = "error_left"
-    """A block is missed by more than noise explains; values: block, error and most [sigma]."""
+    """The error of a block exceeds that of noise; values: block, error and most [sigma]."""
     UNFITTED = "rival_not_fitted"
     """No fit of an alias converged; values: the effect found, the alias."""
     MOVED = "headline_moved"
-    """A headline parameter moves by many errors and nothing is predicted better; values: moves."""
+    """A headline parameter moves by many errors without a better prediction; values: moves."""
     EDGE = "edge_of_stability"
-    """The base sits where small misfits look like effects; values: K/K_cr."""
+    """The base is so near the stability edge that misfits look like effects; values: K/K_cr."""
     RUNS_AWAY = "base_runs_away"
-    """The base cannot be simulated where its fit ended."""
+    """The base runs away in simulation at the end of its fit."""
     FEEDBACK = "force_follows_position"
-    """The force is that of the position of `late` seconds before alone."""
+    """The position of `late` seconds before determines the force alone."""
     OTHERS = "other_joints_move"
     """Other joints move in the record of an axis; values: their columns."""
     SPRING = "never_slid"
@@ -50,9 +51,9 @@ class LoopCode(StrEnum):
 def effect_findings(
     engine: "Engine", search: "Search", verdict: str, used: np.ndarray
 ) -> list[Finding]:
-    """A finding for each effect of a model, with the rows that decide for it; `used` (n) count.
+    """A finding for each effect of a model, with the rows that decide for it; `used` (n) is a mask.
 
-    Severity: claimed where the verdict is "effects", else open.
+    Severity: claim if the verdict is "effects", else open.
     """
     severity = Severity.CLAIM if verdict == "effects" else Severity.OPEN
     found, final, n = [], search.final, len(used)
@@ -68,8 +69,8 @@ def effect_findings(
 
 
 def _without(search: "Search", id: str) -> "Candidate":
-    """The best fit that was tried of the model without one of its effects; where there is none,
-    of those without it that of the most effects."""
+    """The best tried fit of the model without one of its effects. If there is none, the fit without
+    it that has the most effects."""
     own = set(search.final.effects) - {id}
     known = [c for c in search.tried if set(c.effects) <= own and not c.failed]
     return min(known, key=lambda c: (-len(c.effects), c.bic), default=search.base)
@@ -82,9 +83,9 @@ def claims_of_friction(
     velocity: np.ndarray,
     used: np.ndarray,
 ) -> list[Finding]:
-    """Friction in each of the `ways` (direction, sign, its slowest and fastest speed), and of what
-    `kind` stability is between the speeds `ends`, where anything is said: each by the rows `used`
-    (n) whose `velocity` (n) is there."""
+    """Findings of friction in each of the `ways` (direction, sign, slowest and fastest speed), and
+    of stability of this `kind` between the speeds `ends`, unless it is "open". Each rests on the
+    rows `used` (n) whose `velocity` (n) is in its range."""
     speed = np.abs(velocity)
 
     def claim(code: LoopCode, told: dict, ends: tuple[float, float], of: np.ndarray) -> Finding:
@@ -108,8 +109,8 @@ def left_over(
     blocks: Blocks,
     least: float,
 ) -> list[Finding]:
-    """Findings against a model: structure that is left (p below `least`), and blocks that it misses
-    by more than noise explains; `errors` are (block, error, most) in sigma."""
+    """Findings against a model: residual structure (p below `least`), and blocks with a larger
+    error than noise explains; `errors` are (block, error, most) in sigma."""
     found = []
     structure = {name: p for name, p in tests.items() if p < least}
     if structure:

@@ -1,6 +1,5 @@
-"""Is what a model leaves no more than noise? The noise with everything smooth taken out, and how
-large an error of every block it explains.
-"""
+"""Noise floor of a record: the noise without smooth columns, and the largest error of every block
+that this noise alone explains."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -16,15 +15,15 @@ from .thresholds import ASKED, HELD_OUT, SEEN, SIGNIFICANT, TRAIN_FLOOR
 
 
 class Floor(NamedTuple):
-    """The noise with everything smooth taken out."""
+    """The noise without smooth columns."""
 
     found: Found
     sigma: float
     """Standard deviation on the train block, in the unit of friction."""
     later: float
-    """Standard deviation on the held-out rows: noise may differ from step to step."""
+    """Standard deviation on the held-out rows: noise may differ between steps."""
     most: Mapping[str, float]
-    """Largest rms of every block, over sigma, that noise alone explains."""
+    """Largest rms of every block over sigma that noise alone explains."""
 
     def level(self, block: str) -> float:
         """Standard deviation on a block, in the unit of friction."""
@@ -32,9 +31,9 @@ class Floor(NamedTuple):
 
 
 def noise_floor(engine: Engine, current: Candidate) -> Floor:
-    """Noise with base, effects, and bumps along the record and along each step taken out.
+    """Noise after projecting out base, effects, and smooth bumps along the record and each step.
 
-    Its parts are found anew: structure that the base left may have looked like a part of it.
+    Its parts are estimated anew: structure in the residual of the base may have looked like one.
     """
     rows = engine.evaluate(current.z, engine.free(current.effects))
     columns = np.concatenate([rows.jacobian, engine.smooth], axis=1)
@@ -44,7 +43,7 @@ def noise_floor(engine: Engine, current: Candidate) -> Floor:
     noise = found.noise
     held = engine.blocks.select | engine.blocks.report
     size = float(engine.problem.noise_scale)
-    # sigma comes from the train block and has its error
+    # sigma is estimated from the train block and has a standard error
     chance = engine.rms_error(engine.blocks.train, noise)
 
     def most(block: np.ndarray) -> float:
@@ -65,12 +64,12 @@ def noise_floor(engine: Engine, current: Candidate) -> Floor:
 def _level(
     engine: Engine, residual: np.ndarray, columns: np.ndarray, rows: np.ndarray, noise: Noise
 ) -> float:
-    """rms of the noise on some rows (a mask): from the residual without the smooth columns, and
-    corrected for the noise that these columns take away."""
+    """rms of the noise on some rows (a mask): from the residual without the smooth columns,
+    corrected for the noise that this projection removes."""
     mask = np.zeros(len(residual))
     mask[: len(rows)] = rows
     here = columns * mask[:, None]
-    # a shift of a step elsewhere is rounding here, and no direction
+    # the shift of a step outside these rows is rounding, not a direction
     seen = np.linalg.norm(here, axis=0) > SEEN * np.linalg.norm(columns, axis=0)
     smooth = orthonormal(here[:, seen])
     left = residual * mask
@@ -83,8 +82,8 @@ def _level(
 
 
 def largest_rms(chance: float) -> float:
-    """rms over sigma that is exceeded as rarely as one of `ASKED` questions may be answered
-    wrongly; `chance` is the relative standard error of the rms of noise."""
+    """rms over sigma that noise exceeds with probability `SIGNIFICANT`/`ASKED` (Bonferroni);
+    `chance` is the relative standard error of the rms of noise."""
     from scipy.special import ndtri  # scipy.stats takes half a second to import
 
     return 1 - float(ndtri(SIGNIFICANT / ASKED)) * chance

@@ -1,8 +1,8 @@
-"""Every rule by which a search refuses a model, in order; each a pure function of a `Trial`.
+"""The rules by which a search refuses a model, in order; each is a pure function of a `Trial`.
 
-A gate gives a `Refusal`: its code, the value that it looked at and the threshold, or the parameters
-that it is about. `refusal.SOURCES` says where each rule comes from. `loop.json` has all of it for
-every model that was tried.
+A gate returns a `Refusal`: its code with the value and the threshold, or with the parameters
+concerned. `refusal.SOURCES` gives the source of each rule. `loop.json` lists the refusal of every
+tried model.
 """
 
 import math
@@ -31,7 +31,7 @@ from .thresholds import (
 
 
 class Trial(NamedTuple):
-    """A fitted model that asks to be taken."""
+    """A fitted model that a search may accept."""
 
     engine: Engine
     scales: RecordScales
@@ -43,12 +43,12 @@ class Trial(NamedTuple):
 
     @property
     def gain(self) -> float:
-        """Fall of BIC."""
+        """Reduction of BIC."""
         return self.current.bic - self.candidate.bic
 
 
 def converged(trial: Trial) -> Refusal | None:
-    """The fit ended, at a motion that could be simulated."""
+    """The fit ended with a motion that can be simulated."""
     return Refusal(Fault.FAILED) if trial.candidate.failed else None
 
 
@@ -64,10 +64,10 @@ def evidence(trial: Trial) -> Refusal | None:
 
 
 def predicts(trial: Trial) -> Refusal | None:
-    """The error of the select block grows by no more than chance allows.
+    """The error of the validation block does not grow significantly.
 
-    Chance is two standard errors of that rms: few rows, or correlated ones, may differ much from
-    those of the train block. `WORSE` is allowed in any case.
+    The limit is two standard errors of this rms, since a few rows, or correlated ones, may differ
+    much from the train block. A factor `WORSE` is always allowed.
     """
     before, after = trial.current.rms["select"], trial.candidate.rms
     chance = trial.engine.rms_error(trial.engine.blocks.select, trial.candidate.noise)
@@ -77,37 +77,37 @@ def predicts(trial: Trial) -> Refusal | None:
 
 
 def fixed(trial: Trial) -> Refusal | None:
-    """The record fixes the parameters of its effects, see `not_fixed`."""
+    """The record determines the parameters of its effects, see `not_fixed`."""
     names = not_fixed(trial.engine, trial.candidate, trial.scales)
     return Refusal(Fault.NOT_FIXED, names) if names else None
 
 
 def takes_nothing(trial: Trial) -> Refusal | None:
-    """The base keeps what was known of it without the effect, see `taken`."""
+    """The effect does not take over parameters of the base, see `taken`."""
     moves = what_it_takes(trial.engine, trial.without, trial.candidate)
     return Refusal(Fault.TAKES, tuple(m.name for m in moves), moves) if moves else None
 
 
 Gate = Callable[[Trial], Refusal | None]
 FITTED: tuple[Gate, ...] = (converged, possible, evidence, predicts)
-"""Of the fit itself."""
+"""Gates that need the fit only."""
 GATES: tuple[Gate, ...] = (*FITTED, fixed, takes_nothing)
-"""All of them, in order."""
+"""All gates, in order."""
 IN_PLACE: tuple[Gate, ...] = (fixed, takes_nothing)
-"""Of a model that stands in the place of one that was taken."""
+"""Gates for a model that replaces an accepted one."""
 
 
 def refusal_of(trial: Trial, gates: Sequence[Gate] | None = None) -> Refusal | None:
-    """The first refusal of some gates, by default all; None where a model may be taken."""
+    """The first refusal of some gates, by default all; None if the model may be accepted."""
     asked = GATES if gates is None else gates
     return next((why for gate in asked if (why := gate(trial)) is not None), None)
 
 
-# What the record does not fix.
+# Parameters that the record does not determine.
 
 
 class Part(NamedTuple):
-    """A parameter of an effect, its value (SI), and its error where it is counted."""
+    """A parameter of an effect, its value (SI) and its relative error."""
 
     name: str
     unit: str
@@ -118,14 +118,14 @@ class Part(NamedTuple):
 
 
 def not_fixed(engine: Engine, candidate: Candidate, scales: RecordScales) -> tuple[str, ...]:
-    """Names of the parameters of a candidate's effects that the record does not fix.
+    """Names of the parameters of a candidate's effects that the record does not determine.
 
-    An amplitude is not fixed where it is no larger than its own error, or where it alone would
-    change friction by more than the largest friction recorded. A shape is not fixed where its error
-    is as large as its value, or where it lies beyond what the record covers: a length beyond twice
-    its path, a time beyond twice its duration, a velocity far from all of its own, and whatever the
-    effect itself says is beyond such a record. What is a matter of shape only, as an exponent
-    between bounds, need not be fixed: errors are those of the other parameters where it is given.
+    An amplitude is undetermined if it does not exceed its standard error, or if it alone would
+    change friction by more than the largest recorded friction. A shape is undetermined if its error
+    is as large as its value, or if it lies outside the range of the record: a length beyond twice
+    the path, a time beyond twice the duration, a velocity far from all recorded ones, or beyond the
+    effect's own limits. Pure shape parameters, such as a bounded exponent, need not be determined:
+    they are fixed when the errors of the others are computed.
     """
     own = engine.model.columns(candidate.effects)
     shapes = [i for i in own if _is_shape_only(engine, i)]
@@ -153,9 +153,9 @@ def not_fixed(engine: Engine, candidate: Candidate, scales: RecordScales) -> tup
 
 
 def loose(parts: list[Part], force: float, scales: RecordScales) -> tuple[str, ...]:
-    """Names of the parameters of one effect that are not fixed; `force`: largest one recorded.
+    """Names of the undetermined parameters of one effect; `force`: the largest recorded force.
 
-    Of several amplitudes (a sine and a cosine) the largest in units of its error counts.
+    Of several amplitudes (a sine and a cosine) only the largest over its error must be determined.
     """
     amplitudes = [p for p in parts if p.amplitude]
     found = [p.name for p in parts if not _possible(p, force, scales)]
@@ -166,7 +166,7 @@ def loose(parts: list[Part], force: float, scales: RecordScales) -> tuple[str, .
 
 
 def _possible(part: Part, force: float, scales: RecordScales) -> bool:
-    """Whether a record of this size can show an effect of such a value."""
+    """Whether a record of this size can show a parameter of this value."""
     f, m, s = powers(part.unit)
     size = abs(part.value)
     if not math.isfinite(size):
@@ -185,24 +185,24 @@ def _possible(part: Part, force: float, scales: RecordScales) -> bool:
 
 
 def _is_shape_only(engine: Engine, i: int) -> bool:
-    """Whether a parameter only gives a shape: a bounded exponent, or where a logarithm begins."""
+    """Whether a parameter is purely a shape: a bounded exponent, or the start of a logarithm."""
     about = engine.model.quantity(engine.names[i])
     return math.isfinite(about.upper) or about.shape_only
 
 
-# What an effect takes of the base.
+# Parameters of the base that an effect takes over.
 
 _ONE_SIGN = ("A", "B", "L", "M", "F_c", "F_v")
 _EITHER = ("B",)
-"""Parameters of which clays have negative ones; of others a negative value is no loss."""
+"""Parameters that may be negative from the start, as in clays. Others need a positive start."""
 _SHARED = ("F_v",)
-"""Friction that another curve of velocity may well take over: it may be lost, not turn its sign."""
+"""Friction that another curve of velocity may replace: it may be lost, but not change sign."""
 _WHOLE = ("M", "F_c")
 
 
 def what_it_takes(engine: Engine, without: Candidate, candidate: Candidate) -> tuple[Move, ...]:
-    """The parameters of the base that an effect of a candidate takes; `without` is the fit without
-    that effect."""
+    """The parameters of the base that an effect of a candidate takes over; `without` is the fit
+    without that effect."""
     new = [e for e in engine.model.effects if e.id in {*candidate.effects} - {*without.effects}]
     of_place = any(issubclass(effect, AbstractPlaceEffect) for effect in new)
     before, after = (estimates(engine, c, "F")[0] for c in (without, candidate))
@@ -212,15 +212,14 @@ def what_it_takes(engine: Engine, without: Candidate, candidate: Candidate) -> t
 def taken(
     before: Mapping[str, Estimate], after: Mapping[str, Estimate], *, of_place: bool = False
 ) -> tuple[Move, ...]:
-    """The parameters of the base that are known `before` an effect is added and not what they were
-    `after`; `of_place`: the effect depends on the place.
+    """The parameters of the base that are known `before` an effect is added, but not `after`.
 
-    A rate-and-state term with a long memory looks like inertia, a presliding spring like Coulomb
-    friction, heating like an evolution that weakens. A fit with the wrong effect may be as likely
-    as one with the right one, and what betrays it is the base: a parameter whose sign friction
-    fixes, and that was known without the effect, turns its sign, is lost in its error, or, where it
-    is the mass or the Coulomb friction of an axis, falls below a third. What depends on the place
-    may take mass: where a weight is missing, accelerations stand for it.
+    A rate-and-state term with a long L mimics inertia, a presliding spring Coulomb friction,
+    heating a weakening evolution. A wrong effect may fit as well as the right one, but the base
+    reveals it. A parameter counts as taken over if physics fixes its sign, if it was known without
+    the effect, and if it then changes sign or is lost in its error. Mass and Coulomb friction of an
+    axis may not fall below a third either. Exception (`of_place`): an effect of position may take
+    over mass and Coulomb friction, as accelerations replace a missing weight.
     """
     both = [Move(n, before[n], after[n]) for n in _ONE_SIGN if n in before and n in after]
     return tuple(m for m in both if _is_taken(*m) and not (of_place and m.name in _WHOLE))

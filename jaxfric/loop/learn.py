@@ -1,7 +1,7 @@
-"""What a record's noise is: hum, glitches, the parts that it has, a pace and a scale of its steps.
+"""Estimates the noise model of a record: hum, outliers, parts, and pace and scale of steps.
 
-Learnt from what the base leaves when everything smooth is taken out, as structure along the record
-is no noise. Every function gives a new engine that knows more.
+It uses the residual of the base without smooth columns, because structure along the record is not
+noise. Every function returns a new engine with another noise model.
 """
 
 import numpy as np
@@ -27,8 +27,8 @@ from .split import NAMES
 
 
 def seek_parts(engine: Engine, z: np.ndarray) -> Engine:
-    """The engine with the parts of noise that the residual of the base shows at `z`, for fits until
-    `learn_noise`."""
+    """The engine with the parts of noise in the residual of the base at `z`: provisional, for fits
+    before `learn_noise`."""
     rows = engine.evaluate(z, engine.free(()))
     if rows.failed:
         return engine
@@ -37,12 +37,12 @@ def seek_parts(engine: Engine, z: np.ndarray) -> Engine:
 
 
 def learn_noise(engine: Engine, base: Candidate) -> tuple[Engine, Candidate]:
-    """The engine that knows the noise that a fit of the base leaves, and that fit under it.
+    """The engine with the noise model from a fit of the base, and that fit under this noise.
 
-    All later candidates have the parts that are found here, their sizes, memories and periods found
-    anew. A pace and a scale for every velocity step are taken where the likelihood rises by what
-    they cost. Glitches are passed over from here on, in all blocks, and hum is taken out of the
-    record: then the base is fitted and its noise found anew.
+    All later candidates have the same parts of noise; their sizes, correlation lengths and periods
+    are estimated anew. Velocity steps get their own pace or scale if this lowers the BIC. Outliers
+    are excluded from all blocks and hum is subtracted from the record. After either, the base is
+    refitted and its noise estimated anew.
     """
     if engine.case.bounds.by_step:
         quiet = _without_hum(engine, base)
@@ -50,7 +50,7 @@ def learn_noise(engine: Engine, base: Candidate) -> tuple[Engine, Candidate]:
             engine, base = quiet, refit(quiet, base.effects, base.z, exact=True)
     for _ in range(ROUNDS):
         learnt, rows = _learnt(engine, base)
-        if learnt is engine:  # the base fails: nothing can be learnt
+        if learnt is engine:  # the base fails: no noise can be estimated
             return engine, base
         fewer = _without_glitches(learnt, rows)
         if fewer is learnt:
@@ -61,7 +61,7 @@ def learn_noise(engine: Engine, base: Candidate) -> tuple[Engine, Candidate]:
 
 
 def _columns(engine: Engine, candidate: Candidate) -> tuple[Rows, np.ndarray]:
-    """The rows of a fit; and its residual, its Jacobian and what is smooth, side by side."""
+    """The rows of a fit; and a matrix of its residual, its Jacobian and the smooth columns."""
     rows = engine.evaluate(candidate.z, engine.free(candidate.effects))
     return rows, _side_by_side(engine, rows)
 
@@ -71,8 +71,8 @@ def _side_by_side(engine: Engine, rows: Rows) -> np.ndarray:
 
 
 def _without_hum(engine: Engine, candidate: Candidate) -> Engine:
-    """The engine of the record without the hum that a candidate leaves; itself where there is
-    none."""
+    """The engine of the record without the hum in a candidate's residual; the same engine if there
+    is none."""
     rows, columns = _columns(engine, candidate)
     if rows.failed:
         return engine
@@ -83,14 +83,14 @@ def _without_hum(engine: Engine, candidate: Candidate) -> Engine:
     if not found:
         return engine
     friction = np.array(noise.friction)
-    friction[:n] += engine.unit * wave  # the residual is predicted less recorded
+    friction[:n] += engine.unit * wave  # residual = predicted - recorded
     hum = (*noise.hum, *(one.scaled(engine.unit) for one in found))
     return engine.knowing(noise._replace(hum=hum, friction=friction, family=None, noises=()))
 
 
 def _without_glitches(engine: Engine, rows: Rows) -> Engine:
-    """The engine with rows that stand out of the noise left out of its blocks; itself where there
-    are no more."""
+    """The engine with outliers excluded from its blocks; the same engine if there are no new
+    ones."""
     columns = _side_by_side(engine, rows)
     noise, blocks = engine.noise, engine.blocks
     counts = engine.padded(blocks.train | blocks.select | blocks.report)
@@ -111,13 +111,13 @@ def _without_glitches(engine: Engine, rows: Rows) -> Engine:
 
 
 def _forgotten(engine: Engine) -> Engine:
-    """The engine without scale and pace of the steps."""
+    """The engine with equal scale and pace of all steps."""
     noise = engine.noise if engine.noise.pace is None else _paced(engine, None)
     return engine.knowing(noise._replace(scale=np.ones(len(noise.scale))))
 
 
 def _paced(engine: Engine, pace: np.ndarray | None) -> NoiseState:
-    """The noise whose last clock has the `pace` of every step; None: it stands still."""
+    """The noise whose last clock has the `pace` of every step; None: that clock is unused."""
     clock, longest = np.array(engine.noise.clock), engine.noise.longest[:-1]
     clock[:, -1], most = 0.0, 0.0
     if pace is not None:
@@ -127,15 +127,15 @@ def _paced(engine: Engine, pace: np.ndarray | None) -> NoiseState:
 
 
 def _learnt(engine: Engine, base: Candidate) -> tuple[Engine, Rows]:
-    """The engine with the parts of noise that a fit of the base leaves; itself where it fails. And
-    the rows that this is learnt from."""
+    """The engine with the parts of noise in the residual of a base fit (the same engine if the fit
+    failed), and the rows of that fit."""
     rows, columns = _columns(engine, base)
     if rows.failed:
         return engine, rows
     train = columns * engine.weight[:, None]
     train = train[:, np.linalg.norm(train, axis=0) > 0]
     found = engine.noise_afresh(train[:, 0], train[:, 1:])
-    # without a scale of each step, in which a glitch would hide
+    # one scale for all steps: in a scale of its step an outlier would hide
     engine = engine.knowing(engine.noise._replace(alone=found.noise))
     if engine.case.bounds.by_step:
         engine, found = _with_pace(engine, found, columns, train)
@@ -148,9 +148,9 @@ def _learnt(engine: Engine, base: Candidate) -> tuple[Engine, Rows]:
 def _with_pace(
     engine: Engine, found: FoundNoise, columns: np.ndarray, train: np.ndarray
 ) -> tuple[Engine, FoundNoise]:
-    """Engine and noise with a clock whose pace is that of each step, if that is likelier.
+    """Engine and noise with the pace of each step, if that lowers the BIC.
 
-    It is not sought where neighbouring rows are alike in all steps as the noise has it.
+    There is no search if the noise already explains the correlation of neighbouring rows per step.
     """
     step, on, worth = engine.blocks.step, engine.passed_on(), np.log(engine.weight.sum())
     likeness = likeness_of_steps(columns[: engine.rows][on], step[on])
@@ -167,7 +167,7 @@ def _with_pace(
 def _with_scale(
     engine: Engine, found: FoundNoise, columns: np.ndarray, train: np.ndarray
 ) -> tuple[Engine, FoundNoise]:
-    """Engine and noise with a scale of each step, if that is likelier."""
+    """Engine and noise with a scale of each step, if that lowers the BIC."""
     n, on = engine.rows, engine.passed_on()
     everything = engine.padded(on)
     white = engine.whiten(columns * everything[:, None], found.noise, everything)[:n]

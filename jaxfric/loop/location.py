@@ -1,12 +1,12 @@
-"""Finds where structure sits that the base leaves, without any catalogue.
+"""Locates the residual structure of a base model, without a catalogue of effects.
 
-Bumps of friction as functions of one variable (slip, velocity, state, time, time or slip since the
-step, wavelength) are sent through the linearised slider and fitted together with the base.
-The variable whose bumps take most of the structure away is where friction differs. Every variable
-is asked alone: these shares overlap. `further` shares add up: the variable that takes most away
-comes first, the others have what they take away beyond it. What the base's own parameters take
-up is left out of a profile and of its errors; structure that the bumps leave counts as noise, in
-the errors and in p. p allows for the errors of the noise itself (`fitting.noise_error`).
+Bumps of friction over one variable (slip, velocity, state, time, time or slip since the step,
+wavelength) pass through the linearised slider and are fitted together with the base. Friction
+differs along the variable whose bumps explain most of the structure. Each variable is fitted alone,
+so these shares overlap. `further` shares add up: the best variable comes first, the others have the
+share that they explain beyond it. Profiles and their errors exclude the part that parameters of the
+base absorb. Structure that the bumps do not explain counts as noise, in the errors and in p. The
+p-values include the uncertainty of the noise (`ratio`).
 """
 
 import dataclasses
@@ -36,7 +36,7 @@ _COARSE, _FINE, _WAVES = 8, 16, 117
 
 
 class Bumps(NamedTuple):
-    """Bumps over one variable, and what each does to the prediction, in noise units."""
+    """Bumps over one variable, and the response of the prediction to each, in noise units."""
 
     variable: str
     unit: str
@@ -49,7 +49,7 @@ class Bumps(NamedTuple):
         return self.columns.shape[1] == 2 * len(self.centres)
 
     def groups(self) -> list[np.ndarray]:
-        """Columns that are asked together: all bumps, or every wavelength's pair."""
+        """Groups of columns that are fitted together: all bumps, or the pair of each wavelength."""
         return np.split(self.columns, len(self.centres), axis=1) if self.pairs else [self.columns]
 
 
@@ -57,28 +57,28 @@ class Asked(NamedTuple):
     """Part of a residual that the bumps of one variable explain."""
 
     profile: LocationProfile
-    """The profile, its p-value not yet known."""
+    """The profile, without its p-value."""
     gain: float
-    """Fall of the sum of squares, less its degrees of freedom."""
+    """Reduction of the sum of squares minus its degrees of freedom."""
     columns: tuple[int, ...]
-    """The bumps that are asked together."""
+    """The bumps that are tested together."""
     times: int
-    """Number of such questions that were asked, of which this one has the largest answer."""
+    """Number of such tests of which this is the most significant (for the Bonferroni factor)."""
 
 
 class Left(NamedTuple):
-    """Structure that is left in a residual."""
+    """Structure in a residual."""
 
     location: tuple[LocationProfile, ...]
-    """Profiles, the most telling variable first."""
+    """Profiles, the variable that explains most first."""
     chances: dict[str, float]
-    """p-values of the questions of `report.location_text`, each alone."""
+    """p-values of the tests of `report.location_text`, without a common correction."""
 
 
 def locate(engine: Engine, base: Candidate, found: Found, bumps: Sequence[Bumps]) -> Left:
-    """Profiles of missing friction over every variable, and how likely noise alone makes them.
+    """Profiles of missing friction over every variable, and their p-values under noise alone.
 
-    `found` is the noise with everything smooth taken out.
+    `found` is the noise without smooth columns.
     """
     rows = engine.evaluate(base.z, engine.free(base.effects))
     train = engine.weight[:, None]
@@ -112,12 +112,12 @@ def locate(engine: Engine, base: Candidate, found: Found, bumps: Sequence[Bumps]
 
 
 def _beside(bumps: Sequence[Bumps]) -> np.ndarray:
-    """The columns of all variables side by side."""
+    """The columns of all variables in one matrix."""
     return np.concatenate([one.columns for one in bumps], axis=1)
 
 
 def _with_columns(bumps: Sequence[Bumps], columns: np.ndarray) -> list[Bumps]:
-    """The bumps with other columns in place of theirs, which lie side by side."""
+    """The bumps with their columns replaced by those of one matrix of all variables."""
     ends = np.cumsum([one.columns.shape[1] for one in bumps])[:-1]
     both = zip(bumps, np.split(columns, ends, axis=1), strict=True)
     return [one._replace(columns=own) for one, own in both]
@@ -126,16 +126,15 @@ def _with_columns(bumps: Sequence[Bumps], columns: np.ndarray) -> list[Bumps]:
 def further_shares(
     parts: Sequence[Sequence[np.ndarray]], left: np.ndarray, whole: tuple[float, float]
 ) -> list[float]:
-    """Share of the structure that each variable takes away beyond those taken before it.
+    """Share of the structure that each variable explains beyond the variables before it.
 
-    The variable that takes most away is taken first, then the one that takes most of the rest, as
-    long as that is more than chance. The shares are 0 or more and add up to 1 at most; the rest is
-    explained by none. All are nan where there is no structure (`share_of`).
+    Forward selection: first the variable that explains most, then the one that explains most of the
+    rest, while this is significant. Shares are at least 0 and add up to at most 1; no variable
+    explains the rest. All are nan if there is no significant structure (`share_of`).
 
     Parameters
     ----------
-    parts : for every variable its groups of columns, of which the best one is used, in units of
-        the noise.
+    parts : for every variable its groups of columns in units of the noise; the best group counts.
     left : residual in the same units, of shape (rows,).
     whole : as in `share_of`.
     """
@@ -161,12 +160,12 @@ def further_shares(
 def _best_group(
     groups: Sequence[np.ndarray], taken: np.ndarray, rest: np.ndarray
 ) -> tuple[float, np.ndarray]:
-    """The largest fall of the sum of squares by a group beyond what is taken; its basis."""
+    """The largest reduction of the sum of squares by a group beyond `taken`, and its basis."""
     best = 0.0, rest[:, None][:, :0]
     for columns in groups:
         new = columns - taken @ (taken.T @ columns)
         values, vectors = np.linalg.eigh(new.T @ new)
-        # the rank as of `_profile`: the share of the first variable is what it explains alone
+        # the same rank as in `_profile`: the first variable's share is then its share alone
         used = values > SEEN * max(np.linalg.eigvalsh(columns.T @ columns)[-1], 1e-300)
         basis = new @ (vectors[:, used] / np.sqrt(values[used]))
         gain = float(np.sum((basis.T @ rest) ** 2))
@@ -176,10 +175,10 @@ def _best_group(
 
 
 def share_of(gain: float, degrees: int, whole: tuple[float, float]) -> float:
-    """Share of the structure that columns of so many `degrees` take away with a fall of `gain`.
+    """Share of the structure that columns with `degrees` of freedom explain, from their `gain`.
 
-    `whole` is the sum of squares in units of the noise, and its degrees of freedom; what is beyond
-    them is structure. nan where that is no more than chance: there is nothing to have a share of.
+    `whole` is the sum of squares in units of the noise, and its degrees of freedom. The excess of
+    the former is structure; the result is nan if this excess is not significant.
     """
     squares, rows = whole
     if chi_square_tail(squares, int(rows)) > SIGNIFICANT:
@@ -198,22 +197,22 @@ def friction_bumps(engine: Engine[Problem], base: Candidate) -> list[Bumps]:
 
 
 def _profile(bumps: Bumps, left: np.ndarray, whole: tuple[float, float], size: float) -> Asked:
-    """All bumps together; missing friction is of about this `size` before anything is known."""
+    """All bumps together; `size` is the prior standard deviation of missing friction."""
     own = bumps.columns
     gram, side = own.T @ own, own.T @ left
     values, vectors = np.linalg.eigh(gram)
     used = values > SEEN * max(values[-1], 1e-300)
     seen = vectors[:, used].T @ side
     gain, degrees = float(np.sum(seen**2 / values[used])), int(used.sum())
-    # structure that these bumps leave is no noise, and makes them as uncertain as if it were
+    # structure that these bumps do not explain counts as noise in their errors
     beyond = max((whole[0] - gain) / max(whole[1] - degrees, 1.0), 1.0)
-    # what the base takes up may have any size: none is assumed far above what is left
+    # the base absorbs some directions, so their size is unknown: the prior limits it
     scaled = np.maximum(values, 0.0) / beyond + 1 / size**2
-    # and it is left out, but of a bump of which the base takes up the greater part
+    # those directions are removed, except from bumps that the base mostly absorbs
     taken = values / beyond < 1 / size**2
     mostly = np.sum(vectors[:, taken] ** 2, axis=1) > MOSTLY
     kept = np.where(taken, mostly[:, None], True) * vectors
-    # predicted minus recorded: what must be added has the other sign
+    # residual = predicted - recorded: missing friction has the other sign
     amplitudes = -(kept / scaled) @ (vectors.T @ side) / beyond
     errors = np.sqrt(np.sum(kept**2 / scaled, axis=1))
     unseen = np.diag(gram) <= 1e-9 * max(np.max(np.diag(gram)), 1e-300)
@@ -242,7 +241,7 @@ def _ripples(bumps: Bumps, left: np.ndarray, whole: tuple[float, float]) -> Aske
 
 
 def _variables(engine: Engine[Problem], response: Response) -> list[Bumps]:
-    """The bumps of every variable, their columns forces along the motion."""
+    """The bumps of every variable; their columns are forces along the motion."""
     law = response.rig.friction
     assert isinstance(law, ExtendedLaw)
     time = np.concatenate([[float(response.start)], np.asarray(response.middle)])
@@ -279,7 +278,7 @@ def _variables(engine: Engine[Problem], response: Response) -> list[Bumps]:
 
 
 def _log_steps(speeds: np.ndarray) -> np.ndarray:
-    """Change of ln V at every joint, 0 at the first; a hold counts as e^-3 of the slowest."""
+    """Change of ln V at every step, 0 at the first; a hold counts as e^-3 of the slowest speed."""
     least = np.exp(-HOLD) * np.min(speeds[speeds > 0], initial=np.inf)
     return np.diff(np.log(np.maximum(speeds, least)), prepend=np.log(max(speeds[0], least)))
 
@@ -290,7 +289,7 @@ def _spread(x: np.ndarray, number: int) -> np.ndarray:
 
 
 def hats(x: np.ndarray, centres: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Centres, and a hat on each over x (n,): 1 there, 0 at its neighbours; the outer ones stay
-    at 1."""
+    """Centres, and a hat function of x (n,) for each: 1 at its centre, 0 at the neighbours; the
+    outer ones continue with 1."""
     columns = [np.interp(x, centres, row) for row in np.eye(len(centres))]
     return centres, np.stack(columns, axis=1)

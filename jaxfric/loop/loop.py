@@ -1,4 +1,4 @@
-"""`close_loop(record, stiffness=...)`: what does this model of this record lack?"""
+"""`close_loop(record, stiffness=...)`: find the effects that a model of a record lacks."""
 
 import dataclasses
 import time
@@ -51,27 +51,28 @@ def close_loop(
     Parameters
     ----------
     record, stiffness, law, steps : as in `jaxfric.fit`.
-    events : what happens in a whole run, as `runs.fits.decided_events` gives it with the record
-        whose encoder it has set right. Its fitted steps and its holds are then one question: they
-        share all but a level, which every stretch has for itself. `stiffness` may be one of stress,
-        "0.16 MPa/um", and is scaled by the normal stress of a stretch over that of the first.
-    with_ : ids of effects that belong to the base; without : ids of those not considered.
-    own : effects of your own beside those of the catalogue.
+    events : the events of a whole run, from `runs.fits.decided_events`, which also returns the
+        record with a corrected encoder. All fitted steps and holds are then fitted together: they
+        share all parameters except the level, which each stretch has for itself. `stiffness` may be
+        stress per length, "0.16 MPa/um"; it scales with the normal stress of a stretch over that of
+        the first.
+    with_ : ids of effects that belong to the base; without : ids of excluded effects.
+    own : your own effects, in addition to the catalogue.
     most : largest number of effects added, 0 to `case.MOST`.
-    rows : as in `jaxfric.fit`: means over neighbouring rows, about so many.
-    progress : told what is being done.
+    rows : as in `jaxfric.fit`: average neighbouring rows, to about so many.
+    progress : callback for progress messages.
 
     Returns
     -------
-    Loop. Its verdict is a value; nothing about the record raises once it can be fitted. Of a run,
-    `level2`, `level3`, ... are the friction of later stretches less that of the first.
+    Loop. The verdict is a value: once the base fit converges, the record raises no exception. In a
+    run, `level2`, `level3`, ... are the friction of later stretches minus that of the first.
 
     Raises
     ------
-    InputError : an unknown effect, one both with and without; a record too short to be split, one
-        that moves backwards, a run with fewer than three steps and holds; or as in `jaxfric.fit`.
+    InputError : an unknown effect, or one in both `with_` and `without`; a record that is too short
+        or moves backwards; a run with fewer than three steps and holds; or as in `jaxfric.fit`.
 
-    Not tried: records with reversals, a base with mass; of a run, effects that need a column of
+    Not supported: records with reversals, a base with mass; in runs, effects that need a column of
     slip or encoder (they are not offered), and a normal stress that changes within a step.
     """
     begun = time.monotonic()
@@ -119,7 +120,7 @@ def _step_subject(
 
 
 def _stress(record: Record) -> NormalStress | None:
-    """The recorded normal stress, where friction is a coefficient and feels its changes."""
+    """The recorded normal stress if friction is a coefficient and its changes exceed the noise."""
     if record.normal_stress is None or record.friction_unit != "1":
         return None
     moved = moved_stress(record.relative_time, record.normal_stress)
@@ -127,11 +128,11 @@ def _stress(record: Record) -> NormalStress | None:
     if not moved > FELT * noise_from_differences(record.friction):
         return None
     stress = recorded_stress(record.relative_time, record.normal_stress)
-    return stress.padded(bucket(len(stress.knots)))  # a few lengths are compiled
+    return stress.padded(bucket(len(stress.knots)))  # few lengths, few compilations
 
 
 def _refuse_turns(record: Record, steps: VelocitySteps) -> None:
-    """Refuse a record whose load point moves backwards, before anything is fitted."""
+    """Refuse a record whose load point moves backwards, before any fit."""
     turns = np.flatnonzero(steps.velocities < 0)
     if len(turns) == 0:
         return

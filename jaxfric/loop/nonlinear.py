@@ -1,4 +1,4 @@
-"""Sensitivities of every shape of an effect: its force sent through the linearised slider."""
+"""Sensitivities of every shape of an effect: responses of the linearised slider to its force."""
 
 from collections.abc import Mapping, Sequence
 
@@ -23,7 +23,7 @@ def friction_sensitivities(
     missing: Sequence[type[AbstractEffect]],
     scales: RecordScales,
 ) -> Sensitivities:
-    """Columns of those missing effects that have shapes and are friction terms."""
+    """Sensitivities of the missing effects that have shapes and are friction terms."""
     problem = engine.evaluator.simulated(z, engine.problem)
     rig = rig_at(problem, z)
     response = linear_response(problem, jax.device_put(z))
@@ -94,7 +94,7 @@ def _shaped_columns(
     shapes: Sequence[Mapping[str, float]],
     place: int,
 ) -> tuple[list[Column], np.ndarray, np.ndarray]:
-    """Columns of all shapes of an effect, and what they are."""
+    """Descriptions and columns of all shapes of an effect: in friction, and in the extra rows."""
     problem, names, id = engine.problem, engine.names, effect.id
     amplitudes = tuple(engine.model.amplitudes(id))
     fields = [names[at].split(".")[1] for at in amplitudes]
@@ -112,7 +112,7 @@ def _shaped_columns(
 def _terms(
     effect: type[AbstractEffect], rig: Rig, values: Mapping[str, np.ndarray]
 ) -> AbstractTerm:
-    """The friction terms of an effect with such values, as a batch."""
+    """The friction terms of an effect for a batch of values."""
 
     def one(values: dict[str, Array]) -> AbstractTerm:
         law = made(effect, values).embed(rig).friction
@@ -123,7 +123,7 @@ def _terms(
 
 
 def respond(response: Response, forces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The response to many forces, a number at a time for which it is compiled."""
+    """Response of friction and slip to many forces, in passes of one compiled width."""
     parts = []
     for begin in range(0, forces.shape[1], WIDE):
         part = forces[:, begin : begin + WIDE]
@@ -134,7 +134,7 @@ def respond(response: Response, forces: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def extra_rows(engine: Engine[Problem], slip: np.ndarray) -> np.ndarray:
-    """Change of the extra rows with a change of slip; friction terms move no load point."""
+    """Change of the extra rows with a change of slip; friction terms do not move the load point."""
     rows = []
     for channel in engine.problem.channels:
         anchor = np.asarray(channel.anchor)

@@ -1,15 +1,14 @@
-"""Is more left than noise? Likelihood ratios, with the noise found anew under either answer.
+"""Likelihood-ratio tests for structure in a residual, with the noise estimated under both models.
 
     LR = 2 (max ln L with the columns of a question - max ln L without them)
 
-Both maxima are over the parameters of the fit, the sizes and the memories of the noise. A noise
-that is fitted to a residual with structure in it takes the structure for noise; one that is fitted
-without the directions of a question hardly knows how large noise is there. The ratio asks which of
-the two the record says.
+Both maxima are over the parameters of the fit and over sizes and correlation lengths of the noise.
+Noise fitted to a residual with structure absorbs this structure. Noise fitted without the tested
+directions hardly determines the noise in them. The ratio decides between the two descriptions.
 
-Where the record is short beside the memory of its noise LR is larger than chi-square says. So it is
-divided by what it is on average, over its degrees of freedom, for records of the noise alone that
-are drawn from what was found (a Bartlett correction by the bootstrap).
+If the record is short compared with the correlation length, LR exceeds its chi-square distribution.
+So LR is divided by its mean over its degrees of freedom in simulated records of the estimated noise
+alone (a bootstrap Bartlett correction).
 
 Sources: Bartlett 1937 (doi:10.1098/rspa.1937.0109) for the correction; Rocke 1989, J. Am. Stat.
 Assoc. 84, 598, for its bootstrap.
@@ -32,22 +31,22 @@ _SIZES, _MEMORIES = (-1.0, 0.0, 1.0), (-0.5, 0.0, 0.5)
 
 
 class Question(NamedTuple):
-    """Structure that may be left in a residual: any combination of some columns."""
+    """Possible structure in a residual: any combination of some columns."""
 
     name: str
     columns: np.ndarray
     """Columns in units of the problem's noise scale, (n, k)."""
     times: int = 1
-    """Number of such questions that were asked, of which this one has the largest answer."""
+    """Number of such tests of which this is the most significant: the Bonferroni factor."""
 
 
 def chances(
     engine: Engine, rows: Rows, found: Found, questions: Sequence[Question]
 ) -> dict[str, float]:
-    """The chance that noise alone answers a question as the residual of the train block does.
+    """p-value of every question for the residual of the train block, under noise alone.
 
-    `rows` are of the model, whose parameters are free in every answer; `found` is the noise with
-    everything smooth taken out.
+    `rows` are those of the model, whose parameters are free in every maximum; `found` is the noise
+    without smooth columns.
     """
     weight = engine.weight[:, None]
     jacobian = rows.jacobian * weight
@@ -93,7 +92,7 @@ def chances(
 
 
 def _without(products: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Products (g, m, m) with the directions of some columns taken out of all others."""
+    """Products (g, m, m) after projecting all columns orthogonal to some of them."""
     size = np.sqrt(np.maximum(np.einsum("gii->gi", products)[:, columns], 1e-300))
     gram = products[:, columns[:, None], columns] / size[:, :, None] / size[:, None, :]
     cross = products[:, columns] / size[:, :, None]

@@ -16,9 +16,9 @@ from .refusal import Refusal
 from .split import NAMES
 
 _PASSES = 2
-"""Descents, each with the noise of what the last one left."""
+"""Descents, each with the noise of the previous residual."""
 _EXACT, _ROUGH = 1e-6, 1e-4
-"""Relative fall of the squares at which a descent ends."""
+"""Relative reduction of the sum of squares at which a descent ends."""
 _TRIALS = 60
 
 
@@ -31,23 +31,23 @@ class Candidate(NamedTuple):
     """Predicted minus recorded over the problem's noise scale, all rows of the record."""
     noise: Noise
     bic: float
-    """BIC of the train block, plus the deviance of the select block that this fit predicts."""
+    """BIC of the train block, plus the predictive deviance of the validation block."""
     rms: dict[str, float]
     """Root mean square of the residual by block, in the unit of the record."""
     physical: bool
     failed: bool
     refused: Refusal | None = None
-    """Why a search did not take it; None where it could have."""
+    """Why the search refused it; None if no gate did."""
 
 
 def refit(
     engine: Engine, effects: tuple[str, ...], z: np.ndarray, *, exact: bool = False
 ) -> Candidate:
-    """The joint fit of base and effects from the start `z`, all their parameters free.
+    """The joint fit of base and effects from the start `z`, with all their parameters free.
 
-    To a ten-thousandth of the squares, 0.1 of BIC where a thousand rows count and more in longer
-    records; `exact`: to what a parameter's error is worth. Most candidates are wrong, and wander
-    along valleys.
+    The descent ends at a relative change of 1e-4 of the sum of squares (0.1 of BIC for a thousand
+    rows, more in longer records), because most candidates are wrong and converge slowly in flat
+    valleys. `exact`: 1e-6, well within the parameters' errors.
     """
     index, z, near = engine.free(effects), engine.problem.begun(z), ()
     rows, train = engine.evaluate(z, index), engine.weight[:, None]
@@ -66,7 +66,7 @@ def _descend(
 ) -> np.ndarray:
     """Levenberg-Marquardt (MINPACK) in the parameters of `index`; the others stay.
 
-    Driven from here, it needs no more compiled than the Jacobian that screening needs too.
+    Called from Python, it compiles only the Jacobian, which screening needs anyway.
     """
     z = np.array(z)
 
@@ -92,7 +92,7 @@ def candidate_at(
     rows: Rows,
     near: tuple[np.ndarray, ...] = (),
 ) -> Candidate:
-    """The scores of a fit; its noise is searched also from the values `near`."""
+    """The scores of a fit; `near` are additional starting values of its noise."""
     score, noise = np.inf, engine.noise.alone
     if not rows.failed:
         score, noise = bic(engine, rows, len(engine.free(effects)), near)
@@ -108,10 +108,10 @@ def candidate_at(
 def bic(
     engine: Engine, rows: Rows, parameters: int, near: tuple[np.ndarray, ...] = ()
 ) -> tuple[float, Noise]:
-    """-2 ln L + p ln n_eff at the most likely noise; n_eff counts the independent rows.
+    """-2 ln L + p ln n_eff at the likeliest noise; n_eff is the effective number of rows.
 
-    The select block counts as predicted: what only fits the train block pays there. The noise is
-    searched also from the values `near`.
+    The deviance of predicting the validation block is added, which penalises overfitting of the
+    train block. `near` are additional starting values of the noise.
     """
     residual, ones = rows.residual * engine.weight, np.ones((len(engine.weight), 1))
     found = engine.noise_of(residual, 0 * ones, near).noise
@@ -122,7 +122,7 @@ def bic(
 
 
 def predictive(engine: Engine, residual: np.ndarray, noise: Noise) -> float:
-    """-2 ln p of the select block given the train block, at the noise of the train block."""
+    """-2 ln p of the validation block given the train block, at the noise of the train block."""
     total, sigma = 0.0, float(noise.sigma)
     for weight, sign in ((engine.known, 1.0), (engine.weight, -1.0)):
         white, size = innovations_of(engine.noise.clock, weight, residual, noise)

@@ -1,6 +1,6 @@
-"""Why a search does not take a model: a code, with the value and the threshold that decided.
+"""Why a search refuses a model: a code, with the value and the threshold that decided.
 
-The rules are in `gates`, words in `report.verdict_text`; `SOURCES` says what each rule rests on.
+The rules are in `gates`, texts in `report.verdict_text`; `SOURCES` gives the source of each rule.
 """
 
 from collections.abc import Mapping
@@ -11,7 +11,7 @@ from ..fitting import Estimate
 
 
 class Fault(StrEnum):
-    """What speaks against a model."""
+    """The reason against a model."""
 
     FAILED = "did_not_converge"
     IMPOSSIBLE = "impossible_parameters"
@@ -29,7 +29,7 @@ SOURCES: Mapping[Fault, str] = {
     Fault.NOT_FIXED: "an error as large as the value, or a size that the record cannot show",
     Fault.TAKES: "the sign and size of what was known without the effect (page 'loop')",
 }
-"""The ground of every rule."""
+"""The source of every rule."""
 
 
 class Move(NamedTuple):
@@ -41,19 +41,19 @@ class Move(NamedTuple):
 
 
 class Refusal(NamedTuple):
-    """A fault of a model, with what it was found by."""
+    """A fault of a model, with the evidence for it."""
 
     fault: Fault
     parameters: tuple[str, ...] = ()
-    """Those that the record does not fix, or that its effects take of the base."""
+    """Parameters that the record does not determine, or that effects take over from the base."""
     moves: tuple[Move, ...] = ()
-    """What becomes of the parameters of the base that are taken."""
+    """Changes of the parameters that the effects take over."""
     value: float = float("nan")
     threshold: float = float("nan")
-    """The fall of BIC and the least that is asked, or the growth of the validation error (a ratio)
-    and the most that is allowed; nan where the fault is no number."""
+    """Reduction of BIC and its required minimum, or growth factor of the validation error and its
+    maximum; nan for other faults."""
 
 
 def takes(refusal: Refusal | None) -> bool:
-    """Whether a model is refused for what it takes of the base."""
+    """Whether a model is refused because its effects take over parameters of the base."""
     return refusal is not None and refusal.fault is Fault.TAKES

@@ -1,37 +1,37 @@
-"""Is something left that follows the drive, the slip, the velocity or the time since a step?
+"""Tests whether the residual depends on drive, slip, velocity or time since a step.
 
-Noise is correlated over short distances, in a memory that is bounded. Whether neighbouring rows are
-alike is a question about the recorder and is not asked. What is asked are likelihood ratios
-(`ratio`): whether hats along the record or since the steps, or bumps of friction over one variable
-(`location`), make the residual likelier than noise alone does.
+Noise may be correlated over short distances, with a bounded correlation length. Correlation of
+neighbouring rows concerns the recorder and is not tested. The tests are likelihood ratios
+(`ratio`): do hat functions along the record or since the steps, or bumps of friction over one
+variable (`location`), make the residual likelier than noise alone?
 
-With the sizes of the train and of the held-out error, which a verdict also asks about, all answers
-are corrected together: noise alone then fails one of them once in 1/p records.
+The verdict also tests the sizes of the train error and of the held-out error. All p-values are
+corrected together: under noise alone the smallest falls below p in a share p of records.
 """
 
 import math
 
 
 def asked(tests: dict[str, float]) -> int:
-    """Questions that one verdict asks of a residual: the tests, and the sizes of two errors."""
+    """Number of tests of one verdict: the residual tests, and the sizes of two errors."""
     return len(tests) + 2
 
 
 def structure(chances: dict[str, float]) -> dict[str, float]:
-    """p-values of likelihood ratios (`ratio.chances`), corrected after Holm: small ones mean
+    """p-values of likelihood ratios (`ratio.chances`) with Holm's correction; small values mean
     structure."""
     return holm(chances, asked(chances))
 
 
 def p_text(p: float) -> str:
-    """A p-value in words: "p = 0.03", a tiny one as a bound."""
+    """A p-value as text: "p = 0.03", a tiny one as a bound."""
     if not math.isfinite(p):
         return "p unknown"
     return "p < 1e-12" if p < 1e-12 else f"p = {p:.2g}"
 
 
 def holm(raw: dict[str, float], asked: int) -> dict[str, float]:
-    """Holm's correction of several p-values, the least of so many that were asked for."""
+    """Holm's correction of the given p-values, out of `asked` tests in total."""
     corrected, least = {}, 0.0
     for i, name in enumerate(sorted(raw, key=lambda n: raw[n])):
         least = max(least, min(1.0, (asked - i) * raw[name]))
@@ -40,7 +40,7 @@ def holm(raw: dict[str, float], asked: int) -> dict[str, float]:
 
 
 def merged(p: float, q: float) -> float:
-    """p-value of two that may depend on each other in any way: twice their geometric mean.
+    """Combined p-value of two with any dependence: twice their geometric mean.
 
     The chance that p q <= e^2 is at most x + e^2/x for any x (Makarov 1981, doi:10.1137/1126086):
     2 e at best. For more than two see Vovk and Wang 2020 (doi:10.1093/biomet/asaa027).
@@ -49,7 +49,7 @@ def merged(p: float, q: float) -> float:
 
 
 def chi_square_tail(x: float, degrees: int) -> float:
-    """Probability that chi-square with `degrees` exceeds `x`."""
+    """Probability that chi-square with `degrees` of freedom exceeds `x`."""
     if degrees < 1:
         return 1.0
     from scipy.special import gammaincc

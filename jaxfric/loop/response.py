@@ -1,9 +1,9 @@
-"""The linear response of the record to a small friction force, added as a function of time.
+"""The linear response of the record to a small additional friction force g(t).
 
-The slider is linearised along its own motion, y' = A(t) y + b(t) g(t), so any number of forces
-is sent through the dynamics at once, at no further solves of the equation of motion. That
-serves to rank many shapes of an effect, and to ask where in slip, velocity, state or time friction
-is missing without a catalogue. Midpoint rule on the sampling times of the record, halved.
+The slider is linearised along its own motion, y' = A(t) y + b(t) g(t). The response to any number
+of forces then needs no further solution of the equation of motion. It serves to rank many shapes of
+an effect, and to locate missing friction in slip, velocity, state or time without a catalogue.
+Midpoint rule on the sampling times of the record, halved.
 """
 
 from typing import ClassVar
@@ -28,7 +28,7 @@ from ..traced import traced
 
 
 class _Probe(AbstractStatelessTerm):
-    """A force that is given."""
+    """A given force."""
 
     moves: ClassVar[bool] = False
     states: ClassVar[int] = 0
@@ -40,7 +40,7 @@ class _Probe(AbstractStatelessTerm):
 
 
 def _unknowns(equation: SliderEquation, moved: Trajectory) -> dict[str, Array]:
-    """The solver's unknowns of a trajectory that began in steady sliding."""
+    """The solver's unknowns along a trajectory that began in steady sliding."""
     scale, machine = equation.law.force_scale(), equation.rig.machine
     commanded = jax.vmap(equation.motion.displacement)(moved.time)
     y = {
@@ -49,25 +49,25 @@ def _unknowns(equation: SliderEquation, moved: Trajectory) -> dict[str, Array]:
     }
     if isinstance(machine, Inertial):
         y["phi"] = (moved.force - equation.reference) / scale
-    if equation.is_late():  # nearly: where the mass matters it is that of the slider
+    if equation.is_late():  # approximately the slider's own velocity
         w = jnp.log(moved.velocity / equation.motion.first_velocity())
         y["w"] = jnp.stack([w, w], axis=1)
     return y
 
 
 def _begun(equation: SliderEquation, force: Float[Array, ""]) -> SliderEquation:
-    """The equation with `force` added from the start on, where sliding is steady."""
+    """The equation with `force` added from the start, where sliding is steady."""
     where = lambda rig: rig.friction.terms[-1].value  # noqa: E731
     return SliderEquation(eqx.tree_at(where, equation.rig, force), equation.motion)
 
 
 def _probed(equation: SliderEquation, g: Float[Array, " 2"]) -> SliderEquation:
-    """The equation with the force g[0] added now, and g[1] from the start on."""
+    """The equation with the force g[0] added now, and g[1] since the start."""
     return eqx.tree_at(lambda e: e.law.terms[-1].value, _begun(equation, g[1]), g[0])
 
 
 class Response(eqx.Module):
-    """The linearised slider along its motion; arrays over `middle`, the middles of intervals."""
+    """The linearised slider along its motion; arrays over `middle`, the midpoints of intervals."""
 
     rig: Rig
     time: Float[Array, " n"]
@@ -75,7 +75,7 @@ class Response(eqx.Module):
     start: Float[Array, ""]
     middle: Float[Array, " k"]
     velocity: Float[Array, " k+1"]
-    """Velocity at the start, then at every middle; so are slip, state and force."""
+    """Velocity at the start, then at every midpoint; slip, state and force likewise."""
     slip: Float[Array, " k+1"]
     state: Float[Array, "k+1 s"]
     force: Float[Array, " k+1"]
@@ -83,7 +83,7 @@ class Response(eqx.Module):
     driven: Float[Array, "k d"]
     by_start: Float[Array, "k d"]
     begin: Float[Array, " d"]
-    """Change of the initial states by a force at the start, for those that depend on friction."""
+    """Derivative of the initial states by a force at the start."""
     read: Float[Array, "k d"]
     read_directly: Float[Array, "k 2"]
     read_slip: Float[Array, "k d"]
@@ -92,14 +92,14 @@ class Response(eqx.Module):
     def __call__(
         self, forces: Float[Array, "k+1 m"]
     ) -> tuple[Float[Array, "n m"], Float[Array, "n m"]]:
-        """Change of recorded friction and slip by forces at the start and at every middle."""
+        """Change of recorded friction and slip by forces at the start and at every midpoint."""
         first, along = forces[0], forces[1:]
 
         def step(y: Array, now: tuple[Array, ...]) -> tuple[Array, tuple[Array, Array]]:
             propagate, driven, by_start, read, direct, read_slip, g = now
-            carried = jnp.sum(propagate[:, :, None] * y, axis=1)  # no product: as in `rodas`
+            carried = jnp.sum(propagate[:, :, None] * y, axis=1)  # no matrix product, as in `rodas`
             y = carried + driven[:, None] * g + by_start[:, None] * first
-            # read here: kept for every row the states of many forces would fill the memory
+            # read here: storing the states of many forces at every row would fill the memory
             force = jnp.sum(read[:, None] * y, axis=0) + direct[0] * g + direct[1] * first
             return y, (force, jnp.sum(read_slip[:, None] * y, axis=0))
 
@@ -138,7 +138,7 @@ def linear_response(problem: Problem, z: Float[Array, " q"]) -> Response:
     rows = jax.vmap(lambda y: ravel_pytree(y)[0])(jax.tree.map(lambda x: x[1:], ys))
 
     def all_of(t: Array, y: Array, g: Array) -> tuple[Array, Array, Array]:
-        """Rate, force and slip at one time: one function, so that it is traced once."""
+        """Rate, force and slip at one time, in one function to trace it once."""
         probed = _probed(equation, g)
         rate = ravel_pytree(probed.derivative(t, back(y)))[0]
         now = probed.physical(t, back(y))
@@ -175,7 +175,7 @@ def linear_response(problem: Problem, z: Float[Array, " q"]) -> Response:
 
 @traced
 def term_forces(response: Response, terms: AbstractTerm) -> Float[Array, "k+1 q"]:
-    """Forces of a batch of terms along the motion, as long as they do not change it."""
+    """Forces of a batch of terms along the unchanged motion."""
     return jax.vmap(lambda term: _term_force(response, term), out_axes=1)(terms)
 
 
@@ -200,7 +200,7 @@ def _term_force(response: Response, term: AbstractTerm) -> Float[Array, " k+1"]:
     first = term.steady_state(response.velocity[0], law.base, response.force[0])
     A = jax.vmap(lambda i: jax.jacfwd(rate, 1)(i, first))(rows)
     driven = jax.vmap(lambda i: rate(i, first))(rows) - A @ first
-    # exact between rows for constant coefficients: rows are at the middles of intervals
+    # trapezoidal rule between midpoints
     h = jnp.diff(times)[:, None, None]
     half = 0.25 * h * (A[1:] + A[:-1])
     eye = jnp.eye(term.states)

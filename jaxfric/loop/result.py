@@ -1,4 +1,4 @@
-"""Result of closing the loop: verdict, the fits before and after, and all that was tried."""
+"""Result of closing the loop: verdict, fits before and after, and all tried models."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -28,9 +28,9 @@ class Score:
 
     effects: tuple[str, ...]
     rms: Mapping[str, float]
-    """Root mean square by block ("train", "select", "report"), in the unit of friction."""
+    """rms by block ("train", "select": validation, "report": test), in the unit of friction."""
     per_step: tuple[float, ...]
-    """rms of every velocity of the record, in the unit of friction."""
+    """rms in every velocity of the record, in the unit of friction."""
     residual: np.ndarray
     """Predicted minus recorded at the rows of the record."""
     parameters: Mapping[str, Estimate]
@@ -42,37 +42,37 @@ class Score:
     noise: NoiseEstimate
     """Noise of this model's own residual."""
     tests: Mapping[str, float]
-    """p-values of the residual tests on the train block, corrected together."""
+    """p-values of the residual tests on the train block, with Holm's correction."""
 
     @property
     def A_minus_B(self) -> Estimate | None:
-        """A less all B (a - b), a second state's too, with its error; None where there is no A.
+        """A minus all B (a - b), including a second state, with its error; None without an A.
 
-        Effects that depend on velocity alone (viscous, a Stribeck curve) come on top of it.
+        Effects that depend on velocity alone (viscous, a Stribeck curve) are not included.
         """
         return rate_dependence(self) if amplitudes(self) else None
 
 
 @dataclass(frozen=True)
 class CandidateScore:
-    """One model that was fitted. A positive `delta_bic` is better than the base."""
+    """One fitted model. A positive `delta_bic` is better than the base."""
 
     effects: tuple[str, ...]
     delta_bic: float
     train_rms: float
     heldout_rms: float
-    """rms on the select block; the report block is scored only for the final model."""
+    """rms on the validation block; the test block is scored only for the final model."""
     parameters: Mapping[str, float]
     physical: bool
     converged: bool
     accepted: bool
     refused: Refusal | None = None
-    """Why it was not taken; None where another was better, or it was taken."""
+    """Why it was refused; None if it was accepted, or if another model was better."""
 
 
 @dataclass(frozen=True)
 class ScreenedEffect:
-    """An effect that was screened, to first order, against the base: its best shape."""
+    """An effect screened against the base, to first order, at its best shape."""
 
     id: str
     delta_bic: float
@@ -80,32 +80,32 @@ class ScreenedEffect:
 
 @dataclass(frozen=True, eq=False)
 class LocationProfile:
-    """Missing friction as a function of one variable: amplitudes of bumps that act in the law.
+    """Missing friction as a function of one variable: amplitudes of bumps in the friction law.
 
-    The bumps pass through the dynamics before they are compared with the residual, so this is
-    where friction differs, not where the record does.
+    The bumps pass through the dynamics before the comparison with the residual. So this shows where
+    friction differs, not where the record differs.
     """
 
     variable: str
-    """"slip", "log_velocity", "state", "time", "time_since_step", "relaxation_length" (over which
-    friction forgets a step) or "wavelength" (each alone)."""
+    """"slip", "log_velocity", "state", "time", "time_since_step", "relaxation_length" (of friction
+    after a step) or "wavelength" (each alone)."""
     unit: str
     centres: np.ndarray
     amplitudes: np.ndarray
     errors: np.ndarray
-    """Standard errors of the part that the base does not take up, in the unit of friction."""
+    """Standard errors of the part that the base does not absorb, in the unit of friction."""
     explained: float
-    """Share of the structure of the base's residual that bumps in this variable alone take away;
-    nan where there is no more of it than chance."""
+    """Share of the structure in the residual that bumps in this variable alone explain; nan if
+    there is no significant structure."""
     p_value: float
     further: float = float("nan")
-    """Share that bumps in this variable take away beyond the variables before it, the one that
-    takes most away first: these add up, and what they leave is not explained. nan as above."""
+    """Share that bumps in this variable explain beyond better variables. These shares add up; no
+    variable explains the rest. nan as above."""
 
 
 @dataclass(frozen=True, eq=False)
 class RunBase:
-    """The base model of a run as reports see it: its phases are those of the run."""
+    """The base model of a run for reports, with the phases of the run."""
 
     fit: Fit
     steps: VelocitySteps
@@ -122,12 +122,12 @@ class RunBase:
 
 @dataclass(frozen=True, eq=False)
 class RunDetails:
-    """The stretches of a run: from when to when, under which stress, at which level."""
+    """The stretches of a run: times, normal stress and friction level of each."""
 
     joined: Joined
     after: Score
     claims: tuple[Finding, ...] = ()
-    """None beside the effects."""
+    """Empty: a run has no claims besides the effects."""
 
     def tables(self) -> list:
         """A row for every stretch, as a table of a report."""
@@ -139,68 +139,67 @@ class RunDetails:
 
 
 LoopRecord = Record | PreparedRecord
-"""What a loop shows of a record."""
+"""The record in the result of a loop."""
 LoopBase = Fit | RunBase | AxisBase
-"""What a loop shows of a base model."""
+"""The base model in the result of a loop."""
 LoopDetails = AxisDetails | RunDetails
-"""Results of one kind of rig only."""
+"""Results for one kind of rig only."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Loop(Described, Drawable, Gridded, Tabular):
-    """The loop closed over one record."""
+    """The result of the loop over one record."""
 
     record: LoopRecord
     base_fit: LoopBase
-    """Fit of the base to the whole record; of an axis, what its base model is."""
+    """Fit of the base to the whole record; for an axis, its base model."""
     kind: Literal["slider", "axis"]
     blocks: Blocks
     verdict: str
     """One of `VERDICTS`."""
     sentence: str
-    """The verdict in words."""
+    """The verdict as text."""
     reasons: tuple[str, ...]
-    """Reasons against more, a line each."""
+    """Reasons against a stronger verdict, a line each."""
     effects: tuple[str, ...]
     """Ids of the effects added, in the order added."""
     alias_groups: tuple[tuple[str, ...], ...]
-    """For every effect added: its id, and those of effects that the record cannot tell from it."""
+    """For every effect added: its id, and those of effects that the record does not distinguish."""
     separations: Mapping[str, str]
-    """Sentences on what would tell an effect from its aliases, by id."""
+    """Experiments that would distinguish an effect from its aliases, as text by id."""
     candidates: tuple[CandidateScore, ...]
     screened: tuple[ScreenedEffect, ...]
     """Effects screened in the first round, best first."""
     before: Score
     after: Score
     sigma: float
-    """Standard deviation of the noise of the train rows with everything smooth taken out [unit of
+    """Standard deviation of the noise of the train rows, without smooth columns [unit of
     friction]."""
     location: tuple[LocationProfile, ...]
-    """Structure of the base's residual over each variable, most telling variable first."""
+    """Structure of the base's residual over each variable; the one that explains most first."""
     alias_ids: tuple[str, ...]
     alias_cosines: np.ndarray
-    """|cosine| between the sensitivities of two effects, those of the fitted model projected
-    out."""
+    """|cosine| between the sensitivities of two effects, orthogonal to those of the fitted
+    model."""
     warnings: tuple[str, ...]
     seconds: float
     findings: tuple[Finding, ...]
-    """What is claimed and what speaks against more, each with the rows that it rests on."""
+    """Claims and cautions, each with the rows that support it."""
     velocity: np.ndarray
     """Velocity of the load point or of the axis at every row [m/s or rad/s]."""
     details: LoopDetails | None = None
-    """Results of this kind of rig only."""
+    """Results for this kind of rig only."""
     families: tuple[CurveFamily, ...] = ()
-    """Families of curves where the record does not tell the shape of the curve that is missing: the
-    effect that is named is one of its family."""
+    """Families of steady curves if the record does not determine the shape of the missing curve:
+    the named effect is one member."""
     sigma_held_out: float = float("nan")
-    """Noise as `sigma`, but of the held-out rows; nan where it is not known apart."""
+    """As `sigma`, for the held-out rows; nan if it was not estimated separately."""
     most_held_out: float = float("nan")
-    """The error of the report block, in its noise, up to which it counts as noise; nan if not
-    known."""
+    """Largest test error, in units of its noise, that noise alone explains; nan if unknown."""
 
     @property
     def words(self):
-        """Words for reports and figures of this kind of rig, a `report.rig_words.LoopWords`."""
+        """Terms for reports and figures of this kind of rig, a `report.rig_words.LoopWords`."""
         return said("rig_words.of", self)
 
     @property
@@ -210,7 +209,7 @@ class Loop(Described, Drawable, Gridded, Tabular):
         return "rad" if rotary else "m"
 
     def shifts(self) -> dict[str, float]:
-        """Shift of every parameter of the base, in standard deviations of the fit after."""
+        """Shift of every parameter of the base, in standard errors of the fit after."""
         moved = {}
         for name, before in self.before.parameters.items():
             after = self.after.parameters[name]
@@ -219,22 +218,22 @@ class Loop(Described, Drawable, Gridded, Tabular):
         return moved
 
     def test_error(self, score: Score) -> float:
-        """rms of the report block, in its noise: the rows that neither a fit nor a choice of a
-        model saw."""
+        """rms of the test block in units of its noise. Neither a fit nor the choice of a model used
+        these rows."""
         return score.rms["report"] / self.sigma_of(self.blocks.report)
 
     def row_sigma(self) -> np.ndarray:
-        """The noise of every row: `sigma_held_out` of rows that are held out, else `sigma`."""
+        """The noise of every row: `sigma_held_out` for held-out rows, else `sigma`."""
         held = self.blocks.select | self.blocks.report
         known = np.isfinite(self.sigma_held_out)
         return np.where(held & known, self.sigma_held_out, self.sigma)
 
     def sigma_of(self, rows: np.ndarray) -> float:
-        """rms of the noise of some rows (a mask), the unit in which their error is told."""
+        """rms of the noise of some rows (a mask): the unit of their error."""
         return float(np.sqrt(np.mean(self.row_sigma()[rows] ** 2))) if rows.any() else self.sigma
 
     def ranked(self) -> list[CandidateScore]:
-        """The models that were fitted, each once, best Delta BIC first; failed ones last."""
+        """The fitted models, each once, best Delta BIC first; failed ones last."""
 
         def rank(candidate: CandidateScore) -> tuple[bool, float]:
             known = bool(np.isfinite(candidate.delta_bic))
@@ -246,14 +245,14 @@ class Loop(Described, Drawable, Gridded, Tabular):
         return list(once.values())
 
     def gain(self) -> float | None:
-        """Delta BIC of the model that was taken; None where it is none of the candidates."""
+        """Delta BIC of the accepted model; None if it is not among the candidates."""
         model = frozenset(self.after.effects)
         own = (c.delta_bic for c in self.ranked() if frozenset(c.effects) == model)
         return next(own, None)
 
     def unfixed(self) -> list[Unfixed]:
-        """Models that explain more than the one taken, but whose parameters the record leaves
-        open, the likeliest first."""
+        """Models that are likelier than the accepted one, but whose parameters the record does not
+        determine; likeliest first."""
         known = (c for c in self.ranked() if c.converged and c.physical)
         models = ((c, c.delta_bic) for c in known)
         return unfixed(models, self.gain() or 0.0)
@@ -273,5 +272,5 @@ class Loop(Described, Drawable, Gridded, Tabular):
         return "tried" if candidate.physical else "impossible"
 
     def to_json(self) -> dict:
-        """The content of `loop.json`, schema "jaxfric.loop/1"; SI, null for what is not known."""
+        """The content of `loop.json`, schema "jaxfric.loop/1"; SI, null for unknown values."""
         return said("loop_json.content", self)

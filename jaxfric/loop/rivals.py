@@ -1,4 +1,4 @@
-"""Fits that say as much as the one that was found, or nearly, with other effects."""
+"""Rivals: fits with other effects that are about as good as the model."""
 
 from .refit import Candidate
 from .refusal import Fault, takes
@@ -7,7 +7,7 @@ from .thresholds import ACCEPT
 
 
 def rival_fits(search: Search, id: str) -> dict[str, Candidate]:
-    """The best fit with each effect that fits about as well in place of `id`, best first."""
+    """For each effect that fits about as well in place of `id`, its best fit; best first."""
     kept = {e for e in search.final.effects if e != id}
     found: dict[str, Candidate] = {}
     for c in sorted(search.tried, key=lambda c: c.bic):
@@ -21,9 +21,9 @@ def rival_fits(search: Search, id: str) -> dict[str, Candidate]:
 
 
 def near_fits(search: Search) -> list[Candidate]:
-    """The best fit of every other set of effects that was tried, where nothing speaks against it
-    but the evidence, or that the record does not fix its effects: which of them is true is not
-    known for certain, and an error says so."""
+    """The best fit of every other tried set of effects, unless a gate other than weak evidence or
+    undetermined parameters refused it. The true model may be among these, so standard errors
+    include their differences."""
     found: dict[frozenset[str], Candidate] = {}
     for c in sorted(search.tried, key=lambda c: c.bic):
         why = None if c.refused is None else c.refused.fault

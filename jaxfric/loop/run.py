@@ -1,8 +1,8 @@
-"""The loop over a whole run: what does the model of all its steps and holds lack?
+"""The loop over a whole run: find what the model of all its steps and holds lacks.
 
-The steps and holds of a run, one after the other as one motion (`runs.joined`): they share A, B, L
-and the effects, every stretch between a change of normal stress, an unloading or a pause has a
-level of its own. Held out are whole steps and holds; others, where nothing is named at first.
+The steps and holds of a run form one motion (`runs.joined`) with common A, B, L and effects. Each
+stretch between changes of normal stress, unloadings or pauses has its own friction level. Whole
+steps and holds are held out; a second search, with others held out, follows if no effect is named.
 """
 
 import dataclasses
@@ -32,9 +32,9 @@ from .thresholds import ACCEPT, SIGNIFICANT
 
 _NAMED = ("effects", "ambiguous")
 _LATE = 0.8
-"""Share of a phase after which its friction is taken as steady, to begin with."""
+"""Share of a phase after which friction counts as steady, for starting values."""
 _START_ROWS = 1000
-"""Most rows of a step that is fitted only to begin with."""
+"""Most rows of a step in the fits for starting values."""
 
 
 def run_loop(
@@ -51,7 +51,7 @@ def run_loop(
 
     Raises
     ------
-    InputError : fewer than three steps and holds that count; or as in `jaxfric.fit`.
+    InputError : fewer than three usable steps and holds; or as in `jaxfric.fit`.
     """
     joined, thinning = join(record, events), ()
     if rows is not None:
@@ -91,13 +91,13 @@ def asked_twice(
     *,
     progress: Callable[[str], None],
 ) -> Loop:
-    """What a search finds; where it supports no name, once more with other steps and holds held out
-    (`again`; None: there are too few).
+    """The result of a search. If it names no effect, a second search holds out other steps and
+    holds (`again`; None: there are too few).
 
-    What decides may be in a few steps. Where those are held out no effect is supported, or one that
-    does not predict them. The second search counts where it names an effect, leaves no structure,
-    and stands the chance of two. Of the same effects what the first search left counts with it.
-    Where it fails or is interrupted, the first is what was found.
+    The information may be in a few steps. If these are held out, no effect is supported, or one
+    that does not predict them. The second result counts if it names an effect, leaves no structure,
+    and is significant for two searches. If both have the same effects, the structure after the
+    first counts too. If the second search fails or is interrupted, the first result stands.
     """
     found = search(blocks)
     other = None if found.verdict in _NAMED else again()
@@ -130,11 +130,11 @@ def asked_twice(
 
 
 def _stands(second: Loop, first: Loop) -> bool:
-    """Whether what a second search names counts.
+    """Whether the result of a second search counts.
 
-    Asked twice, it takes twice the evidence, in noise that differs from step to step. What is there
-    in the steps that decide is there in those that are held out as well. Structure that the same
-    effects left at first is left, but where it is no more than chance with what they leave now.
+    Two searches need twice the evidence, as noise differs between steps. A real effect also
+    improves the prediction of the held-out steps. If both searches have the same effects, the
+    structure after both together must not be significant.
     """
     if second.verdict not in _NAMED:
         return False
@@ -147,12 +147,12 @@ def _stands(second: Loop, first: Loop) -> bool:
 
 
 def _together(first: Loop, second: Loop) -> float:
-    """p-value of the structure that the models of two searches leave."""
+    """Combined p-value of the residual structure after two searches."""
     return merged(_least(first), _least(second))
 
 
 def _least(loop: Loop) -> float:
-    """p-value of the structure that a model leaves."""
+    """Smallest p-value of the residual structure of a model."""
     return min(loop.after.tests.values(), default=1.0)
 
 
@@ -170,7 +170,7 @@ def _base_fit(
     start: dict[str, float] | None,
     progress: Callable[[str], None],
 ) -> Fit:
-    """The base of all windows, every stretch lowered by its level."""
+    """The base fit of all windows, with its level subtracted from every stretch."""
     progress("base fit of all windows")
     aligned = frozen(joined.record.friction - levels[joined.stretch])
     assert how.stiffness is not None
@@ -187,9 +187,8 @@ def _base_fit(
 def _start(
     record: Record, events: Sequence[Event], how: HowFitted, progress: Callable[[str], None]
 ) -> dict[str, float] | None:
-    """Medians of A, B and L over the steps, each fitted alone to few rows: a search that begins
-    elsewhere may find that every slider runs away at the end of a hold. None where no step tells
-    them."""
+    """Medians of A, B and L over fits of single steps with few rows; None if no step determines
+    them. From other starts every slider may run away at the end of a hold."""
     found = []
     few = dataclasses.replace(how, rows=min(how.rows, _START_ROWS))
     for step in fit_run(record, events, few, progress=progress).steps:
@@ -204,8 +203,8 @@ def _start(
 
 
 def _levels(joined: Joined, train: np.ndarray) -> np.ndarray:
-    """Friction of every stretch less that of the first, from the ends of the phases that train:
-    a level for each and one dependence on ln V."""
+    """Friction of every stretch minus that of the first, from the ends of the train phases, by
+    least squares: one level per stretch and a common slope over ln V."""
     stretches, rows, values = len(joined.stretches), [], []
     time = joined.record.time
     for k, phase in enumerate(joined.phases):
@@ -222,7 +221,7 @@ def _levels(joined: Joined, train: np.ndarray) -> np.ndarray:
 
 
 def _in_stretches(problem: Problem, joined: Joined) -> Problem:
-    """The problem with the stretch of every row, and the normal stress of each."""
+    """The problem with the stretch of every row, and the normal stress of each stretch."""
     size = len(problem.time)
     stretch = filled(joined.stretch, size) if len(joined.stretches) > 1 else None
     stress = joined.stress()
@@ -237,9 +236,9 @@ def _in_stretches(problem: Problem, joined: Joined) -> Problem:
 
 
 def _left_out(joined: Joined) -> np.ndarray:
-    """Rows left out of the run before every row (n,), at the pace of those that follow.
+    """Number of rows of the run left out before every row (n,), at the interval of following rows.
 
-    Between two stretches noise that is forgotten over rows is forgotten, too.
+    It advances the row clock, so that noise correlated over rows decays between two stretches.
     """
     time, stretch = joined.record.time, joined.stretch
     count = np.zeros(len(time))
@@ -250,7 +249,7 @@ def _left_out(joined: Joined) -> np.ndarray:
 
 
 def _thinned(joined: Joined, rows: int) -> tuple[Joined, tuple[str, ...]]:
-    """The joined run as means over neighbouring rows, none over two phases."""
+    """The joined run averaged over neighbouring rows, never over two phases."""
     edges = np.flatnonzero(np.diff(joined.phase)) + 1
     time = joined.record.time
     cuts = np.append(0.0, 0.5 * (time[edges] + time[edges - 1]))
@@ -269,7 +268,7 @@ def _thinned(joined: Joined, rows: int) -> tuple[Joined, tuple[str, ...]]:
 
 
 def _in_run(joined: Joined, edges: np.ndarray) -> VelocitySteps:
-    """Bounds between the phases in the time of the run."""
+    """Boundaries between the phases, in the time of the run."""
     time = joined.rows.relative_time
     cuts = np.append(0.0, 0.5 * (time[edges] + time[edges - 1]))
     return VelocitySteps(cuts, np.ones(len(cuts)))

@@ -1,9 +1,9 @@
-"""Adds times between the rows at which the sensor of a loop's problem sees friction.
+"""Adds times between the rows at which the sensor of a loop's problem samples friction.
 
-A sensor takes friction as straight from one time to the next, and a lag shorter than the distance
-of rows needs the slope at the row. After a velocity step friction bends within the slip A/K, which
-a machine may cross in one row: with nothing in between, a lag of the sensor was found as one of the
-drive, which is part of the motion and exact.
+A sensor interpolates friction linearly between times, and a lag shorter than the row interval needs
+the slope at the row. After a velocity step friction bends within the slip A/K, which a machine may
+cross within one row. Without intermediate times a sensor lag was identified as a lag of the drive,
+because the drive is part of the motion and exact.
 """
 
 import dataclasses
@@ -16,17 +16,17 @@ from ..fitting.problem import Problem
 # Shares of the distance back to the row before.
 _BETWEEN = np.asarray((1 / 2, 1 / 8, 1 / 32))
 _SHARE, _MOST = 0.25, 1024
-"""Share of all rows that are the coarsest ones, and the most of them: in a longer record the rows
-after a step are finer, or there are more of them where friction does not bend."""
+"""Share of all rows that count as coarsest, and their largest number. Longer records have finer
+rows after a step, or more rows where friction does not bend."""
 
 
 def seen_between(
     problem: Problem, bend: float, length: float, number: int | None = None
 ) -> Problem:
-    """A copy of the problem in which the sensor sees friction before the coarsest rows, too.
+    """A copy of the problem whose sensor also samples friction before the coarsest rows.
 
-    `bend` and `length` [m] are A/K and L. The coarsest rows are those with the most slip since the
-    last one, soon after a step: `number` of them, by default as many in every problem of that size.
+    `bend` and `length` [m] are A/K and L. The coarsest rows are the `number` rows soon after a step
+    with the most slip since the previous row; the default depends on the problem's size only.
     """
     time = np.asarray(problem.time)
     back = np.diff(time, prepend=time[0])

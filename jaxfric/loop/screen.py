@@ -1,8 +1,8 @@
-"""Screens all effects and shapes for those that would explain a residual, to first order.
+"""Screens all effects and shapes, to first order, for those that would explain a residual.
 
-One Jacobian at the null of all effects holds the sensitivities of those without shapes;
-those of every shape of the others come from `Case.shapes`. For each the
-likelihood is profiled over the base's parameters, the amplitudes and the noise.
+One Jacobian at the null of all effects holds the sensitivities of effects without shapes.
+`Case.shapes` gives those of every shape of the others. For each, the likelihood is profiled over
+the base's parameters, the amplitudes and the noise.
 """
 
 import itertools
@@ -22,7 +22,7 @@ from .refit import Candidate
 from .thresholds import SEEN
 
 _KEPT = 8
-"""Shapes of an effect whose likelihood is computed, under each of two noises."""
+"""Shapes of an effect that are preselected for the likelihood, under each of two noises."""
 
 
 class Screened(NamedTuple):
@@ -30,7 +30,7 @@ class Screened(NamedTuple):
 
     id: str
     delta_bic: float
-    """BIC of the base less that with the effect: positive is better."""
+    """BIC of the base minus that with the effect: positive is better."""
     z: np.ndarray
     """Parameters to start a joint fit from."""
 
@@ -49,8 +49,8 @@ class Screening(NamedTuple):
 def sensitivities(
     engine: Engine, current: Candidate, scales: RecordScales, *, addable: bool = False
 ) -> Screening:
-    """Sensitivities at a fit, in train and other rows alike: of all effects, or with `addable` only
-    of those that can be added to it."""
+    """Sensitivities at a fit, in all rows: of all effects, or with `addable` only of those that can
+    be added to the fit."""
     free = engine.free(current.effects)
     present = (*engine.always, *current.effects)
     missing = [e for e in engine.offered if e.id not in present]
@@ -107,7 +107,7 @@ def screen(engine: Engine, current: Candidate, scales: RecordScales) -> list[Scr
         near = [k for k in possible if engine.moderate(current.z, starts[k])]
         chosen = max(near or possible or range(len(found)), key=lambda k: found[k][0])
         (gain, _, i), z = found[chosen], starts[chosen]
-        if not possible:  # the record asks for the opposite of the effect
+        if not possible:  # the record shows the opposite of the effect
             gain = 0.0
         count = fewest + len(engine.model.columns((id,)))
         delta = gain + fewest * np.log(effective[0]) - count * np.log(effective[i])
@@ -139,7 +139,7 @@ def _likeliest(engine: Engine, current: Candidate, seen: Screening) -> Screening
 
 
 def _start(z: np.ndarray, free: np.ndarray, column: Column, weights: np.ndarray) -> np.ndarray:
-    """Parameters at which a linear problem would be solved."""
+    """Parameters after the Gauss-Newton step with coefficients `weights`, at the column's shape."""
     z = np.array(z)
     for place, value in column.shape.items():
         z[place] = value
@@ -149,11 +149,11 @@ def _start(z: np.ndarray, free: np.ndarray, column: Column, weights: np.ndarray)
 
 
 def aliases(engine: Engine, current: Candidate, scales: RecordScales) -> tuple[tuple, np.ndarray]:
-    """Ids, and |cosine| between their sensitivities with the fitted parameters' projected out.
+    """Ids, and |cosine| between their sensitivities orthogonal to those of the fitted parameters.
 
-    The noise is that of the fit. Between effects with several amplitudes the largest cosine of any
-    combination counts; of an effect with shapes the one nearest to the other effect. Effects in
-    the fit stand for themselves.
+    The noise is that of the fit. For effects with several amplitudes the largest cosine of any
+    combination counts, for effects with shapes that of the closest shape. Effects in the fit have
+    their fitted shape.
     """
 
     def seen(gone: str) -> tuple[Screening, np.ndarray] | None:
@@ -170,7 +170,7 @@ def aliases(engine: Engine, current: Candidate, scales: RecordScales) -> tuple[t
 def _whitened(
     engine: Engine, current: Candidate, scales: RecordScales
 ) -> tuple[Screening, np.ndarray]:
-    """Sensitivities, as they are and whitened by the noise of the fit."""
+    """Sensitivities, raw and whitened by the noise of the fit."""
     seen = _thinned(sensitivities(engine, current, scales))
     white = engine.whiten(seen.matrix * engine.weight[:, None], current.noise)
     return seen, np.concatenate([white, seen.extra])
@@ -179,10 +179,11 @@ def _whitened(
 def _without(
     engine: Engine, current: Candidate, scales: RecordScales, id: str
 ) -> tuple[Screening, np.ndarray] | None:
-    """Sensitivities with effect `id` at its null, raw and whitened; None where the motion fails.
+    """Sensitivities with effect `id` at its null, raw and whitened; None if the simulation fails.
 
-    Whether another can stand in its place is asked where it is absent: beside it the other also
-    changes what the effect does, as a gain of the sensor does, and is alike for that alone.
+    Whether another effect can replace `id` is tested without `id`. With `id` present, the other
+    effect would also change the response to `id`, as a sensor gain does, and be similar for that
+    reason alone.
     """
     z = np.array(current.z)
     z[engine.model.amplitudes(id)] = 0.0
@@ -192,7 +193,7 @@ def _without(
 
 
 def _thinned(seen: Screening) -> Screening:
-    """The sensitivities of no more than a few shapes of every effect, evenly spread."""
+    """The sensitivities of at most a few evenly spread shapes per effect."""
     by_id: dict[str, list[Column]] = {}
     for column in seen.columns:
         by_id.setdefault(column.id, []).append(column)
@@ -210,9 +211,10 @@ def alias_cosines(
     white: np.ndarray,
     absent: Mapping[str, tuple[Screening, np.ndarray]],
 ) -> tuple[tuple[str, ...], np.ndarray]:
-    """Ids, and how alike the whitened sensitivities of every two effects are, shape (e, e): the
-    cosine between them beyond the base, of the least principal angle where an effect has several
-    amplitudes, the largest over all shapes. `absent` has the sensitivities without an effect.
+    """Ids, and |cosines| between the whitened sensitivities of every two effects, shape (e, e).
+
+    Sensitivities are projected orthogonal to the base. The cosine is that of the least principal
+    angle, and the largest over all shapes. `absent` has the sensitivities without an effect.
     """
     free = list(engine.free(current.effects))
     parts: dict[str, list[np.ndarray]] = {}
@@ -222,7 +224,7 @@ def alias_cosines(
         others = [i for i in seen.base if i not in own]
         amplitudes = [free.index(i) for i in engine.model.amplitudes(id)]
         parts[id] = [_beyond(white[:, amplitudes], orthonormal(white[:, others]))]
-        # what is to be told from an effect in the fit is projected without that effect
+        # alternatives to an effect in the fit are projected without that effect
         there, columns = absent[id]
         rest = orthonormal(columns[:, others])
         alone[id] = {id: [_beyond(columns[:, amplitudes], rest)]}
@@ -235,7 +237,7 @@ def alias_cosines(
     matrix = np.eye(len(ids))
     for i, a in enumerate(ids):
         for j, b in enumerate(ids[:i]):
-            # b is in the fit wherever one of the two is: those come first
+            # effects of the fit come first: if only one of the two is in the fit, it is b
             where = alone[b] if b in alone and a not in alone else parts
             pairs = itertools.product(where[a], where[b])
             matrix[i, j] = matrix[j, i] = max((_cosine(p, q) for p, q in pairs), default=0.0)
@@ -265,5 +267,5 @@ def orthonormal(columns: np.ndarray) -> np.ndarray:
 
 
 def _row(columns: tuple[int, ...], width: int) -> list[int]:
-    """Places in the evidence, whose column 0 is the residual; -1 fills up."""
+    """Places in the evidence, whose column 0 is the residual; padded with -1."""
     return [c + 1 for c in columns] + [-1] * (width - len(columns))

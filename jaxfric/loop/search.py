@@ -1,8 +1,8 @@
-"""The search: base, screen, joint refits, backward, swaps. Its state is a `Search`, returned anew.
+"""The search for missing effects: forward selection, backward elimination, swaps.
 
-1. Base fit and its noise. 2. Screen all effects to first order. 3. Refit the
-most promising jointly. 4. Take the best that no gate refuses. 5. Again, as long as there is one;
-then drop what is no longer needed, and try in place of each what is easily taken for it.
+1. Fit the base and its noise. 2. Screen all effects to first order. 3. Refit the most promising
+jointly. 4. Accept the best that no gate refuses. 5. Repeat while there is one; then drop needless
+effects, and try to replace each by its aliases. Each step returns a new `Search`.
 """
 
 from collections.abc import Callable, Sequence
@@ -28,10 +28,10 @@ from .thresholds import (
 
 
 class Search(NamedTuple):
-    """A search, under way or at its end: base, model, and every candidate that was tried."""
+    """The state of a search: base, model, and every tried candidate."""
 
     engine: Engine
-    """With the noise that the base showed."""
+    """Engine with the noise model from the base."""
     base: Candidate
     final: Candidate
     """The model so far."""
@@ -41,24 +41,24 @@ class Search(NamedTuple):
     """The screened effects of every round."""
     ids: tuple[str, ...] = ()
     cosines: np.ndarray = np.eye(0)
-    """How alike the sensitivities of effects `ids` are at the model, see `screen.aliases`."""
+    """|cosines| between the sensitivities of effects `ids` at the model, see `screen.aliases`."""
 
     def trying(self, candidate: Candidate) -> Self:
-        """With one more candidate."""
+        """The search with one more candidate."""
         return self._replace(tried=(*self.tried, candidate))
 
     def taking(self, candidate: Candidate) -> Self:
-        """With another model."""
+        """The search with another model."""
         accepted = (*self.accepted, candidate.effects)
         return self._replace(final=candidate, accepted=accepted)
 
     def best_of(self, effects: Sequence[str]) -> Candidate | None:
-        """The best candidate that was tried with exactly these effects."""
+        """The best tried candidate with exactly these effects."""
         known = [c for c in self.tried if set(c.effects) == set(effects)]
         return min(known, key=lambda c: c.bic, default=None)
 
     def without(self, gone: set[str], candidate: Candidate) -> tuple[Self, Candidate]:
-        """A candidate without some of its effects: the best that was tried, or refitted now."""
+        """A candidate without some of its effects: the best tried one, else a new fit."""
         rest = tuple(e for e in candidate.effects if e not in gone)
         known = self.best_of(rest)
         if known is not None:
@@ -67,7 +67,7 @@ class Search(NamedTuple):
         return self.trying(found), found
 
     def one_less(self, candidate: Candidate) -> Candidate:
-        """The best fit that was tried with one effect less; the base where there is none."""
+        """The best tried fit with one effect less; the base if there is none."""
         own = set(candidate.effects)
         less = [
             c
@@ -85,8 +85,8 @@ def search(
     most: int,
     progress: Callable[[str], None],
 ) -> Search:
-    """Find what the base model lacks. `start`: parameters of the encompassing model to start the
-    base from."""
+    """Find the effects that the base model lacks. `start`: starting parameters of the base, as a
+    vector of the encompassing model."""
     progress("base fit of the train block")
     engine = seek_parts(engine, start)
     engine, base = learn_noise(engine, refit(engine, (), start, exact=True))
@@ -106,7 +106,7 @@ def search(
         now = _swapped(now, scales, progress)
         if now.final is begun:
             break
-        now = _compared(now, scales)  # beside the right effect one that stood in for it is needless
+        now = _compared(now, scales)  # a right effect makes its substitutes needless
     if now.final is not forward:
         now = _exact(now)
         now = _compared(now.taking(now.final), scales)
@@ -114,12 +114,12 @@ def search(
 
 
 def _forward(now: Search, scales: RecordScales, progress: Callable[[str], None]) -> Search:
-    """The search with one more effect, where there is one that no gate refuses.
+    """The search with one more effect, if there is one that no gate refuses.
 
-    Refitted are the most promising, and those that make another law of the base, whose first order
-    says little of them. Of those whose BIC is within `TIE`, which is no evidence, the first of the
-    catalogue is taken. Where what was added before is no longer fixed beside a new effect, it may
-    have stood in for that: then the new one is asked without it.
+    The most promising effects are refitted, and those that turn the base into another law, for
+    which first order is unreliable. Among candidates within `TIE` of the best BIC, the first of the
+    catalogue is accepted. If a new effect makes an earlier one undetermined, the earlier one may
+    have been its substitute: the new effect is then tried without it.
     """
     engine, current = now.engine, now.final
     missing = engine.addable(current.effects)
@@ -134,7 +134,7 @@ def _forward(now: Search, scales: RecordScales, progress: Callable[[str], None])
         for k, one in enumerate(found)
         if (k < REFITS and one.delta_bic >= 0)
         or one.id in laws
-        or len(now.tried) + k <= 2  # two of the base are fitted in any case, for comparison
+        or len(now.tried) + k <= 2  # two on the base are always fitted
     ]
 
     def fitted(place: int, one: Screened) -> Candidate:
@@ -164,8 +164,8 @@ def _forward(now: Search, scales: RecordScales, progress: Callable[[str], None])
 def _without_loose(
     now: Search, candidate: Candidate, loose: Sequence[str], kept: str
 ) -> tuple[Search, Candidate | None]:
-    """Refitted without the effects whose parameters are `loose`; None where `kept` is one of them,
-    or that model cannot be."""
+    """The candidate refitted without the effects whose parameters are `loose`; None if `kept` is
+    one of them, or if that fit is impossible or failed."""
     gone = {name.split(".")[0] for name in loose}
     if kept in gone:
         return now, None
@@ -174,7 +174,7 @@ def _without_loose(
 
 
 def _exact(now: Search) -> Search:
-    """The model fitted to the end, unless that is no better; it takes its place among `tried`."""
+    """The search with its model fitted to convergence, also in `tried`; unchanged if no better."""
     rough = now.final
     found = refit(now.engine, rough.effects, rough.z, exact=True)
     if found.failed or not found.physical or found.bic > rough.bic:
@@ -186,7 +186,7 @@ def _exact(now: Search) -> Search:
 
 
 def _compared(now: Search, scales: RecordScales) -> Search:
-    """With how alike all effects are at the model."""
+    """The search with the alias cosines at its model."""
     ids, cosines = aliases(now.engine, now.final, scales)
     return now._replace(ids=ids, cosines=cosines)
 
@@ -202,14 +202,14 @@ def _at_null(engine: Engine, z: np.ndarray, ids: set[str]) -> np.ndarray:
 def refit_safely(
     engine: Engine, effects: tuple[str, ...], one: Screened, current: Candidate
 ) -> Candidate:
-    """Refit from the first-order start or, while that runs away, from a part of the effect; at last
-    from the fit of the law that the effect alone would be (`AbstractEffect.law`).
+    """Refit from the first-order start. While that fails, start from a part of the effect, and last
+    from the fit of the law that the effect turns the base into (`AbstractEffect.law`).
 
-    `current` is a fit without the effect. Where two sensitivities are nearly one (a second state
-    whose length is that of the first), their amplitudes to first order are opposite and a hundred
-    times what they can be. A fit whose train rows are less likely than without the effect, which it
-    has at its null, is lost too. One that fits them well and does not predict the select rows is
-    not: nearer it ends in the same place.
+    `current` is a fit without the effect. If two sensitivities are nearly parallel (a second state
+    with the length of the first), first-order amplitudes are opposite and a hundred times too
+    large. A fit that is less likely on the train rows than without the effect also failed, as the
+    effect at its null is as likely. A good fit that predicts the validation rows badly has not
+    failed: a nearer start ends in the same place.
     """
     own = engine.model.columns((one.id,))
 
@@ -234,7 +234,7 @@ def refit_safely(
 
 
 def _without_needless(now: Search) -> Search:
-    """Drop effects whose absence BIC prefers, one after another."""
+    """Drop effects one after another while this lowers BIC."""
     for id in now.final.effects if len(now.final.effects) > 1 else ():
         now, fewer = now.without({id}, now.final)
         if not fewer.failed and fewer.physical and fewer.bic < now.final.bic:
@@ -243,10 +243,10 @@ def _without_needless(now: Search) -> Search:
 
 
 def _swapped(now: Search, scales: RecordScales, progress: Callable[[str], None]) -> Search:
-    """The best of this model and of those with an effect replaced by one easily taken for it.
+    """The best of this model and of those with one effect replaced by an alias.
 
-    Where a better effect leaves others of the model no longer fixed, those may have stood in for
-    it: it is then tried without them. One whose fits have all failed is tried from what is left.
+    If a better effect makes others of the model undetermined, these may have been its substitutes:
+    it is then tried without them. An alias whose fits all failed starts from the other effects.
     """
     engine, current, asked = now.engine, now.final, []
     for id in current.effects:
@@ -273,7 +273,7 @@ def _swapped(now: Search, scales: RecordScales, progress: Callable[[str], None])
     for (_, other, _), candidate in zip(asked, engine.each(fitted, asked), strict=True):
         trial = Trial(engine, scales, best, candidate, now.one_less(candidate))
         able = candidate.physical and not candidate.failed
-        near = able and trial.gain > -ACCEPT  # a rival at least
+        near = able and trial.gain > -ACCEPT  # at least a rival
         why = refusal_of(trial, IN_PLACE if trial.gain > TIE else IN_PLACE[1:]) if near else None
         now = now.trying(candidate._replace(refused=why))
         if why is not None and why.fault is Fault.NOT_FIXED and trial.gain > TIE:
@@ -287,8 +287,8 @@ def _swapped(now: Search, scales: RecordScales, progress: Callable[[str], None])
 
 
 def _with_rivals_asked(now: Search, scales: RecordScales) -> Search:
-    """Fits about as good as the model, asked whether they take what the base had: then they are no
-    rivals."""
+    """The search with refusals of fits about as good as the model that take over parameters of the
+    base: these are no rivals."""
 
     def asked(c: Candidate) -> Candidate:
         if not c.effects or c.failed or not c.physical:

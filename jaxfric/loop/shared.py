@@ -1,11 +1,10 @@
-"""Derivatives by the times of many velocity steps, several times in one direction.
+"""Derivatives by the times of many velocity steps, several step times per direction.
 
-A step that comes later changes friction from there until the slider has forgotten it, after some
-slips of L. Steps far from each other can so be moved together: what changes between one of them
-and the next is its own. What is never forgotten is where the slider is: the load point trails by
-dV dt from then on, which matters to friction that follows slip. All steps have that in common, so
-it is seen in the first one, moved alone. Whether there was more shows in the rows before the next
-step of the group comes.
+Delaying a step changes friction from that step until the slider has slipped a few L. So steps far
+from each other can be delayed together: the change between one of them and the next belongs to the
+first. One change is permanent: the load point trails by dV dt, which matters if friction depends on
+slip. It is the same for all steps, so it is taken from the first step, delayed alone. The rows
+before the next step of the group show whether anything else remains.
 
 Source: Curtis, Powell and Reid, On the estimation of sparse Jacobian matrices, J. Inst. Maths
 Applics 13 (1974).
@@ -21,13 +20,13 @@ _FORGOTTEN = 0.01
 
 
 class SharedShifts:
-    """The shifts of step times that are parameters: the first, and groups of the others, each of
-    steps that follow each other `_GROUPS` steps apart.
+    """The shifts of step times that are parameters: the first alone, and groups of the others, each
+    of every `_GROUPS`-th step.
 
     `shifts` are their indices in the parameters and `begins` the times of their steps, both
-    ascending; `trails` by how much the load point trails after each, a shift being 1. `time` is
-    that of the rows of one channel; the residual has all `channels` one after the other, and then a
-    row for each of the last parameters, the shifts that there are.
+    ascending. `trails` is the displacement by which a shift of 1 delays the load point. `time` is
+    that of the rows of one channel. The residual has all `channels` in turn, then one row for each
+    shift.
     """
 
     def __init__(
@@ -45,8 +44,8 @@ class SharedShifts:
         self._group = np.where(order == 0, 0, 1 + (order - 1) % _GROUPS)
 
     def directions(self, index: Int[np.ndarray, " m"], size: int) -> Float[np.ndarray, "d q"]:
-        """What to differentiate along for the parameters of `index`, of `size`: those that are no
-        shifts one by one, then the first shift, then the groups."""
+        """Directions of differentiation for the parameters of `index`, out of `size`: first those
+        that are not shifts, one by one, then the first shift, then the groups."""
         alone = index[~np.isin(index, self.shifts)]
         found = np.zeros((len(alone) + 1 + _GROUPS, size))
         found[np.arange(len(alone)), alone] = 1.0
@@ -56,8 +55,8 @@ class SharedShifts:
     def jacobian(
         self, along: Float[np.ndarray, "r d"], index: Int[np.ndarray, " m"], size: int
     ) -> Float[np.ndarray, "r m"] | None:
-        """The Jacobian by `index` from the derivatives along its `directions`; None where a step
-        was not forgotten when the next of its group came."""
+        """The Jacobian by `index` from the derivatives along its `directions`; None if the response
+        to a step has not decayed before the next step of its group."""
         is_shift = np.isin(index, self.shifts)
         alone = len(index) - int(is_shift.sum())
         found = np.zeros((len(along), len(index)))
@@ -75,8 +74,8 @@ class SharedShifts:
         return found
 
     def _own(self, shared: Float[np.ndarray, "n d"]) -> Float[np.ndarray, "n k"] | None:
-        """What each shift changes in the rows of a channel; None where what is left of one shows
-        beside it or the next of its group."""
+        """Derivative of the rows of a channel by each shift; None if the remainder of one is not
+        small compared with itself and with the next of its group."""
         found, ends = np.zeros((self.rows, len(self.trails))), self.first[_GROUPS:]
         found[:, 0] = shared[:, 0]
         trailing = shared[:, 0] / self.trails[0]

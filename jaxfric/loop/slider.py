@@ -1,4 +1,4 @@
-"""What the loop is given of a slider's record: its problem with all effects, and its base fit."""
+"""The subject of a loop for a slider's record: its problem with all effects, and its base fit."""
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
@@ -54,12 +54,12 @@ def slider_subject(
     thinning: Sequence[str] = (),
     details: Callable[[Score], LoopDetails | None] | None = None,
 ) -> Subject[Problem]:
-    """A slider's record as one motion, and its base fit.
+    """The subject of a slider's record and its base fit.
 
-    `found_steps` are those that the load point shows, `fitted_times` of them where the fit put them
-    [s]; `levels` the friction of later stretches less that of the first; `changed` gives the
-    problem what else the record has. `shown` are record and base as reports see them, `thinning`
-    sentences on the rows that were left out; `details` gives further results from the score after.
+    `found_steps` are the steps detected in the load point, `fitted_times` their fitted times [s].
+    `levels` is the friction of later stretches minus that of the first. `changed` adds further
+    properties of the record to the problem. `shown` are record and base for reports, `thinning`
+    warnings about averaging; `details` makes further results from the score after.
     """
     known, more, shown = base_fit.parameters, dict(levels or {}), shown or (record, base_fit)
     problem, felt = _problem_of(record, base_fit, found_steps, blocks, asked.effects, len(more))
@@ -94,7 +94,7 @@ def slider_subject(
 
 
 def edge_of(base_fit: Fit) -> float | None:
-    """K/K_cr of the base fit; None where the record shows no critical stiffness."""
+    """K/K_cr of the base fit; None if the record determines no critical stiffness."""
     if base_fit.claim().kind != "critical":
         return None
     return base_fit.values()["K"] / base_fit.critical_stiffness()
@@ -103,8 +103,7 @@ def edge_of(base_fit: Fit) -> float | None:
 def slider_warnings(
     engine: Engine[Problem], found: Search, record: Record, base_fit: Fit, edge: float | None
 ) -> list[str]:
-    """Warnings of the base fit except on its noise and on what the loop asks itself, and those of
-    the loop."""
+    """Warnings of the base fit, except those on noise or missing effects, and those of the loop."""
     own = noise_words(base_fit.noise, record)
     warnings = repeated([text for text in base_fit.warnings if text not in own])
     if edge is not None and edge < NEAR_EDGE:
@@ -125,8 +124,8 @@ def _start_of(
     found_steps: VelocitySteps,
     fitted_times: np.ndarray | None,
 ) -> np.ndarray:
-    """Parameters of a base with these values, effects at their null; with shifts of step times from
-    those that the load point shows to the fitted ones [s], where they are known."""
+    """Parameters of a base with these values and effects at their null. Shifts of step times lead
+    from the detected to the fitted times [s] if these are known."""
     natural = [values[name] for name in case.model.base.names()] + case.model.nulls()
     z = case.problem.coordinates.to_free(np.asarray(natural))
     if found_steps.time_errors is None or fitted_times is None:
@@ -138,7 +137,7 @@ def _start_of(
 
 
 def scales_of(record: Record, steps: VelocitySteps, slip_length: float) -> RecordScales:
-    """Sizes of a record with these steps; `slip_length` is L [m]."""
+    """Scales of a record with these steps; `slip_length` is L [m]."""
     time = record.relative_time
     inside = np.clip(np.append(steps.times, time[-1]), 0, time[-1])
     ends = np.asarray(steps.displacement(inside))
@@ -156,7 +155,7 @@ def scales_of(record: Record, steps: VelocitySteps, slip_length: float) -> Recor
 
 
 def with_channels(record: Record, law: str, asked: Offered, *, stress: bool) -> Offered:
-    """The offer without the effects that the law cannot have, or that need a column which the
+    """The offer without the effects that the law does not allow, or that need a column that the
     record lacks."""
     refuse_untaken(law, (e for e in asked.effects if e.id in asked.with_))
     taken = asked._replace(effects=tuple(e for e in asked.effects if takes(law, e)))
@@ -189,11 +188,11 @@ def _problem_of(
     effects: tuple[type[AbstractEffect], ...],
     levels: int,
 ) -> tuple[Problem, np.ndarray]:
-    """The problem with all effects and `levels`, and which shifts of step times are felt.
+    """The problem with all effects and `levels`, and the indices of shifts that matter.
 
-    It is scaled by the values of the base fit. It has a shift for every step, felt or not, so that
-    records differ in numbers only and share what is compiled. The shifts are from the times that
-    the load point shows: those of the base fit have followed the friction, and hide a lag.
+    It is scaled by the values of the base fit. It has a shift for every step, so that all records
+    share the compiled functions. Shifts are relative to the times detected in the load point: the
+    times of the base fit follow friction and would hide a lag.
     """
     values = base_fit.values()
     problem = prepare(
@@ -221,7 +220,7 @@ def _problem_of(
 def _channels(
     record: Record, steps: VelocitySteps, blocks: Blocks, size: int
 ) -> tuple[Channel, ...]:
-    """Slip and load-point encoder where the record has them, padded to `size` rows."""
+    """Slip and load-point encoder, if the record has them, padded to `size` rows."""
     found, commanded = [], record.load_point_displacement
     if commanded is None:
         commanded = steps.displacement(record.relative_time)
@@ -240,7 +239,7 @@ def _channels(
 
 
 def _finer(engine: Engine[Problem], base: Candidate) -> float:
-    """Change of the prediction under a ten times finer solver, in sigma of the noise."""
+    """Change of the prediction with a ten times smaller solver tolerance, in sigma of the noise."""
     evaluator = engine.evaluator
     if engine.always:
         problem, z = evaluator.simulated(base.z, evaluator.problem), base.z
@@ -255,8 +254,8 @@ def _finer(engine: Engine[Problem], base: Candidate) -> float:
 
 
 def repeated(warnings: Sequence[str]) -> list[str]:
-    """The warnings of a fit that a loop repeats, with its option: it asks itself what a fit whose
-    residual is large or wanders may lack."""
+    """The warnings of a fit that a loop repeats, with the loop's option. Warnings about a large or
+    wandering residual are dropped, since the loop searches for the cause."""
     return [
         text.replace("--slip-trend", "--include slip_trend")
         for text in warnings

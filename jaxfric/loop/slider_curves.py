@@ -1,4 +1,4 @@
-"""Steady curves of a slider's friction, sent through its linearised motion."""
+"""Steady curves of a slider's friction, and their response in its linearised motion."""
 
 import jax
 import jax.numpy as jnp
@@ -22,10 +22,10 @@ _LATE = "evolution_cutoff"
 
 
 def slider_curves(engine: Engine[Problem], final: Candidate, velocities: np.ndarray) -> CurveRig:
-    """The curves of a fit, at the `velocities` [m/s] of the steps.
+    """The steady curves of a fit, at the `velocities` [m/s] of the steps.
 
-    A curve of another shape acts at once, as the base's A ln V does, or over the slip length, as
-    -B ln V does, where those of the fit act so.
+    A curve of another shape acts as those of the fit: at once, like A ln V, or over the slip
+    length, like -B ln V.
     """
     effects = tuple(id for id in final.effects if id in STEADY_CURVES)
     known = engine.blocks.train | engine.blocks.select
@@ -46,7 +46,7 @@ def slider_curves(engine: Engine[Problem], final: Candidate, velocities: np.ndar
 
 
 def _level(problem: Problem, z: np.ndarray, V: np.ndarray) -> np.ndarray:
-    """Friction of steady sliding, without what has states of its own or follows slip or time."""
+    """Friction of steady sliding, without terms that have states or depend on slip or time."""
     law = rig_at(problem, z).friction
     assert isinstance(law, ExtendedLaw)
     padded = filled(V, bucket(len(V)))
@@ -67,7 +67,7 @@ def _levels(law: ExtendedLaw, V: Float[Array | np.ndarray, " n"]) -> Float[Array
 def _sent(
     engine: Engine[Problem], final: Candidate, curve: Curve, *, late: bool
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Columns of 1, ln V at once, ln V over the slip length, and of a curve."""
+    """Responses to 1, ln V at once, ln V over the slip length, and to a curve."""
     response = linear_response(
         engine.evaluator.simulated(final.z, engine.problem), jax.device_put(final.z)
     )
@@ -81,8 +81,8 @@ def _sent(
 
 
 def followed(response: Response, curves: np.ndarray) -> np.ndarray:
-    """The state h that follows curves (k+1, c) over the slip length: h' = (V/L) (curve - h), from
-    steady sliding on."""
+    """The state h that relaxes to curves (k+1, c) over the slip length: h' = (V/L) (curve - h),
+    starting in steady sliding."""
     law = response.rig.friction
     assert isinstance(law, ExtendedLaw)
     evolution = evolution_of(law)

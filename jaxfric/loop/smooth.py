@@ -1,16 +1,14 @@
-"""Smooth columns along a record: noise has none of them, so it is estimated without them."""
+"""Smooth columns along a record: noise is estimated after projecting them out."""
 
 import numpy as np
 
 ALONG, _SINCE = 24, 8
-"""Hats along the record: the first columns."""
+"""Numbers of hat functions: along the record (the first columns), and since each step."""
 
 
 def smooth_columns(path: np.ndarray, step: np.ndarray, size: int) -> np.ndarray:
-    """Hats along the path of the whole record, and along the path since each step (shared).
-
-    `path` (n,) and the `step` (n,) of each row; `size` rows come out, those beyond n as 0.
-    """
+    """Hat functions of the path of the whole record, and of the path since a step (all steps share
+    a column). `path` (n,), `step` (n,) of each row; the result has `size` rows, padded with 0."""
     share = (path - path[0]) / max(float(path[-1] - path[0]), 1e-300)
     columns = [_hat(share, k, ALONG) for k in range(ALONG)]
     since = np.zeros(len(path))

@@ -1,7 +1,8 @@
-"""Blocks of a record: what is fitted, what may refuse a model, what is scored once.
+"""Blocks of a record: train ("train"), validation ("select") and test ("report").
 
-Whole velocity steps, never single samples: neighbouring samples share their noise and their
-structure, so a sample left out of a step is no test of anything.
+The train block is fitted, the validation block may refuse a model, the test block is scored once.
+Blocks are whole velocity steps: neighbouring samples share noise and structure, so single held-out
+samples would test nothing.
 """
 
 import itertools
@@ -19,7 +20,7 @@ NAMES = ("train", "select", "report")
 
 
 class Blocks(NamedTuple):
-    """Masks over the rows of a record, and the block of each velocity step."""
+    """Masks over the rows of a record: train, validation (select) and test (report) block."""
 
     train: np.ndarray
     select: np.ndarray
@@ -27,7 +28,7 @@ class Blocks(NamedTuple):
     step: np.ndarray
     """Index of the velocity segment of each row, 0 before the first step."""
     by_step: bool
-    """False where one step had to be cut into before, transient and tail."""
+    """False if a single step had to be cut (before, transient, tail)."""
 
     def of(self, name: str) -> np.ndarray:
         """The mask of a block by its name."""
@@ -37,12 +38,13 @@ class Blocks(NamedTuple):
 def split(time: np.ndarray, steps: VelocitySteps) -> Blocks:
     """Blocks of a record with rows at `time` (from 0) [s].
 
-    With three steps or more: about the last sixth of the steps is the report block, as much
-    before it the select block; where there are steps enough, the first at the fastest and the
-    first at the slowest velocity train. With two, the second is the report block and the last
-    quarter of the first, by displacement, the select block. A single step is cut into before and
-    transient (the first 60 %), which train, and tail, whose halves select and report. A hold and
-    what follows it are one step; where there are three or more, that of the longest hold trains.
+    With three steps or more, about the last sixth of the steps is the test block, and as many
+    before it are the validation block. If there are enough steps, the first at the fastest and the
+    first at the slowest velocity train. With two steps, the second is the test block and the last
+    quarter of the first, by displacement, the validation block. Of a single step, the rows before
+    it and its transient (the first 60 %) train; the halves of its tail are validation and test
+    block. A hold and the step after it count as one step; of three or more, the longest hold
+    trains.
 
     Raises
     ------
@@ -71,7 +73,7 @@ def split(time: np.ndarray, steps: VelocitySteps) -> Blocks:
 
 
 def trained_steps(speeds: Sequence[float] | np.ndarray) -> np.ndarray:
-    """Which of the velocities of a record train, by `split`, over most of their rows (n,)."""
+    """Mask of the velocities of a record whose rows mostly train, according to `split` (n,)."""
     number = np.arange(len(speeds))
     last = len(speeds) - 1
     if last < 3:
@@ -82,14 +84,14 @@ def trained_steps(speeds: Sequence[float] | np.ndarray) -> np.ndarray:
 def followed(
     speeds: Sequence[float], new: Sequence[float], after: Sequence[float]
 ) -> tuple[float, ...]:
-    """The velocities with `new` ones appended, and after them as many of `after`, over and over, as
-    it takes for all that is new to train: what is held back decides nothing."""
+    """The velocities with `new` ones appended, and then `after`, repeated until all new ones train:
+    held-out velocities cannot support an effect."""
     place = slice(len(speeds), len(speeds) + len(new))
     return grown((*speeds, *new), after, lambda found: bool(np.all(trained_steps(found)[place])))
 
 
 def repeated(speeds: Sequence[float]) -> tuple[float, ...]:
-    """The velocities with the first again at the end, where it trains; as they are if it does."""
+    """The velocities with the first one repeated so that it trains; unchanged if it already is."""
     if comes_back(speeds):
         return tuple(speeds)
     first, *others = speeds
@@ -98,7 +100,7 @@ def repeated(speeds: Sequence[float]) -> tuple[float, ...]:
 
 
 def comes_back(speeds: Sequence[float]) -> bool:
-    """Whether the first velocity comes again, after others, where it trains."""
+    """Whether the first velocity occurs again, after others, in the train block."""
     trained = trained_steps(speeds)
     return any(v == speeds[0] and ok for v, ok in zip(speeds[2:], trained[2:], strict=True))
 
@@ -106,7 +108,7 @@ def comes_back(speeds: Sequence[float]) -> bool:
 def grown(
     speeds: Sequence[float], after: Sequence[float], enough: Callable[[list[float]], bool]
 ) -> tuple[float, ...]:
-    """The velocities with as many of `after` appended, over and over, as are `enough`."""
+    """The velocities with `after` appended in a cycle until there are `enough`."""
     found = list(speeds)
     for more in itertools.cycle(after):
         if enough(found):
@@ -118,12 +120,12 @@ def grown(
 def split_units(
     time: np.ndarray, phase: np.ndarray, unit: np.ndarray, velocity: np.ndarray, path: str
 ) -> Blocks:
-    """Blocks of a run: `time` [s] and `phase` of every row (n,), the `unit` of every phase (p,),
-    that is the step or hold that it belongs to, -1 for sliding before any, and its velocity [m/s].
+    """Blocks of a run: `time` [s] and `phase` of every row (n,), `unit` and velocity [m/s] of every
+    phase (p,). A unit is a step or hold; -1 is sliding before the first one.
 
-    As by `split`: about the last sixth of the units reports, as much before it selects. What
-    slides before a step or hold trains with the one before it. The longest hold trains: laws of
-    friction differ in holds by more than in steps, and the more, the longer.
+    As in `split`, about the last sixth of the units is the test block, and as many before it the
+    validation block. Sliding before a step or hold belongs to the previous unit. The longest hold
+    trains, because friction laws differ most in long holds.
 
     Raises
     ------
@@ -144,9 +146,9 @@ def split_units(
 def split_again(
     time: np.ndarray, phase: np.ndarray, unit: np.ndarray, velocity: np.ndarray, before: Blocks
 ) -> Blocks | None:
-    """Blocks that hold out other units than `before`, as many where there are; the rest trains.
+    """Blocks that hold out other units than `before`, if possible as many; the rest trains.
 
-    Arguments as of `split_units`. None where fewer than two are left, or their rows are too few.
+    Arguments as in `split_units`. None if fewer than two units remain, or too few rows.
     """
     known = np.unique(unit[phase[before.select | before.report]])
     within = np.setdiff1d(_within(*_of_units(time, phase, unit, velocity)), known)
@@ -158,8 +160,8 @@ def split_again(
 
 
 def _with_held(unit: np.ndarray, segment: np.ndarray, held: np.ndarray) -> Blocks:
-    """Blocks of whole units: of those `held`, the first half selects and the last reports; `unit`
-    and `segment` of every row."""
+    """Blocks of whole units: the first half of the `held` ones is the validation block, the second
+    half the test block; `unit` and `segment` of every row."""
     half = len(held) // 2
     select, report = np.isin(unit, held[:half]), np.isin(unit, held[half:])
     return Blocks(~(select | report), select, report, segment, True)
@@ -170,7 +172,7 @@ def _of_units(
 ) -> tuple[np.ndarray, list[int]]:
     """The speed of every unit of a run, and the unit of the longest hold, if there is one."""
     speed = np.array([velocity[unit == k].max() for k in range(int(unit.max()) + 1)])
-    # no row of a hold may be left: it lasts from the row before to the row after
+    # a hold may have no rows left: its duration is from the row before to the row after
     number = np.arange(len(velocity))
     first, end = np.searchsorted(phase, number), np.searchsorted(phase, number, side="right")
     lasts = time[np.minimum(end, len(time) - 1)] - time[np.maximum(first - 1, 0)]
@@ -179,7 +181,7 @@ def _of_units(
 
 
 def refuse_short(blocks: Blocks) -> None:
-    """Raises `InputError` where a block has fewer than 20 rows."""
+    """Raise `InputError` if a block has fewer than 20 rows."""
     for name in NAMES:
         rows = int(blocks.of(name).sum())
         if rows < FEWEST_ROWS:
@@ -190,14 +192,13 @@ def refuse_short(blocks: Blocks) -> None:
 
 
 def _within(speed: np.ndarray, hold: Sequence[int] = (), first: int = 0) -> np.ndarray:
-    """Units from `first` on within velocities that train, but for that of a `hold`: they may be
-    held out."""
+    """Units from `first` on that may be held out: not a `hold`, and within the trained speeds."""
     return np.setdiff1d(np.arange(first, len(speed)), [*_ends(speed), *hold])
 
 
 def _held_out(speed: np.ndarray, hold: Sequence[int] = (), first: int = 0) -> np.ndarray:
-    """The last units `_within`, in order: about a sixth of all select, and as many report. Where
-    there are too few, the last but for that of a `hold`."""
+    """The held-out units: the last ones of `_within`, about a sixth of all for validation and as
+    many for test. If these are too few, the last ones except a `hold`."""
     number = 2 * max(1, round((len(speed) - first) / 6))
     within = _within(speed, hold, first)
     if len(within) < number:
@@ -206,22 +207,22 @@ def _held_out(speed: np.ndarray, hold: Sequence[int] = (), first: int = 0) -> np
 
 
 def _longest_hold(time: np.ndarray, steps: VelocitySteps, first: np.ndarray) -> list[int]:
-    """The step with the longest hold, if there is one; steps begin with the velocities `first`."""
+    """The step with the longest hold, if any; steps begin at the velocities with index `first`."""
     rests = np.where(steps.velocities == 0, np.diff(np.append(steps.times, time[-1])), 0.0)
     longest = [int(np.searchsorted(first, np.argmax(rests), side="right")) - 1]
     return longest if rests.max() > 0 else []
 
 
 def _ends(speed: np.ndarray) -> set[int]:
-    """The first of the fastest and of the slowest: what is held back is predicted within the
-    velocities that were trained."""
+    """The first of the fastest and of the slowest units. They train, so that held-out units are
+    interpolated, not extrapolated, in velocity."""
     fastest = int(np.argmax(speed >= SAME_VELOCITY * speed.max()))
     return {fastest, int(np.argmax(speed <= speed.min() / SAME_VELOCITY))}
 
 
 def _share(time: np.ndarray, steps: VelocitySteps, k: int, end: int) -> np.ndarray:
-    """Share of the displacement from velocity k up to velocity `end` that lies behind every row
-    (n,)."""
+    """Completed share, at every row (n,), of the displacement from the start of velocity k to that
+    of velocity `end`."""
     last = steps.times[end] if end < len(steps) else time[-1]
     begin, stop = np.asarray(steps.displacement(np.asarray([steps.times[k], last])))
     x = np.asarray(steps.displacement(time)) - begin

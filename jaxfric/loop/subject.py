@@ -1,7 +1,7 @@
-"""A case with what the loop and its results ask of a kind of record.
+"""A case with the functions that the loop and its results need for a kind of record.
 
-Three functions make one: `slider.slider_subject` of a record of steps or of a run (`run`), and
-`axis.loop.axis_subject`. The rest of the loop does not know what moved.
+`slider.slider_subject` makes one for a record of steps or a run (`run`), `axis.loop.axis_subject`
+for an axis. The rest of the loop is the same for all.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -26,7 +26,7 @@ class ScoredRows(NamedTuple):
     """Rows over which the errors of a model are reported, by velocity or by stroke."""
 
     used: np.ndarray
-    """Mask of the rows that count."""
+    """Mask of the used rows."""
     part: np.ndarray
     """Index of the velocity or stroke of every row."""
     parts: int
@@ -37,36 +37,34 @@ class ScoredRows(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Subject(Generic[P]):
-    """A case with what the loop and its results ask of this kind of record.
+    """A case with the functions that the loop and its results need for this kind of record.
 
-    Functions are of the engine that has learnt the record's noise: it knows the rows that are
-    glitches.
+    They are called with the engine after the noise estimate, which excludes outliers.
     """
 
     case: Case[P]
     start: np.ndarray
-    """Parameters of the base, the effects at their null."""
+    """Parameters of the base, with all effects at their null."""
     scales: RecordScales
-    """Sizes of the record, for starting values of shapes."""
+    """Scales of the record, for starting values of shapes."""
     friction_unit: str
     kind: Literal["slider", "axis"]
     bumps: Callable[[Engine[P], Candidate], Sequence[Bumps]]
-    """Bumps over the variables on which missing friction may depend."""
+    """Bumps over the variables that missing friction may depend on."""
     curves: Callable[[Engine[P], Candidate], CurveRig]
     """The steady curves of a fit."""
     rows: Callable[[Engine[P]], ScoredRows]
     """The rows over which errors are reported."""
     named: Callable[[Mapping[str, Estimate]], dict[str, Estimate]]
-    """Parameters of a fit as they are reported: in the units of the rig, and with those that are
-    not fitted."""
+    """Parameters of a fit for reports: in the units of the rig, including given parameters."""
     shown: Callable[[Engine[P]], tuple[LoopRecord, LoopBase]]
-    """Record and base as reports see them."""
+    """Record and base for reports."""
     warnings: Callable[[Engine[P], Search], tuple[str, ...]]
     """Warnings about the record, its preparation and the fits."""
     details: Callable[[Engine[P], Search, Score, float, Callable[[str], None]], LoopDetails | None]
-    """Further results of this kind of rig, from the score after, and from the root mean square of
-    what the model leaves of the report block beyond its noise [unit of friction]; and progress."""
+    """Further results for this kind of rig, from the score after, the rms test error beyond its
+    noise [unit of friction], and a progress callback."""
     edge: float | None = None
-    """K/K_cr of the base; None where there is no critical stiffness."""
+    """K/K_cr of the base; None if there is no critical stiffness."""
     withheld: Finding | None = None
-    """Why nothing at all may be said of what is missing; None as a rule."""
+    """The reason for making no claim about missing effects; usually None."""

@@ -1,6 +1,6 @@
-"""Models that explain more than the one that was taken, but whose parameters a record leaves open.
+"""Models that are likelier than the accepted one, but whose parameters a record leaves open.
 
-Where there are some, what is missing may well be in the catalogue: the record does not tell.
+If there are any, the missing effect may be in the catalogue, but the record does not determine it.
 """
 
 from collections.abc import Iterable, Sequence
@@ -14,17 +14,17 @@ _OPEN = (Fault.NOT_FIXED, Fault.TAKES)
 
 
 class Unfixed(NamedTuple):
-    """A model that was not taken, and how much lower its BIC is than that of the model taken."""
+    """A refused model; `lower` is the BIC of the accepted model minus its own."""
 
     effects: tuple[str, ...]
     lower: float
     refused: Refusal
-    """That its parameters are not fixed, or what it takes of the base: of such a model the record
-    may fix all others."""
+    """Parameters are undetermined, or taken over from the base; other parameters may be
+    determined."""
 
 
 class _Refused(Protocol):
-    """A model that was tried."""
+    """A tried model."""
 
     @property
     def effects(self) -> Sequence[str]: ...
@@ -33,12 +33,12 @@ class _Refused(Protocol):
 
 
 def unfixed(models: Iterable[tuple[_Refused, float]], taken: float) -> list[Unfixed]:
-    """The most likely models that were refused as not fixed, or for what they take of the base, if
-    BIC decides for them.
+    """The likeliest models refused as undetermined, or for taking over parameters of the base, if
+    their BIC is lower by more than `ACCEPT`.
 
-    `models` are those tried and the fall of BIC that they bring; `taken` is that of the model that
-    was taken. At most three that are about as good, the best first;
-    none that is another one with more effects, which are not fixed beside it.
+    `models` are the tried ones with their reductions of BIC; `taken` is that of the accepted model.
+    At most three that are about as good, best first. Models that contain another one of these are
+    omitted, since their additional effects are undetermined.
     """
     found: dict[frozenset[str], Unfixed] = {}
     for model, gain in models:

@@ -1,4 +1,4 @@
-"""From a search, and from what its model leaves, to a verdict: one table, and the reasons."""
+"""From a search and the residual of its model to a verdict: one table, and the reasons."""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -22,20 +22,20 @@ from .unfixed import Unfixed, unfixed
 
 
 class Facts(NamedTuple):
-    """What a verdict follows from."""
+    """The facts that determine a verdict."""
 
     named: bool = False
-    """The search took effects."""
+    """The search accepted effects."""
     left: bool = False
-    """What the model leaves is more than noise: structure, or a block that it misses."""
+    """The residual is more than noise: structure, or a large error of a block."""
     open: bool = False
-    """Something else explains as much: a rival, another curve, an alias that no fit tells."""
+    """Something else explains as much: a rival, another curve, an alias without a good fit."""
     seen: bool = False
-    """The base is off by more than noise in the rows that it was fitted to."""
+    """The train error of the base exceeds the noise."""
     hinted: bool = False
-    """An effect comes near to explaining what is left."""
+    """An effect lowers BIC by less than `ACCEPT` but more than `TIE`."""
     withheld: bool = False
-    """Nothing may be said, see `withheld_by`."""
+    """No claim may be made, see `withheld_by`."""
 
 
 TABLE: tuple[tuple[Callable[[Facts], bool], str], ...] = (
@@ -47,16 +47,16 @@ TABLE: tuple[tuple[Callable[[Facts], bool], str], ...] = (
     (lambda so: so.seen and not so.hinted, "outside_catalogue"),
     (lambda so: True, "too_weak"),
 )
-"""Conditions in order, and the verdict of the first that holds."""
+"""Conditions in order; the first one that holds gives the verdict."""
 
 
 def verdict_of(facts: Facts) -> str:
-    """The verdict by `TABLE`."""
+    """The verdict according to `TABLE`."""
     return next(verdict for condition, verdict in TABLE if condition(facts))
 
 
 class Told(NamedTuple):
-    """What the sentence of a verdict tells; errors are of the report block, in sigma."""
+    """Values for the sentence of a verdict; errors are those of the test block, in sigma."""
 
     effects: tuple[str, ...]
     before: float
@@ -66,17 +66,17 @@ class Told(NamedTuple):
     p_value: float
     """The smallest p-value of the residual tests."""
     gain: float
-    """Fall of BIC from the base to the model."""
+    """Reduction of BIC from the base to the model."""
     rivals: Sequence[tuple[str, str]] = ()
-    """Pairs of an effect found, and one that may be in its place."""
+    """Pairs of an effect found and its possible replacement."""
     closer: Sequence[Unfixed] = ()
     location: tuple[LocationProfile, ...] = ()
     velocities: Sequence[float] | np.ndarray = ()
-    """Those of the record, in their order."""
+    """Velocities of the record, in order."""
 
     @property
     def helped(self) -> bool:
-        """Whether the test error falls, by the two digits that are shown."""
+        """Whether the test error falls, as shown with two decimals."""
         return round(self.after, 2) < round(self.before, 2)
 
 
@@ -85,9 +85,9 @@ class Conclusion(NamedTuple):
 
     verdict: str
     told: Told | None
-    """None where the verdict is withheld."""
+    """None if the verdict is withheld."""
     findings: tuple[Finding, ...]
-    """What speaks against more."""
+    """Evidence against a stronger verdict."""
     alias_groups: tuple[tuple[str, ...], ...]
     separations: dict[str, str]
     families: tuple[CurveFamily, ...] = ()
@@ -96,18 +96,18 @@ class Conclusion(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """The verdict in words."""
+        """The verdict as text."""
         return said("verdict_text.sentence", self)
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Why not more is said, a line each."""
+        """Reasons against a stronger verdict, a line each."""
         return said("verdict_text.reasons", self)
 
 
 def withheld_by(search: Search, edge: float | None) -> Finding | None:
-    """Why nothing may be said of what a base lacks: it runs away, or `edge`, its K/K_cr, is so near
-    1 that a small misfit of the law looks like a large effect."""
+    """Why no claim may be made about missing effects: the base runs away, or its K/K_cr, `edge`, is
+    so near 1 that a small misfit of the law looks like a large effect."""
     train = search.engine.blocks.train
     if edge is not None and (search.base.failed or edge < EDGE):
         return Finding(LoopCode.EDGE, Severity.WITHHELD, {"ratio": edge}, train)
@@ -119,7 +119,7 @@ def withheld_by(search: Search, edge: float | None) -> Finding | None:
 def facts_of(
     search: Search, against: Sequence[Finding], doubts: Sequence[object], floor: Floor
 ) -> Facts:
-    """The facts of a search: `against` speaks what is left, `doubts` what explains as much."""
+    """The facts of a search. `against`: findings on the residual; `doubts`: other explanations."""
     base = search.base
     gains = [base.bic - c.bic for c in search.tried if c.effects and not c.failed]
     return Facts(
@@ -143,9 +143,9 @@ def conclude(
     moved: Sequence[Move] = (),
     withheld: Finding | None = None,
 ) -> Conclusion:
-    """The conclusion. `edge` is K/K_cr of the base fit, `location` where structure sits,
-    `curve` the shapes that fit in place of the steady curve that the search found, `moved` the
-    headline parameters that move by many of their errors, `withheld` why nothing may be said."""
+    """The conclusion. `edge` is K/K_cr of the base fit, `location` the profiles of missing
+    friction, `curve` other shapes of the steady curve, `moved` the headline parameters that move
+    by many standard errors, `withheld` the reason for making no claim."""
     engine, final = search.engine, search.final
     why = withheld or withheld_by(search, edge)
     if why is not None:
@@ -195,16 +195,16 @@ def conclude(
 
 
 def effect_of_engine(engine: Engine, id: str):
-    """The class of an effect, of the catalogue or the user's own."""
+    """The class of an effect, from the catalogue or the user."""
     own = [e for e in engine.model.effects if e.id == id]
     return own[0] if own else effect_of(id)
 
 
 def _groups(search: Search) -> tuple[tuple[str, ...], ...]:
-    """For every effect found: its id, and those that it cannot be told from.
+    """For every effect found: its id, and the ids of effects that the record does not distinguish.
 
-    Those are its aliases, most alike first, and the effects whose refit in its place is no more
-    than `ACCEPT` of BIC worse.
+    These are its aliases, by decreasing cosine, and the effects whose refit in its place has a BIC
+    within `ACCEPT`.
     """
     ids, found = search.ids, []
     for id in search.final.effects:
@@ -217,15 +217,13 @@ def _groups(search: Search) -> tuple[tuple[str, ...], ...]:
 
 
 def _rivals(search: Search) -> list[tuple[str, str]]:
-    """Pairs (found, rival): refits with another effect in place of one that fit about as well."""
+    """Pairs (found, rival): refits with the rival in place of the effect fit about as well."""
     return sorted({(id, other) for id in search.final.effects for other in rival_fits(search, id)})
 
 
 def _unfitted(search: Search) -> list[tuple[str, str]]:
-    """Pairs (found, alias): the alias was tried in place of the effect, and no fit of it converged.
-
-    That is no evidence against it.
-    """
+    """Pairs (found, alias): no fit with the alias in place of the effect converged. This is no
+    evidence against the alias."""
     failed: dict[frozenset[str], bool] = {}
     for c in search.tried:
         failed[frozenset(c.effects)] = c.failed and failed.get(frozenset(c.effects), True)

@@ -1,1 +1,1 @@
-"""The axis as a rig of the loop: its rows, shapes, curves and words."""
+"""The axis as a rig of the loop: its rows, shapes, curves and results."""

@@ -1,8 +1,8 @@
-"""Does the recorded force come from the controller that was stated?
+"""Check whether the recorded force comes from the stated controller.
 
-The stated law on the measured signals, u_k = g_tau k_v (k_p (r_k - q_k) - (q_k - q_(k-2))/(2 h)),
-against the force of the record. Where they differ something else acts that the closed loop does not
-know: a disturbance that is not recorded, other gains, a drive at its limit.
+The stated law, u_k = g_tau k_v (k_p (r_k - q_k) - (q_k - q_(k-2))/(2 h)), of the measured signals
+is compared with the recorded force. If they differ, something acts that the closed loop lacks: an
+unrecorded disturbance, other gains, a saturated drive.
 """
 
 import numpy as np
@@ -12,13 +12,13 @@ from ...records.axis_record import AxisRecord
 from ..thresholds import SAME_FORCE
 
 _LOCAL = 10.0
-"""Local disagreement: differences of more than this many scatters."""
+"""Differences above this many scatters count as a local disagreement."""
 _TOGETHER = 0.05
 """Rows that differ within this time [s] of each other belong to one stretch."""
 
 
 def stated_force(record: AxisRecord) -> np.ndarray | None:
-    """The force of the stated control law on the measured signals; None where it is not known."""
+    """Force of the stated control law for the measured signals; None if it is unknown."""
     drive, reference, position = record.drive, record.reference_position, record.position
     if drive is None or reference is None or position is None:
         return None
@@ -31,9 +31,9 @@ def stated_force(record: AxisRecord) -> np.ndarray | None:
 
 
 def disagreement(record: AxisRecord, *, held: bool) -> str | None:
-    """A warning where recorded and stated force disagree; None: they agree, or none is stated.
+    """A warning if recorded and stated force disagree; None: they agree, or none is stated.
 
-    held : the recorded force holds the disturbance, which then belongs to the stated force.
+    held : the recorded force includes the disturbance, which is then added to the stated force.
     """
     stated = stated_force(record)
     if stated is None:
@@ -64,7 +64,7 @@ def disagreement(record: AxisRecord, *, held: bool) -> str | None:
 
 
 def stretches(rows: np.ndarray, time: np.ndarray) -> str:
-    """The place of some rows in words: the longest stretch, and how many more there are."""
+    """The times of some rows as text: the longest stretch, and the number of further ones."""
     gap = max(_TOGETHER / float(np.median(np.diff(time))), 1.0)
     parts = np.split(rows, np.flatnonzero(np.diff(rows) > gap) + 1)
     longest = max(parts, key=len)

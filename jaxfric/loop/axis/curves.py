@@ -1,4 +1,4 @@
-"""Steady curves of an axis' friction: forces of its measured motion."""
+"""Steady friction curves of an axis, and their forces along its measured motion."""
 
 import equinox as eqx
 import jax
@@ -18,9 +18,9 @@ from .result import AxisRows
 def axis_curves(
     engine: Engine[AxisProblem], final: Candidate, rows: AxisRows, unit: str
 ) -> CurveRig:
-    """The curves of a fit that change sign with the velocity, over the speeds of the rows that
-    train or select; `unit` is that of the position. Below the slowest a curve stays as it is
-    there: those rows do not count."""
+    """The steady curves of a fit that change sign with velocity, over the speeds of train and
+    validation rows; `unit` is that of the position. Below the slowest speed curves are constant,
+    as these rows are not used."""
     problem = engine.problem
     known = engine.blocks.train | engine.blocks.select
     speed = np.abs(rows.velocity[known])
@@ -53,14 +53,14 @@ def _base(V: np.ndarray) -> np.ndarray:
 
 
 def _level(problem: AxisProblem, z: np.ndarray, V: np.ndarray) -> np.ndarray:
-    """Mean friction (F(v) - F(-v))/2 of both directions, in the middle of the motion."""
+    """Mean friction (F(v) - F(-v))/2 of both directions, at the mean position."""
     place = jnp.mean(problem.motion.position)
     return np.asarray(problem.rig(jnp.asarray(z)).turning_friction(place, jnp.asarray(V)))
 
 
 @eqx.filter_jit
 def _seen(problem: AxisProblem, z: Array, curves: Array) -> Array:
-    """Recorded force by curves (N, k) of the speed, each with the sign of the velocity."""
+    """Recorded force due to curves (N, k) of the speed, each with the sign of the velocity."""
     rig = problem.rig(z)
     sign = rig.sign(problem.motion.velocity)
 

@@ -1,4 +1,4 @@
-"""The axis part of a result: both fits of its models, and its gains."""
+"""The axis part of a result: both fits of each model, and the gains."""
 
 import dataclasses
 from collections.abc import Callable, Mapping
@@ -32,7 +32,8 @@ from .seen import Seen, seen
 
 
 def as_published(problem: AxisProblem, prepared: Prepared, rows: AxisRows) -> AxisProblem:
-    """The problem as published fits of an axis have it: all but stuck rows, force at once."""
+    """The problem as in published fits of an axis: all rows that are not stuck, usual filter, no
+    hold of the force."""
     weight = np.zeros(len(prepared.time))
     weight[: prepared.rows] = prepared.inside[: prepared.rows] & ~rows.stuck
     return dataclasses.replace(
@@ -44,18 +45,18 @@ def as_published(problem: AxisProblem, prepared: Prepared, rows: AxisRows) -> Ax
 
 
 class KnownAxis(NamedTuple):
-    """What is known of an axis before its loop is closed."""
+    """Properties of an axis that are known before the loop."""
 
     record: AxisRecord
     reading: Reading
     directions: tuple[Driven, ...]
-    """The speeds of each direction, and friction there, as by `driven`."""
+    """Speeds and friction of each direction, from `driven`."""
     spring: Spring | None
-    """That of an axis which never slid, as by `spring_of`."""
+    """The spring of an axis that never slid, from `spring_of`."""
     withheld: str
-    """Why there is no verdict, in words; '' where there is one."""
+    """Why there is no verdict, as text; '' if there is one."""
     others: tuple[Finding, ...]
-    """That other joints move in the record."""
+    """Caution if other joints move in the record."""
 
 
 def details_of(
@@ -67,10 +68,9 @@ def details_of(
     missed: float,
     progress: Callable[[str], None],
 ) -> AxisDetails:
-    """Both fits of the base and of the final model, over all rows; gains; and friction and
-    stability as far as the rows `counted` support them. `told` are the parameters that the loop
-    ends with, which stand beside the fits; `missed`: what the model leaves of the report block
-    beyond its noise [F]."""
+    """Both fits of the base and of the final model, over all rows; gains; and claims on friction
+    and stability that the rows `counted` support. `told` are the final parameters of the loop, for
+    comparison with the fits; `missed` is the test error beyond its noise [F]."""
     record, reading, directions, spring, withheld, others = known
     problem = engine.case.problem
     prepared, rows = reading.prepared, reading.rows
@@ -87,7 +87,7 @@ def details_of(
         simulated_free = engine.free(tuple(id for id in candidate.effects if id in acting))
         simulated = output_error(problem, candidate.z, simulated_free, record)
         fits += [] if simulated is None else [(when, simulated)]
-    # the slope and its error are those of one model: the loop's, in the rows that count
+    # slope and error must come from one model: that of the loop, over the used rows
     rig = problem.rig(jnp.asarray(found.final.z))
     unit = "rad" if record.coordinate == "rotary" else "m"
     supported = seen(engine, found, rows, prepared, unit, directions, withheld)
@@ -123,10 +123,10 @@ def details_of(
 
 
 def turning_acceleration(rows: AxisRows, acceleration: np.ndarray) -> float:
-    """Median over the strokes of their largest acceleration (n or more rows) [m/s^2].
+    """Median over strokes of the largest acceleration (of n or more rows) [m/s^2].
 
-    A stroke of constant acceleration turns with it, and so does a sine; one that begins and ends
-    softly turns with less.
+    Strokes of constant acceleration, and sines, reverse with this acceleration; strokes that begin
+    and end softly reverse with less.
     """
     size = np.abs(acceleration[: len(rows.time)])
     largest = [float(np.max(size[rows.segment == k])) for k in np.unique(rows.segment)]
@@ -134,7 +134,7 @@ def turning_acceleration(rows: AxisRows, acceleration: np.ndarray) -> float:
 
 
 def _gains(rig: AxisRig, position: float, known: Seen, drive: Drive | None) -> AxisGains:
-    """Gains for friction with a state, or else for its steady curve at `position`."""
+    """Gains for friction with a state variable, or else for its steady curve at `position`."""
     slow, fast = known.slowest, known.fastest
     gains = state_gains(rig, position, slow, fast, drive=drive)
     if gains is not None:
@@ -151,8 +151,9 @@ def _gains(rig: AxisRig, position: float, known: Seen, drive: Drive | None) -> A
 
 
 def _borne(rig: AxisRig, position: float, velocity: float, drive: Drive | None) -> float | None:
-    """Smallest delay [s] by which the drive's own gains no longer hold the axis at a velocity."""
-    mass = float(rig.mass)  # 0: not fixed by a record
+    """Smallest delay [s] at which the drive's own gains no longer stabilise the axis at a
+    velocity."""
+    mass = float(rig.mass)  # 0: undetermined
     if drive is None or not drive.K_p or not drive.K_d or not mass > 0:
         return None
     law = axis_law(rig, position, float(np.sign(velocity)))

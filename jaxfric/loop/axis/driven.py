@@ -1,7 +1,7 @@
-"""The speeds at which each direction of an axis was driven: what is said of friction holds there.
+"""The range of speeds in each direction of an axis: claims on friction hold in this range.
 
-With one speed a direction, v+ and v-, a record has two numbers, the forces F_0 + F_c + F_v v+ and
-F_0 - F_c - F_v v-: neither of the three parameters is known, nor how friction changes with speed.
+With one speed per direction, v+ and v-, a record has two numbers only: the forces F_0 + F_c +
+F_v v+ and F_0 - F_c - F_v v-. They determine neither the three parameters nor the slope over speed.
 """
 
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ ONE_SPEED = "each direction was driven at one speed"
 
 
 class Driven(NamedTuple):
-    """One direction of a record: the speeds between which nine rows in ten move that count."""
+    """One direction of a record. `slowest` to `fastest` contains nine in ten of the used rows."""
 
     direction: str
     """"forwards" or "backwards"."""
@@ -26,10 +26,10 @@ class Driven(NamedTuple):
     speed: float
     """The median speed [m/s or rad/s]."""
     force: float
-    """Mean force of the rows that move within a fifth of that speed, positive against the motion
-    [F]: friction there, and what else holds the axis back."""
+    """Mean force of the rows within 20 % of that speed, positive against the motion [F]: friction
+    and any other resistance."""
     error: float
-    """Its standard error, from how strokes differ; nan where there is one."""
+    """Its standard error, from the scatter between strokes; nan with a single stroke."""
 
     @property
     def sign(self) -> float:
@@ -38,16 +38,16 @@ class Driven(NamedTuple):
 
     @property
     def one_speed(self) -> bool:
-        """Whether the fastest are less than twice as fast as the slowest."""
+        """Whether `fastest` is less than twice `slowest`."""
         return self.fastest < ONE_SPEED_RANGE * self.slowest
 
 
 def driven(
     used: np.ndarray, velocity: np.ndarray, segment: np.ndarray, force: np.ndarray
 ) -> tuple[Driven, ...]:
-    """The directions with 20 rows that count.
+    """The directions with at least 20 used rows.
 
-    Of every row (n): whether it is `used`, its velocity, the index of its motion segment, and the
+    For every row (n): whether it is `used`, its velocity, the index of its motion segment, and the
     motor force.
     """
     found, speed = [], np.abs(velocity)
@@ -68,11 +68,11 @@ def driven(
 
 
 def at_one_speed(directions: Sequence[Driven]) -> bool:
-    """Whether every direction was driven at one speed."""
+    """Whether every direction was driven at one speed only."""
     return bool(directions) and all(one.one_speed for one in directions)
 
 
 OF_SPEED = (DirectionAsymmetry.id, *AXIS_STEADY_CURVES, RateAndState.id)
-"""Effects by which friction changes with speed, or with direction and speed."""
+"""Effects that make friction depend on speed, or on direction and speed."""
 UNKNOWN = ("F_v", "F_c", "F_0")
-"""Parameters of the base that a record with one speed a direction does not fix."""
+"""Parameters of the base that are undetermined with one speed per direction."""

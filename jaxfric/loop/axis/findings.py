@@ -1,4 +1,4 @@
-"""What is claimed of an axis beside its effects: friction and stability, with their rows."""
+"""Claims on an axis besides its effects: friction and stability, with their rows."""
 
 from collections.abc import Sequence
 
@@ -11,10 +11,10 @@ from .result import AxisDetails, AxisRows
 def axis_claims(
     rows: AxisRows, directions: Sequence[Driven], details: AxisDetails
 ) -> tuple[Finding, ...]:
-    """Friction in each direction between the speeds that rows support, and what its slope says.
+    """Friction in each direction over its supported speeds, and the stability from its slope.
 
-    Nothing where a reason against the fitted friction concerns all speeds, but for the friction of
-    directions that were driven at one speed each: that is measured, not fitted.
+    Empty if a reason against the fitted friction concerns all speeds. Exception: friction of
+    directions driven at one speed each is claimed, because it is measured, not fitted.
     """
     curve, single = details.gains.curve, at_one_speed(directions)
     if details.withheld or curve is None or (details.doubted() and not single):

@@ -1,7 +1,7 @@
-"""`close_axis_loop(record)`: what does Coulomb and viscous friction lack on this axis?
+"""`close_axis_loop(record)`: find what Coulomb and viscous friction lack on an axis.
 
-Inverse dynamics: the motor force that a measured motion takes, against the recorded one. Search,
-evidence, tests and verdict are those of `jaxfric.loop`.
+Inverse dynamics: the motor force for the measured motion is compared with the recorded force.
+Search, evidence, tests and verdict are those of `jaxfric.loop`.
 """
 
 import dataclasses
@@ -59,28 +59,28 @@ def close_axis_loop(
     held: bool | None = None,
     progress: Callable[[str], None] = silent,
 ) -> Loop:
-    """Fit mass, Coulomb and viscous friction and an offset, then find what they lack.
+    """Fit mass, Coulomb and viscous friction and an offset, then find the missing effects.
 
     Parameters
     ----------
-    with_, without, own, most, progress : as in `jaxfric.close_loop`, of the effects of an axis
+    with_, without, own, most, progress : as in `jaxfric.close_loop`, for the effects of an axis
         (`AXIS_CATALOGUE`).
-    preparation : filter of the record; by default the one that `reading` chooses.
+    preparation : filter of the record; by default chosen as described in `reading`.
     width : of the smoothed sign of the velocity [m/s]; by default twice the noise of the velocity
         or a thousandth of the largest speed, whichever is larger.
 
-    held : the force is a command that a sampled controller holds until the next row, so that it
-        acts half a row later; by default true where the drive of the record is known.
+    held : zero-order hold: the force is a sampled command that the controller holds until the next
+        row, so it acts half a row later; by default true if the record has a drive.
 
-    Rows slower than two widths, those where the axis turns, and their neighbours do not count: at
-    rest friction is whatever the force is. Whole motion segments are held back.
+    Rows slower than two widths, reversals and their neighbours are excluded, since static friction
+    equals any applied force. Whole motion segments are held out.
 
     Raises
     ------
-    InputError : an unknown effect, or one of a rotary axis with a linear one; no reversal, too few
-        motion segments; as in `prepare`.
+    InputError : an unknown effect, or an effect of rotary axes for a linear one; no reversal, too
+        few motion segments; as in `prepare`.
 
-    Not tried: two axes, backlash, a payload that changes.
+    Not supported: two axes, backlash, a varying payload.
     """
     begun = time.monotonic()
     record, with_, without = as_axis_record(record), ids_of(with_), ids_of(without)
@@ -96,7 +96,7 @@ def close_axis_loop(
 
 
 def _seen_by(record: AxisRecord, asked: Offered) -> Offered:
-    """The offer without the effects of a rotary axis where the record is of a linear one."""
+    """The offer; for a linear axis without the effects of a rotary one."""
     return asked.seen_by(
         (ANGLE,) if record.coordinate == "rotary" else (),
         lambda effect: (
@@ -109,11 +109,11 @@ def _seen_by(record: AxisRecord, asked: Offered) -> Offered:
 def axis_subject(
     record: AxisRecord, reading: Reading, asked: Offered, *, held: bool
 ) -> Subject[AxisProblem]:
-    """An axis' record, its prepared rows and the problem of inverse dynamics; `held`: the force is
-    a command held until the next row.
+    """The subject of an axis record with prepared rows; `held`: the force is a command with
+    zero-order hold.
 
-    Effects that move force and motion in time are one group. Effects that the record cannot show
-    are not offered, but for those asked for.
+    Effects that shift force against motion in time form one group. Effects that the record cannot
+    show are not offered unless requested.
     """
     prepared, rows = reading.prepared, reading.rows
     weight = np.zeros(len(prepared.time))
@@ -131,7 +131,7 @@ def axis_subject(
     )
     single = at_one_speed(directions)
     unseen = tuple(id for id in OF_SPEED if id not in asked.with_) if single else ()
-    # what a controller makes of encoder noise lasts about as long as a row: longer is structure
+    # encoder noise through the controller is correlated over about one row: longer is structure
     longest = np.asarray([float(problem.time[1] - problem.time[0])])
     case = Case(
         problem,
@@ -152,7 +152,7 @@ def axis_subject(
     known = KnownAxis(record, reading, directions, spring, reason, others)
 
     def counted(engine: Engine[AxisProblem]) -> AxisRows:
-        """The rows, but for those that are glitches."""
+        """The rows without outliers."""
         return dataclasses.replace(rows, used=rows.used & engine.passed_on())
 
     def scored(engine: Engine[AxisProblem]) -> ScoredRows:
@@ -225,25 +225,25 @@ def _start(problem: AxisProblem, blocks: Blocks) -> np.ndarray:
     ]
     matrix = np.stack([np.asarray(problem.sampler(c))[at] for c in columns], axis=1)
     found, *_ = np.linalg.lstsq(matrix, np.asarray(problem.friction)[at], rcond=None)
-    # what is left of a mass below zero is begun anew (`AxisProblem.begun`)
+    # a negative mass becomes tiny here; `AxisProblem.begun` then replaces it
     found[0] = max(found[0], np.finfo(float).tiny)
     return problem.coordinates.to_free(np.asarray([*found, *problem.model.nulls()]))
 
 
 def unit_of_residuals(force: np.ndarray) -> float:
-    """Unit in which residuals are counted: about the noise, but not so little that a bad fit of a
-    commanded force, which has none, counts as a simulation that failed."""
+    """Unit of residuals: about the noise. It has a lower bound, because a commanded force has no
+    noise, and a bad fit would then count as a failed simulation."""
     return max(noise_from_differences(force), _LEAST_UNIT * float(np.ptp(force)))
 
 
 def length_of(record: AxisRecord) -> str:
-    """The SI unit of its motion: "m" or "rad"."""
+    """The SI unit of the position: "m" or "rad"."""
     return "rad" if record.coordinate == "rotary" else "m"
 
 
 def own_unit(unit: str, force: str, length: str) -> str:
-    """The unit of a parameter, `unit` on a linear axis, where forces are in `force` and lengths in
-    `length`: rad for m; kg m^2, or % s^2/rad, for kg."""
+    """Convert `unit` of a parameter of a linear axis to forces in `force` and lengths in `length`:
+    rad for m; kg m^2, or % s^2/rad, for kg."""
     if unit == "kg":
         return inertia_unit(force, length)
     begins = force if unit.startswith(force) else ""

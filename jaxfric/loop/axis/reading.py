@@ -1,12 +1,12 @@
-"""Turns an axis record into a loop's rows: low-pass, sign, disturbance, threshold.
+"""Turns an axis record into rows of the loop: low-pass, sign, disturbance, threshold.
 
-The cutoff of the position's low-pass, and with it the number of rows, is the highest at which the
-encoder's error, differentiated twice and times the mass, has less than half of the variance of the
-force's own noise: above that the prediction's noise would hide friction, below it motion or rows
-are lost. The noise of the force is what the base law leaves from row to row, white, where it is
-least over all cutoffs: at high ones the encoder's error is in it, at low ones the structure that is
-looked for. Where the rows that move faster than the noise of the velocity do not make up a record
-that can be split, lower cutoffs, then a lower threshold, then shorter rows are tried.
+The cutoff of the position's low-pass also sets the number of rows. It is the highest cutoff at
+which the encoder error, differentiated twice and times the mass, has less than half the variance of
+the force noise. Above it noise of the prediction would hide friction; below it motion and rows are
+lost. The force noise is the white scatter from row to row of the base law's residual, the least
+over all cutoffs: high cutoffs add the encoder error, low cutoffs the sought structure. If too few
+rows are faster than the velocity noise for a split, lower cutoffs, then a lower threshold, then
+shorter rows are tried.
 """
 
 from typing import NamedTuple
@@ -26,34 +26,35 @@ from .rows import rows_of
 from .split import split
 
 _OF_NOISE, _OF_RESIDUAL = np.sqrt(0.5), 0.25
-"""Largest share of the force's own noise, and of all that the base law leaves."""
+"""Largest noise of the prediction, as a share of the force noise, and of the base law's residual.
+The larger of both limits applies."""
 _THRESHOLDS = (1.0, 0.5, 0.25)
 _JITTER, _FEW = 0.2, 0.01
 _NEARLY_ALL, _CLEAR_MOTION = 0.99, 3.0
-"""Share of the rows, and the standard deviations of noise that so many seldom reach: 2.6."""
+"""Quantile of the speeds, and its lower limit in standard deviations of the velocity noise. That
+quantile of normal noise alone is 2.6."""
 
 
 class Reading(NamedTuple):
     """An axis record, read and prepared for the loop."""
 
     prepared: Prepared
-    """The prepared record; its force is the whole one, of the motor and a disturbance."""
+    """The prepared record; its force is the total of motor and disturbance."""
     rows: AxisRows
     blocks: Blocks
     notes: tuple[str, ...]
-    """Sentences on what was chosen, and why."""
+    """Choices of the preparation and their reasons, as text."""
     warnings: tuple[str, ...]
 
 
 def read_rows(
     record: AxisRecord, *, preparation: Preparation | None, width: float | None, held: bool
 ) -> Reading:
-    """The rows of a record, and what was chosen on the way.
+    """The rows of a record, with notes on the choices of the preparation.
 
     Raises
     ------
-    InputError : as in `prepare` and `split`; an axis that does not move; friction that would be
-        negative.
+    InputError : as in `prepare` and `split`; an axis that does not move; negative friction.
     """
     force, told = _acting(record, preparation, held)
     chosen, why = (preparation, "") if preparation else _cutoff(record, force, held)
@@ -72,7 +73,7 @@ def read_rows(
 
 
 def _refuse_still(record: AxisRecord, prepared: Prepared, rows: AxisRows) -> None:
-    """Raises `InputError` where the recorded motion is no larger than its own error."""
+    """Raise `InputError` if the recorded motion does not exceed its own error."""
     speed = float(np.quantile(np.abs(rows.velocity), _NEARLY_ALL))
     noise = _CLEAR_MOTION * prepared.velocity_noise
     if speed >= noise:
@@ -88,7 +89,7 @@ def _refuse_still(record: AxisRecord, prepared: Prepared, rows: AxisRows) -> Non
 
 
 def _uneven(record: AxisRecord) -> str | None:
-    """A warning of rows at uneven times: between them the motion is a straight line."""
+    """A warning about uneven sampling, since the motion is interpolated linearly."""
     steps = np.diff(record.time)
     middle, least, most = (1e3 * float(x) for x in (np.median(steps), steps.min(), steps.max()))
     share = float(np.mean(np.abs(steps - np.median(steps)) > _JITTER * np.median(steps)))
@@ -102,7 +103,7 @@ def _uneven(record: AxisRecord) -> str | None:
 
 
 def _unexplained(record: AxisRecord, prepared: Prepared, rows: AxisRows) -> str | None:
-    """A warning of rows whose force the motion does not take."""
+    """A warning about rows whose force the motion does not explain."""
     far = np.flatnonzero(unexplained_rows(prepared, rows.used, rows.width))
     if not len(far):
         return None
@@ -128,7 +129,7 @@ def _prepare(record: AxisRecord, force: np.ndarray, chosen: Preparation | None, 
 def _acting(
     record: AxisRecord, preparation: Preparation | None, held: bool
 ) -> tuple[np.ndarray, list[str]]:
-    """The whole force on the axis (n); notes on whether the motor force held the disturbance."""
+    """The total force on the axis (n); a note whether the motor force includes the disturbance."""
     added = record.disturbance_force
     if added is None or not np.any(added):
         return record.motor_force, []
@@ -157,7 +158,7 @@ def _candidates(record: AxisRecord) -> list[Preparation]:
 
 
 def _cutoff(record: AxisRecord, force: np.ndarray, held: bool) -> tuple[Preparation, str]:
-    """The preparation whose predicted force is less noisy than the recorded one."""
+    """The preparation whose predicted force has less noise than the recorded one; the reason."""
     options, found = _candidates(record), []
     for one in options:
         prepared = _prepare(record, force, one, held)
@@ -189,7 +190,7 @@ def _cutoff(record: AxisRecord, force: np.ndarray, held: bool) -> tuple[Preparat
 
 
 def _from_row_to_row(residual: np.ndarray, used: np.ndarray) -> float:
-    """The white noise that second differences of neighbouring rows show, blind to what is slow."""
+    """White noise from second differences of neighbouring rows (insensitive to slow changes)."""
     second = residual[2:] - 2 * residual[1:-1] + residual[:-2]
     beside = used[2:] & used[1:-1] & used[:-2]
     return (
@@ -205,14 +206,14 @@ def _split(
     held: bool,
     free: bool,
 ) -> tuple[Prepared, AxisRows, Blocks, list[str]]:
-    """Rows and blocks; where need be lower cutoffs and shorter rows (where they are `free`), and
-    lower thresholds."""
+    """Rows and blocks. If a split is impossible, lower cutoffs and shorter rows (if `free`) and
+    lower thresholds are tried."""
     path, unit = record.provenance.path, "rad" if record.coordinate == "rotary" else "m"
     lower = [c for c in _candidates(record) if c.cutoff < chosen.cutoff] if free else []
     tries = [(chosen, 1.0), *((one, 1.0) for one in lower)]
     tries += [(one, share) for share in _THRESHOLDS[1:] for one in (chosen, *lower)]
     interval = float(np.median(np.diff(record.time)))
-    if free:  # more rows than those in which a low cutoff takes little motion
+    if free:  # at last short rows, which lack the removed motion
         short = usual(interval).decimation
         tries += [(one._replace(decimation=short), share) for one, share in tries]
     refused: InputError | None = None

@@ -1,4 +1,4 @@
-"""The rows of an axis record that a loop works on, and its base model."""
+"""The rows of an axis record in the loop, its base model and its results."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -20,7 +20,7 @@ from .driven import Driven
 
 @dataclass(frozen=True, eq=False)
 class AxisRows:
-    """Decimated rows of a record (n)."""
+    """Decimated rows of a record (n); `used`, `stuck`: masks; `width` of the smoothed sign."""
 
     time: np.ndarray
     position: np.ndarray
@@ -39,14 +39,14 @@ class AxisRows:
         return VelocitySteps(self.time[first] - self.time[0], np.asarray(mean))
 
     def warnings(self, unit: str) -> tuple[str, ...]:
-        """Warnings for the user about the preparation; `unit` is that of the position."""
+        """Warnings about the preparation; `unit` is that of the position."""
         share, slowest = float(np.mean(self.stuck)), f"{2 * self.width:.2g} {unit}/s"
         if share > 0.5:
             return (f"{100 * share:.0f} % of the rows are slower than {slowest} and do not count",)
         return ()
 
     def as_record(self, record: AxisRecord, force: np.ndarray) -> "PreparedRecord":
-        """The rows as a record for reports; `force` is that of the rows (n)."""
+        """The rows as a record for reports; `force` is the force at the rows (n)."""
         return PreparedRecord(
             self.time - self.time[0],
             record.force_unit,
@@ -58,14 +58,14 @@ class AxisRows:
 
 @dataclass(frozen=True, eq=False)
 class PreparedRecord:
-    """The decimated rows of an axis record, as a report sees a record."""
+    """The decimated rows of an axis record, in the form of a record for reports."""
 
     relative_time: np.ndarray
     friction_unit: str
     provenance: Provenance
     units: dict[str, str] = field(default_factory=dict)
     friction: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    """Recorded force at the rows, which the model predicts."""
+    """Recorded force at the rows."""
 
     def __len__(self) -> int:
         return len(self.relative_time)
@@ -94,18 +94,18 @@ class AxisBase:
 
 
 class Spring(NamedTuple):
-    """The force of an axis that never slid: that of a spring, of presliding or of a flexure."""
+    """An axis that never slid: its force is that of a spring (presliding or a flexure)."""
 
     stiffness: float
     """[F/m or F/rad]"""
     std: float
     hysteresis: float
-    """Share of the force's deviation that the position leaves."""
+    """Standard deviation of the residual of a line over position, over that of the force."""
 
 
 @dataclass(frozen=True, eq=False)
 class AxisDetails:
-    """The two fits of base and final model, over all rows that move."""
+    """Inverse dynamics and output error of base and final model, over all moving rows; gains."""
 
     fits: tuple[tuple[str, AxisFit], ...]
     """Pairs of "before" or "after" and a fit."""
@@ -115,27 +115,27 @@ class AxisDetails:
     record: AxisRecord
     gains: AxisGains
     notes: tuple[str, ...] = ()
-    """Sentences on what was chosen in the preparation, and why."""
+    """Choices of the preparation and their reasons, as text."""
     loop: Mapping[str, Estimate] = field(default_factory=dict)
-    """Parameters that the loop ended with, to stand beside the fits of the same model."""
+    """Final parameters of the loop, to compare with the fits of the same model."""
     reach: float = 0.0
-    """Distance between two rows where the axis is slowest [m]; a slip length is no less."""
+    """Distance between two rows at the slowest speed [m]: lower bound of a slip length."""
     acceleration: float | None = None
-    """Median over the strokes of their largest acceleration [m/s^2]; None where it is not told."""
+    """Median over strokes of their largest acceleration [m/s^2]; None if unknown."""
     covariance: np.ndarray | None = None
-    """Covariance of the free parameters after the loop, of its own model alone (p, p): what other
-    models that fit as well say of the same parameters is not in it, so that it holds for the
-    friction, a sum of them. None where it is not told."""
+    """Covariance of the free parameters after the loop (p, p), for its own model alone. It excludes
+    the differences between models, so that it holds for the friction, a sum of parameters. None if
+    unknown."""
     bears: float | None = None
-    """Delay of the controller [s] from which the drive's own k_p and k_v do not hold the axis at
-    its worst velocity; negative: not even at once; None where they or M are not known."""
+    """Smallest controller delay [s] at which the drive's own k_p and k_v do not stabilise the axis
+    at its worst velocity; negative: unstable without delay; None if they or M are unknown."""
     driven: tuple[Driven, ...] = ()
-    """The speeds of each direction, and friction there."""
+    """Speeds and friction of each direction."""
     withheld: str = ""
-    """That the force is the answer of a controller, or the spring of an axis that never slid, in
-    words; '' where it moves the axis."""
+    """Why there is no verdict, as text: the force is feedback of a controller, or the axis never
+    slid; '' otherwise."""
     spring: Spring | None = None
-    """The spring that an axis is which never slid; None where it slides."""
+    """The spring of an axis that never slid; None if it slides."""
     claims: tuple[Finding, ...] = ()
     """Friction in each direction and stability, with the rows that support them."""
 
@@ -144,21 +144,21 @@ class AxisDetails:
         return said("axis_loop_text.tables", self)
 
     def short(self) -> str:
-        """Whether the axis stick-slips, and what holds it."""
+        """Whether the axis stick-slips, and the gains that stabilise it, as text."""
         return said("axis_loop_text.short", self)
 
     def found(self) -> str:
-        """What is known where one speed a direction leaves the parameters of friction open, or the
-        force is feedback; '' elsewhere."""
+        """Known results, as text, if one speed per direction leaves the friction parameters open or
+        the force is feedback; '' otherwise."""
         return said("axis_loop_text.found", self)
 
     def doubt(self) -> str:
-        """Mass and friction that least squares over all rows has otherwise than the loop, by more
-        than their errors and a factor of 1.5; '' where none."""
+        """Mass and friction for which least squares over all rows differs from the loop by more
+        than the errors and a factor of 1.5, as text; '' if none."""
         return said("axis_loop_text.doubt", self)
 
     def doubted(self) -> bool:
-        """Whether a reason against its slope concerns all speeds."""
+        """Whether a reason against the fitted slope concerns all speeds."""
         curve = self.gains.curve
         return curve is not None and any(np.isinf(one.speed) for one in curve.unseen)
 

@@ -1,9 +1,9 @@
-"""A first look at an axis by least squares: its base law, before anything is searched.
+"""A preliminary least-squares fit of the base law of an axis, before any search.
 
     F = M a + F_v v + F_c tanh(v/w) + F_0 (+ further columns)
 
-on the rows that count. What it is asked: whether the force has the sign of the motion, and
-whether the recorded force holds a disturbance already.
+over the used rows. It shows whether the force has the sign of the motion, and whether the recorded
+force already includes a disturbance.
 """
 
 from collections.abc import Sequence
@@ -33,7 +33,7 @@ class Rough(NamedTuple):
     rms: float
     """Root mean square of the residual over the rows of the fit [F]."""
     dissipation: float
-    """F_c + F_v |v| at the median speed [F]: what friction takes there."""
+    """F_c + F_v |v| at the median speed [F]: friction there."""
     its_error: float
     """Standard error of `dissipation` [F]."""
 
@@ -71,11 +71,11 @@ def rough_fit(
 
 
 def refuse_reversed(rough: Rough, work: float, path: str, force_unit: str, mass_unit: str) -> None:
-    """Raises `InputError` where friction would be negative: force and motion differ in sign.
+    """Raise `InputError` if friction would be negative: force and motion have opposite signs.
 
-    Friction takes energy: `work`, the mean of F v over the rows [F m/s], is positive on an axis
-    that goes back and forth. Negative work with a friction below zero by more than its error is a
-    sign, not a friction; a mass below zero says that it is the force's.
+    Friction dissipates, so `work`, the mean of F v over the rows [F m/s], is positive for motion
+    back and forth. Negative work and significantly negative friction mean a wrong sign. If the mass
+    is negative too, it is the sign of the force.
     """
     if work >= 0 or rough.dissipation > -CLEAR * rough.its_error:
         return
@@ -95,9 +95,10 @@ def refuse_reversed(rough: Rough, work: float, path: str, force_unit: str, mass_
 
 
 def unexplained_rows(prepared: Prepared, used: np.ndarray, width: float) -> np.ndarray:
-    """Rows (bool) at which the force is far from the base law of all the others.
+    """Mask of rows at which the force is far from the base law of all other rows.
 
-    By more than half of the force's rms and ten scatters: no friction does that for a while.
+    Far: by more than half the standard deviation of the force, and by ten scatters. Friction does
+    not deviate that much.
     """
     keep, found = used.copy(), np.zeros(len(used), bool)
     for _ in range(_TRIMS):
@@ -113,10 +114,10 @@ def unexplained_rows(prepared: Prepared, used: np.ndarray, width: float) -> np.n
 
 
 def holds_already(coefficient: float, error: float) -> bool | None:
-    """Whether the recorded force holds a disturbance d, from the coefficient c of F = ... + c d.
+    """Whether the recorded force includes a disturbance d, from c in the fit F = ... + c d.
 
-    The axis feels F + d, so c is -1 where the record has F alone and 0 where it has both. None
-    where c is near neither: the record does not answer to d.
+    F + d acts on the axis, so c is -1 if the record has F alone, and 0 if it has both. None if c is
+    near neither: the motion does not respond to d.
     """
     if error > _HALF / CLEAR or not abs(abs(coefficient + _HALF) - _HALF) <= _NEAR_ENOUGH:
         return None

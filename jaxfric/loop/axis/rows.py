@@ -1,4 +1,4 @@
-"""The rows of a prepared record that count, and the scales of its motion."""
+"""The used rows of a prepared record, and the scales of its motion."""
 
 import numpy as np
 
@@ -17,9 +17,9 @@ _STUCK = 0.05
 def rows_of(
     prepared: Prepared, width: float | None, *, unit: str = "m", share: float = 1.0
 ) -> AxisRows:
-    """The decimated rows of a record, which of them count, and their motion segments.
+    """The decimated rows of a record, the mask of used ones, and their motion segments.
 
-    `unit` is that of the position, for messages; the width that is chosen is `share` of the usual.
+    `unit` is that of the position, for messages; a default width is reduced by the factor `share`.
     """
     n, motion = prepared.rows, prepared.motion
     velocity, position, path = (
@@ -52,7 +52,7 @@ def rows_of(
 
 
 def _widened(slow: np.ndarray) -> np.ndarray:
-    """The slow rows and those beside them, into which the filter of the position reaches."""
+    """The slow rows and their neighbours, which the filter of the position affects."""
     wide = slow.copy()
     wide[1:] |= slow[:-1]
     wide[:-1] |= slow[1:]
@@ -60,7 +60,7 @@ def _widened(slow: np.ndarray) -> np.ndarray:
 
 
 def _long(slow: np.ndarray, rows: int) -> np.ndarray:
-    """Mask of the slow rows of which at least `rows` follow one another."""
+    """Mask of the slow rows in runs of at least `rows`."""
     long = np.zeros(len(slow), bool)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], slow.astype(int), [0]])))
     for begin, end in edges.reshape(-1, 2):
@@ -69,7 +69,7 @@ def _long(slow: np.ndarray, rows: int) -> np.ndarray:
 
 
 def scales_of(rows: AxisRows, prepared: Prepared, blocks: Blocks) -> RecordScales:
-    """Lengths, velocities and times of the rows that train, which shapes of effects follow."""
+    """Lengths, velocities and times of the train rows, for starting values of shapes."""
     speed = np.abs(rows.velocity[blocks.train])
     moving = speed[speed > 2 * rows.width]
     interval = float(prepared.time[1] - prepared.time[0])

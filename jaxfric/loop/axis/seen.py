@@ -1,8 +1,8 @@
-"""Friction at steady speeds that an axis record shows, and speeds where it shows none.
+"""Speeds at which an axis record supports the fitted steady friction, and reasons against others.
 
-The rule itself is that of `jaxfric.stability.claims`. Here are its numbers: the error of the slope
-of the fitted friction, rows at low speed that lie above it, and speeds at which the axis stopped on
-its way, or the low-pass took away stairs of its motion.
+The rule itself is in `jaxfric.stability.claims`. This module computes its input: the standard error
+of the slope of the fitted friction, rows at low speed that lie above the fit, and speeds at which
+the axis stopped in mid-stroke or the low-pass removed stairs of its motion.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -28,15 +28,16 @@ from .result import AxisRows, Spring
 
 _BINS, _FEWEST_ROWS = 12, 8
 _LATEST, _LAGS = 0.2, 101
-"""The latest answer of a controller that is looked for [s], and how many are."""
+"""Largest delay of a controller's response in the search [s], and number of delays."""
 _HYSTERESIS, _BEGUN, _ANEW, _STEPS = 0.2, 0.15, 0.6, 0.1
-"""Largest share of the force that the position leaves where an axis never slid; the first part of a
-stroke; what is left there over its mean where it begins anew; and over its deviation where it is
-none."""
+"""Thresholds for an axis that never slid: largest share of the force unexplained by position; the
+initial part of a stroke; the residual there over its mean, below which it starts anew; the same
+over its deviation, below which it is zero."""
 
 
 class Seen(NamedTuple):
-    """What supports the fitted slope of friction over the speeds `slowest` to `fastest`."""
+    """Support of the fitted slope of friction over the speeds `slowest` to `fastest`: its standard
+    `error` by speed, rows `above` the fit, and `unseen` speeds with reasons."""
 
     slowest: float
     fastest: float
@@ -54,9 +55,9 @@ def seen(
     directions: Sequence[Driven],
     withheld: str,
 ) -> Seen:
-    """What supports the slope of the last fit of a `search`; `unit` is that of the position, for
-    texts. Of speeds at which only one of the `directions` was driven nothing is told, nor
-    where the whole verdict is `withheld`, for this reason."""
+    """Support of the slope in the final fit of a `search`; `unit` is that of the position, for
+    texts. No speed is supported that only one of the `directions` has, and none at all if the
+    verdict is `withheld` (a reason, as text)."""
     found = search.final
     speed = np.abs(rows.velocity[rows.used])
     ways = [speed[np.sign(rows.velocity[rows.used]) == one.sign] for one in directions] or [speed]
@@ -86,10 +87,10 @@ def seen(
 def slowest_told(
     speed: np.ndarray, width: float, unit: str, unseen: Sequence[float]
 ) -> tuple[float, str]:
-    """The speed from which the slope of friction is told, and why not below, in words.
+    """The lowest supported speed of the slope of friction, and the reason for it as text.
 
-    speed : of the rows that count. width : of the smoothed sign of the velocity. unseen : speeds up
-    to which no steady motion was seen.
+    speed : of the used rows. width : of the smoothed sign of the velocity. unseen : speeds up to
+    which the record shows no steady motion.
     """
     rare = f"only {100 * SLOWEST:g} % of the rows that count"
     limits = [
@@ -111,8 +112,8 @@ def slowest_told(
 def doubts(
     engine: Engine[AxisProblem], search: Search, rows: AxisRows, withheld: str = ""
 ) -> list[str]:
-    """Why the last fit of a search describes no friction at all, in words: first `withheld`, if
-    there is such a reason."""
+    """Reasons why the final fit of a search does not describe friction, as text; `withheld`, if not
+    empty, is the first."""
     why, found = [withheld] if withheld else [], search.final
     if not engine.problem.possible(jnp.asarray(found.z)):
         why.append("the fitted friction would drive the axis, so that the model is wrong")
@@ -132,11 +133,11 @@ def doubts(
 
 
 def follows(problem: AxisProblem, rows: AxisRows, rotary: bool) -> float | None:
-    """By how much the force follows the position [s], where it is that of the position alone.
+    """Delay of the force behind the position [s] if the force depends on position alone; else None.
 
-    What moves an axis moves its mass and meets friction; a controller that carries a weight answers
-    to where the axis is. None where the position of up to 0.2 s before leaves more than a twentieth
-    of the force: for inertia and friction.
+    A force that moves the axis accelerates its mass and overcomes friction. A controller that
+    carries a weight only responds to the position. None if the position up to 0.2 s before leaves
+    more than a twentieth of the force unexplained (inertia and friction).
     """
     here, n = rows.used, len(rows.time)
     force = np.asarray(problem.friction)[:n][here]
@@ -147,7 +148,7 @@ def follows(problem: AxisProblem, rows: AxisRows, rotary: bool) -> float | None:
     fine = np.arange(len(position)) * float(problem.interval)
 
     def left(late: float) -> float:
-        """Root mean square of what the position leaves of the force."""
+        """Standard deviation of the force that the delayed position does not explain."""
         moved = (jnp.asarray(np.interp(fine - late, fine, column)) for column in of_place)
         matrix = np.stack([np.asarray(problem.sampler(one))[:n][here] for one in moved], axis=1)
         return float(np.std(force - matrix @ np.linalg.lstsq(matrix, force, rcond=None)[0]))
@@ -159,12 +160,12 @@ def follows(problem: AxisProblem, rows: AxisRows, rotary: bool) -> float | None:
 
 
 def spring_of(problem: AxisProblem, rows: AxisRows) -> Spring | None:
-    """The spring that the force of an axis is which never slid; None where it slides.
+    """The spring of an axis that never slid; None if it slides.
 
-    The force is a straight line over the position but for a fifth of its deviation, and what is
-    left of it begins anew at a reversal: just after one it is less than 0.6 of its mean against the
-    motion. Of Coulomb friction it is all of it, of viscous friction along a sine 0.64, of a bristle
-    that bends within its stroke 0.4 and less.
+    The force of such an axis is a line over position within a fifth of its standard deviation, and
+    the residual starts anew at a reversal: just after it, the residual against the motion is less
+    than 0.6 of its mean. This ratio is 1 for Coulomb friction, 0.64 for viscous friction along a
+    sine, and at most 0.4 for a bristle that bends within the stroke.
     """
     force = np.asarray(problem.friction)[: len(rows.time)]
     line = np.stack([np.ones_like(rows.position), rows.position - rows.position.mean()], axis=1)
@@ -193,9 +194,9 @@ def spring_of(problem: AxisProblem, rows: AxisRows) -> Spring | None:
 
 
 def held_command(values: Mapping[str, float], effects: Sequence[str], interval: float) -> list[str]:
-    """A hint where a lag found is what a held command shows: half a row of `interval` [s].
+    """A hint if an identified lag is that of a zero-order hold: half a row of `interval` [s].
 
-    values : of all parameters, by name. effects : those of the model that was found.
+    values : of all parameters, by name. effects : those of the final model.
     """
     lags = {f"{id}.{name}": id for id, name in (("servo_lag", "tau"), ("sensor_delay", "d"))}
     return [
@@ -211,7 +212,7 @@ def held_command(values: Mapping[str, float], effects: Sequence[str], interval: 
 def slope_error(
     engine: Engine[AxisProblem], found: Candidate, position: float
 ) -> Callable[[float], float]:
-    """The standard error of dF/dv of the fitted steady friction, at a velocity."""
+    """Function of velocity: standard error of dF/dv of the fitted steady friction."""
     problem = engine.problem
     index = engine.free(found.effects)
     rows = engine.evaluate(found.z, index)
@@ -231,7 +232,7 @@ def slope_error(
 
 
 def _above(engine: Engine[AxisProblem], found: Candidate, rows: AxisRows) -> Above | None:
-    """Bins of rows by speed, of each direction, whose friction lies above the fit."""
+    """Bins of rows by speed, per direction, whose friction lies above the fit."""
     left = -float(engine.problem.noise_scale) * found.residual[: len(rows.time)]
     speed, excess, error = [], [], []
     for sign in (1.0, -1.0):
@@ -246,7 +247,7 @@ def _above(engine: Engine[AxisProblem], found: Candidate, rows: AxisRows) -> Abo
 
 
 def _stops(rows: AxisRows) -> tuple[int, float]:
-    """Stops after which the axis goes on in its direction, and the largest mean speed there."""
+    """Number of stops in mid-stroke (the direction continues), and the largest mean speed there."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], rows.stuck.astype(int), [0]])))
     number, largest = 0, 0.0
     for begin, end in edges.reshape(-1, 2):
@@ -263,7 +264,7 @@ def _stops(rows: AxisRows) -> tuple[int, float]:
 
 
 def _stairs(rows: AxisRows, prepared: Prepared) -> tuple[float, float]:
-    """Size (peak to peak) of motion that the low-pass took away, and its highest speed; else 0."""
+    """Peak-to-peak size of motion that the low-pass removed, and the highest such speed; else 0."""
     n = prepared.rows
     taken, speed = prepared.taken[:n], np.abs(rows.velocity)
     moving = prepared.inside[:n] & (speed > 0)

@@ -1,7 +1,7 @@
-"""Motion segments of an axis record, and which of them train, select and report.
+"""Motion segments of an axis record, and their train, validation and test blocks.
 
 A segment is a piece of motion in one direction between two stops or reversals. Neighbouring
-samples share noise and structure, so whole segments are held back, never samples.
+samples share noise and structure, so whole segments are held out, never samples.
 """
 
 import numpy as np
@@ -16,7 +16,7 @@ from ..thresholds import FEWEST_ROWS, FEWEST_STROKES, SHARE
 def segments(slow: np.ndarray) -> np.ndarray:
     """Index of the motion segment of each row; `slow` marks rows that stop or turn.
 
-    Those belong to the segment before them.
+    These rows belong to the segment before them.
     """
     begins = ~slow & np.concatenate([[False], slow[:-1]])
     begins[: int(np.argmax(~slow)) + 1] = False  # the first motion is segment 0
@@ -24,11 +24,12 @@ def segments(slow: np.ndarray) -> np.ndarray:
 
 
 def split(segment: np.ndarray, used: np.ndarray, velocity: np.ndarray, path: str) -> Blocks:
-    """Blocks of whole segments: the last that hold a sixth of the rows report, as many before them
-    select, the others train; so do the fastest segment of either direction and, where enough is
-    left to hold back, the slowest one that has some rows.
+    """Blocks of whole segments: the last ones with a sixth of the rows are the test block, those
+    with the sixth before it the validation block, all others train.
 
-    `used` marks the rows that count, `path` names the record in messages.
+    The fastest segment of each direction always trains. The slowest one that has enough rows trains
+    too, if the other blocks remain long enough. `used` marks the used rows, `path` names the record
+    in messages.
 
     Raises
     ------
@@ -53,7 +54,7 @@ def split(segment: np.ndarray, used: np.ndarray, velocity: np.ndarray, path: str
             f"{path}: {count} motion segments between stops or reversals; {FEWEST_STROKES} are"
             " needed. Record more strokes"
         )
-    # what is held back is predicted within the velocities that were trained
+    # held-out segments are predicted within the range of trained velocities
     fastest, slowest = _extremes(segment[used], moving, rows)
     blocks = _blocks(segment, used, rows, fastest | slowest)
     if min(_sizes(blocks).values()) < FEWEST_ROWS:
@@ -68,7 +69,7 @@ def split(segment: np.ndarray, used: np.ndarray, velocity: np.ndarray, path: str
 
 
 def one_way(velocity: np.ndarray) -> bool:
-    """Whether nearly all of the way is in one direction."""
+    """Whether nearly all of the motion is in one direction."""
     ways = float(velocity[velocity > 0].sum()), -float(velocity[velocity < 0].sum())
     return min(ways) <= NEGLIGIBLE * max(ways)
 
@@ -76,8 +77,8 @@ def one_way(velocity: np.ndarray) -> bool:
 def _extremes(
     segment: np.ndarray, velocity: np.ndarray, rows: np.ndarray
 ) -> tuple[set[int], set[int]]:
-    """The segments that reach the highest velocity, and the first of the lowest mean velocity, or
-    nearly so, of those that have some rows; of either direction."""
+    """For each direction, the segment that reaches the highest velocity, and the first segment near
+    the lowest mean velocity among those with enough rows."""
     mean = np.bincount(segment, velocity, minlength=len(rows)) / np.maximum(rows, 1)
     fastest, slowest = set(), set()
     for sign in (1, -1):
@@ -89,7 +90,7 @@ def _extremes(
 
 
 def _blocks(segment: np.ndarray, used: np.ndarray, rows: np.ndarray, train: set[int]) -> Blocks:
-    """The blocks where the segments `train` do in any case."""
+    """The blocks if the segments `train` always train."""
     rows = np.where(np.isin(np.arange(len(rows)), list(train)), 0, rows)
     after = np.cumsum(rows[::-1])[::-1] / int(used.sum())  # share of the rows from a segment on
     report = _from(after, SHARE)
@@ -105,11 +106,11 @@ def _blocks(segment: np.ndarray, used: np.ndarray, rows: np.ndarray, train: set[
 
 
 def _sizes(blocks: Blocks) -> dict[str, int]:
-    """Rows by block."""
+    """Number of rows by block."""
     return {name: int(blocks.of(name).sum()) for name in NAMES}
 
 
 def _from(after: np.ndarray, share: float) -> int:
-    """The last segment from which on there is that share of the rows; the first where none is."""
+    """The last segment from which at least this share of the rows follows; 0 if there is none."""
     enough = np.flatnonzero(after >= share)
     return int(enough[-1]) if len(enough) else 0

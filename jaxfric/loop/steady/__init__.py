@@ -1,1 +1,1 @@
-"""The loop of a curve of steady friction, one mean for every stroke."""
+"""The loop on a curve of steady friction, with one mean per run."""

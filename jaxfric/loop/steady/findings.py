@@ -1,4 +1,4 @@
-"""What a curve of steady speeds claims, and the runs that each claim rests on."""
+"""Claims from a curve of steady speeds, and the runs that support each claim."""
 
 import numpy as np
 
@@ -9,9 +9,9 @@ from .loop import SteadyLoop, steady_gains
 
 
 def steady_findings(loop: SteadyLoop) -> tuple[Finding, ...]:
-    """Stick-slip, effects, friction by direction and stability; masks are of the runs of the curve.
+    """Stick-slip, effects, friction by direction and stability; masks are over runs of the curve.
 
-    Where the fit is withheld only stick-slip is claimed: it is seen in the runs themselves.
+    If the fit is withheld, only stick-slip is claimed, since the runs themselves show it.
     """
     curve, gains = loop.curve, steady_gains(loop)
     signed, names = np.asarray(curve.speed), np.asarray(curve.names)
@@ -32,7 +32,7 @@ def _claim(code: LoopCode, values: dict, runs: np.ndarray) -> Finding:
 
 
 def _effect(loop: SteadyLoop, id: str) -> Finding:
-    """The runs that decide for an effect: against the base, fitted anew to the others."""
+    """Finding of an effect: without its runs, the base refitted to the others is as good."""
     curve, final = loop.curve, loop.final
     speed = np.asarray(curve.speed)
     error = np.hypot(np.asarray(curve.error), final.spread)

@@ -1,15 +1,14 @@
-"""The friction of steady speeds: a curve of force against speed, and what Coulomb and viscous
-friction lack there.
+"""The loop on a curve of steady force against speed: effects missing from Coulomb + viscous.
 
     F(v) = F_c sgn v + F_v v + F_0                                                        (base)
          + d |v|                             direction_asymmetry
          + fs exp(-(|v|/vs)^n) sgn v, fs > 0, n = 1 or 2     stribeck
          + c v^3                             cubic
 
-Every run counts with the error of its mean. Runs also differ by more than that (a spread beyond
-the errors of the means, tau): it is estimated with each candidate, as the noise of a loop is.
-Runs that stick and slip have no steady friction: they are told, and count in the fit only where
-the others are too few for a line each way.
+Every run is weighted by the error of its mean. Runs also differ by a spread tau beyond these
+errors; it is estimated with each candidate, like the noise of a loop. Runs that stick and slip have
+no steady friction. They are reported, and fitted only if the others are too few for a line in each
+direction.
 """
 
 from collections.abc import Sequence
@@ -34,17 +33,17 @@ from .model import SteadyModel, fit_model
 
 STEADY_EFFECTS = ("direction_asymmetry", "stribeck", "cubic")
 FEWEST, FEWEST_OF_EACH = 8, 3
-"""Runs, and runs of each direction, from which effects are tried: the largest model has six
-parameters and a spread."""
+"""Fewest runs in total, and in each direction, to try effects: the largest model has six parameters
+and a spread."""
 
 
 class Doubt(StrEnum):
-    """Why neither friction nor gains may be taken from a fit."""
+    """Why a fit supports neither friction nor gains."""
 
     WANDERS = "force_changes_within_runs"
     DRIVES = "friction_would_drive"
     COUNTED = "stick_slip_counts"
-    """Runs that stick and slip count in the fit, as too few others are left."""
+    """Runs that stick and slip are fitted, because there are too few others."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -56,7 +55,7 @@ class SteadyLoop(Described, Drawable, Tabular):
     final: SteadyModel
     candidates: tuple[SteadyModel, ...]
     tested: bool
-    """Whether there are runs enough to try effects."""
+    """Whether there are enough runs to try effects."""
     used: np.ndarray
     """Mask of the runs that were fitted."""
     doubts: tuple[Doubt, ...] = ()
@@ -64,8 +63,8 @@ class SteadyLoop(Described, Drawable, Tabular):
     @property
     def verdict(self) -> str:
         """One of "no_missing_effect", "effects", "too_weak" or "ambiguous", as in `jaxfric.loop`;
-        "stick_slip": runs stick and slip, and no effect is named; "too_few": runs for the base
-        alone."""
+        "stick_slip": runs stick and slip, and no effect is named; "too_few": only enough runs for
+        the base."""
         if Doubt.COUNTED in self.doubts:
             return "stick_slip"
         found = "ambiguous" if self.doubts else self.found
@@ -74,7 +73,7 @@ class SteadyLoop(Described, Drawable, Tabular):
 
     @property
     def found(self) -> str:
-        """The verdict by the runs that were fitted alone."""
+        """The verdict from the fitted runs alone."""
         if self.curve.wanders:
             return "ambiguous"
         if not self.tested:
@@ -92,23 +91,23 @@ class SteadyLoop(Described, Drawable, Tabular):
 
     @property
     def lower(self) -> float:
-        """By how much BIC of the best other model is below that of the final one."""
+        """BIC of the final model minus that of the best other one."""
         others = (self.final.bic - m.bic for m in self.candidates if m is not self.final)
         return max(others, default=0.0)
 
     @property
     def sentence(self) -> str:
-        """The verdict in words."""
+        """The verdict as text."""
         return said("steady_verdict_text.sentence", self)
 
     @property
     def withheld(self) -> tuple[str, ...]:
-        """The `doubts` in words."""
+        """The `doubts` as text."""
         return said("steady_verdict_text.withheld", self)
 
 
 def shown_units(curve: SteadyCurve) -> tuple[str, str, float]:
-    """Units of force and speed to show, and what one of the force unit is in SI."""
+    """Units of force and speed for display, and the force unit in SI."""
     speed = "rad/s" if curve.coordinate == "rotary" else "m/s"
     if curve.force_unit != "%" and np.max(np.abs(curve.force)) < 0.1:
         return f"m{curve.force_unit}", speed, 1e-3
@@ -120,10 +119,10 @@ def close_steady_loop(
 ) -> SteadyLoop:
     """Fit the curve, then add effects of `STEADY_EFFECTS` one by one.
 
-    `with_` belong to the base, `without` are not tried. One is taken where BIC falls by more than
-    10, runs held out (each with its neighbours in speed) are predicted better, its friction takes
-    energy, and the runs fix its parameters. Of fewer than 8 runs, or 3 of one direction, the base
-    alone is fitted.
+    `with_` belong to the base, `without` are not tried. An effect is accepted if BIC falls by more
+    than 10, held-out runs (each with its neighbours in speed) are predicted better, friction stays
+    dissipative, and the runs determine its parameters. With fewer than 8 runs, or fewer than 3 in
+    one direction, only the base is fitted.
 
     Raises
     ------
@@ -160,9 +159,9 @@ def close_steady_loop(
 
 
 def _fitted(curve: SteadyCurve) -> np.ndarray:
-    """Mask of the runs that are fitted: all that do not stick and slip, if they suffice.
+    """Mask of the fitted runs: those that do not stick and slip if they suffice, else all.
 
-    Raises `InputError` where all together do not.
+    Raises `InputError` if all together do not suffice.
     """
     steady = ~curve.slipping()
     for used in (steady, np.ones(len(curve), bool)):
@@ -180,7 +179,7 @@ def _fitted(curve: SteadyCurve) -> np.ndarray:
 
 
 def _refuse_reversed(curve: SteadyCurve, base: SteadyModel, used: np.ndarray) -> None:
-    """Raises `InputError` where force and motion differ in sign: friction takes energy."""
+    """Raise `InputError` if force and motion have opposite signs: friction must dissipate."""
     speed = np.asarray(curve.speed)[used]
     force, std = base.friction(np.abs(speed))
     if np.mean(np.asarray(curve.force)[used] * speed) >= 0 or np.any(force > -CLEAR * std):
@@ -198,8 +197,8 @@ def _refuse_reversed(curve: SteadyCurve, base: SteadyModel, used: np.ndarray) ->
 def driving(
     curve: SteadyCurve, model: SteadyModel, sure: float = SURE
 ) -> tuple[float | None, float, float] | None:
-    """Where the friction of a model would drive the axis most, by more than `sure` standard errors:
-    the speed (None: Coulomb friction), the friction and its error; None where it takes energy."""
+    """Most negative friction of a model, if negative by more than `sure` standard errors: the speed
+    (None: Coulomb friction), the friction and its error. None if friction dissipates."""
     size = np.abs(curve.speed)
     speed = np.geomspace(size.min(), size.max(), SPEEDS)
     force, std = model.friction(speed)
@@ -214,9 +213,9 @@ def driving(
 
 
 def steady_gains(loop: SteadyLoop) -> AxisGains:
-    """The least damping over the speeds at which runs are steady, and what may be said of it.
+    """The smallest sufficient damping over the speeds of steady runs, and its stability claim.
 
-    Runs that moved unevenly count in the fit, but nothing is said of their speeds and slower ones.
+    Runs that moved unevenly are fitted, but no claim is made at their speeds or below.
     """
     curve, model = loop.curve, loop.final
     speed = np.abs(curve.speed)
@@ -254,14 +253,14 @@ def steady_gains(loop: SteadyLoop) -> AxisGains:
 
 
 def _slowest_even(speed: np.ndarray, uneven: np.ndarray) -> float:
-    """The slowest run that is faster than all uneven ones; inf if there is none."""
+    """Speed of the slowest run that is faster than all uneven ones; inf if there is none."""
     faster = speed[speed > np.max(speed[uneven], initial=0.0)]
     return float(np.min(faster, initial=np.inf))
 
 
 def _acceptable(current: SteadyModel, model: SteadyModel, curve: SteadyCurve) -> bool:
-    """Whether a model is likelier, predicts better, is possible, and the runs fix its parameters:
-    an amplitude better than itself, a velocity better than a factor of e."""
+    """Whether a model is likelier, predicts better, is possible, and has determined parameters: the
+    error of an amplitude is below its value, that of a velocity below a factor of e."""
     better = current.bic - model.bic > ACCEPT and model.heldout < current.heldout
     fixed = all(model.std[k] < abs(model.values[k]) for k in ("fs", "vs") if k in model.values)
     possible = model.values.get("fs", 1.0) > 0 and driving(curve, model, 0.0) is None

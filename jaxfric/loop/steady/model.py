@@ -1,7 +1,7 @@
 """One model of the friction of steady speeds, and its fit by generalised least squares.
 
-The errors of the runs have the covariance C of their means and a spread tau of their own:
-V = C + tau^2 I. In the frame of the eigenvectors of C, V is diagonal for every tau.
+The covariance of the runs is V = C + tau^2 I: C is that of their means, tau an additional spread.
+In the frame of the eigenvectors of C, V is diagonal for every tau.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,12 +17,12 @@ from ...records.steady import SteadyCurve, force_covariance
 _SPEEDS = 60
 _POWERS = (1.0, 2.0)
 _NEAR = float(np.cbrt(np.finfo(float).eps))
-"""Relative step of central differences, whose two errors are then alike."""
+"""Relative step of central differences that balances truncation and rounding errors."""
 
 
 @dataclass(frozen=True, eq=False)
 class SteadyModel:
-    """One model of a steady curve, fitted."""
+    """One fitted model of a steady curve."""
 
     effects: tuple[str, ...]
     values: dict[str, float]
@@ -31,13 +31,13 @@ class SteadyModel:
     covariance: np.ndarray
     """Covariance of F_c, F_v, F_0, the amplitudes of `effects` in their order, and any vs."""
     rms: float
-    """Root mean square of the fitted runs' means about the model, each run once."""
+    """rms of the fitted runs' means about the model, all runs weighted equally."""
     spread: float
     """Standard deviation of runs beyond the error of their means (tau)."""
     bic: float
     heldout: float
-    """rms of every run about the model fitted without it and its neighbours in speed; nan of so few
-    runs that a model cannot be fitted without three."""
+    """rms prediction error of every run by the model fitted without it and its neighbours in speed;
+    nan if the model cannot be fitted without three runs."""
 
     def force(self, speed: np.ndarray) -> np.ndarray:
         """Force at any speed."""
@@ -45,7 +45,7 @@ class SteadyModel:
         return _matrix(np.asarray(speed, float), self.effects, self.shape) @ values
 
     def friction(self, speed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(F(v) - F(-v))/2 at speeds (m,), and its standard error; n is taken as known."""
+        """(F(v) - F(-v))/2 at speeds (m,), and its standard error for a known n."""
         v = np.abs(np.asarray(speed, float))
         force = 0.5 * (self.force(v) - self.force(-v))
         fs = self.values.get("fs", 0.0)
@@ -59,7 +59,7 @@ class SteadyModel:
         return (self.values["vs"], self.values["n"]) if "stribeck" in self.effects else None
 
     def slope_error(self, speed: float) -> float:
-        """Standard error of dF/dv at a speed; n of a Stribeck term is taken as known."""
+        """Standard error of dF/dv at a speed; n of a Stribeck term is treated as known."""
         near = speed * np.array([1 - _NEAR, 1 + _NEAR])
         rows = _jacobian(near, self.effects, self.shape, self.values.get("fs", 0.0))
         gradient = (rows[1] - rows[0]) / (near[1] - near[0])
@@ -118,8 +118,8 @@ def fit_model(
 ) -> SteadyModel:
     """The likeliest model of a curve with `effects` of `steady.STEADY_EFFECTS`.
 
-    used : mask of the runs that count; None: all. Values and errors are by restricted likelihood,
-    which counts the parameters of few runs; BIC is by likelihood.
+    used : mask of the fitted runs; None: all. Values and errors are from the restricted likelihood,
+    which accounts for the fitted parameters; BIC is from the likelihood.
     """
     here = np.ones(len(curve), bool) if used is None else used
     speed, force = np.asarray(curve.speed)[here], np.asarray(curve.force)[here]
@@ -155,10 +155,10 @@ def curve_covariance(
     values: Mapping[str, float],
     shared: np.ndarray | None = None,
 ) -> tuple[list[str], np.ndarray]:
-    """Names and covariance (p, p) of the parameters of a curve with `values` (SI), by its runs.
+    """Names and covariance (p, p) of the parameters of a curve with `values` (SI), from its runs.
 
-    speed, error, shared : of the runs [n], as in `SteadyCurve`. spread : tau, by which runs differ
-    beyond their errors. n of a Stribeck term is taken as known.
+    speed, error, shared : of the runs [n], as in `SteadyCurve`. spread : tau, the spread of runs
+    beyond their errors. n of a Stribeck term is treated as known.
     """
     covariance = force_covariance(np.asarray(error), shared)
     return _parameter_covariance(speed, covariance, spread, effects, values)
@@ -171,7 +171,7 @@ def _parameter_covariance(
     effects: Sequence[str],
     values: Mapping[str, float],
 ) -> tuple[list[str], np.ndarray]:
-    """Names and covariance of the parameters, by the `covariance` (n, n) of the runs' means."""
+    """Names and covariance of the parameters, from the `covariance` (n, n) of the runs' means."""
     shape = (values["vs"], values["n"]) if "stribeck" in effects else None
     frame = _Frame.of(np.zeros(len(speed)), covariance)
     rows = frame.axes @ _jacobian(speed, effects, shape, values.get("fs", 0.0))
@@ -210,7 +210,7 @@ def _weighted(
 ) -> tuple[np.ndarray, float, float]:
     """Least squares with the covariance C + tau^2 I, tau by likelihood: values, tau, -2 ln L.
 
-    The restricted likelihood takes the parameters of `matrix` out of it.
+    The restricted likelihood (REML) accounts for the fitted parameters of `matrix`.
     """
     rows = frame.axes @ matrix
 
@@ -240,7 +240,7 @@ def _heldout(
     effects: Sequence[str],
     shape: _Shape,
 ) -> float:
-    """Leave out every run with its neighbours in speed; the shape stays as fitted."""
+    """rms prediction error of each run, left out with its neighbours in speed; fixed shape."""
     order = np.argsort(speed)
     left = np.zeros(len(speed))
     matrix = _matrix(speed, effects, shape)

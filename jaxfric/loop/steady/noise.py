@@ -1,15 +1,15 @@
-"""The noise of runs at steady speeds: what is left of their rows after the mean of each.
+"""The noise of runs at steady speeds: the residual of the rows of each run about its mean.
 
-Every run has a scale of its own, the standard deviation of its rows, and all runs have one noise,
-of the family of `fitting.noise`. Its clocks are time, path (mean speed times time) and rows: runs
-at other speeds and sampling rates tell over which of them it forgets. Runs follow each other so
-far apart on every clock that nothing is remembered from one to the next, and each loses the
-direction of its mean (restricted likelihood), without which a long memory comes out too short.
-Runs that stick and slip are left out, if there are others.
+Every run has its own scale, the standard deviation of its rows. All runs share one noise of the
+family of `fitting.noise`. Its clocks are time, path (mean speed times time) and rows; runs at
+different speeds and sampling rates determine which clock it uses. On every clock the runs are
+placed so far apart that they are uncorrelated. The restricted likelihood removes the mean of each
+run; otherwise a long correlation would be underestimated. Runs that stick and slip are excluded if
+there are others.
 
-What turns makes noise that swings once a turn. From white noise on, part by part, it is not found:
-what neighbouring rows share is taken first. So of a rotary axis it is one of the starts. Not tried:
-several swings a turn, which two parts cannot be.
+A rotary axis often has noise that oscillates once per turn. A search part by part from white noise
+misses it, because the correlation of neighbouring rows is fitted first. So it is an additional
+start for a rotary axis. Not supported: several oscillations per turn, which two parts cannot model.
 """
 
 import math
@@ -42,28 +42,28 @@ from ...records.steady import SteadyCurve
 from ..thresholds import FEWEST_ROWS
 
 _APART = 20.0
-"""Longest memories between two runs: exp(-20) of a noise is left."""
+"""Distance between two runs in longest correlation lengths: correlation is then exp(-20)."""
 _MOST_RUNS, _MOST_ROWS = 64, 16384
-"""Most runs and rows that noise is estimated from; of more runs some, evenly over speed."""
+"""Most runs and rows for the noise estimate; of more runs a selection, evenly over speed."""
 _ANGLE = 1
-"""The clock of the path."""
+"""Index of the clock of the path."""
 _SIZE, _MEMORY, _SHORTER = 4.0, 0.9, (-3.0, -1.0)
-"""Starts of a swing once a turn: logarithm of both parts over white, its memory as a share of the
-longest one, and logarithms of the other part's memory over that."""
+"""Starts of an oscillation once per turn: logarithm of the variance of both parts over white, its
+correlation length over the longest one, and logarithms of the other part's length over that."""
 
 
 @dataclass(frozen=True, eq=False)
 class SteadyNoise:
     """The noise of the rows of R runs about their means; arrays are read-only.
 
-    - `estimate`: what it is; `sigma` [unit of force] is its standard deviation in a run of scale 1,
-      `scale` of every run [R] over all runs has a mean square of 1 (0 where a force never changes).
-    - `clock`: time [s], path [m or rad] and rows of the n rows that it was estimated from [n, 3],
-      the runs far apart; `residual`: what is left of them, each in units of its run's scale [n];
-      `run`: the run of each [n].
-    - `effective`: independent samples that the rows of a run are worth under the noise [R].
-    - `after_a_turn`: how alike rows are that are one turn apart: their autocorrelation over all
-      runs that last for two turns; None where there is none, or the axis does not turn.
+    - `estimate`: `sigma` [unit of force] is the standard deviation in a run of scale 1; `scale` of
+      every run [R] has a mean square of 1 over all runs (0 if a force never changes).
+    - `clock`: time [s], path [m or rad] and row number of the n rows of the estimate [n, 3], with
+      the runs far apart; `residual`: their residuals in units of the run's scale [n]; `run`: the
+      run of each row [n].
+    - `effective`: effective number of independent samples of each run under the noise [R].
+    - `after_a_turn`: autocorrelation of rows one turn apart, over all runs of at least two turns;
+      None if there is none, or for a linear axis.
     """
 
     estimate: NoiseEstimate
@@ -75,11 +75,11 @@ class SteadyNoise:
 
 
 def steady_noise(curve: SteadyCurve) -> SteadyNoise | None:
-    """The noise of the runs of a curve; None where no rows were kept or no force ever changes.
+    """The noise of the runs of a curve; None if no rows were kept or no force ever changes.
 
     Raises
     ------
-    InputError : JAX has 32-bit numbers; the curve keeps the rows of some of its runs only.
+    InputError : JAX uses 32-bit numbers; the curve has the rows of only some of its runs.
     """
     if not curve.rows:
         return None
@@ -134,23 +134,23 @@ def _clock(curve: SteadyCurve, k: int) -> np.ndarray:
 
 
 def _some(moving: np.ndarray) -> list[int]:
-    """The runs that a noise is estimated from, spread evenly over their order of speed."""
+    """The runs for the noise estimate, spread evenly over their order of speed."""
     if len(moving) <= _MOST_RUNS:
         return moving.tolist()
     return moving[np.linspace(0, len(moving) - 1, _MOST_RUNS).round().astype(int)].tolist()
 
 
 def _middle(n: int, most: int) -> slice:
-    """At most so many rows from the middle of n."""
+    """The middle `most` of n rows, or all."""
     begin = max(n - most, 0) // 2
     return slice(begin, begin + min(n, most))
 
 
 def _in_a_row(clocks: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """The runs one after another, far apart; and the longest memory over each clock (3,).
+    """The runs one after another, far apart; and the longest correlation length on each clock (3,).
 
-    That is a tenth of the mean duration, path and number of rows of a run: what lasts longer is
-    seen too seldom in one.
+    That is a tenth of the mean duration, path and number of rows of a run: one run samples slower
+    noise too rarely.
     """
     longest = LONGEST * np.mean([np.ptp(clock, axis=0) for clock in clocks], axis=0)
     placed, begin = [], np.zeros(3)
@@ -169,7 +169,7 @@ def _likeliest(
     *,
     rotary: bool,
 ) -> Found:
-    """The noise from white on, part by part; or with a swing once a turn, if that is worth more."""
+    """The noise found part by part, or one that oscillates once per turn if its BIC is lower."""
     weight = np.ones(len(residual))
     means = (run[:, None] == np.unique(run)).astype(float)
     rows = noise_rows(clock, weight, residual, means, longest)
@@ -189,12 +189,12 @@ def _worth_of(found: Found, rows: int) -> float:
 
 
 def _worth(clocks: list[np.ndarray], noise: Noise) -> np.ndarray:
-    """Independent samples that the rows of each run are worth: 1 over the variance of their mean,
-    of a noise of variance 1, in 1..n."""
+    """Effective number of independent samples of each run: 1 over the variance of the mean, for
+    noise of variance 1, limited to 1..n."""
     unit = noise._replace(sigma=noise.sigma / noise.sigma)
     most, found = max(len(clock) for clock in clocks), []
     for clock in clocks:
-        n = len(clock)  # all runs are of one length, so that one shape is compiled
+        n = len(clock)  # padded to one length, so that one shape is compiled
         padded = np.pad(clock, ((0, most - n), (0, 0)), mode="edge")
         each = np.where(np.arange(most) < n, 1 / n, 0.0)[:, None]
         variance = float(sandwich(jnp.asarray(padded), jnp.asarray(each), unit)[0, 0])
@@ -203,10 +203,10 @@ def _worth(clocks: list[np.ndarray], noise: Noise) -> np.ndarray:
 
 
 def after_a_turn(angles: list[np.ndarray], left: list[np.ndarray]) -> float | None:
-    """Autocorrelation of rows a turn apart, over all runs of two turns and more.
+    """Autocorrelation of rows one turn apart, over all runs of at least two turns.
 
-    `angles` [rad] rise with the rows of a run, of which `left` is left after its mean, in units of
-    its scale. A row has its like between the two rows around one turn later.
+    `angles` [rad] increase with the rows of a run; `left` is its residual in units of its scale.
+    The value one turn later is interpolated between two rows.
     """
     products, squares = [], []
     for angle, x in zip(angles, left, strict=True):
@@ -215,7 +215,7 @@ def after_a_turn(angles: list[np.ndarray], left: list[np.ndarray]) -> float | No
         first, last = angle + math.tau <= angle[-1], angle - math.tau >= angle[0]
         later = np.interp(angle[first] + math.tau, angle, x)
         products.append(x[first] * later)
-        # of rows, not of values between two rows, which are quieter
+        # variance of rows, as interpolated values have less
         size = 0.5 * (np.mean(x[first] ** 2) + np.mean(x[last] ** 2))
         squares.append(np.full(len(later), size))
     if not products:
