@@ -112,7 +112,7 @@ class Support(NamedTuple):
 
 
 _PART = 20
-"""Each round of `deciding_rows` removes one in so many of the remaining rows."""
+"""Each round of `deciding_rows` removes the `_PART`-th part of the remaining rows."""
 _DIRECTIONS = (("forwards", 1), ("backwards", -1), ("at rest", 0))
 
 
@@ -131,8 +131,8 @@ def deciding_rows(
 ) -> np.ndarray:
     """Mask of the few rows without which two models cannot be distinguished.
 
-    difference : d, predictions of one model less those of the other [sigma] (n). jacobian : J, of
-    the model without the claim, by its parameters [sigma] (n, p). used : rows that count (n).
+    difference : d, predictions of one model minus those of the other [sigma] (n). jacobian : J, of
+    the model without the claim, by its parameters [sigma] (n, p). used : mask of used rows (n).
     least : the reduction of the misfit that a claim needs.
 
     On fewer rows the model without the claim is refitted, which absorbs part of d. The remaining

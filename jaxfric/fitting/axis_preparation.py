@@ -57,8 +57,8 @@ def usual(interval: float, cutoff: float | None = None) -> Preparation:
 
     Records slower than 200 Hz keep all rows, with a cutoff at a fifth of the rate. A given
     `cutoff` [Hz] above half the default keeps the length of rows: short rows are worth more than
-    the motion that it removes. Below, a row lasts 1/cutoff (fast records), and all forces are
-    low-passed at half the cutoff, so that they hold little that the motion lacks.
+    the motion that it removes. Below, a row lasts 1/cutoff (fast records). All forces are then
+    low-passed at half the cutoff, as the motion lacks higher frequencies.
     """
     rate = 1 / interval
     share, rows = _CUTOFF_SHARE, round(1 / _CUTOFF_SHARE)

@@ -94,8 +94,8 @@ def fit_many(
 
     Raises
     ------
-    InputError : before any computation, for an argument out of range, or for a record (named by its
-        index) without a step, with non-finite values, too few rows or times that do not ascend.
+    InputError : before any computation: an argument out of range; a record (named by its index)
+        without a step, with non-finite values, too few rows, or times that do not ascend.
     """
     require_float64()
     model = wanted_model(law, states, fit_stiffness, slip_trend)

@@ -8,8 +8,8 @@ A descent ends when the next Gauss-Newton step d = -(J^T J)^-1 J^T r is small:
 
     |J d| <= rtol |r|/sqrt(n) + atol.
 
-If r is noise, |r|/sqrt(n) is its standard deviation, and |J d| divided by that is the length of d
-in standard errors of the parameters: rtol = 1e-3 ends within a thousandth of an error. The test
+If r is noise, |r|/sqrt(n) is its standard deviation. |J d| over this is the length of d in standard
+errors of the parameters, so rtol = 1e-3 ends within a thousandth of an error. The test
 does not depend on the units of z and r. A trial whose residual is not finite, or is huge (a slider
 that ran away), is rejected, and the next step is shorter. If only ever shorter steps are accepted,
 the descent ends within 30 rtol.

@@ -119,8 +119,8 @@ class Fit(Described, Drawable, Gridded, Tabular):
         return difference(self)[0] + moved, error
 
     def stability(self) -> Claim:
-        """The stability claim that A and all B support (and L, for a critical stiffness), made only
-        if fitting a slip trend would not change it."""
+        """The stability claim from A and all B (and L, for a critical stiffness), made only if
+        a fitted slip trend would not change it."""
         return held_with_trend(self.claim(), self.with_trend)
 
     @functools.cached_property

@@ -1,11 +1,10 @@
 """Starting values from the data, without a guess of the user.
 
-One state. The record is averaged over intervals that are short after a step and grow
-with the time since. On these intervals a slider is simulated by implicit Euler steps, coarse
-but finite for any parameters, for a whole grid of (A, B, L) at once (and K, where it is
-free). The range of A comes from the size of the jumps, that of B from the steady levels, that of L
-from the slip resolved after a step and the slip travelled. f0 (and a slip trend) follow
-by linear least squares. The best few distinct members are the starts.
+One state. The record is averaged over intervals that are short after a step and grow with the time
+since. On these intervals sliders are simulated for a whole grid of (A, B, L) at once (and K if it
+is free). Implicit Euler steps are coarse but finite for any parameters. The range of A comes from
+the jumps, that of B from the steady levels, that of L from the resolved and the total slip. f0 (and
+a slip trend) follow by linear least squares. The best few distinct members are the starts.
 
 `held` advances a state over an interval at constant velocity. A law other than a `RateState` has no
 separate states: its search begins like that of the slip law.

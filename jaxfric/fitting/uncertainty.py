@@ -91,8 +91,8 @@ def covariance(problem: Problem, jacobian: np.ndarray, noise: Noise) -> np.ndarr
 def fair_hold(problem: Problem, solution: Solution, noise: Noise) -> np.ndarray:
     """Weights on the shifts of step times that balance them with a record of coloured noise.
 
-    Ordinary least squares treats all rows as independent, which overstates the precision of the
-    record by the ratio of the true to the nominal variance of a shift.
+    Ordinary least squares treats all rows as independent and overstates the record's precision. The
+    factor is the ratio of the true to the nominal variance of a shift.
     """
     _, jacobian = data_part(problem, solution)
     inverse = normal_inverse(jacobian)

@@ -6,7 +6,7 @@ Every law is fitted with one state and with two. The fits are ranked by
 
 L is the maximum likelihood of the residual over the p parameters of the law and those of the noise;
 n is the number of independent rows. Each law has its own noise, but all have the same parts of
-noise: those of the law with the best likelihood. White noise would count correlated rows many
+noise: those of the law with the lowest BIC. White noise would count correlated rows many
 times, and some law would always win by hundreds. The correlation length of the noise is at most a
 tenth of a velocity step (ten rows in steps of fewer than a hundred), so that noise cannot replace
 a law.

@@ -83,9 +83,9 @@ def claims_of_friction(
     velocity: np.ndarray,
     used: np.ndarray,
 ) -> list[Finding]:
-    """Findings of friction in each of the `ways` (direction, sign, slowest and fastest speed), and
-    of stability of this `kind` between the speeds `ends`, unless it is "open". Each rests on the
-    rows `used` (n) whose `velocity` (n) is in its range."""
+    """Findings of friction in each of the `ways` (direction, sign, slowest and fastest speed). One
+    of stability between the speeds `ends` follows unless `kind` is "open". Each rests on the rows
+    `used` (n) whose `velocity` (n) is in its range."""
     speed = np.abs(velocity)
 
     def claim(code: LoopCode, told: dict, ends: tuple[float, float], of: np.ndarray) -> Finding:

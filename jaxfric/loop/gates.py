@@ -216,10 +216,10 @@ def taken(
 
     A rate-and-state term with a long L mimics inertia, a presliding spring Coulomb friction,
     heating a weakening evolution. A wrong effect may fit as well as the right one, but the base
-    reveals it. A parameter counts as taken over if physics fixes its sign, if it was known without
-    the effect, and if it then changes sign or is lost in its error. Mass and Coulomb friction of an
-    axis may not fall below a third either. Exception (`of_place`): an effect of position may take
-    over mass and Coulomb friction, as accelerations replace a missing weight.
+    reveals it. A parameter with a known sign, determined without the effect, counts as taken over
+    if it changes sign or is lost in its error. Mass and Coulomb friction of an axis may not fall
+    below a third either. Exception (`of_place`): an effect of position may take over mass and
+    Coulomb friction, because accelerations replace a missing weight.
     """
     both = [Move(n, before[n], after[n]) for n in _ONE_SIGN if n in before and n in after]
     return tuple(m for m in both if _is_taken(*m) and not (of_place and m.name in _WHOLE))

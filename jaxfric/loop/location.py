@@ -1,8 +1,8 @@
 """Locates the residual structure of a base model, without a catalogue of effects.
 
-Bumps of friction over one variable (slip, velocity, state, time, time or slip since the step,
-wavelength) pass through the linearised slider and are fitted together with the base. Friction
-differs along the variable whose bumps explain most of the structure. Each variable is fitted alone,
+Bumps of friction over one variable pass through the linearised slider and are fitted together with
+the base: slip, velocity, state, time, time or slip since the step, wavelength. Friction differs
+along the variable whose bumps explain most of the structure. Each variable is fitted alone,
 so these shares overlap. `further` shares add up: the best variable comes first, the others have the
 share that they explain beyond it. Profiles and their errors exclude the part that parameters of the
 base absorb. Structure that the bumps do not explain counts as noise, in the errors and in p. The

@@ -45,9 +45,9 @@ def refit(
 ) -> Candidate:
     """The joint fit of base and effects from the start `z`, with all their parameters free.
 
-    The descent ends at a relative change of 1e-4 of the sum of squares (0.1 of BIC for a thousand
-    rows, more in longer records), because most candidates are wrong and converge slowly in flat
-    valleys. `exact`: 1e-6, well within the parameters' errors.
+    The descent ends at a relative change of 1e-4 of the sum of squares: 0.1 of BIC for a thousand
+    rows, more in longer records. Most candidates are wrong and converge slowly in flat valleys.
+    `exact`: 1e-6, well within the parameters' errors.
     """
     index, z, near = engine.free(effects), engine.problem.begun(z), ()
     rows, train = engine.evaluate(z, index), engine.weight[:, None]

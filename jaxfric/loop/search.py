@@ -205,9 +205,9 @@ def refit_safely(
     """Refit from the first-order start. While that fails, start from a part of the effect, and last
     from the fit of the law that the effect turns the base into (`AbstractEffect.law`).
 
-    `current` is a fit without the effect. If two sensitivities are nearly parallel (a second state
-    with the length of the first), first-order amplitudes are opposite and a hundred times too
-    large. A fit that is less likely on the train rows than without the effect also failed, as the
+    `current` is a fit without the effect. If two sensitivities are nearly parallel, first-order
+    amplitudes are opposite and a hundred times too large, as for a second state with the length of
+    the first. A fit also failed if it is less likely on the train rows than `current`, because the
     effect at its null is as likely. A good fit that predicts the validation rows badly has not
     failed: a nearer start ends in the same place.
     """

@@ -54,8 +54,8 @@ HELD_OUT_FROM = 3
 and a law fitted to a part of a step cannot be expected to predict the rest."""
 LEAST_MEMORY = 10.0
 """Lower limit, in rows, of the longest correlation length, however short a velocity step is.
-Without it, noise correlated over eight rows (a sixth of a step) in simulated records changes the
-BIC between laws by up to six more."""
+Simulated records with noise correlated over eight rows (a sixth of a step) need it: without it, BIC
+differs by up to six more between laws."""
 
 FEWEST_ROWS = 20
 """Fewest rows of a block, a direction or a turn: fewer correlated rows determine neither mean nor

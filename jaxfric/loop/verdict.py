@@ -143,9 +143,9 @@ def conclude(
     moved: Sequence[Move] = (),
     withheld: Finding | None = None,
 ) -> Conclusion:
-    """The conclusion. `edge` is K/K_cr of the base fit, `location` the profiles of missing
-    friction, `curve` other shapes of the steady curve, `moved` the headline parameters that move
-    by many standard errors, `withheld` the reason for making no claim."""
+    """The conclusion. `edge`: K/K_cr of the base fit. `location`: profiles of missing friction.
+    `curve`: other shapes of the steady curve. `moved`: headline parameters that move by many
+    standard errors. `withheld`: the reason for making no claim."""
     engine, final = search.engine, search.final
     why = withheld or withheld_by(search, edge)
     if why is not None:

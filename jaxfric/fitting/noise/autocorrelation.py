@@ -14,29 +14,29 @@ BAND = 1.96
 
 
 def clocks(time: np.ndarray, path: np.ndarray, pace: np.ndarray | None = None) -> np.ndarray:
-    """Clocks at every row: time, path of the load point, rows, and rows over the `pace` of each;
-    (n, 4)."""
+    """Clocks at every row (n, 4): time, load-point path, rows, and rows over the row's `pace`."""
     moved = np.cumsum(np.abs(np.diff(path, prepend=path[:1])))
     own = np.zeros(len(time)) if pace is None else np.cumsum(1 / pace)
     return np.stack([time, moved, np.arange(float(len(time))), own], axis=1)
 
 
 class Autocorrelation(NamedTuple):
-    """Autocorrelation of a residual, by distance in rows, beside that of its noise model."""
+    """Autocorrelation of a residual and of its noise model, by distance in rows."""
 
     lag: np.ndarray
     value: np.ndarray
     model: np.ndarray
-    """Mean autocorrelation of records of this length under the noise model, less their means."""
+    """Mean autocorrelation of records of this length under the noise model, after subtraction of
+    their means."""
     error: np.ndarray
     """Standard error of `value` under the noise model."""
 
     def beyond(self) -> list[tuple[float, float, bool]]:
-        """Ranges of distances at which the noise model is not the record's: first and last
-        distance, and whether rows are more alike there than it says.
+        """Ranges of distances at which the noise model contradicts the record: first and last
+        distance, and whether rows are more correlated than in the model.
 
-        A range is out of the 95 % band, and at one of its distances by more than chance, at all
-        that are asked together.
+        The whole range is outside the 95 % band. At one distance or more the deviation is
+        significant after Bonferroni correction for all distances.
         """
         z = (self.value - self.model) / self.error
         rare = -ndtri(0.5 * _CHANCE / max(len(z), 1))
@@ -56,11 +56,11 @@ def autocorrelation(
     noise: NoiseEstimate,
     part: np.ndarray | None = None,
 ) -> Autocorrelation:
-    """Autocorrelation of a residual (nan: no value), at distances that are spaced by factors.
+    """Autocorrelation of a residual (nan: no value), at geometrically spaced distances.
 
-    `part` (n,) are the parts of a record that are none of each other's neighbours, as runs: a
-    number for every row, equal ones side by side. Of each part its mean is taken away, and pairs of
-    rows are of one part. Without it the record is one part.
+    `part` (n,) numbers the disconnected parts of a record, such as runs; rows of a part are
+    consecutive. The mean of each part is subtracted, and pairs of rows are within one part. Without
+    `part` the record is one part.
     """
     known = np.isfinite(residual)
     part = np.zeros(len(residual), int) if part is None else part
@@ -86,13 +86,13 @@ def autocorrelation(
 
 
 def _of_mean(rho: np.ndarray, n: int) -> float:
-    """Variance of the mean of n rows of variance 1, whose correlation is `rho` by distance."""
+    """Variance of the mean of n rows of variance 1; `rho` is their correlation by distance."""
     return float(2 * np.sum(np.maximum(1 - np.arange(len(rho)) / n, 0.0) * rho) - 1) / n
 
 
 def bartlett(rho: np.ndarray, lag: np.ndarray, count: np.ndarray) -> np.ndarray:
     """Standard error of a measured autocorrelation at distances `lag`, each from `count` pairs of
-    rows, of noise whose autocorrelation is `rho` at 0, 1, 2, ... rows.
+    rows. `rho` is the autocorrelation of the noise at 0, 1, 2, ... rows.
 
     var r_k = (1/n) sum_m (rho_m^2 + rho_(m+k) rho_(m-k) - 4 rho_k rho_m rho_(m-k)
     + 2 rho_m^2 rho_k^2) over all whole m (Bartlett 1946, doi:10.2307/2983611).
@@ -110,7 +110,7 @@ def bartlett(rho: np.ndarray, lag: np.ndarray, count: np.ndarray) -> np.ndarray:
 def _by_rows(
     clock: np.ndarray, known: np.ndarray, noise: NoiseEstimate, part: np.ndarray, most: int
 ) -> np.ndarray:
-    """Correlation of rows 0, 1, 2, ..., `most` apart, on average over those `known` of one
+    """Mean correlation of rows at distances 0, 1, 2, ..., `most`, over the `known` rows of each
     `part`."""
     shifts = np.unique(np.concatenate([np.arange(1, 65), np.geomspace(1, most, 100)]).astype(int))
     at, means = [0], [1.0]
@@ -124,7 +124,7 @@ def _by_rows(
 
 
 def error_of_mean(clock: np.ndarray, noise: NoiseEstimate) -> float:
-    """Standard error of the mean of rows at `clock` (n, 4), noise of variance 1."""
+    """Standard error of the mean of rows at `clock` (n, 4), for noise of variance 1."""
     n = len(clock)
     if n > _MOST:
         rho = _by_rows(clock, np.ones(n, bool), noise, np.zeros(n, int), n - 1)

@@ -1,11 +1,11 @@
 """Glitches of a recorder: outliers of one to three neighbouring rows.
 
 Every row is predicted from the rows before it and from the rows after it, with the estimated noise
-(one Kalman pass each way). A run of up to three rows is a glitch if its first row deviates from the
-prediction from before, and its last row, with the same sign, from the prediction from after. None
-of the three rows on either side may deviate by six tenths as much. A step of friction is no glitch:
-its first row deviates from before, but the row before it deviates from after, with opposite sign.
-Longer events, and peaks that rise and fall smoothly, do not qualify either.
+(one Kalman pass each way). A run of up to three rows is a glitch if two errors exceed a limit with
+the same sign: that of its first row, predicted from before, and that of its last row, predicted
+from after. None of the three rows on either side may exceed six tenths of the limit. A step of
+friction does not qualify: its first row deviates from before, but the row before it deviates from
+after with opposite sign. Nor do longer events, or peaks that rise and fall smoothly.
 
 Noise alone exceeds the limit once in a hundred records of this length. The limit is in units of the
 median error of the same velocity step: noise differs between steps, and a median, unlike a standard
@@ -58,8 +58,8 @@ NO_GLITCHES = Glitches()
 
 
 def beside_steps(step: np.ndarray) -> np.ndarray:
-    """Mask (n,) of rows near a change of `step`: three rows before it, since its time may be wrong,
-    and after it a tenth of the shorter of the two steps, within five to ten rows."""
+    """Mask (n,) of rows near a change of `step`: three rows before it, since its time may be wrong.
+    After it, a tenth of the shorter of the two steps, but five to ten rows."""
     near = np.zeros(len(step), bool)
     edges = np.flatnonzero(np.diff(step)) + 1
     ends = np.concatenate([[0], edges, [len(step)]])
@@ -107,10 +107,10 @@ def in_sizes_of_steps(
 def standing_out(
     ahead: np.ndarray, back: np.ndarray, spared: np.ndarray
 ) -> tuple[np.ndarray, float]:
-    """Mask (n,) of the glitches from prediction errors both ways, and the limit of the errors, in
-    standard deviations of a normal law with the same median error.
+    """Mask (n,) of the glitches from prediction errors both ways, and the limit of the errors.
 
-    Rows in the mask `spared` are never glitches.
+    The limit is in standard deviations of a normal law with the same median error. Rows in the mask
+    `spared` are never glitches.
     """
     n = len(ahead)
     from scipy.special import stdtrit

@@ -5,12 +5,12 @@ residual is cut into pieces of constant velocity. Each piece has a periodogram o
 noise (a cosine series of its logarithm), and the pieces are added at equal frequency. A line is hum
 if it is significant in the sum over pieces,
 
-    P = sum_i |sum_j r_j exp(2 pi i f t_j)|^2/(n_i S_i(f)),   under noise alone Gamma(pieces, 1),
+    P = sum_i |sum_j r_j exp(2 pi i f t_j)|^2/(n_i S_i(f)),   under noise alone Gamma(pieces, 1).
 
-persists through both halves of a piece (ringing after a step does not), and is significant at two
-velocities, while no wave along the path explains as much. A line at one velocity only may be either
-a wave along the path or hum; it counts as hum at a frequency of the mains. Every piece has its own
-amplitude and phase, by least squares. Frequencies that its rows do not resolve are not searched.
+It must persist through both halves of a piece (ringing after a step does not). It must also be
+significant at two velocities, and no wave along the path may explain as much. A line at one
+velocity only may be a wave or hum; it counts as hum at a frequency of the mains. Every piece has
+its own amplitude and phase, by least squares. Unresolved frequencies are not searched.
 
 Source: Lomb 1976 (doi:10.1007/BF00648343) and Scargle 1982 (doi:10.1086/160554) for uneven rows.
 Here rows are binned into cells of a quarter of their interval, which costs at most 5 % of P.
@@ -248,8 +248,8 @@ def _is_hum(
 def _along_path(
     pieces: list[_Piece], resolving: list[_Piece], power: np.ndarray, stands: np.ndarray, f: float
 ) -> bool:
-    """Whether a wave along the path, with the wavelength that one piece gives, is significant at
-    the other velocities and stronger there than a line of constant frequency."""
+    """Whether a wave along the path, with the wavelength from one piece, is significant at other
+    velocities and stronger there than a line of constant frequency."""
     from scipy.special import gammaincc
 
     speed = np.array([p.speed for p in resolving])

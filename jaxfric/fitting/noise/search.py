@@ -398,8 +398,8 @@ def _all_parts(family: Family, limits: Limits) -> np.ndarray:
 def _likeliest(record: NoiseRows, starts: Mapping[Family, np.ndarray]) -> list[Found]:
     """The likeliest start of every family.
 
-    In a long record the likelihood of the residual alone (without the Jacobian) preselects the
-    `LIKELY` starts of a family, in a fraction of the time of the restricted likelihood.
+    In a long record the likelihood of the residual alone (without the Jacobian) preselects `LIKELY`
+    starts of a family. It takes a fraction of the time of the restricted likelihood.
     """
     starts = {family: _inside(some, family, record.limits) for family, some in starts.items()}
     if record.rows > const.STRETCH:
@@ -448,7 +448,7 @@ def _refined(record: NoiseRows, best: Found, worth: float = -np.inf) -> Found:
 def _newton(
     record: NoiseRows, family: Family, theta: np.ndarray
 ) -> tuple[Found, np.ndarray, float]:
-    """The likeliest of the points around theta, Newton steps from theta with many dampings, and the
+    """The likeliest of the points around theta; Newton steps from theta with many dampings; and the
     largest gain of such a step at constant slope."""
     q, step = len(theta), const.STEP
     low, high = family.bounds(record.limits)

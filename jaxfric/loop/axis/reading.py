@@ -1,12 +1,12 @@
 """Turns an axis record into rows of the loop: low-pass, sign, disturbance, threshold.
 
-The cutoff of the position's low-pass also sets the number of rows. It is the highest cutoff at
-which the encoder error, differentiated twice and times the mass, has less than half the variance of
-the force noise. Above it noise of the prediction would hide friction; below it motion and rows are
-lost. The force noise is the white scatter from row to row of the base law's residual, the least
-over all cutoffs: high cutoffs add the encoder error, low cutoffs the sought structure. If too few
-rows are faster than the velocity noise for a split, lower cutoffs, then a lower threshold, then
-shorter rows are tried.
+The cutoff of the position's low-pass also sets the number of rows. Encoder noise, differentiated
+twice and times the mass, is noise of the predicted force. The cutoff is the highest at which this
+has less than half the variance of the noise of the recorded force. A higher one would hide
+friction, a lower one loses motion and rows. The force noise is the scatter from row to row of the
+base law's residual, at its minimum over cutoffs: high cutoffs add encoder noise, low structure.
+If too few rows are faster than the velocity noise for a split, lower cutoffs, then a lower
+threshold, then shorter rows are tried.
 """
 
 from typing import NamedTuple

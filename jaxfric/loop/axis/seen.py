@@ -1,8 +1,8 @@
 """Speeds at which an axis record supports the fitted steady friction, and reasons against others.
 
 The rule itself is in `jaxfric.stability.claims`. This module computes its input: the standard error
-of the slope of the fitted friction, rows at low speed that lie above the fit, and speeds at which
-the axis stopped in mid-stroke or the low-pass removed stairs of its motion.
+of the fitted slope, and rows at low speed that lie above the fit. It also finds speeds at which the
+axis stopped in mid-stroke or the low-pass removed stairs of its motion.
 """
 
 from collections.abc import Callable, Mapping, Sequence

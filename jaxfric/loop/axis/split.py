@@ -24,8 +24,8 @@ def segments(slow: np.ndarray) -> np.ndarray:
 
 
 def split(segment: np.ndarray, used: np.ndarray, velocity: np.ndarray, path: str) -> Blocks:
-    """Blocks of whole segments: the last ones with a sixth of the rows are the test block, those
-    with the sixth before it the validation block, all others train.
+    """Blocks of whole segments. The last sixth of the rows is the test block, the sixth before it
+    the validation block; the rest trains.
 
     The fastest segment of each direction always trains. The slowest one that has enough rows trains
     too, if the other blocks remain long enough. `used` marks the used rows, `path` names the record

@@ -119,8 +119,8 @@ def close_steady_loop(
 ) -> SteadyLoop:
     """Fit the curve, then add effects of `STEADY_EFFECTS` one by one.
 
-    `with_` belong to the base, `without` are not tried. An effect is accepted if BIC falls by more
-    than 10, held-out runs (each with its neighbours in speed) are predicted better, friction stays
+    `with_` belong to the base, `without` are not tried. An accepted effect lowers BIC by more than
+    10 and predicts held-out runs better (each with its neighbours in speed). Its friction is
     dissipative, and the runs determine its parameters. With fewer than 8 runs, or fewer than 3 in
     one direction, only the base is fitted.
 
