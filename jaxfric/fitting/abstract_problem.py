@@ -24,7 +24,7 @@ N = TypeVar("N", Array, np.ndarray)
 FAILED_MISFIT = 1e4
 """Misfit of a failed simulation, in units of the noise scale. It is finite but larger than that of
 any useful fit, so that the solver rejects the trial and shortens its step."""
-_MASS_SHARE = 1e-4
+_MASS_SHARE = 1e-4  # typical mass: this times force duration/velocity
 
 
 class ParametricModel(Protocol):

@@ -28,8 +28,8 @@ from .uncertainty import normal_inverse
 
 _TOLERANCE = 1e-9
 _TRIALS = 60
-_COMPARED = 10
-_AT_ONCE = 8
+_COMPARED = 10  # output error compares every 10th sample
+_AT_ONCE = 8  # columns of a Jacobian per call
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -25,19 +25,19 @@ from ..errors import InputError
 from ..motion import MeasuredMotion
 from .padding import bucket
 
-_ORDER = 4
-_BINS = 4000
-_CUTOFF_SHARE = 0.1
-_SLOW = 200.0
+_ORDER = 4  # of the Butterworth filter
+_BINS = 4000  # frequencies of the integral for the acceleration noise
+_CUTOFF_SHARE = 0.1  # of the sampling rate
+_SLOW = 200.0  # [Hz] slower records keep all rows
 _SLOW_CUTOFF_SHARE = 0.2
 _RIPPLE = 0.05  # with `_PASS`, the filter of scipy.signal.decimate
 _PASS = 0.8
-_EDGE = 0.2
-_UNEVEN = 0.01
-_MARGIN = 0.5
-_SAME_ROWS = 0.49
+_EDGE = 0.2  # [s]
+_UNEVEN = 0.01  # relative jitter of intervals above which rows are interpolated
+_MARGIN = 0.5  # [s] padding at both ends against wrap-around of the FFT
+_SAME_ROWS = 0.49  # share of the default cutoff down to which rows keep their length
 _FEWEST_ROWS = 10
-_SAMPLES = 20
+_SAMPLES = 20  # fewest samples of the motion per long row
 
 
 class Preparation(NamedTuple):

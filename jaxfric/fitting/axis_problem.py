@@ -21,11 +21,11 @@ from .encompassing import EncompassingModel
 SLOWEST = 0.02
 """Quantile of the speeds of the used rows: the slowest speed that the record resolves. Also the
 share of the largest speed below which friction is not checked."""
-_SPEEDS = 12
+_SPEEDS = 12  # speeds at which friction is checked
 NEGLIGIBLE = 0.02
 """Share of the force below which a negative friction, or a difference, counts as zero; share of the
 forward travel below which the backward travel counts as none."""
-_LAG = 1e-2
+_LAG = 1e-2  # typical lag over range of position/largest speed
 _SHARES = (1e-3, 0.1)
 """Inertial force at the largest acceleration, as a share of the typical force. A fit that starts
 with a mass below the first share starts at the second instead."""

@@ -39,7 +39,7 @@ from .abstract_problem import (
 from .noise import Noise, whiten
 from .padding import bucket, filled
 
-_TIME_SHARE = 1e-3
+_TIME_SHARE = 1e-3  # typical lag over the duration of the record
 _MACHINE_QUANTITIES = quantities(Inertial)
 _LEVEL = Quantity("level", "F", "friction of a later stretch of a run less that of the first")
 

@@ -38,7 +38,7 @@ from .problem import Model
 
 HOLD = 3.0
 """The reload after a hold counts as a change of ln V of at least this size."""
-_GRID_PAIRS = 16
+_GRID_PAIRS = 16  # slip lengths of the grid for two or more states
 
 
 class Fineness(NamedTuple):

@@ -15,7 +15,7 @@ from ..fitting.noise import Noises, products
 from ..fitting.padding import WIDE, counted_rows
 from ..threads import side_by_side
 
-_AT_ONCE = 4
+_AT_ONCE = 4  # noises per pass
 _PASSES = 4
 
 

@@ -26,8 +26,8 @@ from .evidence import Evidence, evidence
 from .residual_tests import chi_square_tail
 from .thresholds import SEEN
 
-_DRAWS, _SEED = 60, 20
-_SIZES, _MEMORIES = (-1.0, 0.0, 1.0), (-0.5, 0.0, 0.5)
+_DRAWS, _SEED = 60, 20  # simulated records for the Bartlett correction
+_SIZES, _MEMORIES = (-1.0, 0.0, 1.0), (-0.5, 0.0, 0.5)  # log offsets of the noise grid
 
 
 class Question(NamedTuple):

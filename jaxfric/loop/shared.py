@@ -15,8 +15,8 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float, Int
 
-_GROUPS = 7
-_FORGOTTEN = 0.01
+_GROUPS = 7  # 44 steps then need one pass of derivatives, not three
+_FORGOTTEN = 0.01  # largest remaining share of a response
 
 
 class SharedShifts:

@@ -36,8 +36,8 @@ from .subject import ScoredRows, Subject
 
 # Errors of step times too small to matter to a fit add up over steps to what looks like a lag.
 _FELT = 0.1
-_FINER = 0.1
-_FINE_ENOUGH = 0.02
+_FINER = 0.1  # factor on the solver tolerance
+_FINE_ENOUGH = 0.02  # largest change of the prediction [sigma]
 
 
 def slider_subject(

@@ -44,7 +44,7 @@ from .result import AxisBase, AxisRows, PreparedRecord, Spring
 from .rows import scales_of
 from .seen import doubts, follows, held_command, spring_of
 
-_LEAST_UNIT = 1e-3
+_LEAST_UNIT = 1e-3  # share of the range of force
 
 
 def close_axis_loop(

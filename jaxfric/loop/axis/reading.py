@@ -28,8 +28,8 @@ from .split import split
 _OF_NOISE, _OF_RESIDUAL = np.sqrt(0.5), 0.25
 """Largest noise of the prediction, as a share of the force noise, and of the base law's residual.
 The larger of both limits applies."""
-_THRESHOLDS = (1.0, 0.5, 0.25)
-_JITTER, _FEW = 0.2, 0.01
+_THRESHOLDS = (1.0, 0.5, 0.25)  # factors on the default width
+_JITTER, _FEW = 0.2, 0.01  # relative jitter of a row, and share of such rows, that warn
 _NEARLY_ALL, _CLEAR_MOTION = 0.99, 3.0
 """Quantile of the speeds, and its lower limit in standard deviations of the velocity noise. That
 quantile of normal noise alone is 2.6."""

@@ -17,8 +17,8 @@ from ...fitting.axis_preparation import Prepared
 from ...fitting.noise.thresholds import CLEAR
 
 _HALF = 0.5
-_NEAR_ENOUGH = 0.2
-_TRIMS, _NEAR, _FAR = 8, 2.5, 10.0
+_NEAR_ENOUGH = 0.2  # tolerance of a disturbance coefficient around -1 and 0
+_TRIMS, _NEAR, _FAR = 8, 2.5, 10.0  # iterations; scatters of kept rows and of outliers
 
 
 class Rough(NamedTuple):

@@ -9,9 +9,9 @@ from ..split import Blocks
 from .result import AxisRows
 from .split import segments
 
-_WIDTH_IN_NOISE = 2.0
-_WIDTH_SHARE = 1e-3
-_STUCK = 0.05
+_WIDTH_IN_NOISE = 2.0  # standard deviations of the velocity noise
+_WIDTH_SHARE = 1e-3  # of the largest speed
+_STUCK = 0.05  # [s] shortest stop
 
 
 def rows_of(

@@ -14,8 +14,8 @@ from scipy.optimize import minimize_scalar
 from ...fitting.uncertainty import normal_inverse
 from ...records.steady import SteadyCurve, force_covariance
 
-_SPEEDS = 60
-_POWERS = (1.0, 2.0)
+_SPEEDS = 60  # values of vs in the grid
+_POWERS = (1.0, 2.0)  # values of n
 _NEAR = float(np.cbrt(np.finfo(float).eps))
 """Relative step of central differences that balances truncation and rounding errors."""
 
