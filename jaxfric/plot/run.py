@@ -29,6 +29,8 @@ _COLOURS = {
     "stick_slip": MAGENTA,
     "glitch": SLATE,
 }
+_LINES = {"hold": (2.6, "-"), "reload": (1.2, "--")}
+"""Widths and dashes of lines, where others are at the same place."""
 _WORDS = {"stress": "normal stress", "stick_slip": "stick-slip"}
 _LONG = 4.0
 """Bars so many times as long as the usual one may leave the panel."""
@@ -64,7 +66,14 @@ def draw_events(record: Record, events: Sequence[Event], *paths: str | Path) -> 
     name = "load-point displacement since the first row [mm]"
     style.tidy(axes[-1], x=name, grid=False)
     legend = [
-        Line2D([], [], color=colour, lw=2, label=_WORDS.get(kind, kind))
+        Line2D(
+            [],
+            [],
+            color=colour,
+            lw=2,
+            ls=_LINES.get(kind, (0, "-"))[1],
+            label=_WORDS.get(kind, kind),
+        )
         for kind, colour in _COLOURS.items()
         if any(event.kind == kind for event in events)
     ]
@@ -86,9 +95,9 @@ def _speeds(axis: Axes, record: Record, events: Sequence[Event], x: np.ndarray) 
         return
     ends = x[[0, *_rows(record, [event.time for event in joints]), len(record) - 1]]
     speeds = [(joints or events)[0].before, *(event.after for event in joints)]
-    for a, b, v in zip(ends[:-1], ends[1:], speeds, strict=True):
-        if v:
-            axis.plot([a, b], [1e6 * abs(v)] * 2, color=BLUE, lw=1.8, ls="-" if v > 0 else ":")
+    for sign, dash in ((1e6, "-"), (-1e6, ":")):
+        v = sign * np.array(speeds)
+        axis.hlines(np.where(v > 0, v, np.nan), ends[:-1], ends[1:], BLUE, dash, lw=1.8)
     style.tidy(axis, y="speed\n[µm/s]", log="y", grid=False)
 
 
@@ -97,8 +106,8 @@ def _mark(
 ) -> None:
     """A line at every event, and shades of the windows that are fitted and of stick-slip."""
     for place, event in zip(at, events, strict=True):
-        width = 2.6 if event.kind == "hold" else 0.8  # seen beside the reload at the same place
-        axis.axvline(place, color=_COLOURS[event.kind], lw=width, zorder=0)
+        width, dash = _LINES.get(event.kind, (0.8, "-"))
+        axis.axvline(place, color=_COLOURS[event.kind], lw=width, ls=dash, zorder=0)
         if event.fitted or is_stretch(event):
             begin = event.start if event.fitted else event.time
             kind = "step" if event.fitted else "stick_slip"
@@ -147,10 +156,12 @@ def rates_figure(run: RunFit) -> Figure:
     figure, axes = style.side_by_side(len(sides), height=2.2, sharey=True)
     up = np.array([abs(s.event.after) > abs(s.event.before) for s in found], bool)
     kinds = [
-        (up & ~missed, "^", BLUE, "step up", False),
-        (~up & ~missed, "v", ORANGE, "step down", False),
-        (up & missed, "^", BLUE, "step up, missed (*)", True),
-        (~up & missed, "v", ORANGE, "step down, missed (*)", True),
+        (chosen & (missed == hollow), marker, colour, words + ", missed (*)" * hollow, hollow)
+        for hollow in (False, True)
+        for chosen, marker, colour, words in (
+            (up, "^", BLUE, "step up"),
+            (~up, "v", ORANGE, "step down"),
+        )
     ]
     for axis, (label, x, log) in zip(axes, sides, strict=True):
         for chosen, marker, colour, words, hollow in kinds:
