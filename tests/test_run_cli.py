@@ -13,7 +13,9 @@ from command import assert_refused, run
 
 import jaxfric as jf
 from fits.runs.generate import generate
-from jaxfric.report.run_html import Commands, page
+from jaxfric.report.report import text_of
+from jaxfric.report.run_page import page
+from jaxfric.report.run_report import latex_text, report
 from jaxfric.runs import Event, find_events
 from jaxfric.runs.cycles import StickSlip
 from jaxfric.runs.decisions import decisions_text, read_decisions
@@ -26,10 +28,8 @@ from jaxfric.runs.stress_steps import FittedStress
 from jaxfric.runs.table import (
     csv_text,
     difference,
-    latex_text,
     rows,
     text_cells,
-    text_lines,
     xlook_rows,
 )
 
@@ -233,8 +233,9 @@ def test_a_step_that_cannot_be_fitted_keeps_its_row_and_its_reason(two_fits):
     bad, good = rows(result)
     assert bad["step"] == 1 and "rows" in str(bad["result"]) and "A" not in bad
     assert good["result"] == "converged" and good["A"] is not None
-    assert "normal stress [MPa]" in text_lines(result)[0]
-    assert "holds" in text_lines(result)[1] and "no fit" in latex_text(result)
+    told = text_of("", report(result))
+    assert "holds" in text_cells(result.steps[0])[4] and "no fit" in latex_text(result)
+    assert "normal stress" in told and "holds" in told
 
 
 def test_the_difference_has_the_error_of_its_covariance(two_fits):
@@ -369,44 +370,47 @@ class Page(HTMLParser):
 
 
 def shown(result, **more):
-    given = {"warnings": ["K is <odd>"], "figures": {"step_02.png": b"x"}}
-    none = Findings((), (), None, ())
-    return page(
-        result, [], more.pop("others", none), commands=Commands("jaxfric run"), **(given | more)
-    )
+    others = more.pop("others", Findings())
+    told = report(result, others)._replace(warnings=["K is <odd>"])
+    return page(told, result, others, {"step_02.png": b"x"}, command="jaxfric run")
 
 
 def test_the_page_tells_every_step_and_reaches_nowhere(two_fits):
     result = two_fits[0]
     text = shown(result)
     found = Page(text)
-    assert "1 of 2 velocity steps fitted" in found.texts["h1"]
+    assert found.texts["h1"] == ["1 of 2 velocity steps fitted"]
     cells = found.texts["td"]
     assert text_cells(result.steps[1])[4] in cells and text_cells(result.steps[0])[4] in cells
-    assert found.texts["li"] == ["Warning: K is <odd>"] and "&lt;odd&gt;" in text
+    assert found.texts["li"][-1] == "warning: K is <odd>" and "&lt;odd&gt;" in text
     assert found.pictures == 1 and all(link.startswith("data:image/png") for link in found.links)
     assert "Step 2, at" in "".join(found.texts["summary"])
-    assert [t for t in found.texts["h2"] if t in ("Holds", "Steps of the normal stress")] == []
+    assert not {"Holds", "Steps of the normal stress"} & {
+        *found.texts["h2"],
+        *found.texts["summary"],
+    }
 
 
 def test_the_page_shows_what_else_was_found(two_fits):
     ramp = Ramp("unload", 5.0, 9.0, 1e7, True, 2e10, 1e8)
     stress = FittedStress(100.0, 1.0, 3e-6, 1e7, 1.15e7, why="a velocity step is superposed")
-    found = Page(shown(two_fits[0], others=Findings((stress,), (ramp,), None, ())))
-    told = " ".join(found.texts["li"])
+    found = Page(shown(two_fits[0], others=Findings((stress,), (ramp,))))
+    told = " ".join(found.texts["div"])
     assert "0.02000(10) MPa/um" in told and "no alpha: a velocity step is superposed" in told
-    assert "Steps of the normal stress" in found.texts["h2"]
+    assert "Steps of the normal stress" in found.texts["summary"]
 
 
 def test_the_page_shows_stick_slip_and_a_run_without_steps(two_fits):
     few = Rises(2.0, 9.0, 1e-5, None, *[np.zeros((0, 1))] * 4, why="fewer than 4 teeth")
-    others = Findings((), (), StickSlip((few,), {}, None, {}), ())
+    others = Findings(stick_slip=StickSlip((few,), {}, None, {}))
     teeth = Event("stick_slip", 2.0, 1e-5, 1e-5, 2.0, 9.0)
     beside = Event("stick_slip", 9.0, 1e-5, 1e-6, 9.0, 12.0)
     found = Page(shown(replace(two_fits[0], steps=(), events=(teeth, beside)), others=others))
-    assert found.texts["h1"] == ["No velocity step to fit; stretches of stick-slip: 1"]
-    assert "Stick-slip" in found.texts["h2"] and "Steps" not in found.texts["h2"]
-    assert "stick-slip at 10 um/s from 2 s: not used, fewer than 4 teeth" in found.texts["li"]
+    assert found.texts["h1"][0].startswith("no velocity step is fitted")
+    assert "stretch of stick-slip" in found.texts["span"]
+    assert found.texts["caption"] == ["Events", "Stretches of stick-slip"]
+    words = "stick-slip at 10 um/s from 2 s: not used, fewer than 4 teeth"
+    assert words in "\n".join(found.texts["div"])
 
 
 def never_slips(p, feet, *_):

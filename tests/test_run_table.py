@@ -1,7 +1,6 @@
 """The tables of a run's steps, of fits that were never run: what is marked, and what is blank."""
 
 import csv
-import importlib
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +14,9 @@ from jaxfric.cli.plan_line import run_line
 from jaxfric.fitting.misfit import misfit_warning, misfit_warning_of, scatter
 from jaxfric.fitting.noise import Glitches
 from jaxfric.records.thin import blur_warning
-from jaxfric.report.run_html import Commands, page
+from jaxfric.report.report import text_of
+from jaxfric.report.run_page import page
+from jaxfric.report.run_report import latex_text, report
 from jaxfric.runs import Event
 from jaxfric.runs.findings import Findings
 from jaxfric.runs.fits import HowFitted, RunFit, StepFit
@@ -26,13 +27,11 @@ from jaxfric.runs.table import (
     claimed,
     csv_text,
     headline,
-    latex_text,
     rows,
     text_cells,
-    text_lines,
     xlook_rows,
 )
-from jaxfric.runs.warned import missed_warning, missed_warning_of
+from jaxfric.runs.warned import missed_warning, missed_warning_of, warnings_of
 
 
 def left(times=1.0, *, off=0.0, at=24.0, glitches=(), **model):
@@ -70,11 +69,10 @@ def run_of(*fits):
 )
 def test_the_headline_counts_the_stars_of_the_table(off, words):
     run = run_of(*(None if x is None else left(off=x) for x in off))
-    told = Findings((), (), None, ())
-    commands = Commands("jaxfric run a", "jaxfric run a --slip-trend")
-    html = page(run, [], told, warnings=[], figures={}, commands=commands)
+    ask = "jaxfric run a --slip-trend"
+    html = page(report(run, ask=ask), run, Findings(), {}, command="jaxfric run a")
     assert headline(run) == words and f"<h1>{words}</h1>" in html and words in repr(run)
-    assert (commands.asks_on in html) == ("*" in words)
+    assert (ask in html) == ("*" in words)
 
 
 @pytest.mark.parametrize("times", [1.0, 7.2])
@@ -115,15 +113,15 @@ def test_in_json_a_number_stands_only_for_what_is_known(converged, loose, known)
 def test_a_step_that_is_missed_is_marked_in_every_table():
     run = run_of(left(1.23), left(5.5, off=-11.0), None)
     assert HEAD[-1] == "misfit"
-    assert [text_cells(step)[-1] for step in run.steps] == ["1.2 ", "5.5*", "few"]
-    assert [line.endswith("5.5*") for line in text_lines(run)] == [False, False, True, False]
+    assert [text_cells(step)[-1] for step in run.steps] == ["1.2 ", "5.5*", ""]
+    assert text_cells(run.steps[2])[4] == "few"
     table = list(csv.DictReader(csv_text(rows(run)).splitlines()))
     assert [row["misfit"] for row in table] == ["1.23", "5.5", ""]
     assert ["misses its record" in row["warnings"] for row in table] == [False, True, False]
     assert ["5.5 times the scatter" in row["warnings"] for row in table] == [False, True, False]
     lines = latex_text(run).splitlines()
-    assert [r"$^\dagger$ &" in line for line in lines[5:8]] == [False, True, False]
-    assert "4.5 times the noise" in lines[-2]
+    assert [r"$^{\dagger}$ &" in line for line in lines[5:8]] == [False, True, False]
+    assert "4.5 times the noise" in lines[-3]
     assert "dagger" not in latex_text(run_of(left(1.23)))
 
 
@@ -151,17 +149,16 @@ def test_columns_stand_apart_with_two_states():
     """Two Bs and two Ls, in a cell each, are wider than a column of one."""
     values = VALUES | {"B2": 0.00108, "L2": 5e-5}
     fit = fit_of(values, covariance_of(values, 0.05), states=2)
-    lines = text_lines(run_of(fit, None))
-    cells = text_cells(run_of(fit).steps[0])
-    assert all(f"  {cell}" in f"  {lines[1]}" for cell in cells[4:])
-    assert len(lines[0]) == len(lines[1]) and lines[2].endswith("  few")
+    run = run_of(fit, None)
+    told = text_of("", report(run))
+    assert all(cell.strip() in told for cell in text_cells(run.steps[0])[4:])
+    assert [len(text_cells(step)) for step in run.steps] == [len(HEAD)] * 2
 
 
 def test_steps_that_are_missed_are_told_once_and_what_asks_on():
     """Each with by how much, in the order of the steps; a fit with a trend is asked otherwise."""
-    told = importlib.import_module("jaxfric.cli.run")._warnings
     run = run_of(left(off=11.0), left(), left(off=-6.0))
-    (line,) = [text for text in told(run, HowFitted()) if "miss" in text.partition(":")[2]]
+    (line,) = [text for text in warnings_of(run, HowFitted()) if "miss" in text.partition(":")[2]]
     assert line.startswith("step 1, 3: these fits miss a part of their records by 11 and 6 times")
     assert "they may take a drift for evolution (--slip-trend)" in line
     assert ask_on(run).startswith("fit again with a drift of friction with slip, or with a second")
@@ -195,9 +192,8 @@ def test_the_command_that_asks_on_can_be_pasted(given, line):
 
 def test_the_misfit_of_all_steps_is_told_once_with_the_trend_that_may_be_it():
     """A long evolution may take up a drift, so that what is left does not wander."""
-    told = importlib.import_module("jaxfric.cli.run")._warnings
     run = run_of(left(1.0), left(2.24), left(10.0, off=7.0), None)
-    missed, failed, text, drift = told(run, HowFitted())
+    missed, failed, text, drift = warnings_of(run, HowFitted())
     assert missed.startswith("step 3: the fit misses its record") and failed == "step 4: few"
     assert drift == "step 1, 2, 3: a drift"
     assert text.startswith("step 2, 3: the fit leaves 2.2 to 10 times the scatter")
@@ -208,10 +204,9 @@ def test_the_misfit_of_all_steps_is_told_once_with_the_trend_that_may_be_it():
 
 
 def test_what_means_cost_is_told_once_of_all_steps():
-    told = importlib.import_module("jaxfric.cli.run")._warnings
     fits = [replace(left(1.0), warnings=w) for w in ((blur_warning(2, 0.6),), (), ("other",))]
     fits[1] = replace(fits[1], warnings=("other", blur_warning(3, 1.1)))
-    blurred, other = told(run_of(*fits), HowFitted())
+    blurred, other = warnings_of(run_of(*fits), HowFitted())
     assert blurred.startswith("step 1, 2: means over 2 to 3 rows") and "0.6 to 1.1" in blurred
     assert other == "step 2, 3: other"
 

@@ -14,7 +14,6 @@ from .shown import show
 
 if TYPE_CHECKING:
     from ..records import Record
-    from ..report.fits_table import TabledFit
 
 
 def compare_record(
@@ -37,7 +36,7 @@ def compare_record(
     prepare_jax()
     from ..loop.compare import compare_laws
     from ..plot.compared import draw_comparison
-    from ..report.comparison import tabled
+    from ..report.comparison import files_of
 
     folder = choose_folder(output.folder, file.stem, file)
     with told() as progress:
@@ -50,27 +49,17 @@ def compare_record(
             rows=rows,
             progress=progress,
         )
-        content, fits = json_text(found.to_json()), tabled(found)
-        with folder.results() as to:
-            (to / "compare.json").write_text(content + "\n", encoding="utf-8")
-            _write(fits, to)
+        content = json_text(found.to_json())
+        folder.save(files_of(found) | {"compare.json": content + "\n"})
         progress("drawing the figure")
         names = ("compare.png", "compare.svg")
         folder.draw("the figure", lambda to: draw_comparison(found, *(to / n for n in names)))
+    from ..report.report import NextStep
     from ..views import report
 
-    onwards = []
-    if found.next_step:
+    told_of = report(found)
+    if told_of.next_steps:
         line = loop_line(current_call(), found.of_laws[0].fit.law)
-        onwards = [f"next: {found.next_step} {line}".rstrip()]
-    told_of = report(found)._replace(notes=())
-    show(told_of, folder.written, content, output, next_steps=onwards)
+        told_of = told_of._replace(next_steps=[NextStep(found.next_step, line)])
+    show(told_of, folder.written, content, output)
     return folder.close()
-
-
-def _write(fits: "list[TabledFit]", to: Path) -> None:
-    from ..report.fits_table import csv_rows, latex_text
-    from ..runs.table import csv_text
-
-    (to / "compare.csv").write_text(csv_text(csv_rows(fits, "model")), encoding="utf-8")
-    (to / "compare.tex").write_text(latex_text(fits, "law"), encoding="utf-8")

@@ -195,11 +195,16 @@ class Folder:
             same = before["command"] == self.call.command and before["inputs"] == self._inputs()
             self.earlier = "the same command" if same else f"'{before['command']}'"
 
+    def save(self, texts: Mapping[str, str]) -> None:
+        """Write texts by the names of their files, the only results."""
+        with self.results() as to:
+            for name, text in texts.items():
+                (to / name).write_text(text, encoding="utf-8", errors="backslashreplace")
+
     def save_json(self, name: str, table: Mapping[str, object]) -> str:
         """Write a table as the JSON file `name`, the only result, and return its text."""
         content = json_text(table)
-        with self.results() as to:
-            (to / name).write_text(content + "\n", encoding="utf-8")
+        self.save({name: content + "\n"})
         return content
 
     def draw(self, what: str, drawing: Callable[[Path], object]) -> list[str]:
@@ -226,6 +231,16 @@ class Folder:
             return []
         self.files += new
         return new
+
+    def draw_page(self, name: str, kind: str, page: Callable[[dict[str, bytes]], str]) -> None:
+        """Add a page of the figures of this run that have the suffix `kind`, by file."""
+
+        def write(to: Path) -> None:
+            files = [file for file in self.files if file.endswith(kind)]
+            pictures = {file: (self.path / file).read_bytes() for file in files}
+            (to / name).write_text(page(pictures), encoding="utf-8")
+
+        self.draw(name, write)
 
     def _failure(self, what: str, error: Exception) -> str:
         reason = " ".join(str(error).split())

@@ -26,35 +26,24 @@ def save_loop(result: "Loop", folder: Folder, progress: Callable[[str], None]) -
     The page shows the figures that could be drawn.
     """
     from ..plot.loop import DRAWERS
-    from ..report.loop_html import page
-    from ..report.page import installed_version
+    from ..report.loop_page import page
 
     content = folder.save_json("loop.json", result.to_json())
     progress("drawing figures")
     for name, draw in DRAWERS.items():
         folder.draw(name, lambda to, draw=draw: draw(result, to))
-    drawn = [name for name in DRAWERS if f"{name}.svg" in folder.files]
-
-    def write(to: Path) -> None:
-        drawings = {name: (folder.path / f"{name}.svg").read_bytes() for name in drawn}
-        html = page(result, drawings, version=installed_version(), command=current_call().command)
-        (to / "loop.html").write_text(html, encoding="utf-8")
-
-    folder.draw("loop.html", write)
+    command = current_call().command
+    folder.draw_page("loop.html", ".svg", lambda drawn: page(result, drawn, command=command))
     return content
 
 
 def tell_loop(result: "Loop", content: str, folder: Folder, output: OutputOptions) -> int:
     """Print the answer and return the exit code: 1 if the verdict is withheld."""
     from ..findings import Severity  # only here: the command begins without NumPy
-    from ..report.loop_next import next_steps
     from ..report.loop_report import report
 
-    steps = [
-        f"{step.lead()}: {step.text} {step.command}".rstrip()
-        for step in next_steps(result, str(folder.path / "loop.json"))
-    ]
-    show(report(result), _written(folder), content, output, next_steps=steps)
+    told_of = report(result, file=str(folder.path / "loop.json"))
+    show(told_of, _written(folder), content, output)
     withheld = any(one.severity is Severity.WITHHELD for one in result.findings)
     return folder.close() or int(withheld)
 

@@ -120,12 +120,13 @@ def protocol(
         ids, cosines = found.design.ids, found.design.cosines
         folder.draw("aliasing", lambda to: save_aliasing(ids, cosines, to, what="this plan"))
     from ..report.protocol_text import report
+    from ..report.report import NextStep
 
     typical = how.from_ is None and how.parameters is None
     pair, better, line, _, less = answer
     told_of = report(found, typical=typical, pair=pair, better=better, less=less)
-    steps = [f"next: {line}"] if line else []
-    show(told_of, folder.written, content, output, next_steps=steps)
+    steps = [NextStep("", line)] if line else []
+    show(told_of._replace(next_steps=steps), folder.written, content, output)
     return folder.close()
 
 

@@ -1,6 +1,5 @@
 """What a verb prints: the answer on one screen, the whole report with --details, or JSON."""
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from .common import stdout_console, warn
@@ -10,14 +9,7 @@ if TYPE_CHECKING:
     from .options import OutputOptions
 
 
-def show(
-    report: "Report",
-    written: str,
-    content: str,
-    output: "OutputOptions",
-    *,
-    next_steps: Sequence[str] = (),
-) -> None:
+def show(report: "Report", written: str, content: str, output: "OutputOptions") -> None:
     """Print the report, the next commands and the line `written` of the files; then the warnings.
 
     With `output.json` it prints the text `content` instead of these. Without `output.details` at
@@ -26,15 +18,14 @@ def show(
     if output.json:
         print(content)
     else:
-        from ..report.report import SCREEN, print_brief, print_details
+        from ..report.report import SCREEN, print_brief, print_details, print_next_steps
 
         console = stdout_console()
         if output.details:
             print_details(report, console)
         else:
-            print_brief(report, console, room=SCREEN - len(next_steps) - 2)
-        for line in next_steps:
-            console.print(line, markup=False, soft_wrap=True)
+            print_brief(report, console, room=SCREEN - len(report.next_steps) - 2)
+        print_next_steps(report, console)
         if written:
             console.print(f"\n{written}", markup=False, soft_wrap=True)
     warn(report.warnings)

@@ -5,8 +5,8 @@ from collections.abc import Callable, Mapping
 from ..fitting.misfit import EXCESS, excess
 from ..loop.compare import LawComparison, LawScore
 from ..loop.thresholds import ACCEPT
-from ..runs.table import amount, short
-from .fits_table import TabledFit, text_table
+from ..runs.table import amount, csv_text, short
+from .fits_table import TabledFit, csv_rows, latex_text, text_table
 from .tables import TextTable
 
 SCHEMA = "jaxfric.comparison/1"
@@ -227,3 +227,12 @@ def table(found: LawComparison) -> TextTable:
         " values shown"
     )
     return shown._replace(note=f"{shown.note}; {second}")
+
+
+def files_of(found: LawComparison) -> dict[str, str]:
+    """The scores as CSV and LaTeX, by file name."""
+    fits = tabled(found)
+    return {
+        "compare.csv": csv_text(csv_rows(fits, "model")),
+        "compare.tex": latex_text(fits, "law"),
+    }

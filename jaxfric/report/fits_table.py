@@ -11,8 +11,8 @@ from typing import NamedTuple
 from ..findings import WarningCode, is_of
 from ..fitting import Fit
 from ..fitting.misfit import COLUMN, EXCESS, excess
-from ..runs.table import BRACKETS, Cell, csv_text, difference, fit_cells
-from ..units import measured
+from ..runs.table import BRACKETS, Cell, csv_text, estimate_cell, fit_cells, parameter_cells
+from .latex import latex_cells, latex_of, plain
 from .tables import TextTable
 
 _BRACKETS = f"{BRACKETS}; -: not determined"
@@ -122,7 +122,7 @@ def _stiffness(one: TabledFit) -> str:
     K = one.fit.parameters["K"]
     if not K.free:
         return f"{1e-6 * K.value:.4g}"
-    return _estimate(one.fit, "K", 1e-6) if one.fit.converged else ""
+    return estimate_cell(K, 1e-6) if one.fit.converged else ""
 
 
 def _trend(fits: Sequence[TabledFit]) -> dict[str, Callable[[TabledFit], str]]:
@@ -134,7 +134,7 @@ def _trend(fits: Sequence[TabledFit]) -> dict[str, Callable[[TabledFit], str]]:
         fit = one.fit
         if fit is None or not fit.converged or not fit.model.slip_trend:
             return ""
-        return _estimate(fit, "slip_trend", 1e-3)
+        return estimate_cell(fit.parameters["slip_trend"], 1e-3)
 
     return {f"trend [{'N' if _force(fits) else '1'}/mm]": cell}
 
@@ -145,24 +145,7 @@ def _force(fits: Sequence[TabledFit]) -> bool:
 
 def _parameters(one: TabledFit) -> tuple[str, str, str, str]:
     """A-B, A, B and L with their errors, as text; blank where they mean nothing."""
-    fit = one.fit
-    if fit is None or not fit.converged:
-        return ("", "", "", "")
-    numbers = [name[1:] for name in fit.parameters if name[0] == "B"]
-    A, B, L = (
-        ", ".join(_estimate(fit, letter + number) for number in of)
-        for letter, of in (("A", [""]), ("B", numbers), ("L", numbers))
-    )
-    known = all(fit.parameters[n].determined for n in ("A", *(f"B{n}" for n in numbers)))
-    return measured(*difference(fit)) if known else "-", A, B, L
-
-
-def _estimate(fit: Fit, name: str, scale: float = 1.0) -> str:
-    estimate = fit.parameters[name]
-    if not estimate.determined:
-        return "-"
-    scale = 1e6 if estimate.unit == "m" else scale
-    return measured(scale * estimate.value, scale * estimate.std)
+    return ("", "", "", "") if one.fit is None else parameter_cells(one.fit)
 
 
 def files_of(fits: Sequence[TabledFit]) -> dict[str, str]:
@@ -179,39 +162,28 @@ def latex_text(fits: Sequence[TabledFit], head: str, *, records: bool = False) -
     unit = "[N]" if _force(fits) else ""
     given, trend = _given(fits, records), _trend(fits)
     names = short_names([one.name for one in fits])
-    heads = ["$K$" if name[0] == "K" else name for name in given]
-    units = [_LATEX_K[name] if name[0] == "K" else "" for name in given]
     own = ["$a-b$", "$a$", "$b$", "$D_c$", *(name.split(" ")[0] for name in trend)]
     of_own = [unit, unit, unit, r"[$\mu$m]", *(name.split(" ")[1] for name in trend)]
-    lines = [
-        rf"\begin{{tabular}}{{l{'c' * (len(given) + len(own))}{'r' * len(more)}}}",
-        r"\toprule",
-        " & ".join([head, *heads, *own, *map(_escaped, more)]) + r" \\",
-        " & ".join(["", *units, *of_own, *[""] * len(more)]) + r" \\",
-        r"\midrule",
-    ]
+    of_given = ["$K$" if name[0] == "K" else name for name in given]
+    units = [_LATEX_K[name] if name[0] == "K" else "" for name in given]
+    heads = (
+        [head, *of_given, *own, *map(plain, more)],
+        ["", *units, *of_own, *[""] * len(more)],
+    )
+    rows = []
     for one in fits:
         fitted = (*_parameters(one), *(of(one) for of in trend.values()))
-        numbers = [f"${cell}$" if cell else "" for cell in fitted]
-        if not one.known:
-            numbers = [rf"\multicolumn{{{len(own)}}}{{c}}{{no fit}}"]
-        cells = [_shown(one, name) for name in more]
         setup = [
             f"${cell}$" if cell[:1].isdecimal() else cell
             for cell in (of(one) for of in given.values())
         ]
-        lines.append(
-            " & ".join([_escaped(names[one.name]) + _mark(one), *setup, *numbers, *cells]) + r" \\"
-        )
-    lines.append(r"\bottomrule")
-    wide = 1 + len(given) + len(own) + len(more)
+        numbers = latex_cells(fitted if one.known else None, len(own))
+        cells = [_shown(one, name) for name in more]
+        rows.append([plain(names[one.name]) + _mark(one), *setup, *numbers, *cells])
     marks = "".join(map(_mark, fits))
-    for mark, words in _MARKS.items():
-        if mark in marks:
-            note = rf"$^{mark}$ {words}"
-            lines.append(rf"\multicolumn{{{wide}}}{{l}}{{\footnotesize {note}}} \\")
-    note = rf"% \usepackage{{booktabs}}; {BRACKETS}"
-    return "\n".join([*lines, r"\end{tabular}", note, ""])
+    notes = [rf"$^{mark}$ {words}" for mark, words in _MARKS.items() if mark in marks]
+    columns = f"l{'c' * (len(given) + len(own))}{'r' * len(more)}"
+    return latex_of(columns, heads, rows, notes, BRACKETS)
 
 
 def _mark(one: TabledFit) -> str:
@@ -222,10 +194,3 @@ def _mark(one: TabledFit) -> str:
     told = zip(_MARKS, (WarningCode.MISFIT, WarningCode.DRIFT), strict=True)
     marks = [m for m, code in told if any(is_of(text, code) for text in one.fit.warnings)]
     return "$^{" + ",".join(marks) + "}$" if marks else ""
-
-
-def _escaped(text: str) -> str:
-    """Text with what LaTeX takes for its own made harmless."""
-    own = {c: f"\\{c}" for c in "&%$#_{}"} | {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}"}
-    own |= {"^": r"\textasciicircum{}", "Δ": r"$\Delta$", "σ": r"$\sigma$"}
-    return "".join(own.get(c, c) for c in text)

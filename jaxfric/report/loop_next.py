@@ -2,7 +2,6 @@
 
 import shlex
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from ..saved.entry import CERTAIN
 from ..units import factor, read_as
 from .location_text import grow_together
 from .loop_plan import PlannedRun, deciding_run, own_run, plannable, unplanned
+from .report import NextStep
 from .rig_words import AXIS
 from .verdict_text import where_told, words_of_refusal
 
@@ -24,19 +24,6 @@ _SECOND, _LAW = "second_state", "ageing"
 """What `jaxfric fit --compare` asks of, by the ids of the loop."""
 _COMES_BACK = "what comes back is friction or the machine, what does not was that day's"
 _ROOMS = {"machine": "the machine", "drive": "the drive", "sensor": "the force sensor"}
-
-
-class NextStep(NamedTuple):
-    """Something to do: a sentence, and the command line where there is one."""
-
-    text: str
-    command: str = ""
-    also: bool = False
-    """Whether it is beside what is to be done next."""
-
-    def lead(self) -> str:
-        """The word before it."""
-        return "also" if self.also else "next"
 
 
 def meanings(loop: Loop) -> list[tuple[str, str, str]]:

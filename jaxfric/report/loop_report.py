@@ -4,27 +4,51 @@ import math
 
 from ..loop.result import Loop
 from .estimates import friction_line
+from .loop_next import next_steps
 from .loop_text import (
     answer,
     apart,
+    by_velocity,
+    candidates,
+    errors,
     headline,
     length_of,
     lines,
     meaning,
     moved,
+    rests_on,
+    significance,
     splitting,
-    tables,
     test_errors,
 )
 from .report import Report
 
+_MOST_CANDIDATES = 10
+_MOST_STEPS = 40
+"""Velocities or segments that a terminal shows."""
 
-def report(loop: Loop) -> Report:
-    """The answer, all tables, and what can be told apart."""
-    parameters = moved(loop)
-    rest = [table for table in tables(loop) if table.title != parameters.title]
-    told = [*lines(loop), splitting(loop)]
-    return Report(first_lines(loop), [parameters, *rest], told, apart(loop), loop.warnings)
+
+def report(loop: Loop, *, file: str = "loop.json", whole: bool = False) -> Report:
+    """The answer, all tables, and what can be told apart; with the `whole` tables, or the first
+    rows of the long ones. `file` is where the loop lies, of the commands of what to do next."""
+    steps, most = (None, len(loop.candidates)) if whole else (_MOST_STEPS, _MOST_CANDIDATES)
+    tables = [
+        moved(loop),
+        significance(loop),
+        errors(loop),
+        by_velocity(loop, most=steps),
+        candidates(loop, most=most),
+        *([] if loop.details is None else loop.details.tables()),
+        rests_on(loop),
+    ]
+    return Report(
+        first_lines(loop),
+        tables,
+        [*lines(loop), splitting(loop)],
+        apart(loop),
+        loop.warnings,
+        next_steps=next_steps(loop, file),
+    )
 
 
 def first_lines(loop: Loop) -> list[str]:

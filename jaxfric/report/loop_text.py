@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,9 +23,6 @@ from .location_text import QUESTIONS
 from .rig_words import AXIS
 from .tables import TextTable
 from .verdict_text import where_told, why_untold, words_of, words_of_refusal
-
-if TYPE_CHECKING:
-    pass
 
 HEADLINES = {
     "no_missing_effect": "No effect is missing",
@@ -51,9 +47,6 @@ _ROLES = {
 """The role of a fitted model in the search, in words."""
 _TOLD = 10.0
 _NOT_NOISE = (LoopCode.STRUCTURE, LoopCode.BLOCK)
-_MOST_CANDIDATES = 10
-_MOST_STEPS = 40
-"""Velocities or segments that a terminal shows."""
 _LENGTHS = (("nm", 1e-9), ("um", 1e-6), ("mm", 1e-3), ("cm", 1e-2), ("m", 1.0))
 _BELOW = 0.8
 """Errors of a model, in sigma, below which chance does not bring them."""
@@ -81,18 +74,6 @@ def headline(loop: Loop) -> str:
 def _far_off(loop: Loop) -> bool:
     """Whether the base misses rows that it was not fitted to by far more than noise."""
     return loop.test_error(loop.before) > FAR * loop.most_held_out
-
-
-def tables(loop: Loop, *, most: int = _MOST_CANDIDATES) -> list[TextTable]:
-    """Tables for a terminal: errors by block and by velocity, parameters, tests, candidates."""
-    return [
-        errors(loop),
-        by_velocity(loop, most=_MOST_STEPS),
-        moved(loop),
-        significance(loop),
-        candidates(loop, most=most),
-        *([] if loop.details is None else loop.details.tables()),
-    ]
 
 
 def lines(loop: Loop) -> list[str]:

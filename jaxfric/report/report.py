@@ -7,7 +7,6 @@ import io
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
-from .page import bullets, escaped, folded, html_table
 from .tables import TextTable, print_tables
 
 if TYPE_CHECKING:
@@ -17,14 +16,20 @@ SCREEN = 20
 """Lines that a terminal shows, unless details are asked for."""
 _FRAME = 4
 """Lines of a table besides its rows: an empty one, the title, the heads, how many rows follow."""
-_WIDTH, _OPEN = 120, 2
-_STYLE = (
-    ".jaxfric caption{text-align:left;font-weight:600;caption-side:top}"
-    ".jaxfric th,.jaxfric td{text-align:left;padding:.15em .7em .15em 0}"
-    ".jaxfric .n{text-align:right}.jaxfric .lines{white-space:pre-wrap;margin:.4em 0}"
-    ".jaxfric .m td{font-weight:600}.jaxfric .note{opacity:.7;font-size:.9em}"
-    ".jaxfric .scroll{overflow-x:auto}.jaxfric .warn{border-left:3px solid #c8501e}"
-)
+_WIDTH = 120
+
+
+class NextStep(NamedTuple):
+    """Something to do: a sentence, and the command line where there is one."""
+
+    text: str
+    command: str = ""
+    also: bool = False
+    """Whether it is beside what is to be done next."""
+
+    def lead(self) -> str:
+        """The word before it."""
+        return "also" if self.also else "next"
 
 
 class Report(NamedTuple):
@@ -41,6 +46,7 @@ class Report(NamedTuple):
     warnings: Sequence[str] = ()
     short: TextTable | None = None
     """The table below the headline where it is not the first of all."""
+    next_steps: Sequence[NextStep] = ()
 
 
 def print_brief(report: Report, console: "Console", *, room: int = SCREEN) -> None:
@@ -65,6 +71,12 @@ def print_details(report: Report, console: "Console") -> None:
     if report.notes:
         console.print()
     _print_lines(console, report.notes)
+
+
+def print_next_steps(report: Report, console: "Console") -> None:
+    """What to do next, a line each."""
+    told = [(f"{step.lead()}:", step.text, step.command) for step in report.next_steps]
+    _print_lines(console, [" ".join(filter(None, words)) for words in told])
 
 
 def cut(table: TextTable, most: int) -> TextTable:
@@ -96,26 +108,11 @@ def text_of(title: str, report: Report) -> str:
     console = Console(file=out, width=_WIDTH, highlight=False, color_system=None)
     _print_lines(console, [title])
     print_details(report, console)
+    print_next_steps(report, console)
     _print_lines(console, [f"warning: {warning}" for warning in report.warnings])
     return "\n".join(line.rstrip() for line in out.getvalue().splitlines())
-
-
-def html_of(title: str, report: Report) -> str:
-    """A report as HTML for a notebook; tables after the first ones are folded."""
-    tables = [table for table in report.tables if table.rows]
-    parts = [f"<p><b>{escaped(title)}</b></p>", _lines(report.headline), _lines(report.lines)]
-    parts += [html_table(table) for table in tables[:_OPEN]]
-    parts.append(_lines(report.notes))
-    parts += [folded(table.title, html_table(table)) for table in tables[_OPEN:]]
-    parts.append(bullets([f"warning: {w}" for w in report.warnings], "warn"))
-    return f'<div class="jaxfric"><style>{_STYLE}</style>{"".join(parts)}</div>'
 
 
 def _print_lines(console: "Console", lines: Sequence[str]) -> None:
     for line in lines:
         console.print(line, markup=False, soft_wrap=True)
-
-
-def _lines(lines: Sequence[str]) -> str:
-    """Lines below each other, as indented as they are."""
-    return f'<div class="lines">{escaped(chr(10).join(lines))}</div>' if lines else ""

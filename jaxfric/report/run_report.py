@@ -1,40 +1,81 @@
 """The report of a run: its velocity steps in a table, what they share, and what else was found."""
 
 from collections import Counter
-from collections.abc import Sequence
+from pathlib import Path
 
-from ..runs import holds as of_holds
+from ..runs.decisions import decisions_text
 from ..runs.findings import Findings
 from ..runs.fits import RunFit
-from ..runs.holds import Hold
 from ..runs.joint import told as told_of_all
-from ..runs.table import BRACKETS, HEAD, MISFIT, headline, text_cells
-from .report import Report
+from ..runs.table import (
+    BRACKETS,
+    HEAD,
+    MISFIT,
+    STAR,
+    ask_on,
+    csv_text,
+    headline,
+    misses,
+    parameter_cells,
+    rows,
+    stress_cell,
+    text_cells,
+    xlook_rows,
+)
+from .latex import DAGGER, latex_cells, latex_of
+from .report import NextStep, Report
 from .tables import TextTable
 
+_NOTHING = Findings()
 _NO_STEP = "no velocity step is fitted; events.toml says what was found and why"
 
 
-def report(run: RunFit, holds: Sequence[Hold] = (), others: Findings | None = None) -> Report:
+def report(run: RunFit, others: Findings = _NOTHING, ask: str = "") -> Report:
     """How many steps were fitted, what they share, the table of the steps; then what was found
-    besides them. Warnings are those of the steps."""
+    besides them. Warnings are those of the steps; `ask` is the command that asks on where fits
+    miss a part of their steps."""
     kinds = Counter(event.kind for event in run.events)
     number = len(run.events)
     words = ", ".join(f"{count} {kind}" for kind, count in kinds.most_common())
     events = f"{len(run.record)} rows, {number} event{'' if number == 1 else 's'}: {words}"
-    rest = of_holds.not_fitted(run.events, holds)
-    told = [
-        *told_of_all(run.steps),
-        *of_holds.told(holds, run.record.friction_unit, rest),
-        *([] if others is None else others.told()),
-    ]
+    told = [*told_of_all(run.steps), *others.told()]
     cells = [text_cells(step) for step in run.steps]
-    cells = [(*c, *[""] * (len(HEAD) - len(c))) for c in cells]
     table = TextTable("Velocity steps", HEAD, cells, f"{BRACKETS}; -: not determined; {MISFIT}")
     warnings = [
         f"step {step.number}: {text}"
         for step in run.steps
         for text in (step.fit.warnings if step.fit is not None else (step.failed,))
     ]
-    first = [events, headline(run) if run.steps else _NO_STEP]
-    return Report([*first, *told[:1]], [table], notes=told[1:], warnings=warnings)
+    first = [headline(run) if run.steps else _NO_STEP, events]
+    asked = ask_on(run)
+    steps = [NextStep(f"{asked}:" if ask else asked, ask)] if asked else []
+    head = [*first, *told[:1]]
+    return Report(head, [table], notes=told[1:], warnings=warnings, next_steps=steps)
+
+
+def files_of(run: RunFit, others: Findings) -> dict[str, str]:
+    """Texts of the tables of a run by the names of their files; none for what it does not have."""
+    texts = {name: csv_text(table) for name, table in others.tables().items()}
+    if run.steps:
+        texts["table.csv"] = csv_text(rows(run))
+        texts["table_xlook.csv"] = csv_text(xlook_rows(run))
+        texts["table.tex"] = latex_text(run)
+    name = Path(run.record.provenance.path).name
+    return texts | {"events.toml": decisions_text(run.events, name)}
+
+
+def latex_text(run: RunFit) -> str:
+    """The steps as a LaTeX table: velocities, normal stress, A-B, A, B, L and their errors."""
+    speed = r"[$\mu$m/s]"
+    heads = (
+        ("step", "$V_1$", "$V_2$", r"$\sigma_n$", "$a-b$", "$a$", "$b$", "$D_c$"),
+        ("", speed, speed, "[MPa]", "", "", "", r"[$\mu$m]"),
+    )
+    cells = []
+    for step in run.steps:
+        event, fit = step.event, step.fit
+        number = f"{step.number}{DAGGER if misses(step) else ''}"
+        when = (f"{1e6 * event.before:.4g}", f"{1e6 * event.after:.4g}", stress_cell(step))
+        cells.append((number, *when, *latex_cells(None if fit is None else parameter_cells(fit))))
+    notes = [f"{DAGGER} the fit {STAR}"] if any(map(misses, run.steps)) else []
+    return latex_of("rrrrcccc", heads, cells, notes, BRACKETS)

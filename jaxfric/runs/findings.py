@@ -1,4 +1,4 @@
-"""What a run tells beside its velocity steps and holds: stress steps, stick-slip, ramps."""
+"""What a run tells beside its velocity steps: holds, stress steps, stick-slip, ramps."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
@@ -7,41 +7,53 @@ import numpy as np
 
 from ..silent import silent
 from . import cycles as of_cycles
+from . import holds as of_holds
 from . import ramps as of_ramps
 from . import stress_steps as of_stress
 from .cautions import cautions
 from .cycles import StickSlip, fit_stick_slip
 from .events import Event
 from .fits import HowFitted, RunFit
+from .holds import Hold
+from .left_out import LeftOut
 from .ramps import Ramp, disagreement, find_ramps, ramp_stiffness
 from .stress_steps import FittedStress, fit_stress_steps
-from .table import csv_text
+from .table import Cell, claimed
 
 
 @dataclass(frozen=True, eq=False)
 class Findings:
     """Steps of the normal stress, ramps and stick-slip of a run (None: it has none); `warnings` is
-    what its user should know."""
+    what its user should know. Holds, and those that are not fitted; friction has a `unit` of "1" or
+    "N"."""
 
-    stress_steps: tuple[FittedStress, ...]
-    ramps: tuple[Ramp, ...]
-    stick_slip: StickSlip | None
-    warnings: tuple[str, ...]
+    stress_steps: tuple[FittedStress, ...] = ()
+    ramps: tuple[Ramp, ...] = ()
+    stick_slip: StickSlip | None = None
+    warnings: tuple[str, ...] = ()
+    holds: tuple[Hold, ...] = ()
+    left_out: tuple[LeftOut, ...] = ()
+    unit: str = "1"
 
-    def tables(self) -> dict[str, str]:
-        """Texts of the CSV files by name; none for what the run does not have."""
+    def tables(self) -> dict[str, list[dict[str, Cell]]]:
+        """Rows of the CSV files by name; none for what the run does not have."""
         found = {
+            "holds.csv": of_holds.rows(self.holds, self.unit, self.left_out),
             "stress_steps.csv": of_stress.rows(self.stress_steps),
-            "ramps.csv": of_ramps.rows(self.ramps),
             "stick_slip.csv": of_cycles.rows(self.stick_slip),
             "stick_slip_laws.csv": of_cycles.law_rows(self.stick_slip),
+            "ramps.csv": of_ramps.rows(self.ramps),
         }
-        return {name: csv_text(table) for name, table in found.items() if table}
+        return {name: rows for name, rows in found.items() if rows}
 
     def to_json(self) -> dict[str, object]:
         """Entries of `run.json`, SI."""
         stiffness = ramp_stiffness(self.ramps)
         return {
+            "holds": [_hold(hold) for hold in self.holds],
+            "holds_not_fitted": [
+                {"time": other.event.time, "why": other.why} for other in self.left_out
+            ],
             "stress_steps": of_stress.to_json(self.stress_steps),
             "ramps": [asdict(ramp) for ramp in self.ramps],
             "stiffness_from_ramps": None if stiffness is None else asdict(stiffness),
@@ -51,10 +63,20 @@ class Findings:
     def told(self) -> list[str]:
         """Lines for a terminal."""
         return [
+            *of_holds.told(self.holds, self.unit, self.left_out),
             *of_stress.told(self.stress_steps),
             *of_cycles.told(self.stick_slip),
             *of_ramps.told(self.ramps),
         ]
+
+
+def _hold(hold: Hold) -> dict[str, object]:
+    plain = ("time", "lasts", "velocity", "normal_stress", "creep", "healing", "error")
+    return {name: getattr(hold, name) for name in (*plain, "preference", "group")} | {
+        "no_law": of_holds.why_no_law(hold),
+        "missing_motion": hold.missing or None,
+        "fits": {law: claimed(found) for law, found in hold.fits.items()},
+    }
 
 
 def findings_of(
@@ -65,6 +87,7 @@ def findings_of(
     progress: Callable[[str], None] = silent,
 ) -> Findings:
     """What the events of a run tell that are no velocity steps."""
+    holds = tuple(of_holds.fit_holds(result.record, events, how, progress=progress))
     stresses = fit_stress_steps(result.record, events, result.steps, how, progress=progress)
     ramps = find_ramps(result.record, events)
     levels = [e.normal_stress for e in events if e.fitted and e.normal_stress is not None]
@@ -75,4 +98,12 @@ def findings_of(
         of_cycles.disagreement(stick_slip, how.stiffness, about),
     )
     known = (*cautions(result.record, events), *(text for text in doubts if text))
-    return Findings(stresses, ramps, stick_slip, known)
+    return Findings(
+        stresses,
+        ramps,
+        stick_slip,
+        (*of_holds.warnings_of(holds), *known),
+        holds,
+        tuple(of_holds.not_fitted(result.events, holds)),
+        result.record.friction_unit,
+    )

@@ -1,4 +1,4 @@
-"""The steps of a run as a table: for people, as CSV, with xlook's names, and as LaTeX."""
+"""The steps of a run as a table: for people, as CSV, and with xlook's names."""
 
 import csv
 import io
@@ -18,11 +18,12 @@ _UNITS = {"L": "um", "K": "1/um", "slip_trend": "1/mm"}
 
 BRACKETS = "in brackets: one standard error, in units of the last digit"
 """What `measured` writes, for a note."""
-_STAR = (
+STAR = (
     f"misses a part of its record by more than {MISSED:g} times the noise, or has a trend that the"
     " rows before the step do not have"
 )
-MISFIT = f"{COLUMN}; *: the fit {_STAR}, so A, B and L need not be those of the step"
+"""What a fit with the star of the table does."""
+MISFIT = f"{COLUMN}; *: the fit {STAR}, so A, B and L need not be those of the step"
 """What the column of that name is, for a note."""
 
 Cell = float | int | str | bool | None
@@ -157,35 +158,6 @@ def _pair(name: str, estimate: Estimate, scale: float = 1.0) -> dict[str, Cell]:
     return dict(zip((name, f"std {name}"), _known(estimate, scale), strict=True))
 
 
-def latex_text(run: RunFit) -> str:
-    """A LaTeX table (booktabs): velocities, normal stress, A-B, A, B, L and their errors."""
-    lines = [
-        r"\begin{tabular}{rrrrcccc}",
-        r"\toprule",
-        r"step & $V_1$ & $V_2$ & $\sigma_n$ & $a-b$ & $a$ & $b$ & $D_c$ \\",
-        r" & \multicolumn{2}{c}{[$\mu$m/s]} & [MPa] & & & & [$\mu$m] \\",
-        r"\midrule",
-    ]
-    for step in run.steps:
-        event, fit = step.event, step.fit
-        stress = "" if event.normal_stress is None else f"{event.normal_stress / 1e6:.4g}"
-        number = str(step.number) + (r"$^\dagger$" if misses(step) else "")
-        cells = [number, f"{1e6 * event.before:.4g}", f"{1e6 * event.after:.4g}", stress]
-        if fit is None or not fit.converged:
-            cells += [r"\multicolumn{4}{c}{no fit}"]
-        else:
-            p = fit.parameters
-            numbers = [n[1:] for n in p if n[0] == "B"]
-            B, L = (", ".join(_estimate(p[x + n]) for n in numbers) for x in "BL")
-            cells += [_estimate(fit.A_minus_B), _estimate(p["A"]), B, L]
-        lines.append(" & ".join(cells) + r" \\")
-    lines.append(r"\bottomrule")
-    if any(map(misses, run.steps)):
-        words = rf"$^\dagger$ the fit {_STAR}"
-        lines.append(rf"\multicolumn{{8}}{{l}}{{\footnotesize {words}}} \\")
-    return "\n".join([*lines, r"\end{tabular}", ""])
-
-
 def misses(step: StepFit) -> bool:
     """Whether a step has a fit whose parameters need not be those of the step: it misses a part of
     its record, or has a slip trend that the rows before do not have."""
@@ -226,12 +198,21 @@ def ask_on(run: RunFit) -> str:
     )
 
 
-def _estimate(estimate: Estimate) -> str:
-    """A dimensionless parameter, or a length in um, with its standard error; a dash: not known."""
-    scale = 1e6 if estimate.unit == "m" else 1.0
-    if not estimate.determined:
-        return "-"
-    return f"${measured(scale * estimate.value, scale * estimate.std)}$"
+def parameter_cells(fit: Fit) -> tuple[str, str, str, str]:
+    """A-B, A, B and L [um] with their errors, of several states one after the other; a dash for
+    what is not determined, blank where the fit did not converge."""
+    if not fit.converged:
+        return ("", "", "", "")
+    p = fit.parameters
+    numbers = [n[1:] for n in p if n[0] == "B"]
+    B, L = (", ".join(estimate_cell(p[x + n]) for n in numbers) for x in "BL")
+    return estimate_cell(fit.A_minus_B), estimate_cell(p["A"]), B, L
+
+
+def estimate_cell(estimate: Estimate, scale: float = 1.0) -> str:
+    """A parameter times `scale`, or a length in um, with its error; a dash: not determined."""
+    scale = 1e6 if estimate.unit == "m" else scale
+    return measured(scale * estimate.value, scale * estimate.std) if estimate.determined else "-"
 
 
 HEAD = (
@@ -242,38 +223,16 @@ HEAD = (
 
 
 def text_cells(step: StepFit) -> tuple[str, ...]:
-    """A step in the columns of `HEAD`; without a fit, in the four before A-B, and why."""
+    """A step in the columns of `HEAD`; without a fit why there is none, in that of A-B."""
     event, fit = step.event, step.fit
-    stress = "" if event.normal_stress is None else f"{event.normal_stress / 1e6:.4g}"
     change = f"{1e6 * event.before:.3g} -> {1e6 * event.after:.3g}"
-    when = (str(step.number), f"{event.time:.6g}", change, stress)
+    when = (str(step.number), f"{event.time:.6g}", change, stress_cell(step))
     if fit is None or not fit.converged:
-        return (*when, step.failed or f"did not converge: {fit.result if fit else ''}")
-    p = fit.parameters
-    numbers = [n[1:] for n in p if n[0] == "B"]
-    A, B, L = (
-        " ".join(_estimate(p[x + n]).replace("$", "") for n in of)
-        for x, of in (("A", [""]), ("B", numbers), ("L", numbers))
-    )
-    left = f"{excess(fit):.2g}{'*' if misses(step) else ' '}"
-    return (*when, _estimate(fit.A_minus_B).replace("$", ""), A, B, L, left)
+        return (*when, step.failed or f"did not converge: {fit.result if fit else ''}", *[""] * 4)
+    return (*when, *parameter_cells(fit), f"{excess(fit):.2g}{'*' if misses(step) else ' '}")
 
 
-def text_lines(run: RunFit) -> list[str]:
-    """The table for a terminal, a line a step."""
-    lines = [HEAD, *(text_cells(step) for step in run.steps)]
-    whole = [cells for cells in lines if len(cells) == len(HEAD)]
-    least = (4, 11, 16, 21, 14, 14, 13, 14, 9)  # two spaces, where that is more
-    widths = [
-        max(w, *(2 + len(c) for c in column))
-        for w, column in zip(least, zip(*whole, strict=True), strict=True)
-    ]
-    widths[0] = least[0]
-    out = []
-    for cells in lines:
-        if len(cells) < len(HEAD):  # a sentence, however long
-            when = "".join(f"{c:>{w}}" for c, w in zip(cells[:4], widths, strict=False))
-            out.append(f"{when}  {cells[4]}")
-        else:
-            out.append("".join(f"{c:>{w}}" for c, w in zip(cells, widths, strict=True)))
-    return out
+def stress_cell(step: StepFit) -> str:
+    """The normal stress of a step [MPa]; blank where it is not known."""
+    stress = step.event.normal_stress
+    return "" if stress is None else f"{stress / 1e6:.4g}"

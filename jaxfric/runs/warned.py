@@ -5,8 +5,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..findings import WarningCode, is_of
 from ..fitting import Fit
 from ..fitting.drift import drift_warning, told_drift
+from ..fitting.misfit import misfit_warning_of
+from ..records.thin import blur_warning_of
+from .fits import HowFitted, RunFit, by_step
 
 MISSED = 4.5
 """A mean over neighbouring rows that is off by more than so many standard deviations of the noise
@@ -79,3 +83,32 @@ def drift_warning_of(fits: Sequence[Fit]) -> tuple[str, ...]:
         f" {', '.join(f'{1e-3 * o:+.2g}' for o in own)} of the fitted slip trends: these took up"
         " something else, and A-B with it",
     )
+
+
+def warnings_of(run: RunFit, how: HowFitted, *, told: bool = False) -> list[str]:
+    """What the fits warn of, with the numbers of the steps of each warning, but for steps that
+    contradict the record where that was `told`."""
+    fits = [(step.number, step.fit) for step in run.steps if step.fit is not None]
+    missed = [(n, fit) for n, fit in fits if missed_warning(fit)]
+    said = [(n, text) for text in missed_warning_of([fit for _, fit in missed]) for n, _ in missed]
+    said += [(step.number, step.failed) for step in run.steps if step.fit is None]
+    in_one = (
+        (WarningCode.DRIFT, drift_warning_of),
+        (WarningCode.MISFIT, misfit_warning_of),
+        (
+            WarningCode.FLATTENED,
+            lambda some: blur_warning_of([w for f in some for w in f.warnings]),
+        ),
+    )
+    for code, warning_of in in_one:
+        some = [(n, fit) for n, fit in fits if any(is_of(w, code) for w in fit.warnings)]
+        said += [(n, text) for text in warning_of([fit for _, fit in some]) for n, _ in some]
+    rest = [(n, text) for n, fit in fits for text in fit.warnings]
+    known = [code for code, _ in in_one] + [WarningCode.CONTRADICTED] * told
+    said += [(n, text) for n, text in rest if not any(is_of(text, code) for code in known)]
+    told_of = [s.event for s in run.steps] or [e for e in run.events if e.kind == "hold"]
+    stresses = [event.normal_stress for event in told_of if event.normal_stress is not None]
+    friction = run.record.friction_unit == "1"
+    doubt = how.stiffness.doubt(stresses) if friction and how.stiffness is not None else None
+    first = [] if doubt is None else [doubt]
+    return [*first, *by_step(said)]

@@ -8,7 +8,8 @@ import importlib
 from typing import TYPE_CHECKING
 
 from ..errors import InputError
-from ..report.report import Report, html_of, text_of
+from ..report.html import html_of
+from ..report.report import Report, text_of
 from .view import View, Words, in_notebook, pandas_of, xarray_of
 
 if TYPE_CHECKING:

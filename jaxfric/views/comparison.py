@@ -4,7 +4,7 @@ from ..loop.compare import LawComparison
 from ..plot.label import printable
 from ..report.comparison import next_step, sentence, table, tabled, to_json, warnings
 from ..report.fits_table import csv_rows
-from ..report.report import Report
+from ..report.report import NextStep, Report
 from .view import Frame, View, Words
 
 
@@ -19,8 +19,8 @@ def line(found: LawComparison) -> str:
 def report(found: LawComparison) -> Report:
     """The sentence and the table, as `jaxfric fit --compare` prints them."""
     told = words(found)
-    notes = [told.next_step] if told.next_step else []
-    return Report((told.sentence,), [table(found)], notes=notes, warnings=told.warnings)
+    steps = [NextStep(told.next_step)] if told.next_step else []
+    return Report((told.sentence,), [table(found)], warnings=told.warnings, next_steps=steps)
 
 
 def frame(found: LawComparison) -> Frame:

@@ -1,0 +1,230 @@
+"""A report as HTML: for a notebook, and as one page with its figures.
+
+A page needs no network and no scripts, and nothing outside its file.
+"""
+
+import base64
+import tomllib
+from collections.abc import Mapping, Sequence
+from html import escape
+from pathlib import Path
+from typing import NamedTuple
+
+from ..records.record import Provenance
+from .report import Report
+from .tables import TextTable, numeric
+from .version import installed_version
+
+_OPEN = 2
+"""Tables that are shown; those below are folded."""
+_WORDY = 16
+"""Letters above which a cell of words may break."""
+_KINDS = {".png": "png", ".svg": "svg+xml"}
+_NOTEBOOK = (
+    ".jaxfric caption{text-align:left;font-weight:600;caption-side:top}"
+    ".jaxfric th,.jaxfric td{text-align:left;padding:.15em .7em .15em 0}"
+    ".jaxfric .n{text-align:right}.jaxfric .lines{white-space:pre-wrap;margin:.4em 0}"
+    ".jaxfric .m td{font-weight:600}.jaxfric .note{opacity:.7;font-size:.9em}"
+    ".jaxfric .scroll{overflow-x:auto}.jaxfric .warn{border-left:3px solid #c8501e}"
+)
+
+
+class Figure(NamedTuple):
+    """A figure of a page: the file that has it, and what is said of it."""
+
+    file: str
+    title: str
+    caption: str
+    lines: Sequence[str] = ()
+    """What it shows, in sentences."""
+    folded: bool = False
+
+
+class Page(NamedTuple):
+    """What a page has besides a report, in the order of the page."""
+
+    about: str
+    """The question, above the headline."""
+    meanings: Sequence[tuple[str, str, str]] = ()
+    """Of each finding: its name, what it means, and its equation."""
+    cards: Sequence[tuple[str, str]] = ()
+    """A number and what it is."""
+    where: str = ""
+    """The folder that the commands of the next steps are for."""
+    figures: Sequence[Figure] = ()
+    terms: Sequence[tuple[str, str]] = ()
+    """Words of the page, and what they mean."""
+    origin: Sequence[tuple[str, str]] = ()
+    """Where the result is from."""
+    colour: str = "#1f4e79"
+
+
+def words_of_page(name: str) -> dict:
+    """Captions, terms and other words of a page, of pages.toml."""
+    text = Path(__file__).with_name("pages.toml").read_text(encoding="utf-8")
+    return tomllib.loads(text)[name]
+
+
+def html_of(title: str, report: Report) -> str:
+    """A report as HTML for a notebook."""
+    parts = [f"<p><b>{escaped(title)}</b></p>", _lines(report.headline), _lines(report.lines)]
+    parts += [_tables(report), _steps(report), _warnings(report)]
+    return f'<div class="jaxfric"><style>{_NOTEBOOK}</style>{"".join(parts)}</div>'
+
+
+def page_of(report: Report, page: Page, pictures: Mapping[str, bytes], json: str) -> str:
+    """A report as a whole page; `pictures` are its figures by file, as far as they were drawn, and
+    `json` is the file beside it that has the same numbers."""
+    first, *rest = report.headline
+    head = f"{paragraph(page.about, 'of')}<h1>{escaped(first)}</h1>{_lines(rest, 'sentence')}"
+    told = "".join(
+        f"<li><b>{escaped(name)}</b>: {escaped(words)}"
+        + (f" <code>{escaped(equation)}</code>" if equation else "")
+        + "</li>"
+        for name, words, equation in page.meanings
+    )
+    cards = "".join(f"<li><b>{escaped(b)}</b><span>{escaped(s)}</span></li>" for b, s in page.cards)
+    steps = _steps(report)
+    note = f"The same numbers, for programs, are in {json} beside this page."
+    parts = [
+        f"<header>{head}{_lines(report.lines)}</header>",
+        f"<h2>What it means</h2><ul>{told}</ul>" if told else "",
+        f'<ul class="cards">{cards}</ul>',
+        f"<h2>What to do next</h2>{steps}{paragraph(page.where, 'note')}" if steps else "",
+        _warnings(report),
+        *(_figure(figure, pictures) for figure in page.figures),
+        f"<h2>Numbers</h2>{_tables(report)}",
+        f"<h2>How to read this</h2>{_list(page.terms)}",
+        f"<h2>Where this comes from</h2>{_list(page.origin)}{paragraph(note, 'note')}",
+    ]
+    style = Path(__file__).with_name("page.css").read_text(encoding="utf-8")
+    return (
+        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{escaped(first)} {escaped(page.about)}</title>\n"
+        f"<style>{style}:root {{ --verdict: {page.colour}; }}</style>\n"
+        f"</head>\n<body>\n<main>\n{chr(10).join(filter(None, parts))}\n</main>\n</body>\n</html>\n"
+    )
+
+
+def origin_of(
+    origin: Provenance, rows: int, command: str, more: Mapping[str, str], seconds: str = ""
+) -> list[tuple[str, str]]:
+    """Where a result is from: its record and the `rows` of it, `more` of that, what made it."""
+    dropped = ", ".join(f"{n} {reason}" for reason, n in origin.dropped.items()) or "none"
+    return [
+        ("record", printable(origin.path)),
+        ("sha256", origin.sha256 or "not from a file"),
+        ("rows", f"{rows} used of {origin.rows_read} (dropped: {dropped})"),
+        *more.items(),
+        ("made by", f"jaxfric {installed_version()}{seconds}"),
+        ("command", printable(command)),
+    ]
+
+
+# ---- parts ---------------------------------------------------------------------------------
+
+
+def escaped(text: str) -> str:
+    """Text as HTML shows it."""
+    return escape(text, quote=True)
+
+
+def printable(path: str) -> str:
+    """A path with a question mark for what is no character."""
+    text = path.encode("utf-8", errors="replace").decode("utf-8")
+    return "".join(c if c.isprintable() else "?" for c in text)
+
+
+def paragraph(text: str, kind: str) -> str:
+    """A paragraph of text; `kind` is its class."""
+    return f'<p class="{kind}">{escaped(text)}</p>'
+
+
+def bullets(items: Sequence[str], kind: str = "") -> str:
+    """A list of texts; nothing for none."""
+    inside = "".join(f"<li>{escaped(item)}</li>" for item in items)
+    return f'<ul class="{kind}">{inside}</ul>' if inside else ""
+
+
+def folded(title: str, content: str) -> str:
+    """HTML that is shown where its title is clicked."""
+    return f"<details><summary>{escaped(title)}</summary>{content}</details>"
+
+
+def html_table(table: TextTable) -> str:
+    """A table, numbers at the right, its remark below; nothing for one without rows."""
+    if not table.rows:
+        return ""
+    kinds = [_column(table, k) for k in range(len(table.head))]
+
+    def cells(tag: str, row: Sequence[str]) -> str:
+        return "".join(
+            f"<{tag}{kind}>{escaped(cell)}</{tag}>" for cell, kind in zip(row, kinds, strict=True)
+        )
+
+    body = "".join(
+        f"<tr{' class=m' if k in table.marked else ''}>{cells('td', row)}</tr>"
+        for k, row in enumerate(table.rows)
+    )
+    note = paragraph(table.note, "note") if table.note else ""
+    return (
+        f'<div class="scroll"><table><caption>{escaped(table.title)}</caption><thead><tr>'
+        f"{cells('th', table.head)}</tr></thead><tbody>{body}</tbody></table></div>{note}"
+    )
+
+
+def _column(table: TextTable, k: int) -> str:
+    """The class of a column: n of numbers, w of words that may break in a narrow window."""
+    if numeric(table, k):
+        return " class=n"
+    return " class=w" if max(len(row[k]) for row in table.rows) > _WORDY else ""
+
+
+def _tables(report: Report) -> str:
+    """The tables, with the notes below those that are open."""
+    tables = [table for table in report.tables if table.rows]
+    shown = "".join(html_table(table) for table in tables[:_OPEN])
+    rest = "".join(folded(table.title, html_table(table)) for table in tables[_OPEN:])
+    return f"{shown}{_lines(report.notes)}{rest}"
+
+
+def _lines(lines: Sequence[str], kind: str = "") -> str:
+    """Lines below each other, as indented as they are."""
+    text = escaped("\n".join(lines))
+    return f'<div class="{f"lines {kind}".strip()}">{text}</div>' if lines else ""
+
+
+def _warnings(report: Report) -> str:
+    return bullets([f"warning: {text}" for text in report.warnings], "warn")
+
+
+def _steps(report: Report) -> str:
+    """What to do next, each with its command."""
+    steps = ""
+    for step in report.next_steps:
+        text = f"Also: {step.text}" if step.also else step.text
+        code = f'<pre class="scroll"><code>{escaped(step.command)}</code></pre>'
+        steps += f"<li>{escaped(text)}{code if step.command else ''}</li>"
+    return f"<ul>{steps}</ul>" if steps else ""
+
+
+def _figure(figure: Figure, pictures: Mapping[str, bytes]) -> str:
+    """A figure below its title, or folded."""
+    drawn = paragraph("This figure was not drawn.", "note")
+    if data := pictures.get(figure.file):
+        text = base64.b64encode(data).decode("ascii")
+        kind = _KINDS[Path(figure.file).suffix]
+        drawn = (
+            f"<figure><figcaption>{escaped(figure.caption)}</figcaption>"
+            f'<div class="scroll"><img alt="{escaped(figure.title)}"'
+            f' src="data:image/{kind};base64,{text}"></div></figure>'
+        )
+    content = bullets(figure.lines) + drawn
+    if figure.folded:
+        return folded(figure.title, content)
+    return f"<h2>{escaped(figure.title)}</h2>{content}"
+
+
+def _list(terms: Sequence[tuple[str, str]]) -> str:
+    return f"<dl>{''.join(f'<dt>{escaped(a)}</dt><dd>{escaped(b)}</dd>' for a, b in terms)}</dl>"

@@ -1,0 +1,47 @@
+"""Tables as LaTeX (booktabs)."""
+
+from collections.abc import Sequence
+
+DAGGER = r"$^{\dagger}$"
+
+
+def latex_of(
+    columns: str,
+    heads: Sequence[Sequence[str]],
+    rows: Sequence[Sequence[str]],
+    notes: Sequence[str] = (),
+    remark: str = "",
+) -> str:
+    """A table whose cells are LaTeX: its `columns` as tabular takes them, lines of heads, rows, and
+    notes below; a `remark` stands in its source."""
+    wide = len(heads[0])
+    lines = [
+        rf"\begin{{tabular}}{{{columns}}}",
+        r"\toprule",
+        *map(_line, heads),
+        r"\midrule",
+        *map(_line, rows),
+        r"\bottomrule",
+        *(_line([rf"\multicolumn{{{wide}}}{{l}}{{\footnotesize {note}}}"]) for note in notes),
+        r"\end{tabular}",
+        rf"% \usepackage{{booktabs}}; {remark}",
+    ]
+    return "\n".join([*lines, ""])
+
+
+def _line(cells: Sequence[str]) -> str:
+    return " & ".join(cells) + r" \\"
+
+
+def latex_cells(cells: Sequence[str] | None, count: int = 4) -> list[str]:
+    """Numbers in mathematics; for none, or where all are blank, "no fit" over so many columns."""
+    if cells is None or not any(cells):
+        return [rf"\multicolumn{{{count}}}{{c}}{{no fit}}"]
+    return [f"${cell}$" if cell else "" for cell in cells]
+
+
+def plain(text: str) -> str:
+    """Text with what LaTeX takes for its own made harmless."""
+    own = {c: f"\\{c}" for c in "&%$#_{}"} | {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}"}
+    own |= {"^": r"\textasciicircum{}", "Δ": r"$\Delta$", "σ": r"$\sigma$"}
+    return "".join(own.get(c, c) for c in text)

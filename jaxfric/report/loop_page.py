@@ -1,0 +1,84 @@
+"""A closed loop as the page loop.html."""
+
+from collections.abc import Mapping
+from math import isfinite
+
+from ..loop.family import listed
+from ..loop.result import Loop
+from ..units import read_as
+from .fit_text import noise_text
+from .html import Figure, Page, origin_of, page_of, printable, words_of_page
+from .location_text import shares_told
+from .loop_next import meanings
+from .loop_report import report
+from .loop_text import apart, base_name
+
+
+def page(loop: Loop, pictures: Mapping[str, bytes], *, command: str) -> str:
+    """The page, with those SVG `pictures` that there are; `command` made it."""
+    words = words_of_page("loop")
+    lines = {
+        "location.svg": shares_told(loop.location, loop.base_fit.steps.velocities),
+        "aliasing.svg": apart(loop),
+    }
+    figures = [
+        Figure(
+            file,
+            lines=lines.get(file, ()),
+            **about | {"caption": about["caption"].format(marks=loop.words.marks)},
+        )
+        for file, about in words["figures"].items()
+    ]
+    terms = [
+        (
+            f"{one['term']} (this record)" if one["term"] == loop.verdict else one["term"],
+            one["text"],
+        )
+        for one in words["terms"]
+    ]
+    declared = f" with {listed(loop.before.effects)}" if loop.before.effects else ""
+    origin = loop.record.provenance
+    more = {
+        "sampling": str(loop.record.sampling()),
+        "friction": _friction(loop.record.friction_unit),
+        f"{loop.words.part}s": _steps(loop),
+    }
+    told = Page(
+        f"{printable(origin.path)}: what does the {base_name(loop)}{declared} lack?",
+        meanings(loop),
+        _cards(loop),
+        words["where"],
+        figures,
+        terms,
+        origin_of(origin, len(loop.record), command, more, f" in {loop.seconds:.1f} s"),
+        words["colours"].get(loop.verdict, words["colours"]["effects"]),
+    )
+    return page_of(report(loop, whole=True)._replace(notes=()), told, pictures, "loop.json")
+
+
+def _cards(loop: Loop) -> list[tuple[str, str]]:
+    """The one pair of errors, of the report block, the effects and the noise."""
+    error = f"{loop.test_error(loop.before):.2f} σ"
+    if loop.effects:
+        error += f" → {loop.test_error(loop.after):.2f} σ"
+    most = loop.most_held_out
+    chance = f", by chance up to {most:.2f}" if isfinite(most) else ""
+    short, noise = loop.after.noise.kind, noise_text(loop.after.noise)
+    return [
+        (error, f"test error, of the report block alone; noise alone gives 1 σ{chance}"),
+        (" + ".join(loop.effects) or "none", "effects added"),
+        (short, "noise of the record" + (f": {noise}" if noise != short else "")),
+    ]
+
+
+def _friction(unit: str) -> str:
+    return "coefficient" if unit == "1" else f"force in {unit}"
+
+
+def _steps(loop: Loop) -> str:
+    """Times and velocities of the steps, in words."""
+    steps = loop.base_fit.steps
+    if loop.length_unit == "m":
+        return read_as(steps.text(loop.words.speed, 4))
+    both = zip(steps.times, steps.velocities, strict=True)
+    return ", ".join(f"{t:.4g} s: {v:.4g} {loop.length_unit}/s" for t, v in both)

@@ -1,0 +1,44 @@
+"""The content of run.json: a whole run for programs."""
+
+from dataclasses import asdict
+
+from .findings import Findings
+from .fits import RunFit
+from .joint import dependences, share
+from .table import claimed
+
+SCHEMA = "jaxfric.run/1"
+
+
+def content(run: RunFit, others: Findings) -> dict[str, object]:
+    """The content of run.json, SI."""
+    origin, shared = run.record.provenance, share(run.steps)
+    return {
+        "schema": SCHEMA,
+        "record": {"path": origin.path, "sha256": origin.sha256, "rows": len(run.record)},
+        "events": [
+            {
+                "kind": event.kind,
+                "time": event.time,
+                "velocities": [event.before, event.after],
+                "window": [event.start, event.stop],
+                "normal_stress": event.normal_stress,
+                "fitted": event.fitted,
+                "why": event.why,
+            }
+            for event in run.events
+        ],
+        "steps": [
+            {
+                "number": step.number,
+                "time": step.event.time,
+                "load_point_displacement": step.position,
+                "failed": step.failed,
+                "fit": None if step.fit is None else claimed(step.fit),
+            }
+            for step in run.steps
+        ],
+        "shared": None if shared is None else asdict(shared),
+        **others.to_json(),
+        "dependences": [asdict(one) for one in dependences(run.steps)],
+    }
