@@ -31,11 +31,11 @@ def model(*effects: str, part: float = 0.01, loose=(), axis=None, **changes) -> 
     values = BASE | {f"{e}.{name}": v for e in effects for name, v in FOUND[e].items()}
     spread = np.diag((part * np.abs(list(values.values()))) ** 2).tolist()
     about = {
-        "coordinate": "linear", "width": WIDTH, "acceleration": 2.0, "covariance": spread,
+        "coordinate": "linear", "sign_width": WIDTH, "acceleration": 2.0, "covariance": spread,
         "gains": {"slowest": SLOWEST, "fastest": FASTEST, "sentence": "Nothing is said."},
     }  # fmt: skip
     content = {
-        "schema": "jaxfric.loop/1",
+        "schema": "jaxfric.loop/2",
         "friction_unit": "N",
         "law": "coulomb_viscous",
         "verdict": "effects",

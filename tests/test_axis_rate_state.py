@@ -238,7 +238,7 @@ def axis_loop(*effects, part=0.01, axis=None, **changes):
     if effects[:1] == ("rate_and_state",):
         correlation[4, 5] = correlation[5, 4] = 0.9
     content = {
-        "schema": "jaxfric.loop/1",
+        "schema": "jaxfric.loop/2",
         "friction_unit": "N",
         "law": "coulomb_viscous",
         "verdict": "effects",
@@ -249,7 +249,7 @@ def axis_loop(*effects, part=0.01, axis=None, **changes):
             "free": list(values),
             "covariance": (correlation * np.outer(size, size)).tolist(),
         },
-        "axis": {"coordinate": "linear", "width": 1e-4, **(axis or {})},
+        "axis": {"coordinate": "linear", "sign_width": 1e-4, **(axis or {})},
         "warnings": [],
     }
     return {**content, **changes}
@@ -327,7 +327,7 @@ def test_gains_of_the_law_of_a_loop(tmp_path):
         return gains.kp / 1.2
 
     assert found() == pytest.approx(needed(L, VC), rel=1e-6)
-    rough = found(axis={"width": 2e-3, "reach": 1e-3})
+    rough = found(axis={"sign_width": 2e-3, "least_slip_length": 1e-3})
     assert rough == pytest.approx(needed(1e-3, 2e-3), rel=1e-6)
 
 
@@ -388,7 +388,7 @@ def without(name):
         ({"after": without("rate_and_state.L")}, "parameter rate_and_state.L is missing"),
         ({"after": None}, "'after.' is no table"),
         ({"effects": ["rate_and_stat"]}, "did you mean 'rate_and_state"),
-        ({"axis": {"width": "x"}}, "'width' is 'x'"),
+        ({"axis": {"sign_width": "x"}}, "'width' is 'x'"),
         ({"part": float("nan"), "samples": 2}, "undetermined"),
     ],
 )

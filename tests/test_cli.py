@@ -168,7 +168,7 @@ def test_the_table(fitted: tuple[Outcome, dict]) -> None:
 
 def test_fit_json(fitted: tuple[Outcome, dict]) -> None:
     _, content = fitted
-    assert content["schema"] == "jaxfric.fit/1"
+    assert content["schema"] == "jaxfric.fit/2"
     assert content["record"]["rows"] == 91
     assert len(content["record"]["sha256"]) == 64
     assert content["record"]["path"].endswith("run.csv")
@@ -178,13 +178,15 @@ def test_fit_json(fitted: tuple[Outcome, dict]) -> None:
     assert {name: p["unit"] for name, p in content["parameters"].items()} == units
     for name, p in content["parameters"].items():
         assert {"value", "std", "lower", "upper", "unit"} <= set(p)
-        assert p["lower"] <= p["value"] <= p["upper"]
-        assert (p["std"] == 0) == (name in ("K", "V0"))
+        if name in ("K", "V0"):  # they were given
+            assert p["std"] is p["lower"] is p["upper"] is None and not p["free"]
+        else:
+            assert p["lower"] < p["value"] < p["upper"] and p["std"] > 0
     assert content["parameters"]["K"]["value"] == pytest.approx(5e3)
     assert content["rms"] == pytest.approx((content["sum_of_squares"] / 91) ** 0.5)
     assert content["noise"]["sigma"] == pytest.approx(2e-4, rel=0.3)
     assert content["noise"]["parts"] == []  # 91 rows do not show that it is correlated
-    assert set(content["noise"]["longest"]) == {"time", "path", "rows"}
+    assert set(content["noise"]["max_correlation"]) == {"time", "path", "rows"}
 
 
 def test_json_is_alone_on_stdout_and_a_rerun_replaces() -> None:

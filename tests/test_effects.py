@@ -16,6 +16,7 @@ from jaxfric.rig import recorded_stress
 from jaxfric.rig.friction import Conditions
 from jaxfric.rig.friction.extended import ExtendedLaw
 from jaxfric.saved.files import read_saved
+from jaxfric.schemas import LOOP
 
 UM = 1e-6
 MOTION = jf.PiecewiseVelocity([0.0, 40.0, 50.0], [1 * UM, 10 * UM, 3 * UM])
@@ -328,5 +329,5 @@ def test_old_ids_of_commands_and_files_are_read(tmp_path):
     assert ids_of("viscous, aging") == ("viscous", "ageing")
     old = {"schema": "jaxfric.loop/1", "effects": ["aging"], "after": {"aging.q": {"value": 0.5}}}
     (tmp_path / "loop.json").write_text(json.dumps(old))
-    _, new = read_saved(tmp_path / "loop.json", "jaxfric.loop/1")
+    _, new = read_saved(tmp_path / "loop.json", LOOP)
     assert new["effects"] == ["ageing"] and new["after"] == {"ageing.q": {"value": 0.5}}

@@ -217,7 +217,7 @@ def test_rows_that_noise_alone_misses_as_far_are_no_fault_of_the_model(tmp_path)
     content = json.loads(path.read_text())
     for rms, missed in ((0.35, 0.0), (0.37, math.sqrt(0.37**2 - 0.3**2))):
         content["after"]["report_rms"] = rms
-        content["noise"] = {"sigma": 0.2, "sigma_held_out": 0.3, "most_held_out": 1.2}
+        content["noise"] = {"sigma": 0.2, "sigma_held_out": 0.3, "held_out_threshold": 1.2}
         path.write_text(json.dumps(content))
         assert jf.feedforward(path).missed == pytest.approx(missed)
 
@@ -621,8 +621,8 @@ def test_the_verb_writes_what_it_says(tmp_path, monkeypatch):
     ("changes", "options", "words"),
     [
         ({"law": "slip"}, (), ["of a slider", "jaxfric axis"]),
-        ({"schema": "jaxfric.fit/1"}, (), ["jaxfric.fit/1"]),
-        ({"axis": {"width": -1}}, (), ["damaged", "axis.width"]),
+        ({"schema": "jaxfric.fit/2"}, (), ["jaxfric.fit/2"]),
+        ({"axis": {"sign_width": -1}}, (), ["damaged", "axis.sign_width"]),
         ({"axis": {"drive": {"k_v": "8"}}}, (), ["damaged", "axis.drive.k_v"]),
         ({"axis": {"drive": 8.0}}, (), ["damaged", "axis.drive"]),
         ({"axis": {"covariance": [[1.0]]}}, (), ["damaged", "covariance"]),

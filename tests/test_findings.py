@@ -61,7 +61,7 @@ def test_an_effect_is_claimed_by_its_rows(run):
     loop = looped(run, np.ones(len(run[0]), bool))
     (effect,) = (one for one in loop.findings if one.code == "effect")
     assert effect.severity is Severity.CLAIM and effect.values["effect"] == "second_state"
-    assert effect.values["delta_bic"] > 10
+    assert effect.values["delta_bic"] < -10
     assert effect.rows[:100].mean() < 0.2 < effect.rows[100:].mean() < 0.95
     told = loop.to_json()["findings"][0]
     assert sum(stop - start for start, stop in told["rows"]) == effect.rows.sum()

@@ -274,7 +274,7 @@ def test_glitches_are_passed_over(clean):
     assert fit.noise.glitches.rows == tuple(rows)
     assert "4 rows stand out of the noise" in fit.warnings[0]
     assert "rows 64, 207, 208 and 1 more" in fit.warnings[0]  # lines of the file
-    assert fit.to_json()["noise"]["glitches"]["rows"] == rows
+    assert fit.to_json()["noise"]["outliers"]["rows"] == rows
     assert summary(fit)[0].startswith(f"{len(record)} rows, 4 passed over, ")
     np.testing.assert_allclose(fit.residual[rows], clean.residual[rows] + friction[rows]
                                - record.friction[rows], atol=clean.noise.sigma)  # fmt: skip

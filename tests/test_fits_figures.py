@@ -96,7 +96,7 @@ def test_torques_of_screw_drives():
     ):  # fmt: skip
         found = content(f"{name}/loop/steady.json")
         for row, fit in rows.items():
-            values = [1e3 * found[fit][k] for k in ("rms", "heldout_rms")]
+            values = [1e3 * found[fit][k] for k in ("rms", "validation_rms")]
             assert not stale(page(name), f"| {row} | # | # |", *values)
     bic = content("screwdrive1/loop/steady.json")["after"]["delta_bic"]
     assert not stale(page("screwdrive1"), "| + stribeck, n = 1 | 0.0329 | 0.052 | # |", -abs(bic))

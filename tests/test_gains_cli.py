@@ -36,11 +36,11 @@ def test_gains_json_has_the_keys_of_its_schema():
     assert code == 0, err
     content = json.loads(Path("here/gains.json").read_text())
     assert json.loads(out) == content
-    assert content["schema"] == "jaxfric.gains/1"
+    assert content["schema"] == "jaxfric.gains/2"
     assert {"kp", "kv", "norm"} <= set(content)
-    for basin in content["basins"]:
-        assert {"name", "kp", "kv", "norm", "margin"} <= set(basin)
-    assert content["basins"][0]["norm"] == content["norm"]
+    for optimum in content["optima"]:
+        assert {"name", "kp", "kv", "norm", "margin"} <= set(optimum)
+    assert content["optima"][0]["norm"] == content["norm"]
     names = ["stiffness", "decay", "damping", "modulus", "gain", "phase", "delay"]
     assert list(content["margins"]) == names
     for margin in content["margins"].values():
@@ -48,7 +48,7 @@ def test_gains_json_has_the_keys_of_its_schema():
     assert content["margins"]["stiffness"]["value"] == pytest.approx(2.0)
     assert content["scenarios"]["n"] == 1
     certificate = content["certificate"]
-    assert certificate["kkt"] < 1e-9 and certificate["smaller_found"] == 0
+    assert certificate["kkt_residual"] < 1e-9 and certificate["smaller_found"] == 0
     assert certificate["grid_points"] > 1e4
     simulation = content["simulation"]
     assert simulation["checked"] == 5 == simulation["steady"]
@@ -143,7 +143,7 @@ def test_either_alone_without_margins_is_the_number_of_stability():
     assert ", sample" not in out and "sample of" not in out
     assert "k_p = 3431.34" in stiff and stiff.endswith("without margins 2016 N/m is enough")
     assert "k_v = 1500 " in damped and damped.endswith("without margins 1000 N s/m is enough")
-    alone = json.loads(Path("g/gains.json").read_text())["alone"]
+    alone = json.loads(Path("g/gains.json").read_text())["single_gain"]
     assert alone["damping"]["without_margins"] == pytest.approx(damping, rel=1e-9)
     assert alone["stiffness"]["without_margins"] == pytest.approx(stiffness, rel=1e-9)
     assert alone["damping"]["meets"] and alone["stiffness"]["meets"]
@@ -322,10 +322,10 @@ def test_laws(law, parameters, words):
 @pytest.mark.parametrize(
     ("content", "options", "words"),
     [
-        (fit_content(schema="jaxfric.gains/1"), [], ["'jaxfric.gains/1'", "jaxfric.fit/1"]),
+        (fit_content(schema="jaxfric.gains/1"), [], ["'jaxfric.gains/1'", "jaxfric.fit/2"]),
         (json.dumps(fit_content(), indent=1)[:300], [], ["damaged (line"]),
         ("[]", [], ["names no schema"]),
-        ({"schema": "jaxfric.steady/1"}, [], ["steady speeds", "under gains", "--law stribeck"]),
+        ({"schema": "jaxfric.steady/2"}, [], ["steady speeds", "under gains", "--law stribeck"]),
         (fit_content(converged=False), ["--normal-force", "5 N"], ["did not converge"]),
         (fit_content(), [], ["friction coefficient", "--normal-force '500 N'"]),
         (fit_content(friction_unit="N"), ["--normal-force", "5 N"], ["not wanted"]),
@@ -367,5 +367,5 @@ def test_output_folder_that_is_a_file():
 def test_the_law_that_a_message_proposes_is_one():
     law = law_from_parameters("stribeck", "c0=20 N, c1=170 N*s/m, c2=5 N, c3=10 mm/s, c4=1").law
     assert float(law.c3) == 0.01
-    outcome = run("gains", "--from", written(Path(), {"schema": "jaxfric.steady/1"}), *MACHINE)
+    outcome = run("gains", "--from", written(Path(), {"schema": "jaxfric.steady/2"}), *MACHINE)
     assert "'c0=20 N, c1=170 N*s/m, c2=5 N, c3=10 mm/s, c4=1'" in outcome.err

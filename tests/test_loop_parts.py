@@ -377,7 +377,9 @@ def searched(found, cosines, *tried):
 
     def candidate(effects, bic, **more):
         return SimpleNamespace(
-            effects=effects, bic=bic, **{"physical": True, "failed": False, "refused": None, **more}
+            effects=effects,
+            bic=bic,
+            **{"physical": True, "failed": False, "rejection": None, **more},
         )
 
     final = candidate(found, 100.0)
@@ -401,7 +403,7 @@ def test_what_cannot_be_told_apart():
     )
     assert _groups(search) == (("a", "c", "b"),)  # c looks alike, b fits as well
     assert _rivals(search) == [("a", "b")]  # c was refitted, and is worse
-    for bad in ({"physical": False}, {"failed": True}, {"refused": Refusal(Fault.TAKES, ("B",))}):
+    for bad in ({"physical": False}, {"failed": True}, {"rejection": Refusal(Fault.TAKES, ("B",))}):
         assert _rivals(searched(("a",), cosines, (("b",), 1.0, bad))) == []
 
 
@@ -458,7 +460,7 @@ def end_of_search(monkeypatch, bic, loose=lambda effects: ()):
     def screened(engine, current, scales):
         del scales
         left = [e.id for e in engine.offered if e.id not in current.effects]
-        return [Screened(id, 20.0, np.ones(4)) for id in left]
+        return [Screened(id, -20.0, np.ones(4)) for id in left]
 
     cosines = np.eye(4)
     cosines[0, 2] = cosines[2, 0] = 0.99
@@ -492,7 +494,7 @@ def test_what_is_not_fixed_takes_no_place_and_says_why(monkeypatch):
     assert set(found.final.effects) == set("abd")
     (swapped,) = (c for c in found.tried if set(c.effects) == set("bcd"))
     assert swapped.bic < found.final.bic
-    assert swapped.refused[:2] == (Fault.NOT_FIXED, ("c",))
+    assert swapped.rejection[:2] == (Fault.NOT_FIXED, ("c",))
 
 
 @pytest.mark.parametrize(("alone", "kept"), [(-111.0, "c"), (-109.0, "a")])
@@ -543,7 +545,7 @@ def scored(bic=0.0, train=1.0, select=1.0, physical=True, failed=False, likelier
 def test_what_keeps_a_candidate_from_being_taken(candidate, fault):
     engine: Any = None  # not asked
     found = refusal_of(Trial(engine, SIZE, scored(), candidate, scored()), FITTED)
-    assert (None if found is None else found.fault) is fault
+    assert (None if found is None else found.code) is fault
 
 
 @pytest.mark.parametrize(
@@ -602,7 +604,7 @@ def test_a_fit_less_likely_than_without_its_effect_begins_again_nearer(fits, bes
     engine: Any = SimpleNamespace(model=model, weight=np.ones(100), law=lambda id, z: None)
     without = SimpleNamespace(log_likelihood=100.0)
     current: Any = SimpleNamespace(bic=0.0, z=np.zeros(3), noise=without)
-    one = Screened("a", 20.0, np.array([0.0, 8.0, 3.0]))
+    one = Screened("a", -20.0, np.array([0.0, 8.0, 3.0]))
     found = search_module.refit_safely(engine, ("a",), one, current)
     assert found.bic == best and not left
     assert starts == pytest.approx([8.0, 0.8, 0.08, 0.008][: len(fits)])

@@ -61,7 +61,7 @@ def loop_content(*effects, **changes):
     correlation = np.eye(len(values))
     correlation[1, 2] = correlation[2, 1] = 0.8
     content = {
-        "schema": "jaxfric.loop/1",
+        "schema": "jaxfric.loop/2",
         "friction_unit": "1",
         "law": "slip",
         "reference_velocity": V0,
@@ -284,8 +284,8 @@ def with_value(name, value):
 @pytest.mark.parametrize(
     ("content", "force", "words"),
     [
-        (loop_content("viscous", schema="jaxfric.loop/2"), NORMAL, "'jaxfric.loop/2'; a file of"),
-        (loop_content("viscous", schema="x"), NORMAL, r"'jaxfric.fit/1' \(jaxfric fit\) or 'jaxf"),
+        (loop_content("viscous", schema="jaxfric.loop/3"), NORMAL, "'jaxfric.loop/3'; a file of"),
+        (loop_content("viscous", schema="x"), NORMAL, r"'jaxfric.fit/2' \(jaxfric fit\) or 'jaxf"),
         ([], NORMAL, "it names no schema"),
         (json.dumps(loop_content(), indent=1)[:200], NORMAL, r"damaged \(line"),
         (loop_content("viscous"), None, "normal_force=500"),
@@ -383,7 +383,7 @@ def test_verbs_refuse_other_files(tmp_path, monkeypatch):
     machine = ("--from", path, "--normal-force", "500 N", "--mass", "2", "--velocity", "5 um/s")
     for verb in ("gains", "stability"):
         refused = run(verb, *machine, "--out", "out")
-        assert_refused(refused, "'jaxfric.gains/1'", "jaxfric.fit/1", "jaxfric.loop/1")
+        assert_refused(refused, "'jaxfric.gains/1'", "jaxfric.fit/2", "jaxfric.loop/2")
     assert not Path("out").exists()
 
 

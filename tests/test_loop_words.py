@@ -14,6 +14,8 @@ from jaxfric.loop.unfixed import unfixed
 from jaxfric.loop.verdict import Conclusion, Told
 from jaxfric.report.location_text import where_it_sits
 
+RIPPLE = "periodic_in_slip"
+
 
 def said(verdict, effects, told, tried=()):
     """Of a model whose BIC is 100, and that of the base 150."""
@@ -67,7 +69,7 @@ TRIED = [
 
 
 def refused(effects, bic, fault=Fault.NOT_FIXED, other=()):
-    default = {"physical": True, "failed": False, "refused": Refusal(fault, ("x",))}
+    default = {"physical": True, "failed": False, "rejection": Refusal(fault, ("x",))}
     return SimpleNamespace(effects=tuple(effects.split()), bic=bic, **(default | dict(other)))
 
 
@@ -133,7 +135,7 @@ def test_the_best_of_many_ripples_is_one_of_as_many_chances():
     own, _ = np.linalg.qr(rng.standard_normal((n, 40)))
     left = own @ rng.standard_normal(40)
     left += own[:, 12] * (5 - own[:, 12] @ left)
-    asked = _ripples(Bumps("wavelength", "m", np.arange(20.0), own), left, (float(n), float(n)))
+    asked = _ripples(Bumps(RIPPLE, "m", np.arange(20.0), own), left, (float(n), float(n)))
     assert np.argmax(asked.profile.amplitudes) == 6
     assert (asked.columns, asked.times) == ((12, 13), 20)
 
@@ -149,11 +151,14 @@ SITS = [
     ([profile("slip", np.nan)], "p = 1e-09"),
     ([profile("slip", 0.9, 0.02)], ""),
     ([profile("slip", 0.9), profile("time", 0.7)], "90 %"),
-    ([profile("slip", 1.0), profile("time", 0.98), profile("wavelength", 0.95, 0.3)], "100 %"),
+    (
+        [profile("slip", 1.0), profile("time", 0.98), profile(RIPPLE, 0.95, 0.3)],
+        "100 %",
+    ),
     ([profile("slip", 1.0), profile("time", 0.98), profile("position", 0.97)], "100 %"),
-    ([profile("wavelength", 0.6)], "60 %"),
-    ([profile("wavelength", np.nan)], "p = 1e-09"),
-    ([profile("wavelength", 1.0), profile("time", 0.98), profile("velocity", 0.97)], "100 %"),
+    ([profile(RIPPLE, 0.6)], "60 %"),
+    ([profile(RIPPLE, np.nan)], "p = 1e-09"),
+    ([profile(RIPPLE, 1.0), profile("time", 0.98), profile("velocity", 0.97)], "100 %"),
     ([profile("slip", 0.004)], "less than 1 %"),
     ([profile("slip", 0.006)], "1 %"),
 ]

@@ -124,7 +124,7 @@ def loop_json(folder, law, values, effects, **more):
     size = 0.01 * np.abs(list(values.values()))
     path = folder / "loop.json"
     content = {
-        "schema": "jaxfric.loop/1",
+        "schema": "jaxfric.loop/2",
         "law": law,
         "verdict": "effects",
         "sentence": "that is missing.",
@@ -194,7 +194,7 @@ def test_gains_take_the_loop_of_an_axis_with_it(own, tmp_path):
     values = {"M": 3.0, "F_v": 20.0, "F_c": 6.0, "F_0": 0.0, "drag.c": 40.0}
     values |= {f"rate_and_state.{n}": x for n, x in zip("AB", (2.0, 1.0), strict=True)}
     values |= {"rate_and_state.L": 1e-3, "rate_and_state.v_c": 1e-3}
-    axis = {"coordinate": "linear", "width": 1e-5}
+    axis = {"coordinate": "linear", "sign_width": 1e-5}
     effects = ["rate_and_state", "drag"]
     path = loop_json(tmp_path, "coulomb_viscous", values, effects, friction_unit="N", axis=axis)
     law = law_from_fit(path, samples=0).law

@@ -70,7 +70,7 @@ def axis_table(M: float) -> dict[str, Any]:
 def axis_model(path: str, mass: float = M, **changes: object) -> Path:
     """A loop.json of an axis without effects."""
     content = {
-        "schema": "jaxfric.loop/1",
+        "schema": "jaxfric.loop/2",
         "law": "coulomb_viscous",
         "friction_unit": "N",
         "verdict": "no_missing_effect",
@@ -78,7 +78,13 @@ def axis_model(path: str, mass: float = M, **changes: object) -> Path:
         "effects": [],
         "before": axis_table(mass),
         "after": axis_table(mass),
-        "axis": {"coordinate": "linear", "cutoff": 50.0, "width": 1e-3, "fits": [], "held": False},
+        "axis": {
+            "coordinate": "linear",
+            "cutoff": 50.0,
+            "sign_width": 1e-3,
+            "fits": [],
+            "held": False,
+        },
     }
     return written(Path(path), json.dumps({**content, **changes}))
 
@@ -141,7 +147,7 @@ def test_a_closed_loop_with_pulses() -> None:
     drive = Drive(1.0, K_P, K_D, "N")
     common = {"position": q, "reference_position": target, "drive": drive}
     record = axis_from_arrays(t, force, disturbance_force=added, **common)
-    model = axis_model("a.json", axis={"coordinate": "linear", "width": 1e-3, "held": True})
+    model = axis_model("a.json", axis={"coordinate": "linear", "sign_width": 1e-3, "held": True})
     with_pulses = jaxfric.predict(model, record)
     assert "the recorded force holds the disturbance already" in with_pulses.notes[1]
     errors = {c.method: c for c in with_pulses.comparisons}
@@ -162,7 +168,7 @@ def test_a_closed_loop_with_pulses() -> None:
 def slider_model(path: str = "fit.json", **changes: object) -> Path:
     values = {"f0": 0.5, "A": 0.0047, "B": 0.0084, "L": 23e-6, "K": 5e3, "V0": 2e-6}
     content = {
-        "schema": "jaxfric.fit/1",
+        "schema": "jaxfric.fit/2",
         "law": "slip",
         "states": 1,
         "friction_unit": "1",

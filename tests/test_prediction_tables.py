@@ -97,7 +97,7 @@ def saved(velocities, *, effects=("viscous",), **changes):
         return {"parameters": {n: {"value": 1.0, "std": 0.1} for n in names}, "free": list(names)}
 
     content = {
-        "schema": "jaxfric.loop/1", "law": "slip", "friction_unit": "1", "effects": list(effects),
+        "schema": "jaxfric.loop/2", "law": "slip", "friction_unit": "1", "effects": list(effects),
         "steps": [[10.0 * k, v] for k, v in enumerate(velocities)],
         "before": table("f0", "A", "gain.g"), "after": table("f0", "A", "gain.g", "viscous.c"),
     }  # fmt: skip

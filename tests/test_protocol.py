@@ -732,7 +732,7 @@ def test_a_plan_says_which_noise_it_took_and_from_where(typed, noise, words, mon
     monkeypatch.setattr(sys.modules["jaxfric.protocol.plan"], "plan", made_up)
     parameters = PLANT | {"V0": UM, "K": 2e6}
     saved = {
-        "schema": "jaxfric.fit/1", "law": "slip", "friction_unit": "N", "states": 1,
+        "schema": "jaxfric.fit/2", "law": "slip", "friction_unit": "N", "states": 1,
         "parameters": {k: {"value": v} for k, v in parameters.items()},
         "free": [], "covariance": [], "noise": {"sigma": 0.25}, "converged": True, "warnings": [],
     }  # fmt: skip
@@ -789,7 +789,7 @@ def test_the_command(twelve, monkeypatch, tmp_path):
     code, out, err = run(*base, "--noise", "3e-4", "--out", "o")
     assert code == 0 and "K/K_cr = 4.00" in out and "Recommended: a slip channel" in out
     saved = {
-        "schema": "jaxfric.fit/1", "law": "ageing", "friction_unit": "N", "states": 1,
+        "schema": "jaxfric.fit/2", "law": "ageing", "friction_unit": "N", "states": 1,
         "parameters": {k: {"value": v} for k, v in (PLANT | {"V0": UM, "K": 2e6}).items()},
         "free": [], "covariance": [], "noise": {"sigma": 0.25}, "converged": True,
         "warnings": ["A is odd"],

@@ -117,7 +117,7 @@ def test_where_the_white_part_comes_from(steps, written):
     assert white.written is written
     part = NoisePart(0.75, "time", 2.0)
     assert NoiseEstimate(2e-3, (part,), steps=1e-3 * steps).written is written
-    assert white.to_json()["recorded_steps"] == 1e-3 * steps
+    assert white.to_json()["quantisation_step"] == 1e-3 * steps
 
 
 @pytest.mark.parametrize(("rest", "told"), [(0.51, False), (0.49, True), (0.0, True)])

@@ -22,7 +22,7 @@ def candidate(effects, bic, z, *, physical=True, failed=False, takes=False, faul
         z=z,
         physical=physical,
         failed=failed,
-        refused=TAKES if takes else fault and Refusal(fault),
+        rejection=TAKES if takes else fault and Refusal(fault),
     )
 
 

@@ -332,7 +332,7 @@ def test_another_split_holds_out_others():
 class _Told:
     verdict: str
     effects: tuple[str, ...]
-    delta_bic: float = 30.0
+    fall: float = 30.0
     size: float = 0.9
     left: float = 1e-6
     reasons: tuple[str, ...] = ("structure is left",)
@@ -345,7 +345,7 @@ class _Told:
         return SimpleNamespace(size=self.size, tests={"slip": self.left, "time": 1.0})
 
     def gain(self):
-        return self.delta_bic
+        return self.fall
 
     def test_error(self, error):
         return error if error == self.before else error.size

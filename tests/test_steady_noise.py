@@ -120,7 +120,7 @@ def test_noise_over_time_of_an_axis_in_metres():
     apart = 0.05 if part.over == "time" else 5.0
     assert part.memory == pytest.approx(apart, rel=0.25)
     np.testing.assert_allclose(noise.effective, ROWS * (1 - kept) / (1 + kept), rtol=0.25)
-    assert set(noise.estimate.to_json()["longest"]) == {"time", "path", "rows"}
+    assert set(noise.estimate.to_json()["max_correlation"]) == {"time", "path", "rows"}
 
 
 def rippled(share, random):
@@ -185,8 +185,17 @@ def test_a_steady_loop_has_the_noise_of_its_runs(over_the_path, monkeypatch, tmp
     assert without.pop("noise") is None
     told = content.pop("noise")
     assert content == without
-    assert set(told) >= {"sigma", "parts", "longest", "scale", "correlated_share", "glitches"}
-    assert len(told["effective_samples"]) == len(curve) and told["longest"].keys() >= {"angle"}
+    assert set(told) >= {
+        "sigma",
+        "parts",
+        "max_correlation",
+        "gain",
+        "correlated_share",
+        "outliers",
+    }
+    assert len(told["effective_samples"]) == len(curve) and told["max_correlation"].keys() >= {
+        "angle"
+    }
     assert told["parts"][0]["unit"] == "rad"
     drawn = []
     monkeypatch.setattr(style, "save", lambda figure, *_: drawn.append(figure) or ["noise.png"])

@@ -99,4 +99,4 @@ def test_noise_with_a_pace_is_told_in_rows():
     told = NoiseEstimate(1e-3, (part,), (2.0, 1e-5, 25.0, 0.5), pace=(1.0, 4.0, 30.0))
     assert told.text().endswith("correlated over 6 rows of the middle velocity, each its own")
     assert told.bound() == "2 s or 10 µm of load-point motion or 25 rows"
-    assert told.to_json()["pace"] == [1.0, 4.0, 30.0]
+    assert told.to_json()["rate"] == [1.0, 4.0, 30.0]

@@ -41,7 +41,7 @@ def candidate(effects=(), bic=0.0, *, train=1.0, select=1.0, report=1.0, **more)
     residual = sum(size * getattr(BLOCKS, name) for name, size in sizes.items())
     noise = SimpleNamespace(log_likelihood=0.0)
     common = {"z": np.ones(4), "noise": noise, "physical": True, "failed": False}
-    common |= {"refused": None}
+    common |= {"rejection": None}
     rms = {name: SIGMA * size for name, size in sizes.items()}
     return Made(effects=tuple(effects), bic=bic, rms=rms, residual=residual, **{**common, **more})
 
@@ -54,7 +54,7 @@ def of_a_fit(fit, *, chance=0.0):
     """The code of the first gate that refuses a fit beside a base of 1 sigma in every block."""
     engine = SimpleNamespace(blocks=BLOCKS, rms_error=lambda used, noise: chance)
     why = refusal_of(Trial(engine, None, candidate(), fit, candidate()), FITTED)
-    return None if why is None else why.fault
+    return None if why is None else why.code
 
 
 class Made(SimpleNamespace):
@@ -146,13 +146,13 @@ def searched(monkeypatch, *screened, loose=(), takes=(), **fitted):
     monkeypatch.setattr(search_module, "refit", refit)
     monkeypatch.setattr(search_module, "seek_parts", lambda engine, z: engine)
     monkeypatch.setattr(search_module, "learn_noise", lambda engine, base: (engine, base))
-    asked = [Screened(id, gain, np.ones(4)) for id, gain in screened]
+    asked = [Screened(id, delta_bic, np.ones(4)) for id, delta_bic in screened]
     monkeypatch.setattr(search_module, "screen", lambda *_: asked)
     monkeypatch.setattr("jaxfric.loop.gates.not_fixed", lambda *_: loose)
     monkeypatch.setattr("jaxfric.loop.gates.what_it_takes", lambda *_: takes)
     monkeypatch.setattr(search_module, "aliases", lambda *_: (ids, np.eye(2)))
     found = search(engine, np.zeros(4), None, most=1, progress=lambda _: None)
-    why = {c.effects: c.refused[:3] for c in found.tried if c.refused}  # code, what it is about
+    why = {c.effects: c.rejection[:3] for c in found.tried if c.rejection}  # code, what it is about
     return found.final.effects, why
 
 
@@ -179,13 +179,13 @@ FAR = (Move("A-B", estimate(-1e-3, 5e-5), estimate(1e-3, 1e-3)),)
     ],
 )
 def test_what_a_search_takes(monkeypatch, more, found, refused):
-    assert searched(monkeypatch, ("a", 60.0), **more) == (found, refused)
+    assert searched(monkeypatch, ("a", -60.0), **more) == (found, refused)
 
 
-@pytest.mark.parametrize(("second", "asked"), [(-0.1, False), (0.1, True)])
+@pytest.mark.parametrize(("second", "asked"), [(0.1, False), (-0.1, True)])
 def test_what_promises_nothing_is_not_even_fitted(monkeypatch, second, asked):
     """Two refits beside the base are made in any case: b, the third asked, is not one of them."""
-    _, refused = searched(monkeypatch, ("a", -60.0), ("a", -60.0), ("b", second))
+    _, refused = searched(monkeypatch, ("a", 60.0), ("a", 60.0), ("b", second))
     assert (("b",) in refused) == asked
 
 
@@ -253,7 +253,7 @@ def test_no_verdict_at_the_edge_of_stability(edge, failed, withheld):
     told = concluded(search, edge=edge)
     assert told.verdict == ("ambiguous" if withheld else "effects")
     assert told.sigma_held_out == FLOOR.later
-    assert withheld or told.most_held_out == FLOOR.most["report"]
+    assert withheld or told.held_out_threshold == FLOOR.most["report"]
     assert ("No verdict" in told.sentence) == withheld == bool(told.reasons)
     if withheld:  # an axis has no stiffness to check
         assert (f"{edge:.2f}" if edge is not None else "cannot be simulated") in told.sentence

@@ -172,8 +172,8 @@ _QUESTIONS = (
     "log_velocity",
     "state",
     "time_since_step",
-    "relaxation_length",
-    "wavelength",
+    "slip_since_step",
+    "periodic_in_slip",
 )
 
 

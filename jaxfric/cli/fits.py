@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from ..errors import InputError
+from ..schemas import FITS
 from .common import told, warn
 from .folder import Folder, choose_folder, json_text
 from .options import OutputOptions
@@ -15,7 +16,6 @@ if TYPE_CHECKING:
     from ..records import Record
     from ..report.fits_table import TabledFit
 
-SCHEMA = "jaxfric.fits/1"
 _MANY = 16
 """Number of files from which compiling a batched fit saves time."""
 Said = Callable[[str], None]
@@ -125,7 +125,7 @@ def _names(files: Sequence[Path]) -> list[str]:
 
 def _content(found: "Sequence[TabledFit]") -> dict[str, object]:
     return {
-        "schema": SCHEMA,
+        "schema": FITS,
         "fits": [
             {
                 "file": one.name,

@@ -19,11 +19,11 @@ from typing import TypedDict
 from ..errors import InputError
 from ..report.output import output_folder
 from ..report.version import installed_version
+from ..schemas import FOLDER
 from .call import Call, current_call
 from .stamp import made_by, stamp
 
 NOTES = ".jaxfric.json"
-_SCHEMA = "jaxfric.folder/1"
 # Options that the name of a folder leaves out: inputs without a default, machine data, and options
 # of reading and printing.
 _ASKED = (
@@ -292,7 +292,7 @@ class Folder:
             "inputs": self._inputs(),
             "files": files,
         }
-        content = json.dumps({"schema": _SCHEMA, "runs": notes}, indent=1)
+        content = json.dumps({"schema": FOLDER, "runs": notes}, indent=1)
         (work / NOTES).write_text(content + "\n", encoding="utf-8")
 
 

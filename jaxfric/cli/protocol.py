@@ -312,7 +312,8 @@ def _from_file(
 ) -> tuple[dict[str, float], str, str, tuple[str, ...], tuple[str, ...]]:
     """Inputs of a plan from a fit.json, or from the fit after the loop of a loop.json."""
     from ..saved.entry import law_in
-    from ..saved.files import FIT, LOOP, own_warnings, read_saved
+    from ..saved.files import own_warnings, read_saved
+    from ..schemas import FIT, LOOP
 
     _, content = read_saved(path, FIT, LOOP)
     fitted = law_in(path, content)

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated
 
 from ..errors import InputError
+from ..schemas import SIMULATION
 from . import options
 from .common import OfMotion, prepare_jax, told, warn
 from .folder import Folder, json_text
@@ -121,7 +122,7 @@ def _content(
 ) -> dict[str, object]:
     """What was simulated as JSON, in SI; `course` are words on its start and end by their name."""
     return {
-        "schema": "jaxfric.simulation/1",
+        "schema": SIMULATION,
         "law": law,
         "mass": run.mass,
         "kp": run.k_p,

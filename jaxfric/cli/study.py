@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from ..errors import InputError
+from ..schemas import STUDY_SUMMARY
 from . import options
 from .call import current_call
 from .common import prepare_jax, told, warn
@@ -270,7 +271,7 @@ def _codes(found: "Dataset") -> dict[str, dict[str, int]]:
 def _content(found: "Dataset", store: str, members: int) -> dict[str, object]:
     """What was computed as JSON; numbers are in the store."""
     return {
-        "schema": "jaxfric.study/1",
+        "schema": STUDY_SUMMARY,
         "store": store,
         "members": int(found["outcome"].size),
         "shape": {str(d): found.sizes[d] for d in found["outcome"].dims},

@@ -26,8 +26,6 @@ from ..records.steady_load import Load
 from ..rig.axis import LAW, AxisRig, BaseLaw
 from ..saved.entry import verdict_words
 from ..saved.files import (
-    LOOP,
-    STEADY,
     missing_key,
     own_warnings,
     read_saved,
@@ -35,6 +33,7 @@ from ..saved.files import (
     table_damage,
     values_of,
 )
+from ..schemas import LOOP, STEADY
 from .units import amplitude, unit_of
 
 Content = Mapping
@@ -203,7 +202,7 @@ def _of_axis(content: Content, source: str) -> Identified:
     _refuse_one_speed(about, source, content["friction_unit"])
     claims = _claims(content, source)
     gains = about.get("gains") or {}
-    width = float(about.get("width") or 0.0)
+    width = float(about.get("sign_width") or 0.0)
     speeds = np.abs([float(v) for _, v in content["steps"] if float(v)])
     slowest, fastest = gains.get("slowest"), gains.get("fastest")
     if slowest is None or fastest is None:
@@ -241,7 +240,7 @@ def _left(content: Content) -> tuple[float, float] | None:
     sigma = noise.get("sigma_held_out") or noise.get("sigma")
     found = content["after"].get("report_rms"), sigma
     rms, sigma = (float(x) if isinstance(x, int | float) else 0.0 for x in found)
-    most = noise.get("most_held_out") or 1.0
+    most = noise.get("held_out_threshold") or 1.0
     return (rms, rms if rms <= most * sigma else sigma) if rms > 0 and sigma > 0 else None
 
 
@@ -268,7 +267,7 @@ def _wrong_size(about: object, steps: object) -> str | None:
     drive = about.get("drive") or {}
     if not isinstance(drive, dict):
         return "'axis.drive' is no table"
-    sizes = {f"axis.{key}": about.get(key) for key in ("width", "acceleration")}
+    sizes = {f"axis.{key}": about.get(key) for key in ("sign_width", "acceleration")}
     sizes["axis.drive.k_v"] = drive.get("k_v")
     sizes |= {f"axis.gains.{key}": gains.get(key) for key in ("slowest", "fastest")}
     for key, size in sizes.items():

@@ -10,6 +10,7 @@ from ..described import Described, Drawable, Tabular
 from ..findings import Finding, ranges
 from ..fitting.uncertainty import QUANTILE
 from ..plain import plain
+from ..schemas import FEEDFORWARD
 from .code import c_code
 from .curve import FrictionCurve, FrictionValues
 from .fade import Fade
@@ -19,8 +20,6 @@ from .limits import low_speeds, own_damping
 from .pieces import INERTIA, PLAIN, SIGN, Piece
 from .spot import FrictionAt, friction_at
 from .units import positive
-
-SCHEMA = "jaxfric.feedforward/1"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -115,11 +114,11 @@ class Feedforward(Described, Drawable, Tabular):
         return "\n".join([",".join(columns), *lines]) + "\n"
 
     def to_json(self, asked: Sequence[FrictionAt] = ()) -> dict:
-        """The content of `feedforward.json`, schema "jaxfric.feedforward/1"; SI, null if unknown.
+        """The content of `feedforward.json`, schema `schemas.FEEDFORWARD`; SI, null if unknown.
         `asked` is the friction at requested speeds, its entry "at"."""
         about = self.about
         table = {
-            "schema": SCHEMA,
+            "schema": FEEDFORWARD,
             "model": about.source,
             "sentence": self.sentence,
             "force_unit": about.force_unit,

@@ -143,7 +143,7 @@ class Fit(Described, Drawable, Gridded, Tabular):
         return claim
 
     def to_json(self) -> dict:
-        """The content of `fit.json`, schema "jaxfric.fit/1"; SI, null for unknown values."""
+        """The content of `fit.json`, schema `schemas.FIT`; SI, null for unknown values."""
         return said("fit_json.content", self)
 
 

@@ -31,7 +31,7 @@ class LocalOptimum:
     norm: float
     margin: float
     """Least slack of any required margin in any scenario, relative to its requirement."""
-    kkt: float
+    kkt_residual: float
     """Residual of the KKT equations."""
     active: tuple[dict, ...]
     """The scenarios in which the requirement is just met."""
@@ -54,7 +54,7 @@ class WorstCase:
 class Certificate:
     """Why the optimum is believed: KKT residual, and a dense grid that finds nothing smaller."""
 
-    kkt: float
+    kkt_residual: float
     grid_points: int
     smaller_found: int
     rounds: int

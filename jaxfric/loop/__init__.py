@@ -8,7 +8,6 @@ from .loop import close_loop as close_loop
 from .refusal import Fault as Fault
 from .refusal import Move as Move
 from .refusal import Refusal as Refusal
-from .result import SCHEMA as SCHEMA
 from .result import VERDICTS as VERDICTS
 from .result import CandidateScore as CandidateScore
 from .result import LocationProfile as LocationProfile

@@ -90,7 +90,7 @@ def close(subject: Subject[P], *, most: int, begun: float, progress: Callable[[s
         velocity=rows.velocity,
         families=told.families,
         sigma_held_out=told.sigma_held_out,
-        most_held_out=told.most_held_out,
+        held_out_threshold=told.held_out_threshold,
         seconds=time.monotonic() - begun,
     )
 
@@ -183,14 +183,14 @@ def candidate_scores(found: Search) -> tuple[CandidateScore, ...]:
         out.append(
             CandidateScore(
                 effects=c.effects,
-                delta_bic=found.base.bic - c.bic,
+                delta_bic=c.bic - found.base.bic,
                 train_rms=c.rms["train"],
-                heldout_rms=c.rms["select"],
+                validation_rms=c.rms["select"],
                 parameters={name: value for name, value in values.items() if name in free},
                 physical=c.physical,
                 converged=not c.failed,
                 accepted=c.effects in found.accepted,
-                refused=c.refused,
+                rejection=c.rejection,
             )
         )
-    return tuple(sorted(out, key=lambda c: -c.delta_bic))
+    return tuple(sorted(out, key=lambda c: c.delta_bic))

@@ -60,7 +60,7 @@ def effect_findings(
     noise = float(final.noise.sigma) * np.ravel(final.noise.scale)[:n]
     for id in final.effects:
         without = _without(search, id)
-        values = {"effect": id, "delta_bic": float(without.bic - final.bic)}
+        values = {"effect": id, "delta_bic": float(final.bic - without.bic)}
         difference = (without.residual[:n] - final.residual[:n]) / noise
         jacobian = engine.evaluate(without.z, engine.free(without.effects)).jacobian[:n]
         rows = deciding_rows(difference, jacobian / noise[:, None], used, ACCEPT)

@@ -272,8 +272,8 @@ def _variables(engine: Engine[Problem], response: Response) -> list[Bumps]:
         Bumps("log_velocity", "1", *hats(log_velocity, _spread(log_velocity, _COARSE))),
         Bumps("state", "F", *hats(lag, _spread(lag, _COARSE))),
         Bumps("time_since_step", "s", np.exp(after), hats(recent, after)[1] * stepped),
-        Bumps("relaxation_length", "m", lengths, relaxing),
-        Bumps("wavelength", "m", waves, fourier),
+        Bumps("slip_since_step", "m", lengths, relaxing),
+        Bumps("periodic_in_slip", "m", waves, fourier),
     ]
 
 

@@ -36,7 +36,7 @@ class Candidate(NamedTuple):
     """Root mean square of the residual by block, in the unit of the record."""
     physical: bool
     failed: bool
-    refused: Refusal | None = None
+    rejection: Refusal | None = None
     """Why the search refused it; None if no gate did."""
 
 

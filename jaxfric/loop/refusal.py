@@ -43,7 +43,7 @@ class Move(NamedTuple):
 class Refusal(NamedTuple):
     """A fault of a model, with the evidence for it."""
 
-    fault: Fault
+    code: Fault
     parameters: tuple[str, ...] = ()
     """Parameters that the record does not determine, or that effects take over from the base."""
     moves: tuple[Move, ...] = ()
@@ -56,4 +56,4 @@ class Refusal(NamedTuple):
 
 def takes(refusal: Refusal | None) -> bool:
     """Whether a model is refused because its effects take over parameters of the base."""
-    return refusal is not None and refusal.fault is Fault.TAKES
+    return refusal is not None and refusal.code is Fault.TAKES

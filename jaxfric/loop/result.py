@@ -18,7 +18,6 @@ from .refusal import Refusal
 from .split import Blocks
 from .unfixed import Unfixed, unfixed
 
-SCHEMA = "jaxfric.loop/1"
 VERDICTS = ("no_missing_effect", "effects", "ambiguous", "outside_catalogue", "too_weak")
 
 
@@ -55,18 +54,18 @@ class Score:
 
 @dataclass(frozen=True)
 class CandidateScore:
-    """One fitted model. A positive `delta_bic` is better than the base."""
+    """One fitted model. A `delta_bic` below 0 is better than the base."""
 
     effects: tuple[str, ...]
     delta_bic: float
     train_rms: float
-    heldout_rms: float
+    validation_rms: float
     """rms on the validation block; the test block is scored only for the final model."""
     parameters: Mapping[str, float]
     physical: bool
     converged: bool
     accepted: bool
-    refused: Refusal | None = None
+    rejection: Refusal | None = None
     """Why it was refused; None if it was accepted, or if another model was better."""
 
 
@@ -76,6 +75,7 @@ class ScreenedEffect:
 
     id: str
     delta_bic: float
+    """BIC with the effect less that of the base: below 0 is better."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,8 +87,8 @@ class LocationProfile:
     """
 
     variable: str
-    """"slip", "log_velocity", "state", "time", "time_since_step", "relaxation_length" (of friction
-    after a step) or "wavelength" (each alone)."""
+    """"slip", "log_velocity", "state", "time", "time_since_step", "slip_since_step" (over the
+    length of its decay) or "periodic_in_slip" (over its wavelength); each alone."""
     unit: str
     centres: np.ndarray
     amplitudes: np.ndarray
@@ -194,7 +194,7 @@ class Loop(Described, Drawable, Gridded, Tabular):
     the named effect is one member."""
     sigma_held_out: float = float("nan")
     """As `sigma`, for the held-out rows; nan if it was not estimated separately."""
-    most_held_out: float = float("nan")
+    held_out_threshold: float = float("nan")
     """Largest test error, in units of its noise, that noise alone explains; nan if unknown."""
 
     @property
@@ -237,7 +237,7 @@ class Loop(Described, Drawable, Gridded, Tabular):
 
         def rank(candidate: CandidateScore) -> tuple[bool, float]:
             known = bool(np.isfinite(candidate.delta_bic))
-            return not known, -candidate.delta_bic if known else 0.0
+            return not known, candidate.delta_bic if known else 0.0
 
         once: dict[frozenset[str], CandidateScore] = {}
         for candidate in sorted(self.candidates, key=rank):
@@ -245,16 +245,16 @@ class Loop(Described, Drawable, Gridded, Tabular):
         return list(once.values())
 
     def gain(self) -> float | None:
-        """Delta BIC of the accepted model; None if it is not among the candidates."""
+        """Fall of BIC by the accepted model; None if it is not among the candidates."""
         model = frozenset(self.after.effects)
-        own = (c.delta_bic for c in self.ranked() if frozenset(c.effects) == model)
+        own = (0.0 - c.delta_bic for c in self.ranked() if frozenset(c.effects) == model)
         return next(own, None)
 
     def unfixed(self) -> list[Unfixed]:
         """Models that are likelier than the accepted one, but whose parameters the record does not
         determine; likeliest first."""
         known = (c for c in self.ranked() if c.converged and c.physical)
-        models = ((c, c.delta_bic) for c in known)
+        models = ((c, 0.0 - c.delta_bic) for c in known)
         return unfixed(models, self.gain() or 0.0)
 
     def role(self, candidate: CandidateScore) -> str:
@@ -272,5 +272,5 @@ class Loop(Described, Drawable, Gridded, Tabular):
         return "tried" if candidate.physical else "impossible"
 
     def to_json(self) -> dict:
-        """The content of `loop.json`, schema "jaxfric.loop/1"; SI, null for unknown values."""
+        """The content of `loop.json`, schema `schemas.LOOP`; SI, null for unknown values."""
         return said("loop_json.content", self)

@@ -12,9 +12,8 @@ def rival_fits(search: Search, id: str) -> dict[str, Candidate]:
     found: dict[str, Candidate] = {}
     for c in sorted(search.tried, key=lambda c: c.bic):
         new = set(c.effects) - kept
-        close = (
-            c.bic - search.final.bic < ACCEPT and c.physical and not (c.failed or takes(c.refused))
-        )
+        sound = c.physical and not c.failed and not takes(c.rejection)
+        close = sound and c.bic - search.final.bic < ACCEPT
         if close and kept < set(c.effects) and len(new) == 1 and id not in new:
             found.setdefault(new.pop(), c)
     return found
@@ -26,7 +25,7 @@ def near_fits(search: Search) -> list[Candidate]:
     include their differences."""
     found: dict[frozenset[str], Candidate] = {}
     for c in sorted(search.tried, key=lambda c: c.bic):
-        why = None if c.refused is None else c.refused.fault
+        why = None if c.rejection is None else c.rejection.code
         if c.physical and not c.failed and why in (None, Fault.WEAK, Fault.NOT_FIXED):
             found.setdefault(frozenset(c.effects), c)
     return [c for effects, c in found.items() if effects != frozenset(search.final.effects)]

@@ -30,7 +30,7 @@ class Screened(NamedTuple):
 
     id: str
     delta_bic: float
-    """BIC of the base minus that with the effect: positive is better."""
+    """BIC with the effect minus that of the base: below 0 is better."""
     z: np.ndarray
     """Parameters to start a joint fit from."""
 
@@ -110,9 +110,9 @@ def screen(engine: Engine, current: Candidate, scales: RecordScales) -> list[Scr
         if not possible:  # the record shows the opposite of the effect
             gain = 0.0
         count = fewest + len(engine.model.columns((id,)))
-        delta = gain + fewest * np.log(effective[0]) - count * np.log(effective[i])
+        delta = count * np.log(effective[i]) - fewest * np.log(effective[0]) - gain
         best.append(Screened(id, float(delta), z))
-    return sorted(best, key=lambda s: -s.delta_bic)
+    return sorted(best, key=lambda s: s.delta_bic)
 
 
 def _likeliest(engine: Engine, current: Candidate, seen: Screening) -> Screening:

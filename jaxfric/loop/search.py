@@ -127,12 +127,12 @@ def _forward(now: Search, scales: RecordScales, progress: Callable[[str], None])
         return now
     progress(f"screening {len(missing)} effects")
     found = screen(engine, current, scales)
-    seen = any(one.delta_bic >= 0 for one in found)
+    seen = any(one.delta_bic <= 0 for one in found)
     laws = {one.id for one in found if seen and engine.law(one.id, current.z) is not None}
     asked = [
         one
         for k, one in enumerate(found)
-        if (k < REFITS and one.delta_bic >= 0)
+        if (k < REFITS and one.delta_bic <= 0)
         or one.id in laws
         or len(now.tried) + k <= 2  # two on the base are always fitted
     ]
@@ -146,8 +146,8 @@ def _forward(now: Search, scales: RecordScales, progress: Callable[[str], None])
     for one, candidate in zip(asked, engine.each(fitted, range(len(asked)), asked), strict=True):
         trial = Trial(engine, scales, current, candidate, current)
         why = refusal_of(trial)
-        now = now.trying(candidate._replace(refused=why))
-        if why is not None and why.fault is Fault.NOT_FIXED:
+        now = now.trying(candidate._replace(rejection=why))
+        if why is not None and why.code is Fault.NOT_FIXED:
             now, other = _without_loose(now, candidate, why.parameters, one.id)
             why = why if other is None else refusal_of(trial._replace(candidate=other))
             candidate = candidate if other is None else other
@@ -275,8 +275,8 @@ def _swapped(now: Search, scales: RecordScales, progress: Callable[[str], None])
         able = candidate.physical and not candidate.failed
         near = able and trial.gain > -ACCEPT  # at least a rival
         why = refusal_of(trial, IN_PLACE if trial.gain > TIE else IN_PLACE[1:]) if near else None
-        now = now.trying(candidate._replace(refused=why))
-        if why is not None and why.fault is Fault.NOT_FIXED and trial.gain > TIE:
+        now = now.trying(candidate._replace(rejection=why))
+        if why is not None and why.code is Fault.NOT_FIXED and trial.gain > TIE:
             now, fewer = _without_loose(now, candidate, why.parameters, other)
             if fewer is not None:
                 candidate, trial = fewer, trial._replace(candidate=fewer)
@@ -296,6 +296,6 @@ def _with_rivals_asked(now: Search, scales: RecordScales) -> Search:
         trial = Trial(now.engine, scales, now.final, c, now.one_less(c))
         near = -ACCEPT < trial.gain < 0
         why = takes_nothing(trial) if near else None
-        return c if why is None else c._replace(refused=why)
+        return c if why is None else c._replace(rejection=why)
 
     return now._replace(tried=tuple(asked(c) for c in now.tried))

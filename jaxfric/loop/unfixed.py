@@ -18,7 +18,7 @@ class Unfixed(NamedTuple):
 
     effects: tuple[str, ...]
     lower: float
-    refused: Refusal
+    rejection: Refusal
     """Parameters are undetermined, or taken over from the base; other parameters may be
     determined."""
 
@@ -29,7 +29,7 @@ class _Refused(Protocol):
     @property
     def effects(self) -> Sequence[str]: ...
     @property
-    def refused(self) -> Refusal | None: ...
+    def rejection(self) -> Refusal | None: ...
 
 
 def unfixed(models: Iterable[tuple[_Refused, float]], taken: float) -> list[Unfixed]:
@@ -42,8 +42,8 @@ def unfixed(models: Iterable[tuple[_Refused, float]], taken: float) -> list[Unfi
     """
     found: dict[frozenset[str], Unfixed] = {}
     for model, gain in models:
-        why = model.refused
-        if why is not None and why.fault in _OPEN and gain - taken > ACCEPT:
+        why = model.rejection
+        if why is not None and why.code in _OPEN and gain - taken > ACCEPT:
             one, key = Unfixed(tuple(model.effects), gain - taken, why), {*model.effects}
             found[frozenset(key)] = max(one, found.get(frozenset(key), one), key=_lower)
     least = [one for key, one in found.items() if not any(other < key for other in found)]

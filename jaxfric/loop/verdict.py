@@ -92,7 +92,7 @@ class Conclusion(NamedTuple):
     separations: dict[str, str]
     families: tuple[CurveFamily, ...] = ()
     sigma_held_out: float = float("nan")
-    most_held_out: float = float("nan")
+    held_out_threshold: float = float("nan")
 
     @property
     def sentence(self) -> str:
@@ -190,7 +190,7 @@ def conclude(
         separations,
         families,
         sigma_held_out=floor.later,
-        most_held_out=floor.most["report"],
+        held_out_threshold=floor.most["report"],
     )
 
 

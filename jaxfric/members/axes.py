@@ -11,7 +11,7 @@ from ..laws.fitted import force_of_unit
 from ..quantity import Quantity, numbered_names
 from ..rig.friction import AbstractRateState
 from ..saved.entry import fitted_law
-from ..saved.files import FIT
+from ..schemas import FIT
 from ..study import Axis, Grid, Normal, Samples, Uniform, linspace, logspace, values
 from ..study.grid import KINDS
 from .parameters import number, parameter, value_of

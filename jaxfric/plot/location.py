@@ -25,8 +25,8 @@ _VARIABLES = {
     "since_reversal": "distance since the last stop",
     "time": "time since the first row",
     "time_since_step": "time since the last step",
-    "relaxation_length": "slip of relaxation after a step",
-    "wavelength": "wavelength of a ripple",
+    "slip_since_step": "slip of relaxation after a step",
+    "periodic_in_slip": "wavelength of a ripple",
 }
 """Names of the axes of variables, where they are not those of the catalogue."""
 
@@ -99,7 +99,7 @@ def _profile(axis: Axes, profile: LocationProfile, loop: Loop, size: float) -> N
         lw=0.7, elinewidth=1.2, capsize=2, label="missing friction, bars: standard error",
     )  # fmt: skip
     even = dict.fromkeys(("position", "velocity", "time"), np.inf)
-    many = {"log_velocity": 3, "wavelength": 5, **even}.get(profile.variable, 30)
+    many = {"log_velocity": 3, "periodic_in_slip": 5, **even}.get(profile.variable, 30)
     log = "x" if np.all(x > 0) and np.max(x) > many * np.min(x) else ""
     title = _share_and_p(profile)
     style.tidy(axis, title, x=style.named(label, unit), log=log, zero=True)

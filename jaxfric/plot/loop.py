@@ -178,11 +178,11 @@ def _candidates_figure(loop: Loop) -> Figure:
     second = figure.add_subplot(grid[1, 0])
     names = [" + ".join(c.effects) or "base" for c in tried]
     colours = [_ROLES[loop.role(c)][0] for c in tried]
-    _bars(first, "Fitted models", names, [0.0 - c.delta_bic for c in tried], colours)
+    _bars(first, "Fitted models", names, [c.delta_bic for c in tried], colours)
     _held_out(beside, loop, tried, colours)
     beside.set_ylim(first.get_ylim())
     chosen = [BLUE if s.id in loop.effects else LIGHT for s in screened]
-    title, changes = "Single effects, to first order", [0.0 - s.delta_bic for s in screened]
+    title, changes = "Single effects, to first order", [s.delta_bic for s in screened]
     _bars(second, title, [s.id for s in screened], changes, chosen)
     legend = [style.square(colour, text) for colour, text in _ROLES.values() if text]
     accept = f"ΔBIC −{ACCEPT:g}: needed to add an effect"
@@ -226,7 +226,7 @@ def _number(axis: Axes, place: float, text: str) -> None:
 
 def _held_out(axis: Axes, loop: Loop, tried: list[CandidateScore], colours: Sequence[str]) -> None:
     sigma = loop.sigma_of(loop.blocks.select)
-    values = np.asarray([c.heldout_rms / sigma for c in tried], float)
+    values = np.asarray([c.validation_rms / sigma for c in tried], float)
     known, places = np.isfinite(values), np.arange(len(tried))
     base = loop.before.rms["select"] / sigma
     worst = 1.5 * max(base, 1.0)

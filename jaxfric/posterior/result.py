@@ -13,7 +13,7 @@ from ..fitting.result import Fit
 from ..fitting.uncertainty import ENDS
 from ..quantity import numbered_names
 from ..saved.entry import ENTRY, law_entry, law_name, open_words
-from ..saved.files import POSTERIOR
+from ..schemas import POSTERIOR
 from ..stability.claims import rate_state_claim
 from .distributions import AbstractPrior
 from .laplace import Laplace

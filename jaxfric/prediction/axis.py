@@ -184,7 +184,7 @@ def _prepared(
         prepared,
         weight,
         EncompassingModel(BaseLaw(), effects),
-        width=float(about.get("width", rows.width)),
+        width=float(about.get("sign_width", rows.width)),
         noise_scale=noise_from_differences(prepared.force[: prepared.rows][rows.used]),
     )
     published = as_published(problem, prepared, rows)

@@ -6,8 +6,6 @@ from typing import Any, NamedTuple
 
 from ..errors import InputError
 from ..saved.files import (
-    FIT,
-    LOOP,
     Saved,
     missing_key,
     own_warnings,
@@ -16,6 +14,7 @@ from ..saved.files import (
     table_damage,
     values_of,
 )
+from ..schemas import FIT, LOOP
 
 Content = Mapping[str, Any]
 """The content of a JSON file, or a part of it."""

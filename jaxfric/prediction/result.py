@@ -8,8 +8,8 @@ import numpy as np
 from ..described import Described, Drawable, Gridded, Tabular
 from ..plain import plain
 from ..records.record import Provenance
+from ..schemas import PREDICTION
 
-SCHEMA = "jaxfric.prediction/1"
 _AS_GOOD = 1.1
 """Ratio of rms to that of a refit up to which a prediction is as good as a fit."""
 _AT_NOISE = 1.3
@@ -140,9 +140,9 @@ class Prediction(Described, Drawable, Gridded, Tabular):
         )
 
     def to_json(self) -> dict:
-        """The content of `prediction.json`, schema "jaxfric.prediction/1"; SI."""
+        """The content of `prediction.json`, schema `schemas.PREDICTION`; SI."""
         table = {
-            "schema": SCHEMA,
+            "schema": PREDICTION,
             "model": self.source,
             "record": {
                 "path": self.origin.path,

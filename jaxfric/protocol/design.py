@@ -8,8 +8,7 @@ import numpy as np
 
 from ..described import Described, Drawable, Tabular
 from ..loop.thresholds import ALIAS
-
-SCHEMA = "jaxfric.protocol/1"
+from ..schemas import PROTOCOL
 
 
 @dataclass(frozen=True)
@@ -222,10 +221,10 @@ class Protocol(Described, Drawable, Tabular):
         return best
 
     def to_json(self) -> dict:
-        """The content of `protocol.json`, schema "jaxfric.protocol/1"; SI, null for unknown."""
+        """The content of `protocol.json`, schema `schemas.PROTOCOL`; SI, null for unknown."""
         best = self.recommended()
         return {
-            "schema": SCHEMA,
+            "schema": PROTOCOL,
             "velocities": list(self.velocities),
             "slip_per_step": self.slip_per_step,
             "duration": self.duration,

@@ -99,8 +99,8 @@ def gains_table(details: AxisDetails) -> TextTable:
         damped = _drive(drive.velocity_gain, drive.signal, unit)
         own = f"{drive.position_gain:.4g} 1/s times {damped}"
         rows.append(("k_p in force", f"{drive.K_p:.4g} {force}/{unit}", own))
-    if details.bears is not None:
-        held = f"{1e3 * details.bears:.3g} ms" if details.bears > 0 else "none: they do not hold it"
+    if (delay := details.longest_delay) is not None:
+        held = f"{1e3 * delay:.3g} ms" if delay > 0 else "none: they do not hold it"
         rows.append(("delay they bear", held, ""))
     note = stability(details)
     if gains.claim.kind != "open" and gains.stiff is None:

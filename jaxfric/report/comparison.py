@@ -6,10 +6,9 @@ from ..fitting.misfit import EXCESS, excess
 from ..loop.compare import LawComparison, LawScore
 from ..loop.thresholds import ACCEPT
 from ..runs.table import amount, csv_text, short
+from ..schemas import COMPARISON
 from .fits_table import TabledFit, csv_rows, latex_text, text_table
 from .tables import TextTable
-
-SCHEMA = "jaxfric.comparison/1"
 
 _BIC, _HELD_OUT = "BIC above least", "held-out error [σ]"
 _SHOWN: Mapping[str, Callable[[float], str]] = {_BIC: amount, _HELD_OUT: "{:.2f}".format}
@@ -173,10 +172,10 @@ def _second_state(found: LawComparison, first: LawScore) -> str:
 
 
 def to_json(found: LawComparison) -> dict:
-    """The content of `compare.json`, schema "jaxfric.comparison/1"; SI."""
+    """The content of `compare.json`, schema `schemas.COMPARISON`; SI."""
     origin, supported = found.record.provenance, found.supported
     return {
-        "schema": SCHEMA,
+        "schema": COMPARISON,
         "record": {"path": origin.path, "sha256": origin.sha256, "rows": len(found.record)},
         "sentence": sentence(found),
         "next": next_step(found),

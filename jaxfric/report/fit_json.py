@@ -3,11 +3,11 @@
 from ..fitting.result import Estimate, Fit
 from ..plain import plain
 from ..saved.entry import ENTRY, law_entry
-from ..saved.files import FIT
+from ..schemas import FIT
 
 
 def content(fit: Fit) -> dict:
-    """The content of `fit.json`, schema "jaxfric.fit/1"; SI, null for what is not known."""
+    """The content of `fit.json`, schema `schemas.FIT`; SI, null for what is not known."""
     origin = fit.record.provenance
     kcr = fit.critical()
     velocity = fit.steps.velocity(fit.record.relative_time)
@@ -46,10 +46,11 @@ def content(fit: Fit) -> dict:
 
 
 def estimated(estimate: Estimate) -> dict[str, object]:
-    """An estimate; no interval of what is not determined."""
+    """An estimate; no error of what was given, or is not determined."""
     fields = ("value", "std", "lower", "upper", "unit", "free", "determined")
     found: dict[str, object] = {field: getattr(estimate, field) for field in fields}
-    return found if estimate.determined else found | dict.fromkeys(("std", "lower", "upper"))
+    known = estimate.free and estimate.determined
+    return found if known else found | dict.fromkeys(("std", "lower", "upper"))
 
 
 def _told(estimate: Estimate) -> dict[str, object]:

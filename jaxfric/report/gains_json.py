@@ -5,17 +5,17 @@ import numpy as np
 from ..gains.hunting import Hunting
 from ..gains.result import Gains
 from ..plain import plain
+from ..schemas import GAINS
 
-SCHEMA = "jaxfric.gains/1"
 _KINDS = ("stiffness", "damping")
 
 
 def content(gains: Gains) -> dict:
-    """The content of `gains.json`, schema "jaxfric.gains/1"; SI, null for infinite."""
+    """The content of `gains.json`, schema `schemas.GAINS`; SI, null for infinite."""
     region, scenarios, unsafe = gains.region, gains.scenarios, list(gains.unsafe)
     units = ("N/m", "N s/m", "N/(m s)", "m/s", "kg")
     result = {
-        "schema": SCHEMA,
+        "schema": GAINS,
         "law": gains.law,
         "controller_delay": gains.delay,
         "recommended": not unsafe,
@@ -34,7 +34,7 @@ def content(gains: Gains) -> dict:
             "kv": [region.lower[1], region.upper[1]],
         },
         "required": dict(zip(gains.requirement.names, gains.requirement.values, strict=True)),
-        "basins": gains.optima,
+        "optima": gains.optima,
         "at_rest": {
             "friction": gains.rest_friction,
             "dead_band": gains.dead_band,
@@ -42,7 +42,7 @@ def content(gains: Gains) -> dict:
             "hunting": gains.hunting and hunting_entry(gains.hunting),
             "units": {"friction": gains.unit("N"), "dead_band": gains.unit("m")},
         },
-        "alone": _alone(gains),
+        "single_gain": _alone(gains),
         "largest": gains.largest and _pair(gains.largest),
         "margins": {
             name: {"value": worst.value, "unit": worst.unit, "worst_scenario": worst.scenario}

@@ -127,9 +127,9 @@ def _doubts(gains: Gains) -> list[str]:
 
 def certified(known: Certificate) -> str:
     """How well the conditions of an optimum are met, and that no smaller gains would do."""
-    how = "exactly" if known.kkt == 0 else f"to {known.kkt:.1e}"
+    how = "exactly" if known.kkt_residual == 0 else f"to {known.kkt_residual:.1e}"
     text = f"optimality conditions met {how}; "
-    if known.kkt > ZERO:
+    if known.kkt_residual > ZERO:
         text = "they meet all that is required; that they are the smallest is not shown; "
     if not known.grid_points:
         return text + "no smaller gains were tried: the limits leave none"

@@ -12,15 +12,15 @@ from ..loop.thresholds import SIGNIFICANT
 _NEARLY = 0.9
 _LEAST_SHOWN = 0.005
 _LEAST_BAR = 0.01
-_RIPPLE = "wavelength"
-_TOGETHER = ("time", "slip", "time_since_step", "relaxation_length")
+_RIPPLE = "periodic_in_slip"
+_TOGETHER = ("time", "slip", "time_since_step", "slip_since_step")
 """Variables that grow together after a step: where there is no second one, a function of one is a
 function of any, and their bumps differ by where they lie."""
 OTHERS = "all others together"
 """Stands for variables of small shares."""
 _VARIABLES = {
     "log_velocity": "velocity",
-    "relaxation_length": "the slip since a step",
+    "slip_since_step": "the slip since a step",
     "since_reversal": "the distance since a stop",
     "time_since_step": "the time since a step",
     "state": "the state",
@@ -36,9 +36,9 @@ QUESTIONS = {
     "velocity": "follows the velocity",
     "state": "follows the state of the contact",
     "time_since_step": "follows the time since a step",
-    "relaxation_length": "follows the slip since a step",
+    "slip_since_step": "follows the slip since a step",
     "since_reversal": "follows the distance since a stop",
-    "wavelength": "a ripple along the path",
+    "periodic_in_slip": "a ripple along the path",
 }
 """Words for the structure that each test looks for, by the name of the test or variable."""
 

@@ -5,19 +5,20 @@ import numpy as np
 from ..loop.axis.result import AxisDetails
 from ..loop.family import CurveFamily
 from ..loop.refusal import SOURCES
-from ..loop.result import SCHEMA, Loop, RunDetails, Score
+from ..loop.result import Loop, RunDetails, Score
 from ..loop.split import NAMES
 from ..plain import plain
 from ..saved.entry import ENTRY, law_entry
+from ..schemas import LOOP
 from .axis_loop_text import stability
 from .fit_json import estimated
 
 
 def content(loop: Loop) -> dict:
-    """The content of `loop.json`, schema "jaxfric.loop/1"; SI, null for what is not known."""
+    """The content of `loop.json`, schema `schemas.LOOP`; SI, null for what is not known."""
     origin, values, steps = loop.record.provenance, loop.base_fit.values(), loop.base_fit.steps
     table = {
-        "schema": SCHEMA,
+        "schema": LOOP,
         "record": {"path": origin.path, "sha256": origin.sha256, "rows": len(loop.record)},
         "friction_unit": loop.record.friction_unit,
         "law": loop.base_fit.law,
@@ -41,7 +42,7 @@ def content(loop: Loop) -> dict:
         "noise": {
             "sigma": loop.sigma,
             "sigma_held_out": loop.sigma_held_out,
-            "most_held_out": loop.most_held_out,
+            "held_out_threshold": loop.held_out_threshold,
             **loop.after.noise.to_json(),
             "hum": [line.to_json() for line in loop.after.noise.hum],
         },
@@ -114,11 +115,11 @@ def axis(details: AxisDetails) -> dict[str, object]:
             "cutoff": details.preparation.cutoff,
             "decimation": details.preparation.decimation,
             "notes": details.notes,
-            "width": details.width,
-            "reach": details.reach,
+            "sign_width": details.width,
+            "least_slip_length": details.reach,
             "acceleration": details.acceleration,
             "drive": None if drive is None else {"k_p": drive.K_p, "k_v": drive.K_d},
-            "bears": details.bears,
+            "longest_delay": details.longest_delay,
             "driven": details.driven,
             "withheld": details.withheld,
             "spring": details.spring,

@@ -283,7 +283,7 @@ def _asks_for_second(loop: Loop) -> bool:
     """Whether another run would say if there is a second state."""
     refused = _refused_second(loop)
     open_ = refused is not None or bool(_like_second(loop))
-    return open_ and (refused is None or refused[1].fault is Fault.NOT_FIXED)
+    return open_ and (refused is None or refused[1].code is Fault.NOT_FIXED)
 
 
 def _refused_second(loop: Loop) -> tuple[float, Refusal] | None:
@@ -294,9 +294,9 @@ def _refused_second(loop: Loop) -> tuple[float, Refusal] | None:
         without = known.get(effects - {_SECOND})
         if _SECOND not in effects or _SECOND in loop.after.effects or without is None:
             continue
-        gain = one.delta_bic - without.delta_bic
-        if one.refused and one.converged and one.physical and gain > ACCEPT:
-            return gain, one.refused
+        gain = without.delta_bic - one.delta_bic
+        if one.rejection and one.converged and one.physical and gain > ACCEPT:
+            return gain, one.rejection
     return None
 
 

@@ -61,7 +61,7 @@ def _cards(loop: Loop) -> list[tuple[str, str]]:
     error = f"{loop.test_error(loop.before):.2f} σ"
     if loop.effects:
         error += f" → {loop.test_error(loop.after):.2f} σ"
-    most = loop.most_held_out
+    most = loop.held_out_threshold
     chance = f", by chance up to {most:.2f}" if isfinite(most) else ""
     short, noise = loop.after.noise.kind, noise_text(loop.after.noise)
     return [

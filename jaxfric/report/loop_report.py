@@ -60,7 +60,7 @@ def first_lines(loop: Loop) -> list[str]:
     if loop.verdict == "effects" and not loop.families:
         found += ", confirmed"
     found = f"{found}. Test error {test_errors(loop, '.2f')} sigma"
-    most = loop.most_held_out
+    most = loop.held_out_threshold
     found += f" (noise alone gives up to {most:.2f})" if math.isfinite(most) else ""
     caution = [f"caution: {loop.reasons[0]}"] if loop.reasons else []
     means = [f"{id}: {meaning(loop, id)}" for id in loop.effects if meaning(loop, id)]

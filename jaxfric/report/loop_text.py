@@ -73,7 +73,7 @@ def headline(loop: Loop) -> str:
 
 def _far_off(loop: Loop) -> bool:
     """Whether the base misses rows that it was not fitted to by far more than noise."""
-    return loop.test_error(loop.before) > FAR * loop.most_held_out
+    return loop.test_error(loop.before) > FAR * loop.held_out_threshold
 
 
 def lines(loop: Loop) -> list[str]:
@@ -175,7 +175,7 @@ def _lowest(loop: Loop) -> str:
 
 def _target(loop: Loop) -> str:
     """The test error that counts as noise; empty where it is not known."""
-    most = loop.most_held_out
+    most = loop.held_out_threshold
     return f"; the report block counts as noise up to {most:.2f} σ" if math.isfinite(most) else ""
 
 
@@ -360,9 +360,9 @@ def candidates(loop: Loop, *, most: int) -> TextTable:
     rows = [
         (
             " + ".join(c.effects) or "base",
-            _finite(0.0 - c.delta_bic, "{:+.1f}").replace("-", "−"),
+            _finite(c.delta_bic, "{:+.1f}").replace("-", "−"),
             _finite(c.train_rms / loop.sigma, "{:.3f}"),
-            _finite(c.heldout_rms / loop.sigma_of(loop.blocks.select), "{:.3f}"),
+            _finite(c.validation_rms / loop.sigma_of(loop.blocks.select), "{:.3f}"),
             _role(loop, c),
         )
         for c in found[:most]
@@ -390,10 +390,10 @@ def _role(loop: Loop, candidate: CandidateScore) -> str:
     text = _ROLES[role]
     if role != "tried":
         return text
-    if candidate.refused is not None:
-        return f"{text}: {words_of_refusal(candidate.refused)}"
+    if candidate.rejection is not None:
+        return f"{text}: {words_of_refusal(candidate.rejection)}"
     gain = loop.gain()
-    worse = math.nan if gain is None else gain - candidate.delta_bic
+    worse = math.nan if gain is None else gain + candidate.delta_bic
     if abs(worse) <= TIE:
         return f"{text}: as good, BIC within {TIE:g} of the model"
     return f"{text}: BIC {worse:.0f} worse than the model" if worse > TIE else text
@@ -528,7 +528,7 @@ def _worse(loop: Loop, id: str, other: str) -> float:
     known = {frozenset(c.effects): c for c in reversed(loop.ranked())}
     if model not in known or swapped not in known or not known[swapped].converged:
         return math.nan
-    return known[model].delta_bic - known[swapped].delta_bic
+    return known[swapped].delta_bic - known[model].delta_bic
 
 
 def _nearest(loop: Loop, id: str) -> tuple[str, float]:

@@ -8,8 +8,7 @@ from ..plain import plain
 from ..records import AxisRecord, Record, SteadyCurve, VelocitySteps
 from ..records.record import Provenance
 from ..records.strokes import Strokes
-
-SCHEMA = "jaxfric.record/1"
+from ..schemas import RECORD
 
 
 def record_content(record: Record, steps: VelocitySteps) -> dict[str, object]:
@@ -47,7 +46,7 @@ def steady_content(curve: SteadyCurve) -> dict[str, object]:
 
 def _begin(rig: str, origin: Provenance, used: int) -> dict[str, object]:
     return {
-        "schema": SCHEMA,
+        "schema": RECORD,
         "rig": rig,
         "record": {"path": origin.path, "sha256": origin.sha256, "rows": used},
         "rows_read": origin.rows_read,

@@ -7,23 +7,23 @@ import numpy as np
 
 from ..plain import plain
 from ..rig.friction import AbstractStribeck, critical_velocity, worst_slope
+from ..schemas import STABILITY
 from ..stability.analysis import Study
 from ..stability.delay_analysis import delay_numbers, delay_summary
 from ..stability.margin_table import MARGINS
 
-SCHEMA = "jaxfric.stability/1"
 INTERVALS = 4
 """Stable intervals of a delay law that are listed."""
 
 
 def content(study: Study, law: str, warnings: Sequence[str] = ()) -> dict:
-    """The content of stability.json, schema "jaxfric.stability/1"; SI, null for infinite.
+    """The content of stability.json, schema `schemas.STABILITY`; SI, null for infinite.
 
     `warnings` are what must be known of the law before it is relied on, a line each.
     """
     here, points, theorems = study.here, study.points, study.theorems
     result = {
-        "schema": SCHEMA,
+        "schema": STABILITY,
         "law": law,
         "mass": study.mass,
         "kp": study.k_p,

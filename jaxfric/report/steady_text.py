@@ -12,11 +12,10 @@ from ..loop.steady.model import SteadyModel
 from ..loop.steady.noise import SteadyNoise
 from ..records.steady import SteadyCurve
 from ..records.steady_load import Load
+from ..schemas import STEADY
 from .fit_text import noise_lines
 from .report import Report
 from .tables import TextTable
-
-SCHEMA = "jaxfric.steady/1"
 
 
 def report(loop: SteadyLoop, noise: SteadyNoise | None = None) -> Report:
@@ -117,7 +116,7 @@ def _unit(name: str, force: str, speed: str) -> str:
 
 
 def to_json(loop: SteadyLoop, noise: SteadyNoise | None = None) -> dict:
-    """The content of `steady.json`, schema "jaxfric.steady/1"; SI or % of the rated torque.
+    """The content of `steady.json`, schema `schemas.STEADY`; SI or % of the rated torque.
 
     `noise` is that of the runs, null where it is not known.
     """
@@ -128,13 +127,13 @@ def to_json(loop: SteadyLoop, noise: SteadyNoise | None = None) -> dict:
             "effects": list(m.effects),
             "parameters": {k: {"value": v, "std": m.std.get(k)} for k, v in m.values.items()},
             "rms": m.rms,
-            "heldout_rms": m.heldout if np.isfinite(m.heldout) else None,
+            "validation_rms": m.heldout if np.isfinite(m.heldout) else None,
             "spread": m.spread,
-            "delta_bic": loop.base.bic - m.bic,
+            "delta_bic": m.bic - loop.base.bic,
         }
 
     return {
-        "schema": SCHEMA,
+        "schema": STEADY,
         "curve": {
             "path": curve.provenance.path,
             "runs": list(curve.names),

@@ -153,11 +153,11 @@ def _unfixed(found: Sequence[Unfixed], named: str) -> str:
     than = f" than that of {named}" if named else ""
     told = [
         f"{' + '.join(one.effects)} would explain most (BIC {one.lower:.0f} lower{than}), but"
-        f" {words_of_refusal(one.refused)}: it is not confirmed."
+        f" {words_of_refusal(one.rejection)}: it is not confirmed."
         for one in found
-        if takes(one.refused)
+        if takes(one.rejection)
     ]
-    if open_ := [one for one in found if not takes(one.refused)]:
+    if open_ := [one for one in found if not takes(one.rejection)]:
         names = listed([" + ".join(one.effects) for one in open_], "or")
         lower = listed(list(dict.fromkeys(f"{one.lower:.0f}" for one in open_)), "or")
         told.append(
@@ -275,9 +275,9 @@ def reason_of(finding: Finding) -> str:
 
 def words_of_refusal(why: Refusal) -> str:
     """The fault of a model."""
-    if why.fault is Fault.NOT_FIXED:
+    if why.code is Fault.NOT_FIXED:
         return f"{', '.join(why.parameters)} not fixed"
-    return words_of_moves(why.moves) if why.moves else _FAULTS[why.fault]
+    return words_of_moves(why.moves) if why.moves else _FAULTS[why.code]
 
 
 def words_of_moves(moves: Sequence[Move]) -> str:

@@ -2,19 +2,18 @@
 
 from dataclasses import asdict
 
+from ..schemas import RUN
 from .findings import Findings
 from .fits import RunFit
 from .joint import dependences, share
 from .table import claimed
-
-SCHEMA = "jaxfric.run/1"
 
 
 def content(run: RunFit, others: Findings) -> dict[str, object]:
     """The content of run.json, SI."""
     origin, shared = run.record.provenance, share(run.steps)
     return {
-        "schema": SCHEMA,
+        "schema": RUN,
         "record": {"path": origin.path, "sha256": origin.sha256, "rows": len(run.record)},
         "events": [
             {

@@ -1,6 +1,7 @@
 """Results in files: read and checked, whatever verb wrote them; the friction law of any.
 
 files           the JSON of a fit, a loop or a steady curve
+upgrade         files of earlier versions, read as those of today
 entry           "friction_law", the entry of all of them that a law is read from
 posterior_file  a posterior, as netCDF
 table           a table of steady friction against speed

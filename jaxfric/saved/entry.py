@@ -31,10 +31,9 @@ from ..laws.registry import count_states, fixed_states, is_rate_state
 from ..quantity import numbered_names
 from ..rig import Rig
 from ..rig.axis import LAW, AxisRig
+from ..schemas import FIT, LOOP
 from ..stability.claims import Claim, held_with_trend, rate_state_claim
 from .files import (
-    FIT,
-    LOOP,
     Saved,
     is_lines,
     missing_key,
@@ -179,8 +178,8 @@ def law_entry(content: Mapping) -> dict[str, Any]:
         "free": [law_name(name) for name in table["free"]],
         "covariance": table["covariance"],
         "velocity": seen_velocities(velocities),
-        "width": about.get("width") or 0.0,
-        "reach": about.get("reach") or 0.0,
+        "width": about.get("sign_width") or 0.0,
+        "reach": about.get("least_slip_length") or 0.0,
         "warnings": [*own_warnings(content), *warnings],
     }
 

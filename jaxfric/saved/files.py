@@ -9,17 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from ..effects.effect import id_of
 from ..errors import InputError
-
-FIT, LOOP, STEADY = "jaxfric.fit/1", "jaxfric.loop/1", "jaxfric.steady/1"
-POSTERIOR = "jaxfric.posterior/1"
-VERBS = {
-    FIT: "jaxfric fit",
-    LOOP: "jaxfric loop",
-    STEADY: "jaxfric axis",
-    POSTERIOR: "jaxfric fit and a file of priors",
-}
+from ..schemas import FIT, STEADY, VERBS
+from .upgrade import upgraded
 
 
 @typing.runtime_checkable
@@ -34,8 +26,10 @@ Saved = SavedResult | str | Path
 
 
 def read_saved(source: Saved, *schemas: str) -> tuple[Path, dict]:
-    """A file of one of the `schemas`, or what stands for it in messages, and its content: of a
-    result at hand that which its file would have.
+    """A file of one of the `schemas`, or what stands for it in messages, and its content.
+
+    The content of a result at hand is that which its file would have; a file of an earlier version
+    is read as today's.
 
     Raises
     ------
@@ -44,14 +38,14 @@ def read_saved(source: Saved, *schemas: str) -> tuple[Path, dict]:
     """
     verbs = " or ".join(VERBS[schema] for schema in schemas)
     if isinstance(source, SavedResult):
-        content = json.loads(json.dumps(source.to_json()), object_pairs_hook=_renamed)
+        content = json.loads(json.dumps(source.to_json()))
         of = content.get("record")
         of = f" of {of['path']}" if isinstance(of, dict) and "path" in of else ""
         path = Path(f"{type(source).__name__}{of}")
         return path, _checked(path, content, *schemas)
     path = Path(source)
     try:
-        content = json.loads(path.read_text(encoding="utf-8"), object_pairs_hook=_renamed)
+        content = upgraded(json.loads(path.read_text(encoding="utf-8")))
     except FileNotFoundError:
         raise InputError(f"{path}: no such file; make one with: {verbs}") from None
     except OSError as error:
@@ -88,15 +82,6 @@ def _checked(path: Path, content: dict, *schemas: str) -> dict:
     if not is_lines(content.get("warnings", [])):
         refuse_damage(path, str(schema), "the warnings are no list of lines")
     return content
-
-
-def _renamed(pairs: list[tuple[str, object]]) -> dict[str, object]:
-    """The pairs with present ids of effects: as keys, as values and in lists."""
-
-    def now(value: object) -> object:
-        return id_of(value) if isinstance(value, str) else value
-
-    return {id_of(k): [now(x) for x in v] if isinstance(v, list) else now(v) for k, v in pairs}
 
 
 def is_lines(warnings: object) -> bool:

@@ -15,9 +15,10 @@ import numpy as np
 
 from ..errors import InputError
 from ..laws.fitted import FittedLaw
+from ..schemas import POSTERIOR, VERBS
 from ..units import factor
 from .entry import ENTRY, read_entry
-from .files import POSTERIOR, VERBS, refuse_damage
+from .files import refuse_damage
 
 if TYPE_CHECKING:
     import h5py

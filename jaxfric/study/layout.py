@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from ..schemas import STUDY
 from .function import OUTCOME, OUTCOMES, Output, Task
 from .grid import SAMPLE, Axis
 from .marks import DONE, FIXED, fixed_checksums
@@ -16,8 +17,6 @@ from .source import revision, versions
 if TYPE_CHECKING:
     import zarr
     from zarr.core.common import JSON
-
-SCHEMA = "jaxfric.study/2"
 
 
 class Label(NamedTuple):
@@ -63,7 +62,7 @@ def outputs_of(task: Task) -> tuple[Output, ...]:
 def _attributes(task: Task, label: Label) -> "dict[str, JSON]":
     columns, dims = sampled(task), len(task.grid.shape)
     found: dict[str, JSON] = {
-        "schema": SCHEMA,
+        "schema": STUDY,
         "study": json.dumps(label.description),
         "toml": label.toml,
         "versions": versions(),

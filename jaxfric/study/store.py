@@ -19,9 +19,10 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
+from ..schemas import STUDY
 from ..silent import silent
 from .function import ERRORS, Computed, Task
-from .layout import SCHEMA, Label, make_store, outputs_of, sampled
+from .layout import Label, make_store, outputs_of, sampled
 from .marks import DONE, FIXED, Marks, damaged_files, fixed_checksums
 from .place import AbstractPlace, Directory, Tell
 from .source import other_versions, versions
@@ -165,12 +166,12 @@ def attributes(place: AbstractPlace) -> dict[str, Any]:
         schema = found["schema"]
     except (ValueError, KeyError, TypeError):
         schema, found = "", {}
-    if str(schema).startswith("jaxfric.study/") and schema != SCHEMA:
+    if str(schema).rpartition("/")[0] == STUDY.rpartition("/")[0] and schema != STUDY:
         raise InputError(
-            f"{place.shown} was made by another version of jaxfric ({schema}, here {SCHEMA}); run"
+            f"{place.shown} was made by another version of jaxfric ({schema}, here {STUDY}); run"
             " the study again into another"
         )
-    if schema != SCHEMA:
+    if schema != STUDY:
         raise InputError(f"{place.shown} is not the store of a study ({reason}); name that of one")
     return found
 

@@ -179,11 +179,11 @@ class NoiseEstimate:
                 }
                 for part in self.parts
             ],
-            "longest": dict(zip(self.clocks[:3], self.longest, strict=False)),
-            "pace": list(self.pace),
-            "scale": list(self.scale),
-            "glitches": self.glitches.to_json(),
-            "recorded_steps": self.steps,
+            "max_correlation": dict(zip(self.clocks[:3], self.longest, strict=False)),
+            "rate": list(self.pace),
+            "gain": list(self.scale),
+            "outliers": self.glitches.to_json(),
+            "quantisation_step": self.steps,
         }
 
 

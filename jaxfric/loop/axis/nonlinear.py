@@ -66,6 +66,6 @@ def friction_bumps(engine: Engine[AxisProblem], rows: AxisRows, *, unit: str = "
     waves = np.geomspace(travel / 100, travel, _WAVES)
     phase = 2 * np.pi * rows.position[:, None] / waves
     pairs = np.stack([np.cos(phase), np.sin(phase)], axis=2).reshape(len(phase), -1)
-    found.append(Bumps("wavelength", unit, waves, pairs))
+    found.append(Bumps("periodic_in_slip", unit, waves, pairs))
     size, scale = len(engine.weight), float(engine.problem.noise_scale)
     return [one._replace(columns=filled(one.columns, size, 0.0) / scale) for one in found]

@@ -126,7 +126,7 @@ class AxisDetails:
     """Covariance of the free parameters after the loop (p, p), for its own model alone. It excludes
     the differences between models, so that it holds for the friction, a sum of parameters. None if
     unknown."""
-    bears: float | None = None
+    longest_delay: float | None = None
     """Smallest controller delay [s] at which the drive's own k_p and k_v do not stabilise the axis
     at its worst velocity; negative: unstable without delay; None if they or M are unknown."""
     driven: tuple[Driven, ...] = ()

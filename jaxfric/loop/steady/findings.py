@@ -39,5 +39,5 @@ def _effect(loop: SteadyLoop, id: str) -> Finding:
     line = np.stack([np.sign(speed), speed, np.ones_like(speed)], axis=1)
     difference = (loop.base.force(speed) - final.force(speed)) / error
     runs = deciding_rows(difference, line / error[:, None], loop.used, ACCEPT)
-    values = {"effect": id, "delta_bic": loop.base.bic - final.bic}
+    values = {"effect": id, "delta_bic": final.bic - loop.base.bic}
     return _claim(LoopCode.EFFECT, values, runs)

@@ -1,0 +1,59 @@
+"""Files of earlier versions, read as those of today: all that was renamed is renamed here.
+
+From version 1 to 2 (a fit, a loop or steady curves): some keys have other names, `delta_bic` is
+below 0 where a model is better than the base and was above 0, and a parameter that was given has no
+std and no interval, and had a std of 0. Files from before version 2 may have old ids of effects.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+from ..effects.effect import id_of
+from ..schemas import FIT, LOOP, STEADY
+
+_NOW = {"jaxfric.fit/1": FIT, "jaxfric.loop/1": LOOP, "jaxfric.steady/1": STEADY}
+_VARIABLES = {"wavelength": "periodic_in_slip", "relaxation_length": "slip_since_step"}
+_KEYS = {
+    **_VARIABLES,
+    "fault": "code",
+    "heldout_rms": "validation_rms",
+    "most_held_out": "held_out_threshold",
+    "refused": "rejection",
+}
+_KEYS_OF: Mapping[str, Mapping[str, str]] = {
+    "axis": {"width": "sign_width", "reach": "least_slip_length", "bears": "longest_delay"},
+    "noise": {
+        "longest": "max_correlation",
+        "pace": "rate",
+        "scale": "gain",
+        "recorded_steps": "quantisation_step",
+        "glitches": "outliers",
+    },
+}
+"""Keys of version 1 and their names now: of every table, and of one entry alone."""
+
+
+def upgraded(content: Any) -> Any:
+    """The content of a file of an earlier version as today's have it; any other as it is."""
+    known = content.get("schema") if isinstance(content, dict) else None
+    return {**_now(content, _KEYS), "schema": _NOW[known]} if known in _NOW else content
+
+
+def _now(value: Any, keys: Mapping[str, str]) -> Any:
+    """A value of a file and all that is in it, as in version 2; `keys` are renamed."""
+    if isinstance(value, str):
+        return id_of(value)
+    if isinstance(value, list):
+        return [_now(one, keys) for one in value]
+    if not isinstance(value, dict):
+        return value
+    table = {
+        id_of(keys.get(key, key)): _now(one, {**_KEYS, **_KEYS_OF.get(key, {})})
+        for key, one in value.items()
+    }
+    if isinstance(change := table.get("delta_bic"), int | float):
+        table["delta_bic"] = 0.0 - change
+    if isinstance(variable := table.get("variable"), str):
+        table["variable"] = _VARIABLES.get(variable, variable)
+    nothing_known = {"std", "lower", "upper"} if table.get("free") is False else set()
+    return table | dict.fromkeys(nothing_known & table.keys())

@@ -1,0 +1,32 @@
+"""The schemas of all files of results, "jaxfric.KIND/VERSION": named here alone.
+
+A version grows where a key changes its name or its meaning; `saved.upgrade` reads those before it.
+"""
+
+COMPARISON = "jaxfric.comparison/1"
+FEEDFORWARD = "jaxfric.feedforward/1"
+FIT = "jaxfric.fit/2"
+FITS = "jaxfric.fits/1"
+FOLDER = "jaxfric.folder/1"
+GAINS = "jaxfric.gains/2"
+LOOP = "jaxfric.loop/2"
+POSTERIOR = "jaxfric.posterior/1"
+PREDICTION = "jaxfric.prediction/1"
+PROTOCOL = "jaxfric.protocol/1"
+RECORD = "jaxfric.record/1"
+RUN = "jaxfric.run/1"
+SIMULATION = "jaxfric.simulation/1"
+STABILITY = "jaxfric.stability/1"
+STEADY = "jaxfric.steady/2"
+STUDY = "jaxfric.study/2"
+"""Of the store of a study; what the command prints of it is a
+`STUDY_SUMMARY`."""
+STUDY_SUMMARY = "jaxfric.study_summary/1"
+
+VERBS = {
+    FIT: "jaxfric fit",
+    LOOP: "jaxfric loop",
+    STEADY: "jaxfric axis",
+    POSTERIOR: "jaxfric fit and a file of priors",
+}
+"""The command that makes a file that others read."""
