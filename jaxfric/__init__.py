@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from .axis import close_axis_loop as close_axis_loop
     from .axis import close_steady_loop as close_steady_loop
     from .cache import cache_compiled as cache_compiled
-    from .cache import whole_loops as whole_loops
     from .compensation import Feedforward as Feedforward
     from .compensation import feedforward as feedforward
     from .errors import InputError as InputError
@@ -45,8 +44,8 @@ if TYPE_CHECKING:
     from .fitting import fit_many as fit_many
     from .gains import check_gains as check_gains
     from .gains import find_gains as find_gains
+    from .gains import gain_schedule as gain_schedule
     from .gains import minimum_gains as minimum_gains
-    from .gains import schedule as schedule
     from .laws import law_from_parameters as law_from_parameters
     from .loop import Loop as Loop
     from .loop import close_loop as close_loop
@@ -82,7 +81,7 @@ if TYPE_CHECKING:
     from .saved import law_from_fit as law_from_fit
     from .saved import law_from_table as law_from_table
     from .simulation import RESULTS as RESULTS
-    from .simulation import Start as Start
+    from .simulation import InitialState as InitialState
     from .simulation import Trajectory as Trajectory
     from .simulation import jump_start as jump_start
     from .simulation import rest_start as rest_start
@@ -92,9 +91,9 @@ if TYPE_CHECKING:
     from .simulation import velocity_start as velocity_start
     from .stability.linear import LinearSlider as LinearSlider
     from .stability.linear import linearise as linearise
-    from .stability.margins import margin as margin
+    from .stability.margins import stability_margin as stability_margin
     from .stability.theorem import critical_stiffness as critical_stiffness
-    from .stability.theorem import theorem as theorem
+    from .stability.theorem import rice_ruina_criterion as rice_ruina_criterion
 
 __version__ = "0.1.0"
 
@@ -103,7 +102,6 @@ _HOMES = {
     "close_steady_loop": "axis",
     "InputError": "errors",
     "cache_compiled": "cache",
-    "whole_loops": "cache",
     "Feedforward": "compensation",
     "feedforward": "compensation",
     "Estimate": "fitting",
@@ -116,7 +114,7 @@ _HOMES = {
     "law_from_fit": "saved",
     "law_from_parameters": "laws",
     "law_from_table": "saved",
-    "schedule": "gains",
+    "gain_schedule": "gains",
     "Loop": "loop",
     "close_loop": "loop",
     "compare_laws": "loop",
@@ -149,7 +147,7 @@ _HOMES = {
     "RegularisedEffect": "rig.friction",
     "SlipEvolution": "rig.friction",
     "RESULTS": "simulation",
-    "Start": "simulation",
+    "InitialState": "simulation",
     "Trajectory": "simulation",
     "jump_start": "simulation",
     "rest_start": "simulation",
@@ -160,8 +158,8 @@ _HOMES = {
     "LinearSlider": "stability.linear",
     "critical_stiffness": "stability.theorem",
     "linearise": "stability.linear",
-    "margin": "stability.margins",
-    "theorem": "stability.theorem",
+    "stability_margin": "stability.margins",
+    "rice_ruina_criterion": "stability.theorem",
 }
 _MODULES = (
     "axis",
@@ -187,5 +185,13 @@ _MODULES = (
     "study",
     "units",
 )
+_OLD = {
+    "Start": "InitialState",
+    "margin": "stability_margin",
+    "schedule": "gain_schedule",
+    "theorem": "rice_ruina_criterion",
+    "whole_loops": "cli.xla.whole_loops",
+}
+"""Names of earlier versions, and what they are called now."""
 __all__ = sorted(_HOMES)
-__getattr__, __dir__ = loader(__name__, _HOMES, _MODULES)
+__getattr__, __dir__ = loader(__name__, _HOMES, _MODULES, _OLD)

@@ -6,19 +6,23 @@ and what is asked for is imported once and kept.
 
 import importlib
 import sys
+import warnings
 from collections.abc import Callable, Iterable, Mapping
 
 
 def loader(
-    package: str, homes: Mapping[str, str] = {}, modules: Iterable[str] = ()
+    package: str,
+    homes: Mapping[str, str] = {},
+    modules: Iterable[str] = (),
+    renamed: Mapping[str, str] = {},
 ) -> tuple[Callable[[str], object], Callable[[], list[str]]]:
     """`__getattr__` and `__dir__` of a package.
 
     `homes` has, for each name, the module of the package that defines it ("rig.friction");
     `modules` are modules and folders of the package that are given themselves. A name that is both
-    would mean two things: it is refused.
+    would mean two things: it is refused. `renamed` has old names, which `old_names` gives.
     """
-    own = tuple(modules)
+    own, old = tuple(modules), old_names(package, renamed)
     if both := sorted(set(own) & set(homes)):
         raise ValueError(f"{package}: {', '.join(both)} would be a module and a name of one")
 
@@ -26,7 +30,7 @@ def loader(
         if name in own:
             return importlib.import_module(f".{name}", package)  # which keeps it, too
         if name not in homes:
-            raise AttributeError(f"module '{package}' has no attribute '{name}'")
+            return old(name)
         value = getattr(importlib.import_module(f".{homes[name]}", package), name)
         setattr(sys.modules[package], name, value)
         return value
@@ -36,3 +40,22 @@ def loader(
         return sorted({*kept, *own, *homes})
 
     return get, names
+
+
+def old_names(package: str, renamed: Mapping[str, str]) -> Callable[[str], object]:
+    """`__getattr__` of a package for names of an earlier version, which work for one version more.
+
+    `renamed` has, for each, the name now, or its place below the package ("gains.find_gains"). Each
+    use is a `DeprecationWarning` where it stands.
+    """
+
+    def get(name: str) -> object:
+        if name not in renamed:
+            raise AttributeError(f"module '{package}' has no attribute '{name}'")
+        text = f"{package}.{name} is now {package}.{renamed[name]}"
+        outside = 3 if sys._getframe(1).f_code.co_filename == __file__ else 2
+        warnings.warn(text, DeprecationWarning, stacklevel=outside)
+        home, _, own = renamed[name].rpartition(".")
+        return getattr(importlib.import_module(f"{package}.{home}".rstrip(".")), own)
+
+    return get

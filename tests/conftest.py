@@ -16,7 +16,7 @@ import jax
 import pytest
 from snapshots import compared, together
 
-from jaxfric.cache import whole_loops
+from jaxfric.cli.xla import whole_loops
 
 jax.config.update("jax_enable_x64", True)
 _ALL = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") if hasattr(os, "sysconf") else 1e10

@@ -16,7 +16,7 @@ from jaxfric.errors import InputError
 from jaxfric.quantity import quantities
 from jaxfric.rig.friction import AbstractDelayLaw, HessSoom
 from jaxfric.simulation.delay import simulate_delay
-from jaxfric.simulation.start import Start
+from jaxfric.simulation.start import InitialState
 
 # Golden sample: m = 1, k_f = 0.5, k_v = 0.2, alpha = 0.3. At V0 = 1, c2 = 1: k_f = c1/2 - c0.
 V0, ALPHA = 1.0, 0.3
@@ -42,7 +42,7 @@ def run(p, ts, intervals, **policy):
     """Simulate by a vector of all parameters."""
     m, K, k_v, c0, c1, c2, alpha, V0, velocity_jump, load_jump = p
     rig = jf.Rig(jf.Inertial(m, K, k_v), HessSoom(c0, c1, c2, alpha))
-    start = Start(V0 + velocity_jump, load_jump)
+    start = InitialState(V0 + velocity_jump, load_jump)
     return simulate_delay(rig, V0, ts, start=start, intervals=intervals, **policy)
 
 
@@ -352,7 +352,9 @@ def test_law_that_also_answers_at_once():
     law = Damped(jnp.asarray(ALPHA))
     ts = np.linspace(0.0, 1.2, 41)[:-1]
     rig = jf.Rig(jf.Inertial(1.0, 30.0, None), law)
-    found = eqx.filter_jit(simulate_delay)(rig, V0, jnp.asarray(ts), start=Start(1.8), intervals=4)
+    found = eqx.filter_jit(simulate_delay)(
+        rig, V0, jnp.asarray(ts), start=InitialState(1.8), intervals=4
+    )
     late, y, V = lambda t: [0.0, V0], np.array([0.0, 1.8]), []
     balance = 5 * np.arctan(3.0) + 0.6
     for n in range(4):
@@ -384,7 +386,7 @@ def test_law_that_also_answers_at_once():
         ({"ts": jnp.zeros((2, 2))}, "ts has shape"),
         ({"ts": jnp.zeros(0)}, "ts has shape"),
         ({"ts": jnp.asarray([0.0, jnp.inf])}, "ts holds a value that is not finite"),
-        ({"start": Start(state=jnp.zeros(1))}, "a delay law has no states"),
+        ({"start": InitialState(state=jnp.zeros(1))}, "a delay law has no states"),
     ],
 )
 def test_bad_input_is_refused(policy, words):

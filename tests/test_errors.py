@@ -104,7 +104,7 @@ def test_what_a_notebook_writes_first(tmp_path: Path, monkeypatch) -> None:
     with pytest.raises(InputError, match=r"velocity: 'kg' is not a unit of m/s"):
         jaxfric.find_gains(source, velocity="2 kg", mass="1..3 kg", margin="modulus=0.5")
     with pytest.raises(InputError, match=r"the law is a dict; give a Fit, a Posterior"):
-        jaxfric.schedule(
+        jaxfric.gain_schedule(
             {}, velocity=(1e-3, 2e-3), mass=None, margin={"modulus": 0, "stiffness": 1.5}
         )
     with pytest.raises(InputError, match=r"the law is a dict; give a Fit, a Posterior"):

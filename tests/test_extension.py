@@ -141,7 +141,9 @@ def test_a_margin_is_one_entry(add: Add, tmp_path: Path) -> None:
     add("own_margin", HALVINGS)
     law = jf.law_from_parameters("slip", PARAMETERS).law
     slider = jf.linearise(jf.Rig(jf.Inertial(2.0, 3e3, 0.0), law), 2e-3)
-    assert float(jf.margin("halvings", slider)) == pytest.approx(slowest_halving(3e3), rel=1e-6)
+    assert float(jf.stability_margin("halvings", slider)) == pytest.approx(
+        slowest_halving(3e3), rel=1e-6
+    )
     where = ["--law", "slip", "--parameters", PARAMETERS, "--mass", "2", "--velocity", "2 mm/s"]
     outcome = run("stability", *where, "--kp", "3000 N/m", "--json")
     assert outcome.code == 0, outcome.err

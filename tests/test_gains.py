@@ -16,9 +16,9 @@ from jaxfric.gains import (
     LawSource,
     Requirement,
     find_gains,
+    gain_schedule,
     law_from_fit,
     law_from_parameters,
-    schedule,
 )
 from jaxfric.gains.frontier import GainTask, Region
 from jaxfric.gains.gains import Wanted, _warnings, seek_gains
@@ -539,7 +539,7 @@ def test_slack_of_the_stiffness_margin_is_that_of_25():
 @pytest.mark.long
 def test_a_schedule_chains_and_a_broken_one_says_where(monkeypatch):
     source = golden_source()
-    chain = schedule(
+    chain = gain_schedule(
         source, velocity=(1e-3, 3e-3), mass=0.5, margin={"modulus": 0, "stiffness": 2.0}, ratio=3.0
     )
     V = [point.velocity for point in chain.points]
@@ -556,15 +556,15 @@ def test_a_schedule_chains_and_a_broken_one_says_where(monkeypatch):
         sizes = np.full(len(scenarios), 1.1)
         return JumpSizes(sizes, sizes, ["limit_cycle"])
 
-    monkeypatch.setattr(sys.modules["jaxfric.gains.schedule"], "jump_sizes", narrow)
-    broken = schedule(
+    monkeypatch.setattr(sys.modules["jaxfric.gains.set_points"], "jump_sizes", narrow)
+    broken = gain_schedule(
         source, velocity=(2e-3, 3e-3), mass=0.5, margin=marginal, ratio=1.6, finest=1.3
     )
     assert not broken.covered and broken.gap == (2e-3, 3e-3)
     with pytest.raises(InputError, match="no range"):
-        schedule(source, velocity=(3e-3, 2e-3), mass=0.5, margin=marginal)
+        gain_schedule(source, velocity=(3e-3, 2e-3), mass=0.5, margin=marginal)
     with pytest.raises(InputError, match="ratio > finest > 1"):
-        schedule(source, velocity=(2e-3, 3e-3), mass=0.5, margin=marginal, ratio=1.1)
+        gain_schedule(source, velocity=(2e-3, 3e-3), mass=0.5, margin=marginal, ratio=1.1)
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ from jaxfric.cli.folder import Folder
 from jaxfric.stability.analysis import study
 from jaxfric.stability.kernel import DelayKernel
 from jaxfric.stability.linear import LinearFriction, LinearSlider
-from jaxfric.stability.margins import is_stable, margin, margins, poles
+from jaxfric.stability.margins import is_stable, margins, poles, stability_margin
 
 M, D, K, R, G = 2.0, 30.0, 400.0, 5.0, 60.0
 SLIP = "A=1 N, B=3 N, L=1 mm, V0=2 mm/s"
@@ -57,7 +57,7 @@ def test_routh_and_hurwitz_without_a_memory(factor):
     """m k_i = d k_p is the limit: k_i = 30 400/2."""
     one = slider(factor * D * K / M, g=(), r=())
     assert bool(is_stable(one)) == (factor < 1)
-    assert float(margin("gain", one)) == pytest.approx(1.0, abs=1e-5)
+    assert float(stability_margin("gain", one)) == pytest.approx(1.0, abs=1e-5)
 
 
 @pytest.mark.parametrize("delay", [None, 2e-3])
@@ -169,7 +169,9 @@ def test_an_integral_under_a_delay_law_is_refused():
     one = slider(1.0)
     late = LinearFriction(jnp.asarray(0.0), kernel, jnp.asarray(0.0))
     with pytest.raises(ValueError, match="integral action"):
-        margin("modulus", LinearSlider(one.mass, one.mass, one.mass, late, None, one.mass))
+        stability_margin(
+            "modulus", LinearSlider(one.mass, one.mass, one.mass, late, None, one.mass)
+        )
     source = law_from_parameters("slip", SLIP)
     with pytest.raises(ValueError, match="jaxfric gains"):
         study(source.law, [2e-3], mass=2.0, k_i=5.0)

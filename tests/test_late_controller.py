@@ -26,7 +26,7 @@ from jaxfric.stability.linear import (
     controller_delay,
     sampling_delay,
 )
-from jaxfric.stability.margins import available, is_stable, margin, poles, several
+from jaxfric.stability.margins import available, is_stable, poles, several, stability_margin
 
 NAMES = ("modulus", "phase", "delay")
 
@@ -230,14 +230,14 @@ def test_what_a_late_controller_cannot_be_asked():
             find_gains(LAW, **(given | changed))
     one = slider(jnp.asarray(typical(1, 0)[0]))
     with pytest.raises(InputError, match="no critical stiffness"):
-        margin("stiffness", one)
+        stability_margin("stiffness", one)
     with pytest.raises(InputError, match="the faster the less damped"):
-        margin("damping", one)
+        stability_margin("damping", one)
     delayed = LinearFriction(
         one.friction.slope, DelayKernel(one.friction.slope, one.mass), one.mass
     )
     with pytest.raises(InputError, match="delay law"):
-        margin("modulus", LinearSlider(one.mass, one.mass, one.mass, delayed, one.mass))
+        stability_margin("modulus", LinearSlider(one.mass, one.mass, one.mass, delayed, one.mass))
     law = ("--law", "slip", "--parameters", "A=1 N, B=3 N, L=1 mm, V0=2 mm/s")
     common = ("gains", *law, "--velocity", "2 mm/s", "--sample-time")
     assert_refused(run(*common, "1 ms"), "needs a mass")

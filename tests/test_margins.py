@@ -14,7 +14,7 @@ from jaxfric.stability import polynomial as poly
 from jaxfric.stability.kernel import DelayKernel, FunctionKernel, StateSpaceKernel
 from jaxfric.stability.linear import LinearFriction, LinearSlider, to_control
 from jaxfric.stability.margin_table import MARGINS
-from jaxfric.stability.margins import is_stable, margin, poles
+from jaxfric.stability.margins import is_stable, poles, stability_margin
 from jaxfric.stability.margins import margins as eager_margins
 from jaxfric.stability.theorem import apply_theorem
 
@@ -140,7 +140,7 @@ def test_rational_margins_against_python_control(shape):
 def test_stiffness_margin():
     def both(p):
         one = slider(p, "two")
-        return margin("stiffness", one), apply_theorem(one).critical_stiffness
+        return stability_margin("stiffness", one), apply_theorem(one).critical_stiffness
 
     sets = typical("two", 200, 2)
     values, k_cr = map(np.asarray, jax.jit(jax.vmap(both))(jnp.asarray(sets)))
@@ -231,7 +231,7 @@ def test_wide_ranges_give_no_nan_in_values_and_derivatives(shape):
     assert 0.05 < stable.mean() < 0.95
     assert not np.any(np.isnan(compiled(shape, jax.jacfwd)(sets)))
     if shape == "one":
-        backward = jax.grad(lambda p: margin("phase", slider(p, shape)))
+        backward = jax.grad(lambda p: stability_margin("phase", slider(p, shape)))
         assert not np.any(np.isnan(jax.jit(jax.vmap(backward))(jnp.asarray(sets))))
     names = dict(zip(NAMES, values.T, strict=True))
     for name in LOOP:
@@ -343,7 +343,9 @@ def test_derivatives_of_a_table_are_those_of_its_exponential():
 
     def change(shape):
         def function(p):
-            return jnp.stack([margin(name, slider(p, shape)) for name in ("modulus", "delay")])
+            return jnp.stack(
+                [stability_margin(name, slider(p, shape)) for name in ("modulus", "delay")]
+            )
 
         return jax.jit(lambda p: jax.jvp(function, (p,), (along,)))(p)
 
@@ -367,7 +369,7 @@ def test_a_double_pole_has_no_derivative_and_spoils_no_other():
     np.testing.assert_allclose(decay, known, rtol=1e-9, atol=1e-9 * np.abs(known).max())
 
     def total(factor):
-        of = jax.vmap(lambda p: margin("decay", slider(p, "memoryless")))(sets * factor)
+        of = jax.vmap(lambda p: stability_margin("decay", slider(p, "memoryless")))(sets * factor)
         return jnp.sum(jnp.where(np.arange(4) > 0, of, 0.0))
 
     slope = jax.jit(jax.grad(total))(jnp.ones(9))
@@ -450,7 +452,12 @@ def test_delay_poles_are_the_golden_ones():
     @jax.jit
     def known(p):
         one = slider(p, "delay")
-        return poles(one)[0], margin("decay", one), margin("damping", one), is_stable(one)
+        return (
+            poles(one)[0],
+            stability_margin("decay", one),
+            stability_margin("damping", one),
+            is_stable(one),
+        )
 
     for k_p, s in golden.items():
         pole, decay, damping, stable = known(jnp.array([k_p, 0.2, 1.0, 0.0, 0.0, 0.5, 0.3]))
@@ -478,16 +485,16 @@ def test_names_and_errors():
     one = slider(p[:5], "memoryless")
     found = margins(one)
     assert set(found) == set(NAMES)
-    each = eqx.filter_jit(lambda s: {name: margin(name, s) for name in NAMES})(one)
+    each = eqx.filter_jit(lambda s: {name: stability_margin(name, s) for name in NAMES})(one)
     for name in NAMES:
         np.testing.assert_allclose(each[name], found[name], rtol=1e-12)
     with pytest.raises(InputError, match="'modulo' does not exist; there are: stiffness, decay"):
-        margin("modulo", one)
+        stability_margin("modulo", one)
     with pytest.raises(InputError, match="FunctionKernel"):
-        margin("decay", slider(p, "sampled"))
+        stability_margin("decay", slider(p, "sampled"))
     heavy = slider(p, "delay")
     with pytest.raises(InputError, match="mass"):
-        margin("decay", eqx.tree_at(lambda x: x.mass, heavy, None))
+        stability_margin("decay", eqx.tree_at(lambda x: x.mass, heavy, None))
 
 
 def test_coupled_states():

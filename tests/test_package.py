@@ -12,7 +12,8 @@ from importlib.metadata import version
 import pytest
 
 import jaxfric
-from jaxfric import cache, lazy
+from jaxfric import lazy
+from jaxfric.cli import xla
 
 NAMES = [
     "AgeingEvolution",
@@ -28,6 +29,7 @@ NAMES = [
     "IdealDrive",
     "IdealSensor",
     "Inertial",
+    "InitialState",
     "InputError",
     "LinearSlider",
     "LogarithmicEffect",
@@ -41,7 +43,6 @@ NAMES = [
     "RegularisedEffect",
     "Rig",
     "SlipEvolution",
-    "Start",
     "Trajectory",
     "VelocitySteps",
     "cache_compiled",
@@ -58,12 +59,12 @@ NAMES = [
     "fit",
     "fit_many",
     "from_arrays",
+    "gain_schedule",
     "jump_start",
     "law_from_fit",
     "law_from_parameters",
     "law_from_table",
     "linearise",
-    "margin",
     "minimum_gains",
     "predict",
     "read",
@@ -71,13 +72,12 @@ NAMES = [
     "read_steady",
     "read_table",
     "rest_start",
-    "schedule",
+    "rice_ruina_criterion",
     "simulate",
     "simulate_delay",
+    "stability_margin",
     "step_start",
-    "theorem",
     "velocity_start",
-    "whole_loops",
 ]
 
 
@@ -118,17 +118,18 @@ print(len(list(folder.iterdir())) > 0, jax.config.jax_compilation_cache_dir == s
 )
 def test_loops_are_asked_to_be_whole(given, version, asked, set_, monkeypatch):
     monkeypatch.setattr("importlib.metadata.version", lambda name: version)
-    monkeypatch.setenv("XLA_FLAGS", given.format(cache._WHOLE))
-    assert jaxfric.whole_loops() == asked
-    assert os.environ["XLA_FLAGS"] == set_.format(cache._WHOLE, 2**27)
+    monkeypatch.setenv("XLA_FLAGS", given.format(xla._WHOLE))
+    assert xla.whole_loops() == asked
+    assert os.environ["XLA_FLAGS"] == set_.format(xla._WHOLE, 2**27)
 
 
 def test_a_whole_loop_is_one_function():
     """Loops of more than the kilobyte that XLA has by default, in the compiled program."""
     code = """
-import sys, jaxfric
+import sys
+from jaxfric.cli.xla import whole_loops
 if sys.argv[1] == "whole":
-    assert jaxfric.whole_loops()
+    assert whole_loops()
 import jax, jax.numpy as jnp
 def turns(x):
     return jax.lax.fori_loop(0, 500, lambda i, y: jnp.sin(y) + x[i], x)
@@ -191,7 +192,7 @@ PACKAGES = [
 
 def test_use_is_silent_and_leaves_jax_as_it_was():
     """Folders are names after `import jaxfric` alone; every name is loaded, and no setting of JAX
-    changes; `jaxfric.fit` and `jaxfric.theorem` are functions after modules of these names too."""
+    changes; `jaxfric.fit` is a function, whichever module is imported first."""
     code = f"""
 import importlib, sys, jax
 def anew(module):
@@ -202,17 +203,17 @@ def anew(module):
 before, jaxfric = dict(jax.config.values), anew('jaxfric')
 print([p for p in {PACKAGES} if getattr(jaxfric, p).__name__ != 'jaxfric.' + p])
 print(set({PACKAGES}) - set(dir(jaxfric)))
-print(jaxfric.gains.schedule.__name__, jaxfric.stability.linear.to_control.__name__)
+print(jaxfric.gains.gain_schedule.__name__, jaxfric.stability.linear.to_control.__name__)
 print(jaxfric.study.Grid.__name__, jaxfric.plot.draw_fit.__name__)
 [getattr(jaxfric, name) for name in jaxfric.__all__]
 print(all(jax.config.values[k] == v for k, v in before.items()), jax.config.jax_enable_x64)
 print(jax.config.jax_compilation_cache_dir)
 for first in ('stability.theorem', 'fitting.fit', 'plot.fit'):
     jaxfric = anew('jaxfric.' + first)
-    print(callable(jaxfric.fit), callable(jaxfric.theorem))
+    print(callable(jaxfric.fit), callable(jaxfric.rice_ruina_criterion))
 """
     out, err = python(code)
-    names = ["[]", "set()", "schedule to_control", "Grid draw_fit"]
+    names = ["[]", "set()", "gain_schedule to_control", "Grid draw_fit"]
     assert (out.splitlines(), err) == ([*names, "True False", "None", *3 * ["True True"]], "")
 
 
@@ -307,3 +308,34 @@ def test_a_missing_docstring_is_seen():
         vars(module),
     )
     assert undocumented(module) == ["made_up.silent", "made_up.Bare"]
+
+
+OLD = [
+    ("", "Start", "InitialState"),
+    ("", "margin", "stability_margin"),
+    ("", "schedule", "gain_schedule"),
+    ("", "theorem", "rice_ruina_criterion"),
+    ("gains", "schedule", "gain_schedule"),
+    ("simulation", "Start", "InitialState"),
+    ("stability", "margin", "stability_margin"),
+]
+
+
+@pytest.mark.parametrize(("folder", "old", "now"), OLD)
+def test_an_old_name_is_the_new_one_and_says_so(folder, old, now):
+    package = importlib.import_module(f"jaxfric.{folder}".rstrip("."))
+    with pytest.warns(DeprecationWarning, match=f"{old} is now .*{now}") as caught:
+        assert getattr(package, old) is getattr(package, now)
+    assert caught[0].filename == __file__
+    assert old not in dir(package) and now in dir(package)
+
+
+def test_a_name_that_nobody_ever_had_is_none():
+    for package in (jaxfric, jaxfric.gains, jaxfric.simulation):
+        with pytest.raises(AttributeError, match="has no attribute 'theorems'"):
+            package.theorems  # noqa: B018
+
+
+def test_the_old_way_to_whole_loops_still_works(monkeypatch):
+    with pytest.warns(DeprecationWarning, match=r"whole_loops is now jaxfric\.cli\.xla"):
+        assert jaxfric.whole_loops is xla.whole_loops

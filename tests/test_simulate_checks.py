@@ -8,12 +8,12 @@ import pytest
 
 from jaxfric import (
     Inertial,
+    InitialState,
     InputError,
     PiecewiseVelocity,
     QuasiStatic,
     RateState,
     Rig,
-    Start,
     simulate,
     simulate_delay,
 )
@@ -63,7 +63,7 @@ def run_delay(ts=TS, velocity=0.5):
         (lambda: run([0.0, np.nan, 2.0]), "ts holds a value that is not finite"),
         (lambda: run(TS - 1.0), "ts begins at -1 s, before the motion"),
         (lambda: run(motion=PiecewiseVelocity([0.0], [0.0])), "no steady sliding at 0 m/s"),
-        (lambda: run(start=Start(elongation=np.inf)), "start.elongation"),
+        (lambda: run(start=InitialState(elongation=np.inf)), "start.elongation"),
         (lambda: run(runaway=0.5), "runaway is 0.5"),
         (lambda: run_delay(TS[::-1]), "ts must ascend"),
         (lambda: run_delay(velocity=0.0), "velocity is 0 m/s"),

@@ -14,7 +14,7 @@ import jaxfric as jf
 from jaxfric.errors import InputError
 from jaxfric.rig.friction import Dahl, GaussianStribeck, HessSoom
 from jaxfric.simulation import (
-    Start,
+    InitialState,
     jump_start,
     regularised,
     rest_start,
@@ -50,7 +50,7 @@ def simulated(rig, start, motion=STEADY, ts=TS, rtol=TIGHT):
 def steady_start(rig, V):
     """Steady sliding at `V`, with every part stated."""
     mass = isinstance(rig.machine, jf.Inertial)
-    return Start(V if mass else None, 0.0, rig.friction.steady_state(jnp.asarray(V)))
+    return InitialState(V if mass else None, 0.0, rig.friction.steady_state(jnp.asarray(V)))
 
 
 def scipy_of(kind, V_start, longer, theta_start, ts, k=K, damping=K_V):
@@ -119,7 +119,7 @@ def test_no_start_is_steady_sliding(mass):
     assert_same(alone, simulated(rig, steady_start(rig, V0)), rtol=1e-9)
     np.testing.assert_allclose(alone.velocity, V0, rtol=1e-6)
     if not mass:  # and a call that is not compiled as a whole, with an empty start
-        assert_same(alone, jf.simulate(rig, STEADY, TS, start=Start(), rtol=1e-8), rtol=1e-9)
+        assert_same(alone, jf.simulate(rig, STEADY, TS, start=InitialState(), rtol=1e-8), rtol=1e-9)
 
 
 @pytest.mark.parametrize("ratio", [3.0, 0.2])
@@ -161,7 +161,7 @@ def test_refusals():
     with pytest.raises(InputError, match="contact_time is for the ageing law"):
         rest_start(rig_of("ageing"), V0, contact_time=10.0, state=jnp.asarray([0.1]))
     with pytest.raises(InputError, match="without mass has no velocity of its own"):
-        jf.simulate(rig_of("slip", 0.0), STEADY, TS, start=Start(V0))
+        jf.simulate(rig_of("slip", 0.0), STEADY, TS, start=InitialState(V0))
 
 
 # ---- laws without direct effect -----------------------------------------------------------

@@ -183,7 +183,7 @@ def test_margins_in_single_precision_are_refused(name):
         rig = jf.Rig(jf.Inertial(2.0, 3e5, 1e5), law)
         slider = jax.eval_shape(lambda V0: jf.linearise(rig, V0), 1e-6)
         with pytest.raises(jf.InputError, match="64-bit numbers"):
-            jax.eval_shape(lambda slider: jf.margin(name, slider), slider)
+            jax.eval_shape(lambda slider: jf.stability_margin(name, slider), slider)
 
 
 @pytest.fixture(scope="module")

@@ -23,7 +23,7 @@ from jaxfric.stability.kernel import DelayKernel, FunctionKernel, StateSpaceKern
 from jaxfric.stability.linear import linearise
 from jaxfric.stability.margins import poles
 from jaxfric.stability.theorem import apply_theorem, critical_points
-from jaxfric.stability.theorem import theorem as eager_theorem
+from jaxfric.stability.theorem import rice_ruina_criterion as eager_theorem
 
 M, K_V, A, B, L, V0 = 2.0, 0.5, 1.0, 3.0, 1e-3, 2e-3
 theorem = eqx.filter_jit(eager_theorem)

@@ -21,7 +21,7 @@ from test_protocol import designed
 import jaxfric as jf
 from jaxfric import described, views
 from jaxfric.fitting.axis_fit import AxisFit
-from jaxfric.gains.schedule import Schedule, SetPoint
+from jaxfric.gains.set_points import Schedule, SetPoint
 from jaxfric.loop.result import VERDICTS
 from jaxfric.prediction.result import Comparison, Prediction
 from jaxfric.records.record import Provenance

@@ -23,7 +23,7 @@ _RECORDS_PER_PROCESS = 12
 
 def treat(job: tuple[int, Path, tuple[str, ...]]) -> str:
     """One record with all its loops; a line about it. Never raises."""
-    from .loops import weigh
+    from .xla import weigh
 
     place, out, only = job
     begun = time.monotonic()

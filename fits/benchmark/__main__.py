@@ -29,7 +29,7 @@ from scipy.integrate import solve_ivp
 
 import jaxfric as jf
 from fits.blind.plants import Base, Protocol, simulate
-from jaxfric.cache import whole_loops
+from jaxfric.cli.xla import whole_loops
 
 F0, A, B, L, K, V0, FASTER = 0.6, 0.010, 0.014, 20e-6, 1e3, 1e-6, 10.0
 AT, END = 10.0, 30.0

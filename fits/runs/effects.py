@@ -183,7 +183,8 @@ def study(task: tuple[str, int, Size]) -> dict:
 
     jax.config.update("jax_enable_x64", True)
     import jaxfric as jf
-    from jaxfric.cache import cache_compiled, whole_loops
+    from jaxfric.cache import cache_compiled
+    from jaxfric.cli.xla import whole_loops
     from jaxfric.loop import close_loop
     from jaxfric.runs.fits import decided_events
     from jaxfric.runs.stiffness import MachineStiffness

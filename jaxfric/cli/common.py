@@ -45,7 +45,8 @@ def prepare_jax(*, gpu: bool = False) -> None:
     if not gpu and jax.config.jax_platforms is None:  # ty: ignore[missing-attribute]
         jax.config.update("jax_platforms", os.environ["JAX_PLATFORMS"])
 
-    from ..cache import cache_compiled, whole_loops
+    from ..cache import cache_compiled
+    from .xla import whole_loops
 
     whole_loops()
     jax.config.update("jax_enable_x64", True)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ..coordinate import Coordinate
     from ..plot.cycle import Motion
     from ..rig import Rig
-    from ..simulation import RESULTS, Start, Trajectory
+    from ..simulation import RESULTS, InitialState, Trajectory
     from ..stability.analysis import Law
 
 _MAX_STEPS = 16384
@@ -237,12 +237,12 @@ def _run(
         k, whole = k + 1, whole * _LONGER
 
 
-def _jumped(rig: "Rig", V: float, jump: float, delayed: bool) -> "Start":
+def _jumped(rig: "Rig", V: float, jump: float, delayed: bool) -> "InitialState":
     import equinox as eqx
 
-    from ..simulation import Start, jump_start
+    from ..simulation import InitialState, jump_start
 
-    return Start(elongation=jump) if delayed else eqx.filter_jit(jump_start)(rig, V, jump)
+    return InitialState(elongation=jump) if delayed else eqx.filter_jit(jump_start)(rig, V, jump)
 
 
 def _default_duration(
@@ -271,7 +271,7 @@ def _once(
     rig: "Rig",
     command: tuple[list[float], list[float]],
     duration: float,
-    start: "Start | None",
+    start: "InitialState | None",
     lead: float,
     shown: str,
 ) -> "tuple[Motion, list[str], bool]":

@@ -13,7 +13,7 @@ from jaxtyping import Array, ArrayLike, Float
 
 from ..stability.kernel import StateSpaceKernel
 from ..stability.linear import LinearSlider
-from ..stability.margins import Analysis, damping_ratios, margin, squared_distances
+from ..stability.margins import Analysis, damping_ratios, squared_distances, stability_margin
 from ..stability.polynomial import REAL
 
 # Highest degree whose Hurwitz determinants are formed.
@@ -40,7 +40,7 @@ def branches(
             return _once(analysis.poles, damping_ratios(analysis)) - required
         if name == "modulus":
             return _modulus(analysis) - required
-    return margin(name, slider)[None] - required
+    return stability_margin(name, slider)[None] - required
 
 
 def _hurwitz(c: Array, required: Array, rate: Array) -> Float[Array, " n"]:

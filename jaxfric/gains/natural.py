@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from ..stability.kernel import kernel_total
 from ..stability.linear import LinearFriction
-from ..stability.theorem import theorem
+from ..stability.theorem import rice_ruina_criterion
 
 
 class NaturalSizes(NamedTuple):
@@ -31,7 +31,7 @@ def sizes(friction: LinearFriction, mass: Float[Array, " n"] | None) -> NaturalS
 
     def one(friction: LinearFriction, mass: Array) -> NaturalSizes:
         low, high = friction.kernel.frequencies()
-        known = theorem(friction.kernel, friction.slope, mass)
+        known = rice_ruina_criterion(friction.kernel, friction.slope, mass)
         rate = jnp.where(low == high, low, jnp.sqrt(low * high))
         fall = kernel_total(friction.kernel)
         return NaturalSizes(known.critical_stiffness, fall, friction.slope, rate, mass)

@@ -1,4 +1,4 @@
-"""One simulation from a `Start`, and how it ends: steady, limit cycle or escape.
+"""One simulation from an `InitialState`, and how it ends: steady, limit cycle or escape.
 
 Massless sliders may escape in finite time; one with mass can only stick-slip, unless its
 law lets it accelerate for ever. Give the law a `RegularisedEffect` where it sticks (`regularised`).
@@ -10,7 +10,7 @@ from jaxtyping import Array, ArrayLike
 
 from ..motion import PiecewiseVelocity
 from ..rig import Rig
-from ..simulation import RESULTS, Start, simulate
+from ..simulation import RESULTS, InitialState, simulate
 from .ends import ENDS, RUNAWAY, EndState, Track, classify
 
 PERIODS = 30.0
@@ -42,7 +42,7 @@ STANDARD = Policy()
 def end_state(
     rig: Rig,
     velocity: ArrayLike,
-    start: Start | None,
+    start: InitialState | None,
     *,
     horizon: ArrayLike,
     decay: ArrayLike | None = None,
@@ -65,7 +65,7 @@ def end_state(
 def end_and_share(
     rig: Rig,
     velocity: ArrayLike,
-    start: Start | None,
+    start: InitialState | None,
     *,
     horizon: ArrayLike,
     decay: ArrayLike | None = None,

@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 
 from ..rig import Inertial, QuasiStatic, Rig
 from ..rig.friction.law import AbstractLaw
-from ..simulation import Start, jump_start, rest_start, step_start, velocity_start
+from ..simulation import InitialState, jump_start, rest_start, step_start, velocity_start
 from ..simulation.start import regularised
 from ..stability.linear import linearise
 from ..stability.margins import poles
@@ -183,13 +183,13 @@ def _ends(rigs: Rig, velocity: Array, kind: Array, log_ratio: Array) -> EndState
     return eqx.filter_vmap(one)(rigs, velocity, kind, log_ratio)
 
 
-def _start(rig: Rig, V: Array, kind: Array, ratio: Array) -> Start:
+def _start(rig: Rig, V: Array, kind: Array, ratio: Array) -> InitialState:
     """The start `STARTS[kind]`, or after the last of them a step of the command by `ratio`."""
     every = [*standard_starts(rig, V), rest_start(rig, V), step_start(rig, V, ratio)]
     return jax.tree.map(lambda *leaves: jnp.stack(leaves)[kind], *every)
 
 
-def standard_starts(rig: Rig, V: Float[Array, ""]) -> list[Start]:
+def standard_starts(rig: Rig, V: Float[Array, ""]) -> list[InitialState]:
     """The first four of `STARTS`, which move: velocity half as large again or half as large, the
     load point F/K ahead or behind, F the law's `force_scale`.
 
@@ -206,8 +206,8 @@ def standard_starts(rig: Rig, V: Float[Array, ""]) -> list[Start]:
     ]
 
 
-def _seeded(rig: Rig, start: Start, seed: float) -> Start:
+def _seeded(rig: Rig, start: InitialState, seed: float) -> InitialState:
     if not isinstance(rig.machine, Inertial) or start.elongation is None:
         return start
     longer = seed * rig.friction.force_scale() / rig.machine.stiffness
-    return Start(start.velocity, start.elongation + longer, start.state)
+    return InitialState(start.velocity, start.elongation + longer, start.state)

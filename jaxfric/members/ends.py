@@ -17,7 +17,7 @@ from ..gains.ends import SMALL, mean_and_spread, settles
 from ..gains.settle import PERIODS, STANDARD, Policy
 from ..motion import PiecewiseVelocity
 from ..rig import Rig
-from ..simulation import Start
+from ..simulation import InitialState
 from ..simulation.checks import is_possible
 from ..simulation.ode import SliderEquation
 from ..simulation.stepping import SAFETY, How, Underway, observed
@@ -92,7 +92,7 @@ class _Cycle(NamedTuple):
 def end_of(
     rig: Rig,
     velocity: Float[Array, ""],
-    start: Start,
+    start: InitialState,
     *,
     horizon: Float[Array, ""],
     decay: Float[Array, ""],

@@ -25,7 +25,7 @@ from ..laws.registry import rate_state
 from ..motion import PiecewiseVelocity
 from ..rig import QuasiStatic, Rig
 from ..rig.friction import Conditions, LogarithmicEffect
-from ..simulation import Start, simulate
+from ..simulation import InitialState, simulate
 from ..traced import traced
 from .stick_slip import BEGIN, EDGES, END
 
@@ -67,7 +67,7 @@ def _rise(
     stopped = 2 * jnp.pi * jnp.exp(-p[5]) * jnp.sqrt(L * drop / K)
     # the slider is no faster than the load point at the foot
     theta = jnp.maximum(friction.steady_state(stopped), foot - p[0] - A * jnp.log(V / V0))
-    begin = Start(elongation=(foot - p[0] - (A - B) * jnp.log(V / V0)) / K, state=theta)
+    begin = InitialState(elongation=(foot - p[0] - (A - B) * jnp.log(V / V0)) / K, state=theta)
     motion = PiecewiseVelocity(jnp.zeros(1), V[None])
     times = jnp.stack([jnp.zeros(()), _LONGEST * lasts])
     moved = simulate(

@@ -14,11 +14,11 @@ from ..errors import InputError
 from ..motion import AbstractMotion, PiecewiseVelocity
 from ..quantity import all_inside, is_known, refuse_outside
 from ..rig import Rig
-from .start import Start
+from .start import InitialState
 
 
 def refuse_impossible(
-    where: str, rig: Rig, ts: Array, start: Start, *, motion: AbstractMotion | None = None
+    where: str, rig: Rig, ts: Array, start: InitialState, *, motion: AbstractMotion | None = None
 ) -> None:
     """Raise `InputError` in the name of the function `where` for invalid concrete values.
 
@@ -58,14 +58,14 @@ def refuse_no_steady_state(initial: dict[str, Array], V: Array) -> None:
         raise InputError(
             f"simulate: the friction law has no steady sliding{at} to start from; let the motion"
             " begin with a velocity that is not 0, and give the velocity, elongation and state of"
-            " another start with `start=Start(...)`"
+            " another start with `start=InitialState(...)`"
         )
 
 
 def is_possible(
     rig: Rig,
     ts: Array,
-    start: Start,
+    start: InitialState,
     initial: PyTree[Array],
     *,
     motion: AbstractMotion | None = None,

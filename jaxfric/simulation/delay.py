@@ -20,7 +20,7 @@ from .method_of_steps import (
     step_points,
     without_history,
 )
-from .start import Start
+from .start import InitialState
 from .trajectory import RESULTS, Trajectory, only_if
 
 
@@ -29,7 +29,7 @@ def simulate_delay(
     velocity: Float[ArrayLike, ""],
     ts: Float[Array, " n"],
     *,
-    start: Start | None = None,
+    start: InitialState | None = None,
     intervals: int | None = None,
     rtol: float = 1e-8,
     pieces: int = 4,
@@ -73,7 +73,7 @@ def simulate_delay(
         finite.
     TypeError : the rig has another machine or another kind of law.
     """
-    start = Start() if start is None else start
+    start = InitialState() if start is None else start
     machine, law = rig.machine, rig.friction
     if not isinstance(machine, Inertial):
         raise TypeError(

@@ -28,7 +28,7 @@ from ..errors import InputError
 from ..motion import AbstractMotion, PiecewiseVelocity
 from ..rig import FirstOrderDrive, Inertial, QuasiStatic, Rig
 from ..rig.friction import AbstractInvertibleLaw, AbstractLaw, Conditions
-from .start import Start, law_with_states
+from .start import InitialState, law_with_states
 from .steps import RealScalar, traced_once
 
 _FOLLOWS = 3e-4
@@ -53,11 +53,11 @@ class SliderEquation(eqx.Module):
     rig: Rig
     motion: AbstractMotion
     law: AbstractLaw
-    start: Start
+    start: InitialState
     steady_state: Float[Array, " n"]
     reference: Scalar
 
-    def __init__(self, rig: Rig, motion: AbstractMotion, start: Start | None = None):
+    def __init__(self, rig: Rig, motion: AbstractMotion, start: InitialState | None = None):
         if not isinstance(rig.machine, QuasiStatic | Inertial):
             raise TypeError(f"no equation of motion for a {type(rig.machine).__name__}")
         law = law_with_states(rig)
@@ -68,7 +68,7 @@ class SliderEquation(eqx.Module):
                 "cannot be found from the force; use a law that is an AbstractInvertibleLaw, "
                 "or give the slider a mass (Inertial)"
             )
-        start = Start() if start is None else start
+        start = InitialState() if start is None else start
         if massless and start.velocity is not None:
             raise InputError(
                 "start: a slider without mass has no velocity of its own (it follows from the "

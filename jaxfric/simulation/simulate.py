@@ -27,7 +27,7 @@ from .blocks import in_blocks
 from .checks import is_possible, refuse_impossible, refuse_no_steady_state
 from .ode import Slider, SliderEquation, Unknowns
 from .rodas import Rodas5P
-from .start import Start, law_with_states
+from .start import InitialState, law_with_states
 from .stepping import SAFETY, How, Sampled, constant, follow
 from .steps import StableStepController, padded_norm
 from .trajectory import RESULTS, Trajectory, only_if
@@ -41,7 +41,7 @@ def simulate(
     motion: AbstractMotion,
     ts: Float[Array, " n"],
     *,
-    start: Start | None = None,
+    start: InitialState | None = None,
     at_steps: bool = False,
     rtol: float | Float[Array, ""] = 1e-6,
     max_steps: int = 4096,
@@ -94,7 +94,7 @@ def simulate(
         raise InputError(f"simulate: rtol is {rtol}; it must be in (0, 0.1]")
     if not runaway > 1:
         raise InputError(f"simulate: runaway is {runaway}; it is a factor above 1")
-    begin = Start() if start is None else start
+    begin = InitialState() if start is None else start
     refuse_impossible("simulate", rig, ts, begin, motion=motion)
     if stiff is None:
         stiff = _is_stiff(rig, motion, ts)

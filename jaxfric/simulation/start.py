@@ -1,9 +1,9 @@
 """Starts of a simulation: steady sliding, or a perturbation of it.
 
 Unperturbed, the slider moves at the motion's first velocity V0 with the steady state, and the
-spring carries the steady friction. A `Start` replaces any of the three. The functions below build
-common ones: a disturbed velocity, a jump of the load point, a step of the command, and a stuck
-slider.
+spring carries the steady friction. An `InitialState` replaces any of the three. The functions below
+build common ones: a disturbed velocity, a jump of the load point, a step of the command, and a
+stuck slider.
 """
 
 import equinox as eqx
@@ -35,12 +35,12 @@ def law_with_states(rig: Rig) -> AbstractLaw:
     if not isinstance(law, AbstractLaw):
         raise TypeError(
             f"{type(law).__name__} is a delay law, which has no states: use `simulate_delay`, "
-            "and `Start(velocity, elongation)` for its start"
+            "and `InitialState(velocity, elongation)` for its start"
         )
     return law
 
 
-class Start(eqx.Module):
+class InitialState(eqx.Module):
     """Initial state of a simulation; None means that of steady sliding.
 
     velocity : velocity of the slider [m/s]; only with mass. It must be positive with a
@@ -55,7 +55,7 @@ class Start(eqx.Module):
     state: Float[Array, " n"] | None = eqx.field(converter=as_floats, default=None)
 
 
-def velocity_start(rig: Rig, velocity: ArrayLike, change: ArrayLike) -> Start:
+def velocity_start(rig: Rig, velocity: ArrayLike, change: ArrayLike) -> InitialState:
     """V(0) = V0 (1 + change), with the state of steady sliding at `velocity` = V0 [m/s].
 
     With mass, the spring force is that of steady sliding. Without mass the velocity follows from
@@ -65,14 +65,14 @@ def velocity_start(rig: Rig, velocity: ArrayLike, change: ArrayLike) -> Start:
     V0 = jnp.asarray(velocity, jnp.result_type(float))
     V, state = V0 * (1 + jnp.asarray(change)), law_with_states(rig).steady_state(V0)
     if isinstance(rig.machine, Inertial):
-        return Start(V, jnp.zeros_like(V0), state)
+        return InitialState(V, jnp.zeros_like(V0), state)
     excess = _friction(rig, V, state) - _friction(rig, V0, state)
     if rig.machine.damping is not None:
         excess = excess + rig.machine.damping * (V - V0)
-    return Start(None, excess / rig.machine.stiffness, state)
+    return InitialState(None, excess / rig.machine.stiffness, state)
 
 
-def jump_start(rig: Rig, velocity: ArrayLike, jump: ArrayLike) -> Start:
+def jump_start(rig: Rig, velocity: ArrayLike, jump: ArrayLike) -> InitialState:
     """Steady sliding at `velocity` [m/s]; then the load point jumps by `jump` [m], of either sign.
 
     With mass, the slider's initial velocity is that of steady sliding.
@@ -80,10 +80,10 @@ def jump_start(rig: Rig, velocity: ArrayLike, jump: ArrayLike) -> Start:
     V0 = jnp.asarray(velocity, jnp.result_type(float))
     jump = jnp.asarray(jump, jnp.result_type(float))
     mass = isinstance(rig.machine, Inertial)
-    return Start(V0 if mass else None, jump, law_with_states(rig).steady_state(V0))
+    return InitialState(V0 if mass else None, jump, law_with_states(rig).steady_state(V0))
 
 
-def step_start(rig: Rig, velocity: ArrayLike, ratio: ArrayLike) -> Start:
+def step_start(rig: Rig, velocity: ArrayLike, ratio: ArrayLike) -> InitialState:
     """The command steps by the factor `ratio`, from steady sliding at `velocity`/`ratio`.
 
     Spring, state and (with mass) velocity are those of steady sliding at `velocity`/`ratio`.
@@ -95,7 +95,7 @@ def step_start(rig: Rig, velocity: ArrayLike, ratio: ArrayLike) -> Start:
     state = law.steady_state(V)
     excess = _friction(rig, V, state) - _friction(rig, V0, law.steady_state(V0))
     mass = isinstance(rig.machine, Inertial)
-    return Start(V if mass else None, excess / rig.machine.stiffness, state)
+    return InitialState(V if mass else None, excess / rig.machine.stiffness, state)
 
 
 def rest_start(
@@ -104,7 +104,7 @@ def rest_start(
     *,
     contact_time: ArrayLike | None = None,
     state: ArrayLike | None = None,
-) -> Start:
+) -> InitialState:
     """A slider at rest on an unloaded spring, whose load point starts to move at `velocity` [m/s].
 
     The default state of rate-and-state friction is that of steady sliding at `velocity`. The
@@ -141,7 +141,7 @@ def rest_start(
         begun = steady
     slack = -_friction(rig, V0, steady) / rig.machine.stiffness
     rest = jnp.zeros_like(V0) if isinstance(rig.machine, Inertial) else None
-    return Start(rest, slack, begun)
+    return InitialState(rest, slack, begun)
 
 
 def regularised(rig: Rig) -> Rig:

@@ -1,8 +1,7 @@
 """Linear stability of steady sliding: plant and kernel, theorem, delays, margins.
 
 The modules of this folder and the names below are loaded on first use:
-`jaxfric.stability.linear.to_control`, `jaxfric.stability.margin`. `jaxfric.theorem` is the
-function; `jaxfric.stability.theorem` is the module that defines it.
+`jaxfric.stability.linear.to_control`, `jaxfric.stability.stability_margin`.
 """
 
 from typing import TYPE_CHECKING
@@ -21,13 +20,13 @@ if TYPE_CHECKING:
     from .linear import LinearSlider as LinearSlider
     from .linear import linearise as linearise
     from .linear import to_control as to_control
-    from .margins import margin as margin
+    from .margins import stability_margin as stability_margin
 
 _HOMES = {
     "LinearSlider": "linear",
     "linearise": "linear",
     "to_control": "linear",
-    "margin": "margins",
+    "stability_margin": "margins",
 }
 _MODULES = (
     "analysis",
@@ -40,4 +39,4 @@ _MODULES = (
     "theorem",
 )
 __all__ = sorted(_HOMES)
-__getattr__, __dir__ = loader(__name__, _HOMES, _MODULES)
+__getattr__, __dir__ = loader(__name__, _HOMES, _MODULES, {"margin": "stability_margin"})

@@ -29,7 +29,7 @@ from .linear import (
     refuse_without_steady_state,
 )
 from .margins import available, is_stable, poles, several
-from .theorem import Theorem, theorem
+from .theorem import Theorem, rice_ruina_criterion
 
 Law = AbstractLaw | AbstractDelayLaw
 
@@ -115,7 +115,9 @@ def theorem_over_velocity(
 ) -> Theorem:
     """(18)-(20) at every velocity with one k_v [force s/m] and one mass."""
     inertia = jnp.asarray(0.0 if mass is None else mass)
-    return jax.vmap(lambda f: theorem(f.kernel, f.slope + damping, inertia))(points.friction)
+    return jax.vmap(lambda f: rice_ruina_criterion(f.kernel, f.slope + damping, inertia))(
+        points.friction
+    )
 
 
 @eqx.filter_jit
@@ -124,7 +126,7 @@ def theorem_over_damping(
 ) -> Theorem:
     """(18)-(20) at one velocity with every k_v [force s/m]."""
     inertia = jnp.asarray(0.0 if mass is None else mass)
-    return jax.vmap(lambda d: theorem(friction.kernel, friction.slope + d, inertia))(
+    return jax.vmap(lambda d: rice_ruina_criterion(friction.kernel, friction.slope + d, inertia))(
         jnp.asarray(damping)
     )
 
@@ -325,7 +327,7 @@ def _critical_of_each(
 ) -> Float[Array, " samples"]:
     def one(law: Law) -> Float[Array, ""]:
         friction = linear_friction(law, V)
-        return theorem(friction.kernel, friction.slope + k_v, mass).critical_stiffness
+        return rice_ruina_criterion(friction.kernel, friction.slope + k_v, mass).critical_stiffness
 
     return eqx.filter_vmap(one)(laws)
 

@@ -54,7 +54,7 @@ class Crossing(NamedTuple):
     some: Bool[Array, " n"]
 
 
-def margin(name: str, slider: LinearSlider) -> Float[Array, ""]:
+def stability_margin(name: str, slider: LinearSlider) -> Float[Array, ""]:
     """Compute the margin `name`.
 
     Raises

@@ -54,7 +54,7 @@ class Theorem(eqx.Module):
         return self.integrable & self.damped & self.underdamped & self.complete
 
 
-def theorem(
+def rice_ruina_criterion(
     kernel: AbstractKernel,
     damping: Float[Array, ""],
     mass: Float[Array, ""],
@@ -103,7 +103,7 @@ def theorem(
 def apply_theorem(slider: LinearSlider) -> Theorem:
     """Apply the theorem to a linearised slider; its own k_p has no influence."""
     friction = slider.friction
-    return theorem(friction.kernel, friction.slope + slider.damping, slider.inertia())
+    return rice_ruina_criterion(friction.kernel, friction.slope + slider.damping, slider.inertia())
 
 
 def critical_stiffness(law: AbstractRateState) -> Float[Array, ""]:
@@ -116,7 +116,9 @@ def critical_stiffness(law: AbstractRateState) -> Float[Array, ""]:
     if isinstance(law, RateState) and law.B.shape[0] == 1:
         return (law.B[0] - law.A) / law.L[0]
     friction = linear_friction(law, law.V0)
-    return theorem(friction.kernel, friction.slope, jnp.zeros_like(law.V0)).critical_stiffness
+    return rice_ruina_criterion(
+        friction.kernel, friction.slope, jnp.zeros_like(law.V0)
+    ).critical_stiffness
 
 
 def _rational(kernel: StateSpaceKernel, damping: Float[Array, ""], mass: Float[Array, ""]):

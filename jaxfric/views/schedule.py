@@ -3,7 +3,7 @@
 import dataclasses
 
 from ..coordinate import unit_of
-from ..gains.schedule import Schedule
+from ..gains.set_points import Schedule
 from ..report.report import Report
 from ..report.tables import TextTable
 from .view import Frame, View, number

@@ -40,7 +40,7 @@ from peers_table import timed
 from scipy.integrate import solve_ivp
 
 import jaxfric as jf
-from jaxfric.cache import whole_loops
+from jaxfric.cli.xla import whole_loops
 from jaxfric.simulation import rodas
 
 RTOL = 1e-6

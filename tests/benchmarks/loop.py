@@ -48,8 +48,9 @@ def running(records: list[tuple[Path, str]], cache: str) -> None:
 
     jax.config.update("jax_enable_x64", True)
     import jaxfric
+    from jaxfric.cli.xla import whole_loops
 
-    jaxfric.whole_loops()  # as the command does
+    whole_loops()  # as the command does
     jaxfric.cache_compiled(Path(cache) / "jaxfric" / "compiled")
     for path, stiffness in records:
         record = jaxfric.read(path)

@@ -18,7 +18,7 @@ from peers_fits import fits
 from peers_motion import motion
 from peers_roots import roots
 
-from jaxfric.cache import whole_loops
+from jaxfric.cli.xla import whole_loops
 
 PARTS = {"motion": motion, "roots": roots}
 

@@ -19,6 +19,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from reference import Law, Motion, solve
 
 import jaxfric
+from jaxfric.cli.xla import whole_loops
 from jaxfric.fitting.problem import Model
 from jaxfric.fitting.solve import solve as descend_from
 from jaxfric.fitting.stages import prepare
@@ -79,7 +80,7 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    jaxfric.whole_loops()  # as the command does
+    whole_loops()  # as the command does
     jax.config.update("jax_enable_x64", True)
     jaxfric.cache_compiled()
     main()

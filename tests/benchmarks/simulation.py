@@ -20,7 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxfric as jf
-from jaxfric.cache import whole_loops
+from jaxfric.cli.xla import whole_loops
 
 UM = 1e-6
 LAW = (0.6, 0.010, [0.015], [10 * UM], UM)
@@ -85,7 +85,7 @@ def with_delay() -> None:
 
     def simulate(k):
         rig = jf.Rig(jf.Inertial(1.0, k, 0.2), jf.HessSoom(0.1, 1.2, 1.0, 0.3))
-        return jf.simulate_delay(rig, 1.0, ts, start=jf.Start(1.1), intervals=50).velocity
+        return jf.simulate_delay(rig, 1.0, ts, start=jf.InitialState(1.1), intervals=50).velocity
 
     report("delay law, 50 delays", jax.jit(simulate), jnp.asarray(100.0))
     batch = jnp.linspace(20.0, 280.0, 256)

@@ -15,8 +15,8 @@ import numpy as np
 from jaxfric.stability.kernel import FunctionKernel, StateSpaceKernel
 from jaxfric.stability.linear import LinearFriction, LinearSlider
 from jaxfric.stability.margin_table import MARGINS
-from jaxfric.stability.margins import margin, margins
-from jaxfric.stability.theorem import critical_points, theorem
+from jaxfric.stability.margins import margins, stability_margin
+from jaxfric.stability.theorem import critical_points, rice_ruina_criterion
 
 LOW = np.log([1e-1, 1e-1, 1e-5, 1e-5, 0.1, 1e-2, 1.0])
 HIGH = np.log([10.0, 10.0, 1e-2, 1e-2, 10.0, 10.0, 1e5])
@@ -58,7 +58,9 @@ def main() -> None:
     rows = sets(1 << 15)
     for states in (1, 2):
         for name in MARGINS:
-            speed = rate(jax.vmap(lambda p, name=name, n=states: margin(name, slider(p, n))), rows)
+            speed = rate(
+                jax.vmap(lambda p, name=name, n=states: stability_margin(name, slider(p, n))), rows
+            )
             print(f"margin {name:9s} {states} state(s): {speed:9.3g} per second")
         speed = rate(jax.vmap(lambda p, n=states: margins(slider(p, n))), rows)
         print(f"all seven margins, {states} state(s): {speed:.3g} per second")
@@ -69,11 +71,11 @@ def main() -> None:
     options = {"number": 4, "points": 512}
     search = jax.vmap(lambda d, m: critical_points(exponential, d, m, **options))
     print(f"generic search, exponential kernel: {rate(search, damping, mass):.3g} per second")
-    table = jax.vmap(lambda d, m: theorem(sampled, d, m))
+    table = jax.vmap(lambda d, m: rice_ruina_criterion(sampled, d, m))
     print(
         f"theorem, one function g(t), many k_v and m: {rate(table, damping, mass):.3g} per second"
     )
-    slope = jax.vmap(jax.grad(lambda d, m: theorem(sampled, d, m).critical_stiffness))
+    slope = jax.vmap(jax.grad(lambda d, m: rice_ruina_criterion(sampled, d, m).critical_stiffness))
     print(f"its derivative by k_v: {rate(slope, damping, mass):.3g} per second")
 
 

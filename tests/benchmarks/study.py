@@ -19,7 +19,7 @@ from pathlib import Path
 import jax
 import numpy as np
 
-from jaxfric.cache import whole_loops
+from jaxfric.cli.xla import whole_loops
 from jaxfric.members import make, run_study
 from jaxfric.study import local
 from jaxfric.study.function import Task

@@ -19,7 +19,7 @@ from ...rig.axis import AxisRig
 from ...rig.axis_law import axis_law
 from ...stability.claims import Curve, Unseen
 from ...stability.linear import linearise
-from ...stability.margins import margin
+from ...stability.margins import stability_margin
 from ..engine import Engine
 from ..estimates import estimates
 from ..search import Search
@@ -158,5 +158,5 @@ def _borne(rig: AxisRig, position: float, velocity: float, drive: Drive | None) 
         return None
     law = axis_law(rig, position, float(np.sign(velocity)))
     own = Rig(Inertial(mass, drive.K_p, drive.K_d), law)
-    borne = float(margin("delay", linearise(own, abs(velocity))))
+    borne = float(stability_margin("delay", linearise(own, abs(velocity))))
     return borne if np.isfinite(borne) else None

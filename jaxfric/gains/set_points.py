@@ -66,7 +66,7 @@ class Schedule(Described, Tabular):
         return kp[nearest], kv[nearest]
 
 
-def schedule(
+def gain_schedule(
     law: LawSource | Law | Result,
     *,
     velocity: tuple[float, float],
@@ -93,9 +93,9 @@ def schedule(
     """
     low, high = (float(v) for v in velocity)
     if not 0 < low < high:
-        raise InputError(f"schedule: velocities {low:g} to {high:g} m/s are no range")
+        raise InputError(f"gain_schedule: velocities {low:g} to {high:g} m/s are no range")
     if not ratio > finest > 1:
-        raise InputError(f"schedule: needs ratio > finest > 1, not {ratio:g} and {finest:g}")
+        raise InputError(f"gain_schedule: needs ratio > finest > 1, not {ratio:g} and {finest:g}")
     law = law_source(law, None)
     mass = law.mass if mass is None else mass
     tell = progress or silent
