@@ -87,7 +87,7 @@ def draw_marginals(found: "Dataset", outputs: Sequence[str], coded: Sequence[str
             unit = _numbers(at, values[output], about.get("units", "1"))
         for name, axis in row.items():
             side, y = columns[name][0], style.named(label, unit, "\n") if axis in left else ""
-            style.tidy(axis, x=side.label, y=y, log="x" if side.log else "")
+            style.tidy(axis, x=textwrap.fill(side.label, _WIDE), y=y, log="x" if side.log else "")
             if not side.log:
                 whole_numbers(axis, "x", most=2)
     style.finish(figure, legend=legend)
