@@ -427,14 +427,14 @@ def test_what_neither_record_nor_prior_fixes_has_no_posterior(fitted, monkeypatc
     module = sys.modules["jaxfric.posterior.posterior"]
     monkeypatch.setattr(module, "determined", lambda *_: [True, True, True, False])
     found = find_posterior(fitted, {})
-    assert not found.converged and "fixes L" in found.warnings[0] and not found.found
+    assert not found.converged and "determines L" in found.warnings[0] and not found.found
     assert find_posterior(fitted, WIDE).converged
 
 
 def test_a_fit_without_its_numbers_has_no_posterior(fitted):
-    with pytest.raises(InputError, match="no posterior"):
+    with pytest.raises(InputError, match="has no posterior"):
         find_posterior(dataclasses.replace(fitted, converged=False, result="no"), {})
-    with pytest.raises(InputError, match="not at hand"):
+    with pytest.raises(InputError, match="read from a file"):
         find_posterior(dataclasses.replace(fitted, solved=None), {})
 
 

@@ -1,4 +1,4 @@
-"""What priors and a record say together: maximum, Laplace approximation, draws by NUTS."""
+"""Bayesian posterior of a fit: maximum, Laplace approximation, draws by NUTS."""
 
 from .inference_data import inference_data as inference_data
 from .inference_data import write_netcdf as write_netcdf

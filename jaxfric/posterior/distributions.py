@@ -1,13 +1,13 @@
-"""Priors of one parameter, each with the variable y that its posterior is explored in.
+"""Priors of one parameter, each with the variable y in which its posterior is explored.
 
     y = the fit's unbounded variable (logarithms of A and L; f0 and B in units of a typical force)
         for a flat and a normal prior,  ln x for a log-normal,  ln((x - low)/(high - x)) for a
         uniform one;
     density of y:   log p(x(y)) + log |dx/dy|.
 
-A flat prior is flat in y, not in x: its maximum is that of the likelihood, and it is improper.
-Densities are those of the natural value x in SI. That of a normal law is cut off at the bounds of
-its parameter and not normalised anew: a constant factor, which no posterior feels.
+A flat prior is flat in y, not in x. It is improper, and its maximum is that of the likelihood.
+Densities are those of the natural value x in SI. A normal prior is truncated at the bounds of its
+parameter without renormalisation; a constant factor does not affect the posterior.
 """
 
 import abc
@@ -27,18 +27,18 @@ _ROOT_TWO_PI = math.sqrt(2 * math.pi)
 
 
 class AbstractPrior(eqx.Module):
-    """The prior of one parameter, whose variable without prior is `about.to_free(x, scale)`."""
+    """The prior of one parameter; its variable in a fit is `about.to_free(x, scale)`."""
 
     about: eqx.AbstractVar[Quantity]
     scale: eqx.AbstractVar[Number]
 
     @abc.abstractmethod
     def natural(self, y: Number) -> Number:
-        """The parameter [SI] of its variable."""
+        """Convert the variable to the parameter [SI]."""
 
     @abc.abstractmethod
     def variable(self, value: float) -> float:
-        """The variable of a parameter [SI], or of the nearest one that the prior allows."""
+        """Convert a parameter [SI] to its variable, moved into the support of the prior."""
 
     @abc.abstractmethod
     def log_density(self, y: Number) -> Number:
@@ -46,11 +46,11 @@ class AbstractPrior(eqx.Module):
 
     @abc.abstractmethod
     def support(self) -> tuple[float, float]:
-        """Open ends between which the parameter [SI] has a density; reversed where it has none."""
+        """Open interval in which the parameter [SI] has a density; reversed if it has none."""
 
     def curve(self, at: np.ndarray, unit: float) -> tuple[np.ndarray, np.ndarray]:
-        """Those of the values `at`, in a unit of this size [SI], at which there is a density, and
-        the density per unit."""
+        """The values of `at` inside the support, in a unit of size `unit` [SI], and the density
+        per unit there."""
         low, high = self.support()
         kept = at[(at * unit > low) & (at * unit < high)]
         y = jnp.asarray([self.variable(float(x)) for x in kept * unit], float)
@@ -60,11 +60,11 @@ class AbstractPrior(eqx.Module):
 
     @abc.abstractmethod
     def text(self, unit: float = 1.0) -> str:
-        """The prior in words, its numbers in a unit of this size [SI]."""
+        """The prior in words, its numbers in a unit of size `unit` [SI]."""
 
 
 class FlatPrior(AbstractPrior):
-    """No prior: a constant density of the fit's own variable."""
+    """No prior: a constant density in the fit's own variable."""
 
     about: Quantity = eqx.field(static=True)
     scale: Number
@@ -87,7 +87,7 @@ class FlatPrior(AbstractPrior):
 
 
 class NormalPrior(AbstractPrior):
-    """x ~ N(mean, std^2) [SI], cut off at the bounds of the parameter."""
+    """x ~ N(mean, std^2) [SI], truncated at the bounds of the parameter."""
 
     about: Quantity = eqx.field(static=True)
     scale: Number
@@ -113,7 +113,7 @@ class NormalPrior(AbstractPrior):
 
 
 class LogNormalPrior(AbstractPrior):
-    """ln x ~ N(ln median, sigma^2), x in SI; also where the parameter itself may be negative."""
+    """ln x ~ N(ln median, sigma^2), x > 0 in SI, even if the parameter could be negative."""
 
     about: Quantity = eqx.field(static=True)
     scale: Number
@@ -164,7 +164,7 @@ class UniformPrior(AbstractPrior):
 
 
 _EDGE = 1e-3
-"""Share of its width by which a start that a uniform prior does not allow is put inside it."""
+"""A start outside a uniform prior is moved inside by this share of its width."""
 
 
 def log_slope(about: Quantity, y: Number, scale: Number) -> Number:
@@ -180,7 +180,7 @@ def log_slope(about: Quantity, y: Number, scale: Number) -> Number:
 def _normal(about: Quantity, scale: Number, numbers: tuple[float, float], size: float, what: str):
     mean, std = numbers
     if not std > 0:
-        raise InputError(f"{what}: the standard deviation of a normal law is {std:g}, not above 0")
+        raise InputError(f"{what}: the standard deviation is {std:g}, not above 0")
     return NormalPrior(about, scale, *_arrays(about.check(mean * size, what), std * size))
 
 
@@ -217,4 +217,4 @@ def _arrays(*numbers: float) -> list[Array]:
 
 
 DISTRIBUTIONS = {"normal": _normal, "lognormal": _log_normal, "uniform": _uniform}
-"""How a prior is made of two numbers, by the name that a file of priors uses."""
+"""Builders of priors from two numbers, by the name used in a file of priors."""

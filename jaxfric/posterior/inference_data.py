@@ -1,11 +1,11 @@
 """A posterior as ArviZ InferenceData, and as the netCDF file of it.
 
 Groups: `posterior` (every parameter and A_minus_B in the units of the record, with `unit`, `map`,
-`prior`, `laplace_mean` and `laplace_std` as attributes; `step_shift`, shifts of step times [s],
-where they are fitted), `sample_stats` (of NUTS), `observed_data` (friction) and `constant_data`
-(time, weight: 0 for a row that is passed over). Attributes of `posterior` say what it is of.
-Without draws the group `posterior` holds draws of the Laplace approximation, and `method` says so.
-The likelihood of every row at every draw is left out: 4000 draws of 2000 rows are 64 MB.
+`prior`, `laplace_mean` and `laplace_std` as attributes; `step_shift`, fitted shifts of step times
+[s]), `sample_stats` (of NUTS), `observed_data` (friction) and `constant_data` (time, weight: 0 for
+an excluded row). Attributes of `posterior` describe its origin. Without NUTS the group `posterior`
+holds draws of the Laplace approximation, as `method` records. The likelihood of every row at every
+draw is omitted: 4000 draws of 2000 rows are 64 MB.
 """
 
 import os
@@ -31,14 +31,14 @@ if TYPE_CHECKING:
 
 
 def imported_arviz(tries: int = 3) -> "ModuleType":
-    """ArviZ, without what it announces of its future.
+    """Import ArviZ without its FutureWarning.
 
-    That it was announced today it writes into its cache folder when it is imported: of two
-    processes that do so at once one finds its file taken away, and tries again.
+    On import ArviZ writes the date of that warning into its cache folder. If two processes do so
+    at once, one of them misses its file; it tries again.
 
     Raises
     ------
-    InputError : it is not installed, or cannot write there.
+    InputError : ArviZ is not installed, or cannot write to its cache.
     """
     try:
         with warnings.catch_warnings():
@@ -49,12 +49,12 @@ def imported_arviz(tries: int = 3) -> "ModuleType":
     except OSError as error:
         if tries > 1:
             return imported_arviz(tries - 1)
-        raise InputError(f"ArviZ cannot be imported, which writes to its cache: {error}") from None
+        raise InputError(f"ArviZ cannot be imported; it writes to its cache: {error}") from None
     return arviz
 
 
 def diagnosed(names: Sequence[str], draws: Draws) -> dict[str, Chains]:
-    """R-hat (of ranks) and effective sample sizes of bulk and tail, by name."""
+    """Rank-normalised R-hat, and effective sample sizes of bulk and tail, by name."""
     arviz = imported_arviz()
     data = arviz.convert_to_dataset(named(names, draws.values))
     rhat, bulk = arviz.rhat(data), arviz.ess(data, method="bulk")
@@ -63,7 +63,7 @@ def diagnosed(names: Sequence[str], draws: Draws) -> dict[str, Chains]:
 
 
 def inference_data(posterior: Posterior) -> "InferenceData":
-    """The posterior as ArviZ InferenceData; draws of the Laplace approximation without NUTS."""
+    """The posterior as ArviZ InferenceData; draws are by NUTS or the Laplace approximation."""
     arviz, fit, draws = imported_arviz(), posterior.fit, posterior.draws
     values = posterior.laplace.draws[None] if draws is None else draws.values
     columns = {
@@ -91,7 +91,7 @@ def inference_data(posterior: Posterior) -> "InferenceData":
 
 
 def write_netcdf(posterior: Posterior, file: str | Path) -> None:
-    """Write the posterior as netCDF, whole or not at all."""
+    """Write the posterior as netCDF, atomically."""
     path = Path(file)
     handle, name = tempfile.mkstemp(suffix=".nc", prefix=".jaxfric-", dir=path.parent)
     os.close(handle)
@@ -110,12 +110,12 @@ def _umask() -> int:
 
 
 def unit_name(name: str, fit: Fit) -> str:
-    """The unit in which a parameter is shown and written."""
+    """The display unit of a parameter, also used in files."""
     return display_unit("A" if name == DIFFERENCE else name, fit)
 
 
 def unit_size(name: str, fit: Fit) -> float:
-    """That unit in SI."""
+    """The size of a parameter's display unit in SI."""
     own = "A" if name == DIFFERENCE else name
     unit, si = display_unit(own, fit), fit.parameters[own].unit
     return 1.0 if unit == si else factor(unit, si, name)

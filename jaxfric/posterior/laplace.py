@@ -1,11 +1,11 @@
-"""The largest log posterior, and the normal law about it.
+"""The maximum of the log posterior, and the normal distribution about it (Laplace approximation).
 
     y ~ N(y_MAP, H^-1),   H = J^T J + diag(-d^2 log prior/dy^2)
 
-J^T J is the curvature that the fit's own errors come from: it leaves out the residual times the
-second derivative of the simulation, which noise makes small. Second derivatives of the prior that
-are negative (a normal prior of a logarithm, far below its mean) count as none. Draws are made in
-the variables y, so that they keep the bounds of every parameter.
+J^T J is the Gauss-Newton curvature, as in the fit's own errors. It omits the residual times the
+second derivative of the simulation, which averages out for noise. Negative curvatures of the prior
+(a normal prior of a logarithm, far below its mean) count as 0. Draws are made in the variables y,
+so they respect the bounds of every parameter.
 """
 
 from collections.abc import Callable
@@ -23,12 +23,12 @@ from .target import Point, Target, natural_of, point
 _DRAWS = 4096
 """Number of draws of a Laplace approximation; a power of 2."""
 _STILL = 0.05
-"""Largest distance to the maximum, in standard errors, at which the search has arrived."""
+"""Largest distance to the maximum, in standard errors, that counts as converged."""
 _GRADIENT, _STEPS = 1e-3, 60
 
 
 class Laplace(NamedTuple):
-    """The maximum of a log posterior, and a normal law about it in the variables y."""
+    """The maximum of a log posterior, and a normal distribution about it in the variables y."""
 
     y: np.ndarray
     root: np.ndarray
@@ -36,7 +36,7 @@ class Laplace(NamedTuple):
     values: np.ndarray
     """The parameters at the maximum [SI]."""
     draws: np.ndarray
-    """Draws of the parameters [SI] (s, p), by a net of points instead of chance."""
+    """Quasi-random draws of the parameters [SI] (s, p)."""
     log_density: float
     converged: bool
 
@@ -53,9 +53,9 @@ def root_of(at: Point) -> np.ndarray:
 
 
 def laplace(target: Target, start: np.ndarray) -> Laplace:
-    """The maximum that is reached from `start` (variables y), and the normal law about it.
+    """Climb from `start` (variables y) to a maximum; return it with the normal law about it.
 
-    Newton steps within a trust region, in units of the standard errors at the start.
+    The trust-region Newton method works in units of the standard errors at the start.
     """
     y, at = _climb(lambda y: point(target, jax.device_put(y)), start)
     root = root_of(at)
@@ -68,7 +68,7 @@ def laplace(target: Target, start: np.ndarray) -> Laplace:
 
 
 def _climb(at: Callable[[np.ndarray], Point], start: np.ndarray) -> tuple[np.ndarray, Point]:
-    """The maximum, by scipy's trust region with the curvature of `root_of`."""
+    """Find the maximum by SciPy's trust region, with the curvature of `root_of`."""
     last: dict[bytes, Point] = {}
 
     def here(u: np.ndarray) -> Point:
@@ -97,5 +97,5 @@ def _climb(at: Callable[[np.ndarray], Point], start: np.ndarray) -> tuple[np.nda
 
 
 def _normal(size: int) -> np.ndarray:
-    """Standard normal points (s, size) that fill space evenly."""
+    """Quasi-random standard normal points (s, size)."""
     return qmc.MultivariateNormalQMC(np.zeros(size), rng=np.random.default_rng(0)).random(_DRAWS)

@@ -1,4 +1,4 @@
-"""`find_posterior(fit, priors)`: what priors and a record say together of a fit's parameters."""
+"""`find_posterior(fit, priors)`: the posterior of a fit's parameters under priors."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -31,31 +31,31 @@ def find_posterior(
     noise: Noise | None = None,
     progress: Callable[[str], None] = silent,
 ) -> Posterior:
-    """Maximum, Laplace approximation and draws of a posterior.
+    """Compute maximum, Laplace approximation and draws of a posterior.
 
-    log p = -|r|^2/2 + log prior, see `posterior.target`; the noise is held.
+    log p = -|r|^2/2 + log prior, see `posterior.target`; the noise is fixed.
 
     Parameters
     ----------
-    fit : of `jaxfric.fit`, in this process (a fit.json does not hold the record).
+    fit : of `jaxfric.fit`, in this process (a fit.json does not contain the record).
     priors : by name, {"A": {"normal": [0.006, 0.001]}, "L": {"lognormal": [20, 0.5], "unit":
-        "um"}}, see `posterior.priors`, or their TOML file; flat (in ln A, ln L, ln K; f0
-        and B themselves) where none is given, all if None.
-    draws : of each chain, by NUTS; None: none. Needs `pip install "jaxfric[posterior]"`.
-    chains, seed : number of chains, at least 2, and what their chance follows from.
-    noise : in units of the fit's `solved.problem.noise_scale`, where it is known; default, as found
-        by the fit.
-    progress : told what is being done.
+        "um"}}, see `posterior.priors`, or their TOML file. Parameters without prior are flat (in
+        ln A, ln L, ln K, f0 and B); None: all are flat.
+    draws : per chain, by NUTS; None: no draws. Needs `pip install "jaxfric[posterior]"`.
+    chains, seed : number of chains, at least 2, and random seed.
+    noise : known noise in units of the fit's `solved.problem.noise_scale`; default: the noise
+        found by the fit.
+    progress : called with a text at every stage.
 
     Returns
     -------
-    Posterior. Look at its `converged` and `warnings`.
+    Posterior. Check its `converged` and `warnings`.
 
     Raises
     ------
-    InputError : the fit did not converge; a prior is none (`priors_of`); too few draws or chains.
+    InputError : the fit did not converge; an invalid prior (`priors_of`); too few draws or chains.
 
-    Not tried: priors that are correlated, a prior of the noise.
+    Correlated priors and a prior of the noise are not available.
     """
     target, start = target_of(fit, {} if priors is None else priors, noise=noise)
     if draws is not None:
@@ -79,8 +79,7 @@ def find_posterior(
 
 
 def refuse_few(draws: int, chains: int) -> None:
-    """Raises `InputError` for numbers of draws or chains of which nothing can be said, and where
-    the sampler is not installed."""
+    """Raise `InputError` for too few draws or chains, or if the sampler is not installed."""
     require_blackjax()
     if draws < _FEWEST_DRAWS:
         raise InputError(f"--draws is {draws}; it must be {_FEWEST_DRAWS} or more")
@@ -91,10 +90,10 @@ def refuse_few(draws: int, chains: int) -> None:
 def target_of(
     fit: Fit, priors: Mapping[str, object] | str | Path, *, noise: Noise | None = None
 ) -> tuple[Target, np.ndarray]:
-    """The log posterior of a fit, and the variables from which its maximum is sought."""
+    """Return the log posterior of a fit, and start variables for its maximisation."""
     if not fit.converged or fit.solved is None:
-        why = fit.result if not fit.converged else "its problem is not at hand; fit the record here"
-        raise InputError(f"no posterior of a fit without its numbers: {why}")
+        why = fit.result if not fit.converged else "it is read from a file; fit the record again"
+        raise InputError(f"this fit has no posterior: {why}")
     solved, where = fit.solved, "priors"
     if isinstance(priors, str | Path):
         priors, where = read_priors(priors), str(priors)
@@ -106,7 +105,7 @@ def target_of(
 
 
 def _whitened(fit: Fit, noise: Noise | None) -> dict[str, Fitted]:
-    """The maximum of the likelihood with its errors: that of the posterior under flat priors."""
+    """Maximise the likelihood (the posterior under flat priors); return values and errors."""
     target, start = target_of(fit, {}, noise=noise)
     about, names = laplace(target, start), target.problem.model.names()
     values, errors = named(names, about.values), named(names, about.draws)
@@ -119,17 +118,17 @@ def _whitened(fit: Fit, noise: Noise | None) -> dict[str, Fitted]:
 
 
 def _determined(fit: Fit, target: Target, about: Laplace) -> list[bool]:
-    """Whether the law about a maximum fixes each parameter."""
+    """Whether the Laplace approximation determines each parameter."""
     std = np.sqrt(np.diag(about.covariance))
     return determined(target.problem, std, float(np.ptp(fit.record.friction)))
 
 
 def _of_maximum(fit: Fit, target: Target, about: Laplace) -> tuple[str, ...]:
-    """Why a maximum and the law about it are not to be relied on."""
+    """Reasons why a maximum and its Laplace approximation are unreliable."""
     if not about.converged:
         return (
-            "the maximum of the posterior was not found: do the priors contradict the record? The"
-            " posterior claims nothing",
+            "the maximum of the posterior was not found (do the priors contradict the record?), so"
+            " the posterior claims nothing",
         )
     known = _determined(fit, target, about)
     pairs = zip(target.problem.model.names(), target.priors, known, strict=True)
@@ -137,6 +136,6 @@ def _of_maximum(fit: Fit, target: Target, about: Laplace) -> tuple[str, ...]:
     if not loose:
         return ()
     return (
-        f"neither the record nor a prior fixes {', '.join(loose)}: the posterior claims nothing;"
-        f" give {loose[0]} a prior",
+        f"neither the record nor a prior determines {', '.join(loose)}, so the posterior claims"
+        f" nothing; give {loose[0]} a prior",
     )

@@ -5,8 +5,8 @@
     L = {lognormal = [20.0, 0.5], unit = "um"}     # median, and standard deviation of ln L
     B = {uniform = [0, 0.05]}                      # ends
 
-`unit` may be left out where a coefficient of friction has none. A parameter that is not named has a
-flat prior: flat in ln A, ln L, ln K, and in f0, B and a slip trend themselves.
+`unit` may be omitted for a dimensionless parameter. A parameter without entry has a flat prior, in
+ln A, ln L, ln K, f0, B or the slip trend.
 """
 
 import dataclasses
@@ -29,9 +29,9 @@ _EXAMPLE = "[priors] A = {normal = [0.006, 0.001]}"
 
 
 def read_priors(file: str | Path) -> dict[str, object]:
-    """The table [priors] of a TOML file.
+    """Read the table [priors] of a TOML file.
 
-    Raises `InputError` where the file cannot be read, is no TOML or has no such table.
+    Raises `InputError` if the file cannot be read, is not TOML or has no such table.
     """
     path = Path(file)
     try:
@@ -65,20 +65,20 @@ def priors_of(
     *,
     scale: Callable[[str], ArrayLike] | None = None,
 ) -> tuple[AbstractPrior, ...]:
-    """The prior of every parameter of a model, in its order; flat where none is `given`.
+    """Build the prior of every parameter of a model, in its order; flat unless `given`.
 
     Parameters
     ----------
     given : by name, `{"normal": [0.006, 0.001]}` or with a `"unit"`, as in the file.
     friction_unit : "1" or "N", unit of the record's friction.
     where : the file, for messages.
-    scale : of the unbounded variable of a parameter, as in `Problem.coordinates`; without it they
-        are checked.
+    scale : of the unbounded variable of a parameter, as in `Problem.coordinates`; None: 1, to
+        check the priors only.
 
     Raises
     ------
-    InputError : a name that is not fitted, a law or key that is not known, numbers that make none,
-        a unit that does not fit, or a prior outside of the parameter's bounds.
+    InputError : a name that is not fitted, an unknown distribution or key, invalid numbers, a
+        unit of another dimension, or a prior outside the parameter's bounds.
     """
     names = model.names()
     for name in given:
@@ -100,7 +100,7 @@ def priors_of(
 
 
 def _parts(entry: object, what: str) -> tuple[str, tuple[float, float], str | None]:
-    """Name of the law, its two numbers, and their unit."""
+    """Name of the distribution, its two numbers, and their unit."""
     if not isinstance(entry, Mapping):
         raise InputError(f"{what}: '{entry}' is no prior; write it as in {_EXAMPLE}")
     kinds = [key for key in entry if key != "unit"]

@@ -1,4 +1,4 @@
-"""A posterior: its maximum, its Laplace approximation, and draws where they were asked for."""
+"""The result of a posterior: its maximum, its Laplace approximation, and optional draws."""
 
 import json
 from collections.abc import Sequence
@@ -21,9 +21,9 @@ from .sampler import Draws
 
 LAPLACE, NUTS = "Laplace", "NUTS"
 DIFFERENCE = "A_minus_B"
-"""The name of A less all B, the rate dependence of steady friction."""
+"""The name of A minus all B, the rate dependence of steady friction."""
 RHAT, ESS = 1.01, 400
-"""Largest R-hat and least effective sample size at which draws are relied on (Vehtari et al. 2021,
+"""Largest R-hat and least effective sample size of reliable draws (Vehtari et al. 2021,
 doi:10.1214/20-BA1221)."""
 
 
@@ -37,7 +37,7 @@ class Spread(NamedTuple):
 
 
 class Fitted(NamedTuple):
-    """A parameter of a fit without priors [SI], and whether the record fixes it."""
+    """A parameter of a fit without priors [SI], and whether the record determines it."""
 
     value: float
     std: float
@@ -45,7 +45,7 @@ class Fitted(NamedTuple):
 
 
 class Chains(NamedTuple):
-    """How well the chains agree on a parameter, after ArviZ."""
+    """Convergence diagnostics of a parameter, computed by ArviZ."""
 
     rhat: float
     ess_bulk: float
@@ -54,10 +54,10 @@ class Chains(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Posterior(Described, Drawable, Drawn, Tabular):
-    """What priors and a record say together of the parameters of a fit. SI.
+    """The posterior of a fit's parameters under priors. SI.
 
-    The noise is held at the fit's estimate (`posterior.target`). Where `converged` is False the
-    posterior claims nothing, and `warnings` say why.
+    The noise is fixed at the fit's estimate (`posterior.target`). If `converged` is False the
+    posterior claims nothing, and `warnings` give the reasons.
     """
 
     fit: Fit
@@ -71,34 +71,33 @@ class Posterior(Described, Drawable, Drawn, Tabular):
     converged: bool
     warnings: tuple[str, ...]
     noise: str = "the fit's estimate"
-    """Where the noise that is held comes from."""
+    """Origin of the fixed noise."""
     whitened: dict[str, Fitted] | None = None
-    """The fit without priors whose rows are weighted by that noise, as here, by name; None where
-    `fit` is that."""
+    """The fit without priors, whitened by that noise, by name; None if `fit` is whitened."""
 
     @property
     def found(self) -> bool:
-        """Whether there is anything to show: not so where the maximum is not to be relied on."""
+        """Whether there is anything to show; False if the maximum is unreliable."""
         return self.converged or self.draws is not None
 
     @property
     def parameters(self) -> dict[str, Spread]:
-        """Mean, std and 95 % interval of `A_minus_B` and every parameter, by name [SI]: of the
-        draws, without them of the Laplace approximation."""
+        """Mean, std and 95 % interval of `A_minus_B` and every parameter, by name [SI], from the
+        draws or else the Laplace approximation."""
         return self.sampled() or self.approximation()
 
     @property
     def fit_name(self) -> str:
-        """What `fitted` is called: a fit of white noise weighs rows as here, too."""
+        """The name of `fitted` in reports; under white noise "fit", as the weights are equal."""
         same = self.whitened is None and self.fit.weighting == "ordinary"
         return "fit" if same else "whitened fit"
 
     def fitted(self) -> dict[str, Fitted]:
-        """`A_minus_B` and every parameter of the fit without priors that weighs rows as here."""
+        """`A_minus_B` and every parameter of the fit without priors, with the same weighting."""
         return self.ordinary() if self.whitened is None else self.whitened
 
     def ordinary(self) -> dict[str, Fitted]:
-        """Those of `fit` itself, however it weighs rows."""
+        """`A_minus_B` and every parameter of `fit` itself, with its own weighting."""
         own = {DIFFERENCE: self.fit.A_minus_B, **self.fit.parameters}
         return {
             n: Fitted(own[n].value, own[n].std, own[n].determined)
@@ -106,8 +105,8 @@ class Posterior(Described, Drawable, Drawn, Tabular):
         }
 
     def reweighted(self) -> tuple[str, ...]:
-        """Names of which `fit` and the whitened fit differ by more than the larger of their errors:
-        by how they weigh rows, whatever the priors."""
+        """Names for which `fit` and the whitened fit differ by more than the larger of their
+        errors. The cause is the weighting, not the priors."""
         pairs = zip(self.fitted().items(), self.ordinary().values(), strict=True)
         return tuple(
             name
@@ -116,11 +115,11 @@ class Posterior(Described, Drawable, Drawn, Tabular):
         )
 
     def maximum(self) -> dict[str, float]:
-        """Parameters of the largest posterior density of the variables y, by name [SI]."""
+        """Parameters at the maximum of the posterior density of y, by name [SI]."""
         return {k: float(v) for k, v in self.named(self.laplace.values).items()}
 
     def named(self, values: np.ndarray) -> dict[str, np.ndarray]:
-        """Columns of parameters (..., p) by name, and A less all B."""
+        """Columns of parameters (..., p) by name, and A minus all B."""
         return named(self.names, values)
 
     def approximation(self) -> dict[str, Spread]:
@@ -134,12 +133,12 @@ class Posterior(Described, Drawable, Drawn, Tabular):
         return {k: spread(v) for k, v in self.named(self.draws.values).items()}
 
     def drawn(self) -> dict[str, np.ndarray]:
-        """Columns (n,) of the draws, without NUTS those of the Laplace approximation [SI]."""
+        """Columns (n,) of the draws [SI], by NUTS or else by the Laplace approximation."""
         values = self.laplace.draws if self.draws is None else self.draws.values
         return {name: np.ravel(column) for name, column in self.named(values).items()}
 
     def law_entry(self) -> dict[str, object]:
-        """The entry "friction_law" of its file (`saved.entry`): that of the fit, at the maximum,
+        """The entry "friction_law" of its file (`saved.entry`): the law of the fit at the maximum,
         with the covariance of the draws."""
         entry, method = law_entry(self.fit.to_json()), LAPLACE if self.draws is None else NUTS
         drawn, maximum = self.drawn(), {law_name(n): x for n, x in self.maximum().items()}
@@ -158,11 +157,11 @@ class Posterior(Described, Drawable, Drawn, Tabular):
         }
 
     def _warned(self) -> list[str]:
-        """What the fit and the posterior warn of."""
+        """Warnings of the fit and of the posterior."""
         return [*(f"the fit warned: {line}" for line in self.fit.warnings), *self.warnings]
 
     def attributes(self) -> dict[str, object]:
-        """What it is of; lists and tables as JSON, velocities and stiffness in SI."""
+        """Metadata for its file; lists and tables as JSON, velocities and stiffness in SI."""
         fit = self.fit
         noise = {"sigma": fit.noise.sigma, **fit.noise.to_json()}
         return {
@@ -183,7 +182,7 @@ class Posterior(Described, Drawable, Drawn, Tabular):
 
 
 def named(names: Sequence[str], values: np.ndarray) -> dict[str, np.ndarray]:
-    """Columns of parameters (..., p) by name, and A less all B."""
+    """Columns of parameters (..., p) by name, and A minus all B."""
     columns = {name: values[..., i] for i, name in enumerate(names)}
     amplitudes = [columns[n] for n in names if n.rstrip("0123456789") == "B"]
     return {**columns, DIFFERENCE: columns["A"] - sum(amplitudes)}
@@ -197,7 +196,7 @@ def spread(values: np.ndarray) -> Spread:
 
 
 def doubts(chains: dict[str, Chains], diverging: int) -> tuple[str, ...]:
-    """Why draws are not to be relied on, a sentence each; none where they are."""
+    """Reasons why draws are unreliable, a sentence each; empty for reliable ones."""
     if not chains:
         return ()
     rhat = max(chains, key=lambda name: _worst(chains[name].rhat, 1))
@@ -217,8 +216,7 @@ def doubts(chains: dict[str, Chains], diverging: int) -> tuple[str, ...]:
     if diverging:
         lines.append(
             f"{diverging} transition{'s' if diverging > 1 else ''} of the sampler diverged: a part"
-            " of the posterior may be missing, and it claims nothing; give tighter priors where"
-            " simulations fail"
+            " of the posterior may be missing, so it claims nothing; give tighter priors"
         )
     return tuple(lines)
 
@@ -228,5 +226,5 @@ def _least(one: Chains) -> float:
 
 
 def _worst(value: float, sign: int) -> float:
-    """A number for comparison, by which nan is the worst."""
+    """A number for comparison that ranks nan as the worst."""
     return sign * np.inf if np.isnan(value) else value

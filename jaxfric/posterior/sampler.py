@@ -1,10 +1,10 @@
 """Draws of a log posterior by NUTS, the no-U-turn sampler of Hoffman & Gelman (2014, JMLR 15, 1593)
 in the form of blackjax.
 
-Chains move in the units of the Laplace approximation, y = y_MAP + R u, where the posterior is about
-a standard normal law, so the mass matrix is the identity and only the step size is adapted. They
-run one after another: side by side all would wait for the longest tree and the slowest simulation
-of them, which takes longer on few cores. Each chain starts at a draw of the Laplace approximation.
+Chains move in units of the Laplace approximation, y = y_MAP + R u. There the posterior is roughly
+standard normal, so the mass matrix is the identity and only the step size is adapted. Chains run
+one after another: in parallel all would wait for the longest tree and the slowest simulation, which
+takes longer on few cores. Each chain starts at a draw of the Laplace approximation.
 """
 
 import importlib.metadata
@@ -26,15 +26,15 @@ from .target import Target, natural_of, point, value_and_gradient
 MISSING = 'draws by NUTS need blackjax and arviz; install them: pip install "jaxfric[posterior]"'
 _ACCEPTANCE, _DOUBLINGS = 0.8, 8
 _WARMUP = 250
-"""Draws at the begin of a chain in which the step size is adapted; they are not kept."""
+"""Warm-up draws of a chain, which adapt the step size and are discarded."""
 _SLACK, _HALVINGS = 50.0, 8
-"""A start whose log density is so much below the maximum, beyond its share of chance, is moved
-towards the maximum."""
+"""A start whose log density is this much below that of the Laplace approximation is moved towards
+the maximum, at most this number of times by half the distance."""
 
 
 class Draws(NamedTuple):
-    """Draws of all chains: parameters [SI] (c, n, p), variables y (c, n, q), and what the sampler
-    says of each (c, n)."""
+    """Draws of all chains: parameters [SI] (c, n, p), variables y (c, n, q), and the sampler's
+    diagnostics of each (c, n)."""
 
     values: np.ndarray
     y: np.ndarray
@@ -44,11 +44,11 @@ class Draws(NamedTuple):
     depth: np.ndarray
     steps: np.ndarray
     step_size: np.ndarray
-    """Of every chain, in standard deviations."""
+    """Step size of every chain, in standard deviations."""
 
 
 def require_blackjax() -> None:
-    """Raises `InputError` where the sampler is not installed."""
+    """Raise `InputError` if the sampler is not installed."""
     if any(importlib.util.find_spec(name) is None for name in ("arviz", "blackjax")):
         raise InputError(MISSING)
 
@@ -63,9 +63,9 @@ def nuts(
     warmup: int = _WARMUP,
     progress: Callable[[str], None] = silent,
 ) -> Draws:
-    """NUTS from the Laplace approximation `about` of a target.
+    """Draw from a target by NUTS, starting from its Laplace approximation `about`.
 
-    Raises `InputError` where blackjax is not installed.
+    Raises `InputError` if blackjax is not installed.
     """
     require_blackjax()
     y, root = jax.device_put(about.y), jax.device_put(about.root)
@@ -86,8 +86,8 @@ def nuts(
 
 
 def _start(target: Target, about: Laplace, u: np.ndarray) -> tuple[Array, Array, Array]:
-    """A draw of the Laplace approximation with its log density and gradient, nearer to the maximum
-    where the posterior has none."""
+    """Start at a draw of the Laplace approximation, moved towards the maximum if the posterior is
+    negligible there; return it with log density and gradient."""
     at = point(target, jax.device_put(about.y + about.root @ u))
     for _ in range(_HALVINGS):
         if float(at.log_density) > about.log_density - _SLACK - 0.5 * float(u @ u):
@@ -101,7 +101,7 @@ def _start(target: Target, about: Laplace, u: np.ndarray) -> tuple[Array, Array,
 def _log_density(
     target: Target, y: Float[Array, " q"], root: Float[Array, "q q"]
 ) -> Callable[[Float[Array, " q"]], Float[Array, ""]]:
-    """The log posterior in units of standard errors, whose gradient comes with its value."""
+    """The log posterior in units of standard errors; one solve gives value and gradient."""
 
     def both(u: Array) -> tuple[Array, Array]:
         value, slope = value_and_gradient(target, y + root @ u)
@@ -126,9 +126,10 @@ def _chain(
     counts: tuple[int, int],
     version: str,
 ) -> tuple[Array, Array, Array, Array]:
-    """One chain from `begin`, a position with its log density and gradient: positions, log
-    densities, what the sampler says of each, and the step size, after `counts` of draws that adapt
-    it and draws that are kept. `version` of the sampler is what the kept trace depends on."""
+    """Run one chain from `begin`: a position, its log density and its gradient.
+
+    `counts` are the numbers of warm-up and of kept draws. Returns positions, log densities and
+    diagnostics of the kept draws, and the step size. The cached trace depends on `version`."""
     from blackjax.adaptation import step_size
     from blackjax.mcmc import hmc
     from blackjax.mcmc import nuts as sampler

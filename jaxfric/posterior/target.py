@@ -2,17 +2,16 @@
 
     log p(y | record) = -|r(z(y))|^2/2 + sum_i [log p_i(x_i(y_i)) + log |dx_i/dy_i|] + constant
 
-r is the residual that `jaxfric.fit` minimises with its weighting "whitened": in units of the noise
-that the fit found, and uncorrelated under it. The noise is held at that estimate; its own
-uncertainty is not in the posterior. An "ordinary" fit finds the noise in the same way but weighs
-all rows alike, so its values may differ from the maximum here by more than an error, whatever the
-priors: beside a posterior stands the fit that is whitened by the same noise. Glitches are passed
-over as in the fit. y holds one variable a parameter (`distributions`) and then the shifts of step
-times that are fitted, in units of their errors, whose prior N(0, 1) is a part of r; shifts that
-only pad the problem stay 0.
+r is the residual that `jaxfric.fit` minimises with its weighting "whitened": uncorrelated and of
+unit variance under the noise that the fit found. The noise is fixed at that estimate; its
+uncertainty is not included. An "ordinary" fit estimates the same noise but weights all rows
+equally. So its values may differ from the maximum here by more than an error, for any priors; a
+posterior is therefore compared with the whitened fit. Outliers are excluded as in the fit. y holds
+one variable for each parameter (`distributions`), then the fitted shifts of step times in units of
+their errors. The prior N(0, 1) of the shifts is part of r; padding shifts are fixed at 0.
 
-A simulation that fails is a large finite misfit without slope. The derivative is in forward mode,
-one solve with all tangents: the gradient is -r^T J.
+A failed simulation counts as a large finite misfit with zero gradient. The derivative is computed
+in forward mode, one solve with all tangents: the gradient is -r^T J.
 """
 
 import dataclasses
@@ -35,43 +34,43 @@ class Target(eqx.Module):
     """A problem whose residual has unit variance, and the priors of its parameters in order."""
 
     problem: Problem
-    """Its residuals are those of one row after another (`Problem.plain`)."""
+    """The problem with unfiltered residuals (`Problem.plain`)."""
     whitening: Whitening | None
-    """What makes them uncorrelated and of unit variance; None: they are."""
+    """Filter to uncorrelated residuals of unit variance; None: not needed."""
     priors: tuple[AbstractPrior, ...]
     shifts: int = eqx.field(static=True)
-    """How many of the problem's shifts of step times are real; the rest pad it."""
+    """Number of fitted shifts of step times; the problem's others are padding."""
 
     def natural(self, y: Float[Array, " q"]) -> Float[Array, " p"]:
-        """Parameters [SI] of the variables."""
+        """Convert the variables to parameters [SI]."""
         return jnp.stack([prior.natural(y[i]) for i, prior in enumerate(self.priors)])
 
     def free(self, y: Float[Array, " q"]) -> Float[Array, " q"]:
-        """The fit's unbounded variables of the variables."""
+        """Convert the variables to the fit's unbounded variables."""
         p = len(self.priors)
         own, padding = self.problem.coordinates.to_free(self.natural(y)), p + self.shifts
         return jnp.concatenate([own[:p], y[p:], own[padding:]])
 
     def log_prior(self, y: Float[Array, " q"]) -> Float[Array, ""]:
-        """Log density of the priors, Jacobians included; the shifts of step times are in r."""
+        """Log density of the priors, Jacobians included; that of the shifts is part of r."""
         return jnp.sum(jnp.stack([p.log_density(y[i]) for i, p in enumerate(self.priors)]))
 
     def start(self, z: np.ndarray) -> np.ndarray:
-        """The variables of the fit's unbounded ones, moved to where every prior has a density."""
+        """Convert the fit's unbounded variables, moved into the support of every prior."""
         values = self.problem.coordinates.from_free(np.asarray(z))
         own = [p.variable(float(v)) for p, v in zip(self.priors, values, strict=True)]
         return np.concatenate([own, np.asarray(z)[len(own) : len(own) + self.shifts]])
 
 
 def target_of_problem(problem: Problem, noise: Noise, priors: tuple[AbstractPrior, ...]) -> Target:
-    """The log posterior of a problem whose noise is known (in units of its `noise_scale`)."""
+    """The log posterior of a problem with known noise (in units of its `noise_scale`)."""
     shifts = int(np.sum(np.asarray(problem.shift_scale) > 0))
     return Target(*likelihood(problem, noise), priors, shifts)
 
 
 def likelihood(problem: Problem, noise: Noise) -> tuple[Problem, Whitening | None]:
-    """The problem and the filter by which its residuals have unit variance under `noise` (in units
-    of its `noise_scale`). White noise needs no filter."""
+    """The problem, and the filter that whitens its residuals under `noise` (in units of its
+    `noise_scale`); None for white noise."""
     if np.ndim(noise.scale):
         raise ValueError("the scale of the noise must be one for all rows")
     if not noise.is_white:
@@ -86,8 +85,8 @@ def _put(x: object) -> Array:
 
 
 class Point(NamedTuple):
-    """The log posterior at a point: value, gradient, Jacobian of the residual by the variables, and
-    minus the second derivatives of the log prior, which is a sum over the parameters."""
+    """The log posterior at a point: value, gradient, Jacobian of the residual, and minus the second
+    derivatives of the log prior, which are diagonal."""
 
     log_density: Float[Array, ""]
     gradient: Float[Array, " q"]
@@ -106,7 +105,7 @@ def value_and_gradient(
 
 @traced
 def point(target: Target, y: Float[Array, " q"]) -> Point:
-    """The log posterior about a point."""
+    """Evaluate the log posterior and its curvature at a point."""
     r, jacobian = _residual(target, y)
     prior, slope = jax.value_and_grad(target.log_prior)(y)
     bend = jnp.diagonal(jax.hessian(target.log_prior)(y))
@@ -115,7 +114,7 @@ def point(target: Target, y: Float[Array, " q"]) -> Point:
 
 @traced
 def natural_of(target: Target, ys: Float[Array, "s q"]) -> Float[Array, "s p"]:
-    """Parameters [SI] of several rows of variables."""
+    """Convert several rows of variables to parameters [SI]."""
     return jax.vmap(target.natural)(ys)
 
 
@@ -129,5 +128,5 @@ def _residual(target: Target, y: Float[Array, " q"]) -> tuple[Array, Array]:
     rows = target.problem.time.shape[0]
     columns = jnp.column_stack([r, jacobian])
     white = jnp.concatenate([target.whitening(columns[:rows]), columns[rows:]])
-    failed = r == FAILED_MISFIT  # such a trial stays as bad as it is
+    failed = r == FAILED_MISFIT  # keep the penalty of a failed simulation
     return jnp.where(failed, r, white[:, 0]), white[:, 1:]
