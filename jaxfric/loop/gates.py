@@ -26,7 +26,6 @@ from .thresholds import (
     KNOWN,
     LEAST_SHARE,
     LOST,
-    WORSE,
 )
 
 
@@ -63,19 +62,6 @@ def evidence(trial: Trial) -> Refusal | None:
     return None if enough else Refusal(Fault.WEAK, value=trial.gain, threshold=ACCEPT)
 
 
-def predicts(trial: Trial) -> Refusal | None:
-    """The error of the validation block does not grow significantly.
-
-    The limit is two standard errors of this rms, since a few rows, or correlated ones, may differ
-    much from the train block. A factor `WORSE` is always allowed.
-    """
-    before, after = trial.current.rms["select"], trial.candidate.rms
-    chance = trial.engine.rms_error(trial.engine.blocks.select, trial.candidate.noise)
-    most = max(WORSE, (1 + 2 * chance) * after["train"] / before)
-    ratio = after["select"] / before
-    return None if ratio <= most else Refusal(Fault.PREDICTS_WORSE, value=ratio, threshold=most)
-
-
 def fixed(trial: Trial) -> Refusal | None:
     """The record determines the parameters of its effects, see `not_fixed`."""
     names = not_fixed(trial.engine, trial.candidate, trial.scales)
@@ -89,7 +75,7 @@ def takes_nothing(trial: Trial) -> Refusal | None:
 
 
 Gate = Callable[[Trial], Refusal | None]
-FITTED: tuple[Gate, ...] = (converged, possible, evidence, predicts)
+FITTED: tuple[Gate, ...] = (converged, possible, evidence)
 """Gates that need the fit only."""
 GATES: tuple[Gate, ...] = (*FITTED, fixed, takes_nothing)
 """All gates, in order."""

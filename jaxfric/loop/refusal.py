@@ -16,7 +16,6 @@ class Fault(StrEnum):
     FAILED = "did_not_converge"
     IMPOSSIBLE = "impossible_parameters"
     WEAK = "too_little_evidence"
-    PREDICTS_WORSE = "predicts_the_validation_block_worse"
     NOT_FIXED = "not_fixed"
     TAKES = "takes_of_the_base"
 
@@ -25,7 +24,6 @@ SOURCES: Mapping[Fault, str] = {
     Fault.FAILED: "a fit that did not converge says nothing, for or against",
     Fault.IMPOSSIBLE: "bounds of the effect's parameters (page 'effects')",
     Fault.WEAK: "very strong evidence is a fall of BIC by 10 (Kass and Raftery 1995)",
-    Fault.PREDICTS_WORSE: "cross-validation: a model is judged on rows that it was not fitted to",
     Fault.NOT_FIXED: "an error as large as the value, or a size that the record cannot show",
     Fault.TAKES: "the sign and size of what was known without the effect (page 'loop')",
 }
@@ -50,8 +48,7 @@ class Refusal(NamedTuple):
     """Changes of the parameters that the effects take over."""
     value: float = float("nan")
     threshold: float = float("nan")
-    """Reduction of BIC and its required minimum, or growth factor of the validation error and its
-    maximum; nan for other faults."""
+    """Reduction of BIC and its required minimum; nan for other faults."""
 
 
 def takes(refusal: Refusal | None) -> bool:

@@ -37,8 +37,6 @@ MANY = 5.0
 
 REFITS = 4
 """Number of most promising effects that are refitted in a round."""
-WORSE = 1.02
-"""Factor by which the validation error may grow even if that is significant."""
 LOST_LIKELIHOOD = 2.0
 """Largest rise of -2 ln L by an effect in a good fit; at its null the effect changes nothing."""
 PARTS = (0.1, 0.01, 1e-3)

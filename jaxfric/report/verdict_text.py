@@ -22,7 +22,6 @@ _FAULTS = {
     Fault.FAILED: "did not converge",
     Fault.IMPOSSIBLE: "impossible parameters",
     Fault.WEAK: "too little evidence",
-    Fault.PREDICTS_WORSE: "predicts the validation block worse",
 }
 _BLOCKS = {"report": "test", "select": "validation", "train": "train"}
 
