@@ -73,6 +73,7 @@ from jaxfric.report.report import print_details
 from jaxfric.report.rig_words import AXIS, SLIDER
 from jaxfric.report.verdict_text import change, words_of_refusal
 from jaxfric.report.version import installed_version
+from jaxfric.saved import law_from_fit
 from jaxfric.stability.claims import Curve, Unseen
 
 HOSTILE = "<b>&.csv"
@@ -1342,3 +1343,17 @@ def test_a_curve_whose_shape_is_not_told_is_said_to_be_so(snapshot):
     assert told.to_json()["families"][0]["fitting"] == ["a cubic in ln V"]
     texts = {"headline": headline(told), "apart": "\n".join(apart(told)), "to do": to_do(told)}
     snapshot("family", texts)
+
+
+def test_a_model_that_predicts_worse_than_the_base_is_not_used() -> None:
+    """Outside the catalogue, the last model may fit what was fitted and miss the test rows."""
+    loop = dataclasses.replace(make_loop("effects"), verdict="outside_catalogue")
+    assert loop.supported is loop.after
+    worse = dataclasses.replace(loop.after, rms={name: 9.0 for name in loop.after.rms})
+    loop = dataclasses.replace(loop, after=worse)
+    assert loop.supported is loop.before
+    assert dataclasses.replace(loop, verdict="effects").supported is worse
+    told = report_of(loop).headline
+    assert "base model" in told[1] and "0.01050(6)" in told[1]
+    law = law_from_fit(loop, normal_force=1.0, samples=0).law
+    assert float(law.A) == loop.before.parameters["A"].value

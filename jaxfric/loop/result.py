@@ -217,6 +217,13 @@ class Loop(Described, Drawable, Gridded, Tabular):
                 moved[name] = (after.value - before.value) / after.std
         return moved
 
+    @property
+    def supported(self) -> Score:
+        """The model to use: `after`, but `before` where the verdict is "outside_catalogue" and the
+        added effects predict the test block worse than the base model does."""
+        worse = self.test_error(self.after) > self.test_error(self.before)
+        return self.before if self.verdict == "outside_catalogue" and worse else self.after
+
     def test_error(self, score: Score) -> float:
         """rms of the test block in units of its noise. Neither a fit nor the choice of a model used
         these rows."""

@@ -36,6 +36,7 @@ def content(loop: Loop) -> dict:
         "candidates": loop.candidates,
         "rules": {fault.value: source for fault, source in SOURCES.items()},
         "screened": loop.screened,
+        "supported": "before" if loop.supported is loop.before else "after",
         "before": _score(loop, loop.before),
         "after": _score(loop, loop.after),
         "shifts_in_sigma": loop.shifts(),

@@ -64,6 +64,9 @@ def first_lines(loop: Loop) -> list[str]:
     found += f" (noise alone gives up to {most:.2f})" if math.isfinite(most) else ""
     caution = [f"caution: {loop.reasons[0]}"] if loop.reasons else []
     means = [f"{id}: {meaning(loop, id)}" for id in loop.effects if meaning(loop, id)]
-    rate = loop.after.A_minus_B
-    friction = [] if rate is None else [friction_line(rate, loop.after.parameters, length_of(loop))]
+    model = loop.supported
+    rate, of = model.A_minus_B, ""
+    if model.effects != loop.effects:
+        of = "base model, as the effects added predict the test rows worse: "
+    friction = [] if rate is None else [of + friction_line(rate, model.parameters, length_of(loop))]
     return [f"{found}.", *friction, *(means if loop.verdict == "effects" else caution)]

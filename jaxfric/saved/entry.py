@@ -157,7 +157,8 @@ def law_entry(content: Mapping) -> dict[str, Any]:
     else:
         states = 0 if axis else count_states(law if is_rate_state(law) else None, known)
         origin = f"from the loop ({content['verdict']})"
-        velocities, found = [step[-1] for step in content.get("steps", [])], content["effects"]
+        velocities = [step[-1] for step in content.get("steps", [])]
+        found = content["effects"] if _supported(content) == "after" else []
         warnings = [*verdict_words(content), *_claim(about)]
     declared = [name.split(".")[0] for name in known if "." in name]
     return {
@@ -186,7 +187,7 @@ def law_entry(content: Mapping) -> dict[str, Any]:
 
 def _table(content: Mapping) -> Mapping:
     """Where a file has the parameters of its last model."""
-    return content if content["schema"] == FIT else content["after"]
+    return content if content["schema"] == FIT else content[_supported(content)]
 
 
 def law_name(name: str) -> str:
@@ -242,18 +243,15 @@ def verdict_words(content: Mapping) -> list[str]:
         return []
     sentence = str(content.get("sentence") or "").strip().rstrip(".")
     more = f" ({sentence})" if sentence else ""
-    text = (
-        f"the loop's verdict is {content['verdict']}{more}: the law of its last model is used,"
-        " which does not describe the record"
-    )
-    errors = [
-        ((content.get(when) or {}).get("in_sigma") or {}).get("report")
-        for when in ("before", "after")
-    ]
-    before, after = (float(x) if isinstance(x, int | float) else np.nan for x in errors)
-    if content.get("effects") and after > before:
-        text += (
-            f"; rows that were never fitted it predicts worse than the base does ({after:.2f} sigma"
-            f" for {before:.2f}): run the loop again without an effect (--exclude)"
+    which = "the law of its last model is used, which does not describe the record"
+    if _supported(content) == "before":
+        which = (
+            "the law of its base model is used, since the effects added predict the test rows"
+            " worse; it does not describe the record either"
         )
-    return [text]
+    return [f"the loop's verdict is {content['verdict']}{more}: {which}"]
+
+
+def _supported(content: Mapping) -> str:
+    """Which model of a loop.json is to be used, "before" or "after" (`Loop.supported`)."""
+    return "before" if content.get("supported") == "before" else "after"
