@@ -217,6 +217,22 @@ def test_ends_are_told_apart() -> None:
     assert abs(table("stiff")[4][-1] - 2e-3) < 1e-5
 
 
+def test_the_course_is_told_by_values() -> None:
+    """For programs: how it began and ended by name, with the numbers that the sentence has."""
+    at = (*SLIP, "--velocity", "2 mm/s", "--mass", "2 kg", "--kp", "1500 N/m", "--jump", "20 um")
+    told = json.loads(run("simulate", *at, "--duration", "26 s", "--json", "--out", "s").out)
+    course = told["course"]
+    assert (course["start"], course["result"]) == ("jump", "successful")
+    assert course["end"] == "limit_cycle"
+    assert course["jump"] == 2e-5 and course["simulated"] == course["asked"] == 26.0
+    least, most = course["cycle"]["least_velocity"], course["cycle"]["largest_velocity"]
+    assert told["velocity"][0] <= least < 2e-3 < 20 * 2e-3 < most <= told["velocity"][1]
+    lines = Path("s/trajectory.csv").read_text().splitlines()
+    assert f"period {course['cycle']['period']:.5g} s" in next(x for x in lines if "end: " in x)
+    again = json.loads(run("simulate", *at, "--duration", "1 ms", "--json", "--out", "t").out)
+    assert again["course"]["end"] == "unresolved" and again["course"]["cycle"] is None
+
+
 @pytest.mark.long
 def test_a_delay_grows_at_the_rate_of_its_root() -> None:
     code, out, _ = run("simulate", *DELAY, "--kp", "400 N/m", "--duration", "6 s")

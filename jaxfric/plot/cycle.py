@@ -1,6 +1,5 @@
 """Figures of a simulated motion: in time, and in the plane of friction and velocity."""
 
-import dataclasses
 from collections.abc import Callable
 from pathlib import Path
 
@@ -8,12 +7,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..coordinate import Coordinate, unit_of
-from ..motion import PiecewiseVelocity
-from ..records.steps import VelocitySteps
-from ..rig import Inertial, Rig
-from ..simulation import Trajectory
-from ..stability.analysis import Law, steady_points
+from ..gains.course import Motion
+from ..stability.analysis import steady_points
 from . import style
 from .palette import BLACK, BLUE, GREY, ORANGE
 from .stability import law_name, mass_text
@@ -24,62 +19,27 @@ _STUCK = 1e-4
 _CURVE, _HEAD = 300, 8
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Motion:
-    """A simulated motion as arrays over time, SI; what is drawn and written."""
+def _drawn(motion: Motion) -> tuple[np.ndarray, str, str]:
+    """Velocities no lower than what counts as stuck, unless the slider moves backwards; the
+    scale of their axis, logarithmic where they change much; and a note on those raised."""
+    slow = _slowest(motion)
+    if np.min(motion.velocity) < -0.01 * slow:
+        return motion.velocity, "symlog" if np.ptp(motion.velocity) > 30 * slow else "linear", ""
+    stuck = motion.velocity < _STUCK * slow
+    shown = np.where(stuck, _STUCK * slow, motion.velocity)
+    note = f"Stuck: drawn at {_STUCK:g} of the command" if stuck.any() else ""
+    return shown, "log" if shown.max() > 5 * shown.min() else "linear", note
 
-    law: Law
-    mass: float | None
-    k_p: float
-    k_v: float
-    command: np.ndarray
-    """Commanded velocity [m/s]."""
-    time: np.ndarray
-    load_point: np.ndarray
-    friction: np.ndarray
-    slip: np.ndarray
-    velocity: np.ndarray
-    coordinate: Coordinate = "linear"
-    """Whether the numbers are of a line, in m and N, or of a rotation, in rad and N m."""
 
-    def unit(self, si_unit: str) -> str:
-        """The unit here of a quantity that has `si_unit` on a line."""
-        return unit_of(si_unit, self.coordinate)
-
-    @staticmethod
-    def of(found: Trajectory, rig: Rig, motion: PiecewiseVelocity, rows: np.ndarray) -> "Motion":
-        """The motion at some rows of a trajectory under velocity steps that begin at time 0."""
-        columns = (found.time, found.recorded, found.slip, found.velocity)
-        time, friction, slip, velocity = (np.asarray(x)[rows] for x in columns)
-        steps = VelocitySteps(np.asarray(motion.times), np.asarray(motion.velocities))
-        at = np.maximum(np.searchsorted(steps.times, time, side="right") - 1, 0)
-        machine = rig.machine
-        mass = float(machine.mass) if isinstance(machine, Inertial) else None
-        damping = 0.0 if machine.damping is None else float(machine.damping)
-        gains = mass, float(machine.stiffness), damping
-        command, load = steps.velocities[at], steps.displacement(time)
-        return Motion(rig.friction, *gains, command, time, load, friction, slip, velocity)
-
-    def drawn(self) -> tuple[np.ndarray, str, str]:
-        """Velocities no lower than what counts as stuck, unless the slider moves backwards; the
-        scale of their axis, logarithmic where they change much; and a note on those raised."""
-        slow = self.slowest()
-        if np.min(self.velocity) < -0.01 * slow:
-            return self.velocity, "symlog" if np.ptp(self.velocity) > 30 * slow else "linear", ""
-        stuck = self.velocity < _STUCK * slow
-        shown = np.where(stuck, _STUCK * slow, self.velocity)
-        note = f"Stuck: drawn at {_STUCK:g} of the command" if stuck.any() else ""
-        return shown, "log" if shown.max() > 5 * shown.min() else "linear", note
-
-    def slowest(self) -> float:
-        """The slowest commanded speed that is not zero."""
-        return float(np.abs(self.command[self.command != 0]).min())
+def _slowest(motion: Motion) -> float:
+    """The slowest commanded speed that is not zero."""
+    return float(np.abs(motion.command[motion.command != 0]).min())
 
 
 def _series_figure(motion: Motion) -> Figure:
     figure, axes = style.panels([1.4, 1.4, 1.1])
     t_size, t_unit = style.prefixed(min(float(motion.time[-1]), 1.0), "s")
-    velocity, scale, note = motion.drawn()
+    velocity, scale, note = _drawn(motion)
     for axis, name, si, values, command in (
         (axes[0], "friction", "N", motion.friction, None),
         (axes[1], "velocity", "m/s", velocity, motion.command),
@@ -92,7 +52,7 @@ def _series_figure(motion: Motion) -> Figure:
             x, y = t_size * motion.time, size * command
             axis.plot(x, y, color=ORANGE, lw=1.1, ls="--", label="load point")
         if name == "velocity":
-            _set_scale(axis, "y", scale, size * motion.slowest())
+            _set_scale(axis, "y", scale, size * _slowest(motion))
         style.tidy(axis, note if name == "velocity" else "", y=f"{name} [{unit}]")
     style.tidy(axes[2], x=f"time [{t_unit}]")
     return style.finish(figure, _heading(motion))
@@ -100,8 +60,8 @@ def _series_figure(motion: Motion) -> Figure:
 
 def _plane_figure(motion: Motion) -> Figure:
     """Friction against velocity, with the steady curve behind."""
-    drawn, scale, note = motion.drawn()
-    slow = motion.slowest()
+    drawn, scale, note = _drawn(motion)
+    slow = _slowest(motion)
     f_size, f_unit = style.prefixed(style.most(motion.friction), motion.unit("N"))
     v_size, v_unit = style.prefixed(style.most(motion.command), motion.unit("m/s"))
     figure, (axis,) = style.panels([3.45])

@@ -1,0 +1,276 @@
+"""The course of a slider in time: how it begins, goes on and ends; longer until its end is seen."""
+
+import dataclasses
+import functools
+import math
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from ..coordinate import Coordinate, unit_of
+from ..errors import InputError
+from ..motion import PiecewiseVelocity
+from ..records.steps import VelocitySteps
+from ..rig import Inertial, QuasiStatic, Rig
+from ..rig.friction import AbstractDelayLaw, AbstractInvertibleLaw, AbstractStribeck
+from ..silent import silent
+from ..simulation import RESULTS, InitialState, Trajectory, jump_start, rest_start, simulate
+from ..simulation.delay import simulate_delay
+from ..simulation.trajectory import result_words
+from ..stability.analysis import Law, slider_poles
+from .ends import ENDS, RUNAWAY, Track, classify
+
+MAX_STEPS = 16384
+"""Solver steps of one simulation."""
+_RTOL = 1e-6
+_ROWS = 2000
+_PERIODS = 30.0
+_LONGER, _TRIES = 4.0, 4
+"""A default duration in which no end is seen is made longer, so many times as often."""
+_SEED = 0.02
+"""Spring force of the disturbance at a constant velocity, relative to the law's scale of force."""
+_WIDTH = 1e-3
+"""Velocity over which the sign of a memoryless law turns, relative to the slowest command."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Motion:
+    """A simulated motion as arrays over time, SI; what is drawn and written."""
+
+    law: Law
+    mass: float | None
+    k_p: float
+    k_v: float
+    command: np.ndarray
+    """Commanded velocity [m/s]."""
+    time: np.ndarray
+    load_point: np.ndarray
+    friction: np.ndarray
+    slip: np.ndarray
+    velocity: np.ndarray
+    coordinate: Coordinate = "linear"
+    """Whether the numbers are of a line, in m and N, or of a rotation, in rad and N m."""
+
+    def unit(self, si_unit: str) -> str:
+        """The unit here of a quantity that has `si_unit` on a line."""
+        return unit_of(si_unit, self.coordinate)
+
+    @staticmethod
+    def of(found: Trajectory, rig: Rig, motion: PiecewiseVelocity, rows: np.ndarray) -> "Motion":
+        """The motion at some rows of a trajectory under velocity steps that begin at time 0."""
+        columns = (found.time, found.recorded, found.slip, found.velocity)
+        time, friction, slip, velocity = (np.asarray(x)[rows] for x in columns)
+        steps = VelocitySteps(np.asarray(motion.times), np.asarray(motion.velocities))
+        at = np.maximum(np.searchsorted(steps.times, time, side="right") - 1, 0)
+        machine = rig.machine
+        mass = float(machine.mass) if isinstance(machine, Inertial) else None
+        damping = 0.0 if machine.damping is None else float(machine.damping)
+        gains = mass, float(machine.stiffness), damping
+        command, load = steps.velocities[at], steps.displacement(time)
+        return Motion(rig.friction, *gains, command, time, load, friction, slip, velocity)
+
+
+class Cycle(NamedTuple):
+    """The last half of an oscillation."""
+
+    period: float
+    """Mean time between rises of friction [s]."""
+    slip_amplitude: float
+    """Half the range of slip about steady sliding [m]."""
+    least_velocity: float
+    largest_velocity: float
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Course:
+    """A simulated motion, how it began and how it ended."""
+
+    motion: Motion
+    duration: float
+    """Time that was to be simulated [s]."""
+    solver_steps: int
+    result: RESULTS
+    """`RESULTS.successful`, or why the simulation ended early."""
+    start: str
+    """ "at_rest" on an unloaded spring, "steady" sliding, or a "jump" of the load point."""
+    jump: float | None
+    """Size of the jump [m]."""
+    end: str = ""
+    """The name of one of `ENDS`; "" where the command has steps, after which none is asked."""
+    cycle: Cycle | None = None
+    """Of an end "limit_cycle"."""
+
+    @property
+    def seen(self) -> bool:
+        """Whether nothing more would be seen in a longer time."""
+        return self.end != "unresolved" or bool(self.result != RESULTS.successful)
+
+    def to_json(self) -> dict[str, object]:
+        """The entry `course` of the command's JSON, SI."""
+        cycle = None if self.cycle is None else self.cycle._asdict()
+        return {
+            "start": self.start,
+            "jump": self.jump,
+            "simulated": float(self.motion.time[-1]),
+            "asked": self.duration,
+            "solver_steps": self.solver_steps,
+            "result": result_words(self.result),
+            "end": self.end or None,
+            "cycle": cycle,
+        }
+
+
+def rig_of(
+    law: Law, mass: float | None, k_p: float, k_v: float, velocities: Sequence[float]
+) -> tuple[Rig, float | None]:
+    """The rig, and the velocity [m/s] over which the sign of friction turns, where the law has none
+    of its own and it is assumed from the commanded `velocities`.
+
+    Raises `InputError` for a law without direct effect and without mass.
+    """
+    damping, width = k_v if k_v > 0 else None, None
+    if mass is None and not isinstance(law, AbstractInvertibleLaw):
+        raise InputError(
+            f"a {type(law).__name__} law has no direct effect: without mass its velocity cannot be"
+            " found from the force; give a mass, as in --mass '2 kg'"
+        )
+    if isinstance(law, AbstractStribeck) and law.width is None:
+        width = _WIDTH * min(abs(V) for V in velocities if V)
+        law = eqx.tree_at(
+            lambda law: law.width, law, jnp.asarray(width), is_leaf=lambda x: x is None
+        )
+    machine = QuasiStatic(k_p, damping) if mass is None else Inertial(mass, k_p, damping)
+    return Rig(machine, law), width
+
+
+def course_of(
+    rig: Rig,
+    command: PiecewiseVelocity,
+    *,
+    duration: float | None = None,
+    at_rest: bool = False,
+    jump: float | None = None,
+    coordinate: Coordinate = "linear",
+    progress: Callable[[str], None] = silent,
+) -> Course:
+    """Simulate; where no duration is given, longer and longer until an end is seen.
+
+    A motion begins in steady sliding, or `at_rest`. At a constant velocity a small `jump` [m] of
+    the load point disturbs it, unless another is given.
+
+    Raises `InputError` for a delay law from rest or under steps.
+    """
+    times, velocities = (np.asarray(x).tolist() for x in (command.times, command.velocities))
+    V = velocities[0]
+    constant, delayed = len(velocities) == 1, isinstance(rig.friction, AbstractDelayLaw)
+    if delayed and (at_rest or not constant):
+        raise InputError("a delay law is simulated at one --velocity, and not from rest")
+    start, lead, kind = None, 0.0, "steady"
+    if at_rest:
+        start, kind = rest_start(rig, V), "at_rest"
+        lead = abs(float(start.elongation) / V) if start.elongation is not None else 0.0
+    elif constant or jump is not None:
+        if jump is None:
+            jump = _SEED * float(rig.friction.force_scale()) / float(rig.machine.stiffness)
+        kind = "jump"
+        start = (
+            InitialState(elongation=jump) if delayed else eqx.filter_jit(jump_start)(rig, V, jump)
+        )
+    whole = duration or _default_duration(rig, times, velocities, lead)
+    tries = 1 if duration or not constant else _TRIES
+    k = 1
+    while True:
+        of = f", try {k} of at most {tries}" if tries > 1 else ""
+        progress(f"simulating {whole:.4g} s{of}")
+        found, run = _simulated(rig, command, whole, start)
+        run = dataclasses.replace(run, coordinate=coordinate)
+        end, cycle = _ending(found, run, V, lead) if constant else ("", None)
+        steps = int(found.num_steps)
+        course = Course(run, whole, steps, found.result, kind, jump, end, cycle)
+        if course.seen or k == tries:
+            return course
+        k, whole = k + 1, whole * _LONGER
+
+
+def _default_duration(rig: Rig, times: list[float], velocities: list[float], lead: float) -> float:
+    """Periods of the slowest linear mode that matters, and the time to load the spring."""
+    machine = rig.machine
+    slowest = min(abs(V) for V in velocities if V)
+    mass = machine.mass if isinstance(machine, Inertial) else None
+    damping = 0.0 if machine.damping is None else machine.damping
+    s = np.asarray(slider_poles(rig.friction, slowest, mass, machine.stiffness, damping))
+    size = np.abs(s[np.isfinite(s)])
+    size = size[size > 0]
+    slow = max(size.min(), 1e-4 * size.max()) if size.size else 1.0
+    if len(times) > 1:
+        return times[-1] + max(times[-1] / (len(times) - 1), 1.5 / slow) + lead
+    return _PERIODS * 2 * math.pi / slow / 3 + 2 * lead
+
+
+def _simulated(
+    rig: Rig, command: PiecewiseVelocity, duration: float, start: InitialState | None
+) -> tuple[Trajectory, Motion]:
+    """One simulation, at even times and at the solver's own steps."""
+    even = np.linspace(0.0, duration, _ROWS + 1)
+    if isinstance(rig.friction, AbstractDelayLaw):
+        V = command.velocities[0]
+        found = simulate_delay(rig, V, jnp.asarray(even), start=start, pieces=8)
+    else:
+        span = jnp.asarray([0.0, duration])
+        rough = _integrator()(rig, command, span, start=start, at_steps=True)
+        own = np.asarray(rough.time)
+        ts = np.unique(np.concatenate([even, own]))
+        ts = np.concatenate([ts, np.full(_ROWS + 1 + len(own) - len(ts), ts[-1])])
+        found = _integrator()(rig, command, jnp.asarray(ts), start=start, at_steps=False)
+    keep = np.unique(np.asarray(found.time), return_index=True)[1]
+    keep = keep[np.asarray(found.time)[keep] <= float(found.end) * (1 + 1e-12)]
+    return found, Motion.of(found, rig, command, keep)
+
+
+@functools.cache
+def _integrator():
+    """`simulate`, compiled once for each shape."""
+    limits = {"rtol": _RTOL, "max_steps": MAX_STEPS, "runaway": RUNAWAY}
+    return eqx.filter_jit(functools.partial(simulate, **limits))
+
+
+@eqx.filter_jit
+def _classified(time, velocity, deviation, V, *, begin, end):
+    """`classify`, compiled: arrays in, the end state out."""
+    return classify(Track(time, velocity, deviation), V, begin=begin, end=end)
+
+
+def _ending(found: Trajectory, run: Motion, V: float, lead: float) -> tuple[str, Cycle | None]:
+    """How the motion ends, and its cycle."""
+    if bool(found.result == RESULTS.ran_away):
+        return "escape", None
+    last = float(run.time[-1])
+    columns = (run.time, run.velocity, run.slip - V * run.time, V, min(lead, 0.5 * last), last)
+    *seen, begin, until = (jnp.asarray(column) for column in columns)
+    end = _classified(*seen, begin=begin, end=until)
+    if bool(end.code == ENDS.steady):
+        return "steady", None
+    if not bool(end.code == ENDS.limit_cycle):
+        return "unresolved", None
+    swing, least = float(end.velocity_amplitude), float(end.least_velocity)
+    period = _period(run.time, run.friction) or float(end.period)
+    return "limit_cycle", Cycle(period, float(end.slip_amplitude), least, least + 2 * swing)
+
+
+def _period(time: np.ndarray, friction: np.ndarray) -> float | None:
+    """Mean time [s] between rises of friction from its lower to its upper quarter, in the last
+    half: what happens within a slip does not count."""
+    late = time >= 0.5 * time[-1]
+    time, friction = time[late], friction[late]
+    low, high = friction.min(), friction.max()
+    below, rises = False, []
+    for t, f in zip(time, friction, strict=True):
+        if f < low + 0.25 * (high - low):
+            below = True
+        elif below and f > high - 0.25 * (high - low):
+            below = False
+            rises.append(t)
+    return (rises[-1] - rises[0]) / (len(rises) - 1) if len(rises) > 1 else None

@@ -1,0 +1,104 @@
+"""A simulated course in words, and as the table trajectory.csv."""
+
+from collections.abc import Mapping, Sequence
+
+from ..gains.course import MAX_STEPS, Course, Motion
+from ..schemas import SIMULATION
+from ..simulation import RESULTS
+from ..units import factor, format_si
+from .report import Report
+
+_ENDS = {
+    "steady": "steady sliding, or ever closer to it",
+    "limit_cycle": "oscillation (stick-slip limit cycle, or still growing)",
+    "escape": "escape, the slider ran away",
+    "unresolved": "not decided in this time; give a longer --duration",
+}
+
+
+def report(course: Course, law: str, width: float | None, length: str) -> Report:
+    """How the motion ends; then the `law` and the machine, and how it began and went on.
+
+    Lengths are in the unit `length`; `width` [m/s] is assumed, over which friction changes sign.
+    """
+    motion, early = course.motion, course.result != RESULTS.successful
+    notes = [law, _machine(motion)]
+    if width is not None:
+        speed = motion.unit("m/s")
+        notes.append(f"the sign of friction turns over {width:.3g} {speed} (parameter width)")
+    if course.start == "at_rest":
+        notes.append("start: at rest, the spring unloaded")
+    if course.start == "jump" and course.jump is not None:
+        size, unit = (1.0, "rad") if length == "rad" else (1e-6, "um")
+        jump = f"{course.jump / size:.4g} {unit}"
+        notes.append(f"start: steady sliding; then the load point jumps by {jump}")
+    reached = f"{float(motion.time[-1]):.6g} s of {course.duration:.6g} s"
+    notes.append(f"simulated: {reached}, {course.solver_steps} steps")
+    notes += [f"ended early: {_why(course.result)}"] if early else []
+    end = f"end: {_ENDS[course.end]}{_cycle(course, length)}" if course.end else notes.pop()
+    return Report([end], notes=notes)
+
+
+def content(
+    course: Course, law: str, width: float | None, files: Sequence[str]
+) -> dict[str, object]:
+    """What was simulated as JSON, in SI."""
+    run = course.motion
+    return {
+        "schema": SIMULATION,
+        "law": law,
+        "width": width,
+        "mass": run.mass,
+        "kp": run.k_p,
+        "kv": run.k_v,
+        "units": {"kp": run.unit("N/m"), "kv": run.unit("N s/m"), "slip": run.unit("m")},
+        "course": course.to_json(),
+        "rows": len(run.time),
+        "duration": float(run.time[-1]),
+        "slip": float(run.slip[-1]),
+        "velocity": [float(run.velocity.min()), float(run.velocity.max())],
+        "friction": [float(run.friction.min()), float(run.friction.max())],
+        "files": files,
+    }
+
+
+def trajectory_text(motion: Motion, made: Mapping[str, str], notes: Sequence[str]) -> str:
+    """trajectory.csv: comments, a line of names with units, numbers."""
+    length, size = ("rad", 1.0) if motion.coordinate == "rotary" else ("um", 1e6)
+    names = ["time [s]", f"load_point_displacement [{length}]", f"friction [{motion.unit('N')}]"]
+    names += [f"slip [{length}]", f"slider_velocity [{length}/s]"]
+    told = ("simulated by jaxfric", *(f"{name}: {text}" for name, text in made.items()), *notes)
+    lines = [*(f"# {' '.join(note.split())}" for note in told), ",".join(names)]
+    moved, slip, velocity = (size * x for x in (motion.load_point, motion.slip, motion.velocity))
+    columns = (motion.time, moved, motion.friction, slip, velocity)
+    lines += [
+        f"{t:.12g},{x:.10g},{f:.10g},{s:.10g},{v:.6g}"
+        for t, x, f, s, v in zip(*columns, strict=True)
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _machine(motion: Motion) -> str:
+    k_p, k_v, mass = (motion.unit(unit) for unit in ("N/m", "N s/m", "kg"))
+    text = "no mass (quasi-static)" if motion.mass is None else f"mass {motion.mass:g} {mass}"
+    return f"k_p = {motion.k_p:g} {k_p}, k_v = {motion.k_v:g} {k_v}, {text}"
+
+
+def _why(result: RESULTS) -> str:
+    if bool(result == RESULTS.max_steps_reached):
+        return f"{MAX_STEPS} solver steps were not enough; give a shorter --duration"
+    return " ".join(RESULTS[result].split())
+
+
+def _cycle(course: Course, length: str) -> str:
+    cycle = course.cycle
+    if cycle is None:
+        return ""
+    unit = "rad" if length == "rad" else "m"
+    size = factor(length, unit, "length")
+    slowest, fastest = cycle.least_velocity / size, cycle.largest_velocity / size
+    return (
+        f", period {cycle.period:.5g} s,"
+        f" slip amplitude {format_si(cycle.slip_amplitude, unit, length, 5)} (half the range of"
+        f" slip about steady sliding), velocity {slowest:.4g} to {fastest:.4g} {length}/s"
+    )
