@@ -15,21 +15,15 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from ..errors import InputError
-from ..schemas import STUDY_SUMMARY
 from . import options
 from .call import current_call
 from .common import prepare_jax, told, warn
 from .folder import choose_folder, json_text
+from .shown import show
 
 if TYPE_CHECKING:
-    from xarray import Dataset
-
     from ..study.progress import Progress
 
-# Without a terminal progress is told once in so many seconds.
-_EVERY = 10.0
-# Texts of errors in the summary.
-_SHOWN = 5
 # What a message of a study that is a warning begins with.
 _WARNING = "warning: "
 
@@ -85,10 +79,11 @@ def study(
     _use_all_cores()
     prepare_jax(gpu=True)
     from ..members import run_study
+    from ..report.study_text import content, report
 
     begun = time.monotonic()
     with told() as progress, _ended_by_sigterm():
-        teller = _Teller(progress.say)
+        teller = _Teller(progress)
         try:
             found = run_study(
                 file,
@@ -105,12 +100,9 @@ def study(
             message = f"jaxfric: stopped: {teller.state}; to go on: {current_call().command}"
             print(message, file=sys.stderr, flush=True)
             raise SystemExit(143 if isinstance(interrupt, _Terminated) else 130) from None
-    if output.json:
-        print(json_text(_content(found, destination, teller.members)))
-        return 0
-    for line in _summary(found, time.monotonic() - begun, teller.members):
-        print(line)
-    print(f"written: {destination} (draw it: jaxfric study --plot {destination})")
+    told_of = report(found, time.monotonic() - begun, teller.members, destination)
+    text = json_text(content(found, destination, teller.members))
+    show(told_of, f"written: {destination}", text, output)
     return 0
 
 
@@ -183,14 +175,15 @@ def _cores() -> int:
 
 
 class _Teller:
-    """Tells how far a run is: always on a terminal, seldom elsewhere."""
+    """Tells how far a run is, and keeps it for who stops the run."""
 
     def __init__(self, say: Callable[[str], None]):
-        self.say, self.last, self.members = say, time.monotonic(), 0
+        self.say, self.members = say, 0
         self.state = "no chunk is written yet"
 
     def note(self, text: str) -> None:
-        if text.startswith(_WARNING):  # with --quiet too, and on a terminal not for a moment only
+        """A message of the study; warnings stay, with --quiet too."""
+        if text.startswith(_WARNING):
             warn([text.removeprefix(_WARNING)])
             return
         if "chunks are written" in text:
@@ -198,92 +191,19 @@ class _Teller:
         self.say(text)
 
     def progress(self, now: "Progress") -> None:
+        """A chunk was written."""
+        from ..report.study_text import duration
+
         self.members = now.members
         self.state = f"{now.written} of {now.blocks} chunks are written"
-        whole = now.written == now.blocks
-        if not (sys.stderr.isatty() or whole or time.monotonic() - self.last > _EVERY):
-            return
-        self.last = time.monotonic()
         rate = "" if math.isnan(now.rate) else f", {now.rate:.3g} members/s"
-        left = "" if whole or math.isnan(now.left) else f", {_duration(now.left)} left"
+        left = "" if math.isnan(now.left) or not now.left else f", {duration(now.left)} left"
         self.say(f"chunk {now.written} of {now.blocks}{rate}{left}")
-
-
-def _duration(seconds: float) -> str:
-    if seconds < 90:
-        return f"{seconds:.0f} s"
-    if seconds < 5400:
-        return f"{seconds / 60:.0f} min"
-    return f"{seconds / 3600:.1f} h"
-
-
-def _summary(found: "Dataset", seconds: float, members: int) -> list[str]:
-    """What was computed, and how often each code occurs."""
-    dims = found["outcome"].dims
-    shape = " x ".join(f"{found.sizes[d]} {d}" for d in dims)
-    done = f"{members} computed in {_duration(seconds)}" if members else "nothing left to compute"
-    lines = [f"{found['outcome'].size} members ({shape}); {done}"]
-    for name, counts in _codes(found).items():
-        shares = [f"{count} {code.replace('_', ' ')}" for code, count in counts.items()]
-        first = found[name].attrs["flag_meanings"].split()[0]
-        if name != "outcome" or list(counts) != [first]:
-            lines.append(f"{name}{_asked_of(found, name)}: {', '.join(shares)}")
-            lines += _meaning(found, name, counts)
-    texts = list(found.attrs["errors"].items())
-    lines += [f"  {count} of them: {text}" for text, count in texts[:_SHOWN]]
-    if len(texts) > _SHOWN:
-        lines.append(f"  and {len(texts) - _SHOWN} other errors, in the attribute 'errors'")
-    return lines
-
-
-def _asked_of(found: "Dataset", name: str) -> str:
-    """Of how motions end: after which step."""
-    return f" ({found[name].attrs['long_name']})" if name == "end" else ""
-
-
-def _meaning(found: "Dataset", name: str, counts: dict[str, int]) -> list[str]:
-    """What the codes of how motions end mean, of those that occur and are not plain."""
-    if name != "end":
-        return []
-    about = found[name].attrs
-    texts = dict(zip(about["flag_meanings"].split(), about["flag_texts"], strict=True))
-    return [f"  {code}: {texts[code]}" for code in ("escape", "failed") if code in counts]
-
-
-def _codes(found: "Dataset") -> dict[str, dict[str, int]]:
-    """How often each code occurs, by the variable that has it; "without": members without one."""
-    import numpy as np
-
-    every = {}
-    for name in found.data_vars:
-        about = found[name].attrs
-        if "flag_meanings" not in about or found[name].ndim != found["outcome"].ndim:
-            continue
-        values, counts = np.unique(found[name].values, return_counts=True)
-        names = about["flag_meanings"].split()
-        every[str(name)] = {
-            names[value] if value >= 0 else "without": int(count)
-            for value, count in zip(values, counts, strict=True)
-        }
-    return every
-
-
-def _content(found: "Dataset", store: str, members: int) -> dict[str, object]:
-    """What was computed as JSON; numbers are in the store."""
-    return {
-        "schema": STUDY_SUMMARY,
-        "store": store,
-        "members": int(found["outcome"].size),
-        "shape": {str(d): found.sizes[d] for d in found["outcome"].dims},
-        "computed_now": members,
-        "codes": _codes(found),
-        "errors": dict(found.attrs["errors"]),
-        "warnings": list(found.attrs.get("warnings", ())),
-    }
 
 
 def _draw(store: str, output: options.OutputOptions) -> int:
     from ..plot.study import draw_study
+    from ..report.study_text import report_of_maps
     from ..study import load
 
     found = load(store)
@@ -296,18 +216,8 @@ def _draw(store: str, output: options.OutputOptions) -> int:
         with folder.results():
             pass
         names = folder.draw("figures", lambda to: draw_study(found, to))
-    if output.json:
-        print(json_text({"store": store, "figures": [str(folder.path / name) for name in names]}))
-        return folder.close()
-    if names:
-        pictures = [name for name in names if name.endswith(".png")]
-        print(f"written: {folder.path}/{', '.join(pictures)} (and .svg)")
-    if any(name.startswith("map_share_of_") for name in names):
-        print(
-            "map_share_of_*: the share of the samples at each point of the grid with the first code"
-        )
-    if names and not any(name.startswith("map_") for name in names):
-        print(
-            "no map: these are over two grid axes or more; of samples over them, of shares of codes"
-        )
+    pictures = [name for name in names if name.endswith(".png")]
+    written = f"written: {folder.path}/{', '.join(pictures)} (and .svg)" if names else ""
+    content = {"store": store, "figures": [str(folder.path / name) for name in names]}
+    show(report_of_maps(names), written, json_text(content), output)
     return folder.close()

@@ -28,7 +28,7 @@ class Teller:
         self.longest, self.beat = first, beat
         self.message = "starting"
         self.begun = self.last = self.since = time.monotonic()
-        self.lock, self.ended = threading.Lock(), threading.Event()
+        self.ended = threading.Event()
         self.ended.set()
         self.begin()
 
@@ -44,12 +44,6 @@ class Teller:
         """Set the current message."""
         self.message, self.since = message, time.monotonic()
 
-    def say(self, message: str) -> None:
-        """Set the message and print it now; for rare messages."""
-        with self.lock:
-            self(message)
-            self._print(message)
-
     def end(self) -> None:
         """Stop printing; may be called twice."""
         self.ended.set()
@@ -58,17 +52,14 @@ class Teller:
     def _watch(self) -> None:
         """Print the message after every silence until `ended` is set."""
         while not self.ended.wait(max(0.0, self.last + self.longest - time.monotonic())):
-            with self.lock:
-                now = time.monotonic()
-                if now - self.last >= self.longest:
-                    old = now - self.since
-                    ago = f" (begun {old:.0f} s ago)" if old >= self.beat else ""
-                    self._print(f"{now - self.begun:.0f} s: {self.message}{ago}")
-
-    def _print(self, text: str) -> None:
-        self.last, self.longest = time.monotonic(), self.beat
-        with contextlib.suppress(OSError, ValueError):  # a closed stderr must not stop the work
-            print(f"jaxfric: {text}", file=sys.stderr, flush=True)
+            now = time.monotonic()
+            if now - self.last >= self.longest:
+                old = now - self.since
+                ago = f" (begun {old:.0f} s ago)" if old >= self.beat else ""
+                self.last, self.longest = now, self.beat
+                text = f"jaxfric: {now - self.begun:.0f} s: {self.message}{ago}"
+                with contextlib.suppress(OSError, ValueError):  # a closed stderr must not stop it
+                    print(text, file=sys.stderr, flush=True)
 
 
 class Line:
@@ -90,10 +81,6 @@ class Line:
 
         self.status.update(escape(message))
 
-    def say(self, message: str) -> None:
-        """Set the current message; the line shows it at once."""
-        self(message)
-
     def end(self) -> None:
         """Remove the line; may be called twice."""
         self.status.stop()
@@ -103,9 +90,6 @@ class Silent:
     """Prints no progress, for --quiet."""
 
     def __call__(self, message: str) -> None:
-        """Ignore the message."""
-
-    def say(self, message: str) -> None:
         """Ignore the message."""
 
     def begin(self) -> None:

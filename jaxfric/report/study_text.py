@@ -1,0 +1,95 @@
+"""A study in words and as JSON: what was computed, and how often each code occurs."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..schemas import STUDY_SUMMARY
+from .report import NextStep, Report
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+_SHOWN = 5
+"""Texts of errors that are shown."""
+_NOT_PLAIN = ("escape", "failed")
+"""Codes of the end of a motion whose meaning is shown."""
+
+
+def report(found: "Dataset", seconds: float, members: int, store: str) -> Report:
+    """How many members there are, how many were computed in how many seconds, and their codes."""
+    dims = found["outcome"].dims
+    shape = " x ".join(f"{found.sizes[d]} {d}" for d in dims)
+    done = f"{members} computed in {duration(seconds)}" if members else "nothing left to compute"
+    notes = []
+    for name, counts in codes(found).items():
+        about = found[name].attrs
+        meanings = about["flag_meanings"].split()
+        if name == "outcome" and list(counts) == meanings[:1]:
+            continue
+        shares = [f"{count} {code.replace('_', ' ')}" for code, count in counts.items()]
+        asked = f" ({about['long_name']})" if name == "end" else ""
+        notes.append(f"{name}{asked}: {', '.join(shares)}")
+        if name == "end":
+            texts = dict(zip(meanings, about["flag_texts"], strict=True))
+            notes += [f"  {code}: {texts[code]}" for code in _NOT_PLAIN if code in counts]
+    errors = list(found.attrs["errors"].items())
+    notes += [f"  {count} of them: {text}" for text, count in errors[:_SHOWN]]
+    if len(errors) > _SHOWN:
+        notes.append(f"  and {len(errors) - _SHOWN} other errors, in the attribute 'errors'")
+    head = [f"{found['outcome'].size} members ({shape}); {done}"]
+    steps = [NextStep("draw it:", f"jaxfric study --plot {store}")]
+    return Report(head, notes=notes, next_steps=steps)
+
+
+def duration(seconds: float) -> str:
+    """A time in s, min or h."""
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    if seconds < 5400:
+        return f"{seconds / 60:.0f} min"
+    return f"{seconds / 3600:.1f} h"
+
+
+def codes(found: "Dataset") -> dict[str, dict[str, int]]:
+    """How often each code occurs, by the variable that has it; "without": members without one."""
+    every = {}
+    for name in found.data_vars:
+        about = found[name].attrs
+        if "flag_meanings" not in about or found[name].ndim != found["outcome"].ndim:
+            continue
+        values, counts = np.unique(found[name].values, return_counts=True)
+        names = about["flag_meanings"].split()
+        every[str(name)] = {
+            names[value] if value >= 0 else "without": int(count)
+            for value, count in zip(values, counts, strict=True)
+        }
+    return every
+
+
+def content(found: "Dataset", store: str, members: int) -> dict[str, object]:
+    """What was computed as JSON; numbers are in the store."""
+    return {
+        "schema": STUDY_SUMMARY,
+        "store": store,
+        "members": int(found["outcome"].size),
+        "shape": {str(d): found.sizes[d] for d in found["outcome"].dims},
+        "computed_now": members,
+        "codes": codes(found),
+        "errors": dict(found.attrs["errors"]),
+        "warnings": list(found.attrs.get("warnings", ())),
+    }
+
+
+def report_of_maps(names: list[str]) -> Report:
+    """What the figures of a study are, and why there is no map."""
+    told = []
+    if any(name.startswith("map_share_of_") for name in names):
+        told.append(
+            "map_share_of_*: the share of the samples at each point of the grid with the first code"
+        )
+    if names and not any(name.startswith("map_") for name in names):
+        told.append(
+            "no map: these are over two grid axes or more; of samples over them, of shares of codes"
+        )
+    return Report(told)
