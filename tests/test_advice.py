@@ -21,10 +21,10 @@ from pages import PAGES, blocks_of
 from jaxfric.cli.app import app
 from jaxfric.cli.fit import parse_start
 from jaxfric.cli.options import RecordOptions
-from jaxfric.cli.protocol import TYPICAL
 from jaxfric.errors import InputError, words_of_the_command
 from jaxfric.gains.requirement import Requirement
 from jaxfric.laws.source import law_from_parameters
+from jaxfric.protocol.base import TYPICAL
 from jaxfric.records import VelocitySteps, read, read_axis
 from jaxfric.records.axis_units import FORCE_UNITS, quantity_of, spelling
 from jaxfric.records.columns import FORCES

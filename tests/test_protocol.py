@@ -21,9 +21,10 @@ from fits.blind import plants
 from jaxfric.cli.app import app
 from jaxfric.cli.call import Call
 from jaxfric.cli.plan_line import changed_line
-from jaxfric.cli.protocol import _without_asked, read_velocities
+from jaxfric.cli.protocol import read_velocities
 from jaxfric.effects import CATALOGUE
 from jaxfric.loop.split import split
+from jaxfric.protocol.base import Base
 from jaxfric.protocol.design import Change, Design, Protocol, Smallest
 from jaxfric.protocol.plan import Planned, plan
 from jaxfric.protocol.plan import _changes as changed
@@ -628,8 +629,8 @@ def test_a_chain_of_likes_does_not_contradict_the_answer():
 )
 def test_what_a_loop_found_and_is_asked_for_is_not_in_the_base(asked, typed, left, names):
     values = {"A": 0.01, "second_state.B2": 0.002, "second_state.L2": 1e-4, "gain.g": 1.0}
-    kept, base = _without_asked(values, ("second_state", "gain"), asked, typed)
-    assert base == left and set(kept) == (names or set(values))
+    base = Base(values, effects=("second_state", "gain")).without(asked, typed)
+    assert base.effects == left and set(base.parameters) == (names or set(values))
 
 
 def test_the_size_of_an_answer_is_what_the_other_effect_leaves():

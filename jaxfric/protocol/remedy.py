@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from .design import Change, Design, Pair, Protocol
 
@@ -20,6 +21,36 @@ class Remedy:
     def to_json(self) -> dict[str, object]:
         """The change and its answer as JSON values."""
         return self.change.planned() | {"enough": self.enough, "answer": self.pair.to_json()}
+
+
+class Answer(NamedTuple):
+    """What a plan answers on a pair that is asked for; empty where none is asked for."""
+
+    pair: Pair | None = None
+    better: Remedy | None = None
+    less: Change | None = None
+    """A change that is told of in place of `better`, as it takes less time."""
+
+    @property
+    def change(self) -> Change | None:
+        """The change that is told of."""
+        return self.less if self.better is None else self.better.change
+
+    def to_json(self, command: str) -> dict[str, object]:
+        """The part of protocol.json; `command` plans the change."""
+        if self.pair is None:
+            return {}
+        line = {"command": command or None}
+        change = None if self.better is None else self.better.to_json() | line
+        less = None if self.less is None else self.less.planned() | line
+        return {"asked": self.pair.to_json() | {"change": change, "shorter": less}}
+
+
+def answer_of(plan: Protocol, ids: tuple[str, str], known: Mapping[str, float]) -> Answer:
+    """What a plan answers on two effects, of sizes `known` by name (SI)."""
+    better = remedy(plan, ids, known)
+    less = shorter(plan, ids, known) if better is None else None
+    return Answer(plan.design.pair(*ids), better, less)
 
 
 def remedy(plan: Protocol, ids: tuple[str, str], known: Mapping[str, float]) -> Remedy | None:

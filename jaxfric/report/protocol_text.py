@@ -10,10 +10,10 @@ from ..fitting import Estimate
 from ..loop.family import listed
 from ..loop.thresholds import ALIAS
 from ..protocol.design import BASE, Change, Design, Pair, Protocol, Smallest
-from ..protocol.remedy import Remedy
+from ..protocol.remedy import Answer, Remedy
 from ..units import format_si, speed_text
 from .estimates import shown_unit
-from .report import Report
+from .report import NextStep, Report
 from .tables import TextTable
 
 _NOTE = (
@@ -22,6 +22,7 @@ _NOTE = (
     " loop would fit,"
     " without the last velocities, which it holds out"
 )
+_NOTHING = Answer()
 _SAME = 0.9995
 _FIRST = 4
 _TRIED = {
@@ -269,15 +270,11 @@ def changes(plan: Protocol, better: Remedy | None = None) -> TextTable:
 
 
 def report(
-    plan: Protocol,
-    *,
-    typical: bool = False,
-    pair: Pair | None = None,
-    better: Remedy | None = None,
-    less: Change | None = None,
+    plan: Protocol, found: Answer = _NOTHING, *, typical: bool = False, command: str = ""
 ) -> Report:
-    """The answer on the pair that was asked for, or how many pairs the plan tells apart; the plan;
-    what would separate more. `better` and `less` as of `answer`."""
+    """The answer that was `found` on a pair that was asked for, or how many pairs the plan tells
+    apart; the plan; what would separate more, and the `command` of the change that is told of."""
+    pair, better, less = found
     asked = [] if pair is None else [answer(plan, pair, better, less), ""]
     lines = [*headline(plan, typical=typical), "", "What this plan cannot tell apart"]
     lines += [f"  {line}" for line in apart(plan, pair)]
@@ -287,7 +284,8 @@ def report(
     if pair is not None and pair.apart and better is None:
         first = _in_short(plan, pair)
     told = [*first, f"{headline(plan)[0]}; {_noise(plan)}", *_recommended(plan, better, less)][:3]
-    return Report(told, tables, [*asked, *lines], notes, plan.warnings)
+    steps = [NextStep("", command)] if command else []
+    return Report(told, tables, [*asked, *lines], notes, plan.warnings, next_steps=steps)
 
 
 def _counted(plan: Protocol) -> list[str]:

@@ -1,0 +1,105 @@
+"""The base of a plan: the model whose rivals it is to tell apart, typical, typed or from a file."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from ..effects import CATALOGUE
+from ..errors import InputError, did_you_mean
+from ..fitting.problem import quantity_of
+from ..laws.registry import takes
+from ..pairs import read_pairs
+from ..saved.entry import law_in
+from ..saved.files import own_warnings, read_saved
+from ..schemas import FIT, LOOP
+from ..units import parse_quantity
+from .design import BASE
+
+TYPICAL = "f0=0.6, A=0.010, B=0.014, L=20 um"
+"""A friction coefficient where neither a fit nor parameters are given."""
+
+
+class Base(NamedTuple):
+    """Parameters of a law (SI), and what else is known of a record like the planned one."""
+
+    parameters: Mapping[str, float]
+    law: str = "slip"
+    friction_unit: str = "1"
+    effects: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    stiffness: float | None = None
+    noise: float | None = None
+
+    def without(self, asked: Sequence[str], typed: Sequence[str]) -> "Base":
+        """The base without the effects that are asked for: a loop found them, and whether they
+        would be told is the question. Those that were `typed` stay."""
+        gone = {id for id in asked if id in self.effects and id not in typed}
+        kept = {name: x for name, x in self.parameters.items() if name.split(".")[0] not in gone}
+        effects = tuple(id for id in self.effects if id not in gone)
+        return self._replace(parameters=kept, effects=effects)
+
+
+def base_of_text(text: str = TYPICAL, friction_unit: str = "1", law: str = "slip") -> Base:
+    """The base with the parameters of a text, "f0=0.6, A=0.010, B=0.014, L=20 um".
+
+    Raises `InputError` for a name or a unit that is none of a parameter.
+    """
+    values: dict[str, float] = {}
+    for name, value in read_pairs(text, "--parameters", f"'{TYPICAL}'").items():
+        if name.rstrip("0123456789") not in ("A", "B", "L") and name not in ("f0", "V0"):
+            raise InputError(f"--parameters: '{name}' is unknown; there are: f0, A, B, L, V0")
+        unit = quantity_of(name).unit_for(friction_unit).replace(" ", "*")
+        values[name] = parse_quantity(value, unit, f"--parameters: {name}")
+    return Base(values, law, friction_unit)
+
+
+def base_of_file(path: Path) -> Base:
+    """The base of a fit.json, or of the fit after the loop of a loop.json.
+
+    Raises `InputError` for a file that is neither, and for that of an axis.
+    """
+    _, content = read_saved(path, FIT, LOOP)
+    fitted = law_in(path, content)
+    if fitted.is_axis:
+        raise InputError(
+            f"{path}: it is of an axis, and a protocol is of a slider; give a fit.json, or the"
+            " loop.json of 'jaxfric loop'"
+        )
+    effects = tuple(effect.id for effect in fitted.effects)
+    values = {name: value for name, value in fitted.parameters.items() if name != "K"}
+    stiffness = fitted.parameters.get("K", _number(content, "stiffness"))
+    noise = _number(content.get("noise"), "sigma")
+    warned = own_warnings(content)
+    unit = fitted.friction_unit
+    return Base(values, fitted.name, unit, effects, warned, stiffness, noise)
+
+
+def named_pair(
+    ids: tuple[str, str], law: str, with_: Sequence[str], without: Sequence[str]
+) -> tuple[str, str]:
+    """The pair by the ids of a plan; the law of the base model is the base.
+
+    Raises `InputError` for an effect that the base has, and one that the plan does not know.
+    """
+    effects = {id: effect for id, effect in CATALOGUE.items() if effect.channel is None}
+    known = [id for id, effect in effects.items() if id not in without and takes(law, effect)]
+    a, b = (BASE if id == law and id not in known else id for id in ids)
+    for id in (a, b):
+        if id in with_:
+            raise InputError(
+                f"--distinguish: the base model has {id} (--include); ask for another effect"
+            )
+        if id not in known and id != BASE:
+            names = (BASE, *known)
+            raise InputError(
+                f"--distinguish: no effect '{id}' in this plan{did_you_mean(id, names)}"
+            )
+    if a == b:
+        raise InputError(f"--distinguish: both are the base model, the {law} law; name an effect")
+    return a, b
+
+
+def _number(table: object, key: str) -> float | None:
+    """A number of a table of a file, where there is one."""
+    value = table.get(key) if isinstance(table, dict) else None
+    return float(value) if isinstance(value, int | float) else None
