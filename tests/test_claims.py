@@ -156,7 +156,7 @@ def test_the_short_sentence_claims_no_more_than_the_rule():
 def test_gains_whose_curve_is_not_told_claim_nothing():
     gains = AxisGains(1.0, 0.05, 0.0, None)
     assert gains.short().startswith("nothing can be said: ")
-    assert gains.claim == Claim("open", ("what the fitted curve rests on was not told",))
+    assert gains.claim == Claim("open", ("the error and range of the fitted curve are unknown",))
     assert "holds" not in gains.sentence()
 
 

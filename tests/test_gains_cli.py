@@ -240,7 +240,7 @@ def test_what_a_fit_warned_of_goes_through_every_verb():
     found = run("gains", *law, *options)
     once(found, extra=["delay"], code=1)
     # with k_p and k_v that no controller can hold, and hardly any modulus
-    assert found.out.startswith("NOT RECOMMENDED: they bear a delay of 1.4 us")
+    assert found.out.startswith("NOT RECOMMENDED: their delay margin is 1.4 us")
     assert found.out.splitlines()[1].startswith("fragile: modulus is ")
     known = json.loads(Path("g/gains.json").read_text())
     assert not known["recommended"] and known["fragile"] and len(known["not_recommended"]) == 1

@@ -133,7 +133,7 @@ def test_what_is_wrong_is_said():
     ]:
         with pytest.raises(jf.InputError, match=text):
             jf.minimum_gains(law, np.asarray(velocity), mass, asked)
-    with pytest.raises(jf.InputError, match="leave nothing between"):
+    with pytest.raises(jf.InputError, match="leave an empty range"):
         jf.minimum_gains(law, V, 1.0, {"modulus": 0.5}, lower=(1.0, 1.0), upper=(0.5, 2.0))
 
 

@@ -1,11 +1,11 @@
-"""Gains that hold an axis steady: equations (16) and (17) of the paper, and its theorem.
+"""Gains that stabilise an axis: equations (16) and (17) of the paper, and its theorem.
 
-Friction without memory, F(V), is linearised about a steady velocity: f_v = dF/dV. Any k_p > 0 holds
-an axis that moves at V if k_v + f_v(V) > 0; the worst velocity is where f_v is least. Whether that
-may be said of a measured curve is for `jaxfric.stability.claims` to tell.
+Friction without memory, F(V), is linearised about a steady velocity: f_v = dF/dV. Any k_p > 0 is
+stable at V if k_v + f_v(V) > 0; the worst velocity has the least f_v. `jaxfric.stability.claims`
+decides whether a measured curve supports this statement.
 
-Friction with memory of the distance (rate-and-state) has two optima: damping that needs no
-stiffness, and stiffness that needs no damping, above k_cr of (18)-(20): of (25) for one state.
+Friction with a memory over distance (rate-and-state) has two optima: damping that needs no
+stiffness, and stiffness above k_cr of (18)-(20) (for one state (25)) that needs no damping.
 """
 
 from collections.abc import Callable
@@ -33,13 +33,13 @@ def axis_gains(
     above: Above | None = None,
     unseen: tuple[Unseen, ...] = (),
 ) -> AxisGains:
-    """The least damping over the speeds `slowest` to `fastest` [m/s] in both directions.
+    """Compute the least damping for speeds `slowest` to `fastest` [m/s] in both directions.
 
-    `force` is the friction of a steady velocity; `error` tells the standard error of its slope at
-    a velocity (None: it is a stated law, and exact); `above` and `unseen` what was seen at low
-    speed (`jaxfric.stability.claims`). Slopes are central differences on a logarithmic grid of
-    4001 speeds. Of friction without memory; for an axis with states see `state_gains`. Not tried:
-    compliance between motor and load.
+    `force` is the friction at a steady velocity, `error` the standard error of its slope there
+    (None: a stated, exact law). `above` and `unseen` describe the record at low speed
+    (`jaxfric.stability.claims`). Slopes are central differences on a logarithmic grid of 4001
+    speeds. For friction without memory; for an axis with states see `state_gains`. Compliance
+    between motor and load is not considered.
     """
     speed = np.geomspace(slowest, fastest, SLOPES)
     velocity = np.stack([speed, -speed])
@@ -56,17 +56,17 @@ def axis_gains(
 def state_gains(
     rig: AxisRig, position: float, slowest: float, fastest: float, *, drive: Drive | None = None
 ) -> AxisGains | None:
-    """The optima of damping and of stiffness over speeds `slowest` to `fastest` [m/s] both ways.
+    """Optima of damping and of stiffness for speeds `slowest` to `fastest` [m/s], both directions.
 
-    Friction at `position` [m] is linearised about 501 speeds each way by `jaxfric.stability`:
-    f_v and the memory G(s). Least damping: k_v > max_w Re G(i w) - f_v, any k_p > 0. Critical
-    stiffness: (18)-(20) with no damping but that of friction, the axis' mass and an ideal drive.
+    `jaxfric.stability` linearises friction at `position` [m] about 501 speeds in each direction:
+    f_v and the memory G(s). Least damping: k_v > max_w Re G(i w) - f_v, for any k_p > 0. Critical
+    stiffness: (18)-(20) without added damping, with the axis' mass and an ideal drive.
 
-    None where friction has no memory about steady motion (a bristle has none). Not tried: lags
-    and sampling of the drive, which ask for more; how friction changes with position.
+    None if friction has no memory about steady motion (as a bristle). Lags and sampling of the
+    drive, which demand larger gains, and dependence on position are not considered.
     """
     speed = np.geomspace(slowest, fastest, SPEEDS)
-    # what is the same at all speeds answers to none
+    # a state with the same steady value at all speeds is no memory
     if not any(np.ptp(np.asarray(values)) > 0 for values in rig.steady(jnp.asarray(speed))):  # ty: ignore[unsupported-operator]
         return None
     parts = [_both_optima(rig, position, sign * speed) for sign in (1.0, -1.0)]
@@ -81,10 +81,10 @@ def state_gains(
 def _both_optima(
     rig: AxisRig, position: float, velocity: np.ndarray
 ) -> tuple[tuple[float, float, float], StiffOptimum]:
-    """For one direction (speed where damping is needed most, slope there, damping needed), and the
+    """For one direction: (velocity that needs most damping, slope there, damping needed), and the
     optimum of stiffness."""
     law = axis_law(rig, position, float(np.sign(velocity[0])))
-    found = study(law, np.abs(velocity), mass=float(rig.mass) or None)  # 0: not fixed by a record
+    found = study(law, np.abs(velocity), mass=float(rig.mass) or None)  # 0: undetermined
     points, theorems = found.points, found.theorems
     needed = np.asarray(points.needed_damping)
     slope = np.where(needed > 0, -needed, np.asarray(points.steady_slope))

@@ -1,4 +1,4 @@
-"""Gains that an axis needs. The sentences on them are of `jaxfric.report.axis_gains_text`."""
+"""Gains that an axis needs. `jaxfric.report.axis_gains_text` describes them in words."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -8,7 +8,7 @@ from ..stability.claims import Claim, Curve, curve_claim
 
 
 class Shown(NamedTuple):
-    """A unit of a sentence, and what one of it is in SI."""
+    """A display unit, and its size in SI."""
 
     name: str
     size: float = 1.0
@@ -24,21 +24,21 @@ SI, SPEED = Shown("N s/m"), Shown("m/s")
 
 @dataclass(frozen=True)
 class StiffOptimum:
-    """Stiffness that holds an axis at every speed of a range without any damping added. SI."""
+    """Stiffness that stabilises an axis at every speed of a range without added damping. SI."""
 
     worst_velocity: float
     """Velocity at which k_cr is largest [m/s]; signed."""
     critical_stiffness: float
-    """k_cr there: k_p must be larger [N/m]; 0: any k_p > 0 will do, inf: none suffices."""
+    """k_cr there: k_p must be larger [N/m]; 0: any k_p > 0 suffices, inf: none suffices."""
     frequency: float
-    """Angular frequency at which the axis swings at k_p = k_cr [rad/s]."""
+    """Angular frequency of the oscillation at k_p = k_cr [rad/s]."""
     position_gain: float | None
-    """k_cr in the drive's unit at its k_v, k_cr/(k_v g_tau) [1/s]; None where not known."""
+    """k_cr in the drive's unit at its k_v, k_cr/(k_v g_tau) [1/s]; None: unknown."""
 
 
 @dataclass(frozen=True)
 class AxisGains:
-    """The least damping that holds an axis at every speed of a range. SI; N m, rad if rotary."""
+    """The least damping that stabilises an axis at every speed of a range. SI; rotary N m, rad."""
 
     worst_velocity: float
     """Velocity at which dF/dV is least [m/s]; signed."""
@@ -47,23 +47,23 @@ class AxisGains:
     least_damping: float
     """max(0, -slope): k_v must be larger [N s/m]."""
     velocity_gain: float | None
-    """The least k_v in the drive's unit, k_v/g_tau [V s/m]; None where its gain is not known."""
+    """The least k_v in the drive's unit, k_v/g_tau [V s/m]; None: its gain is unknown."""
     stiff: StiffOptimum | None = None
-    """The other optimum; None where friction has no memory."""
+    """The optimum of stiffness; None: friction has no memory."""
     curve: Curve | None = None
-    """The friction curve that the slope rests on; None: not told, and then nothing is claimed."""
+    """The slope's error and range of validity; None: unknown, so no claim is supported."""
 
     @property
     def claim(self) -> Claim:
-        """What the slope allows to be said of stability."""
+        """The statement on stability that the slope supports."""
         if self.curve is None:
-            return Claim("open", ("what the fitted curve rests on was not told",))
+            return Claim("open", ("the error and range of the fitted curve are unknown",))
         return curve_claim(self.curve)
 
     def sentence(self, unit: Shown = SI, velocity: Shown = SPEED) -> str:
-        """Sentences on stability and on what was not seen, in units of damping and of velocity."""
+        """Sentences on stability and on excluded speeds, in units of damping and of velocity."""
         return said("axis_gains_text.sentence", self, unit, velocity)
 
     def short(self, unit: Shown = SI, velocity: Shown = SPEED) -> str:
-        """Whether friction makes the axis stick-slip, and what holds it, as far as rows tell."""
+        """Whether friction causes stick-slip, and which gains prevent it, in one sentence."""
         return said("axis_gains_text.short", self, unit, velocity)

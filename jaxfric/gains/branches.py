@@ -1,8 +1,8 @@
-"""The smooth branches of a margin: the margin is met where all of them are.
+"""The smooth branches of a margin; all branches together are equivalent to the margin.
 
-A margin is a minimum over poles or over frequencies, and its gradient jumps where two of them
-change places. An optimum often lies just there. Each branch alone is smooth, so the optimum is then
-the point at which two smooth constraints meet.
+A margin is a minimum over poles or frequencies, and its gradient jumps when the minimum moves from
+one of them to another. Optima often lie at such a point. Each branch is smooth, so there the
+optimum is the intersection of two smooth constraints.
 """
 
 from collections.abc import Sequence
@@ -23,11 +23,11 @@ _DEGREE = 5
 def branches(
     name: str, slider: LinearSlider, required: ArrayLike, rate: ArrayLike
 ) -> Float[Array, " n"]:
-    """What is 0 where a branch of the margin just meets `required`, negative where it misses it.
+    """Constraints of the branches: 0 if a branch just meets `required`, negative if it misses it.
 
-    inf where a branch does not exist. One entry, the margin itself, where it is of another kind
-    than decay, damping and modulus, or where the kernel is not rational. `rate` [1/s] is the size
-    beside which decay rates count.
+    inf for branches that do not exist. For other margins than decay, damping and modulus, or a
+    kernel that is not rational, the only entry is the margin itself. `rate` [1/s] is the scale of
+    decay rates.
     """
     if isinstance(slider.friction.kernel, StateSpaceKernel):
         analysis = Analysis(slider)
@@ -44,11 +44,11 @@ def branches(
 
 
 def _hurwitz(c: Array, required: Array, rate: Array) -> Float[Array, " n"]:
-    """Liénard and Chipart's conditions for p(s - required), each relative to the sizes in it.
+    """Liénard and Chipart's conditions for p(s - required), each relative to the size of its terms.
 
     With b_k its coefficients: b_n, b_0, b_2, ... > 0 and Hurwitz determinants of order n-1, n-3...
-    Poles have infinite slopes where two of them meet, as they do at many an optimum; b_0 and the
-    largest determinant are 0 there and have slopes.
+    Poles have infinite derivatives at double poles, which occur at many optima. There b_0 and the
+    largest determinant are 0 with finite derivatives.
     """
     b, size = _moved(c, -required), _moved(jnp.abs(c), required + rate)
     n = len(b) - 1
@@ -71,7 +71,8 @@ def _moved(c: Array, by: Array) -> list[Array]:
 
 
 def _expanded(at: Sequence[Sequence[int]], values: list[Array], sign: float) -> Array:
-    """Determinant of the matrix of `values` at indices, 0 at others; with sign 1 the permanent."""
+    """Determinant of the matrix of `values` at the indices `at` (0 if out of range), by expansion;
+    with sign 1 the permanent."""
     if not at:
         return jnp.ones_like(values[0])
     total = jnp.zeros_like(values[0])
@@ -83,12 +84,12 @@ def _expanded(at: Sequence[Sequence[int]], values: list[Array], sign: float) -> 
 
 
 def _once(s: Array, values: Array) -> Array:
-    """Values of poles, once for a complex pair."""
+    """Values of poles; inf for the second pole of a complex pair."""
     return jnp.where(s.imag < -REAL * jnp.abs(s), jnp.inf, values)
 
 
 def _modulus(analysis: Analysis) -> Float[Array, " n"]:
-    """|1 + L(i w)| at every w where it may be least; of an unstable slider minus the least."""
+    """|1 + L(i w)| at every w that may be its minimum; for an unstable slider minus the least."""
     square = squared_distances(analysis)
     some = (square > 0) & jnp.isfinite(square)
     distance = jnp.where(some, jnp.sqrt(jnp.where(some, square, 1.0)), square)

@@ -1,4 +1,4 @@
-"""Classifies how a motion ends, from arrays of its velocity and slip; it simulates nothing."""
+"""Classification of how a motion ends, from arrays of its velocity and slip."""
 
 from typing import NamedTuple
 
@@ -7,23 +7,23 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Bool, Float
 
 CLEAR = -0.22
-"""ln of the ratio between two windows above which a motion does not clearly decay."""
+"""Largest ln of the ratio of amplitudes in successive windows that counts as clear decay."""
 LINEAR = 0.3
-"""A slider that sticks has |V - V0|/V0 = 1. A decay between windows that are shorter than a cycle
-is believed only below this: the time between two slips is no decay."""
+"""Largest amplitude at which a decay between windows shorter than a cycle is accepted. A sticking
+slider has |V - V0|/V0 = 1, and the time between two slips must not be mistaken for decay."""
 CYCLES = 4
-"""Least number of cycles in the last half of a motion, so two in a window."""
+"""Least number of cycles in the last half of a motion: two in a window."""
 SMALL = 1e-3
-"""Largest |V - V0|/V0 of a motion that counts as steady; of a slider that hunts about its target,
-largest |x| over F_s/k_p."""
+"""Largest |V - V0|/V0 of a motion that counts as steady; for hunting about a target, largest |x|
+over F_s/k_p."""
 RUNAWAY = 1e9
-"""Velocity over the commanded one of a slider that has run away; light ones slip at 1e6."""
+"""Velocity over the commanded one that counts as runaway; light sliders slip at 1e6."""
 
 
 class ENDS(eqx.Enumeration):
     """How a motion ends."""
 
-    steady = "The slider slides steadily, or comes ever closer to it."
+    steady = "The slider slides steadily, or converges to steady sliding."
     limit_cycle = "The slider keeps oscillating: stick-slip, or an oscillation that still grows."
     escape = "The slider ran away."
     unresolved = (
@@ -33,9 +33,9 @@ class ENDS(eqx.Enumeration):
 
 
 class EndState(eqx.Module):
-    """How a motion ends; numbers are of its last part. All arrays of one shape.
+    """How a motion ends; numbers describe its last part. All arrays of one shape.
 
-    Where there is no such number it is inf (`least_velocity`: -inf), never nan.
+    Undefined values are inf (`least_velocity`: -inf), not nan.
     """
 
     code: ENDS
@@ -53,7 +53,7 @@ class EndState(eqx.Module):
     """Rate of ln(largest deviation) between the last two windows [1/s]; negative: decays."""
 
     def unless(self, fault: Bool[Array, " *s"], code: ENDS) -> "EndState":
-        """A copy of these ends with `code` and no numbers where `fault`."""
+        """Return a copy with `code` and undefined numbers wherever `fault` is True."""
         found = {
             name: jnp.where(fault, jnp.inf, x) for name, x in vars(self).items() if name != "code"
         }
@@ -80,17 +80,17 @@ def classify(
     end: ArrayLike,
     decay: ArrayLike = jnp.inf,
 ) -> EndState:
-    """End of a motion. V0 = `commanded` [m/s].
+    """Classify the end of a motion. V0 = `commanded` [m/s].
 
-    The deviation from steady sliding, a = max ln(1 + |V - V0|/V0), is taken in the last three
-    quarters of [begin, end]:
+    a2, a3, a4 are the deviations max ln(1 + |V - V0|/V0) in the last three quarters of
+    [begin, end]:
 
-    steady       a4 < `SMALL`, or decaying: ln(a4/a3) < -0.22 (or half of what the rate
-                 `decay` [1/s] promises, if that is less), and not braking, as the approach of a
-                 limit cycle does: ln(a4/a3) is at least half of ln(a3/a2) where a window holds
-                 two cycles, else a quarter of it with a4 < 0.3
-    limit_cycle  otherwise, if the slip crosses the middle of its range twice or more in the
-                 last half: amplitude, period and its spread are then those of it
+    steady       a4 < `SMALL`, or steady decay: ln(a4/a3) < -0.22 (or half the decay that the
+                 rate `decay` [1/s] predicts, if that is slower). The decay must not slow down,
+                 as it does towards a limit cycle: ln(a4/a3) is at least half of ln(a3/a2) if a
+                 window contains two cycles, else at least a quarter of it with a4 < 0.3
+    limit_cycle  otherwise, if the slip crosses the middle of its range at least twice in the
+                 last half, from which amplitude, period and spread are computed
     unresolved   otherwise
     """
     time, velocity, deviation = (jnp.asarray(x) for x in track)
@@ -117,8 +117,8 @@ def settles(
 ) -> tuple[Bool[Array, " *s"], Float[Array, " *s"]]:
     """Whether a motion settles, by the rule of `classify`, and ln(a4/a3).
 
-    `largest` are a2, a3 and a4, of windows of `window` [s]; `count` of cycles in the last two;
-    `decay` [1/s] what the linear theory promises, inf where nothing is known. Of one shape.
+    `largest` are a2, a3 and a4 of windows of length `window` [s], `count` the cycles in the last
+    two. `decay` [1/s] is the rate of the linear theory, inf if unknown. All of one shape.
     """
     a2, a3, a4 = largest
     tiny = jnp.finfo(a4.dtype).tiny
@@ -134,16 +134,16 @@ def settles(
 def mean_and_spread(
     count: Array, first: Array, last: Array, shortest: Array, longest: Array
 ) -> tuple[Float[Array, " *s"], Float[Array, " *s"]]:
-    """Mean period of the cycles between `count` crossings, and its spread [s].
+    """Mean period of the cycles between `count` crossings, and their spread [s].
 
         mean = (last - first)/(count - 1),   spread = (longest - shortest)/2
 
     first, last : times of the first and last crossing [s].
     shortest, longest : times between a crossing and the next [s].
 
-    The spread is 0 where all cycles take the same time, or where there is only one. It is no
-    standard error: it says by how much single cycles differ. Both are inf below two crossings.
-    All arrays of one shape.
+    The spread is 0 if all cycles are equally long, or if there is only one. It is not a standard
+    error: it measures how much single cycles differ. Both are inf below two crossings. All arrays
+    of one shape.
     """
     cycles = jnp.maximum(count - 1, 1)
     mean, spread = (last - first) / cycles, 0.5 * (longest - shortest)
@@ -151,7 +151,7 @@ def mean_and_spread(
 
 
 def _largest(time: Array, size: Array, begin: ArrayLike, end: ArrayLike) -> Float[Array, ""]:
-    """Largest `size` within [begin, end], whose ends are interpolated: it may hold no sample."""
+    """Largest `size` in [begin, end], including interpolated ends, as it may contain no sample."""
     at_ends = jnp.interp(jnp.stack([begin, end]), time, size)
     inside = (time >= begin) & (time <= end)
     return jnp.maximum(jnp.max(jnp.where(inside, size, 0.0)), jnp.max(at_ends))
@@ -174,7 +174,7 @@ def upward(
     count = jnp.sum(rises)
     first = jnp.min(jnp.where(rises, at, jnp.inf))
     last = jnp.max(jnp.where(rises, at, -jnp.inf))
-    crossings = jnp.sort(jnp.where(rises, at, last))  # what is no crossing repeats the last one
+    crossings = jnp.sort(jnp.where(rises, at, last))  # the rest is padding by the last one
     between = crossings[1:] - crossings[:-1]
     cycle = jnp.arange(between.shape[0]) < count - 1
     shortest = jnp.min(jnp.where(cycle, between, jnp.inf))

@@ -1,7 +1,7 @@
 """The frontier of feasible gains: for every k_v the smallest k_p that meets the requirement.
 
-The norm grows with k_p, so the smallest norm lies on the frontier k_p(k_v), and its local minima
-along k_v are the local optima.
+The norm grows with k_p, so the smallest norm lies on the frontier k_p(k_v). Local minima of the
+norm along k_v are the local optima.
 """
 
 from typing import NamedTuple
@@ -18,22 +18,22 @@ from .requirement import Requirement
 from .scenarios import Scenarios, in_tiles
 
 _BISECTIONS = 28
-# Of `zoom`: ever finer grids, points of each along v and u, and how far about its start.
+# Of `zoom`: number of successively finer grids, points of each along v and u, range as a factor.
 _ZOOMS, _ZOOM_POINTS, _LOCAL_POINTS, _ABOUT = 5, 17, 16, 1.4
 
 
 class Region(NamedTuple):
-    """Natural units, scales of the norm, limits of the gains; pairs (k_p, k_v) in SI."""
+    """Natural units, scales of the norm, and limits of the gains, as pairs (k_p, k_v) in SI."""
 
     unit: np.ndarray
     scale: np.ndarray
     lower: np.ndarray
     upper: np.ndarray
     coordinate: Coordinate = "linear"
-    """Whether these are of a line, in m and N, or of a rotation, in rad and N m."""
+    """Whether these are linear (m and N) or rotary (rad and N m)."""
 
     def any_stiffness(self, kp: float) -> bool:
-        """Whether k_p is at its default lower limit, which stands for any positive stiffness."""
+        """Whether k_p is at its default lower limit, which means any positive stiffness."""
         return bool(kp <= 1.000001 * self.lower[0] <= 1e-8 * self.unit[0])
 
     def norm(self, gains: ArrayLike) -> np.ndarray:
@@ -41,13 +41,13 @@ class Region(NamedTuple):
         return np.sqrt(np.sum(np.square(np.asarray(gains) / self.scale), axis=-1))
 
     def axes(self) -> tuple[np.ndarray, np.ndarray]:
-        """Values of k_p and of k_v that cover all that can matter, ascending, within the limits."""
+        """Grids of k_p and of k_v over all relevant sizes, ascending, within the limits."""
         u = np.concatenate([np.geomspace(1e-9, 1e4, 53), np.linspace(0.2, 2.0, 10)])
         v = np.concatenate([np.geomspace(1e-5, 1e3, 57), np.linspace(0.05, 1.5, 30), [0.0]])
         return self._limited(u, 0), self._limited(v, 1)
 
     def _limited(self, values: np.ndarray, i: int) -> np.ndarray:
-        """Values in natural units, in SI and within the limits, with the limits themselves."""
+        """Convert values from natural units to SI, clip them to the limits, and add the limits."""
         ends = [x for x in (self.lower[i], self.upper[i]) if np.isfinite(x)]
         return np.unique(np.clip([*values * self.unit[i], *ends], self.lower[i], self.upper[i]))
 
@@ -56,7 +56,7 @@ _sizes = eqx.filter_jit(sizes)
 
 
 def sizes_of(scenarios: Scenarios) -> NaturalSizes:
-    """What sets the size of the gains, in every scenario."""
+    """Natural sizes of the gains in every scenario."""
 
     def found(rows: np.ndarray) -> NaturalSizes:
         some = scenarios.take(rows)
@@ -66,14 +66,14 @@ def sizes_of(scenarios: Scenarios) -> NaturalSizes:
 
 
 class GainTask(NamedTuple):
-    """Gains within a region, for a requirement in some scenarios."""
+    """The search for gains in a region that meet a requirement in some scenarios."""
 
     requirement: Requirement
     scenarios: Scenarios
     region: Region
 
     def among(self, scenarios: Scenarios) -> "GainTask":
-        """The task of other scenarios."""
+        """The same task with other scenarios."""
         return self._replace(scenarios=scenarios)
 
     def slacks(self, gains: np.ndarray) -> Float[np.ndarray, "p n"]:
@@ -88,10 +88,10 @@ class GainTask(NamedTuple):
 def lowest(
     task: GainTask, tried: np.ndarray, given: np.ndarray, *, along: int = 0
 ) -> Float[np.ndarray, " n"]:
-    """The smallest k_p that all scenarios accept with each `given` k_v; inf if none `tried` is.
+    """Smallest k_p of `tried` that all scenarios accept for each `given` k_v; inf if there is none.
 
-    `tried` ascends. The first accepted one is refined by bisection towards the one before it.
-    With `along` 1 the two change places: `tried` is damping and `given` stiffness.
+    `tried` ascends. Bisection refines the first accepted value towards the one before it. With
+    `along` = 1 the roles are exchanged: `tried` is damping and `given` stiffness.
     """
 
     def accepted(tried: np.ndarray, given: np.ndarray) -> np.ndarray:
@@ -110,7 +110,7 @@ def lowest(
 
 
 def minima(task: GainTask) -> list[Float[np.ndarray, " 2"]]:
-    """Local minima of the norm along the whole frontier, among its points on a grid of k_v."""
+    """Local minima of the norm along the whole frontier, on a grid of k_v."""
     k_p, k_v = task.region.axes()
     gains = np.stack([lowest(task, k_p, k_v), k_v], axis=1)
     norm = task.region.norm(gains)
@@ -119,8 +119,8 @@ def minima(task: GainTask) -> list[Float[np.ndarray, " 2"]]:
 
 
 def alone(task: GainTask) -> list[Float[np.ndarray, " 2"]]:
-    """The smallest stiffness with the least damping, and the smallest damping with the least
-    stiffness: how the slider is held by one of the two alone. Those that exist."""
+    """The gains with stiffness alone (least damping) and with damping alone (least stiffness) that
+    meet the requirement, if they exist."""
     low = task.region.lower
     found = []
     for along, axis in enumerate(task.region.axes()):
@@ -131,20 +131,20 @@ def alone(task: GainTask) -> list[Float[np.ndarray, " 2"]]:
 
 
 class Alone(NamedTuple):
-    """What stiffness alone and damping alone would do: pairs (stiffness, damping), SI."""
+    """Whether stiffness alone or damping alone suffices: pairs (stiffness, damping), SI."""
 
     meets: tuple[bool, bool]
-    """Whether some stiffness with the least damping, or the other way round, has the margins."""
+    """Whether stiffness alone, and whether damping alone, can meet the requirement."""
     tried: tuple[float, float]
     """The largest k_p and k_v of that search."""
     edge: tuple[float, float] | None
-    """k_p and k_v at which steady sliding becomes stable: without margins, without a delay of the
-    controller, in every scenario. inf where none is, 0 where none is needed; None: a delay law, or
-    a controller with integral action."""
+    """k_p alone and k_v alone at the limit of stability in every scenario, without margins and
+    without controller delay. inf: none is stable, 0: none is needed; None: a delay law, or
+    integral action."""
 
 
 def alone_of(meets: tuple[bool, bool], scenarios: Scenarios, region: Region) -> Alone:
-    """What is known of stiffness and of damping alone."""
+    """Compute `Alone` for some scenarios."""
     k_p, k_v = region.axes()
     edge = None
     if isinstance(scenarios.law(0), AbstractLaw) and scenarios.integral is None:
@@ -154,10 +154,10 @@ def alone_of(meets: tuple[bool, bool], scenarios: Scenarios, region: Region) -> 
 
 
 def largest_alone(task: GainTask) -> tuple[float, float]:
-    """Stiffness with the least damping, and damping with the least stiffness, up to which all
-    gains meet the requirement: (k_p, k_v), SI, to 2 % from below.
+    """Largest k_p (with the least damping) and k_v (with the least stiffness) below which all gains
+    meet the requirement: SI, 2 % accuracy, rounded down.
 
-    0 where the least gains do not meet it; inf where all that are tried do.
+    0 if the least gains do not meet it; inf if all tried ones do.
     """
 
     def met(along: int, tried: np.ndarray) -> np.ndarray:
@@ -178,11 +178,12 @@ def largest_alone(task: GainTask) -> tuple[float, float]:
 
 
 def zoom(task: GainTask, start: Float[np.ndarray, " 2"]) -> Float[np.ndarray, " 2"]:
-    """The gains of least norm on the frontier about one of its points, by ever finer grids of k_v.
+    """Find the least norm on the frontier near one of its points, by successively finer grids.
 
-    For optima where the margin has no slope, which the steps of `solve.optimum` do not find: the
-    phase margin of a massless slider jumps from -0.4 to inf where two crossings of |L| = 1 meet
-    and vanish. There `start` alone is up to 1.4e-4 too long (3 of 5 laws of `fits.many_gains`).
+    For optima at which the margin is not differentiable and `solve.optimum` does not converge. For
+    example, the phase margin of a massless slider jumps from -0.4 to inf when two crossings of
+    |L| = 1 merge and vanish. There the norm of `start` is up to 1.4e-4 too large (3 of 5 laws of
+    `fits.many_gains`).
     """
     best, region = start, task.region
     k_p = start[:1]

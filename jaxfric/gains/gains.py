@@ -1,4 +1,4 @@
-"""The entry point: from a law and the situations of a machine to its gains."""
+"""The entry point: from a law and the operating conditions of a machine to its gains."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -46,44 +46,44 @@ def find_gains(
     accuracy: float | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Gains:
-    """Smallest gains (k_p, k_v) whose margins hold in every scenario.
+    """Find the smallest gains (k_p, k_v) whose margins hold in every scenario.
 
         minimise sqrt((k_p/s_p)^2 + (k_v/s_v)^2)
 
-    over all combinations of velocity, mass and sample of the law, and over velocities between
-    neighbouring ones where the requirement is just met. Both local optima are reported where there
-    are two: "stiff", held by stiffness above the critical one, and "damped", held by damping.
+    Scenarios are all combinations of velocity, mass and sample of the law. Velocities between
+    neighbouring ones are added where the requirement is just met. If there are two local optima,
+    both are reported: "stiff" (stiffness above the critical one) and "damped" (damping).
 
     Parameters
     ----------
-    law : one law; or one with samples: of a Fit, a Posterior or a Loop, whose law and 64 samples
-        `law_from_fit` takes, or as that function gave it.
-    normal_force : [N] or "500 N", of a Fit, a Posterior or a Loop of a friction coefficient.
-    velocity : [m/s], one or several, or text, "1..10 mm/s"; a range is best given log-spaced.
-    mass : [kg], one or several, or text, "1..3 kg"; None without mass, or with that of the axis
-        that the law is of. Of a rotation, "1..5 rad/s" and "0.1 kg m^2"; k_p and k_v are then in
-        N m/rad and N m s/rad.
-    margin : what is required, by name (`MARGINS` has them, with units), or text, "modulus=0.5";
-        modulus=0.5 is required beside what is named, unless modulus is: modulus=0 asks for none.
+    law : one law; one with samples, as from `law_from_fit`; or a Fit, a Posterior or a Loop, of
+        which its law and 64 samples are used.
+    normal_force : [N] or "500 N", for a Fit, a Posterior or a Loop of a friction coefficient.
+    velocity : [m/s], one or several, or text, "1..10 mm/s"; log-space a range.
+    mass : [kg], one or several, or text, "1..3 kg"; None: that of the law's axis, or no mass. For
+        a rotation use "1..5 rad/s" and "0.1 kg m^2"; k_p and k_v are then in N m/rad and
+        N m s/rad.
+    margin : required margins by name (`MARGINS` lists them with units), or text, "modulus=0.5";
+        modulus=0.5 is always added unless modulus is named; modulus=0 switches it off.
     confidence : share of the samples of the law in which the requirement must hold; the
-        samples that ask for the largest gains are left out, at most so many.
+        samples that demand the largest gains are dropped, up to the rest.
     scale : (s_p [N/m], s_v [N s/m]); None: the stiffness that stabilises without damping and the
         damping that stabilises at every stiffness, largest over the scenarios.
     lower, upper : limits of (k_p, k_v); k_p always has the lower limit 1e-9 times its natural
-        unit, which stands for "any positive stiffness".
-    sample_time : h [s] of the controller; it then answers late by 1.5 h (half a sample of the
-        zero-order hold and one of computing), in all margins, in the search and in its certificate,
-        but not in the simulations of `check_gains`. None: a controller without delay.
-    delay : instead, the whole delay of the controller [s], where it is known.
-    integral_gain : k_i [N/(m s)] of a controller force = k_p e + k_v de/dt + k_i int e dt; it is
-        then in all margins, of which `stiffness` has no meaning. 0: no integral action.
-    accuracy : how near its target the slider must stop at rest [m]: k_p is then at least
-        F_s/accuracy, F_s the static friction. None: any.
-    progress : told what is being done.
+        unit, which means "any positive stiffness".
+    sample_time : h [s] of the controller. Its delay is then 1.5 h (half a sample for the zero-order
+        hold and one for computing) in all margins, in the search and in its certificate, but not
+        in the simulations of `check_gains`. None: no delay.
+    delay : instead, the total delay of the controller [s], if known.
+    integral_gain : k_i [N/(m s)] of a controller force = k_p e + k_v de/dt + k_i int e dt, included
+        in all margins; `stiffness` is then undefined. 0: no integral action.
+    accuracy : largest distance from the target at which the slider may stop [m]: k_p is then at
+        least F_s/accuracy, F_s the static friction. None: any.
+    progress : called with a text at every stage.
 
     Raises
     ------
-    InputError : a bad argument; of the kind `NoGains` where no gains within the limits meet the
+    InputError : an invalid argument; its subclass `NoGains` if no gains within the limits meet the
         requirement.
     """
     controller = sample_time, delay, integral_gain
@@ -95,7 +95,7 @@ def find_gains(
 
 
 class Wanted(NamedTuple):
-    """What gains are for, what they must reach and between which limits they lie: `find_gains`."""
+    """The arguments of `find_gains` other than the law."""
 
     velocity: ArrayLike | str
     mass: ArrayLike | str | None
@@ -113,11 +113,11 @@ class Wanted(NamedTuple):
 def seek_gains(
     law: LawSource | Law, asked: Wanted, progress: Callable[[str], None] | None = None
 ) -> Gains | Infeasible:
-    """The gains of `find_gains`, or, where no gains within the limits meet the requirement, why.
+    """Return the gains of `find_gains`, or `Infeasible` if none meet the requirement.
 
     Raises
     ------
-    InputError : a bad argument.
+    InputError : an invalid argument.
     """
     source, tell = law_source(law, None), progress or silent
     velocity, margin, confidence = asked.velocity, asked.margin, asked.confidence
@@ -159,7 +159,7 @@ def seek_gains(
         if np.array_equal(chosen, kept):
             break
         kept = chosen
-        tell(f"again without the {dropped} samples that ask for most")
+        tell(f"again without the {dropped} samples that demand the largest gains")
         few = scenarios.take(np.flatnonzero(np.isin(scenarios.sample, kept)))
         solution = solve(task.among(few))
     if isinstance(solution, Infeasible):
@@ -196,7 +196,7 @@ def seek_gains(
 
 
 def _bounded(found: Gains) -> Gains:
-    """A copy that says up to which gains a late controller may go where none are needed."""
+    """Add the largest allowed gains if none are needed and the controller has a delay."""
     if not found.none_needed or found.delay is None:
         return found
     task = GainTask(found.requirement, found.scenarios, found.region)
@@ -204,7 +204,7 @@ def _bounded(found: Gains) -> Gains:
 
 
 def _accurate(asked: Wanted, resting: float | None, k_i: float | None) -> Pair:
-    """The lower limits, with k_p >= F_s/accuracy among them where an accuracy is asked for."""
+    """The lower limits of the gains, including k_p >= F_s/accuracy for a required accuracy."""
     accuracy, (low, high) = asked.accuracy, (asked.lower[0], asked.upper[0])
     if accuracy is None:
         return asked.lower
@@ -216,14 +216,14 @@ def _accurate(asked: Wanted, resting: float | None, k_i: float | None) -> Pair:
         )
     if resting is None:
         raise InputError(
-            "accuracy needs the static friction, and this law does not tell it; give the level of"
+            "accuracy needs the static friction, which this law does not contain; give the level of"
             " friction (f0 of slip and ageing), or a lower limit of k_p"
         )
     low = max(low or 0.0, resting / accuracy)
     if high is not None and not low < high:
         raise InputError(
-            f"accuracy {accuracy:g} asks for k_p >= {low:.4g} (static friction {resting:.4g}), and"
-            f" the upper limit of k_p is {high:g}; allow more of one of them"
+            f"accuracy {accuracy:g} requires k_p >= {low:.4g} (static friction {resting:.4g}), but"
+            f" the upper limit of k_p is {high:g}; raise one of them"
         )
     return low, asked.lower[1]
 
@@ -239,7 +239,7 @@ def _check_pairs(asked: Wanted) -> None:
 
 
 def _worst(scenarios: Scenarios, gains: np.ndarray) -> dict[str, WorstCase]:
-    """Every margin in the scenario where it is least."""
+    """Every margin in its worst scenario."""
     worst = {}
     late, integral = scenarios.delay is not None, scenarios.integral is not None
     names = [name for name in MARGINS if not meaningless(name, late=late, integral=integral)]
@@ -270,16 +270,16 @@ def _warnings(
     texts = []
     if delay is None and worst["delay"].value < SHORTEST_DELAY:
         texts.append(
-            f"these gains survive a delay of {1e6 * worst['delay'].value:.2g} us in the controller:"
-            f" less than any has ({1e6 * SHORTEST_DELAY:.0f} us is that of one that samples at 30"
-            " kHz). Say how often yours samples, and find gains with that delay in the loop:"
-            " --sample-time '1 ms' (in Python sample_time=1e-3), or --delay where it is known"
+            f"the delay margin of these gains is {1e6 * worst['delay'].value:.2g} us, less than the"
+            f" delay of any controller ({1e6 * SHORTEST_DELAY:.0f} us at a sample rate of 30 kHz)."
+            " Include the delay of yours: --sample-time '1 ms' (in Python sample_time=1e-3), or"
+            " --delay if it is known"
         )
     if region.any_stiffness(best.kp):
         which = "any positive" if delay is None else "any small"
         texts.append(
-            f"k_p is at its lower limit: {which} stiffness meets the requirement; give a"
-            " lower limit (--min-kp) if the position must be held"
+            f"k_p is at its lower limit: {which} stiffness meets the requirement; give a lower"
+            " limit (--min-kp) if the position must be controlled"
         )
     return texts
 
@@ -291,11 +291,11 @@ def check_gains(
     number: int = 4,
     progress: Callable[[str], None] | None = None,
 ) -> Gains:
-    """A copy of these gains, checked by nonlinear simulation in the `number` hardest scenarios.
+    """Check gains by nonlinear simulation in the `number` hardest scenarios; return a copy.
 
-    With `basin` both gains are raised by one factor, in steps of 2 %, until velocity may jump by
-    that factor either way in all of them; the margins are then those of the raised gains. Gains
-    with integral action are simulated at rest only (`hunting`); a warning says it.
+    With `basin`, both gains are raised by one common factor, to 2 %, until velocity may jump up or
+    down by the factor `basin` in all of them; margins are then those of the raised gains. Gains
+    with integral action are simulated only at rest (`hunting`), with a warning.
 
     Raises
     ------
@@ -311,13 +311,13 @@ def check_gains(
         found = _hunting(gains, law, gains.integral, tell)
         if found is None:
             return _warned(
-                gains, "gains with integral action are not simulated: only their margins are known"
+                gains, "gains with integral action are not simulated; only margins are checked"
             )
         text = "gains with integral action are simulated at rest only, not in motion"
         return replace(_warned(gains, text), hunting=found)
     if gains.any_stiffness:
         return _warned(
-            gains, "not simulated: k_p stands for any positive stiffness; give a lower limit of k_p"
+            gains, "not simulated: k_p means any positive stiffness; give a lower limit of k_p"
         )
     values = np.asarray([gains.kp, gains.kv])
     task = GainTask(gains.requirement, gains.scenarios, gains.region)
@@ -335,7 +335,7 @@ def check_gains(
     texts += unresolved_warnings(report)
     missed = float(np.min(task.slacks(raised)))
     if missed < -1e-6:
-        texts.append(f"the raised gains miss a required margin by {-missed:.2g} of it")
+        texts.append(f"the raised gains miss a required margin by {-missed:.2g} of its value")
     return replace(
         _warned(gains, *texts),
         kp=float(raised[0]),
@@ -353,7 +353,7 @@ def _warned(gains: Gains, *texts: str) -> Gains:
 def _hunting(
     gains: Gains, law: AbstractLaw, k_i: float, tell: Callable[[str], None]
 ) -> Hunting | None:
-    """Whether the slider hunts at rest: of the first sample of the law and the largest mass."""
+    """Whether the slider hunts at rest, for the first sample of the law and the largest mass."""
     masses = gains.scenarios.mass
     if gains.rest_friction is None or masses is None:
         return None
@@ -364,13 +364,13 @@ def _hunting(
 
 
 def unresolved_warnings(report: CheckReport) -> tuple[str, ...]:
-    """A line where the simulations say next to nothing: more than half of them end unresolved."""
+    """Warn if more than half of the simulations end unresolved."""
     if 2 * report.unresolved <= report.checked:
         return ()
     return (
         f"{report.unresolved} of {report.checked} simulated starts end unresolved: the simulation"
-        " stopped before it could be seen whether they settle. They speak neither for these gains"
-        " nor against them; look at one of them with 'jaxfric simulate'",
+        " stopped before they settled or not. They are not counted; look at one of them with"
+        " 'jaxfric simulate'",
     )
 
 
@@ -386,7 +386,7 @@ def _raise(few: Scenarios, values: np.ndarray, basin: float, largest: float) -> 
         if high > MOST_RAISED:
             raise InputError(
                 f"basin={basin:g} is not reached by gains {MOST_RAISED:g} times those of the"
-                " margins; ask for less, or for a larger margin"
+                " margins; require a smaller basin, or a larger margin"
             )
     while high / low > 1.02:
         middle = np.sqrt(low * high)

@@ -1,10 +1,10 @@
-"""Whether integral action makes a slider hunt about its target at rest, by simulation.
+"""Simulation of hunting: limit cycles about a target at rest, caused by integral action.
 
     m x'' = k_p e + k_v e' + k_i int e dt - f(x', z),   e = x_ref - x,   x_ref constant
 
-A stuck slider is off its target; the integral grows until the force exceeds static friction. Where
-kinetic friction is less, the slider then slips past the target, sticks on the other side, and so
-on. The controller answers at once here, and its integral has no limit.
+While the slider sticks off its target, the integral grows until the force exceeds static friction.
+If kinetic friction is lower, the slider slips past the target, sticks on the other side, and the
+cycle repeats. The simulated controller has no delay and no anti-windup limit.
 """
 
 from typing import NamedTuple
@@ -26,32 +26,32 @@ _SAMPLES, _MAX_STEPS, _RTOL = 8001, 200_000, 1e-6
 
 
 class Hunting(NamedTuple):
-    """How a slider with integral action behaves about its target. SI."""
+    """Limit cycle of a slider with integral action about its target. SI."""
 
     amplitude: float | None
-    """Half the range of its position [m]; None where no hunting was seen, inf where it grows."""
+    """Half the range of its position [m]; None: no hunting, inf: it grows."""
     period: float | None
-    """[s]; None where no hunting was seen, or where it grows."""
+    """[s]; None: no hunting, or it grows."""
     duration: float
-    """Time that was simulated [s]."""
+    """Simulated time [s]."""
 
 
 def hunting(
     law: AbstractLaw, mass: float, gains: tuple[float, float, float], static: float, fastest: float
 ) -> Hunting | None:
-    """Simulate the slider from rest, off its target; None where the solver gives up.
+    """Simulate the slider from rest, off its target; None if the solver fails.
 
-    **Arguments:** `gains` are (k_p, k_v, k_i); `static` is F_s [force]; `fastest` [m/s] the speed
-    up to which kinetic friction is looked at.
+    **Arguments:** `gains` are (k_p, k_v, k_i); `static` is F_s [force]; `fastest` [m/s] the highest
+    speed at which kinetic friction is evaluated.
     """
     k_p, _, k_i = gains
     band = static / k_p
-    # kinetic friction: the least from the speed on at which friction is largest
+    # kinetic friction: the least friction above the speed of its maximum
     steady = np.asarray(steady_points(law, fastest * np.geomspace(SLOWER, 1.0, SPEEDS)).force)
     drop = max(static - float(np.min(steady[np.argmax(steady) :])), LEAST_DROP * static)
     loose = k_p / k_i * static / drop
     if isinstance(law, AbstractStribeck) and law.width is None:
-        # a sign smooth enough to be simulated through rest, and no smoother
+        # smooth the sign just enough to simulate through rest
         width = jnp.asarray(CREEP * band / loose)
         law = eqx.tree_at(lambda one: one.width, law, width, is_leaf=lambda x: x is None)
     duration = STICKS * loose
@@ -67,7 +67,7 @@ def hunting(
 def _positions(
     law: AbstractLaw, known: Float[Array, " 4"], band: Array, time: Float[Array, " n"]
 ) -> tuple[Float[Array, "starts n"], Bool[Array, " starts"]]:
-    """x at the times from every start, and whether the solver came to the end."""
+    """x at the times from every start, and whether the solver reached the end."""
     mass, k_p, k_v, k_i = known
     force, zero = k_p * band, jnp.zeros(())
     states = law.steady_state(zero + 1).shape[0]
@@ -101,7 +101,7 @@ def _positions(
 
 
 def _described(time: np.ndarray, x: np.ndarray, band: float) -> Hunting:
-    """Amplitude and period over the last half, where the motion goes on there."""
+    """Amplitude and period over the last half, if the motion continues there."""
     duration = float(time[-1])
     *_, third, last = np.array_split(x, 4)
     still = np.ptp(last) < 2 * SMALL * band or np.ptp(last) < DECAYED * np.ptp(third)

@@ -1,9 +1,9 @@
-"""Derivatives of the root of equations, of first and second order, in both modes.
+"""First and second derivatives of the root of equations, in both modes.
 
     F(z(t), t) = 0:  dz/dt = -F_z^-1 F_t,  d2z/dt2 = -F_z^-1 d2/dd2 F(z + z' d, t + d) at d = 0
 
-The matrices are found by forward mode alone. Reverse mode through F itself would multiply infinite
-slopes of unused branches by zero.
+The matrices are computed by forward mode only. Reverse mode through F itself would multiply
+infinite slopes of unused branches by zero.
 """
 
 import functools
@@ -23,9 +23,9 @@ def implicit(
     known: PyTree,
     exists: Bool[Array, ""],
 ) -> Float[Array, " k"]:
-    """The root z of `equations(z, theta, known)`, which moves with theta.
+    """Attach derivatives in theta to the root z of `equations(z, theta, known)`.
 
-    Where it has no derivatives (not `exists`) they are arbitrary, but not zero.
+    If they do not exist (not `exists`), they are arbitrary but not zero.
     """
     return _derivative(equations, 0, z, theta, known, exists)
 
@@ -34,7 +34,7 @@ def implicit(
 def _derivative(
     equations: Equations, order: int, z: Array, theta: Array, known: PyTree, exists: Array
 ) -> Float[Array, "k *n"]:
-    """The root, or its derivatives of an order; of the third order on they are nan."""
+    """The root, or its derivatives of the given order; from third order on they are nan."""
     k, n = z.size, theta.size
     if order == 0:
         return z

@@ -1,6 +1,6 @@
 """The KKT equations of the gains of least norm, and the derivatives that follow from them.
 
-y = sum_i l_i dc_i/dy,   c_i(y) = 0 and l_i >= 0 for the at most two i that decide
+y = sum_i l_i dc_i/dy,   c_i(y) = 0 and l_i >= 0 for at most two active constraints i
 """
 
 from typing import NamedTuple
@@ -18,32 +18,32 @@ from .thresholds import FEASIBLE, POSITIVE, ZERO
 
 
 class DERIVATIVE(eqx.Enumeration):
-    """Whether the gains have derivatives; where they have none these are nan."""
+    """Whether the gains have derivatives; if not, these are nan."""
 
     exists = ""
     no_optimum = "There is no optimum: see `result`."
-    weak = "A constraint is met but pulls with no force: the derivative differs from side to side."
-    crowded = "More constraints are met than decide: two of them change places here."
+    weak = "An active constraint has a zero multiplier: the one-sided derivatives differ."
+    crowded = "More constraints are met than are active: the active set changes here."
     singular = "The KKT equations are singular: a double root, or parallel constraints."
 
 
 class KKT(NamedTuple):
-    """The two constraints that decide, in units in which their gradients have length 1."""
+    """The two active constraints, scaled so that their gradients have length 1."""
 
     used: Bool[Array, " 2"]
     multiplier: Float[Array, " 2"]
     n: Float[Array, "2 2"]
     H: Float[Array, "2 2 2"]
     size: Float[Array, " 2"]
-    """Lengths of the gradients before."""
+    """Lengths of the gradients before scaling."""
     sine: Float[Array, ""]
     """Sine of the angle between the two."""
     residual: Float[Array, ""]
-    """|y - sum l_i n_i|/|y| with the multipliers that push inwards."""
+    """|y - sum l_i n_i|/|y| with the nonnegative multipliers."""
 
 
 def kkt_of(end: Steps) -> KKT:
-    """The constraints that decide at an end, and their multipliers."""
+    """The active constraints at an end of the search, and their multipliers."""
     y, used, g = end.y, end.slots >= 0, end.near.g[end.slots]
     size = above_zero(jnp.linalg.norm(g, axis=1))
     n, H = g / size[:, None], end.near.H[end.slots] / size[:, None, None]
@@ -56,10 +56,10 @@ def kkt_of(end: Steps) -> KKT:
 
 
 def derivative(problem: GainProblem, end: Steps, kkt: KKT) -> DERIVATIVE:
-    """Whether the optimum moves smoothly with what it depends on."""
+    """Whether the optimum is a smooth function of the problem's data."""
     near, length = end.near, jnp.linalg.norm(end.y)
     weak = jnp.any(kkt.used & (kkt.multiplier <= ZERO * length))
-    # other constraints that are met as well, by their distance
+    # other constraints met with equality, by their distance
     size = jnp.linalg.norm(near.g, axis=1)
     c = jnp.concatenate([near.c[:-4], problem.limits(end.y)])
     least = 1e-3 * POSITIVE * problem.unit[0] / problem.scale[0]
@@ -75,13 +75,13 @@ def derivative(problem: GainProblem, end: Steps, kkt: KKT) -> DERIVATIVE:
 
 
 def carried(problem: GainProblem, end: Steps, kkt: KKT, exists: Array) -> Float[Array, " 2"]:
-    """The optimum y with its derivatives of first and second order: y solves, with l,
+    """Attach first and second derivatives to the optimum y, which solves with the multipliers l
 
-    y - sum l_i dc_i/dy = 0,  c_i = 0;  where a constraint is missing its equation is l_i = 0.
+    y - sum l_i dc_i/dy = 0,  c_i = 0;  the equation of a missing constraint is l_i = 0.
     """
     near, inner = end.near, end.decided >= 0
     row = jnp.where(inner, end.slots, 0)
-    row = jnp.where(inner, row, row[::-1])  # instead of none, the scenario of the other
+    row = jnp.where(inner, row, row[::-1])  # a missing scenario is replaced by the other one
     branch, limit = near.branch[row], jnp.where(inner, 0, near.branch[end.slots])
     two = jax.tree.map(jnp.asarray, problem.at(near.scenario[row]))
     moving, rest = eqx.partition(two, eqx.is_inexact_array)
@@ -99,6 +99,6 @@ def carried(problem: GainProblem, end: Steps, kkt: KKT, exists: Array) -> Float[
         g, c = jax.jacfwd(constraints, has_aux=True)(z[:2])
         return jnp.concatenate([z[:2] - z[2:] @ g, jnp.where(kkt.used, c, z[2:])])
 
-    known = jax.lax.stop_gradient((rest, kkt, inner, branch, limit))  # what has no derivative
+    known = jax.lax.stop_gradient((rest, kkt, inner, branch, limit))  # constants
     z = jnp.concatenate([end.y, jnp.where(kkt.used, kkt.multiplier, 0.0)])
     return implicit(equations, jax.lax.stop_gradient(z), theta, known, exists)[:2]

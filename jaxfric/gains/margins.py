@@ -1,6 +1,6 @@
-"""Margins and slacks of many pairs of gains and scenarios, through compiled functions.
+"""Margins and slacks for many pairs of gains and scenarios, through compiled functions.
 
-Pairs are cut into tiles of one fixed size: whatever is asked, one shape is compiled, which takes
+Pairs are cut into tiles of one fixed size, so that only one shape is compiled: compilation takes
 longer than any evaluation.
 """
 

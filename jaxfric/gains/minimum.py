@@ -1,18 +1,18 @@
-"""Minimum-norm PD gains as one pure function of arrays, for many laws and sliders at once.
+"""Minimum-norm PD gains as a pure function of arrays, for many laws and sliders at once.
 
     minimise |y|,  y = (k_p/s_p, k_v/s_v),  subject to  every branch of every margin in every
     scenario reaching its requirement, and lower <= (k_p, k_v) <= upper
 
-The feasible set is not convex: stiffness above critical holds a slider with little damping, and
-enough damping holds it at almost any stiffness. So there are two stages, both of fixed shapes:
+The feasible set is not convex: stiffness above critical stabilises a slider with little damping,
+and enough damping stabilises it at almost any stiffness. So there are two stages of fixed shapes:
 
-1. the least feasible radius along 16 rays of k_v/k_p, for the few scenarios that ask for most,
-   gives one start with more stiffness and one with more damping than the natural units;
-2. from each start, steps of sequential quadratic programming (`newton`) under the worst scenarios
-   of all; the feasible end with the smaller norm is the result.
+1. the least feasible radius along 16 rays of k_v/k_p, for the few most demanding scenarios, gives
+   two starts: one with more stiffness and one with more damping than the natural units;
+2. from each start, steps of sequential quadratic programming (`newton`) under the worst of all
+   scenarios; the feasible end with the smaller norm is the result.
 
-No derivative passes the search: the KKT equations at the solution give those of first and second
-order (`implicit`).
+The search is not differentiated: the KKT equations at the solution give first and second
+derivatives (`implicit`).
 """
 
 from collections.abc import Mapping
@@ -55,19 +55,19 @@ class GAINS(eqx.Enumeration):
         "or leave the worst scenario out."
     )
     not_converged = (
-        "These gains hold, but are not optimal to 1e-6 of their norm: a double pole, a margin that"
-        " jumps, or a slow search. Use jaxfric.find_gains, which searches more finely."
+        "These gains meet the requirement, but are not optimal to 1e-6 of their norm: a double"
+        " pole, a margin that jumps, or a slow search. Use jaxfric.find_gains, a finer search."
     )
     impossible = (
-        "A velocity is not above 0, a mass is negative, limits leave nothing between them, or the "
-        "law has no steady state. Call it outside jit and vmap: it then says what is wrong."
+        "A velocity is not above 0, a mass is negative, a lower limit exceeds its upper limit, or "
+        "the law has no steady state. Call it outside jit and vmap for an error that names it."
     )
 
 
 class MinimumGains(eqx.Module):
-    """Gains of least norm, both local optima, and what decides them.
+    """Gains of least norm, both local optima, and their active scenarios.
 
-    nan where there are no gains (`result` infeasible or impossible).
+    nan if there are no gains (`result` infeasible or impossible).
     """
 
     k_p: Float[Array, ""]
@@ -80,19 +80,19 @@ class MinimumGains(eqx.Module):
     derivative: DERIVATIVE
     """Whether k_p, k_v and norm have derivatives."""
     active: Int[Array, " 2"]
-    """Indices of the scenarios that decide; -1 for none, or a limit of the gains."""
+    """Indices of the active scenarios; -1 for none, or a limit of the gains."""
     multipliers: Float[Array, " 2"]
-    """Of these: l in y = sum l_i dc_i/dy, with c_i the slack relative to the requirement."""
+    """Their multipliers l in y = sum l_i dc_i/dy, c_i the slack relative to the requirement."""
     at_limit: Bool[Array, " 2"]
-    """Whether the constraint is a limit of the gains."""
+    """Whether the active constraint is a limit of the gains."""
     slack: Float[Array, " n"]
     """How far each scenario exceeds the requirement, relative to it; no derivative."""
     residual: Float[Array, ""]
     """|y - sum l_i dc_i/dy|/|y|."""
     optima: Float[Array, "2 2"]
-    """(k_p, k_v) of the local optimum held by stiffness, then by damping; nan where none is."""
+    """(k_p, k_v) of the stiff and of the damped local optimum; nan if there is none."""
     norms: Float[Array, " 2"]
-    """Norms of these; inf where there is none."""
+    """Norms of these; inf if there is none."""
 
 
 def minimum_gains(
@@ -108,30 +108,29 @@ def minimum_gains(
     delay: ArrayLike | None = None,
     integral_gain: ArrayLike | None = None,
 ) -> MinimumGains:
-    """The gains (k_p, k_v) of least norm whose margins hold in all scenarios. Pure JAX.
+    """Compute gains (k_p, k_v) of least norm whose margins hold in all scenarios. Pure JAX.
 
         minimise sqrt((k_p/s_p)^2 + (k_v/s_v)^2)
         subject to margin_j(k_p, k_v; scenario i) >= required_j for all i and j
 
-    Works under jit and vmap, and in both modes of differentiation to the second order: by the
-    arrays of the law, velocity, mass, delay, required values, scale and limits. `find_gains` also
-    looks between the velocities, leaves samples out and certifies its result by a dense grid.
-    A batch lasts as long as its slowest member: for many laws `jax.lax.map` with a `batch_size` of
-    some hundreds is quicker than one `jax.vmap`.
+    Works under jit and vmap, and in both modes of differentiation to second order, with respect to
+    the arrays of the law, velocity, mass, delay, required values, scale and limits. `find_gains`
+    also adds velocities, drops samples and certifies its result by a dense grid. A batch takes as
+    long as its slowest member: for many laws `jax.lax.map` with a `batch_size` of some hundreds is
+    faster than one `jax.vmap`.
 
-    Both optima are local. Where the optimum is a double pole of damping, or where
-    a phase margin jumps as two crossings of |L| = 1 vanish, the margin has no slope: `result` is
-    then not_converged and all derivatives are nan, as they are wherever `derivative` is not
-    `exists`. Derivatives of the third order are nan. Where two scenarios set one natural unit
-    together, the derivative by their arrays is that of their mean.
+    Both optima are local. The margin is not differentiable at a double pole of damping, or where a
+    phase margin jumps as two crossings of |L| = 1 vanish: `result` is then not_converged and all
+    derivatives are nan. They are nan whenever `derivative` is not `exists`, and from third order
+    on. If two scenarios tie in defining a natural unit, the derivative is the mean of theirs.
 
     Parameters
     ----------
     law : one law; with `sample`, a law whose arrays have a leading axis.
-    velocity : [m/s], shape (n,): one for each scenario; a scalar is the same in all.
+    velocity : [m/s], shape (n,), one for each scenario, or a scalar for all.
     mass : [kg], shape (n,) or a scalar; None without mass.
     requirement : margins by name and their least values, e.g. {"stiffness": 1.5}; modulus=0.5 is
-        required beside them, unless modulus is named: modulus=0 asks for none.
+        added unless modulus is named; modulus=0 switches it off.
     sample : shape (n,), the index into the law of each scenario.
     scale : (s_p [N/m], s_v [N s/m]); None: the natural units of `find_gains`, which depend on the
         law, the velocities and the masses.
@@ -141,8 +140,8 @@ def minimum_gains(
 
     Raises
     ------
-    InputError : known outside of jit and vmap: a velocity that is not positive, a negative mass, a
-        margin that does not exist, limits that leave nothing between them.
+    InputError : an unknown margin. Outside of jit and vmap: a velocity that is not positive, a
+        negative mass, a lower limit not below its upper limit.
     """
     refuse_no_law(law)
     if not isinstance(requirement, Requirement):
@@ -180,7 +179,7 @@ def minimum_gains(
     possible &= finite & jnp.all(low < upper)
     low, high = jnp.where(possible, low, least), jnp.where(possible, upper, jnp.inf)
     chosen = pairs.get("scale", unit)
-    unit = jax.lax.stop_gradient(unit)  # slacks are zero in all units
+    unit = jax.lax.stop_gradient(unit)  # the zeros of slacks do not depend on the unit
     setting = Setting(m, of.get("delay"), of.get("integral"))
     return _solve(GainProblem(friction, setting, requirement, unit, chosen, low, high), possible)
 
@@ -193,11 +192,11 @@ _KNOWN = {
     "integral": ("integral gain", "N/(m s)", False),
     "scale": ("scale", "(SI)", False),
 }
-"""What an argument is, its unit, and whether it may be 0."""
+"""Description of an argument, its unit, and whether it may be 0."""
 
 
 def _refuse(given: Mapping[str, Array]) -> None:
-    """Raise `InputError` for numbers that are wrong, where their values are known."""
+    """Raise `InputError` for invalid concrete values."""
     known = {name: np.asarray(x) for name, x in given.items() if not isinstance(x, Tracer)}
     for name, (what, unit, included) in _KNOWN.items():
         values = known.get(name, np.ones(0))
@@ -209,7 +208,7 @@ def _refuse(given: Mapping[str, Array]) -> None:
         for name, low, high in zip(("k_p", "k_v"), known["lower"], known["upper"], strict=True):
             if not low < high:
                 raise InputError(
-                    f"minimum_gains: limits of {name}, {low:g} to {high:g}, leave nothing between"
+                    f"minimum_gains: limits of {name}, {low:g} to {high:g}, leave an empty range"
                 )
 
 
@@ -219,7 +218,7 @@ def _solve(problem: GainProblem, possible: Bool[Array, ""]) -> MinimumGains:
     residual = jax.vmap(lambda end: kkt_of(end).residual)(ends)
     sure = ends.settled & (residual <= ZERO) & possible
     norms = jnp.where(sure, jnp.linalg.norm(ends.y, axis=1), jnp.inf)
-    # without an optimum: of the ends that hold the shorter, else the one that misses least
+    # without an optimum: the feasible end of smaller norm, else the end that misses least
     worst = jnp.min(slacks, axis=1)
     holding = jnp.where(worst >= -FEASIBLE, jnp.linalg.norm(ends.y, axis=1), jnp.inf)
     holds = jnp.any(jnp.isfinite(holding))
@@ -232,7 +231,7 @@ def _solve(problem: GainProblem, possible: Bool[Array, ""]) -> MinimumGains:
     exists = code == DERIVATIVE.exists
     held = some | (possible & jnp.all(slack >= -FEASIBLE))
     y = carried(problem, end, kkt, exists)
-    missing = jnp.where(held, 0.0, jnp.nan)  # added, so that slopes still pass
+    missing = jnp.where(held, 0.0, jnp.nan)  # added, so that derivatives still pass
     gains = undefined(y * problem.scale + missing, ~exists)
     lowest = jnp.all(end.y * fixed.scale <= fixed.lower * (1 + 1e-9))
     result = GAINS.where(lowest, GAINS.none_needed, GAINS.optimal)
@@ -256,7 +255,7 @@ def _solve(problem: GainProblem, possible: Bool[Array, ""]) -> MinimumGains:
 
 
 def _sides(problem: GainProblem, y: Array, norms: Array) -> tuple[Array, Array]:
-    """Gains and norms of the best end with more stiffness, and of that with more damping."""
+    """Gains and norms of the best stiff end and of the best damped end."""
     natural = y * problem.scale / problem.unit
     damped = natural[:, 1] > natural[:, 0]
     on_side = jnp.where(jnp.stack([~damped, damped]), norms, jnp.inf)

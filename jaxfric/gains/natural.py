@@ -1,4 +1,4 @@
-"""Natural units of the gains: the stiffness and the damping at which they begin to matter."""
+"""Natural units of the gains: the stiffness and the damping at which they become relevant."""
 
 from typing import NamedTuple
 
@@ -12,22 +12,22 @@ from ..stability.theorem import rice_ruina_criterion
 
 
 class NaturalSizes(NamedTuple):
-    """What sets the size of the gains, one entry for each scenario."""
+    """Quantities that define the scale of the gains, one entry for each scenario."""
 
     critical: Float[Array, " n"]
     """k_cr without damping [N/m]."""
     fall: Float[Array, " n"]
-    """int g dt: how far friction falls after a rise of velocity [N s/m]."""
+    """int g dt: fall of friction after a rise of velocity, per velocity [N s/m]."""
     slope: Float[Array, " n"]
     """f_v [N s/m]."""
     rate: Float[Array, " n"]
-    """Middle rate of the memory [1/s]."""
+    """Geometric mean of the memory's lowest and highest rate [1/s]."""
     mass: Float[Array, " n"]
     """[kg]; 0 without mass."""
 
 
 def sizes(friction: LinearFriction, mass: Float[Array, " n"] | None) -> NaturalSizes:
-    """The sizes of each scenario; `friction` has a leading axis. `mass` [kg], None without."""
+    """The sizes of each scenario; `friction` has a leading axis; `mass` [kg] or None."""
 
     def one(friction: LinearFriction, mass: Array) -> NaturalSizes:
         low, high = friction.kernel.frequencies()
@@ -42,8 +42,8 @@ def sizes(friction: LinearFriction, mass: Float[Array, " n"] | None) -> NaturalS
 def natural_units(of: NaturalSizes) -> Float[Array, " 2"]:
     """(K0, C0): the stiffness that stabilises without damping, the damping that needs no stiffness.
 
-    The largest over the scenarios; where none is needed, or no stiffness suffices, stiffness and
-    damping at which the gains begin to matter take their place.
+    The largest over the scenarios. If none is needed, or no stiffness suffices, they are the
+    stiffness and damping at which the gains become relevant.
     """
     need = jnp.max(of.fall - of.slope)
     C0 = jnp.where(need > 0, need, jnp.max(jnp.abs(of.slope) + jnp.abs(of.fall)))
@@ -51,9 +51,9 @@ def natural_units(of: NaturalSizes) -> Float[Array, " 2"]:
     largest = jnp.max(jnp.where(some, of.critical, 0.0))
     memory = jnp.max(jnp.abs(of.fall) * of.rate + of.mass * of.rate**2)
     heaviest = jnp.max(of.mass)
-    # no memory: the stiffness that this damping damps critically
+    # without memory: the stiffness for which C0 is critical damping
     critical = jnp.where(heaviest > 0, C0**2 / jnp.where(heaviest > 0, heaviest, 1.0), 0.0)
-    # no friction that changes: the pace of its states is all there is
+    # friction independent of velocity: only the rate of its states gives a scale
     pace = jnp.max(of.mass * of.rate**2), jnp.max(of.mass * of.rate)
     K0 = jnp.where(C0 > 0, critical, pace[0])
     K0 = jnp.where(jnp.any(some), largest, jnp.where(jnp.any(of.fall != 0), memory, K0))

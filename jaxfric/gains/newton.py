@@ -2,10 +2,10 @@
 
     minimise |y|^2/2   subject to   c_k(y) >= 0
 
-With two unknowns at most two constraints decide. So a step needs no solver: all points at which
-none, one or two linearised constraints are met are listed, and the best feasible one is chosen.
+With two unknowns at most two constraints are active. So a step needs no solver: it enumerates the
+points at which none, one or two linearised constraints are active, and takes the best feasible one.
 
-    none: d = -y;   one: along the line c_k + g_k d = 0 by Newton's method;   two: their crossing
+    none: d = -y;   one: along the line c_k + g_k d = 0 by Newton's method;   two: the intersection
 """
 
 from typing import NamedTuple
@@ -18,7 +18,7 @@ from .thresholds import CURVATURE, ROUNDING, ZERO
 
 
 class NewtonStep(NamedTuple):
-    """A step and the pair of constraints that are met after it; -1 where there is none."""
+    """A step and the pair of constraints active after it; -1: none."""
 
     d: Float[Array, " 2"]
     active: Int[Array, " 2"]
@@ -32,14 +32,14 @@ def sqp_step(
     H: Float[Array, "k 2 2"],
     radius: ArrayLike = jnp.inf,
 ) -> NewtonStep:
-    """The step from `y` to the least norm under the linearised constraints, which have values c,
-    gradients g and second derivatives H there.
+    """Step from `y` to the least norm under the linearised constraints.
 
-    Curvature L = I - sum l_k d^2c_k/dy^2 of the Lagrangian is that of the multipliers which the
-    step without curvature has. Where a constraint pulls it is no minimum: such candidates count as
-    ways, not as ends. Of those farther than `radius`, where the linearised constraints mean little,
-    only the nearest one counts, and only where none is within. Where the constraints contradict
-    each other it is the candidate that misses them least.
+    c, g, H are their values, gradients and second derivatives at y. The curvature
+    L = I - sum l_k d^2c_k/dy^2 of the Lagrangian uses the multipliers of the step without
+    curvature. A candidate with a negative multiplier is not a minimum; it is accepted only as an
+    intermediate step. Beyond `radius`, where the linearisation is inaccurate, only the nearest
+    candidate counts, if there is none within. If the constraints are contradictory, the candidate
+    that violates them least is chosen.
     """
     size = jnp.linalg.norm(g, axis=1)
     some = size > 0
@@ -54,8 +54,9 @@ def sqp_step(
 def _least(
     y: Array, c: Array, n: Array, some: Array, L: Float[Array, "2 2"], radius: ArrayLike
 ) -> tuple[NewtonStep, Float[Array, " 2"]]:
-    """The best step for a curvature, and the multipliers of the pair that is met after it; of
-    constraints whose gradients n have length 1 where they are `some`."""
+    """The best step for a curvature L, and the multipliers of the pair active after it.
+
+    Constraints exist where `some`; their gradients n have length 1."""
     first, second = np.triu_indices(c.shape[0], 1)
     (one, single), (two, pair) = _single(y, c, n, L), _pairs(y, c, n, first, second)
     d = jnp.concatenate([-y[None], one, two])
@@ -80,7 +81,7 @@ def _least(
     nearest = jnp.argmin(jnp.where(counting, far, jnp.inf))
     best = jnp.argmin(jnp.where(within, value, jnp.inf))
     best = jnp.where(jnp.any(within), best, nearest)
-    # how far away a compromise is counts too: else parallel constraints send it to infinity
+    # the distance counts too, or nearly parallel constraints would give an infinite step
     least = jnp.argmin(missed + 1e-3 * far)
     chosen = jnp.where(jnp.any(feasible), best, least)
     step = jnp.where(usable[chosen], d[chosen], 0.0)
@@ -88,7 +89,7 @@ def _least(
 
 
 def _single(y: Array, c: Array, n: Array, L: Array) -> tuple[Array, Array]:
-    """Newton's step along each constraint alone, and its multiplier."""
+    """Newton's step along each single constraint, and its multiplier."""
     t = jnp.stack([-n[:, 1], n[:, 0]], axis=1)
     down = -jnp.where(jnp.isfinite(c), c, 0.0)[:, None] * n
     curvature = jnp.maximum(jnp.einsum("ki,ij,kj->k", t, L, t), CURVATURE)
@@ -99,7 +100,7 @@ def _single(y: Array, c: Array, n: Array, L: Array) -> tuple[Array, Array]:
 def _pairs(
     y: Array, c: Array, n: Array, i: np.ndarray, j: np.ndarray
 ) -> tuple[Array, Float[Array, "k 2"]]:
-    """The step to the crossing of each pair of constraints, and its multipliers."""
+    """The step to the intersection of each pair of constraints, and its multipliers."""
     sine = n[i, 0] * n[j, 1] - n[i, 1] * n[j, 0]
     some = (jnp.abs(sine) > ZERO) & jnp.isfinite(c[i]) & jnp.isfinite(c[j])
     safe = jnp.where(some, sine, 1.0)
@@ -111,7 +112,7 @@ def _pairs(
 def multipliers(
     p: Float[Array, "*k 2"], one: Float[Array, "*k 2"], other: Float[Array, "*k 2"], sine: Array
 ) -> Float[Array, "*k 2"]:
-    """l_1 and l_2 of p = l_1 one + l_2 other, for gradients of length 1 with a known sine."""
+    """Solve p = l_1 one + l_2 other for l_1, l_2; `sine` is that of the angle between the two."""
     first = p[..., 0] * other[..., 1] - p[..., 1] * other[..., 0]
     second = one[..., 0] * p[..., 1] - one[..., 1] * p[..., 0]
     return jnp.stack([first, second], axis=-1) / sine[..., None]

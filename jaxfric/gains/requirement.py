@@ -1,4 +1,4 @@
-"""Required margins, as functions that must not be negative."""
+"""Required margins, as functions that must be nonnegative."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -24,9 +24,9 @@ from .branches import branches
 from .thresholds import ENOUGH, POSITIVE
 
 DEFAULT = "modulus=0.5"
-"""What is required beside whatever is named, unless modulus is named too; modulus=0: nothing."""
+"""Margin added to the named ones unless modulus is named; modulus=0 switches it off."""
 FRAGILE = 0.2
-"""A modulus below which a loop bears hardly any error of the model."""
+"""Modulus margin below which a loop tolerates hardly any error of the model."""
 
 
 class Requirement(eqx.Module):
@@ -35,7 +35,7 @@ class Requirement(eqx.Module):
     names: tuple[str, ...] = eqx.field(static=True)
     values: tuple[float, ...]
     kept: bool = eqx.field(static=True)
-    """Whether `DEFAULT` is among them without having been named."""
+    """Whether `DEFAULT` was added without being named."""
 
     def __init__(self, margins: Mapping[str, float | Array], *, kept: bool = False):
         if not margins:
@@ -46,13 +46,13 @@ class Requirement(eqx.Module):
                 _check(name, float(value))
         self.kept = kept
         self.names = tuple(margins)
-        # NumPy's numbers are traced by jit, Python's are not: one compilation for all values
+        # jit traces NumPy's numbers but not Python's: one compilation serves all values
         values = [x if isinstance(x, Tracer) else np.float64(x) for x in margins.values()]
         self.values = cast("tuple[float, ...]", tuple(values))
 
     @staticmethod
     def parse(texts: Sequence[str]) -> "Requirement":
-        """`with_default` of texts such as "stiffness=2", "phase=30 deg"; SI without a unit."""
+        """Read texts such as "stiffness=2", "phase=30 deg" (default SI), then `with_default`."""
         for text in texts:
             known_margin(text.partition("=")[0].strip())
         margins = {}
@@ -71,10 +71,10 @@ class Requirement(eqx.Module):
 
     @staticmethod
     def with_default(margins: Mapping[str, float | Array]) -> "Requirement":
-        """The margins and modulus=0.5, unless modulus is among them; modulus=0 asks for none.
+        """Add modulus=0.5 to the margins unless modulus is named; modulus=0 switches it off.
 
-        Other margins may be met beside a modulus that bears no error of the model: a delay of 1 ms
-        by a loop whose gain margin is 1.0003.
+        Other margins alone can be met by a loop without robustness: a delay margin of 1 ms with a
+        gain margin of only 1.0003.
         """
         name, _, least = DEFAULT.partition("=")
         if name not in margins:
@@ -83,10 +83,10 @@ class Requirement(eqx.Module):
         return Requirement({n: x for n, x in margins.items() if not (off and n == name)})
 
     def slack(self, slider: LinearSlider, unit: Float[Array, " 2"]) -> Float[Array, ""]:
-        """How far the margins exceed their requirements, relative to these; the least of all.
+        """Least relative excess of the margins over their requirements.
 
-        Zero at the requirement, negative where it is missed, at most 9. `unit` are the natural
-        units of (k_p, k_v). For stiffness see `constraints`.
+        Zero at the requirement, negative if it is missed, at most 9. `unit` are the natural units
+        of (k_p, k_v). For stiffness see `constraints`.
         """
         values = several([name for name in self.names if name != "stiffness"], slider)
         slacks = [
@@ -98,12 +98,12 @@ class Requirement(eqx.Module):
         return jnp.min(jnp.stack(slacks))
 
     def constraints(self, slider: LinearSlider, unit: Float[Array, " 2"]) -> Float[Array, " n"]:
-        """Smooth functions that are at least 0 where the margins are met (`branches`).
+        """Smooth functions that are all nonnegative exactly if the margins are met (`branches`).
 
-        Most are branches of `slack`. The margin of stiffness has entries k_p + f_x less the
-        stiffness required, over `unit[0]`, one for each critical frequency, and one more: the
-        theorem's hypothesis f_v + k_v > 0, over `unit[1]`, the only limit of friction without
-        memory. For a delay law, of which the theorem does not hold, it is f_v + k_v > |k_f|.
+        Most are branches of `slack`. The margin of stiffness has one entry for each critical
+        frequency, (k_p + f_x - required stiffness)/`unit[0]`. A further entry is the theorem's
+        hypothesis f_v + k_v > 0, over `unit[1]`: the only condition for friction without memory.
+        For a delay law, to which the theorem does not apply, it is f_v + k_v > |k_f|.
         """
         found = []
         for name, required in zip(self.names, self.values, strict=True):
@@ -123,19 +123,20 @@ def refuse_controller(
     integral: ArrayLike | None,
     told: str = "a delay of the controller",
 ) -> None:
-    """Raise `InputError` for a controller that the law or a required margin does not go with;
-    `told` names how its delay was given."""
+    """Raise `InputError` for a controller incompatible with the law or a required margin.
+
+    `told` names the argument by which its delay was given."""
     late, integrates = delay is not None, integral is not None
     if late and mass is None:
-        raise InputError(f"{told} needs a mass: without one no delay of the controller is survived")
+        raise InputError(f"{told} needs a mass: without mass no controller delay is stable")
     refuse_meaningless(requirement.names, late=late, integral=integrates)
     if (late or integrates) and isinstance(law, AbstractDelayLaw):
-        what = "a controller that answers late" if late else "integral action"
-        raise InputError(f"{what} under a delay law is not analysed; take another law")
+        what = "a controller delay" if late else "integral action"
+        raise InputError(f"{what} cannot be combined with a delay law; use another law")
 
 
 def _limited(beyond: Array, required: float) -> Array:
-    """Relative to the requirement, and between the numbers that stand for infinite ones."""
+    """Excess relative to the requirement, clipped to finite bounds."""
     scale = jnp.where(required > 0, required, 1.0)
     return jnp.clip(beyond, -1e9 * scale, (ENOUGH - 1) * scale) / scale
 
@@ -143,7 +144,7 @@ def _limited(beyond: Array, required: float) -> Array:
 def _stiffness_slack(
     slider: LinearSlider, required: float, unit: Float[Array, " 2"]
 ) -> Float[Array, " n"]:
-    """k_p + f_x - required k(w_n) for every critical frequency, and the damping f_v + k_v."""
+    """k_p + f_x - required k(w_n) for every critical frequency, then f_v + k_v, in `unit`."""
     friction = slider.friction
     damping = slider.damping + friction.slope
     if isinstance(friction.kernel, DelayKernel):  # no critical stiffness, only damping
@@ -166,4 +167,4 @@ def _check(name: str, value: float) -> None:
         degrees = f"; in degrees: '{name}={value:g} deg'" if about.unit == "rad" else ""
         raise InputError(f"margin {name}={value:g}: it must be {limit} ({unit}){degrees}")
     if value == 0 and not about.zero:
-        raise InputError(f"margin {name}=0 asks for nothing; give a positive number")
+        raise InputError(f"margin {name}=0 requires nothing; give a positive number")

@@ -1,7 +1,7 @@
-"""Friction at rest, and how near its target a controller without integral action stops.
+"""Friction at rest, and the position error of a controller without integral action.
 
 At rest the force k_p (x_ref - x) must exceed the static friction F_s to move the slider. So it
-stops anywhere within F_s/k_p of the target, and an accuracy a asks for k_p >= F_s/a.
+stops anywhere within F_s/k_p of the target, and an accuracy a requires k_p >= F_s/a.
 """
 
 import equinox as eqx
@@ -16,14 +16,14 @@ from .thresholds import SLOWER, SPEEDS
 
 
 def friction_at_rest(scenarios: Scenarios) -> float | None:
-    """F_s [force], the largest of all samples of the law; None where no force is known.
+    """F_s [force], the largest over all samples of the law; None if no force is known.
 
-    Of friction without memory the largest steady friction at speeds up to the slowest of the
-    scenarios. With a memory steady friction at that speed: how much more a contact holds depends on
-    how long it has rested.
+    Without memory it is the largest steady friction at speeds up to the lowest of the scenarios.
+    With memory it is the steady friction at that speed; any further strength depends on the time at
+    rest.
     """
     if not isinstance(scenarios.law(0), AbstractLaw):
-        return None  # a delay law is of motion only
+        return None  # a delay law is undefined at rest
     slowest = float(np.min(scenarios.velocity))
     total = np.asarray(jax.vmap(kernel_total)(scenarios.friction.kernel))
     speeds = slowest * (np.ones(1) if np.any(total) else np.geomspace(SLOWER, 1.0, SPEEDS))

@@ -14,9 +14,9 @@ from .scenarios import Scenarios
 from .verify import CheckReport
 
 SHORTEST_DELAY = 5e-5
-"""Delay that any controller has [s]: that of one that samples at 30 kHz."""
+"""Least delay of a real controller [s]: 1.5 samples at 30 kHz."""
 NOTHING = 1e-7
-"""Norm, or decay [1/s], of a k_p that stands for any k_p > 0."""
+"""Norm, or decay [1/s], below which k_p means any k_p > 0."""
 
 
 @dataclass(frozen=True)
@@ -36,9 +36,9 @@ class LocalOptimum:
     active: tuple[dict, ...]
     """The scenarios in which the requirement is just met."""
     at_limit: bool
-    """Whether a limit of the gains is active; for k_p its lower limit stands for k_p -> 0."""
+    """Whether a limit of the gains is active; the lower limit of k_p means k_p -> 0."""
     minimum: bool = True
-    """False: no local minimum of the norm, but what stiffness or damping alone would need."""
+    """False: not a local minimum of the norm, but the need of stiffness or damping alone."""
 
 
 @dataclass(frozen=True)
@@ -52,27 +52,27 @@ class WorstCase:
 
 @dataclass(frozen=True)
 class Certificate:
-    """Why the optimum is believed: KKT residual, and a dense grid that finds nothing smaller."""
+    """Evidence of optimality: the KKT residual, and a dense grid without smaller gains."""
 
     kkt_residual: float
     grid_points: int
     smaller_found: int
     rounds: int
-    """Times that violated scenarios were added to those that the search carries."""
+    """Number of rounds in which violated scenarios were added to the search."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Gains(Described, Drawable, Tabular):
     """Minimum-norm PD gains, in SI; `kp` and `kv` are the recommended ones.
 
-    Units are written for a line below; on a rotation they are those of `unit`.
+    Units below are linear; for a rotation `unit` converts them.
     """
 
     kp: float
     kv: float
     norm: float
     optima: tuple[LocalOptimum, ...]
-    """Local optima, the smallest norm first; then stiffness or damping alone, if that is none."""
+    """Local optima, smallest norm first, then stiffness or damping alone unless it is one."""
     margins: Mapping[str, WorstCase]
     scenarios: Scenarios
     requirement: Requirement
@@ -85,69 +85,69 @@ class Gains(Described, Drawable, Tabular):
     simulation: CheckReport | None = None
     warnings: tuple[str, ...] = field(default=())
     delay: float | None = None
-    """Delay of the controller in every margin [s]; None: it has none."""
+    """Delay of the controller in every margin [s]; None: no delay."""
     alone: Alone | None = None
-    """What stiffness alone and damping alone would do, with the margins and without."""
+    """Whether stiffness alone or damping alone suffices, with and without margins."""
     largest: tuple[float, float] | None = None
-    """Where no gains at all would do, with a late controller: the k_p with the least k_v, and the
-    k_v with the least k_p, up to which the requirement is met. inf: up to all that were tried."""
+    """If no gains are needed and the controller has a delay: the largest k_p with the least k_v,
+    and the largest k_v with the least k_p, that meet the requirement. inf: all tried ones do."""
     sample_time: float | None = None
-    """That of the controller [s], where `delay` was told by it."""
+    """Sample time of the controller [s], if it defined `delay`."""
     rest_friction: float | None = None
-    """Static friction F_s [N] (`rest.friction_at_rest`); None where it is not known."""
+    """Static friction F_s [N] (`rest.friction_at_rest`); None: unknown."""
     hunting: Hunting | None = None
-    """Whether integral action makes it hunt about its target at rest; None: not simulated."""
+    """Hunting about the target at rest, caused by integral action; None: not simulated."""
     accuracy: float | None = None
-    """How near its target the slider must stop [m], so that k_p >= F_s/accuracy; None: any."""
+    """Required accuracy at rest [m], which implies k_p >= F_s/accuracy; None: any."""
 
     @property
     def coordinate(self) -> Coordinate:
-        """Whether the numbers are of a line, in m and N, or of a rotation, in rad and N m."""
+        """Whether the numbers are linear (m and N) or rotary (rad and N m)."""
         return self.region.coordinate
 
     def unit(self, si_unit: str) -> str:
-        """The unit here of a quantity that has `si_unit` on a line."""
+        """The unit in this coordinate of a quantity whose linear unit is `si_unit`."""
         return unit_of(si_unit, self.coordinate)
 
     @property
     def any_stiffness(self) -> bool:
-        """Whether k_p is at its default lower limit, which stands for any positive stiffness."""
+        """Whether k_p is at its default lower limit, which means any positive stiffness."""
         return self.region.any_stiffness(self.kp)
 
     @property
     def smallest_kp(self) -> str:
-        """Words for k_p at its lower limit: with a late controller a large k_p is unstable."""
+        """Words for k_p at its lower limit; with a controller delay a large k_p is unstable."""
         return "any k_p > 0" if self.delay is None else "any small k_p"
 
     @property
     def integral(self) -> float | None:
-        """Integral gain k_i of the controller [N/(m s)]; None: it has none."""
+        """Integral gain k_i of the controller [N/(m s)]; None: no integral action."""
         return self.scenarios.integral
 
     @property
     def dead_band(self) -> float | None:
-        """F_s/k_p [m]: the slider stops anywhere within it of the target. None where friction at
-        rest is not known, k_p stands for any, or integral action leaves no band."""
+        """F_s/k_p [m]: the slider stops anywhere within this distance of the target. None if
+        friction at rest is unknown, k_p means any stiffness, or with integral action."""
         if self.rest_friction is None or self.any_stiffness or self.integral is not None:
             return None
         return self.rest_friction / self.kp
 
     @property
     def is_spring(self) -> bool:
-        """Whether the controller is one of spring and damper: neither late nor with integral."""
+        """Whether the controller acts as spring and damper: no delay, no integral action."""
         return self.delay is None and self.integral is None
 
     @property
     def none_needed(self) -> bool:
-        """Whether friction itself meets the requirement, so that the least gains are none."""
+        """Whether friction itself meets the requirement, so that no gains are needed."""
         return self.any_stiffness and self.kv == 0
 
     @property
     def unsafe(self) -> tuple[str, ...]:
-        """Why nobody should use these gains, in words; empty where nothing is known against them.
+        """Reasons in words not to use these gains; empty if there are none known.
 
-        A simulated start escapes; or no delay of the controller was stated, and they bear less than
-        any controller has.
+        They are: a simulated start escapes; or no controller delay was given, and the delay margin
+        is below the delay of any real controller.
         """
         why = []
         if self.simulation is not None and self.simulation.escaped:
@@ -157,20 +157,20 @@ class Gains(Described, Drawable, Tabular):
         borne = self.margins["delay"].value if "delay" in self.margins else np.inf
         if self.delay is None and self.scenarios.mass is not None and borne < SHORTEST_DELAY:
             why.append(
-                f"they bear a delay of {1e6 * borne:.2g} us in the controller, less than any has"
+                f"their delay margin is {1e6 * borne:.2g} us, less than the delay of any controller"
                 f" ({1e6 * SHORTEST_DELAY:.0f} us)"
             )
         return tuple(why)
 
     @property
     def fragile(self) -> bool:
-        """Whether modulus was switched off and is below 0.2: a small error of the model, or of the
-        gains, makes the loop unstable."""
+        """Whether the modulus margin was switched off and is below 0.2: a small error of the model
+        or of the gains may make the loop unstable."""
         known = self.margins.get("modulus")
         off = "modulus" not in self.requirement.names
         return off and known is not None and known.value < FRAGILE
 
 
 def norm_text(norm: float, digits: int = 5) -> str:
-    """A norm; that of the least k_p that is tried, which stands for any, is none."""
+    """A norm as text; "0" if k_p means any stiffness."""
     return "0" if norm < NOTHING else f"{norm:.{digits}g}"

@@ -1,4 +1,4 @@
-"""The set of situations in which gains must hold: velocities, masses, samples of the law."""
+"""The scenarios in which gains must hold: velocities, masses, samples of the law."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -16,8 +16,8 @@ from ..stability.linear import LinearFriction, Setting, linear_friction, refuse_
 
 _TILE = 2048
 TILE = 32
-"""Scenarios to evaluate at once where they are few, or where much is computed of each: one shape to
-compile, and margins of kernels that are not rational hold thousands of frequencies."""
+"""Scenarios evaluated at once, if they are few or costly: one shape to compile. Margins of kernels
+that are not rational need thousands of frequencies each."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,22 +34,22 @@ class Scenarios:
     """Index into `laws`."""
     friction: LinearFriction
     delay: float | None = None
-    """Delay of the controller [s]; None: it has none."""
+    """Delay of the controller [s]; None: no delay."""
     integral: float | None = None
-    """Integral gain [force/(m s)]; None: it has none."""
+    """Integral gain [force/(m s)]; None: no integral action."""
 
     def __len__(self) -> int:
         return self.velocity.shape[0]
 
     @property
     def setting(self) -> Setting:
-        """Mass, delay and integral gain of every scenario, as arrays of JAX."""
+        """Mass, delay and integral gain of every scenario, as JAX arrays."""
         known = (self.mass, self.delay, self.integral)
         return Setting(*(None if x is None else jnp.full(len(self), x, float) for x in known))
 
     @property
     def tile(self) -> int:
-        """Number of scenarios to evaluate at once, one shape to compile (`in_tiles`)."""
+        """Number of scenarios evaluated at once (`in_tiles`)."""
         return _TILE if isinstance(self.friction.kernel, StateSpaceKernel) else TILE
 
     @staticmethod
@@ -60,12 +60,12 @@ class Scenarios:
         delay: float | None = None,
         integral: float | None = None,
     ) -> "Scenarios":
-        """All combinations. `masses` None means a slider without mass; `delay` [s] and `integral`
-        [force/(m s)] are of all.
+        """Build all combinations. `masses` None: no mass; `delay` [s] and `integral` [force/(m s)]
+        are common to all.
 
         Raises
         ------
-        InputError : no velocity, one that is not positive, a negative mass, a law
+        InputError : no velocity, one that is not positive, a mass that is not positive, a law
             without a steady state at a velocity.
         """
         V = _positive(velocities, "velocity", "m/s")
@@ -85,7 +85,7 @@ class Scenarios:
         delay: float | None = None,
         integral: float | None = None,
     ) -> "Scenarios":
-        """Scenarios listed one by one."""
+        """Build scenarios listed one by one."""
         velocity, sample = np.asarray(velocity, float), np.asarray(sample)
 
         def found(rows: np.ndarray) -> LinearFriction:
@@ -97,22 +97,22 @@ class Scenarios:
 
     @property
     def _rows(self) -> dict[str, PyTree]:
-        """What has a row for each scenario."""
+        """The fields with one row for each scenario."""
         names = ("velocity", "mass", "sample", "friction")
         return {name: getattr(self, name) for name in names}
 
     def take(self, index: ArrayLike | Sequence[int]) -> "Scenarios":
-        """The scenarios at some indices."""
+        """Select scenarios by index."""
         rows = np.asarray(index, int)
         return replace(self, **jax.tree.map(lambda leaf: leaf[rows], self._rows))
 
     def at_velocities(self, index: ArrayLike, velocity: np.ndarray) -> "Scenarios":
-        """Scenarios that differ from those at `index` in velocity only."""
+        """Copy the scenarios at `index` with other velocities."""
         of = self.take(np.broadcast_to(np.asarray(index), velocity.shape))
         return Scenarios.at(self.laws, velocity, of.mass, of.sample, self.delay, self.integral)
 
     def join(self, other: "Scenarios") -> "Scenarios":
-        """These scenarios followed by the others."""
+        """Append other scenarios."""
         rows = jax.tree.map(lambda *both: np.concatenate(both), self._rows, other._rows)
         return replace(self, **rows)
 
@@ -130,13 +130,13 @@ class Scenarios:
 
 
 def padded(index: np.ndarray, *, size: int = 32) -> np.ndarray:
-    """Repeats of the first fill the length up to a multiple of `size`: few shapes to compile."""
+    """Pad to a multiple of `size` by repeating the first index, so that few shapes compile."""
     more = -len(index) % size
     return np.concatenate([index, np.full(more, index[0], index.dtype)])
 
 
 def in_tiles(function: Callable[[np.ndarray], PyTree], number: int, size: int = TILE) -> PyTree:
-    """What a function of `size` indices gives for 0..number-1; the last call is filled up."""
+    """Apply a function of `size` indices to 0..number-1, tile by tile; the last tile is padded."""
     parts = []
     for begin in range(0, number, size):
         found = function(padded(np.arange(begin, min(begin + size, number)), size=size))
@@ -150,13 +150,13 @@ def number_of_samples(laws: Law) -> int:
 
 
 def law_of(laws: Law, index: int | Array | np.ndarray) -> Law:
-    """One law of a batch, or some of them."""
+    """Select one law of a batch, or several."""
     return jax.tree.map(lambda leaf: leaf[index] if eqx.is_array(leaf) else leaf, laws)
 
 
 @eqx.filter_jit
 def linearised(laws: Law, velocity: Array, sample: Array) -> LinearFriction:
-    """Friction of the samples of a law, by their index, linearised about velocities [m/s], (n,)."""
+    """Linearise the samples of a law, by index, about velocities [m/s], (n,)."""
     return jax.vmap(lambda V, index: linear_friction(law_of(laws, index), V))(velocity, sample)
 
 

@@ -1,6 +1,6 @@
 """The search for gains of least norm: starts along rays, then sequential quadratic programming.
 
-Gains are y = (k_p/s_p, k_v/s_v) here. See `minimum` for what is sought, and why in two stages.
+Gains are y = (k_p/s_p, k_v/s_v) here. `minimum` states the problem and the reason for two stages.
 """
 
 from collections.abc import Callable
@@ -18,13 +18,12 @@ from .newton import sqp_step
 from .requirement import Requirement
 from .thresholds import FAR, HALVINGS, ROUNDS, SETTLED
 
-# The search: rays (half of them with more stiffness than damping), radii in natural units, and
-# halvings of the interval at whose end a ray becomes feasible.
+# Rays (half of them with more stiffness than damping) and radii in natural units.
 _RATIOS = np.geomspace(1e-4, 1e4, 14)
 _RADII = np.concatenate([[0.0], np.geomspace(3e-3, 3e3, 13)])
-# The worst scenarios of all that a round takes, steps in each, constraints of a step.
+# Worst scenarios used in a round, steps in a round, constraints in a step.
 CARRIED, _STEPS, _LOWEST_ONES = 8, 4, 6
-# A step may change the norm by this share at first, and by less and less.
+# Largest relative change of the norm in the first step, and the factor by which it shrinks.
 TRUST, _SHRINK = 0.5, 0.9
 
 
@@ -45,7 +44,7 @@ class GainProblem(eqx.Module):
         return self.friction.slope.shape[0]
 
     def at(self, index: Int[Array, " k"]) -> "GainProblem":
-        """The problem of some of the scenarios."""
+        """The problem restricted to some scenarios."""
         rows = jax.tree.map(lambda x: x[index], (self.friction, self.setting))
         return eqx.tree_at(lambda p: (p.friction, p.setting), self, rows)
 
@@ -72,8 +71,7 @@ class GainProblem(eqx.Module):
 
 
 class Near(NamedTuple):
-    """Constraints at a point: the branches of the worst scenarios, in any order, and the four
-    limits."""
+    """Constraints at a point: branches of the worst scenarios, then the four limits."""
 
     scenario: Int[Array, " k"]
     """-1: a limit."""
@@ -85,38 +83,37 @@ class Near(NamedTuple):
 
 
 class Steps(NamedTuple):
-    """Where some steps lead, and what decides there."""
+    """The end of some steps, with its active constraints."""
 
     y: Float[Array, " 2"]
     size: Float[Array, ""]
-    """Share of the norm by which the next step may change it."""
+    """Largest relative change of the norm in the next step."""
     near: Near
     slots: Int[Array, " 2"]
-    """The constraints that decide: rows of `near`; -1: none."""
+    """The active constraints: rows of `near`; -1: none."""
     settled: Bool[Array, ""]
-    """Whether neither the last step nor all together changed anything."""
+    """Whether the last step, and all steps together, changed nothing."""
 
     @property
     def decided(self) -> Int[Array, " 2"]:
-        """The scenarios that decide; -1 for a limit, or for none."""
+        """The active scenarios; -1 for a limit, or for none."""
         return jnp.where(self.slots >= 0, self.near.scenario[self.slots], -1)
 
     @property
     def at_limit(self) -> Bool[Array, " 2"]:
-        """Whether what decides is a limit of the gains."""
+        """Whether the active constraint is a limit of the gains."""
         return (self.slots >= 0) & (self.decided < 0)
 
 
 def search(problem: GainProblem) -> tuple[Steps, Float[Array, "2 n"]]:
-    """Local optima from the start with more stiffness and that with more damping, axis 0, and the
-    slacks of all scenarios there."""
+    """Local optima from the stiff and the damped start (axis 0), and all slacks there."""
     return jax.vmap(lambda y: _descend(problem, y))(_starts(problem))
 
 
 def _starts(problem: GainProblem) -> Float[Array, "2 2"]:
-    """The least norm of feasible gains along rays, for the scenarios that ask for most.
+    """Feasible gains of least norm along rays, for the most demanding scenarios.
 
-    Where no gains on the rays of one half are feasible, those that miss the requirement least.
+    If no gains on the rays of one half are feasible, those that miss the requirement least.
     """
     few = problem.at(_hardest(problem))
     unit = problem.unit / problem.scale
@@ -143,7 +140,7 @@ def _starts(problem: GainProblem) -> Float[Array, "2 2"]:
     begin = radii[jnp.maximum(first - 1, 0)], radii[first]
     _, far = jax.lax.fori_loop(0, HALVINGS, halve, begin)
     y = point(jnp.where(held, far, radii[jnp.argmax(slack, axis=0)]))
-    # rays without feasible gains come after all others, by how much they miss
+    # rays without feasible gains rank after all others, by their violation
     missed = FAR * (2 - jnp.tanh(jnp.max(slack, axis=0)))
     cost = jnp.where(held, jnp.linalg.norm(y, axis=1), missed)
     half = len(ray) // 2
@@ -151,7 +148,8 @@ def _starts(problem: GainProblem) -> Float[Array, "2 2"]:
 
 
 def _hardest(problem: GainProblem) -> Int[Array, " k"]:
-    """The scenarios that need most stiffness and most damping, the softest and the stiffest."""
+    """The scenarios with the largest k_cr, the largest needed damping, and the largest and
+    smallest inertia."""
     of = sizes(problem.friction, problem.setting.mass)
     critical = jnp.where(jnp.isnan(of.critical), -jnp.inf, of.critical)
     inertia = of.mass * of.rate**2 + of.slope * of.rate
@@ -160,21 +158,21 @@ def _hardest(problem: GainProblem) -> Int[Array, " k"]:
 
 
 class _State(NamedTuple):
-    """A local search under way: the last steps, where they began, and the slacks there."""
+    """State of a local search: the last steps, their start, and the slacks at the start."""
 
     end: Steps
     begun: Float[Array, " 2"]
     slack: Float[Array, " n"]
     count: Int[Array, ""]
     decided: Int[Array, " m"]
-    """Scenarios that decided before, the last first; -1: none yet."""
+    """Scenarios active before, latest first; -1: none yet."""
 
 
 def _descend(problem: GainProblem, start: Float[Array, " 2"]) -> tuple[Steps, Float[Array, " n"]]:
-    """Rounds of steps under the worst scenarios of all, until a whole round changes nothing.
+    """Repeat rounds of steps under the worst scenarios, until a whole round changes nothing.
 
-    Half of the places are for those that decided in the rounds before: else the gains go to and fro
-    between scenarios each of which is worst where the other decides.
+    Half of the places keep scenarios active in earlier rounds. Otherwise the gains could alternate
+    between two scenarios, each of which is worst where the other is active.
     """
     number = min(CARRIED, problem.number)
     kept = number // 2 if number < problem.number else 0
@@ -198,18 +196,18 @@ def _descend(problem: GainProblem, start: Float[Array, " 2"]) -> tuple[Steps, Fl
     begin = _zeros(jax.eval_shape(round_of, start, size, count, none))
     begin = begin._replace(end=begin.end._replace(y=start, size=size), decided=none)
     last = jax.lax.while_loop(unfinished, go_on, begin)
-    y = jnp.where(last.end.settled, last.end.y, last.begun)  # that of the slack
+    y = jnp.where(last.end.settled, last.end.y, last.begun)  # the point of the slack
     return last.end._replace(y=y), last.slack
 
 
 @eqx.filter_jit
 def steps(few: GainProblem, index: Int[Array, " k"], y: Float[Array, " 2"], size: Array) -> Steps:
-    """Some steps under a few scenarios, `index` of all; what stands there twice counts once."""
+    """Take some steps under a few scenarios; `index` are theirs, and duplicates count once."""
     low, high = few.lower / few.scale, few.upper / few.scale
 
     def step(y: Array, size: Array) -> Steps:
         near = _branches(few, index, y)
-        # all limits, and of the branches those that are nearest
+        # all limits and the nearest branches
         sizes = jnp.linalg.norm(near.g, axis=1)
         branch = (near.scenario >= 0) & (sizes > 0)
         distance = jnp.where(branch, near.c / above_zero(sizes), jnp.inf)
@@ -249,7 +247,7 @@ def _branches(few: GainProblem, worst: Int[Array, " k"], y: Array) -> Near:
     H, (c, g) = jax.jacfwd(slopes, has_aux=True)(y)
     each = c.size // worst.size
     first = jnp.argmax(worst[:, None] == worst, axis=1) == jnp.arange(worst.size)
-    # what has no derivative (a double root, a margin that is not finite) is no constraint here
+    # ignore constraints without derivative (a double root, a margin that is not finite)
     fine = jnp.isfinite(c) & jnp.all(jnp.isfinite(g), axis=1) & jnp.repeat(first, each)
     g = jnp.where(fine[:, None], g, 0.0)
     H = jnp.where(jnp.isfinite(H) & fine[:, None, None], H, 0.0)
@@ -263,5 +261,5 @@ def _branches(few: GainProblem, worst: Int[Array, " k"], y: Array) -> Near:
 
 
 def above_zero(x: Array) -> Array:
-    """x, or the least number to divide by where x is 0."""
+    """x, or a tiny divisor if x is 0."""
     return jnp.maximum(x, 1e-300)

@@ -1,9 +1,9 @@
 """Gains along a velocity profile: a chain of set points whose basins intersect.
 
-Section I.A of the 1994 note: an analysis of steady sliding extends to motion that never sticks by
-set points with intersecting domains of attraction. Here the domain of a set point is the range of
-velocities from which the slider, simulated, still settles at it (`verify.jump_sizes`); the chain
-holds where every step from one set point to the next, up and down, is inside it.
+Section I.A of the 1994 note: set points with intersecting basins of attraction extend an analysis
+of steady sliding to motion that never sticks. Here the basin of a set point is the range of
+velocities from which the simulated slider settles at it (`verify.jump_sizes`). The chain is
+complete if every step from one set point to the next, up and down, is inside a basin.
 """
 
 import math
@@ -31,7 +31,7 @@ _MOST = 64
 
 @dataclass(frozen=True)
 class SetPoint:
-    """One set point: gains, and the jumps of velocity that they survive there. SI units."""
+    """One set point: gains, and the velocity jumps from which the slider settles. SI units."""
 
     velocity: float
     kp: float
@@ -52,12 +52,12 @@ class Schedule(Described, Tabular):
     gap: tuple[float, float] | None
     """The first two velocities between which the chain breaks [m/s]."""
     warnings: tuple[str, ...] = ()
-    """Warnings of the law, and one where it is asked for velocities beyond its record."""
+    """Warnings of the law, and one for velocities beyond its record."""
     coordinate: Coordinate = "linear"
-    """Whether the numbers are of a line, in m and N, or of a rotation, in rad and N m."""
+    """Whether the numbers are linear (m and N) or rotary (rad and N m)."""
 
     def gains(self, velocity: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-        """Gains (k_p, k_v) for a velocity: those of the nearest set point, by ratio."""
+        """Gains (k_p, k_v) for a velocity: those of the set point with the nearest log velocity."""
         V = np.asarray(velocity, float)
         place = np.log([point.velocity for point in self.points])
         nearest = np.argmin(np.abs(np.log(V)[..., None] - place), axis=-1)
@@ -76,14 +76,14 @@ def gain_schedule(
     finest: float = 1.2,
     progress: Callable[[str], None] | None = None,
 ) -> Schedule:
-    """Minimum-norm gains at set points between two velocities [m/s], and whether they chain.
+    """Compute minimum-norm gains at set points between two velocities [m/s]; check the chain.
 
-    Set points are first `ratio` apart. The gains of each have the required margins half-way to its
-    neighbours, in every sample of the law and for every mass. Where a step to a neighbour is
-    outside the basin, a set point is put between the two, until steps are smaller than `finest`.
-    Simulated with the law's estimate and the largest mass.
+    Set points start a factor `ratio` apart. The gains of each have the required margins half-way to
+    its neighbours, in every sample of the law and for every mass. If a step to a neighbour is
+    outside the basin, a set point is inserted, until steps are smaller than `finest`. Simulations
+    use the law's estimate and the largest mass.
 
-    `law` is as in `find_gains`; that of a friction coefficient is `law_from_fit(fit,
+    `law` is as in `find_gains`; for a friction coefficient pass `law_from_fit(fit,
     normal_force=500)`.
 
     Raises
@@ -93,7 +93,7 @@ def gain_schedule(
     """
     low, high = (float(v) for v in velocity)
     if not 0 < low < high:
-        raise InputError(f"gain_schedule: velocities {low:g} to {high:g} m/s are no range")
+        raise InputError(f"gain_schedule: velocities {low:g} to {high:g} m/s are not a range")
     if not ratio > finest > 1:
         raise InputError(f"gain_schedule: needs ratio > finest > 1, not {ratio:g} and {finest:g}")
     law = law_source(law, None)

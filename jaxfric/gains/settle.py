@@ -1,7 +1,7 @@
 """One simulation from an `InitialState`, and how it ends: steady, limit cycle or escape.
 
-Massless sliders may escape in finite time; one with mass can only stick-slip, unless its
-law lets it accelerate for ever. Give the law a `RegularisedEffect` where it sticks (`regularised`).
+Massless sliders may escape in finite time. A slider with mass can only stick-slip, unless its law
+lets it accelerate forever. For sticking the law needs a `RegularisedEffect` (`regularised`).
 """
 
 import equinox as eqx
@@ -14,20 +14,20 @@ from ..simulation import RESULTS, InitialState, simulate
 from .ends import ENDS, RUNAWAY, EndState, Track, classify
 
 PERIODS = 30.0
-"""Time that a motion is given to end, in periods of the slowest linear mode."""
+"""Simulated time, in periods of the slowest linear mode."""
 SPREAD = 1e6
-"""Modes slower than the quickest by more than this are left to the linear theory."""
-_FOLDS = 8.0  # decay by exp(-8) where the rate is known ...
-_STRETCH = 10.0  # ... but no longer than this many horizons
+"""Modes slower than the fastest by more than this factor are not simulated to their end."""
+_FOLDS = 8.0  # a known decay rate stretches the horizon to a decay by exp(-8) ...
+_STRETCH = 10.0  # ... but at most by this factor
 
 
 class Policy(eqx.Module):
-    """How long and how exactly the checks simulate.
+    """Duration and accuracy of the simulated checks.
 
     rtol, max_steps : as in `simulate`. A stick-slip cycle takes 50 to 150 steps. At rtol
-        1e-4 the solver itself damps a small oscillation, by 0.4 % of its frequency.
-    runaway : escape is a velocity `runaway` times the commanded one. Slips of a light
-        slider legitimately reach 1e6.
+        1e-4 numerical damping of a small oscillation is 0.4 % of its frequency.
+    runaway : escape means a velocity `runaway` times the commanded one. Normal slips of a light
+        slider reach 1e6.
     """
 
     rtol: float = eqx.field(static=True, default=1e-5)
@@ -36,7 +36,7 @@ class Policy(eqx.Module):
 
 
 STANDARD = Policy()
-"""The policy unless another is given."""
+"""The default policy."""
 
 
 def end_state(
@@ -48,16 +48,16 @@ def end_state(
     decay: ArrayLike | None = None,
     policy: Policy = STANDARD,
 ) -> EndState:
-    """Simulate at the commanded `velocity` [m/s] from `start` and say how it ends.
+    """Simulate at the commanded `velocity` [m/s] from `start` and classify the end.
 
-    horizon : time to settle [s]. 20 to 50 periods 2 pi/w_cr of the linear theory are enough
-        for the tests here; a stick-slip period is 2 (f_static - f_sliding)/(K V), often longer,
-        and an end of which fewer than two cycles were seen is `unresolved`.
-    decay : rate of the slowest linear mode [1/s], where known. A positive one stretches the
-        horizon to 8/decay, at most tenfold, and a decay half as fast then counts as steady.
+    horizon : time to settle [s]. 20 to 50 periods 2 pi/w_cr of the linear theory suffice for the
+        tests here. A stick-slip period is 2 (f_static - f_sliding)/(K V), often longer; with
+        fewer than two cycles the end is `unresolved`.
+    decay : rate of the slowest linear mode [1/s], if known. A positive one stretches the horizon
+        to 8/decay, at most tenfold; a decay half as fast then counts as steady.
 
-    The time that the load point needs to make up for the start's elongation comes on top.
-    Jittable and vmappable; nothing raises once the arguments are understood.
+    The time in which the load point compensates the start's elongation is added to the horizon.
+    Jittable and vmappable; raises nothing for valid arguments.
     """
     return end_and_share(rig, velocity, start, horizon=horizon, decay=decay, policy=policy)[0]
 
@@ -71,7 +71,7 @@ def end_and_share(
     decay: ArrayLike | None = None,
     policy: Policy = STANDARD,
 ) -> tuple[EndState, Array]:
-    """The `end_state`, and the share of its time for which the motion was followed."""
+    """The `end_state`, and the share of the time that was simulated."""
     V = jnp.asarray(velocity, jnp.result_type(float))
     rate = jnp.asarray(0.0 if decay is None else decay, V.dtype)
     horizon = stretched(jnp.asarray(horizon, V.dtype), rate)
@@ -100,13 +100,13 @@ def end_and_share(
 
 
 def stretched(horizon: Array, decay: Array) -> Array:
-    """The horizon [s], longer where a known positive decay [1/s] asks for it, at most tenfold."""
+    """The horizon [s], stretched at most tenfold for a known positive decay [1/s]."""
     known = jnp.isfinite(decay) & (decay > 0)
     settle = jnp.where(known, _FOLDS / jnp.where(known, decay, 1.0), 0.0)
     return jnp.clip(settle, horizon, _STRETCH * horizon)
 
 
 def slowest_mode(poles: Array) -> Array:
-    """Size of the slowest of the linear modes that a simulation waits for [1/s]."""
+    """Size of the slowest linear mode that is simulated to its end [1/s]."""
     size = jnp.abs(poles)
     return jnp.maximum(jnp.min(size), jnp.max(size) / SPREAD)

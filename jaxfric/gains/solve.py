@@ -1,15 +1,15 @@
 """Minimum-norm PD gains under margins that hold in every scenario.
 
-    minimise sqrt((k_p/s_p)^2 + (k_v/s_v)^2), every required margin holding in every scenario
+    minimise sqrt((k_p/s_p)^2 + (k_v/s_v)^2), with every required margin in every scenario
 
-The feasible set is not convex: with little k_v the slider is held by stiffness above critical,
-with enough k_v by damping at almost any stiffness, and each way has its own local optimum. With
-thousands of scenarios only a few decide, so the search carries those few (an exchange method):
+The feasible set is not convex: with little k_v stiffness above critical stabilises, with enough
+k_v damping does at almost any stiffness, and both have a local optimum. Only a few of thousands of
+scenarios are active, so the search carries only those (an exchange method):
 
 1. the frontier of feasible gains for the carried scenarios gives every local minimum (`frontier`);
-2. each is made exact by the steps of `minimum_gains`, under the worst of all scenarios (`search`);
-3. all scenarios are checked there; the worst violated ones join, and so do velocities between
-   those of the set where the requirement is just met; then again from 1.
+2. the steps of `minimum_gains` refine each, under the worst of all scenarios (`search`);
+3. all scenarios are checked there. The worst violated ones are added, and velocities between those
+   of the set where the requirement is just met; then repeat from 1.
 
 A solution for some scenarios that violates none of the others is the solution for all.
 """
@@ -35,15 +35,15 @@ from .search import CARRIED, TRUST, GainProblem, steps
 from .thresholds import ALIKE, FEASIBLE, FINE, POSITIVE, REFINED, ROUNDS, ZERO
 
 Pair = tuple[float | None, float | None]
-"""(k_p, k_v), each None where it is not given."""
+"""(k_p, k_v), each None if not given."""
 
 
 class NoGains(InputError):
-    """No gains within the limits meet the requirement: what `find_gains` raises."""
+    """No gains within the limits meet the requirement; raised by `find_gains`."""
 
 
 class Infeasible(NamedTuple):
-    """The requirement cannot be met, as a value and not an error: the input itself is sound."""
+    """The requirement cannot be met: a result, not an error, as the input is valid."""
 
     margin: str
     """The margin that is missed most, in the worst scenario at the best compromise."""
@@ -56,7 +56,7 @@ class Infeasible(NamedTuple):
 
     @property
     def text(self) -> str:
-        """Sentences on where the requirement fails, by how much, and what to do."""
+        """Sentences on the missed requirement, its scenario, and the remedy."""
         return said("gains_text.infeasible", self)
 
 
@@ -78,11 +78,11 @@ class Optima(NamedTuple):
 
     optima: list[Optimum]
     alone: list[Optimum]
-    """Gains that hold the slider by stiffness or by damping alone, where they are no optimum."""
+    """Gains of stiffness alone or of damping alone, unless they are an optimum."""
     meets: tuple[bool, bool]
-    """Whether stiffness alone and damping alone hold it, as an optimum or not."""
+    """Whether stiffness alone, and whether damping alone, meets the requirement."""
     task: GainTask
-    """That of all scenarios, with velocities that were added."""
+    """The task of all scenarios, including added velocities."""
     certificate: Certificate
 
 
@@ -93,9 +93,10 @@ def make_region(
     upper: Pair,
     coordinate: Coordinate = "linear",
 ) -> Region:
-    """Natural units, and scales and limits in SI with None for the defaults.
+    """Build a region from scales and limits in SI; None means the default.
 
-    Scales default to the natural units; k_p has the lower limit 1e-9 K0: any positive stiffness.
+    Scales default to the natural units. The lower limit of k_p is at least 1e-9 K0, which means
+    any positive stiffness.
     """
     unit = np.asarray(natural_units(sizes_of(scenarios)))
     chosen = np.asarray([u if s is None else s for s, u in zip(scale, unit, strict=True)], float)
@@ -103,16 +104,16 @@ def make_region(
     most = [np.inf if x is None else x for x in upper]
     for name, low, high in zip(("k_p", "k_v"), least, most, strict=True):
         if not low < high:
-            raise InputError(f"limits of {name}: {low:g} to {high:g} leave nothing between them")
+            raise InputError(f"limits of {name}: {low:g} to {high:g} leave an empty range")
     return Region(unit, chosen, np.asarray(least), np.asarray(most), coordinate)
 
 
 def solve(task: GainTask) -> Optima | Infeasible:
-    """All local optima over all scenarios, with a certificate; or why there are none.
+    """Find all local optima over all scenarios, with a certificate; `Infeasible` if there are none.
 
     Raises
     ------
-    InputError : after `ROUNDS` rounds other scenarios than those known are still the worst.
+    InputError : the set of worst scenarios still changes after `ROUNDS` rounds.
     """
     region = task.region
     carried = task.among(task.scenarios.take(_first(task)))
@@ -143,8 +144,8 @@ def solve(task: GainTask) -> Optima | Infeasible:
             return Optima(optima, others, meets, task, known)
         starts = [*starts, smaller[np.argmin(region.norm(smaller))]]
     raise InputError(
-        f"gains: which scenarios are the worst still changed after {ROUNDS} rounds; no gains are"
-        " known to hold over all of them. Narrow the ranges of velocity, mass or parameters"
+        f"gains: the set of worst scenarios still changed after {ROUNDS} rounds, so no gains are"
+        " known to hold in all of them. Narrow the ranges of velocity, mass or parameters"
     )
 
 
@@ -187,10 +188,10 @@ def optimum(task: GainTask, start: np.ndarray) -> Optimum | None:
 
 
 def _optima(task: GainTask, carried: GainTask, starts: list[np.ndarray]) -> list[Optimum]:
-    """The optima that differ, smallest norm first.
+    """The distinct optima, smallest norm first.
 
-    A start from which the steps do not settle gives one only if its norm is below all others, by
-    `zoom`; its residual is 1, that of no constraint at all.
+    If the steps from a start do not settle, `zoom` refines it, but only if its norm is below all
+    others. Its residual is then 1, as without any constraint.
     """
     norm = task.region.norm
     found = [optimum(task, start) for start in starts]
@@ -206,13 +207,13 @@ def _optima(task: GainTask, carried: GainTask, starts: list[np.ndarray]) -> list
 
 
 def _held(task: GainTask, gains: np.ndarray, residual: float, *, at_limit: bool) -> Optimum:
-    """A point of the frontier that the steps did not end at, with its worst scenario."""
+    """A point of the frontier that is not an end of the steps, with its worst scenario."""
     worst = int(np.argmin(task.slacks(gains)[0]))
     return Optimum(gains, float(task.region.norm(gains)), residual, (worst,), at_limit)
 
 
 def _alike(gains: np.ndarray, one: Optimum, region: Region) -> bool:
-    """Whether gains are, within a thousandth, those of an optimum."""
+    """Whether gains differ from those of an optimum by at most 0.1 % of its norm."""
     return bool(region.norm(gains - one.gains) <= ALIKE * one.norm)
 
 
@@ -223,8 +224,7 @@ def _violated(task: GainTask, gains: list[np.ndarray]) -> np.ndarray:
 
 
 def _refined(task: GainTask, optima: list[Optimum]) -> GainTask:
-    """The task with velocities between those of the set that violate the requirement where it
-    is just met."""
+    """Add velocities between those of the worst scenarios if they violate the requirement."""
     scenarios = found = task.scenarios
     velocities = np.unique(scenarios.velocity)
     for optimum in optima if velocities.size > 1 else ():
@@ -239,11 +239,11 @@ def _refined(task: GainTask, optima: list[Optimum]) -> GainTask:
 
 
 def _dense(task: GainTask, carried: GainTask, optima: list[Optimum]) -> tuple[int, np.ndarray]:
-    """Number of gains of smaller norm that were tried, and those of them that are feasible."""
+    """Try a dense grid of gains with smaller norm; return their number and the feasible ones."""
     best, region, scenarios = optima[0], task.region, task.scenarios
     size = best.norm * region.scale
     rational = isinstance(scenarios.friction.kernel, StateSpaceKernel)
-    even, log = (257, 65) if rational else (33, 9)  # others take a thousand times as long
+    even, log = (257, 65) if rational else (33, 9)  # other kernels take a thousand times as long
     u = np.concatenate([np.linspace(0, 1, even)[1:], np.geomspace(1e-6, 1, log)]) * size[0]
     v = np.concatenate([np.linspace(0, 1, even), np.geomspace(1e-6, 1, log)]) * size[1]
     grid = np.stack(np.meshgrid(np.unique(u), np.unique(v), indexing="ij"), axis=-1).reshape(-1, 2)
@@ -257,7 +257,7 @@ def _dense(task: GainTask, carried: GainTask, optima: list[Optimum]) -> tuple[in
 
 
 def _infeasible(task: GainTask) -> Infeasible:
-    """An `Infeasible` that names the worst scenario at the gains whose worst scenario is best."""
+    """Build an `Infeasible` from the max-min gains and their worst scenario."""
     requirement, scenarios, region = task
     u = np.geomspace(1e-6, 1e4, 61)
     v = np.concatenate([[0.0], np.geomspace(1e-5, 1e3, 61)])

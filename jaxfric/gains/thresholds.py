@@ -1,58 +1,57 @@
-"""Numbers by which gains are found and judged, each with its reason."""
+"""Thresholds of the gain search and its checks, each with its reason."""
 
 POSITIVE = 1e-9
 """"Any positive" stiffness or damping, in natural units."""
 FEASIBLE = 1e-7
-"""Share of its requirement by which gains may miss a constraint, and of |y| (the gains in natural
-units) by which they may be off one that they are held by: rounding of a margin is below."""
+"""Tolerance of a constraint, relative to its requirement, and of an active constraint, relative to
+|y| (gains in natural units): above the rounding error of a margin."""
 ZERO = 1e-6
-"""What counts as zero in the KKT equations of |y| = min: their residual, a multiplier times its
-gradient or a step along a constraint, over |y|; the sine of the angle of two constraints, and the
-curvature along one. Second derivatives of a margin are right to about as much."""
+"""Zero in the KKT equations of |y| = min, relative to |y|: residual, multiplier times gradient,
+step along a constraint. Also for the sine between two constraints and the curvature along one.
+Second derivatives of a margin are about as accurate."""
 ROUNDS = 20
-"""Times that a set of scenarios or samples is changed for those that decide: more never settle."""
+"""Largest number of changes to the active set of scenarios or samples; more never converge."""
 SPEEDS = 501
 """Speeds at which a steady curve is searched: 0.8 % apart over two decades."""
 SLOWER = 1e-6
-"""Of the slowest or fastest speed that is asked for, down to where a curve of friction is searched:
-the rise of a Stribeck curve towards rest has ended far above."""
+"""Lowest speed of the search of a friction curve, over the lowest or highest requested one: far
+below the speeds at which a Stribeck curve still rises towards rest."""
 SLOPES = 4001
-"""Speeds between which slopes of friction are differences: a thousandth apart over two decades, so
-that a slope is right to its square."""
+"""Speeds for central differences of friction: 0.1 % apart over two decades, so that the relative
+error of a slope is about the square of that."""
 MOST_RAISED = 30.0
-"""Times the gains of the margins above which no basin is worth what it costs."""
+"""Largest factor by which gains are raised for a basin; more is not worth its cost."""
 OF_A_RANGE = 5
-"""Values for which a range stands: of masses that are given as text, and of velocities around a
-set point."""
+"""Number of values that represent a range: masses given as text, velocities around a set point."""
 CURVATURE = 0.1
-"""Least curvature of the Lagrangian along a constraint, over that of the norm: of less a step would
-end far from where the constraints are known."""
+"""Least curvature of the Lagrangian along a constraint, over that of the norm. With less, a step
+would leave the region in which the linearised constraints are accurate."""
 ROUNDING = 1e-12
-"""Share of |y| by which a candidate may miss a linearised constraint: its rounding."""
+"""Rounding tolerance of a linearised constraint, relative to |y|."""
 ENOUGH = 10.0
-"""Times its requirement that a margin beyond it, or inf, counts as."""
+"""Largest ratio of a margin to its requirement; larger or infinite ones are clipped to it."""
 HALVINGS = 6
-"""Of the interval at whose end a ray becomes feasible: a start need not be nearer."""
+"""Bisections of the radius at which a ray becomes feasible; a start needs no more accuracy."""
 SETTLED = 1e-8
-"""Share of |y| below which a step has settled: Newton steps from there change nothing."""
+"""Relative step size that counts as converged: further Newton steps change nothing."""
 FAR = 1e30
-"""Norm that stands for no gains at all; its square is a number."""
+"""Norm that represents no gains at all; its square does not overflow."""
 REFINED = 4
-"""Scenarios, the worst at an optimum, between whose velocities and the next others are tried."""
+"""Number of worst scenarios at an optimum around whose velocities more velocities are tried."""
 FINE = 33
-"""Velocities that are tried there."""
+"""Number of velocities tried there."""
 ALIKE = 1e-3
-"""Share of their norm by which two optima that are one may differ."""
+"""Relative difference below which two optima are the same."""
 OFFSETS = (2.0, 3.3, 5.7)
-"""Distances to the target at the start, in F_s/k_p: the slider moves at once. Several, as from one
-of them it may happen to stop so near its target that it comes loose only much later."""
+"""Initial distances to the target, in F_s/k_p, from which the slider moves at once. There are
+several, as from one of them it may stop so near its target that it sticks for very long."""
 STICKS = 30.0
-"""Time that is simulated, in times that a stuck slider needs to come loose."""
+"""Simulated time, in units of the time until a stuck slider breaks loose."""
 LEAST_DROP = 0.05
-"""Share of F_s that counts as the drop where friction hardly falls: it bounds the time."""
+"""Least drop from static to kinetic friction, over F_s: it limits the simulated time."""
 CREEP = 1e-4
-"""Share of F_s/k_p by which the smoothed sign may let a stuck slider creep before it is loose."""
+"""Largest creep of a stuck slider due to the smoothed sign, over F_s/k_p."""
 DECAYED = 0.5
-"""Range of the last quarter over that of the third below which a motion dies out."""
+"""Ratio of the ranges in the last and the third quarter below which a motion decays."""
 GROWN = 10.0
-"""Range of x, in units of the largest offset, that no slider has which stays about its target."""
+"""Range of x, over the largest initial offset, above which the motion grows."""

@@ -1,7 +1,7 @@
-"""Gains checked by nonlinear simulation, in the scenarios that matter most.
+"""Check of gains by nonlinear simulation, in the hardest scenarios.
 
-A margin is linear and says nothing about the size of the disturbance that a steady motion
-survives. Here are the standard starts, and the size of the basin.
+Margins are linear and give no information on the largest disturbance from which a slider settles.
+The check simulates the standard starts and measures the size of the basin.
 """
 
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ from .settle import PERIODS, end_state, slowest_mode
 STARTS = ("faster", "slower", "spring longer", "spring shorter", "at rest")
 """The standard starts, in the order in which they are simulated."""
 _CHANGE = 0.5  # relative change of the velocity
-_SEED = 0.01  # spring force that goes with a velocity perturbation, in units of the force scale
+_SEED = 0.01  # spring force added to a velocity perturbation, in units of the force scale
 # Factors tried in each round of the search for the basin.
 _POINTS = 8
 _ROUNDS = 2
@@ -34,7 +34,7 @@ _ROUNDS = 2
 
 @dataclass(frozen=True)
 class CheckedStart:
-    """How one start in one scenario ended. SI units; None where there is no such number."""
+    """How one start in one scenario ended. SI units; None for undefined numbers."""
 
     scenario: dict
     start: str
@@ -47,7 +47,7 @@ class CheckedStart:
 
 @dataclass(frozen=True)
 class CheckReport:
-    """Counts of the ends over all simulated starts, and the size of the basin."""
+    """Numbers of ends over all simulated starts, and the size of the basin."""
 
     checked: int
     steady: int
@@ -55,14 +55,14 @@ class CheckReport:
     escaped: int
     unresolved: int
     basin: float | None
-    """Factor by which velocity may jump either way, the smallest over the checked scenarios."""
+    """Factor by which velocity may jump up or down, the smallest over the checked scenarios."""
     basin_lost: str | None
-    """How the first larger jump ends, None where none is lost."""
+    """How the first larger jump ends; None if no simulated jump fails to settle."""
     starts: tuple[CheckedStart, ...]
 
 
 def choose(scenarios: Scenarios, slack: np.ndarray, *, number: int = 4) -> np.ndarray:
-    """The scenarios with the least slack, one for each velocity, and the slowest and fastest."""
+    """Select scenarios of least slack, at most one a velocity, plus the slowest and the fastest."""
     order = np.argsort(slack)
     _, first = np.unique(scenarios.velocity[order], return_index=True)
     hard = order[np.sort(first)][: max(number - 2, 1)]
@@ -78,8 +78,8 @@ def verify(
 ) -> CheckReport:
     """Simulate every scenario with gains (k_p, k_v), from all `STARTS` and for the basin.
 
-    Give a few scenarios, not thousands (`choose`). `largest` is the largest factor tried for
-    the basin.
+    Pass a few scenarios, not thousands (`choose`). `largest` is the largest factor tried for the
+    basin.
     """
     rows: list[CheckedStart] = []
     if starts:
@@ -113,13 +113,13 @@ class JumpSizes(NamedTuple):
     down: np.ndarray
     """The slider settles after the command steps down from velocity r, for every r up to this."""
     lost: list[str]
-    """How the first larger jump ends; "steady" where none is lost."""
+    """How the first larger jump ends; "steady" if all settle."""
 
 
 def jump_sizes(scenarios: Scenarios, gains: np.ndarray, *, largest: float = 10.0) -> JumpSizes:
-    """How far velocity may jump to that of each scenario, by two rounds of `_POINTS` factors.
+    """Largest velocity jumps to that of each scenario, by two rounds of `_POINTS` factors.
 
-    A loss between two factors of the first round that both are survived is missed.
+    A failure between two neighbouring factors of the first round that both settle is missed.
     """
     number = len(scenarios)
     low, high = np.zeros((2, number)), np.full((2, number), np.inf)
@@ -131,7 +131,7 @@ def jump_sizes(scenarios: Scenarios, gains: np.ndarray, *, largest: float = 10.0
         where = np.broadcast_to(np.arange(number)[:, None], grid.shape).ravel()
         kind = np.full(where.size, len(STARTS))
         names = _simulated(scenarios.take(where), gains, kind, log_ratio)[1].reshape(grid.shape)
-        # the first loss, or what is known of one beyond the grid
+        # the first failure on the grid, or the known one beyond it
         lost = np.concatenate([names != "steady", np.ones((2, number, 1), bool)], axis=-1)
         first = np.argmax(lost, axis=-1)[..., None]
         edges = np.concatenate([low[..., None], grid, high[..., None]], axis=-1)
@@ -151,8 +151,7 @@ def jump_sizes(scenarios: Scenarios, gains: np.ndarray, *, largest: float = 10.0
 def _simulated(
     scenarios: Scenarios, gains: np.ndarray, kind: np.ndarray, log_ratio: np.ndarray
 ) -> tuple[EndState, np.ndarray]:
-    """How simulations end, one in each scenario, from the start `kind` (`_start`): ends, and their
-    names."""
+    """Simulate one start `kind` (`_start`) in each scenario; return the ends and their names."""
 
     def found(lane: np.ndarray) -> EndState:
         some = scenarios.take(lane)
@@ -171,7 +170,7 @@ def _simulated(
 
 @eqx.filter_jit
 def _ends(rigs: Rig, velocity: Array, kind: Array, log_ratio: Array) -> EndState:
-    """Ends of a batch of simulations; the time of each is by the poles of the linear theory."""
+    """Ends of a batch of simulations; the poles of the linear theory define their durations."""
 
     def one(rig: Rig, V: Array, kind: Array, log_ratio: Array) -> EndState:
         s = poles(linearise(rig, V))
@@ -184,18 +183,19 @@ def _ends(rigs: Rig, velocity: Array, kind: Array, log_ratio: Array) -> EndState
 
 
 def _start(rig: Rig, V: Array, kind: Array, ratio: Array) -> InitialState:
-    """The start `STARTS[kind]`, or after the last of them a step of the command by `ratio`."""
+    """The start `STARTS[kind]`; the next `kind` is a step of the command by `ratio`."""
     every = [*standard_starts(rig, V), rest_start(rig, V), step_start(rig, V, ratio)]
     return jax.tree.map(lambda *leaves: jnp.stack(leaves)[kind], *every)
 
 
 def standard_starts(rig: Rig, V: Float[Array, ""]) -> list[InitialState]:
-    """The first four of `STARTS`, which move: velocity half as large again or half as large, the
-    load point F/K ahead or behind, F the law's `force_scale`.
+    """The first four of `STARTS`, all moving: velocity 50 % higher or lower, and the load point
+    F/K ahead or behind, with F the law's `force_scale`.
 
-    With mass the spring is also longer (shorter) by 1 % of F/K: a light slider loses its velocity
-    before it has moved, and would sit on an unstable steady motion for ever. Without mass and
-    dashpot the load point's jump multiplies a rate-and-state slider's velocity by e.
+    With mass, a velocity start also lengthens (shortens) the spring by 1 % of F/K. A light slider
+    loses its velocity perturbation before it moves, and would stay on an unstable steady motion
+    forever. Without mass and dashpot the load point's jump multiplies a rate-and-state slider's
+    velocity by e.
     """
     jump = rig.friction.force_scale() / rig.machine.stiffness
     return [
