@@ -1,8 +1,8 @@
 """Differentiable sliders that stick-slip: simulate, fit, control.
 
-The names below, and the folders of the package (`jaxfric.gains`, `jaxfric.study`), are loaded when
-they are first used, so that importing the package is quick and changes nothing. Fitting needs
-64-bit numbers: `jax.config.update("jax_enable_x64", True)`.
+The names below, and the folders of the package (`jaxfric.gains`, `jaxfric.study`), are loaded on
+first use, so importing the package is fast and changes nothing. Fitting needs 64-bit numbers:
+`jax.config.update("jax_enable_x64", True)`.
 """
 
 from typing import TYPE_CHECKING

@@ -1,6 +1,6 @@
 """Servo axes: friction from the motor force and the encoder, over both directions.
 
-The names of an axis' loop together. They live in the rooms of the house: `jaxfric.loop.axis`,
+This module collects the names of an axis' loop. They are defined in `jaxfric.loop.axis`,
 `jaxfric.loop.steady`, `jaxfric.effects.axis` and `jaxfric.fitting.axis_preparation`.
 """
 

@@ -7,17 +7,16 @@ from .errors import InputError
 
 
 def cache_compiled(folder: str | Path | None = None) -> Path:
-    """Keep compiled functions in a folder, for this process and later ones; the folder.
+    """Cache compiled functions in a folder, for this process and later ones; return the folder.
 
-    Most of the time of a first fit or loop is tracing and compiling. This turns on JAX's own
-    persistent cache for all that is compiled from now on, and keeps what was traced beside it, as
-    the command does; nothing does so on import. Without a `folder` it is the one that JAX is set to
-    already (JAX_COMPILATION_CACHE_DIR), else the one of the command, in the user's cache folder. It
-    may be deleted at any time.
+    A first fit or loop spends most of its time on tracing and compiling. This turns on JAX's
+    persistent cache for all later compilations, and also caches traced functions there. The command
+    does so; importing the package does not. The default `folder` is JAX_COMPILATION_CACHE_DIR if
+    set, else that of the command in the user's cache folder. It may be deleted at any time.
 
     Raises
     ------
-    InputError : the folder cannot be made or written.
+    InputError : the folder cannot be created or written.
     """
     import jax
     from platformdirs import user_cache_dir

@@ -1,7 +1,7 @@
 """Lines and rotations: a slider in m and N, a joint in rad and N m.
 
 The equations are the same, with a moment of inertia [kg m^2] for the mass, k_p in N m/rad and k_v
-in N m s/rad. Units are written for a line everywhere in the package; `unit_of` turns them.
+in N m s/rad. The package writes all units for linear motion; `unit_of` converts them.
 """
 
 import re
@@ -12,14 +12,14 @@ from .errors import InputError
 from .units import has_dimension, is_angle, unit_in
 
 Coordinate: TypeAlias = Literal["linear", "rotary"]
-"""A line, in m and N, or a rotation, in rad and N m."""
+"""Linear motion in m and N, or rotation in rad and N m."""
 
 _TURNED = {"N": "N m", "kg": "kg m^2", "m": "rad"}
 _NAMES = {"linear": "a line", "rotary": "a rotation"}
 
 
 def unit_of(si_unit: str, coordinate: Coordinate) -> str:
-    """The unit of a quantity that has `si_unit` on a line: "N/m" of a rotation is "N m/rad"."""
+    """Convert a linear SI unit to that of a coordinate: "N/m" becomes "N m/rad" for a rotation."""
     if coordinate == "linear":
         return si_unit
     turned = re.sub(r"\b(N|kg|m)\b", lambda unit: _TURNED[unit[0]], si_unit)
@@ -27,13 +27,13 @@ def unit_of(si_unit: str, coordinate: Coordinate) -> str:
 
 
 def agreed(told: Mapping[str, tuple[str | None, str]], law: Coordinate | None = None) -> Coordinate:
-    """Whether quantities are of a line or of a rotation; of a line where none of them tells.
+    """Return the coordinate that the units of quantities imply; "linear" if they imply none.
 
-    **Arguments:** `told` has by name the text of each quantity (None: not given) and its SI unit on
-    a line; `law` is that of the law, None where it fits both. A unit that fits neither is left to
-    whoever reads the quantity, to refuse.
+    **Arguments:** `told` maps names to the text of a quantity (None: not given) and its linear SI
+    unit; `law` is the coordinate of the law, None if both are possible. Units of neither kind are
+    ignored here; the caller refuses them when it reads the quantity.
 
-    Raises `InputError` where two quantities, or one and the law, disagree.
+    Raises `InputError` if two quantities, or one and the law, disagree.
     """
     found = {} if law is None else {law: "the law"}
     for what, (text, si_unit) in told.items():
@@ -49,11 +49,11 @@ def agreed(told: Mapping[str, tuple[str | None, str]], law: Coordinate | None = 
 
 
 def _kind(unit: str, si_unit: str) -> Coordinate | None:
-    """The kind of motion that a unit is of; None where it is of both or of neither."""
+    """The coordinate that a unit implies; None if it fits both or neither."""
     turned = unit_of(si_unit, "rotary")
     if turned == si_unit or not unit:
         return None
     if has_dimension(unit, si_unit):
         return "linear"
-    named = is_angle(unit) or re.search("N|kg", turned)  # 1/s is no velocity
+    named = is_angle(unit) or re.search("N|kg", turned)  # 1/s is not a velocity
     return "rotary" if named and has_dimension(unit, turned) else None

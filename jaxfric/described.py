@@ -1,9 +1,8 @@
-"""What a result does in a notebook and a terminal: it says what it is, is drawn, becomes a table.
+"""Mixins that give a result its text, figure and tables in a notebook and a terminal.
 
-Words, figures and tables of results are made on a higher floor, from the result alone. The classes
-here are inherited by results of any floor, and find by name, when they are asked, what
-`jaxfric.views` has for a class: a result imports nothing for it. A result takes those of them that
-make sense for it, so that it has no method that only refuses.
+`jaxfric.views` and `jaxfric.report` make them from the result alone. The classes here find the view
+of a class by name, on first use, so that results do not import views. A result inherits only the
+mixins that apply to it.
 """
 
 import importlib
@@ -20,18 +19,18 @@ _REPORT = "jaxfric.report"
 
 
 def _shown(result: object, how: str):
-    """What the function `how` of the views makes of a result."""
+    """Call the function `how` of the views with a result."""
     return getattr(importlib.import_module(_VIEWS), how)(result)
 
 
 def said(words: str, result: object, *units: object) -> Any:
-    """What "module.function" of `jaxfric.report` makes of a result, in some units."""
+    """Call "module.function" of `jaxfric.report` with a result and some units."""
     module, _, function = words.partition(".")
     return getattr(importlib.import_module(f"{_REPORT}.{module}"), function)(result, *units)
 
 
 class Described:
-    """A result that says in a line what it is, and in a page what it found."""
+    """A result with a one-line description and a summary."""
 
     def __repr__(self) -> str:
         return _shown(self, "line")
@@ -41,26 +40,26 @@ class Described:
         return _shown(self, "html")
 
     def summary(self) -> str:
-        """What was found, as text: the tables and sentences that the command prints."""
+        """The result as text: the tables and sentences that the command prints."""
         return _shown(self, "summary")
 
 
 class Worded:
-    """A result that is told in words, which are made of it alone."""
+    """A result whose sentences are made by views."""
 
     @property
     def sentence(self) -> str:
-        """What was found, in a sentence or two."""
+        """The result in one or two sentences."""
         return _shown(self, "words").sentence
 
     @property
     def next_step(self) -> str:
-        """What to ask next, and why; '' where there is nothing."""
+        """The recommended next step and its reason; '' if there is none."""
         return _shown(self, "words").next_step
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What a user must know before the sentence is used."""
+        """Warnings to read before using the result."""
         return _shown(self, "words").warnings
 
     def to_json(self) -> dict:
@@ -72,7 +71,7 @@ class Drawable:
     """A result that has a figure."""
 
     def plot(self) -> "Figure":
-        """The figure that the command makes of it, as a matplotlib Figure.
+        """Draw the same figure as the command; return a matplotlib Figure.
 
         A notebook shows it as the last line of a cell; `.savefig("name.png")` writes it.
         """
@@ -83,7 +82,7 @@ class Tabular:
     """A result that is a table."""
 
     def to_pandas(self) -> "DataFrame":
-        """The result as a DataFrame, SI; `attrs` has its warnings, and whether it converged.
+        """The result as a DataFrame, SI; `attrs` contains warnings and convergence.
 
         Raises `InputError` without pandas: `pip install "jaxfric[notebook]"`.
         """
@@ -91,10 +90,10 @@ class Tabular:
 
 
 class Gridded:
-    """A result that has arrays over the rows of a record, or over time."""
+    """A result with arrays over the rows of a record, or over time."""
 
     def to_xarray(self) -> "Dataset":
-        """The result as a Dataset, SI, every variable with its `units`; `attrs` has its warnings.
+        """The result as a Dataset, SI, with `units` of every variable; `attrs` contains warnings.
 
         Raises `InputError` without xarray: `pip install "jaxfric[notebook]"`.
         """
@@ -102,7 +101,7 @@ class Gridded:
 
 
 class Drawn:
-    """A result of draws."""
+    """A result with draws."""
 
     def to_arviz(self) -> "InferenceData":
         """The draws as ArviZ InferenceData, in the units of the record.

@@ -1,11 +1,11 @@
 """The one exception that a user's input can raise.
 
-Failures of a computation are values (a `result` on every result object). Input
-that cannot be understood raises `InputError`: one line that says what is wrong,
-where, and what to do. The command prints that line and exits with code 2.
+Failures of a computation are values (a `result` on every result object). Invalid input raises
+`InputError`: one line with the fault, its place and the remedy. The command prints that line and
+exits with code 2.
 
-What to do is written once, with the options of the command (`--drop-bad`, `--steps '0 s: 2 um/s'`).
-Outside of the command it is said in the words of Python (`drop_bad=True`, `steps="0 s: 2 um/s"`).
+Messages name options of the command (`--drop-bad`, `--steps '0 s: 2 um/s'`). Outside of the command
+they are translated to Python arguments (`drop_bad=True`, `steps="0 s: 2 um/s"`).
 """
 
 import contextlib
@@ -13,7 +13,7 @@ import difflib
 import re
 from collections.abc import Generator, Iterable
 
-# Options of the command that are another word in Python; the others are the same word.
+# Options of the command with another name in Python; all others have the same name.
 _ARGUMENTS = {
     "include": "with_",
     "exclude": "without",
@@ -30,10 +30,10 @@ _ARGUMENTS = {
     "to": "the stop of record.window()",
 }
 _OF_OTHERS = ("nthreads",)
-"""Options of other programs' commands."""
+"""Options of other programs, which are not translated."""
 _FLAGS = ("drop-bad", "fit-stiffness", "slip-trend", "zero-order-hold", "other-versions")
 _NUMBERS = ("normal-force",)
-"""Arguments that are a number in SI where the option is a text with its unit."""
+"""Arguments that are SI numbers in Python; the option is a text with a unit."""
 _COLUMN = re.compile(r"--column (?:'([\w ]+)=([^']*)'|(\w+)=(\w+))")
 _OPTION = re.compile(
     r"--(?P<name>[a-z][a-z-]*[a-z])"
@@ -41,12 +41,12 @@ _OPTION = re.compile(
 )
 _of_the_command = [False]
 _LIKE = 0.55
-"""Similarity (at most 1) from which one name is suggested in place of another."""
+"""Least similarity (at most 1) of a suggested name."""
 
 
 @contextlib.contextmanager
 def words_of_the_command() -> Generator[None]:
-    """Within the block errors speak of options, outside of arguments."""
+    """Inside this context errors name options of the command, outside Python arguments."""
     before, _of_the_command[0] = _of_the_command[0], True
     try:
         yield
@@ -55,7 +55,7 @@ def words_of_the_command() -> Generator[None]:
 
 
 class InputError(ValueError):
-    """Input that cannot be used: what is wrong, where, what to do, on one line."""
+    """Invalid input: the fault, its place and the remedy, on one line."""
 
     def __init__(self, message: str):
         text = " ".join(str(message).split())
@@ -63,8 +63,8 @@ class InputError(ValueError):
 
 
 def did_you_mean(name: str, known: Iterable[str], *, listed: bool = True) -> str:
-    """The end of a message about a `name` that is not known: the name that is most like it, if one
-    is, and (unless `listed` is False) all that there are.
+    """End of a message about an unknown `name`: the most similar known name, if there is one, and
+    (unless `listed` is False) all known names.
 
     >>> did_you_mean("frictoin", ["time", "friction"])
     "; did you mean 'friction'? There are: time, friction"
@@ -79,12 +79,12 @@ def did_you_mean(name: str, known: Iterable[str], *, listed: bool = True) -> str
 
 
 def folded(name: str) -> str:
-    """A name without case, blanks and signs, to compare by: Load-Point_Disp is loadpointdisp."""
+    """A name without case, blanks and signs, for comparison: Load-Point_Disp is loadpointdisp."""
     return re.sub(r"[\W_]+", "", name.lower()).replace("µ", "μ")
 
 
 def in_python(text: str) -> str:
-    """A message whose options of the command are arguments of Python."""
+    """Translate the command's options in a message to Python arguments."""
     text = _COLUMN.sub(_column, text).replace('"} columns={"', '", "')
     text = text.replace("--column", "columns").replace("--rig axis", "jaxfric.read_axis")
     return _OPTION.sub(_argument, text)

@@ -1,7 +1,7 @@
-"""Names that a package gives and loads when they are first used.
+"""Names of a package that are imported on first use.
 
-A package writes `__getattr__, __dir__ = loader(__name__, HOMES, ...)`: importing it loads nothing,
-and what is asked for is imported once and kept.
+A package writes `__getattr__, __dir__ = loader(__name__, HOMES, ...)`. Importing it then loads
+nothing; each name is imported once, on first use.
 """
 
 import importlib
@@ -18,9 +18,9 @@ def loader(
 ) -> tuple[Callable[[str], object], Callable[[], list[str]]]:
     """`__getattr__` and `__dir__` of a package.
 
-    `homes` has, for each name, the module of the package that defines it ("rig.friction");
-    `modules` are modules and folders of the package that are given themselves. A name that is both
-    would mean two things: it is refused. `renamed` has old names, which `old_names` gives.
+    `homes` maps each name to the module of the package that defines it ("rig.friction"). `modules`
+    are the modules and folders of the package that are names themselves. A name in both is
+    ambiguous and raises `ValueError`. `renamed` maps old names to new ones (`old_names`).
     """
     own, old = tuple(modules), old_names(package, renamed)
     if both := sorted(set(own) & set(homes)):
@@ -28,7 +28,7 @@ def loader(
 
     def get(name: str) -> object:
         if name in own:
-            return importlib.import_module(f".{name}", package)  # which keeps it, too
+            return importlib.import_module(f".{name}", package)  # also sets the attribute
         if name not in homes:
             return old(name)
         value = getattr(importlib.import_module(f".{homes[name]}", package), name)

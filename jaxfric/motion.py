@@ -1,4 +1,4 @@
-"""Commanded motion: what the load point is asked to do.
+"""Commanded motion of the load point.
 
 A motion gives displacement [m] and velocity [m/s] at any time [s], and lists the
 times at which its velocity jumps, so that a solver can step to them exactly.
@@ -16,7 +16,7 @@ from .quantity import as_floats, is_known
 
 
 def _ascend(times: np.ndarray) -> bool:
-    """Whether times ascend; at their end they may be inf, which pads them."""
+    """Whether times ascend; trailing inf is padding."""
     return len(times) > 0 and bool(np.isfinite(times[0]) and np.all(times[1:] >= times[:-1]))
 
 
@@ -47,9 +47,9 @@ class AbstractMotion(eqx.Module):
 class PiecewiseVelocity(AbstractMotion):
     """Velocity steps, holds (0) and reversals (negative): constant velocity between times.
 
-    `times` [s] are ascending, `velocities` [m/s] hold from their time to the next
-    one; the last holds for ever. Entries with `times = inf` are padding and are never
-    reached (see `padded`), so that motions of different length share one compilation.
+    `times` [s] are ascending. Each of the `velocities` [m/s] applies from its time to the next
+    one, the last forever. Entries with `times = inf` are padding and are never reached (see
+    `padded`), so that motions of different length share one compilation.
     """
 
     times: Float[Array, " n"]
@@ -71,11 +71,11 @@ class PiecewiseVelocity(AbstractMotion):
 
     @classmethod
     def through(cls, times: ArrayLike, displacements: ArrayLike) -> "PiecewiseVelocity":
-        """The motion that passes through measured load-point positions, linear between them.
+        """The motion through measured load-point positions, linear between them.
 
-        Every sample becomes a breakpoint at which the solver stops: use it for a few
-        hundred clean points (a ramp, a profile), not for a noisy record, whose
-        differences are noise. `records.find_steps` is for that.
+        Every sample becomes a breakpoint at which the solver stops. Use it for a few hundred clean
+        points (a ramp, a profile). For a noisy record, whose differences are noise, use
+        `records.find_steps`.
         """
         t, x = np.asarray(times, float), np.asarray(displacements, float)
         if t.ndim != 1 or t.shape != x.shape or len(t) < 2 or np.any(np.diff(t) <= 0):
@@ -84,7 +84,7 @@ class PiecewiseVelocity(AbstractMotion):
         return cls(t, np.append(v, v[-1]))
 
     def padded(self, length: int) -> "PiecewiseVelocity":
-        """The same motion with arrays extended to `length` by entries never reached."""
+        """The same motion with arrays padded to `length` by entries that are never reached."""
         n = length - self.times.shape[0]
         if n < 0:
             raise InputError(f"motion: {self.times.shape[0]} velocities do not fit into {length}")
@@ -102,7 +102,7 @@ class PiecewiseVelocity(AbstractMotion):
 
     def velocity(self, t: Float[Array, ""]) -> Float[Array, ""]:
         index = jnp.maximum(jnp.sum(t >= self.times) - 1, 0)
-        # a batch sums faster than it looks up
+        # in a batch a masked sum is faster than indexing
         return jnp.sum(jnp.where(jnp.arange(self.times.shape[0]) == index, self.velocities, 0.0))
 
     def breakpoints(self) -> Float[Array, " n"]:
@@ -116,7 +116,7 @@ class PiecewiseVelocity(AbstractMotion):
 
 
 class MeasuredMotion(eqx.Module):
-    """Measured motion of an axis at the full rate of its encoder, padded at its end by rest. SI."""
+    """Measured motion of an axis at the full encoder rate, padded by rest at its end. SI."""
 
     time: Float[Array, " N"]
     position: Float[Array, " N"]

@@ -8,13 +8,13 @@ from .errors import InputError
 def read_pairs(
     given: str | Sequence[str], what: str, example: str, *, form: str = "NAME=VALUE"
 ) -> dict[str, str]:
-    """Texts by name, in their order, of "A=1 N, L=1 mm" or of several texts such as "A=1 N".
+    """Read texts by name, in order, from "A=1 N, L=1 mm" or from several texts such as "A=1 N".
 
-    `what` they are, an `example` and the `form` of one are what messages say.
+    Messages use `what` (their kind), an `example` and the `form` of a pair.
 
     Raises
     ------
-    InputError : a piece without a name or a value; a name that is given twice.
+    InputError : a piece without name or value; a name given twice.
     """
     pieces = filter(str.strip, given.split(",")) if isinstance(given, str) else given
     found: dict[str, str] = {}

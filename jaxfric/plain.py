@@ -1,4 +1,4 @@
-"""Results as JSON files have them."""
+"""Conversion of results to JSON values."""
 
 import dataclasses
 import math
@@ -8,10 +8,10 @@ import numpy as np
 
 
 def plain(table: Mapping[str, object]) -> dict[str, object]:
-    """A table whose values, at any depth, are what JSON has.
+    """Convert a table, at any depth, to JSON values.
 
-    Tuples and arrays become lists, a dataclass or a named tuple its fields by name, numbers those
-    of Python; a number that is not finite is null.
+    Tuples and arrays become lists, dataclasses and named tuples become tables of their fields,
+    numbers become Python numbers. A number that is not finite becomes null.
     """
     return {name: _plain(value) for name, value in table.items()}
 

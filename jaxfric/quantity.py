@@ -1,13 +1,12 @@
-"""A physical parameter: symbol, unit, bounds, meaning, said once beside its field.
+"""A physical parameter: symbol, unit, bounds and meaning, declared once at its field.
 
-A field declared with `quantity(...)` carries a `Quantity` as metadata. The
-transform to an unbounded variable for fitting, the tables, the file headers
-and the documentation are derived from it, so none of them can disagree.
+A field declared with `quantity(...)` carries a `Quantity` as metadata. The transform to an
+unbounded variable for fitting, the tables, the file headers and the documentation are derived from
+it, so they always agree.
 
-Units are SI. A friction law may be written for a force in newtons or for a
-coefficient (force over normal force); the equations are the same. `F` in a unit
-stands for whichever of the two is in use: stiffness has the unit `F/m`, which is
-N/m for a force and 1/m for a coefficient.
+Units are SI. A friction law may be written for a force in newtons or for a coefficient (force over
+normal force); the equations are the same. `F` in a unit means either: stiffness has the unit `F/m`,
+which is N/m for a force and 1/m for a coefficient.
 """
 
 import dataclasses
@@ -36,9 +35,9 @@ class Quantity:
     lower: float = -math.inf
     upper: float = math.inf
     closed: bool = False
-    """Whether the lower bound itself is allowed, at which the parameter does nothing."""
+    """Whether the lower bound itself, where the parameter has no effect, is allowed."""
     shape_only: bool = False
-    """Whether the effect may be known without this parameter: the record need not fix it."""
+    """Whether an effect counts as determined even if this parameter is not."""
 
     def unit_for(self, force_unit: str) -> str:
         """The SI unit when friction is given in `force_unit` ("1" or "N")."""
@@ -80,7 +79,7 @@ class Quantity:
         return self.lower + (self.upper - self.lower) / (1 + array_module(free).exp(-free))
 
     def slope(self, free: Float[Array, " *s"], *, scale: ArrayLike = 1.0) -> Float[Array, " *s"]:
-        """Derivative of `from_free` by `free`."""
+        """Derivative of `from_free` with respect to `free`."""
         if math.isinf(self.lower) and math.isinf(self.upper):
             return 0 * free + scale
         if math.isinf(self.upper):
@@ -157,12 +156,12 @@ def as_floats(value: ArrayLike | None) -> Array | None:
 
 
 def array_module(value: object) -> ModuleType:
-    """NumPy for what is not JAX's: every function of JAX is compiled for every shape."""
+    """JAX's NumPy for JAX arrays, else NumPy, as JAX compiles every function for every shape."""
     return jnp if isinstance(value, jax.Array) else np
 
 
 def quantities(module: eqx.Module | type) -> dict[str, Quantity]:
-    """The quantities that a module declares itself, by field name, in order."""
+    """The quantities of a module's own fields, by field name, in order."""
     return {
         f.name: f.metadata["quantity"]
         for f in dataclasses.fields(module)  # ty: ignore[invalid-argument-type]
@@ -171,13 +170,12 @@ def quantities(module: eqx.Module | type) -> dict[str, Quantity]:
 
 
 def is_known(value: object) -> bool:
-    """Whether an array has values: not so while it is traced, or only its shape is known."""
+    """Whether an array is concrete, not traced or only a shape."""
     return isinstance(value, np.ndarray | jax.Array) and not isinstance(value, Tracer)
 
 
 def refuse_outside(module: eqx.Module, where: str) -> None:
-    """Raise `InputError` for a quantity of a module, or of those in it, that is known and lies
-    outside its bounds."""
+    """Raise `InputError` for a concrete quantity outside its bounds, in a module or its parts."""
     for about, value in _declared(module):
         if is_known(value) and not np.all(about.allows(np.asarray(value))):
             wrong = np.asarray(value)[~about.allows(np.asarray(value))]
@@ -185,9 +183,9 @@ def refuse_outside(module: eqx.Module, where: str) -> None:
 
 
 def all_inside(module: eqx.Module) -> Bool[Array, ""]:
-    """Whether every quantity with open bounds lies within them; for values that are traced.
+    """Whether every quantity with open bounds lies within them; values may be traced.
 
-    Closed bounds are left out: a fit may pass the null of an effect on its way.
+    Closed bounds are not checked: a fit may cross the null of an effect.
     """
     checks = [
         jnp.all(about.allows(value))
@@ -198,7 +196,7 @@ def all_inside(module: eqx.Module) -> Bool[Array, ""]:
 
 
 def _declared(module: eqx.Module) -> Iterator[tuple[Quantity, Array]]:
-    """Every quantity with its value, of a module and of the modules in it."""
+    """Every quantity with its value, in a module and its parts."""
     for field in dataclasses.fields(module):
         value = getattr(module, field.name, None)
         if "quantity" in field.metadata and value is not None:

@@ -1,11 +1,11 @@
-"""The listener of those who want none: a default that a signature shows by its name."""
+"""The no-op progress callback, a default that is readable in signatures."""
 
 from typing import final
 
 
 @final
 class NoListener:
-    """Takes what is told of progress, and says nothing."""
+    """A progress callback that ignores its text."""
 
     def __call__(self, text: str) -> None: ...
 
@@ -14,4 +14,4 @@ class NoListener:
 
 
 silent = NoListener()
-"""What `progress` is where nothing is given."""
+"""The default of `progress`."""

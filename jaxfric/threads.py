@@ -1,4 +1,4 @@
-"""How much is done at once: on threads, as Python is free while JAX computes, and on a GPU."""
+"""Parallel work on threads (JAX releases Python's lock while it computes), and batch sizes."""
 
 import os
 import threading
@@ -10,27 +10,27 @@ T = TypeVar("T")
 _MOST = 8
 _OF_A_GPU = 128
 _own = threading.local()
-"""Of a thread that `side_by_side` began: `end`, an event that is set when its work is of no use."""
+"""On a thread of `side_by_side`: `end`, an event that is set when its work is cancelled."""
 
 
 class Abandoned(BaseException):
-    """Work that `go_on` ended, since the work beside it failed or was interrupted."""
+    """Raised by `go_on` if parallel work failed or was interrupted."""
 
 
 def cores() -> int:
-    """Number of threads that are worth it: `NPROC`, as XLA has it, or that of the cores; each has
-    memory of its own, so they are not many."""
+    """Number of threads to use: `NPROC` (as for XLA) or the number of cores, at most 8, as each
+    thread needs its own memory."""
     return min(int(os.environ.get("NPROC", "0")) or os.cpu_count() or 1, _MOST)
 
 
 def at_once(number: int) -> int:
-    """How many to compute together where the cache of a processor holds `number`: more on a GPU,
-    whose loop over few takes as long as over many."""
+    """Batch size: `number`, which fits in a processor's cache; 128 times as many on a GPU, where a
+    small batch takes as long as a large one."""
     return number if on_processor() else _OF_A_GPU * number
 
 
 def on_processor() -> bool:
-    """Whether JAX computes on the processor: by `jax.default_device`, or having nothing else."""
+    """Whether JAX computes on the CPU, by `jax.default_device` or else its default backend."""
     import jax
 
     device = jax.config.jax_default_device  # ty: ignore[missing-attribute]
@@ -39,15 +39,15 @@ def on_processor() -> bool:
 
 
 def side_by_side(one: Callable[..., T], *inputs: Iterable) -> list[T]:
-    """`list(map(one, *inputs))` on as many threads as there are `cores`; numbers have the bits that
-    they have here. What is asked on one of these threads is done there, one after the other.
+    """`list(map(one, *inputs))` on `cores()` threads, with the caller's floating-point precision.
+    Calls from within one of these threads run there sequentially.
 
-    An error of one, or Ctrl-C, ends it when those that were begun have ended or come to `go_on`.
+    After an error or Ctrl-C it ends as soon as all running calls have ended or reached `go_on`.
     """
     asked = list(zip(*inputs, strict=True))
     if min(cores(), len(asked)) < 2 or hasattr(_own, "end"):
         return [one(*each) for each in asked]
-    import jax  # not where the command begins
+    import jax  # slow to import, so not at the command's start
 
     end, long = threading.Event(), bool(jax.config.jax_enable_x64)  # ty: ignore[missing-attribute]
 
@@ -66,12 +66,12 @@ def side_by_side(one: Callable[..., T], *inputs: Iterable) -> list[T]:
 
 
 def one_by_one(one: Callable[..., T], *inputs: Iterable) -> list[T]:
-    """The same on this thread."""
+    """`list(map(one, *inputs))` on this thread."""
     return [one(*each) for each in zip(*inputs, strict=True)]
 
 
 def go_on() -> None:
-    """Raises `Abandoned` on a thread of `side_by_side` whose work is of no more use."""
+    """Raise `Abandoned` on a thread of `side_by_side` whose work is cancelled."""
     end = getattr(_own, "end", None)
     if end is not None and end.is_set():
         raise Abandoned

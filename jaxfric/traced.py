@@ -1,14 +1,13 @@
-"""Functions that are traced once and kept on disk: the next process need not trace them again.
+"""A disk cache of traced functions, so that later processes need not trace them again.
 
-Before JAX can load what it compiled in another process it must trace the function anew, in Python;
-for a model with every effect that takes far longer than to load it. `traced` is `eqx.filter_jit`
-that keeps what was traced as StableHLO (`jax.export`) beside what was compiled, where
-`cache_compiled` has turned that on; otherwise it is `eqx.filter_jit`.
+Before JAX can load a function compiled by another process, it must trace it again in Python. For a
+model with every effect that takes far longer than loading. `traced` is `eqx.filter_jit`; if
+`cache_compiled` was called, it also stores the trace as StableHLO (`jax.export`) in the cache.
 
-What is kept is found again by everything it depends on: shapes and types of the arrays, all other
-arguments, the text of this package, versions and settings of what traces it. Code that is neither
-of this package nor of the libraries it is built on, such as an effect of your own, is never kept;
-a file that cannot be read is made anew. The folder may be deleted at any time.
+The key of an entry is everything it depends on: shapes and types of the arrays, all other
+arguments, the source of this package, versions and settings of JAX and its libraries. Functions
+with foreign code, such as an effect of your own, are never stored. An unreadable file is replaced.
+The folder may be deleted at any time.
 """
 
 import functools
@@ -41,34 +40,34 @@ _KNOWN = {_OURS, *_LIBRARIES, "builtins", "jaxtyping"}
 _SETTINGS = ("jax_enable_x64", "jax_default_matmul_precision", "jax_numpy_dtype_promotion")
 
 _CHECKED = [jax.export.DisabledSafetyCheck.custom_call(f"lapack_{kind}ormqr_ffi") for kind in "sd"]
-"""Calls that may change with the version of jaxlib, which is in every name."""
+"""Calls that may change with the version of jaxlib, which is part of every key."""
 
 _folder: list[Path] = []
-"""The folder in which functions are kept; empty: none are."""
+"""The folder of the cache; empty: no cache."""
 
 _tables: list[Mapping[str, object]] = []
-"""Tables by whose names functions choose what they trace."""
+"""Tables whose contents traced functions look up by name, so that they are part of every key."""
 
 
 def depends_on(table: Mapping[str, object]) -> None:
-    """Say that functions trace what `table` has by names among their arguments."""
+    """Declare that traced functions look up `table` by names among their arguments."""
     _tables.append(table)
 
 
 def keep_traced(folder: Path) -> None:
-    """Keep functions in `folder` from now on, and take from there what is kept."""
+    """Use `folder` as the cache of traced functions from now on."""
     _folder[:] = [folder]
 
 
 class _Kept(NamedTuple):
-    """A function of arrays, and what becomes of its results."""
+    """A cached function of arrays, and the function that rebuilds its result."""
 
     call: Callable[..., tuple[Array, ...]]
     wrap: Callable[[tuple[Array, ...]], PyTree]
 
 
 class _Compiled:
-    """What is known of a function for some shapes; `ready` once it has been compiled."""
+    """State of a function for one key of shapes; `ready` once it is compiled."""
 
     def __init__(self):
         self.lock = threading.Lock()
@@ -77,7 +76,7 @@ class _Compiled:
 
 
 class Traced(Generic[P, R]):
-    """A function as by `eqx.filter_jit`, kept on disk where that is on; see the module."""
+    """A function compiled as by `eqx.filter_jit`, with an optional disk cache; see the module."""
 
     def __init__(self, function: Callable[P, R]):
         self.function: Callable[..., R] = function
@@ -87,11 +86,11 @@ class Traced(Generic[P, R]):
 
     @functools.cached_property
     def jitted(self) -> Callable[..., R]:
-        """What runs where nothing is kept."""
+        """The compiled function that is used without cache."""
         return eqx.filter_jit(self.function, compiler_options=_quickly())  # ty: ignore[no-matching-overload]
 
     def __call__(self, *args: P.args, **kwargs: P.kwargs) -> R:
-        """The function of `args`. With arguments by name, or traced ones, as `eqx.filter_jit`."""
+        """Call the function; keyword or traced arguments bypass the cache, as `eqx.filter_jit`."""
         leaves, tree = jax.tree.flatten(args)
         if kwargs or any(isinstance(x, Tracer) for x in leaves):
             return self.nested(*args, **kwargs)
@@ -101,7 +100,7 @@ class Traced(Generic[P, R]):
         known = self._known.setdefault(key, _Compiled())
         if known.ready:
             return self._run(known.kept, args, arrays)
-        with known.lock:  # a thread waits for what another traces and compiles
+        with known.lock:  # other threads wait while one traces and compiles
             if not known.ready:
                 known.kept = self._found(args, key)
             out = self._run(known.kept, args, arrays)
@@ -112,7 +111,7 @@ class Traced(Generic[P, R]):
         return self.jitted(*args) if kept is None else kept.wrap(kept.call(*arrays))
 
     def _found(self, args: tuple, key: tuple) -> _Kept | None:
-        """The function for arguments like `args`, from its file or traced; None: not to be kept."""
+        """The function for arguments like `args`, from its file or traced; None: not cacheable."""
         name = self._name(args, key)
         if name is None:
             return None
@@ -127,7 +126,7 @@ class Traced(Generic[P, R]):
             return None
         try:
             text = pickle.dumps((own, like, tables, *key[3:], _versions()), protocol=4)
-        except Exception:  # whatever cannot be pickled is not kept
+        except Exception:  # what cannot be pickled is not cached
             return None
         return hashlib.sha256(text).hexdigest()[:32]
 
@@ -147,19 +146,19 @@ class Traced(Generic[P, R]):
             how = {"platforms": (_platform(),), "disabled_checks": _CHECKED}
             exported = jax.export.export(jax.jit(flat), **how)(*leaves)  # ty: ignore[invalid-argument-type]
             blob = pickle.dumps((seen[0], bytes(exported.serialize())), protocol=4)
-        except Exception:  # not all that can be compiled can be exported
+        except Exception:  # some functions can be compiled but not exported
             return None
         _write(file, blob)
         return _kept(seen[0], exported)
 
 
 def traced(function: Callable[P, R]) -> Traced[P, R]:
-    """A decorator: `Traced(function)`, for a function of the top level of a module."""
+    """Decorate a function at the top level of a module with `Traced`."""
     return Traced(function)
 
 
 def _like(leaves: list, tree: Hashable) -> tuple[list[Array], tuple]:
-    """The arrays among the leaves of arguments, and all else that what is compiled depends on."""
+    """Return the arrays among the leaves of arguments, and the key of the compiled function."""
     arrays = [x for x in leaves if eqx.is_array(x)]
     rest = tuple(None if eqx.is_array(x) else x for x in leaves)
     shapes = tuple((x.shape, x.dtype, getattr(x, "weak_type", False)) for x in arrays)
@@ -168,12 +167,12 @@ def _like(leaves: list, tree: Hashable) -> tuple[list[Array], tuple]:
 
 @functools.cache
 def _quickly() -> dict[str, bool] | None:
-    """Options of the compiler: without XLA's fusion emitters, which gain nothing in scans over rows
-    and steps, it takes half as long. None where it has no such option."""
+    """Options that halve compile time: no XLA fusion emitters, which gain nothing in scans over
+    rows and steps. None if the compiler has no such option."""
     options = {"xla_cpu_use_fusion_emitters": False}
     try:
         jax.jit(_itself, compiler_options=options).lower(0.0).compile()
-    except Exception:  # an option that is not known is an error of the compiler's own kind
+    except Exception:  # the compiler has its own error type for unknown options
         return None
     return options
 
@@ -183,7 +182,7 @@ def _itself(x: Array) -> Array:
 
 
 class _Place:
-    """The place of an array in a result."""
+    """Placeholder of an array in a result."""
 
 
 def _kept(like: bytes, exported: jax.export.Exported) -> _Kept:
@@ -200,12 +199,12 @@ def _read(file: Path) -> _Kept | None:
     try:
         like, blob = pickle.loads(file.read_bytes())
         return _kept(like, jax.export.deserialize(bytearray(blob)))
-    except Exception:  # not there, cut short, or of another version: made anew
+    except Exception:  # missing, truncated, or of another version: replaced
         return None
 
 
 def _write(file: Path, blob: bytes) -> None:
-    """Write at once or not at all; a folder that cannot be written keeps nothing."""
+    """Write a file atomically; ignore a folder that cannot be written."""
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.NamedTemporaryFile(dir=file.parent, delete=False) as part:
@@ -220,7 +219,7 @@ def _settings() -> tuple:
 
 
 def _platform() -> str:
-    """The platform of what JAX computes on."""
+    """The platform on which JAX computes."""
     return "cpu" if on_processor() else jax.export.default_export_platform()
 
 
@@ -234,9 +233,9 @@ def _versions() -> tuple[str, ...]:
 
 
 def _of_known_code(x: object) -> bool:
-    """Whether all types and functions in `x` are of modules whose text the name covers.
+    """Whether all types and functions in `x` are from modules whose source is part of the key.
 
-    One made within a function may close over anything: it is not known.
+    A function defined inside another may close over anything, so it does not count.
     """
     if x is None or isinstance(x, str | bytes | bool | int | float | complex | np.dtype | Path):
         return True

@@ -1,7 +1,7 @@
-"""Units, at the edge only: text with a unit becomes a number in SI.
+"""Conversion of text with a unit to a number in SI.
 
-Inside the package everything is SI. Units are parsed by pint, which is loaded at the first that is
-not common. Field spellings are understood: um, µm, micron(s), microns/s, sec, MPa, s^-1, 1, -.
+All other code uses SI. pint parses units; it is loaded only for the first uncommon one. Spellings
+of practice are understood: um, µm, micron(s), microns/s, sec, MPa, s^-1, 1, -.
 """
 
 import functools
@@ -20,7 +20,7 @@ _Values = TypeVar("_Values", float, "np.ndarray")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _NO_UNIT = {"", "1", "-", "--", ".", "none", "dimensionless", "unitless", "n/a", "coefficient"}
 _NEWTON_PER_AMPERE = "N/A"
-"""Not available, too, where a number without a unit is wanted."""
+"""Means "not available" if the expected quantity is dimensionless."""
 _MACHINE = {"bit", "bits", "count", "counts", "cts", "ticks", "lsb", "adu", "raw"}
 _MICRO = re.compile(r"\bum\b")
 _ANGLE = re.compile(r"rad|deg|rev|turn|rpm")
@@ -43,17 +43,17 @@ _COMMON = {
     **{unit: ("N/m", size) for unit, size in (("N/m", 1.0), ("N/mm", 1e3), ("N/um", 1e6))},
     **{unit: ("kg", size) for unit, size in (("kg", 1.0), ("g", 1e-3))},
 }
-"""SI unit and size of units for which pint, which takes half a second to load, is not asked."""
+"""SI unit and size of common units, which need no pint (it takes half a second to load)."""
 _COMMON_SI = {si for si, _ in _COMMON.values()}
 
 
 def parse_quantity(text: str, si_unit: str, what: str) -> float:
-    """The value of `text`, such as "2.289 um/s" or "1.6e-3/um", in `si_unit`.
+    """Read the value of `text`, such as "2.289 um/s" or "1.6e-3/um", in `si_unit`.
 
-    **Arguments:** `what` names the quantity in errors. A number without a unit is taken only
-    where `si_unit` is "1".
+    **Arguments:** `what` names the quantity in errors. A number without a unit is accepted only if
+    `si_unit` is "1".
 
-    Raises `InputError` where there is no number, no unit, an unknown or a wrong one.
+    Raises `InputError` for a missing number, and for a missing, unknown or wrong unit.
     """
     text = text.strip()
     number, unit = _split(text, what)
@@ -71,7 +71,7 @@ def parse_quantity(text: str, si_unit: str, what: str) -> float:
 
 
 def speed_text(V: float, digits: int = 3, *, rotary: bool = False) -> str:
-    """A velocity [m/s], or of a rotation [rad/s], in a readable unit."""
+    """A velocity [m/s], for a rotation [rad/s], as text in a readable unit."""
     if rotary:
         return f"{V:.{digits}g} rad/s" if V >= 0.1 else f"{1e3 * V:.{digits}g} mrad/s"
     unit = next((u for u, size in (("um/s", 3e-4), ("mm/s", 0.3)) if size > V), "m/s")
@@ -79,19 +79,19 @@ def speed_text(V: float, digits: int = 3, *, rotary: bool = False) -> str:
 
 
 def parse_values(text: str, si_unit: str, what: str, *, count: int = 25) -> list[float]:
-    """Positive values of a text, in `si_unit`, ascending: one, a list, or a range.
+    """Read positive values from a text, in `si_unit`, ascending: one, a list, or a range.
 
-    "5 um/s" is one, "1, 2, 5 um/s" a list and "1e-6..1e-3 m/s" `count` values spaced evenly in
-    their logarithm. A unit may stand with every number; one that has none takes the last one's.
+    "5 um/s" is one, "1, 2, 5 um/s" a list and "1e-6..1e-3 m/s" a range of `count` log-spaced
+    values. Every number may have a unit; a number without one has the unit of the last.
 
-    Raises `InputError` for a text that is none of these, an empty or reversed range, and a
-    value that is not positive.
+    Raises `InputError` for any other text, an empty or reversed range, and a value that is not
+    positive.
     """
     apart = ".." if ".." in text else ","
     pieces = [piece.strip() for piece in text.split(apart)]
     if not all(pieces) or (apart == ".." and len(pieces) != 2):
         raise InputError(
-            f"{what}: '{text}' is no value, list or range; write it as in"
+            f"{what}: '{text}' is not a value, list or range; write it as in"
             f" '{_example(si_unit)}', '1, 2 {si_unit}' or '1..100 {si_unit}'"
         )
     unit = _split(pieces[-1], what)[1]
@@ -110,7 +110,7 @@ def parse_values(text: str, si_unit: str, what: str, *, count: int = 25) -> list
 
 
 def factor(unit_text: str, si_unit: str, what: str) -> float:
-    """Size of one `unit_text` in `si_unit`. The unit may carry a factor: "0.0764 um".
+    """Size of one `unit_text` in `si_unit`. The unit may contain a factor: "0.0764 um".
 
     Raises `InputError` for an unknown unit and for one of another dimension.
     """
@@ -122,24 +122,24 @@ def factor(unit_text: str, si_unit: str, what: str) -> float:
 
 
 def scale(values: _Values, size: float) -> _Values:
-    """values * size; by the whole reciprocal where there is one: 10 um is 1e-5 m exactly."""
+    """values * size, by division if 1/size is an integer, so that 10 um is exactly 1e-5 m."""
     whole = round(1 / size) if 0 < abs(size) < 1 else 0
     exact = whole != 0 and math.isclose(whole * size, 1, rel_tol=1e-15)
     return values / whole if exact else values * size  # ty: ignore[invalid-explicit-return]
 
 
 def unit_in(text: str) -> str:
-    """The unit of a quantity, a list or a range; "" where there is none."""
+    """The unit of a quantity, a list or a range; "" if there is none."""
     return _split(re.split(r",|\.\.", text)[-1])[1]
 
 
 def is_angle(unit: str) -> bool:
-    """Whether a unit names an angle, which has no dimension: "rad/s" does, "1/s" does not."""
+    """Whether a unit contains an angle by name: "rad/s" does, "1/s" does not."""
     return _ANGLE.search(unit) is not None
 
 
 def is_unit(text: str) -> bool:
-    """Whether `text` is a unit: a known one, a machine unit, or a sign for none."""
+    """Whether `text` is a known unit, a machine unit, or a sign for no unit."""
     number, unit = _split(text)
     if unit.lower() in _NO_UNIT | _MACHINE or unit in _COMMON:
         return True
@@ -166,12 +166,12 @@ def format_si(value: float, si_unit: str, shown_unit: str, digits: int = 4) -> s
 
 
 def read_as(text: str) -> str:
-    """Text with units as they are read, not typed: "2 um/s" is "2 µm/s"."""
+    """Replace typed units in a text by printed ones: "2 um/s" becomes "2 µm/s"."""
     return _MICRO.sub("µm", text)
 
 
 def _split(text: str, what: str = "unit") -> tuple[float | None, str]:
-    """A leading number, if there is one, and the unit after it in pint's spelling."""
+    """Split off a leading number, if any; return it and the unit in pint's spelling."""
     text = text.strip()
     match = _NUMBER.match(text)
     if match is None:
@@ -183,7 +183,7 @@ def _split(text: str, what: str = "unit") -> tuple[float | None, str]:
 
 
 def _spelling(unit: str) -> str:
-    """Field spellings in pint's: micro signs, `s-1`, a dot or a middle dot for times."""
+    """Convert spellings of practice to pint's: micro signs, `s-1`, a middle dot for times."""
     unit = unit.strip().replace("µ", "u").replace("μ", "u").replace("·", "*").replace("−", "-")
     if unit.lower() in _NO_UNIT and unit != _NEWTON_PER_AMPERE:
         return ""
@@ -193,7 +193,7 @@ def _spelling(unit: str) -> str:
 
 
 def turning(unit: str) -> str:
-    """Torques and rotations in pint's spelling: mNm and N-m are torques, Nms/rad, rev a turn."""
+    """Convert torques and rotations to pint's spelling: mNm, N-m, Nms/rad, rev."""
     unit = _DAMPER.sub(r"\1*m*s", unit)
     unit = _TORQUE.sub(r"\1*\2", unit)
     return re.sub(r"\b(rev|rot)\b", "turn", unit)
@@ -204,7 +204,7 @@ def _unit_factor(unit: str, si_unit: str, what: str) -> float:
     """Size of one `unit` in `si_unit`."""
     if unit.lower() in _MACHINE:
         raise InputError(
-            f"{what}: '{unit}' is a machine unit; give what one of it is,"
+            f"{what}: '{unit}' is a machine unit; give the size of one,"
             f" as in '[0.01 {_EXAMPLES.get(si_unit, '1 N').split()[-1]}]'"
         )
     if unit == _NEWTON_PER_AMPERE and si_unit == "1":
@@ -232,7 +232,7 @@ def _wrong_dimension(unit: str, si_unit: str, what: str) -> InputError:
 
 
 def _parse(unit: str, what: str = "unit") -> "pint.Quantity":
-    """One `unit` as a pint quantity, or an `InputError` that names the nearest known unit."""
+    """One `unit` as a pint quantity; raises an `InputError` that names the nearest known unit."""
     registry = _registry()
     try:
         return 1.0 * registry.parse_expression(unit) if unit else registry.Quantity(1.0, "")  # ty: ignore[invalid-explicit-return]
@@ -243,7 +243,7 @@ def _parse(unit: str, what: str = "unit") -> "pint.Quantity":
 
 @functools.lru_cache(maxsize=1)
 def _registry() -> "pint.UnitRegistry":
-    """The one registry. Its definitions are cached on disk where that is possible."""
+    """The only registry; its definitions are cached on disk if possible."""
     import pint
 
     try:
@@ -257,13 +257,13 @@ def _example(si_unit: str) -> str:
 
 
 def between(low: float, high: float, unit: str, *, digits: int = 3) -> str:
-    """A range in words, "2 to 5 s"; one number where both ends read the same."""
+    """A range in words, "2 to 5 s"; one number if both ends round to the same."""
     ends = [f"{value:.{digits}g}" for value in (low, high)]
     return f"{ends[0]} {unit}" if ends[0] == ends[1] else f"{ends[0]} to {ends[1]} {unit}"
 
 
 _LARGE = 3
-"""An error of 10 to this power or more, and its value, are written with an exponent."""
+"""A value is written with an exponent if its error is 10 to this power or more."""
 
 
 def decimals(std: float) -> int:
@@ -275,14 +275,14 @@ def decimals(std: float) -> int:
 
 def measured(value: float, error: float, *, short: bool = False) -> str:
     """A value with its standard error in brackets, in units of the last digit: 0.00592(29),
-    3.34(36)e8. The error has two digits; `short`: one, or two where the first is a 1.
+    3.34(36)e8. The error has two digits; with `short` one, or two if the first is a 1.
 
     Without an error the value has four digits.
     """
     if not (math.isfinite(error) and error > 0):
         return f"{value:.4g}"
     digits = 1 if short and not f"{error:.1e}".startswith("1") else 2
-    power = int(f"{error:.{digits - 1}e}".partition("e")[2])  # of the error as it is rounded
+    power = int(f"{error:.{digits - 1}e}".partition("e")[2])  # of the rounded error
     last = power - digits + 1
     if power < _LARGE:
         places = min(max(-last, 0), 12)

@@ -561,7 +561,7 @@ def test_a_schedule_chains_and_a_broken_one_says_where(monkeypatch):
         source, velocity=(2e-3, 3e-3), mass=0.5, margin=marginal, ratio=1.6, finest=1.3
     )
     assert not broken.covered and broken.gap == (2e-3, 3e-3)
-    with pytest.raises(InputError, match="no range"):
+    with pytest.raises(InputError, match="not a range"):
         gain_schedule(source, velocity=(3e-3, 2e-3), mass=0.5, margin=marginal)
     with pytest.raises(InputError, match="ratio > finest > 1"):
         gain_schedule(source, velocity=(2e-3, 3e-3), mass=0.5, margin=marginal, ratio=1.1)

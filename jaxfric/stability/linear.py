@@ -209,8 +209,8 @@ def refuse_no_law(law: object) -> None:
     """Raise `InputError` unless `law` is a friction law."""
     if not isinstance(law, AbstractLaw | AbstractDelayLaw):
         raise InputError(
-            f"the law is a {type(law).__name__}, not a friction law; for a Fit, a Posterior, a Loop"
-            " or a file use jaxfric.law_from_fit(it, normal_force=...).law"
+            f"the law is a {type(law).__name__}; for a Fit, a Posterior, a Loop or a file pass"
+            " jaxfric.law_from_fit(it, normal_force=...).law"
         )
 
 
