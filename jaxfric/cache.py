@@ -1,4 +1,4 @@
-"""Keeping what JAX compiles for the next process."""
+"""A cache of compiled functions for later processes."""
 
 import os
 from pathlib import Path

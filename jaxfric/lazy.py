@@ -43,10 +43,10 @@ def loader(
 
 
 def old_names(package: str, renamed: Mapping[str, str]) -> Callable[[str], object]:
-    """`__getattr__` of a package for names of an earlier version, which work for one version more.
+    """`__getattr__` of a package for names of an earlier version, which work for one more version.
 
-    `renamed` has, for each, the name now, or its place below the package ("gains.find_gains"). Each
-    use is a `DeprecationWarning` where it stands.
+    `renamed` maps each to its new name, or its path below the package ("gains.find_gains"). Each
+    use raises a `DeprecationWarning` at the caller's line.
     """
 
     def get(name: str) -> object:

@@ -1,7 +1,7 @@
 """Commanded motion of the load point.
 
-A motion gives displacement [m] and velocity [m/s] at any time [s], and lists the
-times at which its velocity jumps, so that a solver can step to them exactly.
+A motion gives displacement [m] and velocity [m/s] at any time [s]. It also lists the times of
+its velocity jumps, so that a solver can step to them exactly.
 """
 
 import abc

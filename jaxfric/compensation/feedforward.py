@@ -135,8 +135,8 @@ def _supported(about: Identified) -> np.ndarray:
 def _sound_level(curve: FrictionCurve) -> float:
     """Return the friction that changes sign, at the lowest supported speed [F].
 
-    Raise `NothingToCompensate` if the model's friction feeds energy into the motion at a supported
-    speed or at rest, or if its standard error is as large as the friction.
+    Raise `NothingToCompensate` if the model's friction feeds energy into the motion, at a supported
+    speed or at rest. Also raise it if the standard error is as large as the friction.
     """
     about = curve.about
     speed = _supported(about)

@@ -210,7 +210,7 @@ class AxisPositionPeriodic(AbstractAxisTermEffect, AbstractPlaceEffect[AxisRig])
     def grid(self, scales: RecordScales) -> dict[str, tuple[float, ...]]:
         travel = scales.total_slip
         shortest = max(scales.step_slip, travel / 500)
-        # numbers of waves in the travel that differ by half a wave can be told apart
+        # wavelengths are distinguishable if their numbers of waves in the travel differ by half
         number = 2 * int(np.ceil(2 * travel / shortest))
         waves = np.arange(2, number + 1) / (2 * 2 * travel)
         return {"wavelength": tuple(1 / waves[waves * shortest < 1])}

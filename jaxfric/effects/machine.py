@@ -66,8 +66,8 @@ class Inertia(AbstractHeavyEffect[Rig]):
         K L/A = 6               0.6 %   0.04 %          ringing
 
     for velocity steps of up to a factor of ten. The error is large only where the mass hardly
-    matters. The first-order form may be wrong by half of the effect once the mass delays the
-    velocity by more than a tenth of the spring's relaxation time.
+    matters. The first-order form may be wrong by half of the effect if the mass delays the velocity
+    by over a tenth of the spring's relaxation time.
     """
 
     id: ClassVar[str] = "inertia"

@@ -1,4 +1,4 @@
-"""The course of a slider in time: how it begins, goes on and ends; longer until its end is seen."""
+"""Simulation of a slider from its start until its end state can be classified."""
 
 import dataclasses
 import functools
@@ -24,21 +24,21 @@ from ..stability.analysis import Law, slider_poles
 from .ends import ENDS, RUNAWAY, Track, classify
 
 MAX_STEPS = 16384
-"""Solver steps of one simulation."""
+"""Largest number of solver steps of one simulation."""
 _RTOL = 1e-6
 _ROWS = 2000
 _PERIODS = 30.0
 _LONGER, _TRIES = 4.0, 4
-"""A default duration in which no end is seen is made longer, so many times as often."""
+"""Factor by which an unresolved default duration is stretched, and the largest number of tries."""
 _SEED = 0.02
-"""Spring force of the disturbance at a constant velocity, relative to the law's scale of force."""
+"""Spring force of the disturbance at a constant velocity, over the law's `force_scale`."""
 _WIDTH = 1e-3
-"""Velocity over which the sign of a memoryless law turns, relative to the slowest command."""
+"""Width of the smoothed sign of a memoryless law, over the slowest commanded velocity."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Motion:
-    """A simulated motion as arrays over time, SI; what is drawn and written."""
+    """A simulated motion as arrays over time, SI, for figures and files."""
 
     law: Law
     mass: float | None
@@ -52,15 +52,15 @@ class Motion:
     slip: np.ndarray
     velocity: np.ndarray
     coordinate: Coordinate = "linear"
-    """Whether the numbers are of a line, in m and N, or of a rotation, in rad and N m."""
+    """Whether the numbers are linear (m and N) or rotary (rad and N m)."""
 
     def unit(self, si_unit: str) -> str:
-        """The unit here of a quantity that has `si_unit` on a line."""
+        """The unit in this coordinate of a quantity whose linear unit is `si_unit`."""
         return unit_of(si_unit, self.coordinate)
 
     @staticmethod
     def of(found: Trajectory, rig: Rig, motion: PiecewiseVelocity, rows: np.ndarray) -> "Motion":
-        """The motion at some rows of a trajectory under velocity steps that begin at time 0."""
+        """Select rows of a trajectory under velocity steps that begin at time 0."""
         columns = (found.time, found.recorded, found.slip, found.velocity)
         time, friction, slip, velocity = (np.asarray(x)[rows] for x in columns)
         steps = VelocitySteps(np.asarray(motion.times), np.asarray(motion.velocities))
@@ -74,7 +74,7 @@ class Motion:
 
 
 class Cycle(NamedTuple):
-    """The last half of an oscillation."""
+    """Numbers of an oscillation, from its last half."""
 
     period: float
     """Mean time between rises of friction [s]."""
@@ -86,11 +86,11 @@ class Cycle(NamedTuple):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Course:
-    """A simulated motion, how it began and how it ended."""
+    """A simulated motion with its start and its end."""
 
     motion: Motion
     duration: float
-    """Time that was to be simulated [s]."""
+    """Requested duration [s]."""
     solver_steps: int
     result: RESULTS
     """`RESULTS.successful`, or why the simulation ended early."""
@@ -99,13 +99,13 @@ class Course:
     jump: float | None
     """Size of the jump [m]."""
     end: str = ""
-    """The name of one of `ENDS`; "" where the command has steps, after which none is asked."""
+    """The name of one of `ENDS`; "" for a command with steps, whose end is not classified."""
     cycle: Cycle | None = None
-    """Of an end "limit_cycle"."""
+    """The oscillation, if the end is "limit_cycle"."""
 
     @property
     def seen(self) -> bool:
-        """Whether nothing more would be seen in a longer time."""
+        """Whether a longer simulation would not change the end."""
         return self.end != "unresolved" or bool(self.result != RESULTS.successful)
 
     def to_json(self) -> dict[str, object]:
@@ -126,8 +126,8 @@ class Course:
 def rig_of(
     law: Law, mass: float | None, k_p: float, k_v: float, velocities: Sequence[float]
 ) -> tuple[Rig, float | None]:
-    """The rig, and the velocity [m/s] over which the sign of friction turns, where the law has none
-    of its own and it is assumed from the commanded `velocities`.
+    """Build the rig; return it and the width [m/s] of the smoothed sign, if the law has none and it
+    is derived from the commanded `velocities`.
 
     Raises `InputError` for a law without direct effect and without mass.
     """
@@ -156,10 +156,10 @@ def course_of(
     coordinate: Coordinate = "linear",
     progress: Callable[[str], None] = silent,
 ) -> Course:
-    """Simulate; where no duration is given, longer and longer until an end is seen.
+    """Simulate for the given duration, or with increasing durations until the end is classified.
 
-    A motion begins in steady sliding, or `at_rest`. At a constant velocity a small `jump` [m] of
-    the load point disturbs it, unless another is given.
+    A motion begins in steady sliding, or `at_rest`. At a constant velocity a `jump` [m] of the
+    load point disturbs it, by default a small one.
 
     Raises `InputError` for a delay law from rest or under steps.
     """
@@ -196,7 +196,7 @@ def course_of(
 
 
 def _default_duration(rig: Rig, times: list[float], velocities: list[float], lead: float) -> float:
-    """Periods of the slowest linear mode that matters, and the time to load the spring."""
+    """Duration from the slowest relevant linear mode and the time to load the spring."""
     machine = rig.machine
     slowest = min(abs(V) for V in velocities if V)
     mass = machine.mass if isinstance(machine, Inertial) else None
@@ -213,7 +213,7 @@ def _default_duration(rig: Rig, times: list[float], velocities: list[float], lea
 def _simulated(
     rig: Rig, command: PiecewiseVelocity, duration: float, start: InitialState | None
 ) -> tuple[Trajectory, Motion]:
-    """One simulation, at even times and at the solver's own steps."""
+    """Simulate once, sampled at even times and at the solver's own steps."""
     even = np.linspace(0.0, duration, _ROWS + 1)
     if isinstance(rig.friction, AbstractDelayLaw):
         V = command.velocities[0]
@@ -239,12 +239,12 @@ def _integrator():
 
 @eqx.filter_jit
 def _classified(time, velocity, deviation, V, *, begin, end):
-    """`classify`, compiled: arrays in, the end state out."""
+    """`classify`, compiled."""
     return classify(Track(time, velocity, deviation), V, begin=begin, end=end)
 
 
 def _ending(found: Trajectory, run: Motion, V: float, lead: float) -> tuple[str, Cycle | None]:
-    """How the motion ends, and its cycle."""
+    """The name of the motion's end, and its limit cycle if any."""
     if bool(found.result == RESULTS.ran_away):
         return "escape", None
     last = float(run.time[-1])
@@ -262,7 +262,7 @@ def _ending(found: Trajectory, run: Motion, V: float, lead: float) -> tuple[str,
 
 def _period(time: np.ndarray, friction: np.ndarray) -> float | None:
     """Mean time [s] between rises of friction from its lower to its upper quarter, in the last
-    half: what happens within a slip does not count."""
+    half. Oscillations within a slip do not count."""
     late = time >= 0.5 * time[-1]
     time, friction = time[late], friction[late]
     low, high = friction.min(), friction.max()

@@ -1,8 +1,8 @@
 """Map of the gains at which the stick-slip cycle disappears (section I.A of the note).
 
-From rest, with healed contact, a slider either comes to steady motion or keeps sticking and
-slipping. Gains at which it comes to steady motion have made the cycle disappear, as far as
-a stuck slider reaches it; that asks for more than the linear theory does.
+A slider that starts at rest either reaches steady motion or continues to stick-slip. At gains where
+it reaches steady motion, the cycle has disappeared, as far as a start at rest can show. This needs
+larger gains than linear stability.
 """
 
 import dataclasses
@@ -29,20 +29,20 @@ from .settle import PERIODS, STANDARD, Policy, end_state
 
 @dataclass(frozen=True, eq=False)
 class CycleMap:
-    """Ends of a stuck slider over gains: `ends` has shape (len(k_v), len(k_p)). SI."""
+    """Ends of a slider that starts at rest, over gains: `ends` is (len(k_v), len(k_p)). SI."""
 
     k_p: np.ndarray
     k_v: np.ndarray
     ends: EndState
     scenario: int
-    """Index of the scenario among those of the gains."""
+    """Index of the simulated scenario among those of the gains."""
 
 
 def cycle_map(gains: Gains, *, points: tuple[int, int] = (14, 10)) -> CycleMap:
     """Simulate the hardest scenario of `gains` from rest over a grid of (k_p, k_v).
 
-    The grid reaches to 1.6 times the natural units of the gains (the stiffness and the damping
-    that would each do alone), or to the recommended gains where those are larger.
+    The grid extends to 1.6 times the natural units of the gains (stiffness or damping alone), or
+    to 1.2 times the recommended gains if these are larger.
 
     Raises
     ------
@@ -52,7 +52,7 @@ def cycle_map(gains: Gains, *, points: tuple[int, int] = (14, 10)) -> CycleMap:
     index = _hardest(gains)
     law = scenarios.law(index)
     if not isinstance(law, AbstractLaw):
-        raise InputError("the map from rest needs a law with states; a delay law has no rest")
+        raise InputError("the map from rest needs a law with states, not a delay law")
     mass = None if scenarios.mass is None else float(scenarios.mass[index])
     size = np.maximum(1.6 * gains.region.unit, 1.2 * np.asarray([gains.kp, gains.kv]))
     k_p = np.linspace(size[0] / points[0], size[0], points[0])
@@ -79,11 +79,11 @@ def end_map(
     horizon: ArrayLike,
     policy: Policy = STANDARD,
 ) -> EndState:
-    """End state from the start at rest over arrays of gains k_p = `stiffness`, k_v = `damping`.
+    """End states from rest over arrays of gains k_p = `stiffness`, k_v = `damping`.
 
-    Where it is steady, gains have made the stick-slip cycle itself disappear, as far as a
-    stuck slider reaches it: the first approach of section I.A. `stiffness`, `damping` and
-    `horizon` [s] are broadcast; the result has their shape. `rig` gives law, mass and drive.
+    A steady end means that the stick-slip cycle has disappeared, as far as a start at rest can
+    show: the first approach of section I.A. `stiffness`, `damping` and `horizon` [s] are
+    broadcast; the result has their shape. `rig` defines law, mass and drive.
     """
     k_p, k_v, horizon = jnp.broadcast_arrays(
         *(jnp.asarray(x, jnp.result_type(float)) for x in (stiffness, damping, horizon))
@@ -107,7 +107,7 @@ def _ends_over_gains(
 
 
 def _hardest(gains: Gains) -> int:
-    """The scenario that the first required margin has least to spare in."""
+    """Index of the worst scenario of the first required margin."""
     worst = gains.margins[gains.requirement.names[0]].scenario
     rows = range(len(gains.scenarios))
     return next(i for i in rows if gains.scenarios.describe(i) == worst)
@@ -121,7 +121,7 @@ def _horizon(
     V: float,
     law: AbstractLaw,
 ) -> np.ndarray:
-    """Thirty periods of the slowest pole, or of sticking through the law's changes of force."""
+    """Thirty periods of the slowest pole or, if longer, of stick-slip by twice `force_scale`."""
     friction = jax.tree.map(lambda leaf: leaf[0], one.friction)
     m = None if mass is None else jnp.asarray(mass)
 

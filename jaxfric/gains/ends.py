@@ -85,10 +85,10 @@ def classify(
     a2, a3, a4 are the deviations max ln(1 + |V - V0|/V0) in the last three quarters of
     [begin, end]:
 
-    steady       a4 < `SMALL`, or steady decay: ln(a4/a3) < -0.22 (or half the decay that the
-                 rate `decay` [1/s] predicts, if that is slower). The decay must not slow down,
-                 as it does towards a limit cycle: ln(a4/a3) is at least half of ln(a3/a2) if a
-                 window contains two cycles, else at least a quarter of it with a4 < 0.3
+    steady       a4 < `SMALL`, or a decay that does not slow down:
+                 - ln(a4/a3) < -0.22, or half of what the rate `decay` [1/s] predicts if slower
+                 - ln(a4/a3) at least half of ln(a3/a2) if a window contains two cycles, else at
+                   least a quarter with a4 < 0.3 (towards a limit cycle the decay slows down)
     limit_cycle  otherwise, if the slip crosses the middle of its range at least twice in the
                  last half, from which amplitude, period and spread are computed
     unresolved   otherwise

@@ -71,9 +71,9 @@ def find_gains(
         damping that stabilises at every stiffness, largest over the scenarios.
     lower, upper : limits of (k_p, k_v); k_p always has the lower limit 1e-9 times its natural
         unit, which means "any positive stiffness".
-    sample_time : h [s] of the controller. Its delay is then 1.5 h (half a sample for the zero-order
-        hold and one for computing) in all margins, in the search and in its certificate, but not
-        in the simulations of `check_gains`. None: no delay.
+    sample_time : h [s] of the controller, which gives the delay 1.5 h: half a sample for the
+        zero-order hold and one for computing. Margins, search and certificate include it, the
+        simulations of `check_gains` do not. None: no delay.
     delay : instead, the total delay of the controller [s], if known.
     integral_gain : k_i [N/(m s)] of a controller force = k_p e + k_v de/dt + k_i int e dt, included
         in all margins; `stiffness` is then undefined. 0: no integral action.

@@ -113,8 +113,8 @@ def minimum_gains(
         minimise sqrt((k_p/s_p)^2 + (k_v/s_v)^2)
         subject to margin_j(k_p, k_v; scenario i) >= required_j for all i and j
 
-    Works under jit and vmap, and in both modes of differentiation to second order, with respect to
-    the arrays of the law, velocity, mass, delay, required values, scale and limits. `find_gains`
+    Works under jit and vmap. Derivatives exist to second order, in both modes, for the arrays of
+    the law, velocity, mass, delay, required values, scale and limits. `find_gains`
     also adds velocities, drops samples and certifies its result by a dense grid. A batch takes as
     long as its slowest member: for many laws `jax.lax.map` with a `batch_size` of some hundreds is
     faster than one `jax.vmap`.

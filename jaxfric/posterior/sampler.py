@@ -28,8 +28,8 @@ _ACCEPTANCE, _DOUBLINGS = 0.8, 8
 _WARMUP = 250
 """Warm-up draws of a chain, which adapt the step size and are discarded."""
 _SLACK, _HALVINGS = 50.0, 8
-"""A start whose log density is this much below that of the Laplace approximation is moved towards
-the maximum, at most this number of times by half the distance."""
+"""A start is moved halfway to the maximum, at most `_HALVINGS` times, while its log density is
+`_SLACK` below that of the Laplace approximation."""
 
 
 class Draws(NamedTuple):

@@ -161,8 +161,8 @@ def above_curve(
     Outliers pull the fitted curve towards them. So, for the k slowest runs (of both directions
     together and of each), the excess is fitted by a step for these runs plus changes of Coulomb
     friction, viscous friction and offset. The scatter between runs, estimated from the residual,
-    adds to the step's standard error. The k with the largest ratio of step to error is returned if
-    noise alone would exceed that ratio in at most 1 % of curves (Bonferroni bound over all k,
+    adds to the step's standard error. The k with the largest ratio of step to error is returned,
+    but only if noise alone exceeds that ratio in at most 1 % of curves (Bonferroni over all k,
     Gaussian errors). None otherwise, and for fewer than 6 runs.
     """
     v, over, own = (np.asarray(x, float) for x in (speed, excess, error))

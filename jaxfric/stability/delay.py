@@ -1,8 +1,8 @@
 """Stability of a slider with the delay law: crossings, stable intervals, unstable roots, charts.
 
-The delay law of Hess and Soom (6) answers the velocity of `alpha` seconds ago, so its linear
-face is f_v = 0 and G(s) = k_f exp(-alpha s), equations (26)-(29), where -k_f is the slope of the
-steady friction-velocity curve. The characteristic equation of the slider is
+The delay law of Hess and Soom (6) depends on the velocity `alpha` seconds ago. Linearised it is
+f_v = 0 and G(s) = k_f exp(-alpha s), equations (26)-(29), where -k_f is the slope of the steady
+friction-velocity curve. The characteristic equation of the slider is
 
     m s^2 + k_v s + k_p - k_f s exp(-alpha s) = 0.
 

@@ -13,10 +13,10 @@ A PID controller, k_v s + k_p + k_i/s, raises the order of the characteristic eq
 
     m s^3 + (k_v + f_v) s^2 + k_p s + k_i - s^2 G(s) = 0
 
-For a law with states, df = f_v dV + f_z dz + f_x dx and dz/dt = r_z dz + r_V dV, by automatic
-differentiation of the law's `force` and `rate`. So g(t) = -f_z exp(r_z t) r_V for any states. A
-slope f_x of friction with slip acts as a spring in parallel with k_p. A delay law defines its own
-kernel.
+For a law with states, df = f_v dV + f_z dz + f_x dx and dz/dt = r_z dz + r_V dV. Automatic
+differentiation of the law's `force` and `rate` gives these coefficients. So the kernel is
+g(t) = -f_z exp(r_z t) r_V for any states. A slope f_x of friction with slip acts as a spring in
+parallel with k_p. A delay law defines its own kernel.
 """
 
 import math
