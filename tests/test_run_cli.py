@@ -191,7 +191,7 @@ def test_the_stiffness_that_is_taken_from_ramps_is_that_of_the_report(tmp_path, 
     Path("mine.toml").write_text(text)
     asked = ("--stiffness", "ramps", "--events", "mine.toml", "--out", "o3")
     code, out, err = run("run", "two.csv", *asked)
-    assert code == 2 and not out and "moves back nowhere" in err
+    assert code == 2 and not out and "never moves back" in err
 
 
 def test_the_numbers_are_told_before_the_first_figure_is_drawn(tmp_path, monkeypatch):

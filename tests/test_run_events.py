@@ -391,11 +391,11 @@ FIT = STEP + 'fit = true\nfrom = "50 s"\nto = "200 s"\n'
         ),
         (
             "[[event]]\n" + FIT.replace('"30 um/s"', '"3 um/s"'),
-            "what is fitted is a step from one velocity, not 0, to another",
+            "only a step between two different velocities, the first not 0, can be fitted",
         ),
         (
             "[[event]]\n" + FIT.replace('"step"', '"hold"').replace('"30 um/s"', '"0 um/s"'),
-            "what is fitted is a step",
+            "only a step between two different velocities",
         ),
         ("[[event]]\n" + STEP.replace('"100 s"', '"500 s"'), "time is 500 s, but the run lasts"),
         ("[[event]]\n" + STEP.replace('"100 s"', '"-5 s"'), "time is -5 s, but the run lasts"),

@@ -121,7 +121,7 @@ def test_a_trend_over_slip_is_no_dependence_of_a_less_b(bias):
         one.fit.with_trend = (value - bias * k / 9 + shift, 2 * error)
     line = next(d for d in dependences(made) if (d.quantity, d.along) == ("A-B", "normal stress"))
     assert line.p > 0.05
-    assert ("changes with slip" in " ".join(told(made))) is bool(bias)
+    assert ("trend with slip" in " ".join(told(made))) is bool(bias)
     x, y = np.linspace(5, 10, 10), np.array([difference(one.fit) for one in made])
     (slope, _), _ = curve_fit(lambda x, a, b: a * x + b, x, y[:, 0], sigma=y[:, 1])
     assert (line.slope == pytest.approx(slope, rel=1e-6)) is not bool(bias)
@@ -138,7 +138,7 @@ def test_what_is_not_determined_has_no_say():
 
 @pytest.mark.parametrize(
     ("drift", "words"),
-    [(0.0, ["shared by 8 steps: A 0.00", "differ as much with p = ", "no dependence"]),
+    [(0.0, ["shared by 8 steps: A 0.00", "not rejected)", "no significant dependence"]),
      (0.01, ["do not share", "A rises by", "per decade of velocity"])],
 )  # fmt: skip
 def test_what_is_told(drift, words):
@@ -155,8 +155,8 @@ def test_a_slope_is_told_with_what_its_error_and_its_p_are():
     alone = 2 * t.sf(ratio, 3)
     assert found.freedom == 3 and found.questions == 3
     assert found.p == pytest.approx(3 * alone)
-    words = f"{ratio:.2g} standard errors of a line with 3 degrees of freedom are p = {alone:.2g}"
-    assert f"{words}, and p = {found.p:.2g} among the 3 lines" in found.told()
+    words = f"t = {ratio:.2g}, 3 d.o.f., p = {alone:.2g}"
+    assert f"{words}; {found.p:.2g} after Bonferroni correction for 3 tests" in found.told()
 
 
 def test_steps_that_differ_on_no_line_are_not_told_to_depend_on_nothing():
@@ -166,31 +166,27 @@ def test_steps_that_differ_on_no_line_are_not_told_to_depend_on_nothing():
         one.fit.parameters["A"].value += 1e-3 * (-1) ** (one.number // 2)
     first, _, second = told(made)
     assert first.startswith("the steps do not share their parameters")
-    assert second.startswith("steps 1, 2, 3, 4, 5, 6, 7, 8 differ by more than their errors; that")
-    assert "A, A-B or L does so along a line with velocity is not seen (p > .05 among" in second
-    for one in made[3:]:  # three of eight determine L: no line of it is asked
+    assert second.startswith("steps 1, 2, 3, 4, 5, 6, 7, 8 differ by more than their errors, but")
+    assert "significant dependence of A, A-B or L on velocity (p > .05 after" in second
+    for one in made[3:]:  # three of eight determine L: no line of it is tested
         one.fit.parameters["L"].determined = False
     line = told(made)[-1]
-    assert "that A or A-B does so" in line
-    assert line.endswith("; L of 3 steps is determined: not asked")
+    assert "dependence of A or A-B on" in line
+    assert line.endswith("; L is determined in 3 steps: not tested")
     for one in made:
         one.fit.parameters["L"].determined = True
     made[2].fit.residual[20:25] = -5e-4
     assert "of these, step 3: the fit does not describe the step" in told(made)[1]
     (shared,) = [line for line in told(steps(np.random.default_rng(7), 8)) if "of A, A-B" in line]
-    assert shared == "no dependence of A, A-B or L on velocity is seen (p > .05)"
+    assert shared == "no significant dependence of A, A-B or L on velocity (p > .05)"
 
 
 @pytest.mark.parametrize(
     ("slope", "error", "words"),
     [
-        (-8.6e-4, 1.3e-4, "a dependence is shown, the slope is -0.00086(13) per decade of"),
-        (
-            8.6e-4,
-            3.1e-4,
-            "a hint of a dependence, which is not shown, the slope is +0.00086(31) per",
-        ),
-        (8.6e-4, 5.1e-4, "of steps 1, 2, 3, 4, 5, 6, 7, 8: no dependence is shown, the slope is +"),
+        (-8.6e-4, 1.3e-4, "8: significant, slope -0.00086(13) per decade of"),
+        (8.6e-4, 3.1e-4, "significant only without the correction, slope +0.00086(31) per"),
+        (8.6e-4, 5.1e-4, "of steps 1, 2, 3, 4, 5, 6, 7, 8: not significant, slope +"),
     ],
 )
 def test_of_velocity_a_line_is_told_shown_or_not(slope, error, words):
@@ -208,7 +204,7 @@ def test_of_velocity_a_line_is_told_shown_or_not(slope, error, words):
     (line,) = [text for text in told(made) if text.startswith(head)]
     assert words in line
     p = min(1.0, 6 * 2 * t.sf(abs(slope) / error, 6))
-    assert f"and p = {p:.2g} among the 6 lines" in line
+    assert f"{p:.2g} after Bonferroni correction for 6 tests" in line
     assert not any(text.startswith(("A-B rises", "A-B falls")) for text in told(made))
 
 
@@ -248,7 +244,7 @@ def test_a_step_has_a_say_on_a_b_where_it_determines_that_alone():
 
 def test_why_a_line_with_velocity_is_not_asked():
     made = steps(np.random.default_rng(7), 5)
-    assert "not asked, A-B of 3 steps is determined by a fit without a star" in told(made[:3])[-1]
+    assert "not tested, A-B is determined by fits without a star in 3" in told(made[:3])[-1]
     alike = steps(np.random.default_rng(7), 5, along="position")
     (line,) = [text for text in told(alike) if text.startswith("A-B against velocity: ")]
-    assert line.endswith("not asked, the mean velocities of the steps are about one")
+    assert line.endswith("not tested, the steps have about the same mean velocity")

@@ -131,9 +131,9 @@ def test_a_step_that_is_missed_is_marked_in_every_table():
         (
             11.0,
             24.0,
-            "by 0.0011, 11 times the noise that its errors count, 3.7 s after the",
+            "by 0.0011, 11 times the noise, 3.7 s after the",
         ),
-        (-6.0, 10.0, "by 0.0006, 6 times the noise that its errors count, 9.8 s before the"),
+        (-6.0, 10.0, "by 0.0006, 6 times the noise, 9.8 s before the"),
     ],
 )
 def test_what_is_missed_is_told_with_where_it_is(off, at, words):
@@ -160,11 +160,11 @@ def test_steps_that_are_missed_are_told_once_and_what_asks_on():
     run = run_of(left(off=11.0), left(), left(off=-6.0))
     (line,) = [text for text in warnings_of(run, HowFitted()) if "miss" in text.partition(":")[2]]
     assert line.startswith("step 1, 3: these fits miss a part of their records by 11 and 6 times")
-    assert "they may take a drift for evolution (--slip-trend)" in line
-    assert ask_on(run).startswith("fit again with a drift of friction with slip, or with a second")
-    assert "(--states 2): step 1, 3 (*) may take either for evolution" in ask_on(run)
+    assert "they may mistake a drift for evolution (--slip-trend)" in line
+    assert ask_on(run).startswith("fit again with a slip trend or a second state (--states 2)")
+    assert "(--states 2): step 1, 3 (*) may mistake either for evolution" in ask_on(run)
     trend = left(off=11.0, slip_trend=True)
-    assert ask_on(run_of(left(), trend)) == "ask what the model of step 2 (*) lacks"
+    assert ask_on(run_of(left(), trend)) == "find out which effect the model of step 2 (*) lacks"
     assert ask_on(run_of(left(), None)) == "" and missed_warning_of([]) == ()
     assert missed_warning_of([trend]) == missed_warning(trend)
 

@@ -1,4 +1,4 @@
-"""A whole run of a press: what happens in it, its velocity steps, and the fits of all."""
+"""A whole run of a press: its events, its velocity steps, and their fits."""
 
 from .events import KINDS as KINDS
 from .events import Event as Event

@@ -1,5 +1,5 @@
-"""What the user of a run should know of its record before the numbers: gaps of the clock, a load
-point that goes to and fro, and friction that falls to zero where it may have turned unseen."""
+"""Cautions about the record of a run: gaps of the clock, motion back and forth, and friction that
+falls to zero where the load point may have reversed unnoticed."""
 
 from collections.abc import Sequence
 
@@ -10,22 +10,22 @@ from ..records.teeth import find_dips
 from .events import Event, end_of
 
 _GAP, _SHORT = 10.0, 5.0
-"""Rows are missing where an interval is so many times as long as those beside it, and as the usual
-one, and longer than `_SHORT` s."""
+"""A gap is an interval longer than `_SHORT` s, and `_GAP` times as long as its neighbours and the
+median interval."""
 _SHOWN = 4
-"""So many times are given of what may have happened more often."""
+"""Largest number of times that are listed."""
 _TURNS, _NET = 4, 0.2
-"""A load point goes to and fro if it turns back so often and in all comes so little of its way."""
+"""Back-and-forth motion has at least `_TURNS` reversals; its net path is at most this share."""
 
 
 def cautions(record: Record, events: Sequence[Event]) -> tuple[str, ...]:
-    """Sentences on gaps and turning points of a run; none for most."""
+    """Return sentences on gaps and reversals of a run; most runs have none."""
     found = (_gaps(record.relative_time), _to_and_fro(record, events), _turns(record, events))
     return tuple(text for text in found if text)
 
 
 def _gaps(time: np.ndarray) -> str:
-    """Intervals between rows in which nothing was recorded."""
+    """Return a sentence on gaps of the recording, or ''."""
     interval = np.diff(time)
     if len(interval) < 3:
         return ""
@@ -37,13 +37,13 @@ def _gaps(time: np.ndarray) -> str:
     row = int(rows[np.argmax(interval[rows])])
     number = f"{len(rows)} gaps, the longest" if len(rows) > 1 else "a gap"
     return (
-        f"the clock has {number} of {interval[row]:.4g} s after {time[row]:.6g} s: what happened"
-        " there is taken from the rows before and after"
+        f"the clock has {number} of {interval[row]:.4g} s after {time[row]:.6g} s: events in a gap"
+        " are inferred from the rows before and after it"
     )
 
 
 def _to_and_fro(record: Record, events: Sequence[Event]) -> str:
-    """A load point that turns again and again."""
+    """Return a sentence on a load point that moves back and forth, or ''."""
     turns = sum(e.kind == "unload" for e in events)
     x = record.load_point_displacement
     if turns < _TURNS or x is None:
@@ -54,13 +54,13 @@ def _to_and_fro(record: Record, events: Sequence[Event]) -> str:
     if abs(places[-1] - places[0]) > _NET * way:
         return ""
     return (
-        f"the load point turns back {turns} times: one direction is taken as forwards and the other"
-        " as unloading; friction of an axis that goes to and fro is what jaxfric axis fits"
+        f"the load point turns back {turns} times: one direction is taken as forward, the other as"
+        " unloading. For an axis that moves back and forth use 'jaxfric axis'"
     )
 
 
 def _turns(record: Record, events: Sequence[Event]) -> str:
-    """Friction that falls towards zero and comes back, where no event says why."""
+    """Return a sentence on dips of friction that no event explains, or ''."""
     t = record.relative_time
     others = [event for event in events if event.kind != "glitch"]
     dips = []
@@ -77,6 +77,6 @@ def _turns(record: Record, events: Sequence[Event]) -> str:
     unit = " N" if record.friction_unit == "N" else ""
     return (
         f"friction falls to {lowest:.2g}{unit} and comes back within {longest} rows, at {times}"
-        f" s{more}: the load point may have turned there, with the size of friction recorded. Cut"
-        " the record there (--from, --to), or read one that goes to and fro with jaxfric axis"
+        f" s{more}: the load point may have turned there, if |friction| was recorded. Cut the"
+        " record there (--from, --to), or use 'jaxfric axis' for motion back and forth"
     )

@@ -1,16 +1,15 @@
-"""What the stick-slip of a run tells: A-B, A, B, L and K from how friction rises and drops.
+"""A-B, A, B, L and K from the stick-slip of a run: from the rises and drops of friction.
 
-In every stretch of saw teeth at one velocity the drop, the time between drops and the loading rate
-are measured (`stick_slip`); the mean rises of all stretches are fitted at once under the slip and
-the ageing law (`rise_fit`). The drop falls with velocity about as B - A does by its logarithm, the
-slope of a rise is K, and the bend before the tip is the creep over L before a slip. Which law it is
-is told where one leaves much less than the other.
+In every interval of saw teeth at one velocity the drop, the period and the loading rate are
+measured (`stick_slip`). The mean rises of all intervals are fitted together under the slip and the
+ageing law (`rise_fit`). B - A follows from the decrease of the drop with ln V, K from the slope of
+a rise, and L from the creep before its tip. A law is preferred if its misfit is much smaller.
 
-Nothing is claimed where a law does not describe the rises, and where mass counts while the slider
-creeps: T V of the order of L, T being the period with which the slider swings.
+No parameters are reported if the law does not describe the rises, or if inertia matters during
+creep: T V of the order of L, where T is the period of free oscillation of the slider.
 
-Not tried against a known truth: T V above a tenth of L, springs of more than half of the critical
-stiffness, fewer than 60 rows a tooth, and normal stresses that differ between stretches.
+Not validated: T V above L/10, stiffness above half of the critical one, fewer than 60 rows for each
+tooth, and normal stresses that differ between intervals.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -31,53 +30,52 @@ from .table import Cell, short
 from .weighted import WeightedLine, weighted_line
 
 _STRONG = 12.0
-"""A law is preferred by so much of chi-square, in units of what the better one leaves a degree of
-freedom."""
+"""Least difference of chi-square that prefers a law, over the reduced chi-square of the better."""
 _ROUGH = 0.02
-"""A fit that leaves more than this share of a drop does not describe the rises."""
+"""Largest rms misfit, over the drop, of a fit that describes the rises."""
 _MASS = 0.3
-"""Mass counts where the slider moves this share of L while it swings once."""
+"""Inertia matters if the load point moves by this share of L in one period of oscillation."""
 _HELD = 0.9
-"""K L/(B - A) above which a spring is stiff enough, or nearly, for the slider not to slip."""
+"""K L/(B - A) above which the spring is stiff enough, or nearly, to prevent stick-slip."""
 _AVERAGED = 0.02
-"""A drop is said to be larger where rows are running means from this share of it on."""
-_SMOOTHED = "rows that are running means look so, too; those of the recorder itself would tell"
+"""Least share of a drop by which running means must lower it for a note."""
+_SMOOTHED = "rows that are running means look the same; unfiltered rows would decide"
 _NAMES = ("A", "B", "A-B", "L", "K")
 
 
 @dataclass(frozen=True, eq=False)
 class StickSlip:
-    """The stretches of stick-slip of a run, and their `fits` by law; `law` is the one that is
-    preferred (None: neither). Of what `doubts` names, by law, nothing is claimed."""
+    """The intervals of stick-slip of a run, and their `fits` by law; `law` is the preferred one
+    (None: neither). Laws in `doubts`, with the reason, report no parameters."""
 
     stretches: tuple[Rises, ...]
     fits: Mapping[str, RiseFit]
     law: str | None
     doubts: Mapping[str, str]
     unit: str = "1"
-    """That of friction, "1" or "N"."""
+    """Unit of friction, "1" or "N"."""
 
     @property
     def used(self) -> list[Rises]:
-        """The stretches that were fitted."""
+        """The intervals that were fitted."""
         return [one for one in self.stretches if not one.why]
 
     @property
     def units(self) -> dict[str, tuple[str, float]]:
-        """What A, B, A-B, L and K are told in, and how many of it are one SI unit."""
+        """Printed unit of A, B, A-B, L and K, and its number in one SI unit."""
         force = self.unit == "N"
         amplitude = ("N", 1.0) if force else ("", 1.0)
         own = {name: amplitude for name in _NAMES}
         return own | {"L": ("um", 1e6), "K": ("N/um" if force else "1/um", 1e-6)}
 
     def claimed(self, law: str) -> dict[str, tuple[float, float]]:
-        """Values and standard errors that the rises determine under a law (SI), by name."""
+        """Return the determined values and standard errors under a law (SI), by name."""
         if law not in self.fits or self.doubts.get(law):
             return {}
         fit = self.fits[law]
         both = {name: (fit.values[name], fit.errors[name]) for name in _NAMES}
         known = {n: (v, e) for n, (v, e) in both.items() if QUANTILE * e < abs(v)}
-        if "A" not in known:  # it may be anything: so may B
+        if "A" not in known:  # without A, A-B does not determine B
             known.pop("B", None)
         return known
 
@@ -88,7 +86,7 @@ def fit_stick_slip(
     *,
     progress: Callable[[str], None] = silent,
 ) -> StickSlip | None:
-    """What the stick-slip of a run tells; None for a run that has none."""
+    """Fit the stick-slip of a run; None if it has none."""
     stretches = find_rises(record, events)
     if not stretches:
         return None
@@ -103,28 +101,29 @@ def fit_stick_slip(
 
 
 def doubt_of(fit: RiseFit, fastest: float) -> str:
-    """Why nothing of a fit is claimed, `fastest` [m/s] being the largest velocity; else ''."""
+    """Return the reason why a fit reports no parameters, or ''; `fastest` [m/s] is the largest
+    velocity."""
     if not fit.converged or not np.isfinite([*fit.values.values(), *fit.errors.values()]).all():
         return "the fit did not converge"
     if fit.misfit > _ROUGH:
-        return f"it leaves {100 * fit.misfit:.2g} % of a drop: it does not describe the rises"
+        return f"its misfit is {100 * fit.misfit:.2g} % of a drop: it does not describe the rises"
     if fit.values["softness"] > _HELD:
-        return f"K would be {fit.values['softness']:.2g} of what holds a slider steady: {_SMOOTHED}"
+        return f"K would be {fit.values['softness']:.2g} of the critical stiffness: {_SMOOTHED}"
     way = fit.period * fastest
     if way > _MASS * fit.values["L"]:
         return (
             f"a drop would last {0.5 * fit.period:.2g} s, in which the load point moves"
-            f" {0.5e6 * way:.3g} um, and L would be {1e6 * fit.values['L']:.3g} um: mass counts"
-            f" while the slider creeps, or it slips slowly; {_SMOOTHED}"
+            f" {0.5e6 * way:.3g} um, and L would be {1e6 * fit.values['L']:.3g} um: inertia matters"
+            f" during creep, or the slip is slow; {_SMOOTHED}"
         )
     return ""
 
 
 def preferred(fits: Mapping[str, RiseFit], doubts: Mapping[str, str]) -> str | None:
-    """The law that leaves so much less that it is told, or None."""
+    """Return the law with a much smaller chi-square, or None."""
     known = {law: fit for law, fit in fits.items() if law not in doubts}
     if not known or not all(fit.converged for fit in fits.values()):
-        return None  # what a fit left that did not end is not what its law leaves
+        return None  # the misfit of a fit that did not converge is not that of its law
     best = min(known, key=lambda law: known[law].chi2)
     others = [fit.chi2 for law, fit in fits.items() if law != best]
     unit = max(1.0, known[best].chi2 / known[best].freedom)
@@ -132,8 +131,8 @@ def preferred(fits: Mapping[str, RiseFit], doubts: Mapping[str, str]) -> str | N
 
 
 def drop_by_velocity(found: StickSlip) -> WeightedLine | None:
-    """The drop by log10 of velocity [m/s], a weighted line; None for fewer than three stretches,
-    and velocities within a factor of two."""
+    """Return the weighted line of the drop over log10 of velocity [m/s]; None for fewer than three
+    intervals, or velocities within a factor of two."""
     good = found.used
     x = np.log10([one.velocity for one in good])
     if len(good) < 3 or np.ptp(x) < np.log10(2):
@@ -143,17 +142,18 @@ def drop_by_velocity(found: StickSlip) -> WeightedLine | None:
 
 
 def _error(values: np.ndarray) -> float:
-    """Standard error of a mean."""
+    """Return the standard error of a mean."""
     return float(np.std(values, ddof=1) / np.sqrt(len(values)))
 
 
 def disagreement(
     found: StickSlip | None, given: MachineStiffness | None, stress: float | None
 ) -> str | None:
-    """A sentence where the stiffness that was given is not that of the teeth, else None.
+    """Return a sentence if the given stiffness is not that of the teeth, else None.
 
-    Where no stiffness is claimed, one is told that is softer than friction rises: a spring that is
-    loaded at K cannot give more. `stress` is a normal stress [Pa] for teeth that have none.
+    If the teeth determine no stiffness, the given one is only refused if it is below the slope of
+    the rises: friction cannot rise faster than K. `stress` is the normal stress [Pa] of teeth
+    without one.
     """
     if found is None or given is None or not found.fits:
         return None
@@ -169,13 +169,13 @@ def disagreement(
         return None
     unit, scale = found.units["K"]
     return (
-        f"--stiffness is {words} that with which friction rises while the slider sticks,"
+        f"--stiffness is {words} the slope of friction during stick,"
         f" {measured(scale * K, scale * error)} {unit}"
     )
 
 
 def _loading(found: StickSlip, stress: float | None) -> tuple[float, float]:
-    """How fast friction rises at least [1/m] under a normal stress, and the error of that."""
+    """Return the largest mean slope of the rises [1/m] under a normal stress, and its error."""
     loads = []
     for one in found.used:
         own = one.normal_stress
@@ -185,8 +185,8 @@ def _loading(found: StickSlip, stress: float | None) -> tuple[float, float]:
 
 
 def rows(found: StickSlip | None) -> list[dict[str, Cell]]:
-    """A row for every stretch of stick-slip, units in the names; means and standard deviations over
-    its teeth."""
+    """Return a row for every interval of stick-slip, with units in the names: means and standard
+    deviations over its teeth."""
     out: list[dict[str, Cell]] = []
     if found is None:
         return out
@@ -217,7 +217,7 @@ def rows(found: StickSlip | None) -> list[dict[str, Cell]]:
 
 
 def law_rows(found: StickSlip | None) -> list[dict[str, Cell]]:
-    """A row for every law, units in the names; what the teeth do not determine is None."""
+    """Return a row for every law, with units in the names; undetermined values are None."""
     out: list[dict[str, Cell]] = []
     if found is None:
         return out
@@ -241,7 +241,7 @@ def _finite(value: float) -> float | None:
 
 
 def to_json(found: StickSlip | None) -> dict[str, object] | None:
-    """The stick-slip of a run as JSON values, SI; None where there is none."""
+    """Return the stick-slip of a run as JSON values, SI; None without stick-slip."""
     if found is None:
         return None
     return {
@@ -277,7 +277,7 @@ def to_json(found: StickSlip | None) -> dict[str, object] | None:
 
 
 def told(found: StickSlip | None) -> list[str]:
-    """Lines on the stick-slip of a run."""
+    """Return lines on the stick-slip of a run."""
     if found is None:
         return []
     lines, force = [], " N" if found.unit == "N" else ""
@@ -291,12 +291,12 @@ def told(found: StickSlip | None) -> list[str]:
         line += f"{one.count} teeth, drop {measured(drop, error)}{force} every {every} s"
         if one.resolved:
             line += (
-                f"; a drop lasts {one.fall:.2g} s: inertial, where that is half of a free swing of"
+                f"; a drop lasts {one.fall:.2g} s: inertial if the period of free oscillation is"
                 f" {one.swing:.2g} s"
             )
         if one.averaged > max(error, _AVERAGED * drop):
             line += (
-                f"; if rows are running means over as long, a drop is {drop + one.averaged:.3g}"
+                f"; if rows are running means over this time, the drop is {drop + one.averaged:.3g}"
                 f"{force}"
             )
         lines.append(line)
@@ -309,13 +309,13 @@ def told(found: StickSlip | None) -> list[str]:
     laws = [found.law] if found.law else list(found.fits)
     lines += [_told_of(found, law) for law in laws]
     if len(laws) > 1 and any(found.claimed(law) for law in laws):
-        lines.append("the teeth cannot tell the slip law from the ageing law")
+        lines.append("the teeth cannot distinguish the slip law from the ageing law")
     return lines
 
 
 def _told_of(found: StickSlip, law: str) -> str:
-    """What the teeth tell under one law."""
-    head = f"by its teeth, {law} law"
+    """Return a line on the parameters under one law."""
+    head = f"from its teeth, {law} law"
     if found.law:
         head += " (it fits better)"
     if why := found.doubts.get(law):

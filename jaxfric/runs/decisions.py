@@ -1,4 +1,4 @@
-"""The events of a run as a file that can be changed by hand and given back."""
+"""The events of a run as a file that the user can edit and pass to the next run."""
 
 import json
 import tomllib
@@ -9,20 +9,20 @@ from ..units import format_si, parse_quantity
 from .events import KINDS, Event
 
 _HEAD = """\
-# What was decided about {name}, an event an entry, by time.
-# Change what is wrong, and give this file back: jaxfric run ... --events {file}
+# Events of {name}, one entry for each, by time.
+# Correct wrong entries, and use this file: jaxfric run ... --events {file}
 # kind: {kinds}
-# Events with fit = true are fitted from `from` to `to`, as one step at `time` of two velocities;
+# Events with fit = true are fitted from `from` to `to`, as one velocity step at `time`;
 # steady = false: friction still rises before it.
-# An entry may be taken out, or added: time, kind and velocities are all that it needs, and `to`
-# where stick-slip ends.
+# Entries may be deleted or added. A new one needs time, kind and velocities, and `to` for the end
+# of stick-slip.
 """
 _NEEDED = {"time", "kind", "velocities"}
 _KNOWN = {*_NEEDED, "fit", "from", "to", "time_error", "normal_stress", "steady", "why"}
 
 
 def decisions_text(events: tuple[Event, ...], name: str, file: str = "events.toml") -> str:
-    """The events as TOML, under a head that says what may be changed."""
+    """Return the events as TOML, with a header that explains how to edit them."""
     parts = [_HEAD.format(name=name, file=file, kinds=", ".join(KINDS))]
     for event in events:
         seconds = lambda value: f'"{value:.12g} s"'  # noqa: E731
@@ -52,9 +52,9 @@ def decisions_text(events: tuple[Event, ...], name: str, file: str = "events.tom
 
 
 def read_decisions(file: str | Path, end: float) -> tuple[Event, ...]:
-    """The events of such a file, for a run of `end` [s].
+    """Read the events of such a file, for a run of `end` [s].
 
-    Raises `InputError` for a file that is no such TOML, with the entry and what to write.
+    Raises `InputError` for another file; the message names the entry and what to write.
     """
     file = Path(file)
     try:
@@ -97,8 +97,8 @@ def _event(entry: dict, where: str, end: float) -> Event:
     stop = _quantity(entry["to"], "s", f"{where}: to") if "to" in entry else time
     if fitted and (kind != "step" or before == after or before == 0):
         raise InputError(
-            f"{where}: what is fitted is a step from one velocity, not 0, to another; take fit out,"
-            " or change kind and velocities"
+            f"{where}: only a step between two different velocities, the first not 0, can be"
+            " fitted; delete fit, or change kind and velocities"
         )
     if fitted and not 0 <= start < time < stop <= end * (1 + 1e-9):
         raise InputError(
@@ -131,7 +131,7 @@ def _event(entry: dict, where: str, end: float) -> Event:
 
 
 def _quantity(text: object, unit: str, what: str) -> float:
-    """A quantity [`unit`] of an entry, which must be text with a unit."""
+    """Return a quantity in `unit` from an entry, which must be text with a unit."""
     if not isinstance(text, str):
         raise InputError(f'{what} is {text}; write it with its unit, as in "3 {unit}"')
     return parse_quantity(text, unit, what)

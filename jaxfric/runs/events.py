@@ -1,22 +1,22 @@
-"""What happens in a run: velocity steps, changes of normal stress, holds, reloads, stick-slip.
+"""The events of a run: velocity steps, changes of normal stress, holds, reloads, stick-slip.
 
-The load point's velocity changes at joints (`records.run_motion`), the normal stress changes of its
-own (`stress`), friction shows saw teeth and glitches (`teeth`). Every joint and every one of these
-is an event of one kind:
+The load point's velocity changes at joints (`records.run_motion`), the normal stress at changes of
+its own (`stress`), and friction shows saw teeth and glitches (`teeth`). Each of these is an event
+of one kind:
 
-    step        from one velocity forwards to another, while the slider slides steadily
+    step        from one forward velocity to another, during steady sliding
     stress      the normal stress changes, alone or so near to a velocity step that no window of
-                constant stress is left around it
+                constant stress remains around the step
     hold        the load point stops
-    reload      it moves on after a hold or after unloading, or faster while the load comes on
+    reload      it moves on after a hold or after unloading, or faster during loading
     unload      it moves back
     stick_slip  friction has saw teeth, or a velocity step lies in or next to them
-    glitch      of the recorder: rows that stand out, an encoder that jumps
+    glitch      of the recorder: outlier rows, a jump of the encoder
 
-A step before which friction still rises is none from steady sliding, and is not fitted. The others
-are fitted in a window that no other event reaches into: it begins half way through the
-velocity before, or where the load point has half the way after the step still before it, and it
-ends with the velocity after. What is decided, and why, is a line that can be changed by hand.
+A step is not fitted if friction still rises before it: sliding was not steady. Other steps are
+fitted in a window without other events. It begins in the middle of the velocity before or, if that
+is later, half the distance after the step ahead of it. It ends with the velocity after. Every event
+has a line with the reason, which the user can edit.
 """
 
 import math
@@ -37,33 +37,33 @@ from .stress import StressChange, find_stress_changes, is_constant
 KINDS = ("step", "stress", "hold", "reload", "unload", "stick_slip", "glitch")
 
 _STILL, _STAYS = 0.003, 1e-3
-"""A velocity below this share of the smaller one beside it is a hold, and below this share of the
-larger one if the load point stays within this share of its whole way."""
+"""A velocity is a hold below `_STILL` of the slower neighbour. It is also one below `_STILL` of the
+faster neighbour if the load point moves by less than `_STAYS` of the whole path."""
 _FEW, _NOWHERE = 0.02, 2e-4
-"""The same for the ends of a hold that a recorder, or a script, left out."""
+"""The same shares for a hold whose ends a recorder or a script left out."""
 _UNSURE, _SLOW = 3.0, 0.3
-"""It is one, too, below so many of its standard errors and this share of the larger one."""
+"""A velocity is also a hold below `_UNSURE` standard errors and `_SLOW` of the faster neighbour."""
 _RISING = 0.1
-"""Friction rises steadily as long as so much of the load point's motion loads the spring."""
+"""Friction still rises if more than this share of the load-point motion loads the spring."""
 _RISING_ALONE, _SLOWER = 0.02, 0.2
-"""The same where no stiffness is known: in the last quarter of a velocity friction rises by so much
-of it, and at its end by so much of the fastest rise."""
+"""Without a known stiffness friction still rises if it gains the share `_RISING_ALONE` in the last
+quarter of a velocity, and at its end more than `_SLOWER` of the fastest rise."""
 _PARTS = 8
-"""Parts of a velocity whose medians of friction are compared."""
+"""Number of parts of a velocity whose medians of friction are compared."""
 _NEAR = 0.15
-"""What begins within this share of the shorter way beside a step belongs to the step."""
+"""An event within this share of the shorter neighbouring path belongs to the step."""
 _ROWS, _LEAST = 10, 3
-"""Least number of rows of a window before its step, and after it; of a part of a velocity."""
+"""Least number of rows of a window before and after its step; least number in a part."""
 
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happens in a run at `time` [s since the first row].
+    """An event of a run at `time` [s since the first row].
 
-    `before` and `after` are velocities of the load point [m/s]. A step that is to be fitted has a
-    window from `start` to `stop` [s]; `time_error` is the standard error of its time. `why` says
-    in words what was decided; `fitted`: whether it is to be fitted. `steady` is False for a step
-    before which friction still rises.
+    `before` and `after` are velocities of the load point [m/s]. A step to be fitted has a window
+    from `start` to `stop` [s]; `time_error` is the standard error of its time. `why` gives the
+    reason in words; `fitted`: whether it is to be fitted. `steady` is False if friction still rises
+    before a step.
     """
 
     kind: str
@@ -79,7 +79,7 @@ class Event:
     steady: bool = True
 
     def told(self) -> str:
-        """The event on one line."""
+        """Return the event as one line."""
         words = f"{self.time:.6g} s: {self.kind}"
         if self.before != self.after:
             change = (format_si(v, "m/s", "um/s", 4) for v in (self.before, self.after))
@@ -88,17 +88,17 @@ class Event:
 
 
 def mean_velocity(event: Event) -> float:
-    """The geometric mean of the speeds before and after a velocity step [m/s].
+    """Return the geometric mean of the speeds before and after a velocity step [m/s].
 
-    The change of steady friction between them over ln(after/before) is the mean of its slope over
-    ln V there, and if that slope, A - B, is a line in ln V, its value at this velocity, of a step
-    up and of one down.
+    The change of steady-state friction over ln(after/before) is the mean of A - B between the two
+    velocities. If A - B is linear in ln V, this is its value at the geometric mean, for steps up
+    and down.
     """
     return math.sqrt(abs(event.before * event.after))
 
 
 class Happenings(NamedTuple):
-    """What was found in a run: the motion of its load point, and its events by time."""
+    """The motion of a run's load point, and its events by time."""
 
     motion: RunMotion
     events: tuple[Event, ...]
@@ -119,12 +119,12 @@ class _Phase(NamedTuple):
 
 
 def find_events(record: Record, *, stiffness: MachineStiffness | None = None) -> Happenings:
-    """The events of a run, see this file.
+    """Find the events of a run, as this module describes.
 
-    **Arguments:** `record`; `stiffness` where it is known: it tells steady sliding from
+    **Arguments:** `record`; `stiffness` or None: with it steady sliding is better separated from
     loading.
 
-    Not tried: runs that turn back while they are sheared (cycles), and angles.
+    Not validated: runs that reverse during shear (cycles), and angles.
     """
     motion = run_motion(record)
     t = record.relative_time
@@ -181,8 +181,8 @@ def _at_joint(
     *,
     slid: bool,
 ) -> Event:
-    """The event where the velocity of phase k - 1 becomes that of phase k; `slid`: phase k - 1
-    followed on steady sliding, so that the load was on."""
+    """Return the event between phases k - 1 and k; `slid`: phase k - 1 followed steady sliding, so
+    that the spring was loaded."""
     a, b = phases[k - 1], phases[k]
     make = lambda kind, why="": Event(  # noqa: E731
         kind,
@@ -203,9 +203,9 @@ def _at_joint(
     if a.velocity == 0:
         return make("reload", f"after a hold of {a.stop - a.start:.4g} s")
     if a.velocity * forwards < 0:
-        return make("reload", "the load point turns forwards")
+        return make("reload", "the load point turns to forward motion")
     if _beside(a, b, teeth):
-        return make("stick_slip", "friction has saw teeth beside it")
+        return make("stick_slip", "friction has saw teeth next to it")
     if changes := _beside(a, b, stresses):
         return make("stress", _told_stress(changes[0]))
     ends = [c.stop for c in stresses] + [found.stop for found in teeth]
@@ -217,14 +217,14 @@ def _at_joint(
 
 
 def _beside(a: _Phase, b: _Phase, lasting: Sequence[Lasting]) -> list[Lasting]:
-    """What of all that lasts reaches into the surroundings of the step from `a` to `b`."""
+    """Return those of the `lasting` events that overlap the surroundings of a step from a to b."""
     way = _NEAR * min(abs(p.velocity) * (p.stop - p.start) for p in (a, b))
     low, high = b.start - way / abs(a.velocity), b.start + way / abs(b.velocity)
     return [one for one in lasting if one.start < high and one.stop > low]
 
 
 def _forwards(phases: Sequence[_Phase]) -> float:
-    """The direction in which the load point moves most, 1 or -1."""
+    """Return the main direction of the load point, 1 or -1."""
     way = sum(p.velocity * (p.stop - p.start) for p in phases)
     return -1.0 if way < 0 else 1.0
 
@@ -232,7 +232,7 @@ def _forwards(phases: Sequence[_Phase]) -> float:
 def _loading(
     record: Record, motion: RunMotion, phase: _Phase, stiffness: MachineStiffness | None
 ) -> str:
-    """Why a phase does not end in steady sliding; '' where it does."""
+    """Return the reason why a phase does not end in steady sliding, or ''."""
     edges = phase.start + (phase.stop - phase.start) * np.arange(_PARTS + 1) / _PARTS
     rows = np.searchsorted(record.relative_time, edges)
     rows[-1] = phase.rows.stop
@@ -258,7 +258,7 @@ def _loading(
 
 
 def _stress_at(record: Record, phase: _Phase) -> float | None:
-    """Normal stress [Pa] at the end of a phase."""
+    """Return the normal stress [Pa] at the end of a phase."""
     if record.normal_stress is None:
         return None
     rows = slice(max(phase.rows.stop - 20, phase.rows.start), phase.rows.stop)
@@ -274,7 +274,7 @@ def _told_stress(change: StressChange) -> str:
 def _stress_events(
     phases: Sequence[_Phase], stresses: Sequence[StressChange], events: Sequence[Event]
 ) -> list[Event]:
-    """The changes of normal stress that no velocity step has taken up."""
+    """Return the events of changes of normal stress that belong to no velocity step."""
     joints = zip(events, phases, phases[1:], strict=False)
     taken = {_beside(a, b, stresses)[0] for event, a, b in joints if event.kind == "stress"}
     out = []
@@ -311,7 +311,7 @@ def _glitches(
     phases: Sequence[_Phase],
     busy: Sequence[Teeth | StressChange],
 ) -> list[Event]:
-    """Encoder jumps, and rows of friction that stand out where nothing else happens."""
+    """Return events for encoder jumps, and for outliers of friction away from other events."""
     t, out = record.relative_time, []
     for reset in motion.resets:
         v = _velocity(phases, reset.time)
@@ -320,7 +320,7 @@ def _glitches(
     joints = np.array(
         joints
         + [int(i) for b in busy for i in np.searchsorted(t, [b.start, b.stop])]
-        # the load point may turn there (`cautions`)
+        # the load point may reverse there (`cautions`)
         + [row for dip in find_dips(record.friction) for row in (dip.rows.start, dip.rows.stop)]
     )
     for row in find_spikes(record.friction):
@@ -329,20 +329,19 @@ def _glitches(
         if beside or any(_lies_in(time, found) for found in busy):
             continue
         v = _velocity(phases, time)
-        out.append(
-            Event("glitch", time, v, v, time, time, why="friction stands out of its neighbours")
-        )
+        out.append(Event("glitch", time, v, v, time, time, why="outlier of friction"))
     return out
 
 
 def _lies_in(time: float, found: Teeth | StressChange) -> bool:
-    """Whether a time [s] lies in what lasts, or within a tooth of teeth."""
+    """Whether a time [s] lies in stick-slip, within one period of it, or in a stress change."""
     room = found.period if isinstance(found, Teeth) else 0.0
     return found.start - room <= time <= found.stop + room
 
 
 def _windowed(record: Record, event: Event, events: Sequence[Event]) -> Event:
-    """A step with the window in which it is fitted; another kind, where there is none."""
+    """Return a step with its window for the fit; without a window it is not fitted, or its kind
+    becomes "stress"."""
     if event.kind != "step" or not event.steady:
         return event
     t = record.relative_time
@@ -362,6 +361,6 @@ def _windowed(record: Record, event: Event, events: Sequence[Event]) -> Event:
 
 
 def end_of(event: Event) -> float:
-    """When an event is over: that of stick-slip and of a change of stress lasts."""
+    """Return the end of an event [s]: only stick-slip and a change of stress last."""
     lasts = event.kind == "stick_slip" or (event.kind == "stress" and event.before == event.after)
     return event.stop if lasts else event.time

@@ -1,4 +1,4 @@
-"""What a run tells beside its velocity steps: holds, stress steps, stick-slip, ramps."""
+"""Results of a run other than velocity steps: holds, stress steps, stick-slip, ramps."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
@@ -23,9 +23,8 @@ from .table import Cell, claimed
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """Steps of the normal stress, ramps and stick-slip of a run (None: it has none); `warnings` is
-    what its user should know. Holds, and those that are not fitted; friction has a `unit` of "1" or
-    "N"."""
+    """Stress steps, ramps, stick-slip (None: it has none), holds and warnings of a run. `left_out`
+    are holds that are not fitted; `unit` is that of friction, "1" or "N"."""
 
     stress_steps: tuple[FittedStress, ...] = ()
     ramps: tuple[Ramp, ...] = ()
@@ -36,7 +35,7 @@ class Findings:
     unit: str = "1"
 
     def tables(self) -> dict[str, list[dict[str, Cell]]]:
-        """Rows of the CSV files by name; none for what the run does not have."""
+        """Return rows of the CSV files by name, only for results that the run has."""
         found = {
             "holds.csv": of_holds.rows(self.holds, self.unit, self.left_out),
             "stress_steps.csv": of_stress.rows(self.stress_steps),
@@ -47,7 +46,7 @@ class Findings:
         return {name: rows for name, rows in found.items() if rows}
 
     def to_json(self) -> dict[str, object]:
-        """Entries of `run.json`, SI."""
+        """Return entries of `run.json`, SI."""
         stiffness = ramp_stiffness(self.ramps)
         return {
             "holds": [_hold(hold) for hold in self.holds],
@@ -61,7 +60,7 @@ class Findings:
         }
 
     def told(self) -> list[str]:
-        """Lines for a terminal."""
+        """Return lines for a terminal."""
         return [
             *of_holds.told(self.holds, self.unit, self.left_out),
             *of_stress.told(self.stress_steps),
@@ -86,7 +85,7 @@ def findings_of(
     *,
     progress: Callable[[str], None] = silent,
 ) -> Findings:
-    """What the events of a run tell that are no velocity steps."""
+    """Evaluate the events of a run that are not velocity steps."""
     holds = tuple(of_holds.fit_holds(result.record, events, how, progress=progress))
     stresses = fit_stress_steps(result.record, events, result.steps, how, progress=progress)
     ramps = find_ramps(result.record, events)

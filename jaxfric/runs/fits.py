@@ -26,9 +26,9 @@ from .stiffness import MachineStiffness
 
 @dataclass(frozen=True, eq=False)
 class StepFit:
-    """An event of a run with its fit; None and the reason `failed` where there is none.
+    """An event of a run with its fit, or None and the reason `failed`.
 
-    `position` is how far the load point has moved since the run's first row [m].
+    `position` is the displacement of the load point since the run's first row [m].
     """
 
     number: int
@@ -40,7 +40,7 @@ class StepFit:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RunFit(Described, Drawable, Tabular):
-    """A run: its record, with resets of the encoder taken out, its events, and the fits."""
+    """A run: its record without encoder resets, its events, and the fits."""
 
     record: Record
     events: tuple[Event, ...]
@@ -48,14 +48,14 @@ class RunFit(Described, Drawable, Tabular):
 
 
 def without_resets_of(record: Record, position: np.ndarray) -> Record:
-    """The record with the position [m] of its load point in place of what was recorded."""
+    """Return the record with this load-point position [m] instead of the recorded one."""
     return replace(record, load_point_displacement=frozen(position), load_point_velocity=None)
 
 
 def decided_events(
     record: Record, file: Path | None, stiffness: MachineStiffness | None
 ) -> tuple[Record, tuple[Event, ...]]:
-    """The record without resets of its encoder, and its events: found, or as a `file` has them.
+    """Return the record without encoder resets, and its events: found, or read from a `file`.
 
     Raises `InputError` for a file that cannot be read (`runs.decisions`).
     """
@@ -67,7 +67,7 @@ def decided_events(
 
 
 def window_of(record: Record, event: Event) -> tuple[Record, VelocitySteps]:
-    """The rows of an event's window, whose time begins at 0, and its one velocity step.
+    """Return the rows of an event's window, with time from 0, and its one velocity step.
 
     Raises `InputError` for a window of fewer than 20 rows.
     """
@@ -81,20 +81,19 @@ def window_of(record: Record, event: Event) -> tuple[Record, VelocitySteps]:
 
 
 def contradictions(record: Record, events: Sequence[Event]) -> list[str]:
-    """Warnings for events whose speeds are not those of the recorded load point: what the fits of
-    these steps would warn of, before any is fitted."""
+    """Warn of events whose speeds contradict the recorded load point, before any step is fitted."""
     said: list[tuple[int, str]] = []
     for number, event in enumerate((event for event in events if event.fitted), 1):
         try:
             texts = contradicted(*window_of(record, event))
-        except InputError:  # the step keeps this as the reason why it is not fitted
+        except InputError:  # becomes the reason `failed` of the step
             continue
         said += [(number, text) for text in texts]
     return by_step(said)
 
 
 def by_step(said: Iterable[tuple[int, str]]) -> list[str]:
-    """What is said of steps, by number and text: a line for each text, with the numbers."""
+    """Merge texts about steps, (number, text), to a line for each text with all its numbers."""
     told: dict[str, list[int]] = {}
     for number, text in said:
         told.setdefault(text, []).append(number)
@@ -103,9 +102,10 @@ def by_step(said: Iterable[tuple[int, str]]) -> list[str]:
 
 @dataclass(frozen=True)
 class HowFitted:
-    """How every step of a run is fitted: options of `jaxfric.fit`, and the most `rows` of a window.
+    """Options of the fit of every step of a run: those of `jaxfric.fit`, and the largest number of
+    `rows` in a window.
 
-    Raises `InputError` for a law that is not known, and too few rows.
+    Raises `InputError` for an unknown law, and too few rows.
     """
 
     stiffness: MachineStiffness | None = None
@@ -120,7 +120,7 @@ class HowFitted:
         refuse_few_means(self.rows)
 
     def fit(self, part: Record, steps: VelocitySteps, normal_stress: float | None) -> Fit:
-        """The fit of some rows with given steps under a normal stress [Pa]; errors of `fit`."""
+        """Fit some rows with given steps under a normal stress [Pa]; raises as `fit` does."""
         return fit(
             part,
             stiffness=None if self.stiffness is None else self.stiffness.at(normal_stress),
@@ -146,15 +146,15 @@ def fit_run(
     *,
     progress: Callable[[str], None] = silent,
 ) -> RunFit:
-    """Fit every event of a run that is to be fitted.
+    """Fit all events of a run that are marked for fitting.
 
-    Where a window has more rows than `how` allows, means over neighbouring rows are fitted. A step
-    whose fit is not possible is kept with the reason: no step ends a run.
+    A window with more rows than `how` allows is reduced by block averaging. A step that cannot be
+    fitted is kept with the reason, and the run goes on.
 
-    A run without steps that has holds, stick-slip or ramps is a run whose `steps` are none.
+    A run may have no steps if it has holds, stick-slip or ramps.
 
-    Raises `InputError` where there is nothing to be fitted, and as `jaxfric.fit` does where no
-    step can be fitted.
+    Raises `InputError` if there is nothing to fit, and as `jaxfric.fit` does if no step can be
+    fitted.
     """
     chosen = [event for event in events if event.fitted]
     if not chosen and (
@@ -166,7 +166,7 @@ def fit_run(
     if not chosen:
         raise InputError(
             f"{record.provenance.path}: no velocity step to fit among {len(events)} events;"
-            " events.toml says what was found and why, and can be changed and given back (--events)"
+            " events.toml lists all events with reasons; edit it and pass it with --events"
         )
     moved = record.load_point_displacement
     assert moved is not None

@@ -1,13 +1,13 @@
-"""Slide-hold-slide: how friction heals while the load point holds, and which law does it so.
+"""Slide-hold-slide tests: frictional healing during holds, and the law that describes it.
 
-A hold of t_h at a sliding velocity V: friction creeps down from its steady level, and the reload
-passes a peak above it, by the healing. Healing grows with ln t_h, by B for the ageing law in a
-stiff machine (Dieterich 1972, J. Geophys. Res. 77, 3690-3697); under the slip law the contact of a
-stiff machine does not age at rest. Which one holds is asked of the whole of slide, hold and slide,
-with the machine's stiffness: A, B and L are fitted under either law, and the laws are compared by
-the likelihood of what each leaves, the noise found anew for each (`fitting.noise`). Holds
-that follow each other share A, B and L: with those of its own in every hold the wrong law imitates
-each by other ones.
+During a hold of duration t_h after sliding at velocity V, friction creeps down from its steady
+level. The reload passes a peak above this level; the difference is the healing. Under the ageing
+law in a stiff machine healing grows with B ln t_h (Dieterich 1972, J. Geophys. Res. 77, 3690-3697).
+Under the slip law the contact does not age at rest in a stiff machine. To compare the laws, A, B
+and L are fitted to all of slide, hold and slide under either law, with the machine's stiffness. The
+criterion is the likelihood of the residual, with noise estimated for each law (`fitting.noise`).
+Consecutive holds share A, B and L; with separate parameters for each hold the wrong law could
+imitate each of them.
 """
 
 from collections.abc import Callable, Sequence
@@ -37,27 +37,26 @@ LAWS = ("slip", "ageing")
 _LEVEL, _PEAK = 0.1, 5
 """Share of the window before a hold whose median is the level; rows in the mean at the peak."""
 _LATE = 0.2
-"""The last row of a hold is no further from its end than this share of it."""
+"""Largest time from the last row of a hold to its end, over its duration."""
 _STRONG = 3.0
-"""A law is preferred by so much of ln L, as odds of 20 to 1."""
+"""Least difference of ln L that prefers a law, odds of 20 to 1."""
 _NOISES, _SPREADS = 14.0, 8.0
-"""Scatters of neighbouring rows, and of all rows that slide before a hold, by which friction rises
-beyond the pull of its spring: of thousands of rows noise alone is 9 apart."""
+"""Least excess of the rise of friction over the load of the spring, in scatters of neighbouring
+rows and in scatters of sliding before the hold. The range of noise in thousands of rows is 9."""
 _MANY = 10.0
-"""No law is told by a fit that leaves more than this times the scatter of neighbouring rows; in the
-noise of measured records the true law leaves up to 4."""
+"""Largest residual of a law that is compared, over the scatter of neighbouring rows. The true law
+has up to 4 in measured noise."""
 
 
 @dataclass(frozen=True, eq=False)
 class Hold:
     """A hold of `lasts` [s] at `time` [s], from and to sliding at `velocity` [m/s].
 
-    `creep` is the fall of friction during the hold (None: it was not recorded), `healing` the peak
-    above the level before it, with its standard `error`. `fits` are those of the laws by name that
-    could be fitted, to all holds with the same number `group`, and `preference` is ln L of the slip
-    law less that of the ageing law; None where not both can. `missing` is how far the load point
-    must have moved besides what was recorded [m] (`missing_motion`): the hold is shorter then, and
-    neither law is asked.
+    `creep` is the decrease of friction during the hold (None: not recorded), `healing` the peak
+    above the level before it, with its standard `error`. `fits` are the converged fits by law, to
+    all holds with the same number `group`. `preference` is ln L of the slip law minus that of the
+    ageing law; None without both fits. `missing` is unrecorded motion of the load point [m]
+    (`missing_motion`): then the hold was shorter, and neither law is tested.
     """
 
     time: float
@@ -74,8 +73,8 @@ class Hold:
 
 
 class HoldWindow(NamedTuple):
-    """A hold between sliding at about one velocity: its event, when its window begins and ends [s],
-    and the event with which the load point moves on."""
+    """A hold between sliding at about one velocity: its event, start and end of its window [s], and
+    the reload event."""
 
     event: Event
     start: float
@@ -84,7 +83,7 @@ class HoldWindow(NamedTuple):
 
     @property
     def back(self) -> float:
-        """When the load point moves on [s]."""
+        """Time of the reload [s]."""
         return self.reload.time
 
 
@@ -99,7 +98,7 @@ class _Healed(NamedTuple):
 
 
 def find_holds(events: Sequence[Event], end: float) -> list[HoldWindow]:
-    """Holds between sliding at about one velocity."""
+    """Return the holds between sliding at about one velocity."""
     out = []
     joints = joints_of(events)
     for k, (event, back) in enumerate(pairwise(joints)):
@@ -112,12 +111,12 @@ def find_holds(events: Sequence[Event], end: float) -> list[HoldWindow]:
 
 
 def not_fitted(events: Sequence[Event], holds: Sequence[Hold]) -> list[LeftOut]:
-    """The holds among the events of a run that are not among those fitted, with the reasons."""
+    """Return the holds of a run that were not fitted, with the reasons."""
     return left_out(events, [hold.time for hold in holds])
 
 
 def follows(last: HoldWindow, window: HoldWindow) -> bool:
-    """Whether a hold follows another one at its velocity, with nothing between them."""
+    """Whether a hold directly follows another one at the same velocity."""
     ratio = window.event.before / last.event.before
     return window.event.time == last.stop and 1 / SAME < ratio < SAME
 
@@ -129,10 +128,10 @@ def fit_holds(
     *,
     progress: Callable[[str], None] = silent,
 ) -> tuple[Hold, ...]:
-    """The healing of every hold of a run under a constant normal stress, fitted with both laws.
+    """Return the healing of every hold under constant normal stress, fitted with both laws.
 
-    Of holds that can only be fitted apart no law is told. Raises `InputError` where the stiffness
-    cannot be known.
+    The laws are not compared for consecutive holds that cannot be fitted together. Raises
+    `InputError` if the stiffness is not known.
     """
     groups: list[list[_Healed]] = []
     for window in find_holds(events, float(record.relative_time[-1])):
@@ -161,7 +160,7 @@ def fit_holds(
 
 
 def _healed(record: Record, window: HoldWindow, how: HowFitted) -> _Healed | None:
-    """A hold with its healing, or None where there is none to be told."""
+    """Return a hold with its healing, or None if it cannot be measured."""
     try:
         part = record.window(window.start, window.stop)
     except InputError:
@@ -178,12 +177,12 @@ def _healed(record: Record, window: HoldWindow, how: HowFitted) -> _Healed | Non
 def missing_motion(
     part: Record, hold: float, stiffness: float | None, spread: float = 0.0
 ) -> float:
-    """How far the load point must have moved from a `hold` [s] on, besides what was recorded [m].
+    """Return the unrecorded motion of the load point after the start of a `hold` [s], in m.
 
-    Friction rises by no more than the spring is pulled, K u: what rises beyond that is motion that
-    has no rows, or that a reset of the encoder hides. 0 where it is no more than noise, which has
-    at least the `spread` of the sliding before the hold, or than a stiffness that is twice as large
-    would explain, and where no displacement was recorded.
+    Friction cannot rise by more than K u, the load of the spring. A larger rise shows motion
+    without rows, or motion that an encoder reset hides. The result is 0 if the excess is within
+    noise (with at least the `spread` of sliding before the hold), if a stiffness up to twice as
+    large would explain it, and without a displacement.
     """
     u = part.load_point_displacement
     if u is None or not stiffness:
@@ -203,7 +202,7 @@ def missing_motion(
 def _fitted_together(
     record: Record, group: Sequence[_Healed], how: HowFitted, number: int
 ) -> list[Hold]:
-    """Holds that follow each other, with one fit of each law to all of them."""
+    """Return consecutive holds with one fit of each law to all of them."""
     first, last = group[0].window, group[-1].window
     part = record.window(first.start, last.stop)
     begin = float(part.time[0] - record.time[0])
@@ -240,7 +239,7 @@ def _fitted_together(
 def _fitted(
     part: Record, steps: VelocitySteps, event: Event, how: HowFitted, law: str
 ) -> Fit | None:
-    """The fit of one law; None where it is not possible or does not converge."""
+    """Return the fit of one law; None if it is not possible or does not converge."""
     try:
         found = replace(how, law=law, states=1).fit(part, steps, event.normal_stress)
     except InputError:
@@ -249,7 +248,7 @@ def _fitted(
 
 
 def _heal(part: Record, hold: float, back: float) -> tuple[float | None, float, float] | None:
-    """Creep, healing and its error; None without rows, and where the normal stress changes."""
+    """Return creep, healing and its error; None without rows, or if the normal stress changes."""
     t, f = part.relative_time, part.friction
     before, after = f[t < hold], f[t >= back]
     held = f[(t >= hold) & (t < back)]
@@ -266,8 +265,7 @@ def _heal(part: Record, hold: float, back: float) -> tuple[float | None, float, 
 
 
 def log_likelihood(found: Fit) -> float:
-    """ln L of what a fit leaves, its noise being the likeliest for it (up to a constant of the
-    record)."""
+    """Return ln L of a fit's residual with the likeliest noise, up to a constant of the record."""
     time = found.record.relative_time
     clock = clock_of(time, found.steps)
     weight = np.ones(len(time))
@@ -279,8 +277,8 @@ def log_likelihood(found: Fit) -> float:
 
 
 def healing_rate(holds: Sequence[Hold]) -> WeightedLine | None:
-    """Healing by log10 of hold time [s], a weighted line; None for fewer than three holds whose
-    time is known, or hold times within a factor of two."""
+    """Return the weighted line of healing over log10 of hold time [s]; None for fewer than three
+    holds of known time, or hold times within a factor of two."""
     holds = [hold for hold in holds if not hold.missing]
     x = np.log10([hold.lasts for hold in holds])
     if len(holds) < 3 or np.ptp(x) < np.log10(2):
@@ -290,32 +288,32 @@ def healing_rate(holds: Sequence[Hold]) -> WeightedLine | None:
 
 
 def why_no_law(hold: Hold) -> str:
-    """Why a hold has no say between the laws; '' where it has one."""
+    """Return the reason why a hold is not used to compare the laws, or ''."""
     if hold.missing:
         return (
-            f"friction rises by more than the recorded motion of the load point pulls it: at least"
-            f" {1e6 * hold.missing:.2g} um are missing: the hold is shorter than told, or press and"
-            " specimen are stiffer, and neither law can be asked"
+            f"friction rises by more than the recorded motion of the load point can load it: at"
+            f" least {1e6 * hold.missing:.2g} um are missing. The hold is shorter than recorded, or"
+            " press and specimen are stiffer; neither law can be tested"
         )
     if hold.preference is None:
         missing = [law for law in LAWS if law not in hold.fits]
         if missing:
             laws = f"the {' and the '.join(missing)} law" + "s" * (len(missing) > 1)
-            return f"not both laws could be fitted to it (no fit of {laws} converged)"
-        return "it could not be fitted together with those that it follows"
+            return f"no fit of {laws} converged"
+        return "it could not be fitted together with the holds before it"
     law = LAWS[hold.preference < 0]
     times = excess(hold.fits[law]) if law in hold.fits else 0.0
     if times > _MANY:
         return (
-            f"the {law} law leaves {times:.2g} times the scatter of neighbouring rows and the other"
-            " fits worse, so neither describes it"
+            f"the residual of the {law} law is {times:.2g} times the scatter of neighbouring rows,"
+            " and the other law fits worse: neither describes it"
         )
     return ""
 
 
 def preferred(holds: Sequence[Hold]) -> tuple[str | None, float]:
-    """The law that all holds which have a say prefer (None: neither); ln L of slip less that of
-    ageing."""
+    """Return the law that all compared holds prefer together (None: neither), and ln L of slip
+    minus that of ageing."""
     holds = [hold for hold in holds if not why_no_law(hold)]
     groups = {hold.group: hold.preference for hold in holds}
     total = float(sum(value for value in groups.values() if value is not None))
@@ -327,8 +325,8 @@ def preferred(holds: Sequence[Hold]) -> tuple[str | None, float]:
 def rows(
     holds: Sequence[Hold], unit: str = "1", others: Sequence[LeftOut] = ()
 ) -> list[dict[str, Cell]]:
-    """A row for every hold, units in the names, with the `others` that are not fitted at the end;
-    what is not known is None. `unit` is that of friction, "1" or "N"."""
+    """Return a row for every hold, with units in the names, then the `others`, which were not
+    fitted; unknown values are None. `unit` is that of friction, "1" or "N"."""
     out: list[dict[str, Cell]] = []
     force = " [N]" if unit == "N" else ""
     for number, hold in enumerate(holds, 1):
@@ -355,7 +353,7 @@ def rows(
         )
         why, by = why_no_law(hold), hold.preference
         row["ln L slip - ageing"] = None if why or by is None else round(by, 2)
-        row["result"] = f"no law is told: {why}" if why else "compared"
+        row["result"] = f"laws not compared: {why}" if why else "compared"
         out.append(row)
     for number, other in enumerate(others, len(holds) + 1):
         place: dict[str, Cell] = {"hold": number, "time [s]": round(other.event.time, 4)}
@@ -364,8 +362,8 @@ def rows(
 
 
 def told(holds: Sequence[Hold], unit: str = "1", others: Sequence[LeftOut] = ()) -> list[str]:
-    """Lines on the holds of a run and the `others`, that are not fitted; friction has a unit of
-    "1" or "N"."""
+    """Return lines on the holds of a run and the `others`, which were not fitted; `unit` is that of
+    friction, "1" or "N"."""
     force = " N" if unit == "N" else ""
     lines = [
         f"hold of {'at most ' if hold.missing else ''}{hold.lasts:.4g} s at {hold.time:.6g} s:"
@@ -379,7 +377,7 @@ def told(holds: Sequence[Hold], unit: str = "1", others: Sequence[LeftOut] = ())
         lines.append(f"healing: {measured(rate.slope, rate.error)}{force} per decade of hold time")
     for why in dict.fromkeys(filter(None, map(why_no_law, holds))):
         times = ", ".join(f"{hold.time:.6g}" for hold in holds if why_no_law(hold) == why)
-        lines.append(f"hold at {times} s: no law is told, {why}")
+        lines.append(f"hold at {times} s: laws not compared, {why}")
     compared = [hold for hold in holds if not why_no_law(hold)]
     if compared:
         law, total = preferred(holds)
@@ -387,17 +385,17 @@ def told(holds: Sequence[Hold], unit: str = "1", others: Sequence[LeftOut] = ())
         by = f"ln L {abs(total):.3g} higher over {count}"
         if law is None:
             lines.append(
-                f"{count} cannot tell the slip law from the ageing law (ln L differs by"
+                f"{count} cannot distinguish the slip law from the ageing law (ln L differs by"
                 f" {abs(total):.2g})"
             )
         else:
-            lines.append(f"through the holds the {law} law fits better ({by})")
+            lines.append(f"to the holds the {law} law fits better ({by})")
             lines += _parameters_told(compared, law, force)
     return lines
 
 
 def _parameters_told(holds: Sequence[Hold], law: str, force: str) -> list[str]:
-    """A line on A, B and L of a law for every group of holds that it was fitted to."""
+    """Return a line on A, B and L of a law for every group of holds fitted together."""
     lines = []
     for group in dict.fromkeys(hold.group for hold in holds if law in hold.fits):
         of = [hold for hold in holds if hold.group == group]
@@ -414,9 +412,9 @@ def _parameters_told(holds: Sequence[Hold], law: str, force: str) -> list[str]:
 
 
 def warnings_of(holds: Sequence[Hold]) -> list[str]:
-    """What the fits of holds warn of, with the times of the holds of each warning: those under the
-    law that the holds prefer, or under both where they prefer none. Of a hold of which no law is
-    told nothing rests on its fits."""
+    """Return the warnings of the holds' fits, each with the times of its holds. They are of the
+    preferred law, or of both laws if none is preferred. Holds that are not used to compare the laws
+    give none."""
     law, _ = preferred(holds)
     told: dict[str, list[str]] = {}
     for hold in (hold for hold in holds if not why_no_law(hold)):

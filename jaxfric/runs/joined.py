@@ -1,12 +1,11 @@
 """A run as one motion: the windows of its steps and holds, one after the other.
 
-What happens between two windows, a change of normal stress, an unloading, the recorder's pause, is
-not asked of a model. Windows that touch are one stretch, and so is what follows them at another
-velocity before friction is steady: a fit of one step must leave it out, a motion with what was
-before need not. Before every other stretch the load point
-slides, in the joined motion, at that stretch's first velocity as far as the real one moved, and at
-least as far as it moves in a typical phase, so that a stretch begins in steady sliding. Slip goes
-on as it did in the run. Time does so within a stretch only.
+No model describes the time between windows: changes of normal stress, unloading, pauses of the
+recorder. Adjacent windows form one stretch. A later phase at another velocity, before friction is
+steady, belongs to it too: the fit of a single step must omit this phase, the joined motion need
+not. Before each later stretch the joined motion slides at the stretch's first velocity, as far as
+the real load point moved and at least as far as in a typical phase. So every stretch begins in
+steady sliding. Slip continues as in the run; time does so only within a stretch.
 """
 
 from collections.abc import Sequence
@@ -24,22 +23,22 @@ from .holds import find_holds
 from .stress import is_constant
 
 _ALIKE = 0.01
-"""Normal stresses within this share of the first stretch's are as good as that."""
+"""Normal stresses are equal within this share of the first stretch's."""
 _FEWEST = 10
-"""Rows that a phase before and after a hold needs."""
+"""Least number of rows in a phase before and after a hold."""
 _KNOTS = np.geomspace(1e-4, 1.0, 25)[:-1]
-"""Places in the motion before a stretch, as shares of it, at which solvers stop: what is left of
-the stretch before decays over a length that is not known."""
+"""Shares of the motion before a stretch at which solvers stop: the transient of the stretch before
+decays over an unknown length."""
 _CHANGED = 0.1
-"""Share of that motion in which the normal stress becomes that of the next stretch."""
+"""Share of this motion in which the normal stress changes to that of the next stretch."""
 
 
 class Phase(NamedTuple):
     """Rows at one velocity [m/s] of the load point.
 
-    `time` is when it begins [s of the run], `joined` the same in the joined motion; `stretch` and
-    `unit` count from 0. The phases of one step, or of a hold and what follows it, are a unit; -1:
-    the sliding that a stretch begins with.
+    `time` is its start [s of the run], `joined` its start in the joined motion; `stretch` and
+    `unit` count from 0. A unit has the phases of one step, or of a hold and its reload; -1: the
+    sliding at the start of a stretch.
     """
 
     time: float
@@ -51,7 +50,7 @@ class Phase(NamedTuple):
 
 
 class Stretch(NamedTuple):
-    """Windows that touch, from `start` to `stop` [s of the run], under one normal stress [Pa]."""
+    """Adjacent windows from `start` to `stop` [s of the run], under one normal stress [Pa]."""
 
     start: float
     stop: float
@@ -60,9 +59,9 @@ class Stretch(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Joined:
-    """A run's windows as one record and motion; see this file.
+    """A run's windows as one record and one motion, as this module describes.
 
-    `record` has the time of the joined motion, `rows` are those of the run, with its time.
+    `record` has the time of the joined motion, `rows` the same rows with the time of the run.
     """
 
     record: Record
@@ -72,7 +71,7 @@ class Joined:
     phase: np.ndarray
     """Index of the phase of every row."""
     begins: np.ndarray
-    """Joined times at which the motion towards each stretch but the first begins [s]."""
+    """Joined times [s] at which the motion before each stretch begins, except the first."""
 
     @property
     def stretch(self) -> np.ndarray:
@@ -80,25 +79,25 @@ class Joined:
         return np.array([phase.stretch for phase in self.phases])[self.phase]
 
     def steps(self, *, fine: bool = False) -> VelocitySteps:
-        """The joined motion; `fine`: with times between stretches at which solvers stop too."""
+        """Return the joined motion; `fine`: also with the solver's stops between stretches."""
         entries = [(p.joined, p.velocity, p.error) for p in self.phases]
         firsts = [p for p in self.phases if p.unit < 0][1:]
         for begin, first in zip(self.begins, firsts, strict=True):
             shares = np.append(0.0, _KNOTS) if fine else np.zeros(1)
             times = begin + shares * (first.joined - begin)
             entries += [(float(t), first.velocity, 0.0) for t in times]
-            if not fine:  # no step: the velocity before it is the same
+            if not fine:  # not a step: the velocity does not change there
                 entries.remove((first.joined, first.velocity, first.error))
         times, velocities, errors = np.array(sorted(entries)).T
         return VelocitySteps(times, velocities, time_errors=errors)
 
     def shown_steps(self) -> VelocitySteps:
-        """The phases in the time of the run, from its first row that counts."""
+        """Return the phases in the time of the run, from its first used row."""
         times = np.array([p.time for p in self.phases]) - self.phases[0].time
         return VelocitySteps(times, np.array([p.velocity for p in self.phases]))
 
     def stress(self) -> NormalStress | None:
-        """Normal stress over that of the first stretch; None where it is the same or unknown."""
+        """Return normal stress over that of the first stretch; None if constant or unknown."""
         levels = [s.normal_stress for s in self.stretches]
         if any(level is None for level in levels) or self.record.friction_unit != "1":
             return None
@@ -111,9 +110,9 @@ class Joined:
 
 
 class _Span(NamedTuple):
-    """From `start` to `stop` [s], at the velocity `before` until the first of its joints, each a
-    time [s], the velocity from it on, its error [s], and whether it begins a unit. One that
-    `follows` counts only where it touches what is before it."""
+    """A window from `start` to `stop` [s], at the velocity `before` until its first joint. A joint
+    is a time [s], the velocity after it, the time's error [s], and whether it begins a unit. A
+    window with `follows` is used only directly after another one."""
 
     start: float
     stop: float
@@ -124,10 +123,10 @@ class _Span(NamedTuple):
 
 
 def join(record: Record, events: Sequence[Event]) -> Joined:
-    """The fitted steps and the holds of a run as one motion.
+    """Join the fitted steps and the holds of a run to one motion.
 
-    `record` is the run, resets of its encoder taken out. Raises `InputError` where nothing is to
-    be fitted, or the load point moves backwards in a window.
+    `record` is the run without encoder resets. Raises `InputError` if there is nothing to fit, or
+    if the load point moves backwards in a window.
     """
     windows = _windows(record, events)
     if not windows:
@@ -144,7 +143,7 @@ def join(record: Record, events: Sequence[Event]) -> Joined:
     phases, begins = _phases(stretches, record)
     of, time = _rows_of(phases, stretches, record.relative_time)
     keep = of >= 0
-    first = time[keep][0]  # the joined record begins with its first row
+    first = time[keep][0]  # the joined record begins at its first kept row
     phases = tuple(
         p._replace(joined=max(p.joined - first, 0.0), time=p.time if k else p.time + first)
         for k, p in enumerate(phases)
@@ -171,7 +170,7 @@ def join(record: Record, events: Sequence[Event]) -> Joined:
 def _rows_of(
     phases: Sequence[Phase], stretches: Sequence["_Span"], t: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The phase of every row of a run (-1: none), and its time in the joined motion."""
+    """Return the phase of every row of a run (-1: none), and its time in the joined motion."""
     of, joined = np.full(len(t), -1), np.zeros(len(t))
     for k, phase in enumerate(phases):
         last = k + 1 == len(phases) or phases[k + 1].stretch != phase.stretch
@@ -219,7 +218,7 @@ def _windows(record: Record, events: Sequence[Event]) -> list[_Span]:
 
 
 def _stretches(windows: Sequence[_Span]) -> list[_Span]:
-    """Windows that touch as one; of two joints at one time the first stays."""
+    """Merge adjacent windows; of two joints at one time the first is kept."""
     out: list[_Span] = []
     for window in windows:
         if not out or window.start > out[-1].stop:
@@ -234,7 +233,7 @@ def _stretches(windows: Sequence[_Span]) -> list[_Span]:
 
 
 def _phases(stretches: Sequence[_Span], record: Record) -> tuple[tuple[Phase, ...], np.ndarray]:
-    """All phases, and the joined times at which the motion towards later stretches begins."""
+    """Return all phases, and the joined times at which the motion before later stretches begins."""
     ways = []
     for s in stretches:
         edges = np.array([j[0] for j in s.joints] + [s.stop])

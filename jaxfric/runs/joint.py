@@ -1,25 +1,25 @@
-"""What the steps of a run share, and what changes from one to the other.
+"""Common parameters of the steps of a run, and their dependence on velocity, path and stress.
 
-Every step has estimates y = (A, B_1, .., ln L_1, ..) with a covariance C, in which the noise of its
-rows is counted. If the steps share one y, the most likely is
+Every step has estimates y = (A, B_1, .., ln L_1, ..) with a covariance C that includes the noise
+of its rows. If the steps share one y, the most likely is
 
     y = S sum_i C_i^-1 y_i,   S = (sum_i C_i^-1)^-1,
     Q = sum_i (y_i - y)^T C_i^-1 (y_i - y),
 
 and Q is distributed as chi-square with p (n - 1) degrees of freedom (Cochran 1954, Biometrics 10,
 101-129): the likelihood ratio of shared against separate, to second order about each step's fit.
-f0, and a trend with slip, are each step's own.
+f0 and a trend with slip are separate for each step.
 
-Whether a quantity depends on velocity (`mean_velocity` of a step), displacement or normal stress
-is asked by a weighted line through the n steps (`weighted`). The error of its slope is that of the
-fits, or larger by the scatter of the steps about the line, which few steps hardly tell: p-values
-are by Student's t with n - 2 degrees of freedom, and times the number of questions (Bonferroni). 7
-errors of 5 steps are p = .005, and among 9 questions .05. Steps may differ by far more than the
-errors of their fits and lie on no line.
+A weighted line through the n steps (`weighted`) tests whether a quantity depends on velocity
+(`mean_velocity` of a step), displacement or normal stress. The error of its slope is that of the
+fits, or larger by the scatter of the steps about the line. Few steps determine this scatter poorly,
+so p-values are those of Student's t with n - 2 degrees of freedom, times the number of tests
+(Bonferroni). For 5 steps t = 7 is p = .005, and .05 among 9 tests. Steps may differ by far more
+than the errors of their fits without a significant line.
 
-Friction that changes with slip passes for A-B. Each fit tells what A-B would be with a trend over
-slip, and by how many errors d_i/s_i it moves; where sum_i (d_i/s_i)^2, chi-square with n degrees of
-freedom, is beyond chance, a line of A-B is that of the estimates with a trend.
+Friction that changes with slip biases A-B. Each fit gives A-B with a trend over slip too, and its
+shift in errors, d_i/s_i. If sum_i (d_i/s_i)^2, chi-square with n degrees of freedom, is
+significant, the lines of A-B use the estimates with a trend.
 """
 
 from collections.abc import Sequence
@@ -36,19 +36,19 @@ from .table import difference, misses
 from .weighted import weighted_line
 
 _FEWEST = 4
-"""Steps that a line through them needs."""
+"""Least number of steps for a line."""
 _DIFFER = 0.01
-"""Below this p steps do not share their parameters."""
+"""Below this p common parameters are rejected."""
 _SHOWN = 0.05
-"""Below this p, among all lines that are asked, a dependence is shown."""
+"""Below this corrected p a dependence is significant."""
 _DECADES = 0.2
-"""Velocities that a line needs span more than so many decades."""
+"""Least range of velocities for a line, in decades."""
 
 
 @dataclass(frozen=True, eq=False)
 class Shared:
-    """The parameters that all steps would share: natural `values` and standard `errors` by name
-    (SI), and the probability `p` that the steps differ as much by chance."""
+    """Common parameters of all steps: natural `values` and standard `errors` by name (SI), and the
+    p-value of the test that the steps share them."""
 
     values: dict[str, float]
     errors: dict[str, float]
@@ -60,9 +60,8 @@ class Shared:
 
 @dataclass(frozen=True)
 class Dependence:
-    """A line of `quantity` through the steps along `along`: its `slope` by one of `unit`, with its
-    standard error, the `freedom` that is left, and the probability `p` of as much by chance among
-    all `questions`."""
+    """A line of `quantity` over `along` through the steps: its `slope` per `unit`, standard error,
+    degrees of `freedom`, and the p-value after Bonferroni correction for all `questions`."""
 
     quantity: str
     along: str
@@ -74,41 +73,40 @@ class Dependence:
     questions: int
 
     def told(self) -> str:
-        """The dependence in words."""
+        """Return the dependence as a line."""
         way = "rises" if self.slope > 0 else "falls"
         size = measured(abs(self.slope), self.error)
         return f"{self.quantity} {way} by {size} per {self.unit}: {self._odds()}"
 
     def answered(self) -> str:
-        """Whether the dependence is shown, in words, with the slope that it has or may have."""
+        """Return the slope, with a statement whether it is significant."""
         size = f"{'+' if self.slope > 0 else ''}{measured(self.slope, self.error)}"
-        shown = "no dependence is shown"
+        shown = "not significant"
         if self.shown:
-            shown = "a dependence is shown"
+            shown = "significant"
         elif self._alone() < _SHOWN:
-            shown = "a hint of a dependence, which is not shown"
-        return f"{shown}, the slope is {size} per {self.unit} ({self._odds()})"
+            shown = "significant only without the correction"
+        return f"{shown}, slope {size} per {self.unit} ({self._odds()})"
 
     @property
     def shown(self) -> bool:
-        """Whether there is a dependence beyond chance."""
+        """Whether the dependence is significant."""
         return self.p < _SHOWN
 
     def _odds(self) -> str:
         return (
-            f"{abs(self.slope) / self.error:.2g} standard"
-            f" errors of a line with {self.freedom} degrees of freedom are p ="
-            f" {self._alone():.2g}, and p = {self.p:.2g} among the {self.questions} lines"
-            " that are asked"
+            f"t = {abs(self.slope) / self.error:.2g}, {self.freedom} d.o.f., p ="
+            f" {self._alone():.2g}; {self.p:.2g} after Bonferroni correction for"
+            f" {self.questions} tests"
         )
 
     def _alone(self) -> float:
-        """The probability without the other questions."""
+        """Return the p-value without the correction."""
         return chance(self.slope, self.error, self.freedom)
 
 
 def is_known(step: StepFit) -> bool:
-    """Whether A, all B and L of a step are known."""
+    """Whether a step determines A, all B and all L."""
     fit = step.fit
     return (
         fit is not None
@@ -119,12 +117,12 @@ def is_known(step: StepFit) -> bool:
 
 
 def names_of(fit: Fit) -> list[str]:
-    """Names of A, all B and all L of a fit, in the order of its free parameters."""
+    """Return the names of A, all B and all L of a fit, in the order of its free parameters."""
     return [n for n in fit.free if n[0] in "ABL" and (n == "A" or n[1:].isdigit() or len(n) == 1)]
 
 
 def vector_of(fit: Fit) -> tuple[np.ndarray, np.ndarray]:
-    """A, B_i and ln L_i of a fit, and their covariance."""
+    """Return A, B_i and ln L_i of a fit, and their covariance."""
     names = names_of(fit)
     at = [fit.free.index(n) for n in names]
     values = np.array([fit.parameters[n].value for n in names])
@@ -135,7 +133,7 @@ def vector_of(fit: Fit) -> tuple[np.ndarray, np.ndarray]:
 
 
 def share(steps: Sequence[StepFit]) -> Shared | None:
-    """What the steps share, see this file; None for fewer than two whose parameters are known."""
+    """Return the common parameters; None if fewer than two steps determine theirs."""
     from scipy.special import chdtrc
 
     known = [step for step in steps if is_known(step)]
@@ -166,13 +164,13 @@ def share(steps: Sequence[StepFit]) -> Shared | None:
 
 
 _QUANTITIES = {"A": "A", "A-B": "A-B", "ln L": "L"}
-"""What may depend on something, and its symbol."""
+"""Quantities tested for a dependence, and their symbols."""
 
 
 def dependences(steps: Sequence[StepFit]) -> list[Dependence]:
-    """How A, A-B and L depend on velocity, displacement and normal stress, see this file.
+    """Test the dependence of A, A-B and L on velocity, displacement and normal stress.
 
-    Fewer than four steps, or a side that does not change, answer nothing.
+    A test needs at least four steps, and a variable that changes.
     """
     found = []
     for quantity in _QUANTITIES:
@@ -190,7 +188,7 @@ def dependences(steps: Sequence[StepFit]) -> list[Dependence]:
 
 
 def _sides(known: Sequence[StepFit]) -> list[tuple[str, str, np.ndarray]]:
-    """What changes among steps: its name, the unit of a slope along it, and where each step is."""
+    """Return the variables that change among steps: name, unit of a slope, values of the steps."""
     speeds = [np.log10(mean_velocity(s.event)) for s in known]
     sides: list[tuple[str, str, np.ndarray, float | None]] = [
         ("velocity", "decade of velocity", np.array(speeds), _DECADES),
@@ -213,7 +211,7 @@ def _sides(known: Sequence[StepFit]) -> list[tuple[str, str, np.ndarray]]:
 
 
 def _asked(steps: Sequence[StepFit], quantity: str) -> list[StepFit]:
-    """Steps that determine a quantity, by fits that describe them."""
+    """Return the steps that determine a quantity with a fit that describes them."""
     return [step for step in steps if not misses(step) and _has(step, quantity)]
 
 
@@ -229,8 +227,8 @@ def _has(step: StepFit, quantity: str) -> bool:
 
 
 def trend_chance(steps: Sequence[StepFit]) -> float:
-    """The probability that A-B of the steps moves as much by chance when a trend of friction over
-    slip is fitted too; 1 where that is not known of all, or where it is fitted."""
+    """Return the p-value of the shift of A-B if a trend of friction over slip is fitted too; 1 if
+    it is unknown for a step, or if the fits already have a trend."""
     from scipy.special import chdtrc
 
     fits = [step.fit for step in _asked(steps, "A-B") if step.fit is not None]
@@ -248,7 +246,7 @@ def _first_length(fit: Fit) -> str:
 
 
 def _quantity(known: Sequence[StepFit], quantity: str) -> tuple[np.ndarray, np.ndarray]:
-    """A, A-B or the logarithm of L (the first) of the steps, with their errors."""
+    """Return A, A-B or the logarithm of the (first) L of the steps, with their errors."""
     fits = [step.fit for step in known if step.fit is not None]
     if quantity == "A-B":
         trend = trend_chance(known) < _DIFFER
@@ -261,7 +259,7 @@ def _quantity(known: Sequence[StepFit], quantity: str) -> tuple[np.ndarray, np.n
 
 
 def told(steps: Sequence[StepFit]) -> list[str]:
-    """Lines on what the steps share and what changes among them."""
+    """Return lines on common parameters of the steps, and on dependences."""
     shared = share(steps)
     if shared is None:
         return []
@@ -275,50 +273,48 @@ def told(steps: Sequence[StepFit]) -> list[str]:
     lines = [f"shared by {len(shared.steps)} steps: {', '.join(parts)}"]
     if shared.p < _DIFFER:
         lines[0] = (
-            f"the steps do not share their parameters (p = {shared.p:.1g}: chi-square"
-            f" {shared.chi_square:.4g} of {shared.freedom}); the most likely if they did:"
+            f"the steps do not share their parameters (likelihood-ratio test: p = {shared.p:.1g},"
+            f" chi-square {shared.chi_square:.4g} with {shared.freedom} d.o.f.); weighted mean:"
             f" {', '.join(parts)}"
         )
     else:
-        lines[0] += f" (steps that share them differ as much with p = {shared.p:.2g})"
+        lines[0] += f" (likelihood-ratio test: p = {shared.p:.2g}, not rejected)"
     missed = [s for s in steps if s.number in shared.steps and misses(s)]
     if missed:
         lines.append(
             f"of these, step {', '.join(str(s.number) for s in missed)}: the fit does not describe"
-            " the step (*), so what differs need not be friction"
+            " the step (*), so that differences may have other causes than friction"
         )
     answers = dependences(steps)
     lines.append(_of_velocity(steps, answers))
     if any(d.quantity == "A-B" for d in answers) and (p := trend_chance(steps)) < _DIFFER:
         lines.append(
-            f"friction changes with slip in these steps, by more than chance (p = {p:.1g}): lines"
-            " of A-B are of its values with a trend over slip, which --slip-trend fits"
+            f"friction has a significant trend with slip in these steps (p = {p:.1g}): the lines of"
+            " A-B use fits with this trend (--slip-trend)"
         )
     told_of = [d for d in answers if d.shown]
     lines += [d.told() for d in told_of if not _is_of_velocity(d)]
     if answers and not told_of:
-        *first, last = dict.fromkeys(d.along for d in answers)
-        sides = ", ".join([*first, last])
+        sides = ", ".join(dict.fromkeys(d.along for d in answers))
         asked = [name for name in _QUANTITIES if name in {d.quantity for d in answers}]
         *others, ended = [_QUANTITIES[name] for name in asked]
         named = f"{', '.join(others)} or {ended}" if others else ended
         lines.append(
-            f"no dependence of {named} on {sides} is seen (p > .05)"
+            f"no significant dependence of {named} on {sides} (p > .05)"
             if shared.p >= _DIFFER
-            else f"steps {', '.join(map(str, shared.steps))} differ by more than their errors; that"
-            f" {named} does so along a line with"
-            f" {', '.join(first) + ' or ' if first else ''}{last} is not seen (p > .05 among the"
-            f" {len(answers)} lines that are asked)"
+            else f"steps {', '.join(map(str, shared.steps))} differ by more than their errors, but"
+            f" without a significant dependence of {named} on {sides} (p > .05 after Bonferroni"
+            f" correction for {len(answers)} tests)"
         )
         for name in _QUANTITIES:
             if name not in asked:
                 count = len(_asked(steps, name))
-                lines[-1] += f"; {_QUANTITIES[name]} of {count} steps is determined: not asked"
+                lines[-1] += f"; {_QUANTITIES[name]} is determined in {count} steps: not tested"
     return lines
 
 
 def _of_velocity(steps: Sequence[StepFit], answers: Sequence[Dependence]) -> str:
-    """Whether A-B depends on velocity, or why that is not asked."""
+    """Return a line on the dependence of A-B on velocity, or why it is not tested."""
     numbers = [str(step.number) for step in _asked(steps, "A-B")]
     for answer in answers:
         if _is_of_velocity(answer):
@@ -326,10 +322,10 @@ def _of_velocity(steps: Sequence[StepFit], answers: Sequence[Dependence]) -> str
             which += " (none with a star)" if any(map(misses, steps)) else ""
             return f"A-B against velocity (geometric mean of a step), {which}: {answer.answered()}"
     known = len(numbers)
-    why = "the mean velocities of the steps are about one"
+    why = "the steps have about the same mean velocity"
     if known < _FEWEST:
-        why = f"A-B of {known} steps is determined by a fit without a star, {_FEWEST} are needed"
-    return f"A-B against velocity: not asked, {why}"
+        why = f"A-B is determined by fits without a star in {known} steps, {_FEWEST} are needed"
+    return f"A-B against velocity: not tested, {why}"
 
 
 def _is_of_velocity(answer: Dependence) -> bool:

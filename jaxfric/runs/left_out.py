@@ -1,4 +1,4 @@
-"""Holds of a run that are not fitted, and why."""
+"""Holds of a run that are not fitted, with the reasons."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -6,14 +6,13 @@ from typing import NamedTuple
 from .events import Event
 
 SAME = 1.2
-"""Velocities before and after a hold, and of holds that follow each other, are within this factor.
-"""
+"""Velocities before and after a hold, and of consecutive holds, are equal within this factor."""
 _FOLLOWS = {
     "stress": "the normal stress changes in it",
     "stick_slip": "stick-slip follows",
     "unload": "the load point moves back after it",
 }
-_BESIDE = "too few rows of sliding beside it, or a normal stress that changes there"
+_BESIDE = "too few rows of sliding before or after it, or the normal stress changes there"
 
 
 class LeftOut(NamedTuple):
@@ -24,13 +23,13 @@ class LeftOut(NamedTuple):
 
 
 def joints_of(events: Sequence[Event]) -> list[Event]:
-    """Events with which a stretch of one motion begins."""
+    """Return the events that begin a phase of motion."""
     return [e for e in events if e.before != e.after or e.kind in ("stress", "stick_slip")]
 
 
 def why_left_out(hold: Event, back: Event | None) -> str:
-    """Why a hold is not one between sliding at about one velocity, `back` being the next of the
-    joints; '' where it is."""
+    """Return the reason why a hold is not between sliding at about one velocity, or ''; `back` is
+    the next joint."""
     if not hold.before:
         return "the load point does not slide before it"
     if back is None:
@@ -44,7 +43,7 @@ def why_left_out(hold: Event, back: Event | None) -> str:
 
 
 def left_out(events: Sequence[Event], fitted: Sequence[float]) -> list[LeftOut]:
-    """The holds among events that are not those at the `fitted` times [s], with the reasons."""
+    """Return the holds other than those at the `fitted` times [s], with the reasons."""
     joints = joints_of(events)
     out = []
     for hold in events:

@@ -1,20 +1,20 @@
-"""The stiffness of machine and specimen, from ramps on which the slider sticks.
+"""The stiffness of machine and specimen, from ramps during which the slider sticks.
 
-Where the load point moves back, and where it moves on after a hold or after unloading, friction is
-so far below that of sliding that the slider does not slip: at a tenth below it, which is 5 A or
-more of most rocks, by less than a hundredth of the load point's velocity. Shear stress then changes
-by k for every metre of the load point: k = cov(time, stress)/cov(time, position), to which the
-noise of neither channel adds (Wald 1940, Ann. Math. Stat. 11, 284-300, on lines with errors in
-both). Without a normal stress it is K of friction.
+When the load point moves back, or moves on after a hold or after unloading, friction is so far
+below sliding friction that the slider does not slip. At 10 % below, which is 5 A or more for most
+rocks, it slips at less than 1 % of the load point's velocity. Shear stress then changes by k per
+metre of the load point: k = cov(time, stress)/cov(time, position). The noise of both channels does
+not bias this (Wald 1940, Ann. Math. Stat. 11, 284-300, on lines with errors in both). Without a
+normal stress the result is K of friction.
 
-A ramp counts whose parts (sixths, where it has the rows) have like slopes: two halves of an S have.
-Otherwise its first half is taken, and so on: unloading is softer where little load is left, and at
-the end of a reload the slider begins to slip. Where the second half is stiffer than the first, the
-first is a press that is not yet in touch, and no part is taken. What loads a press for the first
-time seats and crushes, and is no ramp, nor is a velocity that follows on another one forwards.
-Ramps need nothing that is fitted, so that `--stiffness ramps` and the report of a run name the
-same. The error of a ramp has what its blocks scatter by, and half of what its worst part is off by.
-A press may be stiffer for the small changes after a velocity step than it is along a ramp.
+A ramp is used if its parts (sixths, with enough rows) have similar slopes; two halves would also
+agree for an S-shaped ramp. Otherwise its first half is tested, and so on: unloading is softer at
+low load, and at the end of a reload the slider begins to slip. If the second half is stiffer than
+the first, the press was not yet in contact, and the ramp is not used. The first loading of a press
+is not used either, because it seats and crushes the specimen, nor is a velocity directly after
+another forward one. Ramps need no fit, so that `--stiffness ramps` and the report of a run give the
+same value. The error of a ramp includes the scatter of its blocks, and half the deviation of its
+worst part. A press may be stiffer for the small changes after a velocity step than along a ramp.
 """
 
 from collections.abc import Sequence
@@ -32,27 +32,28 @@ from .stress import is_constant
 from .table import Cell
 
 RAMPS = "ramps"
-"""The word for a stiffness that is to be taken from ramps."""
+"""Value of --stiffness that uses the stiffness of the ramps."""
 _BELOW, _LOW = 0.1, 0.1
-"""The slider sticks this share of friction below sliding. Below the other share parts of a press
-are not yet in touch."""
+"""The slider sticks if friction is below sliding by the share `_BELOW`. Below the share `_LOW` of
+sliding friction the press may not be in contact."""
 _FEWEST, _LEVEL, _BLOCKS, _PARTS = 16, 20, 8, 6
-"""Least number of rows, of a part too where a ramp has more than two; those before an event that
-say what sliding is; blocks of a ramp; most parts whose slopes are compared."""
+"""Least number of rows of a ramp, and of each of more than two parts; number of rows before an
+event that give the sliding level; blocks of a ramp; largest number of compared parts."""
 _ALIKE, _SURE, _HALVINGS = 0.1, 3.0, 4
-"""Parts of a ramp have its slope within this share, or within so many errors."""
+"""Slopes of parts agree with the ramp's within the share `_ALIKE`, or within `_SURE` errors; a ramp
+is halved at most `_HALVINGS` times."""
 _KNOWN = 0.2
-"""A slope whose error is above this share of it says nothing."""
+"""Largest relative error of a used slope."""
 _LEAST = 1e-3
-"""No slope is known better than to this share of it."""
+"""Least relative error of a slope in the weighted mean."""
 
 
 @dataclass(frozen=True)
 class Ramp:
     """A ramp from `start` to `stop` [s] that begins with an `unload` or a `reload` (`kind`).
 
-    `slope` and its standard `error`: k [Pa/m] of shear stress where `of_stress`, else K of friction
-    [friction/m]; None where there is none, and `why`.
+    `slope` and its standard `error`: k [Pa/m] of shear stress if `of_stress`, else K of friction
+    [friction/m]; None if it cannot be used, with the reason `why`.
     """
 
     kind: str
@@ -76,11 +77,11 @@ class RampStiffness:
     of_stress: bool
 
     def machine(self) -> MachineStiffness:
-        """As a stiffness that steps are fitted with."""
+        """Return it as a stiffness for the fits of steps."""
         return MachineStiffness(self.value, self.of_stress)
 
     def told(self) -> str:
-        """The stiffness in words."""
+        """Return a line on the stiffness."""
         scale, unit = (1e-12, "MPa/um") if self.of_stress else (1e-6, "1/um")
         number = measured(scale * self.value, scale * self.error)
         return f"stiffness from {self.count} ramp{'s' * (self.count > 1)}: {number} {unit}"
@@ -93,11 +94,11 @@ class _RampRows(NamedTuple):
 
 
 def find_ramps(record: Record, events: Sequence[Event]) -> tuple[Ramp, ...]:
-    """The ramps of a run whose record has no resets of its encoder.
+    """Find the ramps of a run; its record must have no encoder resets.
 
-    Whether `events` were found with a stiffness makes no difference: a velocity that follows on
-    another one, be it called a step or a reload, begins at the level of its own last rows, and so
-    begins no ramp.
+    The result does not depend on whether `events` were found with a stiffness. A velocity directly
+    after another one, called a step or a reload, starts at the level of the rows before it and
+    gives no ramp.
     """
     t = record.relative_time
     joints = [e for e in events if e.before != e.after or e.kind == "stress"]
@@ -119,16 +120,16 @@ def find_ramps(record: Record, events: Sequence[Event]) -> tuple[Ramp, ...]:
 
 
 def _end(joints: Sequence[Event], k: int, end: float) -> float:
-    """When the velocity or the stress changes next."""
+    """Return the time of the next change of velocity or stress."""
     return joints[k + 1].time if k + 1 < len(joints) else end
 
 
 def _ramp(record: Record, event: Event, rows: slice, level: float | None) -> Ramp | None:
-    """The ramp that begins with an event; None where the slider does not stick."""
+    """Return the ramp that begins with an event; None if the slider does not stick."""
     t, f = record.relative_time[rows], record.friction[rows]
     x, stress = record.load_point_displacement, record.normal_stress
     assert x is not None
-    if level is None:  # what loads a press for the first time seats and crushes
+    if level is None:  # the first loading of a press seats and crushes the specimen
         return None
     low, high = _LOW * abs(level), (1 - _BELOW) * abs(level)
     size = np.abs(f)
@@ -149,7 +150,7 @@ def _ramp(record: Record, event: Event, rows: slice, level: float | None) -> Ram
 
 
 def _first(there: np.ndarray) -> int:
-    """The first row where it is so; the number of rows where it never is."""
+    """Return the index of the first True, or the length if there is none."""
     return int(np.argmax(there)) if there.any() else len(there)
 
 
@@ -158,7 +159,7 @@ def _without(ramp: Ramp, why: str) -> Ramp:
 
 
 def _straight(ramp: Ramp, rows: _RampRows) -> Ramp:
-    """The slope of a ramp, or of its first part that is straight."""
+    """Return the slope of a ramp, or of its first part that is straight."""
     for _ in range(_HALVINGS + 1):
         half = len(rows.time) // 2
         slope, error = _slope(rows)
@@ -166,7 +167,7 @@ def _straight(ramp: Ramp, rows: _RampRows) -> Ramp:
         parts = zip(*(np.array_split(column, count) for column in rows), strict=True)
         slopes, errors = np.array([_slope(_RampRows(*part)) for part in parts]).T
         off = float(np.abs(slopes - slope).max())
-        unsure = float(np.sqrt(np.mean(errors**2)))  # each has few blocks to tell its own
+        unsure = float(np.sqrt(np.mean(errors**2)))  # pooled: each part has few blocks
         if off < max(_ALIKE * abs(slope), _SURE * unsure):
             error = float(np.hypot(error, max(off - unsure, 0.0) / 2))
             if not slope > 0 or error > _KNOWN * slope:
@@ -185,7 +186,7 @@ def _halves(half: int) -> tuple[slice, slice]:
 
 
 def _slope(rows: _RampRows) -> tuple[float, float]:
-    """cov(time, force)/cov(time, position), and its standard error from the scatter of blocks."""
+    """Return cov(time, force)/cov(time, position), and its error from the scatter of blocks."""
     t = rows.time - rows.time.mean()
     moves = float(t @ (rows.position - rows.position.mean()))
     slope = float(t @ (rows.force - rows.force.mean())) / moves
@@ -196,13 +197,13 @@ def _slope(rows: _RampRows) -> tuple[float, float]:
 
 
 def ramp_stiffness(ramps: Sequence[Ramp]) -> RampStiffness | None:
-    """The weighted mean of all ramps; its error counts the scatter among them (Birge 1932, Phys.
-    Rev. 40, 207-227). None without a ramp that has a slope."""
+    """Return the weighted mean of all ramps; its error includes their scatter (Birge 1932, Phys.
+    Rev. 40, 207-227). None if no ramp has a slope."""
     known = [(r.slope, r.error) for r in ramps if r.slope is not None and r.error is not None]
     if not known:
         return None
     k, errors = np.array(known).T
-    # blocks that scatter little by chance must not outweigh all others
+    # a ramp whose blocks scatter little by chance must not outweigh all others
     w = 1 / np.maximum(errors, _LEAST * k.mean()) ** 2
     mean = float(np.sum(w * k) / np.sum(w))
     birge = max(1.0, float(np.sum(w * (k - mean) ** 2)) / max(len(k) - 1, 1))
@@ -210,7 +211,7 @@ def ramp_stiffness(ramps: Sequence[Ramp]) -> RampStiffness | None:
 
 
 def stiffness_from_ramps(record: Record, events: Sequence[Event]) -> RampStiffness:
-    """That of `--stiffness ramps`. Raises `InputError` for a run without ramps."""
+    """Return the stiffness for `--stiffness ramps`. Raises `InputError` without a usable ramp."""
     ramps = find_ramps(record, events)
     found = ramp_stiffness(ramps)
     if found is None:
@@ -223,19 +224,19 @@ def stiffness_from_ramps(record: Record, events: Sequence[Event]) -> RampStiffne
 
 def _none(ramps: Sequence[Ramp]) -> str:
     if not ramps:
-        return "the load point moves back nowhere, and no reload begins far below sliding"
+        return "the load point never moves back, and no reload begins far below sliding friction"
     why = list(dict.fromkeys(ramp.why for ramp in ramps if ramp.why))
-    return f"none of {len(ramps)} ramps tells a stiffness ({'; '.join(why)})"
+    return f"none of {len(ramps)} ramps gives a stiffness ({'; '.join(why)})"
 
 
 def disagreement(
     found: RampStiffness | None, given: MachineStiffness | None, stresses: Sequence[float]
 ) -> str | None:
-    """A sentence where the stiffness that was given is not that of the ramps, else None.
+    """Return a sentence if the given stiffness is not that of the ramps, else None.
 
-    `stresses` are the normal stresses [Pa] of the steps. Where one stiffness is of stress and the
-    other of friction, the two are compared at each, and the sentence is of the one at which they
-    are furthest apart.
+    `stresses` are the normal stresses [Pa] of the steps. If one stiffness is of stress and the
+    other of friction, they are compared at each of these; the sentence is about the largest
+    difference.
     """
     if found is None or given is None:
         return None
@@ -248,14 +249,14 @@ def disagreement(
         return None
     return (
         f"--stiffness is {words} that of the ramps ({found.told()}){where}: A, B and L depend on"
-        " it; --stiffness ramps takes that of the ramps"
+        " it; to use that of the ramps: --stiffness ramps"
     )
 
 
 def _furthest(
     found: RampStiffness, given: MachineStiffness, stresses: Sequence[float]
 ) -> tuple[str, str] | None:
-    """The greatest departure over normal stresses, and at which; None where there is none."""
+    """Return the greatest departure over normal stresses, and at which; None if there is none."""
     apart = []
     for stress in stresses:
         own, value = found.machine().at(stress), given.at(stress)
@@ -269,7 +270,7 @@ def _furthest(
 
 
 def rows(ramps: Sequence[Ramp]) -> list[dict[str, Cell]]:
-    """A row for every ramp, units in the names; None: not known."""
+    """Return a row for every ramp, with units in the names; None: not known."""
     out: list[dict[str, Cell]] = []
     for number, ramp in enumerate(ramps, 1):
         scale, unit = (1e-12, "MPa/um") if ramp.of_stress else (1e-6, "1/um")
@@ -293,7 +294,7 @@ def _short(value: float | None, scale: float = 1.0) -> float | None:
 
 
 def told(ramps: Sequence[Ramp]) -> list[str]:
-    """A line on the stiffness of the ramps; none where there is no ramp."""
+    """Return a line on the stiffness of the ramps; none without ramps."""
     if not ramps:
         return []
     found = ramp_stiffness(ramps)

@@ -1,11 +1,11 @@
-"""A, B, L and K of a run that stick-slips, from the rises of its teeth (`rise_model`).
+"""A, B, L and K of a run with stick-slip, from the rises of its teeth (`rise_model`).
 
-Mean rises of all stretches are fitted at once, each with its own foot, by least squares. Weights
-are what the teeth of a stretch scatter by, in each part of the rise, and what the rows do not
-resolve. Errors are those of the whole scatter of the teeth, in which all parts of a rise go up and
-down together (sandwich: Huber 1967, Proc. 5th Berkeley Symp. 1, 221-233), widened where the law
-misses the means by more, and by Student's t for the number of teeth. The time of a slip is taken
-from the drops, or, where the rows do not resolve those, known to a factor of `_VAGUE`.
+Least squares fit the mean rises of all intervals together, each with its own foot. Weights are the
+scatter of an interval's teeth in each part of the rise, and the resolution of the rows. Errors use
+the full covariance of the teeth, in which all parts of a rise vary together (sandwich: Huber 1967,
+Proc. 5th Berkeley Symp. 1, 221-233). They are widened if the misfit of the means is larger, and by
+Student's t for the number of teeth. The duration of a slip is that of the drops or, if the rows do
+not resolve them, is known to a factor `_VAGUE`.
 """
 
 from collections.abc import Sequence
@@ -23,28 +23,28 @@ from .rise_model import NAMES, rises, split
 from .stick_slip import MIDDLE, Rises, straight
 
 _PERIOD, _VAGUE, _KNOWN = 0.02, 4.5, 1.2
-"""Period of a slip [s] where drops do not tell it, and the factors to which it is known then and
-where they do."""
+"""Period of oscillation [s] if the drops are not resolved, and the factors to which it is known
+then (`_VAGUE`) and for resolved drops (`_KNOWN`)."""
 _DIRECT, _SOFTNESS = (1.0, 2.5), (0.2, 0.6)
-"""Where the search begins: A/(B - A), and K L/(B - A)."""
+"""Starting values of A/(B - A) and of K L/(B - A)."""
 _LEAST_OVER, _LOST = 1e-3, 1e4
 _MOST, _XTOL = 80, 1e-8
 _BLOCK = 4
-"""Stretches are padded to a multiple of this number: few shapes are compiled."""
+"""Intervals are padded to a multiple of this number, so that few shapes are compiled."""
 _ROUNDING = 1e-6
-"""Error of a simulated rise, in drops."""
+"""Error of a simulated rise, over the drop."""
 _ALIKE = 0.25
-"""Teeth whose times scatter by less than this share of a row are of one length."""
+"""Teeth have one duration if it scatters by less than this share of a row."""
 _V0 = 1e-6
 
 
 @dataclass(frozen=True)
 class RiseFit:
-    """What the rises of a run tell under one law; K is that under the normal stress `stress` [Pa].
+    """Fit of the rises of a run under one law; K is that under the normal stress `stress` [Pa].
 
-    `values` and `errors` by name: f0 at 1 um/s, A, B, A-B, L [m], K [1/m] (of a force all but L in
-    N and N/m), softness K L/(B-A); `period` [s] with which the slider swings. `misfit`: rms of the
-    means less the law, over a drop; `chi2` with `freedom` degrees of it.
+    `values` and `errors` by name: f0 at 1 um/s, A, B, A-B, L [m], K [1/m] (for a force N and N/m,
+    except L), softness K L/(B-A). `period` [s] is that of free oscillation. `misfit`: rms residual
+    of the means, over a drop; `chi2` has `freedom` degrees of freedom.
     """
 
     law: str
@@ -57,12 +57,12 @@ class RiseFit:
     stress: float | None
     period: float
     fitted: tuple[np.ndarray, ...]
-    """Friction of the law in the parts of a rise, of every stretch."""
+    """Friction of the law in the parts of a rise, for every interval."""
 
 
 class _Means(NamedTuple):
-    """Mean rises: values (n, parts + 1) of friction and last of drop, their covariance, and what
-    `rise_model.rises` needs to know of each, (n, 5)."""
+    """Mean rises: values (n, parts + 1) of friction and in the last column the drop, their
+    covariance, and the input (n, 5) of `rise_model.rises`."""
 
     values: np.ndarray
     covariance: np.ndarray
@@ -72,7 +72,7 @@ class _Means(NamedTuple):
     width: float
     stress: float | None
     student: float
-    """Errors are widened by this, as so few teeth tell what they scatter by."""
+    """Factor on the errors, because few teeth determine their scatter poorly."""
 
     @property
     def size(self) -> np.ndarray:
@@ -81,7 +81,7 @@ class _Means(NamedTuple):
 
 
 def fit_rises(found: Sequence[Rises], law: str) -> RiseFit:
-    """The law's parameters by the rises of one or more stretches that have teeth."""
+    """Fit the law's parameters to the rises of one or more intervals of teeth."""
     means = _means(found)
     tried = [_descended(means, law, start) for start in _starts(means, law)]
     least = min(tried, key=lambda one: one[2])
@@ -98,7 +98,7 @@ def _means(found: Sequence[Rises]) -> _Means:
         slope, foot = straight(rise)
         drop = float(rise[-1] - foot)
         each = np.column_stack([one.means, drop * one.lasts / lasts])
-        # a tip and a foot lie somewhere between two rows, in teeth of one length at one place
+        # tip and foot lie anywhere between two rows; for teeth of one duration at the same place
         alike = np.std(one.lasts) < _ALIKE * one.row
         between = slope * one.row / lasts / np.sqrt(12 * (1 if alike else one.count))
         ones, along = np.ones(len(MIDDLE) + 1), np.append(MIDDLE, 0.0)
@@ -131,7 +131,7 @@ def _means(found: Sequence[Rises]) -> _Means:
 
 
 def _starts(means: _Means, law: str) -> list[np.ndarray]:
-    """Where the search begins: from tips and slopes, with some A and L."""
+    """Return starting points, from tips and slopes, with several A and L."""
     V, drop, lasts, stiffer, _ = means.stretches.T
     top = means.feet + drop
     K = float(np.median(drop / (V * lasts * stiffer)))
@@ -151,7 +151,7 @@ def _starts(means: _Means, law: str) -> list[np.ndarray]:
 def _descended(
     means: _Means, law: str, start: np.ndarray
 ) -> tuple[np.ndarray, bool, float, np.ndarray, np.ndarray]:
-    """The end of a descent: point, whether it converged, chi-square, Jacobian, and the rises."""
+    """Descend; return the end point, whether it converged, chi-square, Jacobian, and the rises."""
     n, width = means.values.shape
     padded = -(-n // _BLOCK) * _BLOCK
     rows = np.minimum(np.arange(padded), n - 1)

@@ -1,19 +1,19 @@
-"""How friction rises from the foot of a saw tooth to its tip, by rate-and-state friction.
+"""The rise of friction from the foot of a saw tooth to its tip, by rate-and-state friction.
 
-From the foot on the slider moves so slowly that its mass does not matter,
+After the foot the slider moves so slowly that inertia is negligible,
 
     f = f0 + A ln(v/V0) + theta,   df/dt = K (V - v),   with the slip or ageing law for theta,
 
-until v runs away within a finite time: that is when friction drops. It is highest where v passes V.
-What a slip leaves behind is forgotten but for theta, which at the foot is that of a velocity at
-which the slider was stopped:
+until v diverges in a finite time; then friction drops. Friction is highest where v passes V. The
+only memory of the last slip is theta. At the foot it is the steady state of the velocity at which
+the slider stopped:
 
     theta = theta_ss(v_s),   v_s = (2 pi/T_s) sqrt(L drop/K)
 
-T_s is the period with which mass and spring swing: a slip is half of such a swing, over which
-friction hardly changes, and v_s is its velocity at L before its end. Under the ageing law T_s
-matters little.
-Where mass counts while the slider creeps, T_s V of the order of L, none of this holds.
+T_s is the period of free oscillation of mass and spring. A slip is half of such an oscillation,
+during which friction hardly changes; v_s is its velocity at a distance L before its end. Under the
+ageing law T_s matters little. The model is invalid if inertia matters during creep, T_s V of the
+order of L.
 """
 
 import jax
@@ -33,14 +33,14 @@ NAMES = ("f0", "A", "B_minus_A", "softness", "stiffness", "period")
 """Parameters: f0 at V0, and the logarithms of A, B - A, K L/(B - A), K and T_s, SI."""
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 _STEPS, _LONGEST, _RTOL = 512, 3.0, 1e-6
-"""Most steps of a rise; its longest time, over the recorded one."""
+"""Largest number of solver steps of a rise; its longest time, over the recorded one."""
 _FAST, _AWAY = 30.0, 100.0
-"""Where the slider is so many times as fast as the load point it goes on by itself; the simulation
-ends where it is faster."""
+"""Above `_FAST` times the load-point velocity the slip is self-driven; the simulation ends at
+`_AWAY` times that velocity."""
 
 
 def split(p: Float[Array, " 6"]) -> tuple[Array, Array, Array, Array]:
-    """A, B, L [m] and K [1/m] of some parameters (`NAMES`)."""
+    """Return A, B, L [m] and K [1/m] from the parameters (`NAMES`)."""
     A, over, softness, K = jnp.exp(p[1]), jnp.exp(p[2]), jnp.exp(p[3]), jnp.exp(p[4])
     return A, A + over, softness * over / K, K
 
@@ -52,11 +52,11 @@ def _rise(
     law: str,
     V0: Float[Array, ""],
 ) -> tuple[Float[Array, " parts"], Array]:
-    """Friction in the parts of a rise, and last the drop times its time over the recorded one;
-    whether it ends in a slip.
+    """Return friction in the parts of a rise, then drop times simulated over recorded duration; and
+    whether the rise ends in a slip.
 
-    `stretch`: velocity of the load point [m/s], drop, time of the rise [s], K over that of p, and
-    the time between rows over that of the rise.
+    `stretch`: velocity of the load point [m/s], drop, duration of the rise [s], K over that of p,
+    and the time between rows over that duration.
     """
     V, drop, lasts, stiffer, row = stretch
     A, B, L, K = split(p)
@@ -65,7 +65,7 @@ def _rise(
     friction = rate_state(law, numbers, 1, direct=LogarithmicEffect())
     rig = Rig(QuasiStatic(K, jnp.zeros(())), friction)
     stopped = 2 * jnp.pi * jnp.exp(-p[5]) * jnp.sqrt(L * drop / K)
-    # the slider is no faster than the load point at the foot
+    # at the foot the slider is not faster than the load point
     theta = jnp.maximum(friction.steady_state(stopped), foot - p[0] - A * jnp.log(V / V0))
     begin = InitialState(elongation=(foot - p[0] - (A - B) * jnp.log(V / V0)) / K, state=theta)
     motion = PiecewiseVelocity(jnp.zeros(1), V[None])
@@ -87,7 +87,7 @@ def _rise(
     share = (jnp.log(_FAST * V) - u0) / way
     first, second = clock(last), clock(last + 1)
     end = _hermite(t[last], t[last + 1], first * way, second * way, share)
-    # d ln v/dt grows like v, so that v is infinite after dt/d ln v
+    # d ln v/dt grows like v, so that v diverges after dt/d ln v
     end = end + first ** (1 - share) * second**share
 
     def at(x: Array) -> Array:
@@ -105,7 +105,7 @@ def _rise(
 
 
 def _hermite(y0: Array, y1: Array, slope0: Array, slope1: Array, s: Array) -> Array:
-    """The cubic with these values and slopes at s = 0 and 1."""
+    """Evaluate the cubic with these values and slopes at s = 0 and 1."""
     change = y1 - y0
     second, third = 3 * change - 2 * slope0 - slope1, slope0 + slope1 - 2 * change
     return y0 + s * (slope0 + s * (second + s * third))
@@ -119,8 +119,8 @@ def rises(
     law: str,
     V0: Float[Array, ""],
 ) -> tuple[Array, Array, Array, Array]:
-    """What `_rise` gives of n stretches, (n, parts) and (n,); its derivatives by p, (n, parts, 6),
-    and by the foot of each, (n, parts)."""
+    """Return `_rise` of n intervals, (n, parts) and (n,), its derivatives by p, (n, parts, 6), and
+    by the foot of each, (n, parts)."""
 
     def one(p: Array, foot: Array, stretch: Array) -> tuple[Array, tuple[Array, Array]]:
         found, slips = _rise(p, foot, stretch, law, V0)

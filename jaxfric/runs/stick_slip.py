@@ -1,10 +1,10 @@
-"""Stretches of stick-slip, tooth by tooth: how friction rises, how far it drops, how often.
+"""Intervals of stick-slip, tooth by tooth: the rise of friction, its drop, and the period.
 
-While a slider sticks its spring is loaded at K V, and near the peak it begins to creep: how
-friction rises from the foot of a tooth to its tip, at one velocity and at others, tells K, A, B
-and L (`rise_model`). Of every tooth the rise is cut into parts by time, over each of which friction
-is averaged: what a recorder of any rate shows, and no extreme of its noise. A drop is that from
-the highest row to the lowest.
+During stick the spring is loaded at the rate K V, and near the peak the slider begins to creep. The
+rises of friction from foot to tip, at several velocities, determine K, A, B and L (`rise_model`).
+Every rise is divided into parts of time, and friction is averaged over each part. These means do
+not depend on the sampling rate, unlike extremes of noise. A drop is the difference between the
+highest and the lowest row.
 """
 
 from collections.abc import Sequence
@@ -19,40 +19,41 @@ from ..records.teeth import find_teeth, turns_from_foot
 from .events import Event
 
 EDGES = np.array([0.04, 0.12, 0.22, 0.32, 0.42, 0.52, 0.62, 0.72, 0.80, 0.87, 0.93, 0.97, 1.0])
-"""Parts of a rise, by time: its begin, where a machine still swings, is left out, and the parts
-near the tip, where the slider creeps, are short."""
+"""Parts of a rise, over its duration. The beginning, where the machine still oscillates, is left
+out; the parts near the tip, where the slider creeps, are short."""
 BEGIN, END = 0.5, 1.5
-"""A rise begins so many rows before its first one on average, and what is nearer to its end, which
-may be anywhere in a row, is left out."""
+"""On average a rise begins `BEGIN` rows before its first row. The last `END` rows are left out,
+because the end lies anywhere between two rows."""
 MIDDLE = 0.5 * (EDGES[1:] + EDGES[:-1])
 """Middles of the parts."""
 _STRAIGHT = 6
-"""First parts of a rise that are nearly straight."""
+"""Number of first parts of a rise that are nearly straight."""
 _TURN, _FIRST = 0.4, 2
-"""A turn is this share of the usual drop; so many teeth are passed over as those that begin."""
+"""Least size of a turn over the usual drop; number of first teeth that are not used."""
 _FEWEST, _ROWS = 4, 8
 """Least number of teeth, and of rows in a rise."""
 _ALIKE = 2.0
-"""Teeth whose drop, height or time is off by this factor from the usual are passed over."""
+"""Teeth whose drop, height or duration deviates from the median by this factor are excluded."""
 _HIGH, _LOW, _COSINE = 0.9, 0.1, 0.5903
-"""Levels of a drop between which its time is taken; that share of half a period of a swing."""
+"""Levels of a drop between which its duration is measured; this duration over half a period of an
+oscillation."""
 _NEAR = 0.2
-"""A rise begins and ends where friction is so near, in drops, to a foot and to a tip: extremes of
-noise are rows away from the drop, and before a slip friction falls for a while."""
+"""A rise begins and ends within this distance, in drops, of foot and tip: extremes of noise lie
+some rows away from the drop, and friction falls for a while before a slip."""
 _NARROW = 1e-6
-"""A part narrower than this share of the rise has one value."""
+"""A part narrower than this share of the rise has a single value."""
 _RESOLVED = 3.0
-"""Rows in the time of a drop from which it is known."""
+"""Least number of rows in a drop whose duration is resolved."""
 
 
 @dataclass(frozen=True, eq=False)
 class Rises:
-    """The teeth of a stretch from `start` to `stop` [s] at the load point's `velocity` [m/s].
+    """The teeth of an interval from `start` to `stop` [s] at the load point's `velocity` [m/s].
 
-    `means` (teeth, parts): friction in the parts of a rise (`EDGES`); `lasts` (teeth,): its time
-    [s]; `drops`, `periods` (teeth,): drop of friction, time between drops [s]; `row` the time
-    between rows [s]; `fall` the time [s] of a drop on a straight line. `why` says why there is none
-    of this.
+    `means` (teeth, parts): friction in the parts of a rise (`EDGES`); `lasts` (teeth,): its
+    duration [s]; `drops`, `periods` (teeth,): drop of friction, time between drops [s]; `row` the
+    time between rows [s]; `fall` the duration [s] of a linear drop. `why` is the reason if the
+    interval cannot be used.
     """
 
     start: float
@@ -74,36 +75,36 @@ class Rises:
 
     @property
     def loading(self) -> np.ndarray:
-        """How fast friction rises while the slider sticks, by load-point motion [1/m] (teeth,)."""
+        """Slope of friction over load-point motion during stick [1/m] (teeth,)."""
         return straight(self.means.T)[0] / (self.lasts * self.velocity)
 
     @property
     def resolved(self) -> bool:
-        """Whether the rows tell how long a drop takes."""
+        """Whether the rows resolve the duration of a drop."""
         return (_HIGH - _LOW) * self.fall > _RESOLVED * self.row
 
     @property
     def swing(self) -> float:
-        """Period of the slip [s], not above what the rows resolve where not `resolved`."""
+        """Period of oscillation [s] from the slip; if not `resolved`, at most what rows resolve."""
         return 2 * max((_HIGH - _LOW) * self.fall, self.row) / _COSINE
 
     @property
     def averaged(self) -> float:
-        """By how much more friction drops if the rows are running means over the time of a drop:
-        they take half of what friction rises in it from the tip, and half from the foot."""
+        """Amount by which rows reduce a drop if they are running means over its duration: half of
+        the rise during this time at the tip, and half at the foot."""
         return float(self.loading.mean()) * self.velocity * self.fall if self.resolved else 0.0
 
 
 def straight(rises: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Slope, by the time of a rise, and foot of the line through the first parts (parts,) of a
+    """Return slope over the duration and foot of the line through the first parts (parts,) of a
     rise, or of several (parts, n)."""
     slope, foot = np.polyfit(MIDDLE[:_STRAIGHT], rises[:_STRAIGHT], 1)
     return slope, foot
 
 
 class _Tooth(NamedTuple):
-    """Rows of a tooth: the highest and the lowest of the drop before it, and the begin and the end
-    of its rise; `before` is the end of the rise before it."""
+    """Rows of a tooth: the highest and the lowest of the drop before it, and the start and the end
+    of its rise; `before` is the end of the previous rise."""
 
     high: int
     low: int
@@ -113,12 +114,12 @@ class _Tooth(NamedTuple):
 
 
 def find_rises(record: Record, events: Sequence[Event]) -> tuple[Rises, ...]:
-    """The teeth of every stretch of stick-slip at one velocity."""
+    """Return the teeth of every interval of stick-slip at one velocity."""
     return tuple(_rises(record, event) for event in events if is_stretch(event))
 
 
 def is_stretch(event: Event) -> bool:
-    """Whether an event is a stretch of teeth at one velocity."""
+    """Whether an event is an interval of teeth at one velocity."""
     return event.kind == "stick_slip" and event.before == event.after and event.stop > event.time
 
 
@@ -168,7 +169,7 @@ def _rises(record: Record, event: Event) -> Rises:
 
 
 def _teeth(time: np.ndarray, friction: np.ndarray) -> list[_Tooth]:
-    """The teeth after the first ones."""
+    """Return the teeth without the first ones."""
     stretches = find_teeth(time, friction)
     if not stretches:
         return []
@@ -182,7 +183,7 @@ def _teeth(time: np.ndarray, friction: np.ndarray) -> list[_Tooth]:
 
 
 def _edges(friction: np.ndarray, tip: int, foot: int) -> tuple[int, int]:
-    """The last row of a tip and the first one of the foot after it."""
+    """Return the last row near a tip, and the first row near the foot after it."""
     f = friction[tip : foot + 1]
     near = _NEAR * (f[0] - f[-1])
     half = int(np.flatnonzero(f > 0.5 * (f[0] + f[-1]))[-1])
@@ -197,9 +198,9 @@ def _usual(values: np.ndarray) -> np.ndarray:
 
 
 def _means(time: np.ndarray, friction: np.ndarray, tooth: _Tooth) -> tuple[np.ndarray, float]:
-    """Friction in the parts of a rise, and the time that it lasts [s].
+    """Return friction in the parts of a rise, and its duration [s].
 
-    It begins and ends half-way between two rows.
+    The rise begins and ends half-way between two rows.
     """
     foot, tip = tooth.foot, tooth.tip
     begin, end = (float(0.5 * (time[k] + time[k + 1])) for k in (foot - 1, tip))
@@ -218,7 +219,7 @@ def _means(time: np.ndarray, friction: np.ndarray, tooth: _Tooth) -> tuple[np.nd
 
 
 def _fall(time: np.ndarray, friction: np.ndarray, tooth: _Tooth) -> float:
-    """Time [s] in which friction falls between two levels of a drop."""
+    """Return the time [s] in which friction falls between two levels of a drop."""
     rows = slice(tooth.high, tooth.low + 1)
     t, f = time[rows], friction[rows]
     levels = f[-1] + np.array([_LOW, _HIGH]) * (f[0] - f[-1])

@@ -1,6 +1,6 @@
 """The stiffness of a machine, at any normal stress.
 
-A press is as stiff as it is, k [Pa/m] of shear stress; in friction that is K = k/normal stress. A
+A press has one stiffness k [Pa/m] of shear stress. In friction it is K = k/normal stress, so that a
 run at several normal stresses has one k and several K.
 """
 
@@ -12,14 +12,14 @@ from ..errors import InputError
 from ..units import has_dimension, parse_quantity
 
 _ALIKE = 1.02
-"""Normal stresses within this factor are taken as one."""
+"""Normal stresses are equal within this factor."""
 _OFF, _FAR = 0.1, 3.0
-"""A stiffness disagrees by more than this share and so many standard errors."""
+"""Stiffnesses disagree if they differ by more than `_OFF` and by more than `_FAR` errors."""
 
 
 def departure(given: float, found: float, error: float) -> str | None:
-    """How far a stiffness that was given is from one that was found with a standard error, as in
-    "31 % above"; None where the two agree."""
+    """Return the deviation of a given stiffness from a measured one with a standard error, as in
+    "31 % above"; None if they agree."""
     if abs(given - found) <= max(_OFF * found, _FAR * error):
         return None
     share = 100 * (given / found - 1)
@@ -35,9 +35,9 @@ class MachineStiffness:
 
     @classmethod
     def parse(cls, text: str | float, friction_unit: str) -> "MachineStiffness":
-        """From text with a unit: "1.6e-3/um", "2e6 N/m" for a force, or "0.16 MPa/um".
+        """Parse text with a unit: "1.6e-3/um", "2e6 N/m" for a force, or "0.16 MPa/um".
 
-        Raises `InputError` for another unit, and what is not positive.
+        Raises `InputError` for another unit, and for a value that is not positive.
         """
         if isinstance(text, str) and has_dimension(text, "Pa/m"):
             found = cls(parse_quantity(text, "Pa/m", "--stiffness"), True)
@@ -50,9 +50,9 @@ class MachineStiffness:
         return found
 
     def at(self, normal_stress: float | None) -> float:
-        """The stiffness [friction/m] under a normal stress [Pa].
+        """Return the stiffness [friction/m] under a normal stress [Pa].
 
-        Raises `InputError` where that is not known, or not positive, and needed.
+        Raises `InputError` if the normal stress is needed, but not known or not positive.
         """
         if not self.of_stress:
             return self.value
@@ -64,13 +64,13 @@ class MachineStiffness:
         return self.value / normal_stress
 
     def doubt(self, stresses: list[float]) -> str | None:
-        """A sentence where one stiffness in friction was taken at several normal stresses [Pa]."""
+        """Return a warning if one stiffness in friction is used at several normal stresses [Pa]."""
         if self.of_stress or not stresses or max(stresses) < _ALIKE * min(stresses):
             return None
         low, high = min(stresses) / 1e6, max(stresses) / 1e6
         per = self.value * 1e-6
         return (
-            f"a stiffness of {per:.4g}/um was taken at normal stresses from {low:.4g} to"
-            f" {high:.4g} MPa, but a press has one stiffness of stress: if this one holds at"
-            f" {high:.4g} MPa that is {per * high:.4g} MPa/um, which --stiffness takes as well"
+            f"a stiffness of {per:.4g}/um was used at normal stresses from {low:.4g} to"
+            f" {high:.4g} MPa, but a press has one stiffness of shear stress. If {per:.4g}/um holds"
+            f" at {high:.4g} MPa, give --stiffness as {per * high:.4g} MPa/um"
         )

@@ -1,9 +1,9 @@
-"""Changes of the normal stress in a run: when each begins and ends, and from what to what.
+"""Changes of the normal stress in a run: start, end, and the levels before and after.
 
-The recorded stress, less lone rows, becomes a polyline that stays within a tolerance of it (Ramer,
+The recorded stress, without isolated rows, is approximated by a polyline within a tolerance (Ramer,
 1972, Comput. Graph. Image Process. 1, 244-256; Douglas & Peucker, 1973, Cartographica 10, 112-122).
-Its legs that are steeper than any drift of a servo are changes; neighbouring ones are one change,
-and so are the strokes of one move of the press, with what it overshoots.
+Segments steeper than a servo's drift are changes. Adjacent segments form one change; so do the
+strokes of one move of the press, including its overshoot.
 """
 
 from typing import NamedTuple
@@ -13,18 +13,18 @@ import numpy as np
 from ..records.differences import noise_from_differences
 
 _LEAST = 0.01
-"""A change of the normal stress by this share of the larger one counts."""
+"""Least change of the normal stress, over the larger of the two."""
 _WITHIN, _NOISES = 0.003, 6.0
-"""Tolerance of the polyline: this share of a large stress, or so many noises."""
+"""Tolerance of the polyline: `_WITHIN` of a large stress, or `_NOISES` noise levels."""
 _STEEP = 0.01 / 60
-"""A leg is no drift if it changes a large stress by this share of it in a second."""
+"""Largest drift per second, over a large stress; steeper segments are changes."""
 _SETTLES = 0.1
-"""What follows a change soon, by less than this share of it, belongs to it."""
+"""A later change below this share, soon after a change, belongs to it."""
 _CONSTANT = 0.01
-"""A normal stress that changes by no more than this share of it is constant."""
+"""Largest relative change of a constant normal stress."""
 _AROUND, _TIMES, _WIDEST, _KEPT = 50, 10, 2000, 0.5
-"""A change is there to stay: medians of so many rows, or so many times those of the change, before
-and after it differ by this share of the least change."""
+"""A change is permanent if medians before and after it differ by `_KEPT` of the least change. They
+are over `_AROUND` rows or `_TIMES` the rows of the change, at most `_WIDEST`."""
 
 
 class StressChange(NamedTuple):
@@ -37,8 +37,8 @@ class StressChange(NamedTuple):
 
 
 def find_stress_changes(time: np.ndarray, stress: np.ndarray | None) -> list[StressChange]:
-    """Changes by 1 % or more, faster than 1 % in a minute, over `time` from 0 [s]."""
-    from scipy.ndimage import median_filter  # only here: a fit needs no run
+    """Return changes of 1 % or more, faster than 1 % a minute; `time` [s] starts at 0."""
+    from scipy.ndimage import median_filter  # imported late: fits do not need it
 
     if stress is None or np.ptp(stress) == 0:
         return []
@@ -67,15 +67,14 @@ def find_stress_changes(time: np.ndarray, stress: np.ndarray | None) -> list[Str
 
 
 def _stays(stress: np.ndarray, first: int, last: int, least: float) -> bool:
-    """Whether what is before the rows of a change differs from what is after them: a servo that
-    rings comes back."""
+    """Whether the levels before and after a change differ; a ringing servo returns to its level."""
     wide = min(max(_AROUND, _TIMES * (last - first)), _WIDEST)
     before, after = stress[max(first - wide, 0) : first + 1], stress[last : last + wide + 1]
     return bool(abs(np.median(after) - np.median(before)) > _KEPT * least)
 
 
 def _joined(changes: list[StressChange]) -> list[StressChange]:
-    """Changes that one move of the press makes are one (`_goes_on`)."""
+    """Merge the changes of one move of the press (`_goes_on`)."""
     out = changes[:1]
     for change in changes[1:]:
         if _goes_on(out[-1], change):
@@ -86,9 +85,10 @@ def _joined(changes: list[StressChange]) -> list[StressChange]:
 
 
 def _goes_on(first: StressChange, then: StressChange) -> bool:
-    """Whether two changes are of one move: one way, with a rest that is shorter than the geometric
-    mean of the times that they take (a valve is turned by hand in strokes, long and short); or the
-    first overshoots or creeps home, with a rest that is shorter than it took."""
+    """Whether two changes belong to one move of the press. Either both have the same direction, and
+    the pause between them is shorter than the geometric mean of their durations (a valve turned by
+    hand in strokes). Or the second is small, an overshoot or creep, and the pause is shorter than
+    the first change."""
     rest = then.start - first.stop
     sizes = (first.after - first.before, then.after - then.before)
     lasts = (first.stop - first.start, then.stop - then.start)
@@ -98,7 +98,7 @@ def _goes_on(first: StressChange, then: StressChange) -> bool:
 
 
 def polyline(x: np.ndarray, y: np.ndarray, tolerance: float) -> np.ndarray:
-    """Rows, the first and last among them, whose chords stay within `tolerance` of y(x)."""
+    """Return rows, with the first and last, whose chords stay within `tolerance` of y(x)."""
     kept = np.zeros(len(x), bool)
     kept[[0, -1]] = True
     parts = [(0, len(x) - 1)]
@@ -116,7 +116,7 @@ def polyline(x: np.ndarray, y: np.ndarray, tolerance: float) -> np.ndarray:
 
 
 def is_constant(stress: np.ndarray | None, parts: int) -> bool:
-    """Whether the medians of so many parts of a normal stress are within 1 %; None: it is."""
+    """Whether the medians of `parts` parts of a normal stress agree within 1 %; True for None."""
     if stress is None:
         return True
     levels = [float(np.median(part)) for part in np.array_split(stress, parts)]

@@ -1,7 +1,7 @@
 """The fit of one step of the normal stress: priors, rows, and least squares in units of the noise.
 
-Minimised is |W r(z)|^2 + (z - z_0)^T P (z - z_0): W whitens by the noise that a first fit leaves, P
-is the inverse covariance of what is known of A, B, L, K and the ramp. Errors are those of
+The fit minimises |W r(z)|^2 + (z - z_0)^T P (z - z_0). W whitens by the noise in the residual of a
+first fit. P is the inverse prior covariance of A, B, L, K and the ramp. Errors are those of
 (J^T W^T W J + P)^-1.
 """
 
@@ -28,22 +28,22 @@ from .stress_problem import (
 )
 
 _NEIGHBOURS = 4
-"""Velocity steps, nearest in time, that A, B and L are known from."""
+"""Number of velocity steps, nearest in time, that give the prior of A, B and L."""
 _STIFF, _SOFT = 0.1, 0.5
-"""Prior error of ln K where it is given, and where every step found its own."""
+"""Prior error of ln K if it is given, and if every step fitted its own."""
 _FRICTION, _ALPHA, _TREND = 0.01, 0.1, 10.0
-"""What one of an unbounded B or f0, alpha, and trend [1/m] is."""
+"""Units of B and f0, of alpha, and of the trend [1/m] in the unbounded vector."""
 _ALPHAS = (0.0, 0.1, 0.2, 0.3, 0.45)
-"""Where the search may begin."""
+"""Starting values of alpha."""
 _RAMP = ("late", "longer")
 _FIXED = 1e-6
-"""Prior error of what is not fitted."""
+"""Prior error of parameters that are not fitted."""
 _ODD = 16.27
-"""Chi-square of three degrees of freedom that is exceeded once in a thousand."""
+"""99.9 % quantile of chi-square with three degrees of freedom."""
 
 
 class Prior(NamedTuple):
-    """What is known of ln A, B and ln L: mean, covariance, and the numbers of the steps."""
+    """Prior of ln A, B and ln L: mean, covariance, and the numbers of the steps that give it."""
 
     mean: np.ndarray
     covariance: np.ndarray
@@ -51,9 +51,9 @@ class Prior(NamedTuple):
 
 
 class StressFit(NamedTuple):
-    """Parameters (SI) by name and their standard errors, whether the search ended, the factor by
-    which the errors of the prior were widened, the rms of the residual and the noise of
-    neighbours, and the friction that is predicted, with alpha and without."""
+    """Parameters (SI) by name with standard errors, whether the search converged, the factor that
+    widened the prior's errors, rms of the residual, noise of neighbours, and predicted friction
+    with and without alpha."""
 
     values: dict[str, float]
     errors: dict[str, float]
@@ -66,11 +66,11 @@ class StressFit(NamedTuple):
 
 
 def prior_of(steps: Sequence[StepFit], time: float) -> Prior | None:
-    """What the velocity steps nearest to a time [s] say of A, B and L; None where none is known.
+    """Return the prior of A, B and L from the velocity steps nearest to a time [s], or None.
 
-    Their weighted mean. Where they scatter by more than their errors, by a chi-square of c by
-    degree of freedom, the covariance is that of one step among them: c times n times the mean's
-    (Birge 1932, Phys. Rev. 40, 207-227).
+    It is their weighted mean. If they scatter by more than their errors, with a reduced chi-square
+    c above 1, the covariance is that of a single step: c n times that of the mean (Birge 1932,
+    Phys. Rev. 40, 207-227).
     """
     known = [s for s in steps if is_known(s) and s.fit and len(names_of(s.fit)) == len("ABL")]
     near = sorted(known, key=lambda s: abs(s.event.time - time))[:_NEIGHBOURS]
@@ -92,7 +92,7 @@ def prior_of(steps: Sequence[StepFit], time: float) -> Prior | None:
 
 
 def stiffness_of(steps: Sequence[StepFit], stress: float) -> float | None:
-    """K [1/m] under a normal stress [Pa] by the median of what velocity steps found; None: none."""
+    """Return the median K [1/m] of the velocity steps, at a normal stress [Pa], or None."""
     found = [
         s.fit.parameters["K"].value * (s.event.normal_stress or stress) / stress
         for s in steps
@@ -111,7 +111,7 @@ def fit_stress(
     stiffness_given: bool,
     slip_trend: bool,
 ) -> StressFit:
-    """Fit alpha, f0, A, B, L, K and how late the stress is; see this file."""
+    """Fit alpha, f0, A, B, L, K and the delay of the stress, as this module describes."""
     noise = noise_from_differences(rows.friction[rows.weight > 0])
     sizes = dict.fromkeys(NAMES, 1.0)
     sizes |= {"f0": _FRICTION, "B": _FRICTION, "alpha": _ALPHA, "slip_trend": _TREND}
@@ -149,7 +149,7 @@ def fit_stress(
 
 
 def _begin(problem: StressStep, z: np.ndarray) -> np.ndarray:
-    """The start with the alpha, of some, that fits best."""
+    """Return the start with the best of several alpha."""
     starts = np.tile(z, (len(_ALPHAS), 1))
     starts[:, NAMES.index("alpha")] = np.array(_ALPHAS) / _ALPHA
     misfits = [float(np.sum(_off_and_slopes(problem, x)[0] ** 2)) for x in starts]
@@ -157,7 +157,7 @@ def _begin(problem: StressStep, z: np.ndarray) -> np.ndarray:
 
 
 def _off_and_slopes(problem: StressStep, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Residual (n,) and its Jacobian (n, p)."""
+    """Return the residual (n,) and its Jacobian (n, p)."""
     off, slopes = residual_and_slopes(problem, jax.device_put(z))
     return np.asarray(off), np.asarray(slopes)
 
@@ -165,8 +165,8 @@ def _off_and_slopes(problem: StressStep, z: np.ndarray) -> tuple[np.ndarray, np.
 def _solved(
     problem: StressStep, z: np.ndarray, center: np.ndarray, weight: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, bool]:
-    """The parameters, their covariance, and whether the search converged: with white noise, then
-    with that which this leaves."""
+    """Fit with white noise, then with the noise of its residual; return parameters, covariance, and
+    whether the search converged."""
     z, spread, _ = _least(problem, z, center, weight, None)
     plain, slopes = _off_and_slopes(problem, z)
     if np.abs(plain).max() >= FAILED_MISFIT:
@@ -185,7 +185,7 @@ def _least(
     weight: np.ndarray,
     noise: Noise | None,
 ) -> tuple[np.ndarray, np.ndarray, bool]:
-    """The same under one noise; None: white."""
+    """Fit with one noise model; None: white."""
     values, vectors = np.linalg.eigh(weight)
     root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
 

@@ -1,13 +1,13 @@
 """The least-squares problem of one step of the normal stress while the load point moves steadily.
 
-A slider without mass on a spring, that slides steadily at V under a normal stress sigma_1; then the
-stress goes to sigma_2 on a broken line. With n = sigma/sigma_1 and friction f = tau/sigma
+A slider without mass on a spring slides steadily at V under a normal stress sigma_1. Then the
+stress changes to sigma_2, piecewise linearly. With n = sigma/sigma_1 and friction f = tau/sigma
 
     n f = f_1 + K (V t - x),    f = f0 + A ln(dx/dt/V) + theta (+ s x),
     dtheta/dt = g(theta, dx/dt) - alpha n'/n,
 
-g by the slip or the ageing law. K [1/m] is that under sigma_1; under another normal stress it is
-K sigma_1/sigma, which the balance of n f says. V is the reference velocity: theta begins at 0.
+with g of the slip or the ageing law. K [1/m] is that under sigma_1; the balance of n f implies
+K sigma_1/sigma at other normal stresses. V is the reference velocity, so that theta starts at 0.
 
 Source: Linker & Dieterich 1992, J. Geophys. Res. 97, 4923-4940, whose Theta is theta here.
 """
@@ -30,18 +30,19 @@ from ..simulation import RESULTS, simulate
 from ..traced import traced
 
 NAMES = ("f0", "A", "B", "L", "K", "alpha", "slip_trend", "late", "longer")
-"""Parameters in the order of the unbounded vector; `slip_trend` [1/m] is the trend s. The stress
-begins to change `late` [s] later than its corners say, and takes exp(`longer`) times as long."""
+"""Parameters in the order of the unbounded vector; `slip_trend` [1/m] is the trend s. The change of
+stress begins `late` [s] after its first corner, and takes exp(`longer`) times as long."""
 LOGARITHMS = ("A", "L", "K")
 CORNERS = 32
-"""Corners of the stress, at most; fewer are padded, so that one shape is compiled."""
+"""Largest number of corners of the stress; fewer are padded, so that one shape is compiled."""
 
 
 class StressRows(NamedTuple):
-    """Rows about a change of the normal stress, time from 0 [s]; those without weight do not count.
+    """Rows around a change of the normal stress, time from 0 [s]; rows of weight 0 are not used.
 
-    The stress is constant before the first corner [s] and after the last; `ratios` are that at the
-    corners, at most `CORNERS`, over that before. `unsure` is the covariance of `late` and `longer`.
+    The stress is constant before the first corner [s] and after the last. `ratios` are stresses at
+    the corners (at most `CORNERS`) over the initial one. `unsure` is the covariance of `late` and
+    `longer`.
     """
 
     time: np.ndarray
@@ -53,7 +54,7 @@ class StressRows(NamedTuple):
 
 
 class StressStep(eqx.Module):
-    """The rows about a step of the normal stress, and the stress; SI, time from 0."""
+    """The rows around a step of the normal stress, and the stress; SI, time from 0."""
 
     time: Float[Array, " n"]
     friction: Float[Array, " n"]
@@ -63,21 +64,21 @@ class StressStep(eqx.Module):
     """Times of the corners of the stress [s]; it is constant before the first and after the
     last."""
     ratios: Float[Array, " m"]
-    """Normal stress at the corners over that before."""
+    """Normal stress at the corners over the initial one."""
     velocity: Float[Array, ""]
     noise: Float[Array, ""]
-    """Size of the noise, in which residuals are."""
+    """Noise level, the unit of residuals."""
     sizes: Float[Array, " p"]
-    """What one of an unbounded parameter is; those of logarithms are 1."""
+    """Units of the unbounded parameters; 1 for logarithms."""
     law: str = eqx.field(static=True)
 
     def natural(self, z: Float[Array, " p"]) -> dict[str, Array]:
-        """Parameters by name, SI, of the unbounded vector."""
+        """Return the parameters (SI) by name from the unbounded vector."""
         pairs = zip(NAMES, z * self.sizes, strict=True)
         return {name: jnp.exp(v) if name in LOGARITHMS else v for name, v in pairs}
 
     def predict(self, z: Float[Array, " p"]) -> tuple[Float[Array, " n"], Bool[Array, ""]]:
-        """Friction at all rows, and whether that succeeded."""
+        """Return friction at all rows, and whether the simulation succeeded."""
         p = self.natural(z)
         model = Model(self.law, 1, False, True)
         values = [p[name] for name in ("f0", "A", "B", "L", "slip_trend")]
@@ -94,7 +95,7 @@ class StressStep(eqx.Module):
         return out.recorded, out.result == RESULTS.successful
 
     def residual(self, z: Float[Array, " p"]) -> Float[Array, " n"]:
-        """(predicted - recorded)/noise; 0 without weight, `FAILED_MISFIT` where it fails."""
+        """Return (predicted - recorded)/noise, 0 without weight; `FAILED_MISFIT` if it fails."""
         seen, succeeded = self.predict(z)
         off = (seen - self.friction) / self.noise
         return jnp.where(succeeded & jnp.isfinite(off), off, FAILED_MISFIT) * self.weight
@@ -118,7 +119,7 @@ class StressStep(eqx.Module):
 def residual_and_slopes(
     problem: StressStep, z: Float[Array, " p"]
 ) -> tuple[Float[Array, " n"], Float[Array, "n p"]]:
-    """Residual and its Jacobian, in one solve that carries all tangents."""
+    """Return the residual and its Jacobian from one solve with all tangents."""
 
     def push(tangent: Array) -> tuple[Array, Array]:
         return jax.jvp(problem.residual, (z,), (tangent,))
@@ -128,14 +129,14 @@ def residual_and_slopes(
 
 @traced
 def predicted(problem: StressStep, z: Float[Array, " p"]) -> Float[Array, " n"]:
-    """Friction at all rows."""
+    """Return friction at all rows."""
     return problem.predict(z)[0]
 
 
 def make_stress_step(
     rows: StressRows, *, velocity: float, noise: float, sizes: np.ndarray, law: str
 ) -> StressStep:
-    """The problem of some rows, padded to few lengths."""
+    """Return the problem of these rows, padded so that few lengths are compiled."""
     n, put = len(rows.time), jax.device_put
     size = bucket(n)
     clock = np.stack([rows.time, velocity * rows.time, np.arange(n, dtype=float)], axis=1)

@@ -1,9 +1,8 @@
-"""How the recorded normal stress goes from one level to another: a broken line, and how sure.
+"""The change of the recorded normal stress between two levels, as a polyline with errors.
 
-Where a recorder saw many rows on the way their means are the corners. Where it saw few, the way is
-taken as straight; its begin and its length follow from these rows by least squares, each known
-beforehand to lie between two rows. Friction follows a change of stress within a row, so that half
-a row matters.
+With many rows during the change, their means are the corners. With few rows, the change is assumed
+linear; least squares give its start and its end, each of which lies between two known rows.
+Friction responds to a change of stress within a row, so that half a row matters.
 """
 
 from typing import NamedTuple
@@ -15,20 +14,20 @@ from ..records.differences import noise_from_differences
 from .stress_problem import CORNERS
 
 _LEVEL = 50
-"""Rows whose median is a level."""
+"""Number of rows in the median of a level."""
 _AWAY, _SHARE = 4.0, 0.01
-"""A row has left a level by so many noises of the gauge and this share of the change."""
+"""A row differs from a level by `_AWAY` noise levels and the share `_SHARE` of the change."""
 _MANY = 12
-"""Rows on the way from which on its shape is as recorded."""
+"""Least number of rows during a change for corners from the record."""
 _HALF, _SPREAD = 0.5, 0.29
-"""Mean, and standard deviation, of what lies anywhere between two rows."""
+"""Mean and standard deviation of a uniform distribution between two rows."""
 _ONE = (1 / 3, 0.24)
-"""Begin of a change within one row, and the standard deviation of begin and logarithm of length."""
+"""Start of a change within one row; standard deviation of the start and of ln of the duration."""
 
 
 class StressRamp(NamedTuple):
-    """Corners of the stress [s], what it is there over what it was before, and the covariance of
-    the begin [s] and the logarithm of the length (as in `stress_problem`)."""
+    """Corners of the stress [s], stresses there over the initial one, and the covariance of the
+    start [s] and of the logarithm of the duration (as in `stress_problem`)."""
 
     corners: np.ndarray
     ratios: np.ndarray
@@ -36,9 +35,9 @@ class StressRamp(NamedTuple):
 
 
 def find_ramp(time: np.ndarray, stress: np.ndarray, low: int, high: int) -> StressRamp:
-    """The change of a normal stress (n,) between its rows `low` and `high`, those of a polyline.
+    """Return the change of a normal stress (n,) between the rows `low` and `high` of a polyline.
 
-    Rows before `low` and from `high` on must be at one level each.
+    The stress must be constant before `low`, and from `high` on.
     """
     before = float(np.median(stress[max(low - _LEVEL, 0) : max(low, 1)]))
     after = float(np.median(stress[high : high + _LEVEL]))
@@ -63,7 +62,7 @@ def find_ramp(time: np.ndarray, stress: np.ndarray, low: int, high: int) -> Stre
 def _straight(
     time: np.ndarray, ratio: np.ndarray, ends: tuple[int, int], after: float, gauge: float
 ) -> StressRamp:
-    """A straight way from 1 to `after` between the rows `ends`."""
+    """Return a linear change from 1 to `after` between the rows `ends`."""
     first, last = ends
     step = float(time[first + 1] - time[first])
     if last == first + 1:
@@ -85,5 +84,5 @@ def _straight(
     found = least_squares(off, centre, bounds=limits, x_scale=spread)
     covariance = np.linalg.inv(found.jac.T @ found.jac)
     long = float(found.x[1] - found.x[0])
-    turn = np.array([[1.0, 0.0], [-1 / long, 1 / long]])  # to the begin and ln of the length
+    turn = np.array([[1.0, 0.0], [-1 / long, 1 / long]])  # to the start and ln of the duration
     return StressRamp(found.x, np.array([1.0, after]), turn @ covariance @ turn.T)

@@ -1,13 +1,13 @@
 """Steps of the normal stress while a run slides steadily: the alpha of Linker and Dieterich.
 
-Where the normal stress goes from s1 to s2 before the slider slips L, theta falls by alpha ln(s2/s1)
-at once, and friction comes back to its level over L of slip (Linker & Dieterich 1992, J. Geophys.
-Res. 97, 4923-4940). Fitted are alpha, f0, A, B, L and K (`stress_fit`). One such step tells A, B
-and L hardly apart: they are known from the velocity steps nearest to it, with their errors. K is
-known within 10 %, for the loading after a step shows it to parts in a thousand.
+If the normal stress changes from s1 to s2 before the slider slips L, theta falls at once by alpha
+ln(s2/s1), and friction returns to its level over a slip L (Linker & Dieterich 1992, J. Geophys.
+Res. 97, 4923-4940). The fit estimates alpha, f0, A, B, L and K (`stress_fit`). A single step hardly
+determines A, B and L separately; their prior, with errors, comes from the nearest velocity steps.
+The prior of K has an error of 10 %; the loading after a step determines K within 0.1 %.
 
-No alpha is claimed where something else is superposed, where the stress changes so slowly that the
-slider slips several L meanwhile, and where the fit leaves what is no noise.
+No alpha is reported if another event is superposed, if the slider slips several L during the
+change, or if the residual is not noise.
 """
 
 from collections.abc import Callable, Sequence
@@ -29,27 +29,26 @@ from .stress_ramp import find_ramp
 from .table import Cell
 
 _FEWEST = 10
-"""Least number of rows before, and after."""
+"""Least number of rows before and after the change."""
 _BEFORE = 10.0
-"""The rows before it are those of so many L of the load point, or half the way since the last
+"""Load-point motion of the rows before the change, in L; at most half the time since the last
 event."""
 _SLOW = 3.0
-"""A stress changes slowly if the slider slips so many L meanwhile."""
+"""A change is too slow if the slider slips this number of L during it."""
 _STEADY, _SURE = 0.1, 4.0
-"""Before it friction changes by no more than this share of what all motion of the load point would
-load, or by less than so many of its standard errors."""
+"""Sliding is steady before the change if friction changes by less than `_STEADY` of the full
+loading by the load point, or by less than `_SURE` standard errors."""
 _ROUGH = 3.0
-"""A fit that leaves so many times what the fits of the velocity steps leave does not describe its
-rows."""
+"""Largest residual of a fit, over that of the velocity steps' fits."""
 
 
 @dataclass(frozen=True, eq=False)
 class FittedStress:
     """A step of the normal stress from `before` to `after` [Pa] at `time`, in `lasts` [s].
 
-    `alpha` and its standard `error`; None where none is claimed, and `why`. `velocity` is that of
-    the load point [m/s]. `fit` holds what was fitted, `prior` the numbers of the velocity steps
-    that A, B and L are known from, `rows` those that were fitted; None without a fit.
+    `alpha` and its standard `error`; None if not reported, with the reason `why`. `velocity` is
+    that of the load point [m/s]. `fit` is the fit, `prior` the numbers of the velocity steps that
+    give the prior of A, B and L, `rows` the fitted rows; None without a fit.
     """
 
     time: float
@@ -66,7 +65,7 @@ class FittedStress:
 
 
 class _NotClaimedError(Exception):
-    """Why no alpha is claimed."""
+    """The reason why no alpha is reported."""
 
 
 def fit_stress_steps(
@@ -77,8 +76,8 @@ def fit_stress_steps(
     *,
     progress: Callable[[str], None] = silent,
 ) -> tuple[FittedStress, ...]:
-    """Every step of the normal stress of a run (`fits.RunFit`), with its alpha or why there is
-    none. A record without a normal stress, or of a force, has none."""
+    """Fit every step of the normal stress of a run (`fits.RunFit`); a failed one has a reason.
+    Records without a normal stress, or of a force, have no such steps."""
     if record.normal_stress is None or record.friction_unit != "1":
         return ()
     changes = find_stress_changes(record.relative_time, record.normal_stress)
@@ -99,7 +98,8 @@ def fit_stress_steps(
 
 
 def _apart(change: StressChange, time: float) -> tuple[float, float]:
-    """How far a time is from a change, and from its start: one may begin where another ends."""
+    """Return the distances of a time from a change and from its start; the second decides if one
+    change begins where another ends."""
     return max(change.start - time, time - change.stop, 0.0), abs(change.start - time)
 
 
@@ -158,9 +158,9 @@ def _rows(
     events: Sequence[Event],
     limits: tuple[float, int],
 ) -> StressRows:
-    """The rows from half way since what was before to what is next.
+    """Return the rows from half the time since the last event up to the next event.
 
-    `limits`: the longest time before [s], and how many means over rows there may be.
+    `limits`: the longest time before the change [s], and the largest number of block means.
     """
     t, stress = record.relative_time, record.normal_stress
     assert stress is not None
@@ -168,7 +168,7 @@ def _rows(
     since = max((end_of(e) for e in others if e.time < change.start), default=0.0)
     until = min((e.time for e in others if e.time > change.start), default=float(t[-1]) + 1.0)
     if since > change.start or until < change.stop:
-        raise _NotClaimedError("something else happens while the stress changes")
+        raise _NotClaimedError("another event occurs while the stress changes")
     longest, most = limits
     first = int(np.searchsorted(t, max((since + change.start) / 2, change.start - longest)))
     edges = np.searchsorted(t, [change.start, change.stop, until])
@@ -189,7 +189,7 @@ def _rows(
     size = -(-(last - first) // most)
     groups = [x[: len(x) // size * size].reshape(-1, size) for x in (before, after)]
     kept = np.concatenate(groups)
-    if size > 1:  # times count from the first row
+    if size > 1:  # keep the first row, from which times count
         kept = np.concatenate([np.full((1, size), first), kept])
     begin = float(t[first])
     return StressRows(
@@ -203,7 +203,7 @@ def _rows(
 
 
 def _refuse_unsteady(rows: StressRows, K: float, velocity: float) -> None:
-    """Where friction still rises, or falls, before the stress changes."""
+    """Raise if friction still rises or falls before the stress changes."""
     before = (rows.time < rows.corners[0]) & (rows.weight > 0)
     x, f = velocity * rows.time[before], rows.friction[before]
     (slope, _), covariance = np.polyfit(x, f, 1, cov=True)
@@ -216,8 +216,8 @@ def _refuse_unsteady(rows: StressRows, K: float, velocity: float) -> None:
 def _refuse_slow(
     change: StressChange, L: float, K: float, velocity: float, friction: float
 ) -> None:
-    """Where the slider slips several L while the stress changes; what the spring takes up of the
-    way of the load point is no slip."""
+    """Raise if the slider slips several L during the change. Slip is load-point motion minus the
+    extension of the spring."""
     ratio = change.after / change.before
     way = velocity * (change.stop - change.start)
     slip = way - max(friction * (ratio - 1) / K, 0.0)
@@ -229,14 +229,14 @@ def _refuse_slow(
 
 
 def _doubt(found: StressFit, usual: float) -> str:
-    """Why an alpha that was fitted is not claimed; '' where it is."""
+    """Return the reason why a fitted alpha is not reported, or ''."""
     alpha, error = found.values["alpha"], found.errors["alpha"]
     if not found.converged or not np.isfinite([alpha, error]).all():
         return "the fit did not converge"
     if found.rms > _ROUGH * usual:
         return (
-            f"the fit leaves {found.rms / usual:.2g} times what those of the velocity steps leave:"
-            " these equations do not describe it"
+            f"its residual is {found.rms / usual:.2g} times that of the velocity steps' fits: these"
+            " equations do not describe it"
         )
     if QUANTILE * error > found.values["f0"]:
         return "the record does not determine it"
@@ -244,7 +244,7 @@ def _doubt(found: StressFit, usual: float) -> str:
 
 
 def rows(found: Sequence[FittedStress]) -> list[dict[str, Cell]]:
-    """A row for every step of the normal stress, units in the names; None: not known."""
+    """Return a row for every step of the normal stress, units in the names; None: not known."""
     out: list[dict[str, Cell]] = []
     for number, one in enumerate(found, 1):
         row: dict[str, Cell] = {
@@ -275,7 +275,7 @@ def rows(found: Sequence[FittedStress]) -> list[dict[str, Cell]]:
 
 
 def to_json(found: Sequence[FittedStress]) -> list[dict[str, object]]:
-    """The stress steps as JSON values, SI."""
+    """Return the stress steps as JSON values, SI."""
     return [
         {
             "time": one.time,
@@ -295,7 +295,7 @@ def to_json(found: Sequence[FittedStress]) -> list[dict[str, object]]:
 
 
 def told(found: Sequence[FittedStress]) -> list[str]:
-    """Lines on the steps of the normal stress."""
+    """Return lines on the steps of the normal stress."""
     lines = []
     for one in found:
         line = f"normal stress {one.before / 1e6:.4g} -> {one.after / 1e6:.4g} MPa at"
@@ -306,8 +306,8 @@ def told(found: Sequence[FittedStress]) -> list[str]:
         line += f"alpha {measured(one.alpha, one.error)}"
         if one.fit is not None and one.fit.widened > 1:
             line += (
-                f"; its A, B, L are {one.fit.widened:.2g} times the errors off those of the"
-                " velocity steps"
+                f"; its A, B, L differ from those of the velocity steps by {one.fit.widened:.2g}"
+                " times the errors"
             )
         lines.append(line)
     return lines

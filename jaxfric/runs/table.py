@@ -1,4 +1,4 @@
-"""The steps of a run as a table: for people, as CSV, and with xlook's names."""
+"""The steps of a run as a table: for a terminal, as CSV, and with xlook's names."""
 
 import csv
 import io
@@ -13,27 +13,27 @@ from .fits import RunFit, StepFit
 from .warned import MISSED, missed_warning
 
 _SCALES = {"L": 1e6, "K": 1e-6, "slip_trend": 1e-3}
-"""From SI to micrometres, but a slip trend to millimetres."""
+"""Factors from SI to micrometres, for a slip trend to millimetres."""
 _UNITS = {"L": "um", "K": "1/um", "slip_trend": "1/mm"}
 
 BRACKETS = "in brackets: one standard error, in units of the last digit"
-"""What `measured` writes, for a note."""
+"""Note on the numbers that `measured` writes."""
 STAR = (
     f"misses a part of its record by more than {MISSED:g} times the noise, or has a trend that the"
     " rows before the step do not have"
 )
-"""What a fit with the star of the table does."""
+"""Fault of a fit with a star in the table."""
 MISFIT = f"{COLUMN}; *: the fit {STAR}, so A, B and L need not be those of the step"
-"""What the column of that name is, for a note."""
+"""Note on the column `misfit`."""
 
 Cell = float | int | str | bool | None
 
 
 def rows(run: RunFit) -> list[dict[str, Cell]]:
-    """A row for every step: what was commanded, and every parameter with its standard error.
+    """Return a row for every step: its velocities, and every parameter with its standard error.
 
-    Units stand in the names. What a record does not determine is None, and so is all of a step
-    without a fit; `result` says why.
+    Names include units. Undetermined values are None, as are all values of a step without a fit;
+    `result` gives the reason.
     """
     return [_row(step) for step in run.steps]
 
@@ -56,9 +56,9 @@ def _row(step: StepFit) -> dict[str, Cell]:
 
 
 def fit_cells(fit: Fit) -> dict[str, Cell]:
-    """The cells of a fit: every parameter with its standard error, A-B, misfit and warnings.
+    """Return the cells of a fit: parameters with standard errors, A-B, misfit and warnings.
 
-    Units stand in the names; what the record does not determine is None.
+    Names include units; undetermined values are None.
     """
     row: dict[str, Cell] = {"law": fit.law}
     force = fit.record.friction_unit != "1"
@@ -81,9 +81,8 @@ def fit_cells(fit: Fit) -> dict[str, Cell]:
 
 
 def claimed(fit: Fit) -> dict[str, object]:
-    """A fit as JSON that has no number for what its record does not determine, and none at all
-    of a fit that did not converge: unlike `Fit.to_json`, which keeps where a search stood. The law
-    that other commands read is that of a file of its own."""
+    """Return a fit as JSON without undetermined numbers, and without any number if it did not
+    converge. `Fit.to_json` keeps them. Other commands read the law from a separate file."""
     content = fit.to_json()
     del content["friction_law"]
     for estimate in (content["A_minus_B"], *content["parameters"].values()):
@@ -104,17 +103,17 @@ def _unit(kind: str, force: bool) -> str:
 
 
 def short(value: float, digits: int = 7) -> float:
-    """A value with so many digits."""
+    """Round a value to this number of significant digits."""
     return float(f"{value:.{digits}g}")
 
 
 def amount(difference: float) -> str:
-    """A difference of BIC as text."""
+    """Format a difference of BIC."""
     return f"{difference:.0f}" if difference >= 10 else f"{difference:.1f}"
 
 
 def csv_text(table: Sequence[Mapping[str, Cell]]) -> str:
-    """Rows as CSV; columns in the order of their first row that has them."""
+    """Return rows as CSV; columns are in the order of their first occurrence."""
     columns = list(dict.fromkeys(name for row in table for name in row))
     out = io.StringIO()
     writer = csv.DictWriter(out, columns, restval="", lineterminator="\n")
@@ -124,10 +123,10 @@ def csv_text(table: Sequence[Mapping[str, Cell]]) -> str:
 
 
 def xlook_rows(run: RunFit) -> list[dict[str, Cell]]:
-    """Rows with the column names that xlook's fits print; Dc in um, lin_term in 1/um, wc 0.
+    """Return rows with the column names of xlook's fits; Dc in um, lin_term in 1/um, wc 0.
 
-    wc is xlook's weight control: rows are not weighted here. What a window does not determine is
-    None, a blank cell, as in `rows`.
+    wc is xlook's weight control: rows are not weighted here. Undetermined values are None, blank
+    cells, as in `rows`.
     """
     out: list[dict[str, Cell]] = []
     for step in run.steps:
@@ -147,20 +146,20 @@ def xlook_rows(run: RunFit) -> list[dict[str, Cell]]:
 
 
 def _known(estimate: Estimate, scale: float = 1.0) -> tuple[float | None, float | None]:
-    """A value and its standard error in another unit; None where it is not determined."""
+    """Return a value and its standard error in another unit; None if not determined."""
     if not estimate.determined:
         return None, None
     return scale * estimate.value, scale * estimate.std
 
 
 def _pair(name: str, estimate: Estimate, scale: float = 1.0) -> dict[str, Cell]:
-    """The cells of a parameter and its error."""
+    """Return the cells of a parameter and its error."""
     return dict(zip((name, f"std {name}"), _known(estimate, scale), strict=True))
 
 
 def misses(step: StepFit) -> bool:
-    """Whether a step has a fit whose parameters need not be those of the step: it misses a part of
-    its record, or has a slip trend that the rows before do not have."""
+    """Whether the parameters of a step's fit may be wrong: it misses a part of its record, or its
+    slip trend contradicts the rows before the step."""
     fit = step.fit
     if fit is None or not fit.converged:
         return False
@@ -168,7 +167,7 @@ def misses(step: StepFit) -> bool:
 
 
 def headline(run: RunFit) -> str:
-    """How many steps are fitted, and how many of these fits have the star of the table."""
+    """Return a line on the number of fitted steps, and of fits with a star."""
     fitted = [step for step in run.steps if step.fit is not None and step.fit.converged]
     words = f"{len(fitted)} of {len(run.steps)} velocity steps fitted"
     if not (missed := sum(map(misses, fitted))):
@@ -178,10 +177,10 @@ def headline(run: RunFit) -> str:
 
 
 def ask_on(run: RunFit) -> str:
-    """What to ask of the steps whose fits miss a part of them, in words; '' where there are none.
+    """Return advice for steps whose fits miss a part of the record; '' without such steps.
 
-    Of fits without a trend that is a trend, which is often taken for evolution; of others, what
-    else their model lacks.
+    For fits without a slip trend the advice is such a trend, which is often mistaken for evolution;
+    for others, the search for another effect.
     """
     fits = {step.number: step.fit for step in run.steps if step.fit and misses(step)}
     if not fits:
@@ -190,17 +189,16 @@ def ask_on(run: RunFit) -> str:
     if any(fit.model.slip_trend for fit in fits.values()):
         wrong = [str(n) for n, fit in fits.items() if is_contradicted(fit)]
         not_so = f"the rows before step {', '.join(wrong)} do not have the slip trend of the fit; "
-        return not_so * bool(wrong) + f"ask what the model of {which} lacks"
+        return not_so * bool(wrong) + f"find out which effect the model of {which} lacks"
     return (
-        "fit again with a drift of friction with slip, or with a second state (--states 2):"
-        f" {which} may take either for evolution. Whether a drift is right the rows before a step"
-        " tell"
+        f"fit again with a slip trend or a second state (--states 2): {which} may mistake either"
+        " for evolution. The rows before a step show whether a slip trend is right"
     )
 
 
 def parameter_cells(fit: Fit) -> tuple[str, str, str, str]:
-    """A-B, A, B and L [um] with their errors, of several states one after the other; a dash for
-    what is not determined, blank where the fit did not converge."""
+    """Return A-B, A, B and L [um] with errors, for several states in turn; a dash if undetermined,
+    blank if the fit did not converge."""
     if not fit.converged:
         return ("", "", "", "")
     p = fit.parameters
@@ -210,7 +208,7 @@ def parameter_cells(fit: Fit) -> tuple[str, str, str, str]:
 
 
 def estimate_cell(estimate: Estimate, scale: float = 1.0) -> str:
-    """A parameter times `scale`, or a length in um, with its error; a dash: not determined."""
+    """Format a parameter times `scale`, or a length in um, with its error; a dash: undetermined."""
     scale = 1e6 if estimate.unit == "m" else scale
     return measured(scale * estimate.value, scale * estimate.std) if estimate.determined else "-"
 
@@ -219,11 +217,11 @@ HEAD = (
     *("step", "time [s]", "V [um/s]", "normal stress [MPa]"),
     *("A-B (a-b)", "A (a)", "B (b)", "L (D_c) [um]", "misfit"),
 )
-"""Heads of the columns of `text_cells`."""
+"""Column headers of `text_cells`."""
 
 
 def text_cells(step: StepFit) -> tuple[str, ...]:
-    """A step in the columns of `HEAD`; without a fit why there is none, in that of A-B."""
+    """Return a step in the columns of `HEAD`; without a fit the column A-B gives the reason."""
     event, fit = step.event, step.fit
     change = f"{1e6 * event.before:.3g} -> {1e6 * event.after:.3g}"
     when = (str(step.number), f"{event.time:.6g}", change, stress_cell(step))
@@ -233,6 +231,6 @@ def text_cells(step: StepFit) -> tuple[str, ...]:
 
 
 def stress_cell(step: StepFit) -> str:
-    """The normal stress of a step [MPa]; blank where it is not known."""
+    """Format the normal stress of a step [MPa]; blank if not known."""
     stress = step.event.normal_stress
     return "" if stress is None else f"{stress / 1e6:.4g}"

@@ -1,5 +1,4 @@
-"""What the fits of a run warn of: a part of the record that is missed, and what several fits say of
-a drift, in one sentence."""
+"""Warnings of a run's fits: missed parts of the record, and drifts before several steps."""
 
 from collections.abc import Sequence
 
@@ -13,14 +12,14 @@ from ..records.thin import blur_warning_of
 from .fits import HowFitted, RunFit, by_step
 
 MISSED = 4.5
-"""A mean over neighbouring rows that is off by more than so many standard deviations of the noise
-is missed: of 4000 rows less than one in 30 records has one by chance."""
+"""Largest mean residual of neighbouring rows, in standard deviations of noise. By chance fewer than
+one in 30 records of 4000 rows exceed it."""
 _MEAN = 5
 
 
 def stands_out(fit: Fit) -> tuple[float, float]:
-    """The residual's largest mean over neighbouring rows, and its time after the last velocity
-    step [s]. Rows that are passed over as glitches do not count."""
+    """Return the largest mean residual over neighbouring rows, and its time after the last velocity
+    step [s]. Outliers are excluded."""
     rows = np.delete(np.arange(len(fit.residual)), list(fit.noise.glitches.rows))
     means = np.convolve(fit.residual[rows], np.full(_MEAN, 1 / _MEAN), mode="valid")
     k = int(np.argmax(np.abs(means)))
@@ -29,44 +28,42 @@ def stands_out(fit: Fit) -> tuple[float, float]:
 
 
 def missed_warning(fit: Fit) -> tuple[str, ...]:
-    """Of a fit that misses a part of its record by more than noise: where, and what it may be."""
+    """Warn if a fit misses a part of its record by more than noise, with the place and a cause."""
     off, when = stands_out(fit) if fit.converged else (0.0, 0.0)
     if not abs(off) > MISSED * fit.noise.sigma:
         return ()
     return (
-        f"the fit misses its record by {abs(off):.2g}, {_by_times([fit])} the noise that its errors"
-        f" count, {abs(when):.2g} s {'before' if when < 0 else 'after'} the velocity step: its"
-        f" parameters and errors need not be those of the step{_trend_taken([fit])}",
+        f"the fit misses its record by {abs(off):.2g}, {_by_times([fit])} the noise,"
+        f" {abs(when):.2g} s {'before' if when < 0 else 'after'} the velocity step: its"
+        f" parameters and errors may be wrong{_trend_taken([fit])}",
     )
 
 
 def missed_warning_of(fits: Sequence[Fit]) -> tuple[str, ...]:
-    """The warning of all `fits` of one kind of model, each of which misses a part of its record,
-    in one sentence; none of no fits."""
+    """Return one warning for all `fits`, of one kind of model, that miss a part of their record."""
     if len(fits) < 2:
         return tuple(text for fit in fits for text in missed_warning(fit))
     return (
-        f"these fits miss a part of their records by {_by_times(fits)} the noise that their errors"
-        " count: their parameters and errors need not be those of the steps"
-        f"{_trend_taken(fits)}",
+        f"these fits miss a part of their records by {_by_times(fits)} the noise: their parameters"
+        f" and errors may be wrong{_trend_taken(fits)}",
     )
 
 
 def _by_times(fits: Sequence[Fit]) -> str:
-    """By how many times the noise each fit is off, in words."""
+    """Return the largest residuals of the fits over the noise, in words."""
     times = [f"{abs(stands_out(fit)[0]) / fit.noise.sigma:.2g}" for fit in fits]
     return " and ".join(filter(None, [", ".join(times[:-1]), times[-1]])) + " times"
 
 
 def _trend_taken(fits: Sequence[Fit]) -> str:
-    """That a fit may take a drift for evolution, where its model has no drift."""
+    """Return the caution that a fit may mistake a drift for evolution; '' with a slip trend."""
     if fits[0].model.slip_trend:
         return ""
-    return f"; {'they' if len(fits) > 1 else 'it'} may take a drift for evolution (--slip-trend)"
+    return f"; {'they' if len(fits) > 1 else 'it'} may mistake a drift for evolution (--slip-trend)"
 
 
 def drift_warning_of(fits: Sequence[Fit]) -> tuple[str, ...]:
-    """The warning of all `fits` of one kind of model that have one, in one sentence."""
+    """Return one warning of drifts for all `fits`, of one kind of model, that have one."""
     found = [(fit, drift) for fit in fits if (drift := told_drift(fit)) is not None]
     if len(found) < 2:
         return tuple(text for fit, _ in found for text in drift_warning(fit))
@@ -74,14 +71,14 @@ def drift_warning_of(fits: Sequence[Fit]) -> tuple[str, ...]:
         slopes = ", ".join(f"{1e-3 * drift.slope:+.2g}" for _, drift in found)
         return (
             f"before these velocity steps friction changes by {slopes} per mm, where the model is"
-            " steady; if that goes on, A-B is off by more than its error (--slip-trend)",
+            " steady; if the drift goes on, A-B is off by more than its error (--slip-trend)",
         )
     own = [fit.parameters["slip_trend"].value for fit, _ in found]
     slopes = ", ".join(f"{1e-3 * (o + d.slope):+.2g}" for o, (_, d) in zip(own, found, strict=True))
     return (
         f"before these velocity steps friction changes by {slopes} per mm, not by the"
-        f" {', '.join(f'{1e-3 * o:+.2g}' for o in own)} of the fitted slip trends: these took up"
-        " something else, and A-B with it",
+        f" {', '.join(f'{1e-3 * o:+.2g}' for o in own)} of the fitted slip trends: these describe"
+        " something else, which biases A-B",
     )
 
 

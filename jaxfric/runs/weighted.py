@@ -1,7 +1,7 @@
-"""A weighted straight line, whose error counts the scatter about it.
+"""A weighted straight line, whose error includes the scatter about it.
 
-Where points scatter by more than their errors, the error of the slope grows by the root of
-chi-square over its degrees of freedom (Birge 1932, Phys. Rev. 40, 207-227).
+If points scatter by more than their errors, the error of the slope is multiplied by the square root
+of the reduced chi-square (Birge 1932, Phys. Rev. 40, 207-227).
 """
 
 from typing import NamedTuple
@@ -20,12 +20,12 @@ class WeightedLine(NamedTuple):
     level: float
 
     def at(self, x: np.ndarray) -> np.ndarray:
-        """The line at some x."""
+        """Return the line at x."""
         return self.level + self.slope * (x - self.centre)
 
 
 def weighted_line(x: np.ndarray, y: np.ndarray, errors: np.ndarray) -> WeightedLine:
-    """The line through points (n,), n >= 2, weighted by the inverse square of their errors."""
+    """Fit the line through points (n,), n >= 2, weighted by the inverse square of their errors."""
     w = 1 / np.maximum(errors, _SURE) ** 2
     centre = float(np.sum(w * x) / np.sum(w))
     spread = np.sum(w * (x - centre) ** 2)
