@@ -292,7 +292,7 @@ def test_nothing_but_errors_stops_a_study(tmp_path, chunk):
         study.run(broken, f.grid(20, 5), tmp_path / "a", **policy)
     text = str(told.value)
     assert calls[0] == {"x": 0, "y": 0} and " at x = 0 m, y = 0; " in text
-    assert "Mend the function" in text
+    assert "Correct the function" in text
     assert len(calls) < 35 and not (tmp_path / "a").exists()
 
 

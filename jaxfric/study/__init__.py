@@ -1,14 +1,14 @@
 """Parameter studies: any pure function over a grid, in chunks that survive a kill.
 
-    grid      what varies: axes and samples, cut into blocks
-    function  what is evaluated, and what it gives
+    grid      varied parameters: axes and samples, cut into blocks
+    function  the evaluated function and its outputs
     local     a block on the devices of this process
     cluster   blocks on the workers of a Dask scheduler
     place     a folder, or an object store behind a URL
     layout    a new store: variables, units, meanings
     marks     checksums of a store
     store     Zarr, written block by block, each exactly once
-    source    the code and the versions that results come from
+    source    fingerprints of the code and versions that made the results
     run       the entry point
 
 No physics is imported here; `jaxfric.members` has the functions of `jaxfric study`.

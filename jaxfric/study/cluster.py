@@ -1,8 +1,8 @@
-"""Blocks on the workers of a Dask scheduler, a bounded number of them under way.
+"""Compute blocks on the workers of a Dask scheduler, with a bounded number in progress.
 
-Workers compute and send back; this process alone writes, so every block is written once whatever
-becomes of a worker. A block whose worker died is computed by another. A scheduler that goes away
-ends the run, not the store: the same command goes on.
+Workers compute and return blocks; only this process writes, so every block is written once even if
+workers die. Another worker then computes the block. If the scheduler is lost, the run ends, but the
+store stays valid: the same command continues it.
 """
 
 import asyncio
@@ -25,17 +25,17 @@ if TYPE_CHECKING:
     from distributed import Client, Future
 
 Elsewhere = Callable[[bytes, int, dict[str, str]], Computed]
-# Blocks under way for each thread of the cluster: one computed, one waiting.
+# Blocks in progress for each thread of the cluster: one computed, one waiting.
 _AHEAD = 2
-# How often a block may be lost with its worker before it is taken for the cause.
+# After this number of lost workers a block itself is taken as the cause.
 _LOSSES = 20
-# Seconds for a scheduler to answer, and without workers or any chunk before that is told.
+# Seconds for a scheduler to answer, and until a lack of workers or chunks is reported.
 _PATIENCE = 15.0
 
 
 @contextlib.contextmanager
 def connected(address: str) -> "Generator[Client]":
-    """A client of the scheduler at `address`; what Dask logs of a lost one is not shown.
+    """Yield a client of the scheduler at `address`; Dask's log of a lost scheduler is silenced.
 
     Raises
     ------
@@ -47,12 +47,12 @@ def connected(address: str) -> "Generator[Client]":
             yield client
         finally:
             with contextlib.suppress(Exception, CancelledError, asyncio.CancelledError):
-                client.close(timeout=2)  # without waiting for a scheduler that is gone
+                client.close(timeout=2)  # do not wait long for a lost scheduler
 
 
 @contextlib.contextmanager
 def local_processes(number: int) -> "Generator[Client]":
-    """A client of as many processes of this machine, which share what they compile."""
+    """Yield a client of local processes, which share the compilation cache."""
     import jax
     from distributed import LocalCluster
 
@@ -72,7 +72,7 @@ def local_processes(number: int) -> "Generator[Client]":
 
 @contextlib.contextmanager
 def _without_main() -> Generator[None]:
-    """Keep processes that begin meanwhile from running the script that this one runs."""
+    """Keep processes started within the block from running this process's script."""
     main = sys.modules["__main__"]
     kept = {name: vars(main).pop(name) for name in ("__file__", "__spec__") if name in vars(main)}
     main.__spec__ = None
@@ -85,11 +85,11 @@ def _without_main() -> Generator[None]:
 def distributed(
     client: "Client", task: Task, todo: Sequence[int], address: str, tell: Tell
 ) -> Generator[tuple[int, Computed], None, None]:
-    """Blocks as they are finished, in any order; `tell` hears where there is no worker.
+    """Yield finished blocks in any order; a lack of workers is reported to `tell`.
 
     Raises
     ------
-    Stopped : the scheduler is lost, or one block loses every worker that it is given to.
+    Stopped : the scheduler is lost, or one block loses every worker that computes it.
     """
     yield from _Pool(client, task, address, tell).blocks(list(todo))
 
@@ -119,10 +119,10 @@ def compute_block(task: Task, number: int, expected: dict[str, str]) -> Computed
 
 
 def _travelling() -> Elsewhere:
-    """`compute_block` as a function that Dask sends by its code, not by its name.
+    """Return `compute_block` as a function that Dask sends by its code, not by its name.
 
-    What sends a name fails in the scheduler, or ends the worker, where jaxfric or the package of
-    one's function is missing. So only a worker looks for them, where it says what is missing.
+    Sent by name, it would fail in the scheduler or end the worker if jaxfric or the user's package
+    is missing there. Sent by code, the worker imports them and reports what is missing.
     """
     namespace: dict[str, str | Elsewhere] = {"__name__": "__main__"}
     exec(_CODE, namespace)
@@ -138,22 +138,22 @@ def compute_elsewhere(packed, number, expected):
     return compute_block(pickle.loads(packed), number, expected)
 """
 _compared: set[str] = set()
-"""Tasks whose code this worker found to be that of the client."""
+"""Tasks whose code on this worker is the same as on the client."""
 
 
 def code_of(task: Task) -> dict[str, str]:
-    """Versions of the code that computes the numbers of a task in this process."""
+    """Return the versions of the code that computes a task in this process."""
     if belongs_to_package(task.function):
         return versions()
     return versions() | {"your function": fingerprint(task.function)}
 
 
 class OtherCode(Stopped):
-    """Raised where a worker would compute something else."""
+    """Raised if a worker has other code than the client."""
 
 
 def _limit_threads(number: int) -> None:
-    """Limit XLA, which takes all cores for itself unless told before its first use."""
+    """Limit the threads of XLA before its first use; by default it uses all cores."""
     from jax._src import xla_bridge
 
     if not xla_bridge.backends_are_initialized():
@@ -180,7 +180,7 @@ def _connect(address: str) -> "Client":
 
 @contextlib.contextmanager
 def _silent() -> Generator[None]:
-    """Quiet the loggers of Dask, which have levels of their own."""
+    """Silence the loggers of Dask, which have their own levels."""
     names = [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]
     levels = {name: logging.getLogger(name).level for name in names}
     for name in names:
@@ -193,7 +193,7 @@ def _silent() -> Generator[None]:
 
 
 class _Pool:
-    """The blocks that are under way."""
+    """The blocks in progress."""
 
     def __init__(self, client: "Client", task: Task | None, address: str, tell: Tell):
         import cloudpickle
@@ -211,7 +211,7 @@ class _Pool:
         self.losses: dict[int, int] = {}
 
     def blocks(self, todo: list[int]) -> Generator[tuple[int, Computed], None, None]:
-        """Finished blocks; each of `todo` once."""
+        """Yield each block of `todo` once, when it is finished."""
         todo.reverse()
         while todo or self.futures:
             self._fill(todo)
@@ -243,14 +243,14 @@ class _Pool:
             self.futures[future] = number
 
     def _threads(self) -> int:
-        """Threads of the workers that are there; 0 where there are none."""
+        """Return the number of threads of all workers; 0 without workers."""
         info = self._ask(lambda: self.client.scheduler_info(n_workers=-1))
         return sum(worker["nthreads"] for worker in info["workers"].values())
 
     def _finished(self) -> "list[Future]":
-        """Futures that are done, waiting for one; a lost scheduler is noticed meanwhile.
+        """Wait for a future and return all that are done; detect a lost scheduler meanwhile.
 
-        Dask's `as_completed` waits without an end: nobody would be told that there is no worker.
+        Dask's `as_completed` waits forever, so that a lack of workers could not be reported.
         """
         from distributed import wait
 
@@ -267,7 +267,7 @@ class _Pool:
                 raise self._gone() from None
 
     def _mind_workers(self) -> None:
-        """Tell, once, that there has been no worker for a while."""
+        """Report once that there has been no worker for a while."""
         now = time.monotonic()
         if self._threads():
             self.alone = None
@@ -285,7 +285,7 @@ class _Pool:
             )
 
     def _waiting(self) -> str:
-        """Reasons why no chunk came for a while, in words."""
+        """Return a sentence on why no chunk has arrived for a while."""
         own = {future.key for future in self.futures}
         under_way = [key for keys in self._ask(self.client.processing).values() for key in keys]
         others = sum(key not in own for key in under_way)
@@ -296,9 +296,9 @@ class _Pool:
         return f"{text}; the first one of every worker compiles"
 
     def _result(self, future: "Future") -> Computed | None:
-        """Result of a future that is done; None where it was lost with a worker.
+        """Return the result of a finished future; None if it was lost with a worker.
 
-        Its status may change between any two lines: it is taken for done only by its result.
+        The status may change at any time, so that only a result proves that the future is done.
         """
         from distributed import KilledWorker
 
@@ -328,7 +328,7 @@ class _Pool:
             raise self._gone() from None
 
     def _lost(self, number: int) -> None:
-        """A block that went with its worker: to be tried again, unless it is to blame."""
+        """Try a block again that was lost with its worker, unless it was lost too often."""
         self.losses[number] = self.losses.get(number, 0) + 1
         if self.losses[number] > _LOSSES:
             raise Stopped(

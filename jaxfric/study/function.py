@@ -1,4 +1,4 @@
-"""The function that a study evaluates: a pure one of one member, or of many at once."""
+"""The function that a study evaluates: a pure function of one member, or of many at once."""
 
 import uuid
 from collections.abc import Callable, Mapping, Sequence
@@ -14,9 +14,9 @@ from ..errors import InputError
 from .grid import SAMPLE, Axis, Grid, Tiling
 
 OUTCOME = "outcome"
-"""The output that every study has: whether a member has numbers at all."""
+"""Output of every study: whether a member was computed."""
 ERRORS = "errors"
-"""The folder of a store that says why members failed, a file for every block with such."""
+"""Folder of a store with the errors of failed members, one file for each block with errors."""
 OUTCOMES = {
     "computed": "All numbers of this member were computed.",
     "not_a_number": "A number of this member is not one; its other codes may say why.",
@@ -28,19 +28,19 @@ DTYPES = ("float64", "float32")
 Function = Callable[[dict[str, Any]], Mapping[str, Any]]
 """Function of a study: outputs by name from parameters by name, see `Task.kind`."""
 Cost = Callable[[dict[str, "Array"]], "Array"]
-"""Cost of members in any unit, from arrays of parameters: members alike are computed together, so
-that one slow member does not hold a whole batch."""
+"""Cost of members in any unit, from arrays of parameters. Members of similar cost share a batch, so
+that a slow member does not delay fast ones."""
 Kind = Literal["member", "batch", "host"]
 """Kind of a function: see `Task`."""
 
 
 class Stopped(InputError):
-    """The run ended before its study did; the store is sound and the same command goes on."""
+    """The run ended before its study did; the store is valid and the same command continues."""
 
 
 @dataclass(frozen=True)
 class Output:
-    """Unit, meaning and dimensions of one output; `codes` are the texts of 0, 1, 2, ..."""
+    """Unit, meaning and dimensions of one output; `codes` gives the meanings of 0, 1, 2, ..."""
 
     name: str
     unit: str = "1"
@@ -51,7 +51,7 @@ class Output:
 
     @property
     def dtype(self) -> str:
-        """Type in the store; numbers take that of the study."""
+        """Type in the store; for numbers that of the study."""
         return "int8" if self.codes is not None else "float"
 
 
@@ -60,12 +60,12 @@ class Computed(NamedTuple):
 
     values: dict[str, np.ndarray]
     errors: dict[int, str]
-    """Errors of members that failed, by their place in the block laid flat."""
+    """Errors of failed members, by their index in the flattened block."""
 
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """A function, its grid cut into blocks, and how its members are computed.
+    """A function, its grid cut into blocks, and settings of the computation.
 
     kind "member": a JAX function of one member's parameters, mapped by `vmap`;
     "batch": a JAX function of arrays of them; "host": any Python function of one member's floats.
@@ -79,27 +79,27 @@ class Task:
     kind: Kind = "member"
     cost: Cost | None = None
     batch: int = 512
-    """Members that share a loop on a device."""
+    """Number of members that share a loop on a device."""
     dtype: str = "float64"
-    """Type of the numbers that are kept: "float64" or "float32"."""
+    """Type of the stored numbers: "float64" or "float32"."""
     precision: str = "float64"
     """Type of the numbers in the computation: "float64" or "float32"."""
     separate: bool = True
-    """Each device runs loops of its own, by `shard_map`. What lineax solves cannot be traced
-    there: False shares the loops, and every one of them waits for its slowest member."""
+    """Each device runs its own loops, by `shard_map`. Solves by lineax cannot be traced there;
+    False shares the loops between devices, so that all wait for the slowest member."""
     token: str = field(default_factory=lambda: uuid.uuid4().hex)
-    """A name by which a process knows what it has compiled; it travels with the task."""
+    """Key of the compiled function in a process; it is sent with the task."""
 
 
 def refuse_dtypes(dtype: str, precision: str) -> None:
-    """Raise `InputError` for a type of numbers that is not known."""
+    """Raise `InputError` for an unknown type of numbers."""
     for name, given in (("dtype", dtype), ("precision", precision)):
         if given not in DTYPES:
             raise InputError(f"{name} is '{given}'; it is float64 or float32")
 
 
 def refuse_clashes(grid: Grid, outputs: Sequence[Output]) -> None:
-    """Raise `InputError` where two things of a store would have one name."""
+    """Raise `InputError` if two variables or dimensions of a store have the same name."""
     names = [*grid.names, *(output.name for output in outputs)]
     dims = {dim.name: dim for output in outputs for dim in output.dims}
     for name in (*names, *dims):
@@ -117,7 +117,7 @@ def refuse_clashes(grid: Grid, outputs: Sequence[Output]) -> None:
 
 
 def check_outputs(found: Mapping[str, "ShapeDtypeStruct"], outputs: tuple[Output, ...]) -> None:
-    """Raise `InputError` for an output that the function does not give, or in another shape."""
+    """Raise `InputError` if the function does not return an output, or returns another shape."""
     for output in outputs:
         if output.name not in found:
             raise InputError(

@@ -1,10 +1,10 @@
-"""The parameters that a study varies: axes whose product is taken, and sampled columns.
+"""The parameters that a study varies: the product of axes, and sampled columns.
 
     Grid(axes=(logspace("k_p", 1e4, 1e6, 60, unit="N/m"), values("V0", [1e-6, 1e-5])),
          samples=Samples(1024, (Uniform("A", 3.0, 6.0), Uniform("B", 4.0, 10.0))))
 
-has the dimensions (sample, k_p, V0). The values of any part of it follow from its place alone, so
-neither the grid nor its coordinates ever have to be held whole.
+has the dimensions (sample, k_p, V0). Values of any part follow from their index alone, so that
+neither the grid nor its coordinates are ever held in memory as a whole.
 """
 
 import math
@@ -32,7 +32,7 @@ class Axis:
     unit: str = "1"
     long_name: str = ""
     log: bool = False
-    """Evenly spaced in the logarithm; matters to a figure only."""
+    """Evenly spaced in the logarithm; used only by figures."""
 
     def __post_init__(self):
         found = np.asarray(self.values, float).reshape(-1)
@@ -46,7 +46,7 @@ class Axis:
 def linspace(
     name: str, low: float, high: float, number: int, *, unit: str = "1", long_name: str = ""
 ) -> Axis:
-    """`number` values from `low` to `high`, evenly spaced."""
+    """Return an axis of `number` values from `low` to `high`, evenly spaced."""
     _refuse_number(name, number)
     return Axis(name, np.linspace(low, high, number), unit, long_name)
 
@@ -54,7 +54,8 @@ def linspace(
 def logspace(
     name: str, low: float, high: float, number: int, *, unit: str = "1", long_name: str = ""
 ) -> Axis:
-    """`number` values from `low` to `high`, both positive, evenly spaced in the logarithm."""
+    """Return an axis of `number` positive values from `low` to `high`, evenly spaced in the
+    logarithm."""
     _refuse_number(name, number)
     if not (low > 0 and high > 0):
         raise InputError(f"axis '{name}': logspace needs positive ends, not {low:g} and {high:g}")
@@ -62,7 +63,7 @@ def logspace(
 
 
 def values(name: str, numbers: ArrayLike, *, unit: str = "1", long_name: str = "") -> Axis:
-    """The given values."""
+    """Return an axis of the given values."""
     return Axis(name, np.asarray(numbers, float), unit, long_name)
 
 
@@ -94,10 +95,10 @@ class Uniform:
 
 @dataclass(frozen=True, eq=False)
 class Normal:
-    """Columns drawn together from a normal distribution, as of the posterior of a fit.
+    """Columns drawn together from a normal distribution, such as the posterior of a fit.
 
-    Those of `log` are drawn by their logarithm: `mean` is then the median, and `root` that of
-    the covariance of the logarithm. x = mean + root z, or mean exp(root z).
+    x = mean + root z, where root root' is the covariance. Columns in `log` are lognormal,
+    x = mean exp(root z): `mean` is the median, `root` that of the covariance of the logarithm.
     """
 
     names: tuple[str, ...]
@@ -137,7 +138,7 @@ class Samples:
         return found
 
     def draw(self, begin: int, end: int) -> dict[str, np.ndarray]:
-        """The values of members begin..end-1."""
+        """Return the values of members begin..end-1."""
         index = np.arange(begin, end)
         quasi = [c for c in self.columns if isinstance(c, Uniform) and c.kind == "sobol"]
         points = iter(())
@@ -174,7 +175,7 @@ def _spread(column: Uniform, u: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """The product of all axes, and of the sampled members as one more dimension, the first."""
+    """The product of all axes; the sampled members are an additional first dimension."""
 
     axes: tuple[Axis, ...] = ()
     samples: Samples | None = None
@@ -208,7 +209,7 @@ class Grid:
         return math.prod(self.shape)
 
     def members(self, where: Sequence[slice]) -> dict[str, np.ndarray]:
-        """The parameters of a block, in the order of its array laid flat; needs no other block."""
+        """Return the parameters of a block, in the order of its flattened array."""
         lengths = [part.stop - part.start for part in where]
         found: dict[str, np.ndarray] = {}
         for i, (dim, part) in enumerate(zip(self.dims, where, strict=True)):
@@ -232,7 +233,7 @@ class Tiling:
 
     @staticmethod
     def of(shape: Sequence[int], chunk: int) -> "Tiling":
-        """Blocks as even as they can be.
+        """Cut a grid of this shape into blocks as even as possible.
 
         Raises
         ------
@@ -257,18 +258,18 @@ class Tiling:
 
     @property
     def largest(self) -> int:
-        """Members of a whole block."""
+        """Number of members of the largest block."""
         return math.prod(self.block)
 
     def __len__(self) -> int:
         return math.prod(self.counts)
 
     def index(self, number: int) -> tuple[int, ...]:
-        """Place of a block among the blocks."""
+        """Return the index of a block along each dimension."""
         return tuple(int(i) for i in np.unravel_index(number, self.counts))
 
     def where(self, number: int) -> tuple[slice, ...]:
-        """The part of the grid that a block is."""
+        """Return the slices of the grid that a block covers."""
         return tuple(
             slice(i * b, min((i + 1) * b, n))
             for i, b, n in zip(self.index(number), self.block, self.shape, strict=True)

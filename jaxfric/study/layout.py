@@ -1,4 +1,4 @@
-"""A new store: its variables, their units and meanings, and everything else but the blocks."""
+"""Layout of a new store: variables, units, meanings and attributes, without the blocks."""
 
 import json
 import warnings
@@ -23,16 +23,16 @@ class Label(NamedTuple):
     """Attributes of a store that describe its study."""
 
     description: Mapping[str, object]
-    """Plain values that tell this study from another; a store that has others is refused."""
+    """Plain values that identify the study; a store with other values is refused."""
     toml: str = ""
-    """A text that is kept in the store's attributes."""
+    """The text of study.toml for the store's attributes."""
     warnings: tuple[str, ...] = ()
-    """Warnings about its results, a line each; kept in the attribute "warnings" of a new store,
-    which is not there where there are none."""
+    """Warnings about the results, one line each, for the attribute "warnings" of a new store.
+    Without warnings there is no such attribute."""
 
 
 def make_store(folder: str, task: Task, label: Label) -> None:
-    """Write a store without blocks into a folder that is not there yet."""
+    """Write a store without blocks into a new folder."""
     import zarr
 
     attributes = _attributes(task, label)
@@ -40,7 +40,7 @@ def make_store(folder: str, task: Task, label: Label) -> None:
     group = zarr.create_group(folder, attributes=attributes)
     _variables(group, task)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # that not every reader knows them: xarray does
+        warnings.simplefilter("ignore")  # zarr warns that not all readers know it; xarray does
         zarr.consolidate_metadata(folder)
     root = Path(folder)
     files = sorted(file for file in root.rglob("*") if file.is_file())
@@ -49,13 +49,13 @@ def make_store(folder: str, task: Task, label: Label) -> None:
 
 
 def sampled(task: Task) -> list[str]:
-    """Names of the sampled parameters."""
+    """Return the names of the sampled parameters."""
     samples = task.grid.samples
     return [] if samples is None else [name for name, _, _ in samples.described()]
 
 
 def outputs_of(task: Task) -> tuple[Output, ...]:
-    """All variables of a block."""
+    """Return all variables of a block."""
     return (*task.outputs, Output(OUTCOME, codes=OUTCOMES, long_name="outcome"))
 
 
@@ -84,7 +84,7 @@ class _Variable(NamedTuple):
     name: str
     dtype: str
     dims: dict[str, tuple[int, int]]
-    """Lengths of the array and of its chunks, by the names of the dimensions."""
+    """Lengths of the array and of its chunks, by dimension."""
     attributes: "dict[str, JSON]"
 
 
@@ -122,7 +122,7 @@ def _described(output: Output) -> "dict[str, JSON]":
 
 
 def _add_axis(group: "zarr.Group", axis: Axis) -> None:
-    """The values of a dimension."""
+    """Add the values of a dimension."""
     about: dict[str, JSON] = {"units": axis.unit, "long_name": axis.long_name or axis.name}
     about |= {"spacing": "log"} if axis.log else {}
     length = len(axis.values)
@@ -131,7 +131,7 @@ def _add_axis(group: "zarr.Group", axis: Axis) -> None:
 
 
 def _add(group: "zarr.Group", of: _Variable, *, plain: bool = False) -> "zarr.Array":
-    """A new array, of nan or -1; `plain`: of zeros, and as it is in memory."""
+    """Add an array filled with nan or -1; `plain`: with zeros, and uncompressed."""
     from zarr.codecs import BloscCodec, Crc32cCodec
 
     number = np.dtype(of.dtype).kind == "f"

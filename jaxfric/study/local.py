@@ -1,10 +1,9 @@
-"""The members of one block, computed on the devices of this process.
+"""Compute the members of one block on the devices of this process.
 
-A block is filled up to one fixed size, so that one compilation serves the whole study. Its members
-are sorted by what they will cost, where that can be told, dealt to the devices in turn,
-and each device takes them `batch` at a time, a GPU more. Every device runs loops of its own
-(`shard_map`): with `vmap` over everything, and shared loops, the slowest member of all would hold
-every other.
+A block is padded to one fixed size, so that a study compiles once. If costs are known, its members
+are sorted by cost and dealt to the devices in turn. Each device computes `batch` of them at a time,
+a GPU more. Every device runs its own loops (`shard_map`): in a loop shared by `vmap` over all
+members, all would wait for the slowest.
 """
 
 import contextlib
@@ -27,7 +26,7 @@ _compiled: dict[str, Callable[[dict[str, np.ndarray]], Arrays]] = {}
 
 
 def compute(task: Task, number: int) -> Computed:
-    """Every output of a block, shaped as its part of the grid, and its sampled parameters."""
+    """Return all outputs of a block, shaped as its part of the grid, and its sampled parameters."""
     where = task.blocks.where(number)
     members = task.grid.members(where)
     if task.kind == "host":
@@ -40,7 +39,7 @@ def compute(task: Task, number: int) -> Computed:
 
 
 def dispatch(task: Task, members: dict[str, np.ndarray]) -> Arrays:
-    """Begin to compute members; the arrays are as long as a whole block."""
+    """Start computing members; the returned arrays are as long as a whole block."""
     with jax.enable_x64(task.precision == "float64"), _on(task):
         if task.token not in _compiled:
             _compiled.clear()
@@ -50,28 +49,28 @@ def dispatch(task: Task, members: dict[str, np.ndarray]) -> Arrays:
 
 
 def devices(task: Task) -> int:
-    """Number of devices that share a block."""
+    """Return the number of devices that share a block."""
     return len(_devices(task))
 
 
 def _devices(task: Task) -> list:
-    """JAX's own; but the processor where few members share a loop, whose slowest would hold as many
-    as a GPU needs."""
+    """Return JAX's default devices, or the CPU if few members share a loop: a GPU needs many, which
+    would wait for the slowest."""
     if task.batch < _FEW:
-        with contextlib.suppress(RuntimeError):  # JAX was told to leave the processor alone
+        with contextlib.suppress(RuntimeError):  # JAX was configured without the CPU
             return jax.devices("cpu")
     return jax.devices()
 
 
 def _on(task: Task) -> contextlib.AbstractContextManager[object]:
-    """Its devices for JAX's default, where they are not that."""
+    """Make the task's devices JAX's default within the block, if they are not."""
     first = _devices(task)[0]
     own = first.platform == jax.default_backend()
     return contextlib.nullcontext() if own else jax.default_device(first)
 
 
 def finish(found: Arrays, number: int) -> dict[str, np.ndarray]:
-    """The first `number` rows, when they are there."""
+    """Wait for the first `number` rows and return them."""
     return {name: np.asarray(x)[:number] for name, x in found.items()}
 
 
@@ -82,7 +81,7 @@ def _filled(task: Task, column: np.ndarray) -> np.ndarray:
 
 
 def _whole(task: Task) -> int:
-    """Members of a filled block: a whole number of batches for every device."""
+    """Return the size of a padded block: a whole number of batches for every device."""
     parts = devices(task) * _batch(task)
     return -(-task.blocks.largest // parts) * parts
 
@@ -90,7 +89,7 @@ def _whole(task: Task) -> int:
 def _batch(task: Task) -> int:
     with _on(task):
         number = at_once(task.batch)
-        if number > task.batch:  # a GPU, whose loop over few takes as long as over many
+        if number > task.batch:  # on a GPU a loop over few members takes as long as over many
             number = max(number, at_once(Task.batch))
     return max(min(number, -(-task.blocks.largest // devices(task))), 1)
 
@@ -127,7 +126,7 @@ def _compile(task: Task) -> Callable[[dict[str, np.ndarray]], Arrays]:
 
 
 def _together(rows: OfArrays, size: int, mesh: Mesh) -> OfArrays:
-    """All devices in one loop, each with its part of every batch."""
+    """Run all devices in one loop, each with its part of every batch."""
     lanes = NamedSharding(mesh, PartitionSpec(None, "device"))
 
     def mapped(members: Arrays) -> Arrays:
@@ -142,7 +141,7 @@ def _together(rows: OfArrays, size: int, mesh: Mesh) -> OfArrays:
 
 
 def _order(task: Task, members: Arrays, devices: int, size: int) -> jax.Array | None:
-    """Members sorted by cost, whose batches are dealt to the devices in turn."""
+    """Return the order of members by cost, with batches dealt to the devices in turn."""
     if task.cost is None:
         return None
     cost = task.cost(members)
@@ -151,7 +150,7 @@ def _order(task: Task, members: Arrays, devices: int, size: int) -> jax.Array | 
 
 
 def _batched(task: Task) -> OfArrays:
-    """The function of a batch, its outputs in the types of the store, and their outcome."""
+    """Return the function of a batch, with outputs in the types of the store, and the outcome."""
     function = task.function if task.kind == "batch" else jax.vmap(task.function)
 
     def rows(members: Arrays) -> Arrays:
@@ -180,7 +179,7 @@ def _outcome(outputs: tuple[Output, ...], found: Arrays) -> jax.Array:
 def _one_by_one(
     task: Task, members: dict[str, np.ndarray]
 ) -> tuple[dict[str, np.ndarray], dict[int, str]]:
-    """A Python function, member by member; one that raises is a row with the code "error"."""
+    """Evaluate a Python function member by member; an exception gives the code "error"."""
     number = len(next(iter(members.values())))
     shapes = {o.name: tuple(len(dim.values) for dim in o.dims) for o in task.outputs}
     found = {
@@ -198,7 +197,7 @@ def _one_by_one(
                 row = {o.name: np.asarray(given[o.name], _dtype(task, o)) for o in task.outputs}
             except (KeyboardInterrupt, MemoryError):
                 raise
-            except Exception as error:  # a member never stops a study
+            except Exception as error:  # a failed member must not stop a study
                 errors[i] = _text(error)
                 continue
             for name, value in row.items():
@@ -209,13 +208,13 @@ def _one_by_one(
 
 
 def _text(error: Exception) -> str:
-    """The error on one line."""
+    """Return the error as one line."""
     words = " ".join(str(error).split())
     return f"{type(error).__name__}: {words}"[:300].rstrip(" :")
 
 
 def infer_outputs(function: Function, grid: Grid, kind: str, precision: str) -> tuple[Output, ...]:
-    """Outputs of a JAX function that says nothing of them: names, and a dimension a size."""
+    """Infer the outputs of a JAX function: names, and one dimension for each size."""
     one = {name: jax.ShapeDtypeStruct((), precision) for name in grid.names}
     with jax.enable_x64(precision == "float64"):
         if kind == "batch":

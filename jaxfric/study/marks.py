@@ -1,7 +1,7 @@
-"""Checksums of a store: which of its files are there, and as they were written.
+"""Checksums of a store: they show missing and damaged files.
 
-Every finished block has a mark, the checksum of its files, in the variable `done`. What is written
-once and for all (descriptions of variables, coordinates) has its checksums in one more file.
+Every finished block has a mark, the checksum of its files, in the variable `done`. Checksums of
+files that are written only once (descriptions of variables, coordinates) are in another file.
 """
 
 import hashlib
@@ -16,7 +16,7 @@ from .place import AbstractPlace
 
 DONE = "done"
 FIXED = "checksums.json"
-# Requests under way: an object store answers each one slowly and many at once.
+# Requests at once: an object store answers each slowly, but many in parallel.
 _AT_ONCE = 16
 
 
@@ -29,11 +29,11 @@ class Marks:
     outputs: dict[str, int]
     """Number of dimensions of every variable of the blocks."""
     columns: tuple[str, ...]
-    """Sampled parameters: written with the blocks that come first along the other dimensions."""
+    """Sampled parameters, written with the first blocks along the other dimensions."""
 
     @staticmethod
     def of(place: AbstractPlace, attributes: dict[str, Any]) -> "Marks":
-        """Marks of a store with known attributes."""
+        """Return the marks of a store with known attributes."""
         layout = attributes["layout"]
         blocks = Tiling(tuple(layout["shape"]), tuple(layout["block"]))
         return Marks(place, blocks, dict(layout["outputs"]), tuple(layout["columns"]))
@@ -43,14 +43,14 @@ class Marks:
         return bool(self.columns) and not any(self.blocks.index(number)[1:])
 
     def set(self, number: int) -> None:
-        """Mark a block that was just written: the chunk of `done` as Zarr writes it."""
+        """Mark a block as written, with the chunk of `done` in Zarr's format."""
         checksum = self._checksum(number)
         if checksum is None:
             raise OSError(5, "a file that was just written is gone", self.place.shown)
         self.place.write(_mark(number), checksum)
 
     def states(self) -> list[str]:
-        """State of every block: "sound", "damaged", or "missing" where it has no mark."""
+        """Return the state of every block: "sound", "damaged", or "missing" (no mark)."""
         numbers = sorted(int(name) for name in self.place.names(f"{DONE}/c") if name.isdecimal())
         with ThreadPoolExecutor(_AT_ONCE) as pool:
             marked = dict(zip(numbers, pool.map(self._state, numbers), strict=True))
@@ -63,7 +63,7 @@ class Marks:
         return "sound" if mark and mark == self._checksum(number) else "damaged"
 
     def clear(self, number: int) -> None:
-        """Take a mark away."""
+        """Remove a mark."""
         self.place.remove(_mark(number))
 
     def _files(self, number: int) -> list[str]:
@@ -74,7 +74,7 @@ class Marks:
         return files
 
     def _checksum(self, number: int) -> bytes | None:
-        """Eight bytes, never zero, of all files of a block; None where one is missing."""
+        """Return eight bytes, never zero, of all files of a block; None if a file is missing."""
         digest = hashlib.blake2b(digest_size=8)
         for file in self._files(number):
             content = self.place.read(file)
@@ -95,12 +95,12 @@ def _chunk(name: str, index: Sequence[int], ndim: int) -> str:
 
 
 def fixed_checksums(files: Iterable[tuple[str, bytes]]) -> bytes:
-    """The content of `FIXED` for files and their contents."""
+    """Return the content of the file `FIXED` for files and their contents."""
     return _sealed({name: _sum(content) for name, content in files})
 
 
 def damaged_files(place: AbstractPlace) -> list[str]:
-    """Files that are written once and are not as they were; `FIXED` itself where it is not."""
+    """Return damaged files among those written once; `FIXED` itself if it is damaged."""
     try:
         table = json.loads(place.read(FIXED) or b"")
         files = table["files"]

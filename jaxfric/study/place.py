@@ -1,8 +1,8 @@
 """Places of a store: a folder, or a prefix of an object store, written file by file.
 
-A file is there whole or not at all: in a folder by renaming, in an object store by its nature.
-One run at a time writes: a folder is locked by the system; an object store by a file that its
-writer renews, and that is taken over when it is no longer renewed, for its writer was killed.
+A file exists completely or not at all: in a folder by renaming, in an object store by design. Only
+one run writes at a time. A folder is locked by the operating system, an object store by a file that
+its writer renews. If it is no longer renewed, the writer was killed, and another run takes over.
 """
 
 import abc
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 Tell = Callable[[str], None]
 LOCK = ".lock"
 _SCHEMES = ("s3", "gs", "az")
-# Seconds between renewals of the lock of an object store, and until one is taken for abandoned.
+# Seconds between renewals of the lock of an object store, and until a lock counts as abandoned.
 _BEAT, _ABANDONED = 10.0, 60.0
 
 
@@ -38,43 +38,43 @@ class AbstractPlace(abc.ABC):
 
     @abc.abstractmethod
     def exists(self) -> bool:
-        """Whether there is anything here."""
+        """Whether anything is stored here."""
 
     @abc.abstractmethod
     def read(self, name: str) -> bytes | None:
-        """The content of a file; None where there is none."""
+        """Return the content of a file, or None if it does not exist."""
 
     @abc.abstractmethod
     def write(self, name: str, content: bytes) -> None:
-        """Make or replace a file, at once."""
+        """Create or replace a file atomically."""
 
     @abc.abstractmethod
     def remove(self, name: str) -> None:
-        """Take a file away, if it is there."""
+        """Remove a file if it exists."""
 
     @abc.abstractmethod
     def names(self, folder: str) -> list[str]:
-        """Names of the files of a folder, without it."""
+        """Return the names of files in a folder, without the folder's name."""
 
     @abc.abstractmethod
     def sweep(self) -> None:
-        """Take away what a killed run was in the middle of writing."""
+        """Remove files that a killed run had not finished."""
 
     @abc.abstractmethod
     def install(self, made: Callable[[str], None]) -> None:
-        """Let `made` write a new store into a folder, and put it here whole."""
+        """Let `made` write a new store into a temporary folder, and move it here at once."""
 
     @abc.abstractmethod
     def discard(self) -> None:
-        """Take the whole store away."""
+        """Remove the whole store."""
 
     @abc.abstractmethod
     def zarr(self) -> "str | ObjectStore":
-        """The store as zarr takes it."""
+        """Return the store as an argument for zarr."""
 
     @abc.abstractmethod
     def lock(self, tell: Tell) -> contextlib.AbstractContextManager[None]:
-        """Hold the place for this process alone.
+        """Lock the place for this process.
 
         Raises
         ------
@@ -83,15 +83,15 @@ class AbstractPlace(abc.ABC):
 
     @abc.abstractmethod
     def faults(self) -> contextlib.AbstractContextManager[None]:
-        """Failures of the place, whatever they are called there, as `OSError`."""
+        """Turn all failures of the place into `OSError`."""
 
 
 def place_of(out: str | Path) -> AbstractPlace:
-    """The place that a path or a URL names.
+    """Return the place of a path or a URL.
 
     Raises
     ------
-    InputError : a URL of a kind that is not known, or whose package is not installed.
+    InputError : a URL of an unknown kind, or one whose package is not installed.
     """
     text = os.fspath(out)
     scheme, separator, rest = text.partition("://")
@@ -144,7 +144,7 @@ class Directory(AbstractPlace):
             partial.unlink(missing_ok=True)
 
     def install(self, made: Callable[[str], None]) -> None:
-        """Install a store that is made beside the destination and moved there."""
+        """Install a store that is written next to the destination and moved there."""
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             work = Path(tempfile.mkdtemp(prefix=f".{self.path.name}-", dir=self.path.parent))
@@ -170,15 +170,15 @@ class Directory(AbstractPlace):
         return str(self.path)
 
     def faults(self) -> contextlib.AbstractContextManager[None]:
-        """Pass errors on: a file system has no failures but `OSError`."""
+        """Do nothing: a file system only raises `OSError`."""
         return contextlib.nullcontext()
 
     @contextlib.contextmanager
     def lock(self, tell: Tell) -> Generator[None]:
-        """Hold a lock of the system, which goes with the process, however that ends."""
+        """Hold a lock of the operating system, which is released whenever the process ends."""
         try:
             import fcntl
-        except ImportError:  # no such locks here
+        except ImportError:  # this operating system has no such locks
             yield
             return
         with open(self.path / LOCK, "a") as file:
@@ -188,8 +188,8 @@ class Directory(AbstractPlace):
                 raise _held(self.shown) from None
             except OSError as error:
                 tell(
-                    f"warning: the file system of {self.shown} has no locks ({error.strerror}); see"
-                    " to it that no other run writes there"
+                    f"warning: the file system of {self.shown} has no locks ({error.strerror});"
+                    " make sure that no other run writes there"
                 )
             yield
 
@@ -219,7 +219,7 @@ class Objects(AbstractPlace):
         self._lost = False
 
     def exists(self) -> bool:
-        """Whether there is a store here; an object store has no empty folders."""
+        """Whether a store exists here; an object store has no empty folders."""
         with self._refused():
             return self.read("zarr.json") is not None
 
@@ -252,10 +252,10 @@ class Objects(AbstractPlace):
             return sorted(entry["path"] for part in parts for entry in part)
 
     def sweep(self) -> None:
-        """Do nothing: a file that was not written whole is not there."""
+        """Do nothing: an object store has no partly written files."""
 
     def install(self, made: Callable[[str], None]) -> None:
-        """Install a store made in a folder and copied here; its identifying file comes last."""
+        """Install a store written to a folder and copied here, its identifying file last."""
         with tempfile.TemporaryDirectory() as work, self._refused():
             made(f"{work}/store")
             root = Path(work) / "store"
@@ -264,7 +264,7 @@ class Objects(AbstractPlace):
                 self.write(file.relative_to(root).as_posix(), file.read_bytes())
 
     def discard(self) -> None:
-        """Take the whole store away, first the file by which it is known."""
+        """Remove the whole store, its identifying file first."""
         self.remove("zarr.json")
         for name in self._below(None):
             self.remove(name)
@@ -286,7 +286,7 @@ class Objects(AbstractPlace):
 
     @contextlib.contextmanager
     def _refused(self) -> Generator[None]:
-        """Turn an `OSError` before anything is computed into an `InputError`."""
+        """Turn an `OSError` before the computation into an `InputError`."""
         try:
             yield
         except OSError as error:
@@ -294,7 +294,7 @@ class Objects(AbstractPlace):
 
     @contextlib.contextmanager
     def lock(self, tell: Tell) -> Generator[None]:
-        """Hold a file with the name of its writer, renewed while that lives."""
+        """Hold a file with the name of its writer, which renews it while it runs."""
         owner, stop = uuid.uuid4().hex, threading.Event()
         with self._refused():
             self._take(owner, tell)
@@ -323,8 +323,8 @@ class Objects(AbstractPlace):
                 return
             if not told:
                 tell(
-                    f"a run that did not end holds {self.shown}; whether it still lives shows"
-                    f" within {_ABANDONED:.0f} s"
+                    f"another run has locked {self.shown}; waiting up to {_ABANDONED:.0f} s to see"
+                    " whether it still runs"
                 )
             seen, told = now, True
             time.sleep(min(1.0, _ABANDONED / 4))
@@ -352,7 +352,7 @@ def _held(shown: str) -> InputError:
 
 
 def _reason(error: Exception) -> str:
-    """The message of the server, or the first line of that of obstore."""
+    """Return the message of the server, or the first line of obstore's message."""
     said = re.search(r"<Message>(.*?)</Message>", str(error), re.DOTALL)
     if said:
         return said.group(1)

@@ -1,4 +1,4 @@
-"""Progress of a run, and an estimate of the time that is left."""
+"""Progress of a run, and an estimate of the remaining time."""
 
 import math
 import time
@@ -13,18 +13,18 @@ class Progress:
     """Progress of a run."""
 
     blocks: int
-    """Blocks of the study, and how many of them are written."""
+    """Number of blocks of the study."""
     written: int
     members: int
-    """Members that this run computed."""
+    """Number of members that this run computed."""
     rate: float
-    """Members per second since the first block, which compiles; nan until there is a second."""
+    """Members per second since the first block, which compiles; nan before the second block."""
     left: float
-    """Seconds to go at that rate."""
+    """Remaining seconds at that rate."""
 
 
 class Clock:
-    """Counts what is written, and tells."""
+    """Counts written blocks and reports progress."""
 
     def __init__(
         self,
@@ -39,7 +39,7 @@ class Clock:
         self.compiled: tuple[float, int, int] | None = None
 
     def count(self, members: int) -> None:
-        """Count one block more."""
+        """Count another block."""
         self.written += 1
         self.members += members
         if self.progress is not None:
@@ -54,8 +54,5 @@ class Clock:
             self.progress(Progress(self.total, self.written, self.members, rate, left))
 
     def text(self) -> str:
-        """A sentence on how far the run came, and that it can go on."""
-        return (
-            f"{self.written} of {self.total} chunks are written, and the same command goes on"
-            " from there"
-        )
+        """Return a sentence on the written chunks, and how to continue."""
+        return f"{self.written} of {self.total} chunks are written; continue with the same command"

@@ -1,4 +1,4 @@
-"""One entry point: `run(function, grid, out)`."""
+"""The entry point `run(function, grid, out)`."""
 
 import contextlib
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
@@ -38,12 +38,12 @@ if TYPE_CHECKING:
 
 CHUNK = 65536
 _OUTCOMES = list(OUTCOMES)
-# A new study stops where so many members are computed and every one has failed.
+# A new study stops if all of its first members fail.
 _FIRST = 8
 
 
 Source = Callable[[Task, Sequence[int]], Generator[tuple[int, Computed], None, None]]
-"""Computes the blocks that it is asked for, in any order, and gives each with its number."""
+"""Computes the requested blocks in any order, and yields each with its number."""
 
 
 class Listener(NamedTuple):
@@ -52,9 +52,9 @@ class Listener(NamedTuple):
     progress: Callable[[Progress], None] | None
     """Called with the progress of the run."""
     tell: Tell
-    """Called with other messages, a line each."""
+    """Called with other messages, one line each."""
     ask: Callable[[str], None] | None
-    """Size and time of a very large study before it begins; raises to stop it."""
+    """Called with size and time of a very large study before it starts; raises to stop it."""
 
 
 def run(
@@ -80,30 +80,31 @@ def run(
     progress: Callable[[Progress], None] | None = None,
     tell: Callable[[str], None] | None = None,
 ) -> "xarray.Dataset":
-    """Evaluate a pure function over a grid, into a Zarr store; the store as an xarray Dataset.
+    """Evaluate a pure function over a grid into a Zarr store; return it as an xarray Dataset.
 
-    The same call goes on with a store that was begun; blocks that are there are checked by
-    their checksum and not computed again.
+    The same call continues an unfinished store. Checksums verify the existing blocks, which are not
+    computed again.
 
     Parameters
     ----------
-    function, kind, cost, batch, dtype, precision, separate : what is evaluated and how, see `Task`;
-        by default `precision` is `dtype`.
-    outputs : units, meanings and further dimensions; by default whatever the function gives. Those
-        of kind "host" must be given.
-    chunk : members of a block, which is computed, held and written at once.
-    scheduler, processes : who computes: workers of a Dask scheduler at that address; or so many
-        processes of this machine, of kind "host"; the other kinds use all cores anyway.
-    ask : told size and time of a very large study before it begins; may raise to stop it.
-    other_versions : go on with a store that was begun with other versions of packages.
-    description, toml, warnings : what the store says of its study, see `Label`; by default its
-        grid, outputs and function. The function's code, and yours that it uses, is compared anyway.
-    progress, tell : told how far it is, and what else is worth a line.
+    function, kind, cost, batch, dtype, precision, separate : the function and settings of its
+        computation, see `Task`; by default `precision` is `dtype`.
+    outputs : units, meanings and further dimensions; by default inferred from the function. Kind
+        "host" requires them.
+    chunk : members of a block, which is computed, held in memory and written at once.
+    scheduler, processes : address of a Dask scheduler whose workers compute; or number of processes
+        on this machine for kind "host" (other kinds use all cores anyway).
+    ask : called with size and time of a very large study before it starts; may raise to stop it.
+    other_versions : continue a store that was begun with other versions of packages.
+    description, toml, warnings : description of the study in the store, see `Label`; by default its
+        grid, outputs and function. The code of the function, and of yours that it uses, is always
+        compared.
+    progress, tell : callbacks for progress and for other messages.
 
     Raises
     ------
-    InputError : a bad argument; `out` is no store, or of another study.
-    Stopped : the disk is full or the scheduler is lost; the same call goes on.
+    InputError : a bad argument; `out` is not a store, or belongs to another study.
+    Stopped : the disk is full or the scheduler is lost; the same call continues.
     """
     precision = precision or dtype
     refuse_dtypes(dtype, precision)
@@ -120,7 +121,7 @@ def run(
 
 
 def _inferred(function: Function, grid: Grid, kind: Kind, precision: str) -> tuple[Output, ...]:
-    """Outputs that are not declared: all that the function gives."""
+    """Infer undeclared outputs: all that the function returns."""
     if kind == "host":
         raise InputError("a function of kind 'host' needs its outputs listed")
     from .local import infer_outputs
@@ -137,7 +138,7 @@ def _run(
     *,
     any_versions: bool,
 ) -> None:
-    """Compute what is missing, by the workers of a scheduler or by so many processes."""
+    """Compute missing blocks with the workers of a scheduler, or with local processes."""
     tell = listener.tell
     opened = open_store(place, task, label, any_versions=any_versions, tell=tell)
     if listener.ask is not None and is_large(task) and not place.exists():
@@ -154,7 +155,7 @@ def _run(
 
 
 def _cluster(workers: str | int) -> "contextlib.AbstractContextManager[Client | None]":
-    """A client of the workers, or None for this process; before anything is written."""
+    """Return a client of the workers, or None for this process, before anything is written."""
     if isinstance(workers, int) and workers < 2:
         return contextlib.nullcontext()
     from .cluster import connected, local_processes
@@ -169,12 +170,11 @@ def _on(client: "Client", scheduler: str, tell: Tell) -> Source:
 
 
 def load(path: str | Path, *, verify: bool = True) -> "xarray.Dataset":
-    """A store as an xarray Dataset, read as it is used. Members not yet computed are nan or -1.
+    """Open a store as a lazy xarray Dataset. Members not yet computed are nan or -1.
 
-    `path` is a folder or a URL. What members failed with is in the attribute "errors", each text
-    with how many have it. `verify` compares every file with its checksum before: without it a
-    chunk that was deleted reads as one not computed yet (one with wrong bytes is noticed
-    when it is read).
+    `path` is a folder or a URL. The attribute "errors" has the errors of failed members, each with
+    its count. `verify` first compares every file with its checksum. Without it a deleted chunk
+    reads as not computed; a chunk with wrong bytes raises when it is read.
 
     Raises
     ------
@@ -193,7 +193,7 @@ def load(path: str | Path, *, verify: bool = True) -> "xarray.Dataset":
 
 
 def _source(task: Task) -> dict[str, object]:
-    """Fingerprint of the user's function; functions of the package are covered by `versions`."""
+    """Return a fingerprint of the user's function; `versions` covers functions of the package."""
     if belongs_to_package(task.function):
         return {}
     return {"source of the function": fingerprint(task.function)}
@@ -211,7 +211,7 @@ def _described(task: Task) -> dict[str, object]:
 
 
 def _with_layout(description: Mapping[str, object], task: Task) -> dict[str, object]:
-    """The description with entries that follow by default, which another version may change."""
+    """Return the description with default entries, which another version may change."""
     outputs = [output.name for output in task.outputs]
     return {
         **description,
@@ -221,7 +221,7 @@ def _with_layout(description: Mapping[str, object], task: Task) -> dict[str, obj
 
 
 def _go_on(store: Store, source: Source, listener: Listener) -> None:
-    """Compute and write what is missing."""
+    """Compute and write the missing blocks."""
     task, tell = store.task, listener.tell
     sound = store.sound()
     begun = bool(sound.any())
@@ -255,13 +255,13 @@ def _go_on(store: Store, source: Source, listener: Listener) -> None:
 
 
 class Failed(InputError):
-    """The first members all failed to be computed; nothing is kept."""
+    """The first members all failed; nothing is kept."""
 
 
 def _refuse_failures(
     found: Iterable[tuple[int, Computed]], task: Task
 ) -> Iterator[tuple[int, Computed]]:
-    """Pass the blocks on, unless the first members are nothing but errors."""
+    """Yield the blocks, or raise `Failed` if all of the first members failed."""
     failed, error, text = 0, _OUTCOMES.index("error"), ""
     blocks = iter(found)
     for number, block in blocks:
@@ -272,9 +272,9 @@ def _refuse_failures(
         failed += here.size
         text = text or _first_error(task, number, block.errors)
         if failed >= min(_FIRST, task.grid.size):
-            advice = "Mend the function, or let it return nan where a member has no number"
+            advice = "Correct the function, or let it return nan where a member has no number"
             if belongs_to_package(task.function):
-                advice = "Mend the study: what it sets and what it varies"
+                advice = "Correct the study: its fixed and its varied parameters"
             raise Failed(
                 f"the first {failed} members all failed, with {text}; nothing is kept. {advice}"
             )
@@ -283,7 +283,7 @@ def _refuse_failures(
 
 
 def _first_error(task: Task, number: int, errors: Mapping[int, str]) -> str:
-    """The first error of a block and its member: "InputError: ... at V0 = 1e-06 m/s"."""
+    """Return the first error of a block and its member: "InputError: ... at V0 = 1e-06 m/s"."""
     place = min(errors)
     units = {axis.name: axis.unit for axis in task.grid.axes}
     if task.grid.samples is not None:
@@ -304,7 +304,7 @@ def _local(task: Task, todo: Sequence[int]) -> Generator[tuple[int, Computed], N
 
 
 def _write_all(store: Store, found: Iterable[tuple[int, Computed]], clock: Clock) -> None:
-    """Write blocks as they come, one behind the computation."""
+    """Write blocks as they arrive, one behind the computation."""
     pending: Future | None = None
     with ThreadPoolExecutor(1) as writer:
         for number, block in found:

@@ -1,11 +1,11 @@
-"""Random numbers by index: the value of draw i needs no other draw and no memory.
+"""Random numbers by index: the value of draw i needs no other draw and no state.
 
-A study of any length can then be cut into chunks anywhere, on any number of machines. The bits come
+A study of any length can thus be cut into chunks anywhere, on any number of machines. The bits come
 from two rounds of SplitMix64 (Steele, Lea & Flood 2014, doi:10.1145/2660193.2660195) over
 the index, the seed and the number of the column; permutations are four Feistel rounds
-over the next power of four, walked until they fall inside (Black & Rogaway 2002,
-doi:10.1007/3-540-45760-7_9). NumPy's Philox is made for draws in a row: at
-65536 scattered indices, which a permutation asks for, it takes 0.55 s, and this 0.6 ms.
+over the next power of four, repeated until the result is inside (Black & Rogaway 2002,
+doi:10.1007/3-540-45760-7_9). NumPy's Philox is made for consecutive draws: for the 65536
+scattered indices of a permutation it needs 0.55 s, this module 0.6 ms.
 """
 
 import numpy as np
@@ -16,7 +16,7 @@ _ROUNDS = 4
 
 
 def bits(index: np.ndarray, seed: int, column: int) -> np.ndarray:
-    """64 random bits for each index."""
+    """Return 64 random bits for each index."""
     key = np.uint64((seed * 0x100000001B3 + column * 0x9E3779B1 + 0x1234567) % 2**64)
     with np.errstate(over="ignore"):
         return _mix(_mix(index.astype(np.uint64) * _GOLDEN + key) + _GOLDEN)
@@ -29,19 +29,19 @@ def _mix(x: np.ndarray) -> np.ndarray:
 
 
 def uniform(index: np.ndarray, seed: int, column: int) -> np.ndarray:
-    """A number in (0, 1) for each index."""
+    """Return a uniform number in (0, 1) for each index."""
     return ((bits(index, seed, column) >> np.uint64(11)).astype(float) + 0.5) / 2.0**53
 
 
 def normal(index: np.ndarray, seed: int, column: int) -> np.ndarray:
-    """A standard normal number for each index."""
+    """Return a standard normal number for each index."""
     from scipy.special import ndtri
 
     return ndtri(uniform(index, seed, column))
 
 
 def permuted(index: np.ndarray, size: int, seed: int, column: int) -> np.ndarray:
-    """Places of the given indices in a random permutation of 0..size-1."""
+    """Return the positions of the indices in a random permutation of 0..size-1."""
     half = max((max(size - 1, 1).bit_length() + 1) // 2, 1)
     mask = np.uint64(2**half - 1)
     found = index.astype(np.uint64)
@@ -56,19 +56,19 @@ def permuted(index: np.ndarray, size: int, seed: int, column: int) -> np.ndarray
 
 
 def latin(index: np.ndarray, size: int, seed: int, column: int) -> np.ndarray:
-    """One column of a Latin hypercube of `size` points: each of `size` equal cells has one."""
+    """Return one column of a Latin hypercube of `size` points, one in each of `size` cells."""
     cell = permuted(index, size, seed, column)
     return (cell + uniform(index, seed, column)) / size
 
 
 def sobol(begin: int, number: int, columns: int, seed: int) -> np.ndarray:
-    """Points begin..begin+number-1 of a scrambled Sobol sequence, shape (number, columns)."""
+    """Return points begin..begin+number-1 of a scrambled Sobol sequence, (number, columns)."""
     import warnings
 
     from scipy.stats.qmc import Sobol
 
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # a chunk need not have a power of two of points
+        warnings.simplefilter("ignore")  # SciPy warns if the number is not a power of two
         sequence = Sobol(columns, scramble=True, rng=np.random.default_rng(seed))
         if begin:
             sequence.fast_forward(begin)

@@ -9,17 +9,17 @@ from .function import Task
 from .grid import Tiling
 from .layout import outputs_of
 
-# From here on a study is asked about before it begins.
+# Studies of this size or more need a confirmation before they start.
 _MEMBERS, _BYTES = 100_000_000, 1e11
 
 
 def is_large(task: Task) -> bool:
-    """Whether the study is so large that its user is asked first."""
+    """Whether the study is so large that the user must confirm it."""
     return task.grid.size > _MEMBERS or _bytes(task) > _BYTES
 
 
 def told_size(task: Task) -> str:
-    """Members, chunks, the size of the store uncompressed, and the time at a measured rate."""
+    """Return a line with members, chunks, uncompressed size, and time at a measured rate."""
     rate = _rate(task)
     days = task.grid.size / rate / 86400
     took = f"{days:.3g} days" if days >= 1 else f"{24 * days:.2g} h"
@@ -40,7 +40,7 @@ def _bytes(task: Task) -> float:
 
 
 def _rate(task: Task) -> float:
-    """Members per second of this process, from a few of them, after they are compiled."""
+    """Measure members per second of this process with a few members, after compilation."""
     from .local import compute, devices
 
     few = 1 if task.kind == "host" else devices(task) * task.batch

@@ -1,8 +1,8 @@
-"""Origin of results besides their parameters: the code and the versions that computed them.
+"""Fingerprints of the code and versions that compute results.
 
-A store belongs to one function, to its body and to all that it refers to, and to the versions of
-the packages below it; every worker of a cluster must have the same. Text is not compared but what
-runs: comments, and a file that was edited after it was loaded, change nothing.
+A store belongs to one function, including everything that it refers to, and to the versions of the
+packages below it. All workers of a cluster must have the same. The compiled code is compared, not
+the text: comments, or edits of a file after it was loaded, do not matter.
 """
 
 import dataclasses
@@ -19,16 +19,16 @@ from pathlib import Path
 import numpy as np
 
 _PACKAGE = Path(__file__).resolve().parents[1]
-# Folders of the package in which nothing is computed.
+# Folders of the package that do not compute results.
 _WORDS = ("cli", "plot", "report")
 _COMPUTING = ("jaxfric", "jax", "jaxlib", "diffrax", "equinox", "optimistix", "lineax")
 _COMPUTING += ("numpy", "scipy")
 CODE = "code of jaxfric"
-"""The entry of `versions` for the package's own source, which changes between releases."""
+"""Key of `versions` for the package's own source, which changes between releases."""
 
 
 def versions() -> dict[str, str]:
-    """Versions of Python, of the packages that a result depends on, and of the source here."""
+    """Return the versions of Python, of packages below, and of the package's source."""
     found = {"python": f"{sys.version_info[0]}.{sys.version_info[1]}"}
     for name in _COMPUTING:
         try:
@@ -39,7 +39,7 @@ def versions() -> dict[str, str]:
 
 
 def other_versions(then: dict[str, str], now: dict[str, str]) -> list[str]:
-    """Versions that differ, as "scipy 1.15 -> 1.16"."""
+    """Return the versions that differ, as "scipy 1.15 -> 1.16"."""
     return [
         f"{name} {then.get(name, 'missing')} -> {now.get(name, 'missing')}"
         for name in {**then, **now}
@@ -49,7 +49,7 @@ def other_versions(then: dict[str, str], now: dict[str, str]) -> list[str]:
 
 @functools.cache
 def package_source() -> str:
-    """A checksum of all modules of the package that compute."""
+    """Return a checksum of all modules of the package that compute results."""
     digest = hashlib.sha256()
     for path in sorted(_PACKAGE.rglob("*.py")):
         place = path.relative_to(_PACKAGE)
@@ -59,7 +59,7 @@ def package_source() -> str:
 
 
 def revision() -> str:
-    """The git revision of the source that runs, where it is a checkout; else ''."""
+    """Return the git revision of the running source if it is a checkout, else ''."""
     folder = _PACKAGE.parent / ".git"
     try:
         head = (folder / "HEAD").read_text().strip()
@@ -77,17 +77,17 @@ def revision() -> str:
 
 
 def belongs_to_package(function: object) -> bool:
-    """Whether a function, or the class of a callable object, is one of jaxfric itself."""
+    """Whether a function, or the class of a callable object, belongs to jaxfric."""
     function = getattr(function, "__wrapped__", function)
     kind = function if isinstance(function, types.FunctionType) else type(function)
     return (kind.__module__ or "").partition(".")[0] == __name__.partition(".")[0]
 
 
 def fingerprint(function: object) -> str:
-    """A checksum of a function: its byte code, defaults, closure, and the globals that it uses.
+    """Return a checksum of a function: byte code, defaults, closure, and used globals.
 
-    Functions, classes and modules of one's own are followed wherever they lead; those of installed
-    packages are known by their names (`versions` has the rest). Arrays count with their values.
+    Functions, classes and modules of the user are followed recursively. Those of installed packages
+    enter by name (`versions` covers their code), arrays with their values.
     """
     walk = _Walk()
     walk.add(function)
@@ -100,10 +100,10 @@ class _Walk:
     def __init__(self):
         self.digest = hashlib.sha256()
         self.seen: dict[int, int] = {}
-        self.kept: list[object] = []  # so that no address is used twice
+        self.kept: list[object] = []  # keeps objects alive, so that no address is reused
 
     def add(self, x: object) -> None:
-        """Take `x`, whatever it is, into the checksum."""
+        """Add any object to the checksum."""
         if x is None or isinstance(x, bool | int | float | complex | str | bytes):
             return self._say(type(x).__name__, repr(x))
         if id(x) in self.seen:
@@ -159,7 +159,7 @@ class _Walk:
         for cell in function.__closure__ or ():
             try:
                 self.add(cell.cell_contents)
-            except ValueError:  # not filled yet: a function that names itself
+            except ValueError:  # an empty cell: a function that refers to itself
                 self._say("empty")
         if _installed(function.__module__):
             return
@@ -202,12 +202,12 @@ class _Walk:
         else:
             try:
                 self._say(hashlib.sha256(pickle.dumps(x, 4)).hexdigest())
-            except Exception:  # a file, a lock: what it is has to do
+            except Exception:  # a file or a lock: only its type is added
                 self._say(getattr(x, "__qualname__", ""))
 
 
 def _globals_of(code: types.CodeType) -> set[str]:
-    """Names that a function, and those inside it, look up in its module."""
+    """Return the names that a function, and functions inside it, look up in its module."""
     looked_up = ("LOAD_GLOBAL", "LOAD_NAME")
     found = {i.argval for i in dis.get_instructions(code) if i.opname in looked_up}
     for part in code.co_consts:
@@ -217,7 +217,7 @@ def _globals_of(code: types.CodeType) -> set[str]:
 
 
 def _installed(module: str | None) -> bool:
-    """Whether a module came with Python or an installed package, or is one of jaxfric."""
+    """Whether a module belongs to Python, to an installed package, or to jaxfric."""
     if not module or module == "__main__":
         return False
     top = module.partition(".")[0]

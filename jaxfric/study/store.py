@@ -1,11 +1,10 @@
 """Results on disk: a Zarr store that xarray opens, written block by block, each exactly once.
 
-Every block of the grid is one Zarr chunk of every variable, a file. When all files of a block are
-there, a checksum of their bytes is written to the variable `done`, last and at once. What has no
-checksum, or another one than its bytes, was cut off or damaged: it is computed again. So a study
-may be killed at any moment. Coordinates and descriptions have checksums too, and every chunk one
-of its own that whatever reads it compares. A store belongs to one study: its description is in the
-attributes, and a run of another is refused.
+Every block of the grid is one Zarr chunk, a file, of every variable. After all files of a block, a
+checksum of their bytes is written atomically to the variable `done`. A block without checksum, or
+with a wrong one, was interrupted or damaged, and is computed again. So a study may be killed at any
+moment. Coordinates and descriptions have checksums too, and readers verify a checksum inside every
+chunk. A store belongs to one study: its attributes describe the study, and others are refused.
 """
 
 import contextlib
@@ -32,7 +31,7 @@ _MISSING = 'a study needs zarr, xarray and dask; install them: pip install "jaxf
 
 
 def require_packages() -> None:
-    """Raise `InputError` where the optional packages of studies are not installed."""
+    """Raise `InputError` if the optional packages of studies are not installed."""
     try:
         import xarray  # noqa: F401
         import zarr  # noqa: F401
@@ -50,14 +49,14 @@ class Store:
         self.marks = Marks.of(place, attributes(place))
         group: Any = zarr.open_group(place.zarr(), mode="r+")
         self._outputs = [output.name for output in outputs_of(task)]
-        # a chunk of nothing but nan is a chunk too: its file must be there
+        # a chunk of nan alone must also have a file
         with zarr.config.set({"array.write_empty_chunks": True}):
             self._arrays: dict[str, Any] = {
                 name: group[name] for name in (*sampled(task), *self._outputs)
             }
 
     def write(self, number: int, block: Computed) -> None:
-        """All variables of a block, the texts of its errors, and then that it is done."""
+        """Write all variables of a block, then its errors, and last the mark that it is done."""
         where = self.task.blocks.where(number)
         with self.place.faults():
             for name in self._outputs:
@@ -75,7 +74,7 @@ class Store:
         self.marks.set(number)
 
     def sound(self) -> np.ndarray:
-        """Mask of the blocks that are written and bear their checksum; other marks are removed."""
+        """Return a mask of the blocks with a valid checksum; remove the marks of others."""
         states = self.marks.states()
         for number, state in enumerate(states):
             if state == "damaged":
@@ -83,7 +82,7 @@ class Store:
         return np.asarray([state == "sound" for state in states], bool)
 
     def with_errors(self) -> list[int]:
-        """Blocks of which a member ended in an error."""
+        """Return the blocks with failed members."""
         return [int(n) for n in self.place.names(ERRORS) if n.isdecimal()]
 
 
@@ -96,12 +95,12 @@ def open_store(
     any_versions: bool = False,
     tell: Tell = silent,
 ) -> Generator[Store]:
-    """The store of a study, made where there is none; no other run can write it meanwhile.
+    """Yield the store of a study, a new one if needed, locked against other runs.
 
     Raises
     ------
-    InputError : the folder is no store, or that of another study, was begun with other versions
-        (unless `any_versions`), or is being written.
+    InputError : the folder is not a store, belongs to another study, was begun with other versions
+        (unless `any_versions`), or is locked by another run.
     """
     require_packages()
 
@@ -111,7 +110,7 @@ def open_store(
     if place.exists():
         refuse_other(place, label.description)
         if changed_versions(place) and not place.names(f"{DONE}/c"):
-            with place.lock(tell):  # nothing is in it yet: begun anew
+            with place.lock(tell):  # it has no block yet: start again
                 place.discard()
         elif not any_versions:
             refuse_other_versions(place)
@@ -124,7 +123,7 @@ def open_store(
 
 
 def _mend(place: AbstractPlace, make: Callable[[str], None], tell: Tell) -> None:
-    """Write again what is written once and was damaged; it follows from the study."""
+    """Write damaged files again that are written only once; the study determines them."""
     damaged = damaged_files(place)
     if not damaged:
         return
@@ -136,14 +135,14 @@ def _mend(place: AbstractPlace, make: Callable[[str], None], tell: Tell) -> None
         for name in (n for n in files if n != _ROOT) if whole else damaged:
             if name != _ROOT:
                 place.write(name, files[name].read_bytes())
-        # when and by what it was begun stays what the store says
+        # keep when and by which version the store was begun
         kept = [(n, place.read(n) or b"") for n in sorted(files) if n != FIXED]
         place.write(FIXED, fixed_checksums(kept))
     tell(f"mended: {', '.join(damaged)}")
 
 
 def attributes(place: AbstractPlace) -> dict[str, Any]:
-    """The attributes of a store.
+    """Return the attributes of a store.
 
     Raises
     ------
@@ -177,7 +176,7 @@ def attributes(place: AbstractPlace) -> dict[str, Any]:
 
 
 def refuse_other(place: AbstractPlace, description: Mapping[str, object]) -> None:
-    """Raise `InputError` where a store belongs to another study, with what differs."""
+    """Raise `InputError` with the differences if a store belongs to another study."""
     kept = json.loads(attributes(place)["study"])
     differing = sorted(_differences(kept, json.loads(json.dumps(description)), ""))
     if differing:
@@ -202,24 +201,24 @@ def _differences(a: object, b: object, name: str) -> Iterator[str]:
 
 
 def refuse_other_versions(place: AbstractPlace) -> None:
-    """Raise `InputError` where other code or other packages began a store."""
+    """Raise `InputError` if a store was begun with other code or packages."""
     changed = changed_versions(place)
     if changed:
         raise InputError(
-            f"{place.shown} was begun with other versions: {', '.join(changed)}; one study would"
-            " hold the numbers of both: give another with --out, or go on all the same with"
+            f"{place.shown} was begun with other versions: {', '.join(changed)}; the study would"
+            " mix results of both: give another with --out, or continue nevertheless with"
             " --other-versions (in Python other_versions=True)"
         )
 
 
 def changed_versions(place: AbstractPlace) -> list[str]:
-    """Versions that have changed since the store was begun."""
+    """Return the versions that have changed since the store was begun."""
     return other_versions(attributes(place).get("versions", {}), versions())
 
 
 def verify(place: AbstractPlace) -> None:
-    """Raise `InputError` where a file of a store is gone or not as it was written."""
-    again = "run the study again with the same command, which computes it anew"
+    """Raise `InputError` if a file of a store is missing or damaged."""
+    again = "run the same command again, which computes the damaged parts"
     damaged = damaged_files(place)
     if damaged:
         raise InputError(f"{place.shown} is damaged: {', '.join(damaged[:4])}; {again}")
@@ -234,7 +233,7 @@ def verify(place: AbstractPlace) -> None:
 
 
 def error_texts(place: AbstractPlace) -> dict[str, int]:
-    """Errors in which members ended, and of how many, the most frequent first."""
+    """Return the errors of failed members with their counts, the most frequent first."""
     found: Counter[str] = Counter()
     for number in place.names(ERRORS):
         found.update(json.loads(place.read(f"{ERRORS}/{number}") or b"{}").values())
