@@ -85,7 +85,7 @@ BAD = {
     "idle samples": (GOOD + "[samples]\nnumber = 3\n", ["would not be used"]),
     "idle table": (GOOD + "[simulate]\nratio = 3\n", ["[simulate] would not be used"]),
     "no file": (GOOD + 'B2 = { from = "fit.json" }\n', ["fit.json", "No such file"]),
-    "alone": (GOOD.replace('"margins"', '"margins", "gains"'), ["'gains'", "stands alone"]),
+    "alone": (GOOD.replace('"margins"', '"margins", "gains"'), ["'gains'", "must be alone"]),
     "margin out of reach": (
         GOOD.replace("margins", "gains") + "[gains]\nmargin = { phase = 45 }\n",
         ["[gains]", "phase=45", "3.14"],
@@ -221,7 +221,7 @@ def test_a_study_of_nothing_but_errors_says_where_and_what(monkeypatch: pytest.M
     text = text.partition("[axes]")[0].replace('V0 = "10 um/s"', "")
     text += "[axes]\nV0 = { values = ['2 um/s', '5 um/s'] }\n[gains]\nmargin = { phase = 1 }\n"
     outcome = run("study", written(Path("study.toml"), text))
-    assert_refused(outcome, "InputError: k_p is odd", "V0 = 2e-06 m/s", "Mend the study")
+    assert_refused(outcome, "InputError: k_p is odd", "V0 = 2e-06 m/s", "Correct the study")
     assert os.listdir() == ["study.toml"]
 
 

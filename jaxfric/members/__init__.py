@@ -1,12 +1,12 @@
-"""The computations that `jaxfric study` asks of rigs: margins, end states, gains, fits, verdicts.
+"""The computations of `jaxfric study`: margins, end states, gains, fits, verdicts.
 
-parameters   names, units and bounds of what can be set and varied
+parameters   names, units and bounds of parameters that a study sets or varies
 sliders      laws, rigs and linearised sliders from parameters by name
 margins      margins and linear stability of many sliders at once
 motions      simulations of many sliders at once
-ends         how massless sliders end, told while they move
+ends         end states of massless sliders, determined during the simulation
 one_by_one   gains, fits and loops: Python, member by member
-computations what a study can compute: one entry each
+computations the computations of a study, one entry each
 spec         study.toml
 make         from a study.toml to a running study
 """

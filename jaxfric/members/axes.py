@@ -1,4 +1,4 @@
-"""The tables [axes] and [samples] of a study.toml, which say what varies."""
+"""The tables [axes] and [samples] of a study.toml: the varied parameters."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -18,7 +18,7 @@ from .parameters import number, parameter, value_of
 from .tables import Table, file_of, refuse_unknown, table_of, whole
 
 About = Callable[[str, str], Quantity]
-# Values of one axis: they are held whole.
+# Largest number of values of one axis, which are held in memory.
 _MOST = 10_000_000
 _AXIS = ("linspace", "logspace", "values", *KINDS, "from")
 
@@ -26,7 +26,7 @@ _AXIS = ("linspace", "logspace", "values", *KINDS, "from")
 def read_grid(
     content: Table, path: Path, files: dict[str, str], *, about: About = parameter
 ) -> Grid:
-    """The grid that [axes] and [samples] describe. `about` knows the parameters by their names."""
+    """Return the grid of [axes] and [samples]; `about` returns a parameter by its name."""
     where = f"{path.name} [axes]"
     table = table_of(content, "axes", path.name)
     if not table:
@@ -116,7 +116,7 @@ def _column(about: Quantity, kind: str, axis: Table, where: str) -> Uniform:
 
 
 def _draws(axis: Table, path: Path, where: str, files: dict[str, str]) -> Normal:
-    """Columns from the covariance of a fit.json, those with a lower bound by their logarithm."""
+    """Return columns from the covariance of a fit.json, lognormal for those with a lower bound."""
     source = file_of(axis["from"], path, where, files)
     fitted, force = _fitted(axis, source, where)
     scale = force_of_unit(fitted.friction_unit, force, fitted.where)
@@ -141,8 +141,8 @@ def _draws(axis: Table, path: Path, where: str, files: dict[str, str]) -> Normal
 def posterior(
     content: Table, path: Path, law: str | None, fixed: dict[str, float], grid: Grid
 ) -> tuple[str | None, dict[str, float], tuple[str, ...]]:
-    """Law, parameters and warnings of the fit of an axis `from`; of the parameters only those that
-    it does not draw."""
+    """Return law, parameters and warnings of the fit of an axis `from`, without the parameters that
+    the axis draws."""
     table = table_of(content, "axes", path.name)
     sources = [axis for axis in table.values() if isinstance(axis, dict) and "from" in axis]
     if not sources:
@@ -158,8 +158,8 @@ def posterior(
 
 
 def parameters_of(source: LawSource) -> tuple[str | None, dict[str, float]]:
-    """Name and parameters (SI) of a rate-and-state law by the names of a study; None and only a
-    mass, where it has one, of another law."""
+    """Return name and parameters (SI) of a rate-and-state law, with the names of a study. For
+    another law return None and at most its mass."""
     law, kind = source.law, name_of(source.law)
     if kind is None or not isinstance(law, AbstractRateState):
         return None, {} if source.mass is None else {"m": source.mass}
@@ -170,7 +170,7 @@ def parameters_of(source: LawSource) -> tuple[str | None, dict[str, float]]:
 
 
 def _fitted(axis: Table, source: Path, where: str) -> tuple[FittedLaw, float | None]:
-    """The parameters of a fit.json, and the normal force [N] that goes with it."""
+    """Return the law of a fit.json, and its normal force [N] or None."""
     force = (
         number(axis["normal_force"], "N", f"{where} normal_force")
         if "normal_force" in axis

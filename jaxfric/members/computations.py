@@ -1,6 +1,6 @@
-"""The computations of a study: one entry each, which study.toml, outputs and runs read.
+"""The computations of a study, one entry each, for study.toml, outputs and runs.
 
-To add one, write a function that makes its `StudyPart` for a study, and its entry.
+To add one, write a function that makes its `StudyPart`, and add an entry here.
 """
 
 from .margins import make_margins

@@ -1,10 +1,9 @@
-"""How a massless slider ends after a step of the command, told while it moves.
+"""End state of a massless slider after a step of the command, determined during the simulation.
 
-The same rules as `gains.ends.classify`, but from running maxima: nothing is kept of a motion, so
-a million of them, under `vmap`, take no memory. Cycles are counted where the velocity rises through
-the command, which is where the slip deviates most. Two motions are not followed further: that of a
-linearly stable slider very close to steady sliding, and that of a linearly unstable one whose
-cycles repeat.
+The rules are those of `gains.ends.classify`, but with running maxima. No motion is stored, so that
+a million of them under `vmap` need little memory. A cycle begins where the velocity rises through
+the command, which is where slip deviates most. The simulation stops early in two cases: a linearly
+stable slider very close to steady sliding, and a linearly unstable one whose cycles repeat.
 """
 
 from typing import NamedTuple
@@ -23,26 +22,26 @@ from ..simulation.ode import SliderEquation
 from ..simulation.stepping import SAFETY, How, Underway, observed
 
 CODES = {
-    "steady": "The slider slides steadily, or comes ever closer to it.",
+    "steady": "The slider slides steadily, or converges to steady sliding.",
     "limit_cycle": "The slider keeps oscillating: stick-slip, or an oscillation that still grows.",
-    "escape": "The slider ran away: friction falls faster than its spring, above the critical"
-    " stiffness too where the step is large, and without mass nothing limits its speed; one with"
-    " mass would stick-slip (inertia = true).",
-    "failed": "No end was seen: too many steps, or fewer than two cycles in the time.",
+    "escape": "The slider ran away: friction falls faster than its spring force, after a large step"
+    " also above the critical stiffness, and without mass nothing limits its speed; with mass it"
+    " would stick-slip (inertia = true).",
+    "failed": "The end state is not known: too many steps, or fewer than two cycles in the time.",
 }
 STEADY, LIMIT_CYCLE, ESCAPE, FAILED = range(4)
 
-# This much closer than `SMALL` a linearly stable slider is at the end of its way.
+# A linearly stable slider is at its end state below this fraction of `SMALL`.
 _CLOSE = 1e-2
-# A slider this much faster than its command, for which no step is small enough, runs away.
+# A slider runs away if it is this much faster than its command and no solver step is small enough.
 _FAST = 1e3
-# Cycles repeat where ln V of the fastest and slowest point of so many in a row stays this close to
-# the first of them, and closer than this part of what the linear growth would make of one.
+# Cycles repeat if ln V of the fastest and the slowest point of `_IN_A_ROW` cycles agrees with the
+# first within `_REPEATS`, and within `_PART_OF_GROWTH` of the linear growth in one cycle.
 _REPEATS, _PART_OF_GROWTH, _IN_A_ROW = 1e-2, 0.2, 6
 
 
 class Ends(NamedTuple):
-    """How a slider ends. A number that it has not is inf (`least_velocity`: -inf)."""
+    """End state of a slider. Undefined numbers are inf (`least_velocity`: -inf)."""
 
     code: Array
     velocity_amplitude: Float[Array, ""]
@@ -51,17 +50,17 @@ class Ends(NamedTuple):
     """Half the range of slip minus V0 t [m]."""
     least_velocity: Float[Array, ""]
     period: Float[Array, ""]
-    """Mean period of the cycles of the last half, or of those that repeat [s]."""
+    """Mean period of the cycles in the last half, or of the repeating ones [s]."""
     period_spread: Float[Array, ""]
-    """Half the range of the periods of these cycles [s]; large where they are irregular."""
+    """Half the range of the periods of these cycles [s]; large for irregular cycles."""
 
 
 _Range = tuple[Array, Array]
-"""Least and largest value of a quantity so far."""
+"""Running minimum and maximum of a quantity."""
 
 
 class _SeenEnds(NamedTuple):
-    """Observations of the motions so far."""
+    """Running observations of a motion."""
 
     largest: Float[Array, " 4"]  # of ln(1 + |V - V0|/V0), in each quarter
     speeds: _Range  # ln(V/V0) in the last half, and so are the following
@@ -75,7 +74,7 @@ class _SeenEnds(NamedTuple):
 
 
 class _Cycle(NamedTuple):
-    """The cycle that a slider is in, and the one before it."""
+    """The current cycle of a slider, and the previous one."""
 
     speeds: _Range
     springs: _Range
@@ -98,11 +97,11 @@ def end_of(
     decay: Float[Array, ""],
     policy: Policy = STANDARD,
 ) -> Ends:
-    """Follow a massless slider that is commanded to move at `velocity` [m/s] and say how it ends.
+    """Simulate a massless slider commanded to move at `velocity` [m/s]; return its end state.
 
-    horizon : time to settle [s]; the time that the load point needs to make up for the
-        elongation of `start` comes before it.
-    decay : rate of the slowest linear mode [1/s], positive where steady sliding is stable.
+    horizon : time to settle [s], after the time that the load point needs to compensate the
+        elongation of `start`.
+    decay : rate of the slowest linear mode [1/s], positive if steady sliding is stable.
     """
     motion = PiecewiseVelocity(jnp.zeros_like(velocity)[None], velocity[None])
     lead = jnp.zeros_like(velocity)
@@ -122,20 +121,20 @@ def end_of(
         watch.observe,
         watch.nothing(),
     )
-    # a massless slider may run away in a finite time: no step is then small enough
+    # a massless slider may diverge in a finite time; then no solver step is small enough
     escaped = point.ran_away & (point.log_speed > np.log(_FAST))
     reached = possible & (point.time >= quarters[-1])
     return _numbers(velocity, seen, _code(seen, escaped, reached, watch))
 
 
 class _Watch(NamedTuple):
-    """An observer of every step of a slider, which keeps what tells of its end."""
+    """An observer of every solver step, which keeps what determines the end state."""
 
     quarters: Float[Array, " 5"]
     """Ends of the four windows of the horizon [s]."""
     decay: Float[Array, ""]
     yielding: Float[Array, ""]
-    """Elongation of the spring by the unit of the scaled friction [m]."""
+    """Elongation of the spring for one unit of scaled friction [m]."""
 
     @property
     def horizon(self) -> Float[Array, ""]:
@@ -143,7 +142,7 @@ class _Watch(NamedTuple):
         return self.quarters[-1] - self.quarters[0]
 
     def nothing(self) -> _SeenEnds:
-        """Observations before the first step."""
+        """Return the observations before the first step."""
         none = jnp.zeros_like(self.decay)
         range_ = (none + jnp.inf, none - jnp.inf)
         no = none > 0
@@ -158,12 +157,12 @@ class _Watch(NamedTuple):
     def observe(
         self, seen: _SeenEnds, before: Underway, after: Underway
     ) -> tuple[_SeenEnds, Bool[Array, ""]]:
-        """Observations after a step, and whether the slider need not be followed further."""
+        """Return the observations after a step, and whether the simulation may stop."""
         quarters, u = self.quarters, after.log_speed
         size = jnp.log1p(jnp.abs(jnp.expm1(jnp.clip(u, -700.0, 600.0))))
         tiny = 1e-12 * self.horizon
         late = after.time >= quarters[2] - tiny
-        # a window counts the step that ends on its beginning
+        # a window includes the step that ends at its beginning
         inside = (after.time >= quarters[:4] - tiny) & (after.time <= quarters[1:] + tiny)
         crosses, at = _rise(before, after)
         rises = crosses & late & (before.time >= quarters[2] - tiny)
@@ -185,14 +184,14 @@ class _Watch(NamedTuple):
 
 
 def _rise(before: Underway, after: Underway) -> tuple[Bool[Array, ""], Float[Array, ""]]:
-    """Whether the velocity rises through the command in a step, and when [s]."""
+    """Return whether the velocity rises through the command in a step, and when [s]."""
     rises = (before.log_speed < 0) & (after.log_speed >= 0)
     rise = jnp.where(rises, after.log_speed - before.log_speed, 1.0)
     return rises, before.time - before.log_speed * (after.time - before.time) / rise
 
 
 def _cycle(of: _Cycle, rise: tuple[Array, Array], u: Array, spring: Array, decay: Array) -> _Cycle:
-    """The cycle after a step; a new one begins where the velocity rises through the command."""
+    """Return the cycle after a step; a new one begins if the velocity rises through the command."""
     rises, time = rise
     whole = rises & jnp.isfinite(of.begun)
     period = jnp.where(whole, time - of.begun, of.period)
@@ -222,7 +221,7 @@ def _cycle(of: _Cycle, rise: tuple[Array, Array], u: Array, spring: Array, decay
 
 
 def _settled(size: Array, before: Underway, after: Underway) -> Bool[Array, ""]:
-    """Whether a slider is very close to steady sliding, at both ends of a step and in its rates."""
+    """Whether a slider is very close to steady sliding, in values and rates at both step ends."""
     close = _CLOSE * SMALL
     rate = sum(jnp.sum(jnp.abs(slope)) for slope in after.slope.values())
     h = after.time - before.time
@@ -230,18 +229,18 @@ def _settled(size: Array, before: Underway, after: Underway) -> Bool[Array, ""]:
 
 
 def _widened(of: _Range, x: Array, inside: Array | bool = True) -> _Range:
-    """The range extended by `x`, where that is `inside`."""
+    """Extend the range by `x`, if `inside`."""
     low, high = of
     wider = jnp.minimum(low, x), jnp.maximum(high, x)
     return jnp.where(inside, wider[0], low), jnp.where(inside, wider[1], high)
 
 
 def _code(seen: _SeenEnds, escaped: Array, reached: Array, watch: _Watch) -> Int8[Array, ""]:
-    """Index into `CODES` of the end of a slider."""
+    """Return the index into `CODES` of the end state."""
     a2, a3, a4 = seen.largest[1:]
     rate = jnp.where(watch.decay > 0, watch.decay, jnp.inf)
     steady = settles((a2, a3, a4), seen.rises, watch.horizon / 4, rate)[0]
-    # no unstable slider slides steadily: its oscillation is still too small to be seen
+    # an unstable slider cannot slide steadily: its oscillation is still too small
     steady = seen.arrived | (steady & ~(watch.decay < 0))
     code = jnp.where(steady, STEADY, jnp.where(seen.rises >= 2, LIMIT_CYCLE, FAILED))
     code = jnp.where(reached | seen.arrived, code, FAILED)
@@ -250,7 +249,7 @@ def _code(seen: _SeenEnds, escaped: Array, reached: Array, watch: _Watch) -> Int
 
 
 def _numbers(velocity: Array, seen: _SeenEnds, code: Array) -> Ends:
-    """Amplitudes, least velocity and period, of the last cycle or of the last half."""
+    """Return amplitudes, least velocity and period, of the last cycle or of the last half."""
     cycle = seen.cycle
 
     def chosen(last: _Range, half: _Range) -> _Range:
@@ -261,7 +260,7 @@ def _numbers(velocity: Array, seen: _SeenEnds, code: Array) -> Ends:
     springs = chosen(cycle.springs_last, seen.springs)
     low, high = (velocity * jnp.exp(jnp.clip(u, -700.0, 600.0)) for u in speeds)
     known = (code == LIMIT_CYCLE) | ((code == STEADY) & jnp.isfinite(speeds[0]))
-    at_end = (code == STEADY) & ~known  # not followed to its last half: it is steady
+    at_end = (code == STEADY) & ~known  # steady before the last half, where it was stopped
     periods = chosen(cycle.periods, seen.periods)
     count = jnp.where(cycle.repeats, cycle.agree + 2, seen.rises)
     mean, spread = mean_and_spread(count, seen.first, seen.last, *periods)
@@ -283,6 +282,6 @@ def _numbers(velocity: Array, seen: _SeenEnds, code: Array) -> Ends:
 def horizon_of(
     slowest: Array, force_scale: Array, stiffness: Array, velocity: Array
 ) -> Float[Array, " *n"]:
-    """Thirty periods of the slowest mode [1/s], or of sticking through the changes of force."""
+    """Return thirty periods of the slowest mode [1/s], or of stick during changes of force."""
     stick = 2 * force_scale / (stiffness * velocity)
     return PERIODS * jnp.maximum(2 * jnp.pi / slowest, stick)

@@ -1,4 +1,4 @@
-"""Makes the function, grid and outputs of a study from its study.toml, and runs it."""
+"""Make the function, grid and outputs of a study from its study.toml, and run it."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -17,7 +17,7 @@ from .tables import table_of
 if TYPE_CHECKING:
     import xarray
 
-# Members of a block of one's own function, written with JAX or in plain Python.
+# Members of a block for a user's function, written with JAX or in plain Python.
 _CHUNK, _CHUNK_ONE_BY_ONE = 65536, 16
 
 
@@ -42,12 +42,12 @@ class Together:
     parts: tuple[Function, ...]
 
     def __call__(self, varied: Mapping[str, Array]) -> dict[str, Array]:
-        """Outputs of all computations."""
+        """Return the outputs of all computations."""
         return {name: x for part in self.parts for name, x in part(dict(varied)).items()}
 
 
 def make(path: str | Path, own: str | None = None) -> Made:
-    """Read a study.toml and make its function, or take one's `own`, FILE.py:NAME.
+    """Read a study.toml and make its function, or use the user's `own`, FILE.py:NAME.
 
     Raises
     ------
@@ -77,19 +77,18 @@ def make(path: str | Path, own: str | None = None) -> Made:
 
 
 def _left_out(spec: Spec, parts: list[StudyPart]) -> tuple[str, ...]:
-    """A warning where a mass is given and the simulated slider does not have it, but for who says
-    `inertia = false`.
+    """Warn if a mass is given, but simulations ignore it without `inertia = false`.
 
     Raises
     ------
-    InputError : nothing that is computed has a mass.
+    InputError : no computation uses the mass.
     """
     given = "m" in table_of(spec.content, "rig", spec.path.name) or "m" in spec.grid.names
     meant = "inertia" in spec.options.get("simulate", {})
     if not given or meant or all(part.mass for part in parts):
         return ()
     simulated = "simulate" in spec.compute
-    advice = "write inertia = true in [simulate] to take it along"
+    advice = "write inertia = true in [simulate] to include it"
     if not any(part.mass for part in parts):
         raise InputError(
             f"{spec.path.name}: m would not be used: {' and '.join(spec.compute)} has a slider"
@@ -97,7 +96,7 @@ def _left_out(spec: Spec, parts: list[StudyPart]) -> tuple[str, ...]:
         )
     return (
         "the mass m is in the margins, and the simulated slider has none:"
-        f" {advice}, or inertia = false where that is meant",
+        f" {advice}, or inertia = false if this is intended",
     )
 
 
@@ -126,9 +125,9 @@ def run_study(
     progress: Callable[[Progress], None] | None = None,
     tell: Callable[[str], None] | None = None,
 ) -> "xarray.Dataset":
-    """Run, or go on with, the study of a study.toml; its store as an xarray Dataset.
+    """Run or continue the study of a study.toml; return its store as an xarray Dataset.
 
-    What its laws warn of is told as it begins, and is in the attribute "warnings" of the store.
+    Warnings of its laws are reported at the start, and stored in the attribute "warnings".
 
     Raises
     ------

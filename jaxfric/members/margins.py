@@ -1,4 +1,4 @@
-"""Margins and linear stability of many sliders: those of `stability.margins`, mapped."""
+"""Margins and linear stability of many sliders: `stability.margins` under `vmap`."""
 
 from dataclasses import dataclass
 
@@ -24,12 +24,12 @@ STABILITY = {
 
 @dataclass(frozen=True, eq=False)
 class LinearStability:
-    """Margins, critical stiffness and whether steady sliding is stable, mass included."""
+    """Margins, critical stiffness, and stability of steady sliding, with mass."""
 
     sliders: Sliders
 
     def __call__(self, varied: Parameters) -> dict[str, Array]:
-        """Outputs of an array of members."""
+        """Return the outputs of an array of members."""
         return jax.vmap(self._member)(self.sliders.parameters(varied))
 
     def _member(self, p: Parameters) -> dict[str, Array]:
@@ -46,7 +46,7 @@ class LinearStability:
 
 
 def make_margins(spec: Spec, table: Table, where: str) -> StudyPart:
-    """`compute = ["margins"]`, whose table is empty."""
+    """Make the part of `compute = ["margins"]`, whose table must be empty."""
     refuse_unknown(table, (), where)
     outputs = (
         Output("stability", long_name="linear stability", codes=STABILITY),

@@ -1,7 +1,7 @@
-"""Motions of many sliders after a step of the command: how they end, and friction in time.
+"""Motions of many sliders after a step of the command: end states, and friction over time.
 
-Massless sliders under the slip and ageing laws tell their ends while they move (`members.ends`);
-others through `gains.settle`, which keeps their steps and takes some twenty times as long.
+For massless sliders under the slip and ageing laws `members.ends` determines the end state during
+the simulation. Others use `gains.settle`, which stores all steps and takes about 20 times as long.
 """
 
 import functools
@@ -47,26 +47,26 @@ _ENDINGS = {output.name for output in ENDINGS}
 _NUMBERS = tuple(output.name for output in ENDINGS if output.name != "end")
 _IN_TIME = {"force", "velocity"}
 _KEYS = ("ratio", "samples", "duration", "rtol", "max_steps", "inertia")
-# Members of a block: as many as compute in about a second, and their traces fit into memory.
+# Members of a block: they compute in about a second, and their traces fit into memory.
 _CHUNK_WITH_TRACES, _CHUNK_SLOW = 16384, 1024
-# Members that share a loop, and that of a stiff solver: the slowest holds them.
+# Members that share a loop, also of the stiff solver: all wait for the slowest.
 _BATCH, _BATCH_SLOW = 64, 24
-# Steps of the general solver at first, and members that are followed again at once.
+# First limit of steps of the general solver, and number of members repeated at once.
 _FEW_STEPS, _AGAIN = 1024, 12
-# Steady friction in units of A above which the regularised and the logarithmic direct effect are
-# the same to rounding, and samples that are looked at for the least of it.
+# Steady friction in units of A above which the regularised and the logarithmic direct effect agree
+# to rounding; number of samples that are searched for the smallest friction.
 _FAR_FROM_REST, _SEEN = 20.0, 4096
-# Until a stable slider is at its end; steps of one that cycles.
+# Decay times until a stable slider is at its end state; solver steps of an oscillating one.
 _FOLDS, _CYCLING = 12.0, 700.0
-# A motion in time is left where the slider is this much faster than commanded.
+# A motion over time stops if the slider is this much faster than commanded.
 _LEFT = 1e4
 
 
 def traces(samples: int) -> tuple[Output, ...]:
-    """Outputs of the motion in time, at `samples` times."""
+    """Return the outputs of the motion over time, at `samples` times."""
     part = Axis("part", np.arange(1, samples + 1) / samples, "1", "time over the duration")
     return (
-        Output("trace", long_name="how far the motion was followed", codes=TRACE),
+        Output("trace", long_name="whether the whole motion was simulated", codes=TRACE),
         Output("duration", "s", "duration of the motion"),
         Output("force", "N", "friction", dims=(part,)),
         Output("velocity", "m/s", "velocity of the slider", dims=(part,)),
@@ -78,20 +78,20 @@ class Motions:
     """Motions after a step of the command by `ratio`, to V0.
 
     wanted : names of outputs.
-    inertia : whether mass takes part.
+    inertia : whether the simulation includes mass.
     """
 
     sliders: Sliders
     wanted: tuple[str, ...]
     samples: int = 100
     duration: float | None = None
-    """Time that is followed [s]; None: twenty slip lengths at V0."""
+    """Simulated time [s]; None: twenty slip lengths at V0."""
     rtol: float = 1e-6
     max_steps: int = 16384
     inertia: bool = False
 
     def __call__(self, varied: Parameters) -> dict[str, Array]:
-        """Outputs of an array of members."""
+        """Return the outputs of an array of members."""
         p = self.sliders.parameters(varied)
         found: dict[str, Array] = {}
         if _ENDINGS & set(self.wanted):
@@ -102,14 +102,14 @@ class Motions:
 
     @property
     def slow(self) -> bool:
-        """Whether motions are simulated by the solver that serves all laws."""
+        """Whether motions need the general solver."""
         return self.inertia or not streamed(self.sliders.law)
 
     def cost(self, varied: Parameters) -> Array:
-        """About the number of steps that a member will take, to sort by.
+        """Estimate the number of solver steps of a member, for sorting.
 
-        To its end: of a stable one, as long as its slowest mode lasts; of an unstable one, as many
-        as ten cycles have. Of a motion in time: more, the smaller k_p over k_cr.
+        A stable slider is simulated until its slowest mode has decayed, an unstable one for about
+        ten cycles. A motion over time needs more steps for smaller k_p over k_cr.
         """
         p = self.sliders.parameters(varied)
         if _ENDINGS & set(self.wanted):
@@ -121,19 +121,19 @@ class Motions:
     def _steps(self, p: Parameters) -> Array:
         s = poles(self.sliders.linear(p, mass=self.inertia))
         decay, turns = -jnp.max(s.real), jnp.max(jnp.abs(s.imag)) * 2.5
-        # the general solver may take steps longer than the time in which a mode dies away
+        # steps of the general solver may be longer than the decay time of a mode
         pace = turns if self.slow else jnp.maximum(turns, jnp.max(jnp.abs(s)) / 3)
         longest = _FOLDS / jnp.maximum(decay, 1e-300)
         cycling = _CYCLING * (5 if self.slow else 1)
         return jnp.where(decay > 0, jnp.minimum(longest * pace, 1e6), cycling)
 
     def _pace(self, p: Parameters) -> tuple[Array, Array]:
-        """Slowest mode that matters and slowest decay [1/s]."""
+        """Return the slowest relevant mode and the slowest decay [1/s]."""
         s = poles(self.sliders.linear(p, mass=self.inertia))
         return slowest_mode(s), -jnp.max(s.real)
 
     def _massless(self, p: Parameters) -> tuple[Rig, RateState]:
-        """The rig of one member and its law, with the logarithmic direct effect."""
+        """Return the rig of one member and its law, with the logarithmic direct effect."""
         kind = self.sliders.law
         assert isinstance(kind, str)
         law = rate_state(kind, p, self.sliders.states, LogarithmicEffect())
@@ -141,7 +141,7 @@ class Motions:
         return Rig(QuasiStatic(p["k_p"], p["k_v"]), law), law
 
     def _streamed(self, p: Parameters) -> dict[str, Array]:
-        """Outputs of one member, told while it moves."""
+        """Return the outputs of one member, with `members.ends`."""
         rig, law = self._massless(p)
         slowest, decay = self._pace(p)
         horizon = streaming.horizon_of(slowest, law.A, p["k_p"], p["V0"])
@@ -160,10 +160,11 @@ class Motions:
         return Policy(10 * self.rtol, self.max_steps, RUNAWAY)
 
     def _general(self, p: Parameters) -> dict[str, Array]:
-        """Outputs by the solver that serves all laws.
+        """Return the outputs with the general solver.
 
-        All steps of a motion are kept and looked at, taken or not. So they are few at first; those
-        for which that is not enough are followed again, a few at a time that came equally far.
+        It allocates and reads the largest number of steps of a motion, used or not, so that this
+        limit is low at first. Members that need more are repeated, a few at a time that came
+        equally far.
         """
 
         def followed(p: Parameters, steps: int) -> tuple[dict[str, Array], Array]:
@@ -175,7 +176,7 @@ class Motions:
         first, share = followed(p, _FEW_STEPS)
         lacks = first["end"] == streaming.FAILED
         few = at_once(_AGAIN)
-        share = jnp.fmin(share, 2.0)  # nan, of a time that is no number, too
+        share = jnp.fmin(share, 2.0)  # also replaces nan
         order = jnp.argsort(jnp.where(lacks, share, jnp.inf))
         order = jnp.pad(order, (0, -len(lacks) % few), mode="edge")
 
@@ -189,7 +190,7 @@ class Motions:
         return jax.lax.while_loop(lambda s: s[0] < count, again, (jnp.zeros_like(count), first))[1]
 
     def _ending(self, p: Parameters, policy: Policy) -> tuple[dict[str, Array], Array]:
-        """Outputs of one member, and the share of its time for which it was followed."""
+        """Return the outputs of one member, and the simulated share of its time."""
         rig = self.sliders.rig(p, mass=self.inertia)
         slowest, decay = self._pace(p)
         scale = rig.friction.force_scale()
@@ -206,13 +207,13 @@ class Motions:
         names = ("steady", "limit_cycle", "escape", "unresolved")
         masks = jnp.stack([end.code == getattr(ENDS, name) for name in names])
         code = jnp.argmax(masks, axis=0).astype(jnp.int8)
-        # no unstable slider slides steadily: its oscillation is still too small to be seen
+        # an unstable slider cannot slide steadily: its oscillation is still too small
         code = jnp.where((code == streaming.STEADY) & (decay < 0), streaming.FAILED, code)
         code = code.astype(jnp.int8)
         return _coded({name: getattr(end, name) for name in _NUMBERS}, code), share
 
     def _trace(self, p: Parameters) -> dict[str, Array]:
-        """Friction and velocity of one member in time."""
+        """Return friction and velocity of one member over time."""
         rig, law = self._massless(p)
         duration = 20.0 * jnp.max(law.L) / p["V0"]
         if self.duration is not None:
@@ -239,18 +240,17 @@ class Motions:
 
 
 def _coded(found: Mapping[str, Array], code: Array) -> dict[str, Array]:
-    """Outputs of `ENDINGS`; a member whose end was not seen has no numbers."""
+    """Return outputs of `ENDINGS`; without a known end state the numbers are undefined."""
     lost = code == streaming.FAILED
     return {name: jnp.where(lost, jnp.nan, found[name]) for name in _NUMBERS} | {"end": code}
 
 
 def make_motions(spec: Spec, table: Table, where: str) -> StudyPart:
-    """`compute = ["simulate"]` with its table [simulate].
+    """Make the part of `compute = ["simulate"]` from its table [simulate].
 
     Raises
     ------
-    InputError : a key that is not known, a value that cannot be used, a motion that only mass
-        makes unique.
+    InputError : an unknown key, an invalid value, a motion that is unique only with mass.
     """
     function = _function(spec, table, where)
     end = replace(ENDINGS[0], long_name=f"end of the motion after {_step(spec, function)}")
@@ -262,7 +262,7 @@ def make_motions(spec: Spec, table: Table, where: str) -> StudyPart:
     traced, ended = bool(_IN_TIME & wanted), bool(_ENDINGS & wanted)
     if traced and function.slow:
         raise InputError(
-            f"{spec.path.name}: force and velocity in time are for massless sliders under the slip"
+            f"{spec.path.name}: force and velocity over time need a massless slider under the slip"
             " or ageing law; leave these outputs out"
         )
     part = replace(part, function=function, cost=function.cost if traced or ended else None)
@@ -276,7 +276,7 @@ def make_motions(spec: Spec, table: Table, where: str) -> StudyPart:
 
 
 def _step(spec: Spec, function: Motions) -> str:
-    """The step of the command in words."""
+    """Describe the step of the command."""
     ratio = function.sliders.fixed.get("ratio")
     if "ratio" in spec.grid.names or ratio is None:
         return "a step from V0/ratio to V0"
@@ -284,7 +284,7 @@ def _step(spec: Spec, function: Motions) -> str:
 
 
 def _function(spec: Spec, table: Table, where: str) -> Motions:
-    """The function of [simulate], of no outputs yet."""
+    """Return the function of [simulate], without outputs yet."""
     refuse_unknown(table, _KEYS, where)
     sliders = sliders_of(spec)
     if "ratio" in table:
@@ -293,8 +293,8 @@ def _function(spec: Spec, table: Table, where: str) -> Motions:
     axis = next((axis.values for axis in spec.grid.axes if axis.name == "ratio"), ())
     if 1.0 in (sliders.fixed.get("ratio"), *axis):
         raise InputError(
-            f"{where}: ratio is 1: without a step even an unstable slider stays where it is; give"
-            " another, as 1.01"
+            f"{where}: ratio is 1: without a step even an unstable slider stays in steady sliding;"
+            " give another, as 1.01"
         )
     inertia = table.get("inertia", not isinstance(sliders.law, str | AbstractInvertibleLaw))
     if not isinstance(inertia, bool):
@@ -321,7 +321,7 @@ def _function(spec: Spec, table: Table, where: str) -> Motions:
 
 
 def _duration(table: Table, where: str) -> float | None:
-    """Time for which motions in time are followed [s]; None where none is given."""
+    """Return the simulated time of motions over time [s], or None."""
     if "duration" not in table:
         return None
     found = number(table["duration"], "s", f"{where} duration")
@@ -331,21 +331,21 @@ def _duration(table: Table, where: str) -> float | None:
 
 
 def _logarithmic(spec: Spec) -> tuple[str, ...]:
-    """A warning where massless motions are not those of the regularised direct effect."""
+    """Warn if massless motions differ from those with the regularised direct effect."""
     if "f0" not in (*spec.fixed, *spec.grid.names):
         return ()  # 50 A
     least = _range_of(spec, "f0")[0] / _range_of(spec, "A")[1]
     if least > _FAR_FROM_REST:
         return ()
     return (
-        "motions without mass are simulated with the direct effect A ln(V/V_ref), with which they"
-        " need no root, and margins with the regularised one: f0 is down to"
-        f" {least:.3g} A here, where the two differ; for one law in both give m and inertia = true",
+        "motions without mass use the direct effect A ln(V/V_ref), margins the regularised one."
+        f" The two differ here, because f0 is down to {least:.3g} A. For one law in both give m and"
+        " inertia = true",
     )
 
 
 def _range_of(spec: Spec, name: str) -> tuple[float, float]:
-    """Least and largest value of a parameter, among the first samples where it is drawn."""
+    """Return the range of a parameter; for a drawn one, that of the first samples."""
     if name in spec.fixed:
         return spec.fixed[name], spec.fixed[name]
     values = [np.asarray(axis.values) for axis in spec.grid.axes if axis.name == name]

@@ -1,9 +1,9 @@
 """Gains, fits and loops of a study: Python functions of one member's numbers.
 
-These are searches that decide as they go, so they cannot be mapped; a member takes from a
-twentieth of a second (gains) to minutes (a loop). They go through the same store, and a Dask
-cluster computes many at once. `fit` and `loop` ask what a measurement would tell: they simulate the
-member's record, add noise that depends on the member alone, and fit it.
+These searches have data-dependent control flow and cannot be mapped by `vmap`. A member takes from
+0.05 s (gains) to minutes (a loop). They use the same store, and a Dask cluster computes many at
+once. `fit` and `loop` test what a measurement would show: they simulate the member's record, add
+noise that depends only on the member, and fit it.
 """
 
 import hashlib
@@ -35,12 +35,12 @@ GAINS_CODES = {
     "none": "No gains within the limits meet the requirement.",
 }
 FIT_CODES = {
-    "converged": "The fit converged and the record fixes all parameters.",
-    "undetermined": "The fit converged, but the record does not fix every parameter.",
+    "converged": "The fit converged and the record determines all parameters.",
+    "undetermined": "The fit converged, but the record does not determine all parameters.",
     "not_converged": "The fit did not converge.",
     "ran_away": "The slider runs away or takes too many steps: there is no record.",
 }
-# Members of a block: the fewer, the longer one of them takes.
+# Members of a block: fewer for slower computations.
 _CHUNK_GAINS, _CHUNK_FITS, _CHUNK_LOOPS = 16, 4, 1
 _GAINS = ("margin", "max_k_p", "max_k_v", "scale_k_p", "scale_k_v")
 _RECORD = ("ratio", "noise", "rows", "distance", "seed")
@@ -48,11 +48,11 @@ _LOOP = (*_RECORD, "steps", "most", "with", "without")
 
 
 def _law(spec: Spec, where: str) -> str:
-    """The name of the law, which these computations need.
+    """Return the name of the law, which these computations need.
 
     Raises
     ------
-    InputError : the law is taken whole from a file.
+    InputError : the law comes from a file and has no name.
     """
     if spec.law is None:
         raise InputError(f"{where}: in a study this takes the slip or the ageing law")
@@ -60,11 +60,11 @@ def _law(spec: Spec, where: str) -> str:
 
 
 def make_gains(spec: Spec, table: Table, where: str) -> StudyPart:
-    """`compute = ["gains"]` with its table [gains].
+    """Make the part of `compute = ["gains"]` from its table [gains].
 
     Raises
     ------
-    InputError : a key that is not known, a value that cannot be used; of the next two too.
+    InputError : an unknown key, an invalid value. `make_fit` and `make_loop` raise it too.
     """
     from ..gains.requirement import Requirement
 
@@ -99,7 +99,7 @@ def make_gains(spec: Spec, table: Table, where: str) -> StudyPart:
 class LeastGains:
     """The smallest gains of one member (`jaxfric.find_gains`).
 
-    That there are none is an answer. Whatever is raised is an error of the member.
+    No gains is a valid result. Exceptions become errors of the member.
     """
 
     law: str
@@ -129,7 +129,7 @@ class LeastGains:
 
 
 def make_fit(spec: Spec, table: Table, where: str) -> StudyPart:
-    """`compute = ["fit"]` with its table [fit]."""
+    """Make the part of `compute = ["fit"]` from its table [fit]."""
     refuse_unknown(table, _RECORD, where)
     maker = _record(spec, table, where)
     names = ["A", *(n for i in range(1, spec.states + 1) for n in _state(i))]
@@ -186,7 +186,7 @@ class Recorder:
     steps: int
 
     def __call__(self, varied: Mapping[str, float]) -> "tuple[Record, float, str] | None":
-        """Record, stiffness [N/m] and text of its steps; None where the simulation failed."""
+        """Return record, stiffness [N/m] and text of its steps; None if the simulation failed."""
         import jax.numpy as jnp
 
         from ..records import from_arrays
@@ -221,7 +221,7 @@ class Recorder:
         return record, p["k_p"], text
 
     def _noise(self, p: Mapping[str, float], number: int) -> np.ndarray:
-        """White noise of one member, seeded by its parameters."""
+        """Return white noise of one member, seeded by its parameters."""
         text = repr((self.seed, sorted(p.items()))).encode()
         seed = int.from_bytes(hashlib.sha256(text).digest()[:8], "little")
         return np.random.default_rng(seed).standard_normal(number)
@@ -229,8 +229,8 @@ class Recorder:
 
 @cache
 def _simulator() -> "Callable[..., tuple[Array, Array, Array]]":
-    """`simulate` of a massless slider, compiled once for each shape: friction, and whether the
-    simulation succeeded and whether it was possible at all."""
+    """Return `simulate` of a massless slider, compiled once for each shape. It returns friction,
+    whether the simulation succeeded, and whether it was possible at all."""
     import equinox as eqx
 
     from ..motion import PiecewiseVelocity
@@ -274,7 +274,7 @@ class FitOfRecord:
 
 
 def make_loop(spec: Spec, table: Table, where: str) -> StudyPart:
-    """`compute = ["loop"]` with its table [loop]."""
+    """Make the part of `compute = ["loop"]` from its table [loop]."""
     from ..effects import CATALOGUE
     from ..loop import VERDICTS
 
@@ -299,7 +299,7 @@ def make_loop(spec: Spec, table: Table, where: str) -> StudyPart:
 
 
 def _effects(table: Table, key: str, where: str) -> tuple[str, ...]:
-    """The effects that a table lists, none where it has no such key."""
+    """Return the effects that a table lists; none without the key."""
     found = table.get(key, [])
     if not isinstance(found, list) or not all(isinstance(x, str) for x in found):
         raise InputError(f"{where}: {key} is a list of effects, as in {key} = ['viscous']")
@@ -308,7 +308,7 @@ def _effects(table: Table, key: str, where: str) -> tuple[str, ...]:
 
 @dataclass(frozen=True, eq=False)
 class LoopOfRecord:
-    """The verdict of the loop on one member's record (`jaxfric.close_loop`), base of one state."""
+    """The verdict of the loop on one member's record (`jaxfric.close_loop`), with one state."""
 
     record: Recorder
     verdicts: tuple[str, ...]

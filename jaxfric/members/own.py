@@ -1,18 +1,18 @@
-"""A study of one's own function: `--function FILE.py:NAME`, and what its study.toml may hold.
+"""A study of the user's own function, `--function FILE.py:NAME`, with this study.toml:
 
 kind = "member"          # with JAX, of one member; "batch": of arrays; "host": any Python
 
-[units]                  # of parameters and outputs; what is not here has none
+[units]                  # of parameters and outputs; others have none
 x = "m"
 height = "m"
 
-[rig]                    # what does not vary; given to the function too
+[rig]                    # fixed parameters, also passed to the function
 g = "9.81 m/s^2"
 
 [axes]
 x = { linspace = ["0 m", "10 mm"], points = 20 }
 
-The function takes a dict of numbers in SI by name, and gives a dict of outputs.
+The function takes a dict of numbers in SI by name, and returns a dict of outputs.
 """
 
 import importlib.util
@@ -41,27 +41,27 @@ _TOP = ("kind", "outputs", "chunk", "dtype", "units", "rig", "axes", "samples")
 
 @dataclass(frozen=True, eq=False)
 class Own:
-    """The user's function, with the parameters that do not vary filled in."""
+    """The user's function with the fixed parameters filled in."""
 
     wrapped: Function
     fixed: dict[str, float]
 
     @property
     def __wrapped__(self) -> Function:
-        """The user's function, by which a store knows what made it."""
+        """The user's function, whose fingerprint the store keeps."""
         return self.wrapped
 
     def __call__(self, varied: Mapping[str, ArrayLike]) -> Mapping[str, ArrayLike]:
-        """Outputs of a member, or of many."""
+        """Return the outputs of a member, or of many."""
         return self.wrapped({**self.fixed, **varied})
 
 
 def read_own(path: str | Path, reference: str) -> tuple[Spec, Own, tuple[Output, ...], Kind]:
-    """The study of a study.toml and a function: what it says, the function, its outputs, its kind.
+    """Read a study.toml and a function; return the spec, the function, its outputs and its kind.
 
     Raises
     ------
-    InputError : no such function, or one that fails or gives no dict; a key that is not known.
+    InputError : no such function, or one that fails or returns no dict; an unknown key.
     """
     path = Path(path)
     text, content = parsed(path)
@@ -115,7 +115,7 @@ def _kind(content: Table, where: str) -> Kind:
 
 
 def _units(content: Table, where: str) -> dict[str, str]:
-    """Units by the names of parameters and outputs."""
+    """Return units by the names of parameters and outputs."""
     units: dict[str, str] = {}
     for name, unit in table_of(content, "units", where).items():
         if not isinstance(unit, str) or not is_unit(unit):
@@ -125,7 +125,7 @@ def _units(content: Table, where: str) -> dict[str, str]:
 
 
 def load_function(reference: str) -> Function:
-    """The function NAME of FILE.py, given as FILE.py:NAME. It travels to workers by its code.
+    """Load the function NAME of FILE.py, given as FILE.py:NAME. Workers receive its code.
 
     Raises
     ------
@@ -142,9 +142,9 @@ def load_function(reference: str) -> Function:
     assert about is not None
     module = importlib.util.module_from_spec(about)
     sys.modules[module_name] = module
-    sys.path.insert(0, str(path.resolve().parent))  # for what it imports from beside it
+    sys.path.insert(0, str(path.resolve().parent))  # for its imports from the same folder
     try:
-        # not by its loader: bytecode that is kept outlives a change within a second
+        # not by its loader: cached bytecode would hide a change within the same second
         exec(compile(path.read_bytes(), str(path), "exec"), module.__dict__)
     except Exception as error:
         raise InputError(f"{path}: {_text(error)}") from None
@@ -160,7 +160,7 @@ def load_function(reference: str) -> Function:
 
 
 def _outputs(own: Own, grid: Grid, kind: Kind, reference: str, where: str) -> tuple[Output, ...]:
-    """Outputs of the function: traced by JAX, or found by computing the first member."""
+    """Find the outputs of the function, by tracing or by computing the first member."""
     try:
         if kind != "host":
             return infer_outputs(own, grid, kind, "float64")
@@ -170,7 +170,7 @@ def _outputs(own: Own, grid: Grid, kind: Kind, reference: str, where: str) -> tu
     except Exception as error:
         advice = "mend it"
         if kind != "host":
-            advice = f"mend it, or, if it is not written with JAX, write kind = 'host' in {where}"
+            advice = f"correct it or, if it is not written with JAX, write kind = 'host' in {where}"
         raise InputError(f"{reference} fails: {_text(error)}; {advice}") from None
     return tuple(
         Output(name, dims=tuple(_dim(f"{name}_{i}", n) for i, n in enumerate(shape)))

@@ -1,4 +1,4 @@
-"""The parameters that a study can set and vary: names, units, bounds; and the law they make."""
+"""Parameters that a study sets or varies: names, units, bounds; and the law of their values."""
 
 import math
 import re
@@ -30,11 +30,11 @@ LAW = ("A", "B", "L", "f0", "V_ref")
 
 
 def parameter(name: str, where: str, *, known: Iterable[str] | None = None) -> Quantity:
-    """The parameter called `name`.
+    """Return the parameter `name`.
 
     Raises
     ------
-    InputError : there is none; the nearest is named.
+    InputError : it does not exist; the message names the nearest.
     """
     match = _OF_A_STATE.fullmatch(name)
     if match and (known is None or match.group(1) in known):
@@ -49,12 +49,12 @@ def parameter(name: str, where: str, *, known: Iterable[str] | None = None) -> Q
 
 
 def read_value(content: object, name: str, where: str) -> float:
-    """The value of one parameter, "3 um" or, without unit, a plain number."""
+    """Return the value of one parameter from "3 um" or, without a unit, a plain number."""
     return value_of(content, parameter(name, where), where)
 
 
 def value_of(content: object, about: Quantity, where: str) -> float:
-    """A number from a study.toml, in SI and within the bounds of a known parameter."""
+    """Return a number from a study.toml, in SI and within the bounds of a known parameter."""
     value = number(content, about.unit, where)
     if about.symbol == "k_v" and value == 0:
         return 0.0
@@ -62,11 +62,11 @@ def value_of(content: object, about: Quantity, where: str) -> float:
 
 
 def number(content: object, unit: str, where: str) -> float:
-    """A number in SI from a text with a unit, or from a plain number where `unit` is "1".
+    """Return a number in SI from a text with a unit or, if `unit` is "1", from a plain number.
 
     Raises
     ------
-    InputError : it is neither, or of another unit.
+    InputError : it is neither, or has another unit.
     """
     if isinstance(content, bool) or not isinstance(content, str | int | float):
         raise InputError(f"{where}: {content!r} is no quantity; write it as in '3 um'")
@@ -80,7 +80,7 @@ def number(content: object, unit: str, where: str) -> float:
 
 
 def needed(states: int) -> list[str]:
-    """Parameters of a rate-and-state law that have no default: A, B, L, B2, L2, ..."""
+    """Return the parameters of a rate-and-state law without default: A, B, L, B2, L2, ..."""
     return ["A", *numbered_names(states)]
 
 
@@ -90,11 +90,11 @@ def rate_state(
     states: int,
     direct: AbstractDirectEffect = RegularisedEffect(),  # noqa: B008
 ) -> AbstractRateState:
-    """The law of one member or, where parameters are arrays, of all: states along the last axis.
+    """Return the law of one member or, for arrays, of all members, with states on the last axis.
 
-    The direct effect is the regularised one, as in the law of a file or of the command.
-    The reference velocity matters to f0 only, and f0 only where friction is less than some 20 A, or
-    at rest: by default they are the commanded velocity and 50 A.
+    The direct effect is regularised by default, as in laws of files and of the command. The
+    reference velocity only affects f0. f0 only matters if friction is below about 20 A, or at rest.
+    The defaults are the commanded velocity and 50 A.
     """
     known = {name: p[name] for name in needed(states)}
     known |= {"f0": p.get("f0", 50.0 * jnp.asarray(p["A"])), "V0": p.get("V_ref", p["V0"])}

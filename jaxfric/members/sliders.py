@@ -1,6 +1,6 @@
 """Sliders of a study: from parameters by name to laws, rigs and linearised sliders.
 
-Parameters are arrays of one member or, under `vmap`, of many; what does not vary is kept here.
+Parameters are arrays of one member or, under `vmap`, of many; fixed ones are stored here.
 """
 
 from collections.abc import Mapping
@@ -22,7 +22,7 @@ Parameters = Mapping[str, Array]
 
 
 def streamed(law: str | AbstractLaw) -> bool:
-    """Whether the end of a massless slider under a law is told while it moves (`members.ends`)."""
+    """Whether `members.ends` can determine the end state of a massless slider under this law."""
     return isinstance(law, str) and evolution_of(law) is not None
 
 
@@ -30,7 +30,7 @@ def streamed(law: str | AbstractLaw) -> bool:
 class Sliders:
     """The sliders of a study.
 
-    law : a rate-and-state law by its name, whose parameters are among those given; or a law.
+    law : name of a rate-and-state law, with parameters from the study; or a law.
     fixed : parameters that do not vary, SI.
     """
 
@@ -39,30 +39,30 @@ class Sliders:
     fixed: Mapping[str, float]
 
     def parameters(self, varied: Parameters) -> dict[str, Array]:
-        """All parameters of members, those that vary and those that do not."""
+        """Return all parameters of members, varied and fixed."""
         like = next(iter(varied.values()))
         fixed = {name: jnp.full_like(like, value) for name, value in self.fixed.items()}
         return {**fixed, **varied}
 
     def law_of(self, p: Parameters) -> AbstractLaw:
-        """The law of a member, with the regularised direct effect."""
+        """Return the law of a member, with the regularised direct effect."""
         if not isinstance(self.law, str):
             return self.law
         return rate_state(self.law, p, self.states)
 
     def rig(self, p: Parameters, *, mass: bool) -> Rig:
-        """The rig of a member; with `mass` where it has one."""
+        """Return the rig of a member; with `mass`, if it has one."""
         if mass and "m" in p:
             return Rig(Inertial(p["m"], p["k_p"], p["k_v"]), self.law_of(p))
         return Rig(QuasiStatic(p["k_p"], p["k_v"]), self.law_of(p))
 
     def linear(self, p: Parameters, *, mass: bool) -> LinearSlider:
-        """The rig of a member, linearised about steady sliding at V0."""
+        """Return the rig of a member, linearised about steady sliding at V0."""
         return linearise(self.rig(p, mass=mass), p["V0"])
 
 
 def sliders_of(spec: Spec) -> Sliders:
-    """The sliders of a study.
+    """Return the sliders of a study.
 
     Raises
     ------

@@ -1,11 +1,11 @@
-"""study.toml: what varies, what is computed, what is kept; read, checked, made a study.
+"""Read and check study.toml: varied parameters, computations, stored outputs.
 
 compute = ["margins", "simulate"]
-outputs = ["modulus", "end"]        # all of what is computed where not given
+outputs = ["modulus", "end"]        # default: all outputs of the computations
 chunk = 65536
-dtype = "float64"                   # of what is kept, or "float32"; computed in float64
+dtype = "float64"                   # of stored numbers, or "float32"; computed in float64
 
-[rig]                               # what does not vary
+[rig]                               # fixed parameters
 law = "slip"                        # or from = "fit.json" and normal_force = "500 N"
 A = "4.5 N"
 m = "2 kg"
@@ -42,7 +42,7 @@ from .tables import Table, file_of, names_of, refuse_unknown, table_of, whole
 
 _TOP = ("compute", "outputs", "chunk", "dtype", "rig", "axes", "samples")
 _RIG = ("law", "from", "normal_force", "A", "B", "L", "f0", "V_ref", "m", "k_p", "k_v", "V0")
-# The command steps from V0/ratio to V0, unless a computation says otherwise.
+# By default the command steps from V0/ratio to V0 with this ratio.
 _RATIO = 10.0
 
 
@@ -58,22 +58,22 @@ class Spec:
     chunk: int | None
     dtype: str
     law: str | None
-    """A rate-and-state law by its name; None where the law is taken whole from a file."""
+    """Name of a rate-and-state law; None if a file gives another law."""
     source: Path | None
-    """The fit.json or loop.json of the law, and the normal force [N] that goes with it."""
+    """The fit.json or loop.json of the law; then its normal force [N]."""
     normal_force: float | None
     fixed: dict[str, float]
     states: int
     grid: Grid
     options: dict[str, dict[str, object]]
-    """The tables of what is computed, by name."""
+    """The tables of the computations, by name."""
     files: dict[str, str]
-    """Files that the study reads, and a checksum of each."""
+    """Files that the study reads, with their checksums."""
     warnings: tuple[str, ...] = ()
-    """Warnings about its laws to read before results are relied on, a line each."""
+    """Warnings about the study's laws, one line each."""
 
     def description(self) -> dict[str, object]:
-        """Plain values that tell this study from another."""
+        """Return plain values that identify this study."""
         return {**self.content, **({"files": self.files} if self.files else {})}
 
 
@@ -83,44 +83,44 @@ class StudyPart:
 
     function: Function
     outputs: tuple[Output, ...]
-    """All outputs that it can give."""
+    """All possible outputs."""
     usual: tuple[str, ...] | None = None
-    """Names of the outputs that are kept where the study names none; None: all."""
+    """Names of the outputs that are stored by default; None: all."""
     kind: Literal["batch", "host"] = "batch"
-    """Kind of the function as in `study.Task`, and so are `cost`, `batch` and `separate`."""
+    """Kind of the function as in `study.Task`, like `cost`, `batch` and `separate`."""
     cost: Cost | None = None
     chunk: int = 65536
-    """Members of a block: as many as compute in about a second and fit into memory."""
+    """Number of members of a block, which computes in about a second and fits into memory."""
     batch: int = 512
     separate: bool = True
     warnings: tuple[str, ...] = ()
     mass: bool = True
-    """Whether the mass m takes part."""
+    """Whether it uses the mass m."""
 
     def kept(self, spec: Spec) -> tuple[Output, ...]:
-        """Outputs of this part that the study keeps."""
+        """Return the outputs of this part that the study stores."""
         usual = tuple(o.name for o in self.outputs) if self.usual is None else self.usual
         return tuple(o for o in self.outputs if o.name in (spec.outputs or usual))
 
 
 @dataclass(frozen=True)
 class Computation:
-    """A computation that a study may ask for in `compute`: one entry of `COMPUTATIONS`."""
+    """A possible entry of `compute` in a study.toml: one entry of `COMPUTATIONS`."""
 
     make: Callable[[Spec, Table, str], StudyPart]
-    """Makes a part from a study, the computation's own table in it, and that table's name."""
+    """Makes a part from a study, the computation's table, and that table's name."""
     needs: tuple[str, ...] = ("V0", "k_p")
-    """Parameters that must be set or vary, besides those of the law."""
+    """Required parameters, set or varied, in addition to those of the law."""
     alone: bool = False
-    """Whether it must be the only computation of its study, as it works member by member."""
+    """Whether it must be the only computation of its study, because it works member by member."""
 
 
 def read_spec(path: str | Path, known: Mapping[str, Computation]) -> Spec:
-    """Read and check a study.toml. `known` are the computations that there are.
+    """Read and check a study.toml. `known` are all computations.
 
     Raises
     ------
-    InputError : anything that is not understood: what, in which table, and the nearest that is.
+    InputError : an unknown or invalid entry; the message names it, its table, and the nearest one.
     """
     path = Path(path)
     text, content = parsed(path)
@@ -174,11 +174,11 @@ def read_spec(path: str | Path, known: Mapping[str, Computation]) -> Spec:
 def choose_outputs(
     spec: Spec, known: tuple[Output, ...], usual: tuple[str, ...]
 ) -> tuple[Output, ...]:
-    """The outputs that are kept, in the order of `known`.
+    """Return the stored outputs, in the order of `known`.
 
     Raises
     ------
-    InputError : one that nothing computes; the nearest is named.
+    InputError : an output that no computation has; the message names the nearest.
     """
     names = [output.name for output in known]
     for name in spec.outputs or ():
@@ -192,7 +192,7 @@ def choose_outputs(
 
 
 def parsed(path: Path) -> tuple[str, dict[str, object]]:
-    """Text and tables of a study.toml."""
+    """Return text and tables of a study.toml."""
     try:
         text = path.read_bytes().decode("utf-8")
     except FileNotFoundError:
@@ -217,14 +217,14 @@ def _compute(content: Table, where: str, known: Mapping[str, Computation]) -> tu
     alone = [name for name in found if known[name].alone]
     if alone and len(found) > 1:
         raise InputError(
-            f"{where}: compute: '{alone[0]}' is computed member by member and stands alone; make a"
-            " study of its own for it"
+            f"{where}: compute: '{alone[0]}' is computed member by member and must be alone; make a"
+            " separate study for it"
         )
     return found
 
 
 def dtype_of(content: Table, where: str) -> str:
-    """The type of the numbers that are kept."""
+    """Return the type of the stored numbers."""
     found = content.get("dtype", "float64")
     if found == "float64" or found == "float32":
         return str(found)
@@ -271,18 +271,18 @@ def _rig(
 
 
 def _law_of_file(source: Path, force: float | None, fixed: dict[str, float], where: str):
-    """The evolution and the parameters of a file, None and only a velocity for another law; and
-    what it warns of."""
+    """Return law name and parameters of a file, and its warnings; for another law than rate-and-
+    state None and at most its mass."""
     read = law_from_fit(source, normal_force=force, samples=0)
     kind, own = parameters_of(read)
     given = [name for name in fixed if name in LAW or name[:-1] in ("B", "L")]
     if kind is None and given:
-        raise InputError(f"{where}: {given[0]} cannot be set: the law of {source} is whole")
+        raise InputError(f"{where}: {given[0]} cannot be set: it is fixed by the law of {source}")
     return kind, {**own, **fixed}, read.warnings
 
 
 def _refuse_missing(spec: Spec, where: str, needs: set[str]) -> None:
-    """Every parameter of a rig, and those that the computations need, must be set or vary."""
+    """Raise if a parameter of the rig or of a computation is neither set nor varied."""
     given = {*spec.fixed, *spec.grid.names}
     wanted = sorted(needs)
     if spec.law is not None:
@@ -293,7 +293,8 @@ def _refuse_missing(spec: Spec, where: str, needs: set[str]) -> None:
         odd = [n for n in spec.grid.names if n in LAW or n[:-1] in ("B", "L")]
         if odd:
             raise InputError(
-                f"{where} [axes] {odd[0]}: the law of {spec.source} is whole; vary m, k_p, k_v, V0"
+                f"{where} [axes] {odd[0]}: it is fixed by the law of {spec.source}; vary m, k_p,"
+                " k_v, V0"
             )
     for name in wanted:
         if name not in given:

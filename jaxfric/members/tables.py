@@ -1,4 +1,4 @@
-"""Reading the tables of a study.toml: every key known, every value of its kind."""
+"""Read tables of a study.toml; refuse unknown keys and values of a wrong type."""
 
 import hashlib
 from collections.abc import Mapping, Sequence
@@ -7,11 +7,11 @@ from pathlib import Path
 from ..errors import InputError, did_you_mean
 
 Table = Mapping[str, object]
-"""A table of a study.toml, whose values are checked where they are read."""
+"""A table of a study.toml; its values are checked when they are read."""
 
 
 def names_of(content: Table, key: str, where: str) -> tuple[str, ...] | None:
-    """A list of names, each once; None where there is none."""
+    """Return a list of distinct names, or None if the key is missing."""
     if key not in content:
         return None
     found = content[key]
@@ -21,7 +21,7 @@ def names_of(content: Table, key: str, where: str) -> tuple[str, ...] | None:
 
 
 def whole(content: Table, key: str, where: str, least: int = 1) -> int | None:
-    """A whole number from `least`; None where there is none."""
+    """Return an integer of at least `least`, or None if the key is missing."""
     if key not in content:
         return None
     found = content[key]
@@ -31,7 +31,7 @@ def whole(content: Table, key: str, where: str, least: int = 1) -> int | None:
 
 
 def table_of(content: Table, name: str, where: str) -> dict[str, object]:
-    """A table, empty where there is none."""
+    """Return a table; an empty one if it is missing."""
     found = content.get(name, {})
     if not isinstance(found, dict):
         raise InputError(f"{where}: {name} is a table, [{name}]")
@@ -39,14 +39,14 @@ def table_of(content: Table, name: str, where: str) -> dict[str, object]:
 
 
 def refuse_unknown(table: Table, known: Sequence[str], where: str) -> None:
-    """Raise `InputError` for a key that is not `known`; the nearest is named."""
+    """Raise `InputError` for a key that is not `known`; the message names the nearest."""
     for key in table:
         if key not in known:
             raise InputError(f"{where}: no key '{key}'{did_you_mean(key, known)}")
 
 
 def file_of(name: object, path: Path, where: str, files: dict[str, str]) -> Path:
-    """A file named in the study, taken from the folder of the study.toml."""
+    """Return the path of a file named in the study, relative to the folder of study.toml."""
     if not isinstance(name, str):
         raise InputError(f"{where}: {name!r} is no name of a file")
     found = path.parent / name
