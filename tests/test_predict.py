@@ -38,17 +38,17 @@ def prediction(rms: float, refit: float, sigma: float, **shifts: Shift) -> Predi
 @pytest.mark.parametrize(
     ("rms", "refit", "sigma", "verdict", "words"),
     [
-        (1.0, 1.0, 1.0, "noise", "the noise allows it"),
-        (2.0, 1.0, 1.0, "parameters", "which is the noise: its parameters have changed (M differ)"),
-        (4.0, 2.0, 1.0, "parameters", "that too is more than the noise"),
-        (2.0, 2.0, 1.0, "model", "would leave no less (2 N): the model lacks an effect here"),
+        (1.0, 1.0, 1.0, "noise", "consistent with noise"),
+        (2.0, 1.0, 1.0, "parameters", ", the noise: its parameters have changed (M differ)"),
+        (4.0, 2.0, 1.0, "parameters", "still above the noise"),
+        (2.0, 2.0, 1.0, "model", "model is not better (2 N): the model lacks an effect here"),
     ],
 )
 def test_what_a_residual_is_due_to(rms, refit, sigma, verdict: str, words: str) -> None:
     shifts = {"M": Shift("M", 1.0, 2.0, 0.1), "f0": Shift("f0", 0.0, 1.0, 0.01)}
     found = prediction(rms, refit, sigma, **shifts)
     assert found.verdict == verdict and words in found.sentence
-    assert found.sentence.startswith(f"The model leaves {rms:.3g} N, {rms:.2g} times the noise")
+    assert found.sentence.startswith(f"Prediction error {rms:.3g} N, {rms:.2g} times the noise")
     shares = found.shares()
     assert sum(shares.values()) == pytest.approx(1.0)
     assert shares["parameters"] == pytest.approx(1 - (refit / rms) ** 2)
@@ -149,7 +149,7 @@ def test_a_closed_loop_with_pulses() -> None:
     record = axis_from_arrays(t, force, disturbance_force=added, **common)
     model = axis_model("a.json", axis={"coordinate": "linear", "sign_width": 1e-3, "held": True})
     with_pulses = jaxfric.predict(model, record)
-    assert "the recorded force holds the disturbance already" in with_pulses.notes[1]
+    assert "the recorded force contains the disturbance" in with_pulses.notes[1]
     errors = {c.method: c for c in with_pulses.comparisons}
     position = errors["closed loop: position"]
     assert position.rms < 2e-7 and position.unit == "m"
@@ -208,7 +208,7 @@ def test_a_slider_through_the_command(monkeypatch: pytest.MonkeyPatch) -> None:
     assert json.loads(out)["warnings"] == [f"the fit warned: {own}"] and err.count(own) == 1
     slow = slider_model("slow.json", steps={"times": [0.0], "velocities": [1e-6, 1.1e-6]})
     code, out, err = run("predict", slow, "run.csv", *STEPS, "--json")
-    assert "outside of those that the model has seen (1 to 1.1 um/s)" in err
+    assert "outside the range of the model's own record (1 to 1.1 um/s)" in err
 
 
 # ---- what is refused -------------------------------------------------------------------------

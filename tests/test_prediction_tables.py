@@ -45,7 +45,7 @@ def test_the_verdict_of_a_prediction(rms, refit, sigma, verdict):
 @pytest.mark.parametrize("refit", [1.31, 1.45])
 def test_what_asks_further_is_the_verb_of_the_rig(refit):
     found = prediction(1.45, refit, 1.0)
-    assert found.sentence.count("(jaxfric loop asks which)") == 1
+    assert found.sentence.count("(find out with jaxfric loop)") == 1
     text = dataclasses.replace(found, kind="axis").sentence
     assert text == found.sentence.replace("jaxfric loop", "jaxfric axis")
 
@@ -185,7 +185,7 @@ def test_how_many_rows_a_prediction_rests_on_is_told_where_they_are_few(used, to
     rows = SimpleNamespace(velocity=np.resize([0.2, -0.2], 100), used=np.arange(100) < used)
     record = type("Made", (), {"coordinate": "linear", "__len__": lambda self: 1170})()
     texts = axis._warnings(SimpleNamespace(saved=saved([0.3]), rows=rows, record=record))
-    assert any("34 of 100 rows count (1170 in the file" in text for text in texts) is told
+    assert any("34 of 100 rows are compared (1170 in the file" in text for text in texts) is told
 
 
 @pytest.mark.parametrize("count", [1e-6, 4e-6])

@@ -1,4 +1,4 @@
-"""A saved model on a record that it has not seen."""
+"""Test a saved model on a record that it was not fitted to."""
 
 from .predict import predict as predict
 from .result import Comparison as Comparison

@@ -1,10 +1,10 @@
-"""A saved model of an axis on another record: inverse dynamics, and the closed loop.
+"""Predict another record with a saved model of an axis: inverse dynamics, and the closed loop.
 
     inverse dynamics:  F(q, q', q'', t) of the model against the recorded motor force
     closed loop:       q of model and controller, from the reference alone, against the encoder
 
-Nothing of the record is fitted. A disturbance acts with the motor force; whether the recorded force
-has it already is what the model itself predicts better.
+No parameter is fitted to the record. A disturbance acts together with the motor force. The recorded
+force may contain it already; the alternative that the model predicts better is used.
 """
 
 import dataclasses
@@ -39,12 +39,12 @@ FORCE = "closed loop: motor force"
 _BEYOND = 1.2
 _UNSEEN = 0.05
 _FEW = 0.5
-"""Share of the rows that count below which their number is told."""
+"""If a smaller share of the rows is compared, a warning gives their number."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class _AxisSetting:
-    """The record, prepared as the model takes it, and the problem of its prediction."""
+    """The record, prepared for the model, and the problem of its prediction."""
 
     saved: SavedModel
     record: AxisRecord
@@ -52,7 +52,7 @@ class _AxisSetting:
     published: AxisProblem
     rows: AxisRows
     inside: bool | None
-    """Whether the recorded force has the disturbance in it; None where there is none."""
+    """Whether the recorded force contains the disturbance; None without a disturbance."""
 
 
 def predict_axis(
@@ -62,7 +62,7 @@ def predict_axis(
     held: bool | None,
     progress: Callable[[str], None],
 ) -> Prediction:
-    """Compare an axis's model with a record, see `jaxfric.predict`."""
+    """Compare an axis's model with a record, as `jaxfric.predict` describes."""
     _refuse_other(saved, record)
     progress("preparing the record")
     setting = _setting(saved, record, held)
@@ -90,7 +90,7 @@ def predict_axis(
     best = list(saved.tables())[-1]
     residual = _force_error(problem, saved.values(best))[: len(used)]
     recorded = np.asarray(problem.friction)[: len(used)]
-    progress("what a fit to this record would leave")
+    progress("fitting this record for comparison")
     refit_rms, shifts = _refit(setting, best)
     return Prediction(
         source=str(saved.path),
@@ -112,7 +112,7 @@ def predict_axis(
 
 
 def _refuse_other(saved: SavedModel, record: AxisRecord) -> None:
-    """Refuse a model of another kind of axis, or in other units."""
+    """Raise `InputError` for a model of another kind of axis, or in other units."""
     about = saved.content.get("axis") or {}
     kind = about.get("coordinate", "linear")
     if kind != record.coordinate:
@@ -130,7 +130,7 @@ def _refuse_other(saved: SavedModel, record: AxisRecord) -> None:
 
 
 def _setting(saved: SavedModel, record: AxisRecord, held: bool | None) -> _AxisSetting:
-    """The record with that of its possible forces that the model predicts better."""
+    """Return the record with the alternative of the force that the model predicts better."""
     added = record.disturbance_force
     force = record.motor_force
     if added is None or not np.any(added):
@@ -192,7 +192,7 @@ def _prepared(
 
 
 def _free(problem: AxisProblem, values: dict[str, float]) -> Float[Array, " p"]:
-    """The unbounded variables of a model's values; effects that it has not are at their null."""
+    """Return the unbounded variables of a model's values; other effects are at their null."""
     names = problem.model.names()
     nulls = dict(zip(names[len(BaseLaw().names()) :], problem.model.nulls(), strict=True))
     return problem.coordinates.to_free(jnp.asarray([{**nulls, **values}[name] for name in names]))
@@ -208,7 +208,7 @@ def _force_error(problem: AxisProblem, values: dict[str, float]) -> np.ndarray:
 
 
 def _published(setting: _AxisSetting, name: str, unit: str) -> Comparison:
-    """All rows but those at rest, decimated, the force acting at once: as publications do it."""
+    """Compare as in publications: rows not at rest, decimated, with the force acting at once."""
     problem = setting.published
     used = np.asarray(problem.weight) > 0
     values = _fitted(setting.saved, name, ROWS)
@@ -217,7 +217,7 @@ def _published(setting: _AxisSetting, name: str, unit: str) -> Comparison:
 
 
 def _fitted(saved: SavedModel, name: str, method: str) -> dict[str, float]:
-    """Values of the fit over all rows by one method, or those of the loop."""
+    """Return the values of the fit over all rows by one method, or those of the loop."""
     for fit in (saved.content.get("axis") or {}).get("fits", []):
         if fit["model"] == name and fit["method"] == method:
             return {**saved.values(name), **fit["values"]}
@@ -225,7 +225,7 @@ def _fitted(saved: SavedModel, name: str, method: str) -> dict[str, float]:
 
 
 def _closed_loop(setting: _AxisSetting, name: str) -> ClosedLoop | None:
-    """Position and force of model and controller; None where the controller is not known."""
+    """Simulate position and force of model and controller; None if the controller is not known."""
     record, problem = setting.record, setting.problem
     drive, reference = record.drive, record.reference_position
     if drive is None or reference is None or record.position is None:
@@ -250,7 +250,7 @@ def _closed_loop(setting: _AxisSetting, name: str) -> ClosedLoop | None:
 
 
 def _position_noise(position: np.ndarray) -> float | None:
-    """Scatter of neighbouring samples of the encoder; None where it is less than a count."""
+    """Return the scatter of neighbouring samples of the encoder; None if below one count."""
     jumps = np.abs(np.diff(position))
     count = float(np.min(jumps[jumps > 0], initial=np.inf))
     noise = noise_from_differences(position)
@@ -271,7 +271,7 @@ def _compared(
 
 
 def _refit(setting: _AxisSetting, name: str) -> tuple[float, tuple[Shift, ...]]:
-    """rms after a refit of all parameters of the model to this record, and their shifts."""
+    """Refit all parameters of the model to this record; return the rms and their shifts."""
     saved, problem = setting.saved, setting.problem
     values, table = saved.values(name), saved.tables()[name]
     names = problem.model.names()
@@ -286,20 +286,20 @@ def _refit(setting: _AxisSetting, name: str) -> tuple[float, tuple[Shift, ...]]:
 
 
 def _error(fit: AxisFit, name: str) -> float:
-    """The standard error of a fit's parameter; nan of one that it does not fix."""
+    """Return the standard error of a fit's parameter; nan if it is not determined."""
     return np.nan if name in fit.loose else fit.std[name]
 
 
 def _notes(setting: _AxisSetting) -> tuple[str, ...]:
-    notes = ["nothing of this record was fitted"]
+    notes = ["no parameter was fitted to this record"]
     if setting.inside is not None:
-        beside = "holds the disturbance already" if setting.inside else "is without the disturbance"
-        notes.append(f"the recorded force {beside}: so the model predicts it better")
+        beside = "contains the disturbance" if setting.inside else "is without the disturbance"
+        notes.append(f"the recorded force {beside}: the model then predicts it better")
     return tuple(notes)
 
 
 def _warnings(setting: _AxisSetting) -> tuple[str, ...]:
-    """Warnings of the model, and of where the record goes beyond what it was fitted to."""
+    """Return the warnings of the model, and of extrapolation beyond its own record."""
     saved, rows = setting.saved, setting.rows
     told = list(saved.warnings())
     _, fastest = saved.speeds()
@@ -314,20 +314,19 @@ def _warnings(setting: _AxisSetting) -> tuple[str, ...]:
     speed = np.abs(rows.velocity[rows.used])
     if np.mean(rows.used) < _FEW:
         told.append(
-            f"{np.sum(rows.used)} of {len(rows.used)} rows count ({len(setting.record)} in the file"
-            " before they were averaged): the others are at rest, turn, or have no neighbours, and"
-            " nothing is said of them"
+            f"{np.sum(rows.used)} of {len(rows.used)} rows are compared ({len(setting.record)} in"
+            " the file before averaging): the others are at rest, reverse, or have no neighbours"
         )
     beyond = float(np.mean(speed > _BEYOND * fastest))
     if beyond > _UNSEEN:
         unit = "rad/s" if setting.record.coordinate == "rotary" else "m/s"
         told.append(
-            f"{100 * beyond:.0f} % of the rows are faster than {fastest:.3g} {unit}, the most that"
-            " the model has seen: there it extrapolates"
+            f"{100 * beyond:.0f} % of the rows are faster than {fastest:.3g} {unit}, the maximum of"
+            " the model's own record: there it extrapolates"
         )
     if one_way(rows.velocity[rows.used]):
         told.append(
-            "the record moves in one direction only, so that a fit to it knows Coulomb friction and"
-            " the offset together, not each"
+            "the record moves in one direction only, so that a fit determines only the sum of"
+            " Coulomb friction and offset"
         )
     return tuple(told)

@@ -1,4 +1,4 @@
-"""A saved model: what a fit.json or loop.json says, checked."""
+"""A saved model, read from a fit.json or loop.json and checked."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -21,50 +21,50 @@ Content = Mapping[str, Any]
 
 
 class SavedModel(NamedTuple):
-    """A model and where it is from."""
+    """A model and its origin."""
 
     path: Path
     content: Content
 
     @property
     def is_axis(self) -> bool:
-        """Whether the model is of a servo axis."""
+        """Whether it is the model of a servo axis."""
         return self.content["law"] == "coulomb_viscous"
 
     @property
     def is_loop(self) -> bool:
-        """Whether the file is from a loop: two models, before and after."""
+        """Whether it comes from a loop, with a model before and one after it."""
         return self.content["schema"] == LOOP
 
     def tables(self) -> dict[str, Content]:
-        """The models by name: "fit", or "before" and, where effects were added, "after"."""
+        """Return the models by name: "fit", or "before" and, if effects were added, "after"."""
         if not self.is_loop:
             return {"fit": self.content}
         names = ("before", "after") if self.content["effects"] else ("before",)
         return {name: self.content[name] for name in names}
 
     def values(self, name: str) -> dict[str, float]:
-        """Parameters (SI) of one of its models."""
+        """Return the parameters (SI) of one of its models."""
         return values_of(self.tables()[name])
 
     def effects(self) -> tuple[str, ...]:
-        """Ids of all effects of its models, those found and those that the base had."""
+        """Return the ids of all effects of its models, found ones and those of the base."""
         names = [name for table in self.tables().values() for name in table["parameters"]]
         return tuple(dict.fromkeys(name.split(".")[0] for name in names if "." in name))
 
     def warnings(self) -> tuple[str, ...]:
-        """Warnings of the fit or loop itself, and what its own record did not fix."""
+        """Return warnings of the fit or loop itself, and of undetermined parameters."""
         loose = self.undetermined()
-        line = f"{', '.join(loose)} of the model is undetermined by its own record"
+        line = f"the model's own record does not determine {', '.join(loose)}"
         return (*own_warnings(self.content), *([line] if loose else []))
 
     def undetermined(self) -> list[str]:
-        """Parameters that its own record did not fix."""
+        """Return the parameters that its own record did not determine."""
         last = list(self.tables().values())[-1]["parameters"]
         return [name for name, item in last.items() if not item.get("determined", True)]
 
     def speeds(self) -> tuple[float, float]:
-        """Slowest and fastest steady motion of the record that the model is from [m/s]."""
+        """Return the slowest and fastest steady motion of the model's own record [m/s]."""
         steps = self.content["steps"]
         velocities = steps["velocities"] if isinstance(steps, dict) else [v for _, v in steps]
         moving = [abs(float(v)) for v in velocities if float(v) != 0]
@@ -72,7 +72,7 @@ class SavedModel(NamedTuple):
 
 
 def load_model(model: object) -> SavedModel:
-    """A model from a file, or from a `Fit` or `Loop` at hand.
+    """Read a model from a file, or take a `Fit` or `Loop`.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""`predict(model, record)`: what does a saved model say of a record that it has not seen?"""
+"""`predict(model, record)`: test a saved model on a record that it was not fitted to."""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -26,42 +26,41 @@ def predict(
     held: bool | None = None,
     progress: Callable[[str], None] = silent,
 ) -> Prediction:
-    """A model on another record: how large its error is, and whether the noise allows it.
+    """Predict another record with a model; test whether the error is consistent with noise.
 
     A slider's friction is simulated from the motion of its load point. An axis is compared by
     inverse dynamics (motor force from motion) and, where its record has a reference and the gains
     of the controller, by the simulated closed loop (position and motor force from the reference
     and the disturbance).
 
-    The residual is held against two others: the scatter of neighbouring rows, which is the noise of
-    this record, and what a fit of all parameters of the same model to this record would leave. A
-    residual beyond the second says that the parameters have changed; one that a fit would not take
-    away either says that the model lacks something here, or that noise is correlated.
+    The residual is compared with two others: the scatter of neighbouring rows, which is the noise
+    of this record, and the residual of the same model refitted to this record. If the refit is
+    better, the parameters have changed. If the refit also exceeds the noise, the model lacks an
+    effect here, or the noise is correlated.
 
     Parameters
     ----------
-    model : a fit.json or loop.json, or a `Fit` or `Loop` at hand. Of a loop, the model before and
-        the one after.
+    model : path of a fit.json or loop.json, or a `Fit` or `Loop`. Of a loop the models before and
+        after it are compared.
     record : as read by `jaxfric.read` or, for the model of an axis, `jaxfric.read_axis`; or its
         path.
     stiffness : of the machine that made this record (sliders), in friction per metre or text with a
         unit; by default that of the model.
-    steps : of this record (sliders), as in `jaxfric.fit`.
-    free : names of the parameters that are fitted to this record; ("f0",) of a slider, none of an
-        axis. Times of steps found in the load point are always fitted within their error.
-    held : of an axis, as in `jaxfric.close_axis_loop`.
+    steps : velocity steps of this record (sliders), as in `jaxfric.fit`.
+    free : names of the parameters to fit to this record; by default ("f0",) for a slider, none for
+        an axis. Times of steps found in the load point are always fitted within their error.
+    held : for an axis, as in `jaxfric.close_axis_loop`.
 
     Returns
     -------
-    Prediction : errors, the verdict in words, what of the record was fitted, arrays for figures.
+    Prediction : errors, the verdict in words, parameters fitted to the record, arrays for figures.
 
     Raises
     ------
     InputError : a model that did not converge or is damaged, of another kind of rig or in other
         units; an argument that would not be used; float64 is off.
 
-    Not tried: an axis of which parameters are fitted; a state at the start other than steady
-    sliding.
+    Limitations: parameters of an axis cannot be fitted; the record must start in steady sliding.
     """
     saved = load_model(model)
     record = _record_for(saved, record)
@@ -77,7 +76,7 @@ def predict(
 
 
 def _record_for(saved: SavedModel, record: Record | AxisRecord | str | Path) -> Record | AxisRecord:
-    """The record, read where it is a path, of the kind that the model is of."""
+    """Return the record, read if it is a path; it must be of the model's kind."""
     if isinstance(record, str | Path):
         record = as_axis_record(record) if saved.is_axis else as_record(record)
     if saved.is_axis != isinstance(record, AxisRecord):

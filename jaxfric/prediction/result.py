@@ -1,4 +1,4 @@
-"""The result of a prediction: how far a saved model is from a record, and why."""
+"""The result of a prediction: the error of a saved model on a record, and its cause."""
 
 import math
 from dataclasses import dataclass
@@ -11,37 +11,37 @@ from ..records.record import Provenance
 from ..schemas import PREDICTION
 
 _AS_GOOD = 1.1
-"""Ratio of rms to that of a refit up to which a prediction is as good as a fit."""
+"""Largest rms, over that of a refit, of a prediction that is as good as a fit."""
 _AT_NOISE = 1.3
-"""Ratio of rms to the scatter of neighbouring rows up to which a refit is at the noise."""
+"""Largest rms, over the scatter of neighbouring rows, of a refit that is consistent with noise."""
 _SHIFTED = 3.0
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """One model against the record, in one way of comparing."""
+    """Comparison of one model with the record by one method."""
 
     model: str
-    """ "fit"; of a loop "before" or "after"."""
+    """ "fit"; for a loop "before" or "after"."""
     method: str
     rms: float
     """Root mean square of predicted minus recorded, in `unit`."""
     unit: str
     relative_error: float
-    """|predicted - recorded|/|recorded|; of a slider recorded less its mean."""
+    """|predicted - recorded|/|recorded|; for a slider the denominator is without the mean."""
     in_sigma: float | None
-    """rms over the scatter of neighbouring rows of this record; None where that is not known."""
+    """rms over the scatter of neighbouring rows of this record; None if that is not known."""
 
 
 @dataclass(frozen=True)
 class Shift:
-    """A parameter of the model, and what a fit of the same model to this record gives."""
+    """A parameter of the model, and its value in a refit to this record."""
 
     name: str
     model: float
     here: float
     error: float
-    """Standard error of the difference; nan where it is not known."""
+    """Standard error of the difference; nan if not known."""
 
     @property
     def in_sigma(self) -> float:
@@ -51,7 +51,7 @@ class Shift:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Prediction(Described, Drawable, Gridded, Tabular):
-    """A saved model on another record. SI; forces in `force_unit`."""
+    """Prediction of another record by a saved model. SI; forces in `force_unit`."""
 
     source: str
     """The file of the model."""
@@ -61,38 +61,38 @@ class Prediction(Described, Drawable, Gridded, Tabular):
     """ "slider" or "axis"."""
     force_unit: str
     comparisons: tuple[Comparison, ...]
-    """Comparisons with the record; the sentence speaks of the first."""
+    """Comparisons with the record; the verdict is about the first."""
     refitted: dict[str, tuple[float, float]]
-    """Quantities fitted to this record: value of the model, value here."""
+    """Quantities fitted to this record: value of the model, value for this record."""
     sigma: float
     """Scatter of neighbouring rows of the residual."""
     refit_rms: float
-    """Root mean square of the residual after a fit of the same model to this record."""
+    """Root mean square residual of the same model refitted to this record."""
     shifts: tuple[Shift, ...]
     time: np.ndarray
     recorded: np.ndarray
     predicted: np.ndarray
-    """Prediction at the rows compared (n); nan where a row does not count."""
+    """Prediction at the rows (n); nan for rows that are not compared."""
     position: tuple[np.ndarray, np.ndarray, str] | None
-    """Time, simulated minus recorded position, unit; of a closed loop."""
+    """For a closed loop: time, simulated minus recorded position, unit."""
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
 
     @property
     def rms(self) -> float:
-        """Root mean square of the residual that the sentence speaks of."""
+        """Root mean square residual of the first comparison."""
         return self.comparisons[0].rms
 
     @property
     def verdict(self) -> str:
-        """ "noise", "parameters" or "model": what a residual beyond the noise is due to."""
+        """Cause of the residual: "noise", changed "parameters", or the "model"."""
         if self.rms > _AS_GOOD * self.refit_rms:
             return "parameters"
         return "noise" if self.refit_rms <= _AT_NOISE * self.sigma else "model"
 
     def shares(self) -> dict[str, float]:
-        """Shares of the mean square residual: what a refit would take away, what it would leave
-        beyond the scatter of neighbouring rows, and that scatter. They add up to 1."""
+        """Return shares of the mean square residual: removable by a refit ("parameters"), misfit of
+        the refit beyond noise ("model"), and scatter of neighbouring rows. Their sum is 1."""
         whole = self.rms**2
         best = min(self.refit_rms**2, whole)
         noise = min(self.sigma**2, best)
@@ -107,40 +107,40 @@ class Prediction(Described, Drawable, Gridded, Tabular):
         """The verdict in words."""
         unit = "" if self.force_unit == "1" else f" {self.force_unit}"
         ratio = self.rms / self.sigma
-        begin = f"The model leaves {self.rms:.3g}{unit}, {ratio:.2g} times the noise of this record"
+        begin = f"Prediction error {self.rms:.3g}{unit}, {ratio:.2g} times the noise of this record"
         moved = [
             s.name
             for s in self.shifts
             if abs(s.in_sigma) > _SHIFTED and s.name not in self.refitted
         ]
         if self.verdict == "noise":
-            return f"{begin}: the noise allows it, and nothing else is seen."
+            return f"{begin}: consistent with noise; no structure detected."
         asks = "jaxfric axis" if self.kind == "axis" else "jaxfric loop"
         lacks = (
             "the model lacks an effect here, or the noise is correlated over many rows"
-            f" ({asks} asks which)"
+            f" (find out with {asks})"
         )
         if self.verdict == "model":
             return (
-                f"{begin}. A fit of the same model to this record would leave no less"
+                f"{begin}. Refitted to this record, the same model is not better"
                 f" ({self.refit_rms:.3g}{unit}): {lacks}."
             )
         beyond = self.refit_rms > _AT_NOISE * self.sigma
-        left = f"; that too is more than the noise: {lacks}" if beyond else ", which is the noise"
+        left = f", still above the noise: {lacks}" if beyond else ", the noise"
         if moved:
             changed = f"its parameters have changed ({', '.join(moved)} differ)"
         else:
             changed = (
-                "other parameters fit it better together, though none differs by more than"
+                "other parameters together fit better, but none differs by more than"
                 f" {_SHIFTED:g} of its errors"
             )
         return (
-            f"{begin}. A fit of the same model to this record would leave"
+            f"{begin}. Refitted to this record, the same model has an error of"
             f" {self.refit_rms:.3g}{unit}{left}: {changed}."
         )
 
     def to_json(self) -> dict:
-        """The content of `prediction.json`, schema `schemas.PREDICTION`; SI."""
+        """Return the content of `prediction.json`, schema `schemas.PREDICTION`; SI."""
         table = {
             "schema": PREDICTION,
             "model": self.source,

@@ -1,9 +1,9 @@
-"""A saved model of a slider on another record: its friction from the motion of the load point.
+"""Predict another record with a saved model of a slider, from the motion of the load point.
 
-    f(t) of the model, in steady sliding at the first velocity, against the recorded friction
+    f(t) of the model, in steady sliding at the first velocity, compared with recorded friction
 
-Of the record f0 is fitted, which differs from surface to surface and from one zero of a load cell
-to the next, and the times of velocity steps within their error. Everything else is the model's.
+Only f0 is fitted to the record, because it depends on the surface and on the zero of the load cell,
+and the times of velocity steps within their error. All other parameters are those of the model.
 """
 
 import dataclasses
@@ -46,7 +46,7 @@ class _SliderSetting(NamedTuple):
     sign: float
     stiffness: float
     own: bool
-    """Whether the stiffness was stated for this record; else it is the model's."""
+    """Whether the user gave the stiffness for this record; else it is that of the model."""
 
 
 class _Found(NamedTuple):
@@ -68,7 +68,7 @@ def predict_slider(
     free: Sequence[str],
     progress: Callable[[str], None],
 ) -> Prediction:
-    """Compare a slider's model with a record, see `jaxfric.predict`."""
+    """Compare a slider's model with a record, as `jaxfric.predict` describes."""
     require_float64()
     _refuse_other(saved, record)
     setting = _setting(saved, record, stiffness, steps)
@@ -81,7 +81,7 @@ def predict_slider(
             raise InputError(
                 f"{saved.path}: the slider of this model runs away (stick-slip) on"
                 f" {record.provenance.path}, at a stiffness of {setting.stiffness:.3g}"
-                f" {unit_of('K', record.friction_unit)}: it predicts no friction there. Check the"
+                f" {unit_of('K', record.friction_unit)}, so that it predicts no friction. Check the"
                 " stiffness of the machine that made this record"
             )
         sigma = noise_from_differences(one.error)
@@ -92,7 +92,7 @@ def predict_slider(
         found = found or one
     assert found is not None
     best = list(saved.tables())[-1]
-    progress("what a fit to this record would leave")
+    progress("fitting this record for comparison")
     refit = _descend(setting, found.z, _fitted(setting, best))
     model = saved.values(best)
     return Prediction(
@@ -167,7 +167,7 @@ def _setting(
 
 
 def _stated(stiffness: float | str, friction_unit: str) -> float:
-    """The stiffness that was given [F/m]."""
+    """Return the given stiffness [F/m]."""
     unit = unit_of("K", friction_unit)
     text = isinstance(stiffness, str)
     K = parse_quantity(stiffness, unit, "stiffness") if text else stiffness
@@ -185,13 +185,13 @@ def _start(setting: _SliderSetting, name: str) -> np.ndarray:
 
 
 def _fitted(setting: _SliderSetting, name: str) -> tuple[str, ...]:
-    """Parameters of the model that its own record fitted, but for the stiffness."""
+    """Return the parameters of the model that were fitted to its own record, without stiffness."""
     names = setting.problem.model.names()
     return tuple(n for n in setting.saved.tables()[name]["free"] if n in names)
 
 
 def _descend(setting: _SliderSetting, z: np.ndarray, free: tuple[str, ...]) -> _Found:
-    """Least-squares fit of the parameters `free` and of step times that the record feels."""
+    """Fit the parameters `free`, and step times that affect the record, by least squares."""
     problem, names = setting.problem, setting.problem.model.names()
     if unknown := [name for name in free if name not in names]:
         raise InputError(
@@ -201,7 +201,7 @@ def _descend(setting: _SliderSetting, z: np.ndarray, free: tuple[str, ...]) -> _
     index = np.asarray([*(names.index(name) for name in free), *shifts], int)
     if len(index):
         z = np.asarray(descend(problem, z, index, most=_TRIALS).z)
-    _, residual, jacobian, *_ = known_at(problem, z)  # by the parameters that are held, too
+    _, residual, jacobian, *_ = known_at(problem, z)  # also by the fixed parameters
     rows = residual[: len(setting.record)]
     error = np.where(np.abs(rows) >= FAILED_MISFIT, np.nan, rows) * float(problem.noise_scale)
     values = dict(zip(names, problem.coordinates.from_free(np.asarray(z)).tolist(), strict=True))
@@ -209,7 +209,7 @@ def _descend(setting: _SliderSetting, z: np.ndarray, free: tuple[str, ...]) -> _
 
 
 def _shifts(setting: _SliderSetting, name: str, refit: _Found) -> tuple[Shift, ...]:
-    """Shifts of the parameters; the noise is as correlated as the refit's residual is."""
+    """Return shifts of the parameters, with noise correlated like the residual of the refit."""
     problem, names = setting.problem, setting.problem.model.names()
     table, model = setting.saved.tables()[name], setting.saved.values(name)
     free = _fitted(setting, name)
@@ -248,12 +248,12 @@ def _notes(setting: _SliderSetting, free: Sequence[str]) -> tuple[str, ...]:
     return (
         told,
         f"stiffness is the model's, {setting.stiffness:.4g} {unit}: if another machine made this"
-        " record, state its own (--stiffness, in Python stiffness=)",
+        " record, give the stiffness of that machine (--stiffness, in Python stiffness=)",
     )
 
 
 def _warnings(setting: _SliderSetting) -> tuple[str, ...]:
-    """Warnings of the model, and of where the record goes beyond what it was fitted to."""
+    """Return the warnings of the model, and of extrapolation beyond its own record."""
     saved = setting.saved
     told = list(saved.warnings())
     slowest, fastest = saved.speeds()
@@ -263,7 +263,7 @@ def _warnings(setting: _SliderSetting) -> tuple[str, ...]:
     if beyond.any():
         which = ", ".join(f"{1e6 * v:.3g}" for v in np.unique(speeds[beyond].round(12))[:6])
         told.append(
-            f"velocities of this record ({which} um/s) are outside of those that the model has"
-            f" seen ({1e6 * slowest:.3g} to {1e6 * fastest:.3g} um/s): there it extrapolates"
+            f"velocities of this record ({which} um/s) are outside the range of the model's own"
+            f" record ({1e6 * slowest:.3g} to {1e6 * fastest:.3g} um/s): there it extrapolates"
         )
     return tuple(told)
