@@ -1,4 +1,4 @@
-"""Plans sequences of velocity steps: which effects they can tell apart, before they are run."""
+"""Plan sequences of velocity steps: which effects an experiment can distinguish."""
 
 from .design import Change as Change
 from .design import Design as Design

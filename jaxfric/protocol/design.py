@@ -1,4 +1,4 @@
-"""Results of `protocol.plan`: what a planned protocol can show, before it is run."""
+"""Results of `protocol.plan`: what a planned protocol can distinguish."""
 
 import math
 from collections.abc import Mapping
@@ -13,45 +13,45 @@ from ..schemas import PROTOCOL
 
 @dataclass(frozen=True)
 class Smallest:
-    """The smallest size at which an effect is named in 19 of 20 records, to first order. SI."""
+    """The smallest size at which an effect is detected in 19 of 20 records, to first order. SI."""
 
     id: str
     names: tuple[str, ...]
     """Names of its amplitudes; if several, `amplitude` is the root of the sum of squares."""
     unit: str
     amplitude: float | None
-    """Amplitude at the shape that is seen best; None where no possible one is seen."""
+    """Amplitude at the best detectable shape; None if no possible amplitude is detectable."""
     shape: Mapping[str, float]
-    """Shape parameters at which the effect is seen best."""
+    """Shape parameters at which the effect is best detectable."""
     worst: float | None
-    """Amplitude at the shape that is seen worst."""
+    """Amplitude at the least detectable shape."""
     needed: float | None
-    """`amplitude`, or what it would have to be where that is not physically possible."""
+    """The required amplitude, even if it is not physically possible; else equal to `amplitude`."""
     limit: float = math.inf
-    """The largest amplitude that friction like the base's may have."""
+    """The largest plausible amplitude for friction like that of the base."""
 
 
 BASE = "base"
-"""Stands for the model without any of the effects, where a pair of them is asked for."""
+"""Name of the model without effects, as a member of a pair."""
 
 
 @dataclass(frozen=True)
 class Pair:
-    """Whether a plan tells two effects apart, or an effect from the base."""
+    """Whether a plan distinguishes two effects, or an effect and the base."""
 
     ids: tuple[str, str]
     cosine: float | None
-    """|cosine| of the two; None where one is the base, or one is not seen."""
+    """|cosine| of the two; None if one is the base, or is not detectable."""
     apart: bool
     sizes: Mapping[str, float]
-    """The amplitude of each effect from which on the other cannot stand for it, where `apart`: to
-    first order a fit with the other leaves a^2 |s|^2 (1 - cosine^2) of the likelihood ratio."""
+    """If `apart`: the amplitude of each effect above which the other cannot imitate it. To first
+    order a fit with the other leaves a^2 |s|^2 (1 - cosine^2) of the likelihood ratio."""
     needed: Mapping[str, float] = field(default_factory=dict)
-    """The same of effects that would be told apart from there on, where one of these is larger than
-    friction like the base's may have: they are not `apart`."""
+    """These amplitudes if one of them exceeds its plausible limit, so that the effects are not
+    `apart`."""
 
     def to_json(self) -> dict:
-        """The answer as JSON values."""
+        """Return the answer as JSON values."""
         return {
             "effects": list(self.ids),
             "cosine": self.cosine,
@@ -66,14 +66,14 @@ class Design:
 
     ids: tuple[str, ...]
     cosines: np.ndarray
-    """|cosine| of two effects; nan where one of them is not seen."""
+    """|cosine| of two effects; nan if one of them is not detectable."""
     smallest: tuple[Smallest, ...]
     time: np.ndarray
     predicted: np.ndarray
-    """Times of the rows, and what the base would record there without noise."""
+    """Prediction of the base at these times, without noise."""
 
     def pairs(self) -> tuple[tuple[str, str, float], ...]:
-        """Pairs that are not told apart, and their cosine, the most alike first."""
+        """Return indistinguishable pairs with their cosine, the most similar first."""
         found = [
             (self.ids[j], self.ids[i], float(self.cosines[i, j]))
             for i in range(len(self.ids))
@@ -83,7 +83,7 @@ class Design:
         return tuple(sorted(found, key=lambda pair: -pair[2]))
 
     def groups(self) -> tuple[tuple[str, ...], ...]:
-        """Effects that are linked by such pairs, the largest group first."""
+        """Return groups of effects linked by such pairs, the largest first."""
         group = {id: {id} for id in self.ids}
         for a, b, _ in self.pairs():
             joined = group[a] | group[b]
@@ -94,7 +94,7 @@ class Design:
         return tuple(sorted(ordered, key=lambda g: -len(g)))
 
     def pair(self, a: str, b: str) -> Pair:
-        """Whether two of `ids` are told apart, or one of them from `BASE`."""
+        """Return whether two of `ids`, or one of them and `BASE`, are distinguished."""
         seen = {s.id: s.amplitude for s in self.smallest}
         effects = [id for id in (a, b) if id != BASE]
         known = {id: x for id in effects if (x := seen[id]) is not None}
@@ -110,12 +110,12 @@ class Design:
         return Pair((a, b), cosine, apart, sizes)
 
     def likes(self, *ids: str) -> tuple[tuple[str, str, float], ...]:
-        """Pairs that are not told apart of one of `ids` and an effect that is not among them."""
+        """Return indistinguishable pairs of one of `ids` and an effect outside of `ids`."""
         return tuple(p for p in self.pairs() if len({p[0], p[1]} & set(ids)) == 1)
 
     def from_all(self, id: str) -> tuple[str, float | None]:
-        """The effect that takes the largest amplitude of `id` to be told from, of those that are
-        told apart, and that amplitude; None where there is none."""
+        """Among effects distinguishable from `id`, return the one that needs the largest amplitude
+        of `id`, and that amplitude; None if there is none."""
         seen = {s.id: s.amplitude for s in self.smallest}
         own, size = self.ids.index(id), seen[id]
         like = [c if k != own and c <= ALIAS else -1.0 for k, c in enumerate(self.cosines[own])]
@@ -127,8 +127,8 @@ class Design:
     def too_small(
         self, pair: Pair, known: Mapping[str, float]
     ) -> tuple[tuple[Smallest, float], ...]:
-        """Effects of a pair that is told apart whose size in `known` (by name) is less than that
-        from which on it is told, and that size. SI."""
+        """Return effects of a distinguished pair whose size in `known` (by name) is below the
+        required one, with that size. SI."""
         out = []
         for s in self.smallest:
             found = [known.get(f"{s.id}.{name}") for name in s.names]
@@ -138,15 +138,16 @@ class Design:
         return tuple(out)
 
     def unseen(self) -> tuple[str, ...]:
-        """Effects that are not seen at all, whatever their size."""
+        """Return the effects that are not detectable at any size."""
         return tuple(s.id for s in self.smallest if s.amplitude is None)
 
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """A change of the plan, and what it brings; `design` is None where the slider slips away. SI.
+    """A change of the plan, and its design; `design` is None if the slider runs away. SI.
 
-    The plan with it has these velocities, slip and channels: a noise, None where there is none.
+    The changed plan has these velocities, slip and channels; the noise of a missing channel is
+    None.
     """
 
     key: str
@@ -159,7 +160,7 @@ class Change:
     encoder_noise: float | None = None
 
     def planned(self) -> dict[str, object]:
-        """The plan with this change as JSON values; null for a channel that it does not have."""
+        """Return the changed plan as JSON values; null for a missing channel."""
         return {
             "change": self.key,
             "text": self.text,
@@ -173,7 +174,7 @@ class Change:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Protocol(Described, Drawable, Tabular):
-    """A planned sequence of velocity steps, and what it will be able to tell. SI."""
+    """A planned sequence of velocity steps, and the effects that it can distinguish. SI."""
 
     velocities: tuple[float, ...]
     slip_per_step: float
@@ -187,7 +188,7 @@ class Protocol(Described, Drawable, Tabular):
     with_: tuple[str, ...]
     critical_stiffness: float
     ratio: float | None
-    """K/K_cr; None where any stiffness is stable."""
+    """K/K_cr; None if any stiffness is stable."""
     design: Design
     changes: tuple[Change, ...]
     """Changes of the plan, the cheapest first."""
@@ -197,23 +198,23 @@ class Protocol(Described, Drawable, Tabular):
 
     @property
     def duration(self) -> float:
-        """Duration of the whole sequence [s]."""
+        """Return the duration of the whole sequence [s]."""
         return float(sum(self.slip_per_step / V for V in self.velocities))
 
     def separated(self, change: Change) -> tuple[tuple[str, str], ...]:
-        """Pairs that a change separates."""
+        """Return the pairs that only the changed plan distinguishes."""
         after = {(a, b) for a, b, _ in change.design.pairs()} if change.design else None
         pairs = [(a, b) for a, b, _ in self.design.pairs()]
         return () if after is None else tuple(pair for pair in pairs if pair not in after)
 
     def no_shorter(self) -> tuple[Change, ...]:
-        """The changes that take no less time: lengths and times that are seen best shrink with a
-        plan, so that a shorter one looks better than it is."""
+        """Return the changes that are not shorter in time. The best detectable lengths and times
+        shrink with a plan, so that a shorter plan looks better than it is."""
         return tuple(c for c in self.changes if c.duration > 0.99 * self.duration)
 
     def recommended(self) -> Change | None:
-        """The first of the changes that leave fewest pairs, of those that take no less time; None
-        where none leaves fewer."""
+        """Return the first change with the fewest indistinguishable pairs, without shorter ones;
+        None if none has fewer than the plan."""
         possible = [c for c in self.no_shorter() if c.design is not None]
         best = min(possible, key=_remaining, default=None)
         if best is None or _remaining(best) >= len(self.design.pairs()):
@@ -221,7 +222,7 @@ class Protocol(Described, Drawable, Tabular):
         return best
 
     def to_json(self) -> dict:
-        """The content of `protocol.json`, schema `schemas.PROTOCOL`; SI, null for unknown."""
+        """Return the content of `protocol.json`, schema `schemas.PROTOCOL`; SI, null: unknown."""
         best = self.recommended()
         return {
             "schema": PROTOCOL,

@@ -1,11 +1,11 @@
-"""Plans an experiment: which effects can a sequence of velocity steps tell apart?
+"""Plan an experiment: which effects can a sequence of velocity steps distinguish?
 
 The sensitivity of the record to every effect is computed at the null, along the motion of the base
-with parameters that are guessed or were fitted before. What the base's own parameters can absorb is
-projected out. What is left says, to first order in the effects, which of them look alike (cosine)
-and how large each must be to be named (length). No data are needed. The same is then done for some
-changes of the plan. All variants have arrays of one size, so they share what is compiled; a
-channel that is absent is there with noise that drowns it.
+with guessed or previously fitted parameters. The part that the base's own parameters can absorb is
+projected out. To first order in the effects, the cosine of two remaining sensitivities shows
+whether the effects look alike, and their length how large each must be to be detected. No data are
+needed. The same is computed for several changes of the plan. All variants have arrays of one size,
+so that they compile once; an absent channel is present with very large noise.
 """
 
 import dataclasses
@@ -46,9 +46,9 @@ from ..units import speed_text
 from .design import Change, Design, Protocol, Smallest
 
 CHANNEL_NOISE = 1e-7
-"""Noise of a displacement channel that a change adds, where none is given [m]."""
+"""Default noise of a displacement channel that a change adds [m]."""
 NEAR = 2.0
-"""K/K_cr below which there is a warning."""
+"""K/K_cr below which a warning is given."""
 _ABSENT = 1e6
 _FEWEST_ROWS = 20
 _MOST_ROWS = 65536
@@ -56,14 +56,14 @@ _VELOCITIES, _ROWS = 16, 1024
 _SOLVER_STEPS = 65536
 _UNSEEN = 1e-6
 _SURE = 1.645
-"""Standard deviations of a normal number that 19 of 20 are above, from below."""
+"""95 % quantile of the standard normal distribution."""
 _MOST_OF_BASE = 10.0
-"""An effect of so many times A or B of the base is none that such friction has."""
+"""Largest plausible amplitude of an effect, over A or B of the base."""
 
 
 @dataclass(frozen=True)
 class _Variant:
-    """A plan, or a plan that was changed. SI; None for a channel that is not recorded."""
+    """A plan, or a changed plan. SI; None for a channel that is not recorded."""
 
     key: str
     text: str
@@ -72,7 +72,7 @@ class _Variant:
     slip_noise: float | None
     encoder_noise: float | None
     shapes_of: float | None = None
-    """Slip per step whose lengths and times effects are given, where that is another [m]."""
+    """Slip per step [m] that sets the lengths and times of effects, if it is another one."""
 
     @property
     def durations(self) -> np.ndarray:
@@ -83,7 +83,7 @@ class _Variant:
         return VelocitySteps(starts, np.asarray(self.velocities))
 
     def looked_at(self, design: Design | None) -> Change:
-        """The change that this variant is, with what it brings."""
+        """Return this variant as a change, with its design."""
         return Change(
             self.key,
             self.text,
@@ -106,23 +106,23 @@ class Planned:
     stiffness: float
     """Stiffness of the machine [F/m]."""
     noise: float
-    """Standard deviation of a row under white noise [F]."""
+    """Standard deviation of a sample, for white noise [F]."""
     parameters: Mapping[str, float]
-    """Parameters of the base: f0, A, B, L (B2, L2, ...), and V0 if not the first velocity; of
-    effects that the base has as "viscous.c", at their null where they are not given."""
+    """Parameters of the base: f0, A, B, L (B2, L2, ...), and V0 if not the first velocity. Those of
+    effects of the base are named "viscous.c"; by default they are at their null."""
     law: str = "slip"
     friction_unit: str = "1"
     rows: int = 250
-    """Samples of each velocity, evenly spaced in time."""
+    """Number of samples at each velocity, evenly spaced in time."""
     slip_noise: float | None = None
-    """Standard deviation of a channel of slip [m]; None where there is none."""
+    """Standard deviation of a slip channel [m]; None without one."""
     noise_from: str = ""
-    """Where the noise is from, in words: a file, an option."""
+    """Origin of the noise, in words: a file, an option."""
 
 
 @dataclass(frozen=True)
 class _Setup:
-    """Data that all variants share."""
+    """Data shared by all variants."""
 
     planned: Planned
     model: Model
@@ -134,7 +134,7 @@ class _Setup:
 
     @property
     def values(self) -> Mapping[str, float]:
-        """Parameters of the base."""
+        """Return the parameters of the base."""
         return self.planned.parameters
 
 
@@ -147,28 +147,29 @@ def plan(
     changes: bool = True,
     progress: Callable[[str], None] = silent,
 ) -> Protocol:
-    """Predict which effects a sequence of velocity steps can tell apart, and what would help. SI.
+    """Predict which effects a sequence of velocity steps can distinguish, and what improves it. SI.
 
-    With s_i the sensitivity of the record to the amplitudes of effect i, in units of the noise and
-    with the base's sensitivities projected out, the cosine of two effects is s_i.s_j/(|s_i||s_j|),
-    the largest over their amplitudes and shapes. The likelihood ratio of an amplitude a is
-    (a |s_i| + z)^2 in a record, z standard normal; what is named exceeds 10 + p ln n, p parameters,
-    n rows, which the smallest a does in 19 of 20 records: a |s_i| = sqrt(10 + p ln n) + 1.645.
+    Let s_i be the sensitivity of the record to the amplitudes of effect i, in units of the noise
+    and with the base's sensitivities projected out. The cosine of two effects is
+    s_i.s_j/(|s_i||s_j|), maximised over amplitudes and shapes. The likelihood ratio of an amplitude
+    a in a record is (a |s_i| + z)^2 with z standard normal. An effect is detected if this exceeds
+    10 + p ln n, with p parameters and n samples. The smallest a is detected in 19 of 20 records:
+    a |s_i| = sqrt(10 + p ln n) + 1.645.
 
     Parameters
     ----------
-    asked : what is planned.
-    with_ : ids of effects that the base has; without : of those that are not considered.
-    changes : also look at changes of the plan.
+    asked : the planned experiment.
+    with_ : ids of effects that the base has; without : ids of effects to exclude.
+    changes : also compute changes of the plan.
 
     Raises
     ------
-    InputError : fewer than two velocities that differ, one not positive; a parameter missing or out
-        of bounds; an unknown effect; a slider that slips away, steadily driven or at a step.
+    InputError : fewer than two different velocities, one not positive; a parameter missing or out
+        of bounds; an unknown effect; a slider that runs away, in steady motion or at a step.
 
-    Rows count that `jaxfric.loop` would fit, its train block (`loop.split`): what it holds back
-    decides nothing there. Not tried: holds, reversals, noise that is correlated, step times
-    that are uncertain, and effects so large that they are not linear.
+    Only samples of the train block count, which `jaxfric.loop` would fit (`loop.split`). Not
+    covered: holds, reversals, correlated noise, uncertain step times, and effects so large that
+    they are nonlinear.
     """
     begun = time.monotonic()
     velocities, values = tuple(map(float, asked.velocities)), dict(asked.parameters)
@@ -245,7 +246,7 @@ def _effects(
                 " protocol does not have; leave the effect out"
             )
     if not any(e.channel is None and id not in (*with_, *without) for id, e in known.items()):
-        raise InputError("no effect is left to look at: shorten --include and --exclude")
+        raise InputError("no effect remains to be tested: shorten --include and --exclude")
     return tuple(e for e in known.values() if e.channel is None and takes(law, e))
 
 
@@ -303,7 +304,7 @@ def _warnings(ratio: float | None, values: Mapping[str, float], slip: float) -> 
     if slip < 3 * longest:
         found.append(
             f"a step of {1e6 * slip:.4g} um is shorter than 3 L ({3e6 * longest:.4g} um): friction"
-            " does not come to rest between steps"
+            " does not reach steady state between steps"
         )
     return tuple(found)
 
@@ -312,7 +313,7 @@ def _warnings(ratio: float | None, values: Mapping[str, float], slip: float) -> 
 
 
 def _changes(plan: _Variant) -> list[_Variant]:
-    """Changes of a plan, the cheapest first; those that it has already are left out."""
+    """Return changes of a plan, the cheapest first, without those that it already has."""
     V, noise = plan.velocities, plan.slip_noise or CHANNEL_NOISE
     dwell, back = float(f"{min(V) / 3:.4g}"), V[0]
     slow, again = followed(V, (dwell,), V), repeated(V)
@@ -340,12 +341,12 @@ def _changes(plan: _Variant) -> list[_Variant]:
 
 
 def _then(more: Sequence[float]) -> str:
-    """What comes after the velocity that was appended, in words."""
+    """Describe the velocities after the appended one."""
     return f", then {', '.join(map(speed_text, more))}" if more else ""
 
 
 def _times(variant: _Variant, rows: int) -> np.ndarray:
-    """Times of the rows, one at the start and none at a step."""
+    """Return the times of the samples, one at the start and none at a step."""
     steps = variant.steps()
     share = (np.arange(rows) + 0.5) / rows
     times = (steps.times[:, None] + variant.durations[:, None] * share).ravel()
@@ -354,8 +355,8 @@ def _times(variant: _Variant, rows: int) -> np.ndarray:
 
 
 def _problem(setup: _Setup, variant: _Variant) -> tuple[Problem, Blocks]:
-    """The problem of a record at f0, padded to the size that all variants of a plan share, and the
-    blocks of a loop over it. Sensitivities need no data."""
+    """Return the problem of a constant record f0, padded to the common size of all variants, and
+    the blocks of a loop over it. Sensitivities need no data."""
     planned, values = setup.planned, setup.values
     times = _times(variant, planned.rows)
     n = len(times)
@@ -387,7 +388,7 @@ def _problem(setup: _Setup, variant: _Variant) -> tuple[Problem, Blocks]:
         motion=problem.motion.padded(bucket(setup.most, _VELOCITIES)),
         channels=channels,
     )
-    # every row: the slope that a small lag of the sensor needs is that at the row
+    # use every row: a small lag of the sensor needs the slope at the row itself
     every = len(problem.time)
     problem = seen_between(problem, values["A"] / planned.stiffness, values["L"], every)
     return problem, split(times, variant.steps())
@@ -399,7 +400,7 @@ def _problem(setup: _Setup, variant: _Variant) -> tuple[Problem, Blocks]:
 def _looks(
     setup: _Setup, variants: Sequence[_Variant], progress: Callable[[str], None]
 ) -> list[Design | None]:
-    """Designs of the plan and its variants; of the plan alone where its slider slips away."""
+    """Return designs of the plan and its variants; of the plan alone if its slider runs away."""
     found: list[Design | None] = []
     for k, variant in enumerate(variants):
         progress(f"{variant.text} ({k + 1} of {len(variants)})")
@@ -410,7 +411,7 @@ def _looks(
 
 
 def _look(setup: _Setup, variant: _Variant) -> Design | None:
-    """Design of a variant; None where the slider slips away."""
+    """Return the design of a variant; None if the slider runs away."""
     problem, blocks = _problem(setup, variant)
     choice = Choice(setup.always, setup.without)
     path = np.arange(len(blocks.train))
@@ -444,7 +445,7 @@ def _look(setup: _Setup, variant: _Variant) -> Design | None:
 def _smallest(
     engine: Engine[Problem], seen: Screening, columns: np.ndarray, setup: _Setup
 ) -> dict[str, Smallest]:
-    """For every effect the smallest amplitude that is named, over its shapes."""
+    """Return the smallest detectable amplitude of every effect, over its shapes."""
     basis = orthonormal(columns[:, list(seen.base)])
     scales = np.asarray(engine.problem.coordinates.scales)
     found: dict[str, list[tuple[float, dict[str, float]]]] = {}
@@ -455,7 +456,7 @@ def _smallest(
         needed = ACCEPT + count * math.log(engine.weight.sum())
         lost = np.linalg.norm(rest, axis=0) <= _UNSEEN * np.linalg.norm(own, axis=0)
         scale = scales[list(column.amplitudes)]
-        # of several amplitudes: their root of squares, in the direction that is seen worst
+        # for several amplitudes: the norm in the least detectable direction
         worst = float(np.linalg.svd(rest / scale, compute_uv=False)[-1])
         enough = math.sqrt(needed) + _SURE
         amplitude = np.inf if np.any(lost) or worst == 0 else enough / worst
@@ -494,7 +495,7 @@ def _named(
 def _possible(
     effect: Callable[..., AbstractEffect], name: str, amplitude: float, shape: Mapping[str, float]
 ) -> bool:
-    """Whether an effect of this size, of either sign, is physically possible."""
+    """Whether an effect of this size is physically possible with either sign."""
     if not np.isfinite(amplitude):
         return False
     return any(bool(effect(**{**shape, name: sign * amplitude}).physical()) for sign in (1, -1))

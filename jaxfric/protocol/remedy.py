@@ -1,4 +1,4 @@
-"""The change of a plan that tells a pair of effects which the plan does not tell."""
+"""Find a change of a plan that distinguishes a pair of effects."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,17 +9,17 @@ from .design import Change, Design, Pair, Protocol
 
 @dataclass(frozen=True, eq=False)
 class Remedy:
-    """A change, and what a plan with it answers on the pair that is asked for."""
+    """A change, and the answer of the changed plan on the pair."""
 
     change: Change
     pair: Pair
     enough: bool
-    """Whether that is yes, for effects as large as those that are known too."""
+    """Whether the pair is distinguished, also at the known sizes."""
     sooner: Change | None
-    """A change that is enough too and takes less time, but another channel."""
+    """A change that is also enough and takes less time, but needs another channel."""
 
     def to_json(self) -> dict[str, object]:
-        """The change and its answer as JSON values."""
+        """Return the change and its answer as JSON values."""
         return self.change.planned() | {"enough": self.enough, "answer": self.pair.to_json()}
 
 
@@ -54,11 +54,11 @@ def answer_of(plan: Protocol, ids: tuple[str, str], known: Mapping[str, float]) 
 
 
 def remedy(plan: Protocol, ids: tuple[str, str], known: Mapping[str, float]) -> Remedy | None:
-    """The cheapest change of a plan by which it tells two effects, of sizes `known` by name (SI).
+    """Return the cheapest change that distinguishes two effects, of sizes `known` by name (SI).
 
-    Changes that take less time are no remedy (`Protocol.no_shorter`).
-    A channel is another instrument: changes without one come first, then the shortest. Where no
-    change is enough, that which comes nearest. None where the plan needs none, or none helps.
+    Shorter changes are excluded (`Protocol.no_shorter`). An additional channel needs another
+    instrument, so that changes without one come first, then the shortest. If no change is enough,
+    the nearest one is returned. None if the plan needs no change, or if none helps.
     """
     possible = [(c, c.design) for c in plan.no_shorter() if c.design is not None]
     lacks = {c.key: _lack(design, ids, known) for c, design in possible}
@@ -74,9 +74,11 @@ def remedy(plan: Protocol, ids: tuple[str, str], known: Mapping[str, float]) -> 
 
 
 def shorter(plan: Protocol, ids: tuple[str, str], known: Mapping[str, float]) -> Change | None:
-    """The shortest change of a plan that tells two effects with which they are told in less time,
-    without another channel, about as small, and from all others as before; None where there is
-    none, and of a plan that does not tell them."""
+    """Return the shortest change that still distinguishes two effects in less time, or None.
+
+    It needs no other channel, distinguishes them at about the same sizes, and is as good for all
+    other effects. None too for a plan that does not distinguish them.
+    """
     if _lack(plan.design, ids, known) != _NOTHING:
         return None
     enough = [
@@ -92,8 +94,8 @@ def shorter(plan: Protocol, ids: tuple[str, str], known: Mapping[str, float]) ->
 
 
 def _as_good(design: Design, plan: Design, ids: tuple[str, str]) -> bool:
-    """Whether a design tells two effects about as small as a plan does, at the shape that is seen
-    best and at the worst, and likens them to no other."""
+    """Whether a design distinguishes two effects at about the same sizes as a plan, for the best
+    and the least detectable shape, without making either similar to another effect."""
     if {p[:2] for p in design.likes(*ids)} - {p[:2] for p in plan.likes(*ids)}:
         return False
     own, other = design.pair(*ids).sizes, plan.pair(*ids).sizes
@@ -108,8 +110,11 @@ _NOTHING = (0, 1.0)
 
 
 def _lack(design: Design, ids: tuple[str, str], known: Mapping[str, float]) -> tuple[int, float]:
-    """What is lacking to a yes: of a pair told apart, how many times larger than known an effect
-    must be; else how alike the two are, more where one is not seen at all."""
+    """Rank how far a design is from distinguishing a pair, (0, 1) being enough.
+
+    If it does, the second number is the required size over the known one; else it is the
+    similarity of the effects. The first is largest if one of them is not detectable.
+    """
     pair = design.pair(*ids)
     if not pair.apart:
         return (2, 0.0) if pair.cosine is None else (1, 1.0 if pair.needed else pair.cosine)
@@ -118,6 +123,6 @@ def _lack(design: Design, ids: tuple[str, str], known: Mapping[str, float]) -> t
 
 
 def _cost(plan: Protocol, change: Change) -> tuple[int, float]:
-    """Channels that a change adds, one that no option of the command plans last, and its time."""
+    """Rank the cost of a change: added channels, with an encoder (no option) last, then time."""
     slip = change.slip_noise is not None and plan.slip_noise is None
     return slip + 2 * (change.encoder_noise is not None), change.duration
