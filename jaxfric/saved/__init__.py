@@ -1,11 +1,11 @@
-"""Results in files: read and checked, whatever verb wrote them; the friction law of any.
+"""Read and check results in files of any verb, and read their friction law.
 
 files           the JSON of a fit, a loop or a steady curve
-upgrade         files of earlier versions, read as those of today
-entry           "friction_law", the entry of all of them that a law is read from
+upgrade         conversion of files of earlier versions to the current form
+entry           "friction_law", the entry with the law in each of these files
 posterior_file  a posterior, as netCDF
-table           a table of steady friction against speed
-law             the law of any such file, or of the result at hand
+table           a table of steady-state friction against speed
+law             the law of any such file, or of a result object
 """
 
 from .law import law_from_fit as law_from_fit

@@ -1,20 +1,20 @@
-"""The entry "friction_law" of a result's file: the parameters of its law, the same of every result.
+"""The entry "friction_law" of a result's file: the parameters of its law, equal for all results.
 
     name            a rate-and-state law of the registry, or "coulomb_viscous" of an axis
-    states          of the law without effects; 0 of an axis
-    friction_unit   "1" of a friction coefficient, "N", "N m" or "%"; parameters are SI with it
+    states          number of states of the law without effects; 0 for an axis
+    friction_unit   "1" for a friction coefficient, "N", "N m" or "%"; parameters are SI with it
     coordinate      "linear" or "rotary"
-    origin          what made it, in words
-    effects         ids of the effects found, and of those that the base had
+    origin          the source of the law, in words
+    effects         ids of the effects found, and of those of the base
     parameters      by name {value, unit, determined}: f0, A, B, L, B2, ..., V0 of a slider, M, F_v,
                     F_c, F_0 of an axis, and effect.parameter
     free            names of the parameters with an error, in the order of
     covariance      (p, p)
-    velocity        slowest and fastest of the record [m/s]; null where it has none
+    velocity        slowest and fastest velocity of the record [m/s], or null
     width, reach    of an axis' record [m/s], [m]
-    warnings        lines to read before the law is relied on
+    warnings        lines to read before using the law
 
-Files of versions without it have the same in other entries, of which it is made here.
+Files of older versions have this information in other entries, from which it is made here.
 """
 
 import math
@@ -54,7 +54,7 @@ _KEYS = (
 
 
 def fitted_law(source: Saved, *schemas: str) -> FittedLaw:
-    """The law of a Fit or a Loop, or of its file of one of the `schemas`, as its parameters.
+    """Return the law of a Fit or a Loop, or of its file with one of the `schemas`.
 
     Raises
     ------
@@ -65,7 +65,7 @@ def fitted_law(source: Saved, *schemas: str) -> FittedLaw:
 
 
 def law_in(path: Path, content: Mapping) -> FittedLaw:
-    """The law of a file whose content is known.
+    """Return the law of a file with this content.
 
     Raises
     ------
@@ -86,7 +86,7 @@ def law_in(path: Path, content: Mapping) -> FittedLaw:
 
 
 def read_entry(path: Path, entry: object, schema: str) -> FittedLaw:
-    """The law of the entry of a file of a `schema`, checked.
+    """Check the entry of a file with a `schema`, and return its law.
 
     Raises
     ------
@@ -110,7 +110,7 @@ def read_entry(path: Path, entry: object, schema: str) -> FittedLaw:
 
 
 def _damage(entry: object) -> str | None:
-    """The fault of an entry by itself, in words: what is missing or wrong."""
+    """Return the fault of an entry in words: what is missing or wrong; None if it is valid."""
     problem = missing_key(entry, _KEYS, f"{ENTRY}.")
     if problem:
         return problem
@@ -140,9 +140,9 @@ def _is_size(number: object) -> bool:
 
 
 def law_entry(content: Mapping) -> dict[str, Any]:
-    """The entry of a fit.json or loop.json whose other entries are `content`.
+    """Make the entry of a fit.json or loop.json from its other entries, `content`.
 
-    Raises KeyError, TypeError, ValueError or AttributeError where those are damaged.
+    Raises KeyError, TypeError, ValueError or AttributeError if those are damaged.
     """
     fit, law = content["schema"] == FIT, content["law"]
     axis, table = law == LAW, _table(content)
@@ -186,23 +186,23 @@ def law_entry(content: Mapping) -> dict[str, Any]:
 
 
 def _table(content: Mapping) -> Mapping:
-    """Where a file has the parameters of its last model."""
+    """Return the part of a file with the parameters of the model to use."""
     return content if content["schema"] == FIT else content[_supported(content)]
 
 
 def law_name(name: str) -> str:
-    """The name of a parameter here: a slip trend of the base is that of an effect."""
+    """Return the name of a parameter here: a slip trend of the base is named as an effect."""
     return "slip_trend.s" if name == "slip_trend" else name
 
 
 def seen_velocities(velocities: Sequence[float]) -> list[float] | None:
-    """Slowest and fastest [m/s] of the velocities of a record, rest left out; None without any."""
+    """Return the slowest and fastest velocity [m/s] of a record, without rest; None without any."""
     sizes = [abs(v) for v in velocities if v != 0]
     return [min(sizes), max(sizes)] if sizes else None
 
 
 def open_words(what: str, claim: Claim, of: str) -> list[str]:
-    """A warning where a result, `what`, says nothing of stability: what follows is of its `of`."""
+    """Warn if a result, `what`, supports no claim on stability; results are then for its `of`."""
     if claim.kind != "open":
         return []
     return [
@@ -212,7 +212,7 @@ def open_words(what: str, claim: Claim, of: str) -> list[str]:
 
 
 def _doubts(content: Mapping) -> list[str]:
-    """A warning where the parameters of a fit.json say nothing of stability, else nothing."""
+    """Warn if the parameters of a fit.json support no claim on stability."""
     known, free = content["parameters"], content["free"]
     names = numbered_names(content["states"])
     weight = np.array([(name == "A") - (name in names[0::2]) for name in free], float)
@@ -229,7 +229,7 @@ def _doubts(content: Mapping) -> list[str]:
 
 
 def _claim(about: Mapping) -> list[str]:
-    """A warning where the loop of an axis itself says nothing of stability, else nothing."""
+    """Warn if the loop of an axis makes no claim on stability."""
     gains = about.get("gains") or {}
     if gains.get("claim") != "open":
         return []
@@ -238,7 +238,7 @@ def _claim(about: Mapping) -> list[str]:
 
 
 def verdict_words(content: Mapping) -> list[str]:
-    """A warning where by its verdict a loop.json's model does not describe the record."""
+    """Warn if the verdict of a loop.json says that its model does not describe the record."""
     if content["verdict"] in CERTAIN:
         return []
     sentence = str(content.get("sentence") or "").strip().rstrip(".")
@@ -253,5 +253,5 @@ def verdict_words(content: Mapping) -> list[str]:
 
 
 def _supported(content: Mapping) -> str:
-    """Which model of a loop.json is to be used, "before" or "after" (`Loop.supported`)."""
+    """Return which model of a loop.json to use, "before" or "after" (`Loop.supported`)."""
     return "before" if content.get("supported") == "before" else "after"

@@ -1,4 +1,4 @@
-"""The JSON files of fits, loops and steady curves: read and checked."""
+"""Read and check the JSON files of fits, loops and steady curves."""
 
 import json
 import math
@@ -16,7 +16,7 @@ from .upgrade import upgraded
 
 @typing.runtime_checkable
 class SavedResult(typing.Protocol):
-    """A result that a file is written of: a Fit, a Loop."""
+    """A result that can be written to a file: a Fit, a Loop."""
 
     def to_json(self) -> dict: ...
 
@@ -26,15 +26,15 @@ Saved = SavedResult | str | Path
 
 
 def read_saved(source: Saved, *schemas: str) -> tuple[Path, dict]:
-    """A file of one of the `schemas`, or what stands for it in messages, and its content.
+    """Return path and content of a file with one of the `schemas`.
 
-    The content of a result at hand is that which its file would have; a file of an earlier version
-    is read as today's.
+    For a result object return a name for messages, and the content that its file would have. Files
+    of earlier versions are converted to the current form.
 
     Raises
     ------
     InputError : no such file, no JSON, another schema, a fit that did not converge; warnings that
-        are no list of lines.
+        are not a list of lines.
     """
     verbs = " or ".join(VERBS[schema] for schema in schemas)
     if isinstance(source, SavedResult):
@@ -59,12 +59,12 @@ def read_saved(source: Saved, *schemas: str) -> tuple[Path, dict]:
 
 
 def _checked(path: Path, content: dict, *schemas: str) -> dict:
-    """The content of a file, which is of one of the `schemas` and may be used."""
+    """Return the content of a file if it has one of the `schemas` and may be used."""
     schema = content.get("schema") if isinstance(content, dict) else None
     if schema == STEADY and STEADY not in schemas:
         raise InputError(
-            f"{path}: a curve of steady speeds, whose friction has no memory: what damping it asks"
-            " for stands in it under gains. For margins give its law by name, in N and m/s:"
+            f"{path}: a steady-state curve, whose friction has no memory: its entry gains has the"
+            " required damping. For margins give its law by name, in N and m/s:"
             " --law stribeck --parameters 'c0=20 N, c1=170 N*s/m, c2=5 N, c3=10 mm/s, c4=1'"
         )
     if schema not in schemas:
@@ -85,15 +85,15 @@ def _checked(path: Path, content: dict, *schemas: str) -> dict:
 
 
 def is_lines(warnings: object) -> bool:
-    """Whether it is a list of texts."""
+    """Whether the value is a list of texts."""
     return isinstance(warnings, list) and all(isinstance(line, str) for line in warnings)
 
 
 def own_warnings(content: Mapping) -> tuple[str, ...]:
-    """The warnings that the content of a fit.json or loop.json bears, each said to be its own.
+    """Return the warnings in a fit.json or loop.json, each marked as from the file.
 
-    They hold for whatever is made of its parameters, so every verb hands them on. A fit.json that
-    does not say whether its fit converged is used, and that is a warning too.
+    They hold for all results from its parameters, so that every verb prints them. A fit.json
+    without the entry `converged` is used, with a warning.
     """
     verb = "fit" if content["schema"] == FIT else "loop"
     lines = [" ".join(line.split()) for line in content.get("warnings", [])]
@@ -103,20 +103,20 @@ def own_warnings(content: Mapping) -> tuple[str, ...]:
 
 
 def refuse_damage(path: Path, schema: str, problem: str | None) -> None:
-    """Raise `InputError` where there is a problem with a file of the right schema."""
+    """Raise `InputError` if there is a problem with a file of the right schema."""
     if problem:
         raise InputError(f"{path}: damaged: {problem}; make it again with: {VERBS[schema]}")
 
 
 def missing_key(content: object, keys: Sequence[str], where: str = "") -> str | None:
-    """The first of `keys` that a table lacks, as a problem."""
+    """Return a problem with the first of `keys` that a table lacks, or None."""
     if not isinstance(content, dict):
         return f"'{where}' is no table"
     return next((f"'{where}{key}' is missing" for key in keys if key not in content), None)
 
 
 def table_damage(table: Any, needed: Sequence[str] = (), where: str = "") -> str | None:
-    """The fault in the entries "parameters", "free" and "covariance" of a table, in words."""
+    """Return the fault in "parameters", "free" and "covariance" of a table, in words, or None."""
     problem = missing_key(table, ("parameters", "free", "covariance"), where)
     if problem:
         return problem
@@ -146,5 +146,5 @@ def table_damage(table: Any, needed: Sequence[str] = (), where: str = "") -> str
 
 
 def values_of(table: Mapping) -> dict[str, float]:
-    """Parameter values by name (SI)."""
+    """Return parameter values by name (SI)."""
     return {name: float(item["value"]) for name, item in table["parameters"].items()}

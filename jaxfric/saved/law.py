@@ -1,4 +1,4 @@
-"""The friction law of a result at hand, or of the file that another verb wrote of one."""
+"""The friction law of a result object, or of a file that another verb wrote."""
 
 from pathlib import Path
 
@@ -25,25 +25,25 @@ def law_from_fit(
     seed: int = 0,
     memory: str | None = None,
 ) -> LawSource:
-    """The law of a fit, a posterior or a loop in newtons, and samples that its uncertainty allows.
+    """Return the law of a fit, a posterior or a loop in newtons, with samples of its uncertainty.
 
-    Samples are drawn from the covariance of a fit or a loop; of a posterior they are some of its
-    draws. The direct effect is the regularised one. What is left out of the law, and what the
-    result itself warned of, is in `warnings`.
+    Samples are drawn from the covariance of a fit or a loop, or taken from the draws of a
+    posterior. The direct effect is the regularised one. `warnings` has the warnings of the result,
+    and effects that the law omits.
 
     Parameters
     ----------
     source : a Fit, a Posterior or a Loop, or the path of a fit.json, posterior.nc or loop.json, or
         of a table of friction against speed (`law_from_table`), which has no samples.
-    normal_force : [N] or "500 N", by which a friction coefficient is multiplied; must be given for
-        a coefficient and not for a force.
-    samples : number besides the estimate. seed : of their choice.
-    memory : of a table, the distance over which friction follows it, "1 mm" (`law_from_table`).
+    normal_force : [N] or "500 N"; required for a friction coefficient, which it multiplies, and
+        refused for a force.
+    samples : number of samples in addition to the estimate. seed : of the samples.
+    memory : for a table, the memory distance of friction, "1 mm" (`law_from_table`).
 
     Raises
     ------
-    InputError : none of these; a file missing, damaged or of another schema; a fit that did not
-        converge, a posterior that claims nothing; a normal force missing, not wanted or not
+    InputError : another source; a file missing, damaged or of another schema; a fit that did not
+        converge, a posterior that cannot be trusted; a normal force missing, not used or not
         positive; parameters that the fit left undetermined, fewer draws than samples.
     """
     force = normal_force
@@ -70,9 +70,9 @@ def law_from_fit(
 
 
 def law_source(law: LawSource | Law | Result, normal_force: float | str | None) -> LawSource:
-    """A law with its samples, from a law or from whatever `law_from_fit` takes.
+    """Return a law with its samples, from a law or from any source of `law_from_fit`.
 
-    Raises `InputError` as `law_from_fit`, and for a normal force that a law has no use for.
+    Raises `InputError` as `law_from_fit`, and for a normal force with a law in newtons.
     """
     if not isinstance(law, LawSource | AbstractLaw | AbstractDelayLaw):
         return law_from_fit(law, normal_force=normal_force)

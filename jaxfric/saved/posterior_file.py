@@ -1,6 +1,6 @@
-"""A Posterior, or the netCDF that `jaxfric fit --prior` wrote of it, as parameters of a law.
+"""Read a law from a Posterior, or from the netCDF that `jaxfric fit --prior` wrote.
 
-A file is read by h5py alone: it is HDF5, and ArviZ is not needed to use it.
+h5py alone reads the file, which is HDF5; ArviZ is not needed.
 """
 
 import contextlib
@@ -28,7 +28,7 @@ _MAGIC = b"\x89HDF\r\n\x1a\n"
 
 
 def is_posterior(path: Path) -> bool:
-    """Whether a file is a posterior by its ending, or HDF5 by its first bytes."""
+    """Whether a file is a posterior by its suffix, or HDF5 by its first bytes."""
     if path.suffix == ".nc":
         return True
     with contextlib.suppress(OSError), path.open("rb") as stream:
@@ -38,7 +38,7 @@ def is_posterior(path: Path) -> bool:
 
 @typing.runtime_checkable
 class PosteriorResult(typing.Protocol):
-    """A Posterior at hand."""
+    """The interface of a Posterior."""
 
     def attributes(self) -> dict[str, object]: ...
 
@@ -50,11 +50,11 @@ Posterior = PosteriorResult | str | Path
 
 
 def posterior_law(source: Posterior) -> FittedLaw:
-    """The law at the maximum of a posterior, with its draws.
+    """Return the law at the maximum of a posterior, with its draws.
 
     Raises
     ------
-    InputError : file missing, damaged or of another schema; a posterior that claims nothing.
+    InputError : file missing, damaged or of another schema; a posterior that cannot be trusted.
     """
     if isinstance(source, PosteriorResult):
         about, draws = source.attributes(), source.drawn()
@@ -82,8 +82,8 @@ def posterior_law(source: Posterior) -> FittedLaw:
 
 
 def _checked(path: Path, about: Mapping[str, object]) -> FittedLaw:
-    """The law of the attributes of a posterior. Raises `InputError` for those of something else,
-    and of one that claims nothing."""
+    """Return the law in the attributes of a posterior. Raises `InputError` for another file, and
+    for a posterior that cannot be trusted."""
     if about["schema"] != POSTERIOR:
         raise InputError(
             f"{path}: its schema is '{about['schema']}'; a file of '{POSTERIOR}' is needed"
@@ -120,7 +120,7 @@ def _opened(path: Path) -> Generator["h5py.File"]:
 
 
 def _plain(value: object) -> object:
-    """A text or a number of an attribute, which netCDF keeps as an array."""
+    """Return a text or a number from an attribute, which netCDF stores as an array."""
     if isinstance(value, np.ndarray | np.generic) and value.size == 1:
         value = value.item()
     return value.decode() if isinstance(value, bytes) else value

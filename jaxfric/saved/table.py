@@ -1,4 +1,4 @@
-"""The friction law of a table of steady friction against speed: the only data of many reports."""
+"""The friction law of a table of steady-state friction against speed, common in reports."""
 
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from ..rig.friction.tabulated import TabulatedFriction
 from ..units import parse_quantity
 
 ENDINGS = (".csv", ".tsv", ".txt", ".dat")
-"""Endings of files that hold a table, and no result of another verb."""
+"""Suffixes of files that hold a table and not a result of another verb."""
 
 
 def law_from_table(
@@ -24,20 +24,20 @@ def law_from_table(
     normal_force: float | None = None,
     coordinate: Coordinate = "linear",
 ) -> LawSource:
-    """The law of a table of steady friction against speed (`TabulatedFriction`).
+    """Return the law of a table of steady-state friction against speed (`TabulatedFriction`).
 
     Parameters
     ----------
     source : a file of two columns with their units in its header, "speed [rad/s],torque [N m]", or
-        two arrays (speed, friction) in SI. Rows of one speed are averaged; speeds are of one
-        direction, and where all are negative both columns change sign.
-    memory : distance L over which friction follows the curve [m] or "1 mm"; None: no memory.
-    normal_force : [N], of a table of a friction coefficient.
-    coordinate : of arrays, whether they are in m/s and N or in rad/s and N m.
+        two arrays (speed, friction) in SI. Rows of equal speed are averaged. All speeds must have
+        one direction; if all are negative, both columns change sign.
+    memory : memory distance L of friction [m] or "1 mm"; None: no memory.
+    normal_force : [N], for a table of a friction coefficient.
+    coordinate : for arrays, whether they are in m/s and N or in rad/s and N m.
 
     Raises
     ------
-    InputError : a file that is no such table; speeds of both directions, or 0; fewer than two.
+    InputError : a file that is not such a table; speeds of both directions, or 0; fewer than two.
     """
     if isinstance(source, tuple):
         speed, friction = (np.asarray(x, float) for x in source)
@@ -62,21 +62,21 @@ def law_from_table(
 
 
 def _warnings(memory: bool) -> tuple[str, ...]:
-    slopes = "slopes are those between neighbouring rows of the table, their scatter included"
+    slopes = "slopes are those between neighbouring rows of the table, including their scatter"
     if memory:
-        return (slopes, "the table says nothing of a direct effect: none is assumed")
+        return (slopes, "the table does not determine a direct effect: none is assumed")
     return (
         slopes,
-        "a table of steady friction has no memory: only damping can hold what it makes unstable,"
-        " and what stiffness would do cannot be said; give the length of a memory if it is known,"
-        " --memory '1 mm' (in Python law_from_table(..., memory=1e-3))",
+        "a table of steady-state friction has no memory: only damping can stabilise the slider,"
+        " and the effect of stiffness is unknown. Give the memory distance if it is known, --memory"
+        " '1 mm' (in Python law_from_table(..., memory=1e-3))",
     )
 
 
 def _one_direction(
     speed: np.ndarray, friction: np.ndarray, where: str
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Ascending speeds above 0, each once, and the mean friction at each."""
+    """Return distinct ascending speeds above 0, and the mean friction at each."""
     if speed.shape != friction.shape or speed.ndim != 1 or not len(speed):
         raise InputError(f"{where}: speed and friction must be two columns of one length")
     if np.all(speed < 0):
