@@ -378,7 +378,7 @@ def test_what_a_motor_is_told_is_no_column_of_its_force(tmp_path: Path) -> None:
     columns["control_signal"] = "Duty cycle [24 V]"
     told = read_axis(path, columns=columns, drive_gain="0.05 N m/V")
     np.testing.assert_allclose(told.motor_force, 1.2 * (np.arange(300) % 2))
-    with pytest.raises(InputError, match="of an axis or a joint: jaxfric"):
+    with pytest.raises(InputError, match="for an axis or a joint: jaxfric"):
         read(path)
     press = written(tmp_path / "b.csv", "Time (s),Load,Displacement (mm)\n" + rows)
     with pytest.raises(InputError) as refused:

@@ -264,8 +264,8 @@ def test_a_fit_that_did_not_converge_claims_nothing_and_nobody_takes_it(monkeypa
 @pytest.mark.parametrize(
     ("files", "here", "not_here"),
     [
-        (["fit.json", "fit.png"], ["takes its fit.json. Look at o/fit.png: are the"], []),
-        (["fit.json"], ["takes its fit.json. Are the steps"], ["fit.png"]),
+        (["fit.json", "fit.png"], ["refuse its fit.json. Look at o/fit.png: are the"], []),
+        (["fit.json"], ["refuse its fit.json. Are the steps"], ["fit.png"]),
         ([], ["mean nothing. Are the steps"], ["fit.png", "fit.json"]),
     ],
 )

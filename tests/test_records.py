@@ -230,7 +230,7 @@ def test_shear_and_normal_force(tmp_path: Path, role: str, unit: str) -> None:
     normal = plain.normal_stress / 1e6
     np.testing.assert_allclose(record.friction, plain.friction * size / (1e3 * normal), rtol=1e-12)
     notes = record.provenance.notes
-    said = "friction is 'Scherkraft' over 'F', both forces; no normal stress is known of them"
+    said = "friction is 'Scherkraft' over 'F', both forces; the normal stress is not known"
     assert said in notes
     assert "column 'F' is normal_force" in notes
 

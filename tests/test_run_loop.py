@@ -496,4 +496,4 @@ def test_steps_are_not_stated_of_a_run(tmp_path):
     file.write_text("time [s],load_point_displacement [um],friction [1]\n0,0,.6\n")
     for more in (["--run"], ["--events", "events.toml"]):
         outcome = run("loop", file, "--stiffness", "1e-3/um", "--steps", "0 s: 1 um/s", *more)
-        assert_refused(outcome, "--steps states the steps of a record")
+        assert_refused(outcome, "--steps gives the steps of a record")

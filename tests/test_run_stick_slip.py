@@ -363,7 +363,9 @@ def test_a_drop_that_may_be_of_running_means_says_so(fall, words):
     scale = 0.09 / (one.loading.mean() * one.velocity * 2.0)
     (line,) = told(StickSlip((replace(one, means=scale * one.means),), {}, None, {}))
     assert f"a drop lasts {fall:.2g} s: inertial" in line
-    assert line.endswith(f"running means over this time, {words}" if words else f"{one.swing:.2g} s")
+    assert line.endswith(
+        f"running means over this time, {words}" if words else f"{one.swing:.2g} s"
+    )
     (unresolved,) = told(StickSlip((replace(one, row=0.5),), {}, None, {}))
     assert unresolved.endswith("every 2 s")
 

@@ -6,8 +6,8 @@ progress on stderr) and `--out FOLDER`. Exit codes:
 | code | meaning |
 |------|---------|
 | 0 | a result |
-| 1 | no result to rely on: a fit that did not converge, one of several files that failed, a figure
-      that could not be drawn |
+| 1 | no reliable result: a fit did not converge, one of several files failed, a posterior cannot be
+      trusted, or a figure could not be drawn |
 | 2 | bad input: one line on stderr, and no result was written |
 | 130, 143 | interrupted, ended by another process |
 | 141 | the program that read the output has ended |

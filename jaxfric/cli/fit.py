@@ -254,12 +254,12 @@ def _complain_and_keep(result: "Fit", folder: Folder) -> int:
 
 def _not_converged(result: "Fit", folder: Folder) -> str:
     """Return what to do after a failed fit; it names only files that this run wrote."""
-    no_use = ", and no other verb takes its fit.json" if "fit.json" in folder.files else ""
+    no_use = ", and other verbs refuse its fit.json" if "fit.json" in folder.files else ""
     figure = f"Look at {folder.path / 'fit.png'}: are" if "fit.png" in folder.files else "Are"
     return (
         f"the fit did not converge ({result.result}): its numbers mean nothing{no_use}. {figure}"
         " the steps right ('jaxfric inspect'), is the stiffness? Else cut the record to fewer steps"
-        " (--from, --to), or state a start, as in --start 'A=0.01, B=0.012, L=20 um'"
+        " (--from, --to), or give starting values, as in --start 'A=0.01, B=0.012, L=20 um'"
     )
 
 

@@ -45,7 +45,7 @@ def loop(
     """
     if steps is not None and (run or events is not None):
         raise InputError(
-            "--steps states the steps of a record; those of a run stand in its events (--events)"
+            "--steps gives the steps of a record; those of a run are in its events (--events)"
         )
     if stiffness is None:
         raise InputError(
@@ -60,7 +60,7 @@ def loop(
         folder = choose_folder(output.folder, file.stem, *inputs, unnamed=("events",))
         found = None
         if run or events is not None:
-            progress(f"what happens in {len(record)} rows")
+            progress(f"finding events in {len(record)} rows")
             from ..runs.fits import decided_events
             from ..runs.stiffness import MachineStiffness
 

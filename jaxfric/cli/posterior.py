@@ -40,11 +40,11 @@ class PriorOptions:
         if self.prior is None:
             if unused:
                 raise InputError(
-                    f"{unused[0]} is of a posterior; give its priors with --prior priors.toml"
+                    f"{unused[0]} needs a posterior; give priors with --prior priors.toml"
                 )
             return
         if self.draws is None and unused:
-            raise InputError("--chains and --seed are of draws; ask for these, as in --draws 1000")
+            raise InputError("--chains and --seed need draws; ask for them, as in --draws 1000")
         from ..posterior.posterior import refuse_few
         from ..posterior.sampler import require_blackjax
 

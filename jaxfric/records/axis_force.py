@@ -72,8 +72,8 @@ class Forces:
             )
         if "reference_position" not in self.uses:
             raise InputError(
-                f"{self.path} has no reference position, without which the gains of the loops are"
-                " of no use; add the column, or leave out --position-gain and --velocity-gain"
+                f"{self.path} has no reference position, which the gains of the loops need; add"
+                " the column, or leave out --position-gain and --velocity-gain"
             )
         unit, gain = self.force.replace(" ", "*"), 1.0  # kv in force per velocity
         if "motor_force" not in self.uses and drive is not None:
@@ -119,13 +119,13 @@ class Forces:
             if rated_torque is None:
                 raise InputError(
                     f"{self.path}: the disturbance is in per cent, the motor force in {self.force};"
-                    f" say what 100 % are, as in --rated-torque '9.84 m{self.force}'"
+                    f" give the value of 100 %, as in --rated-torque '9.84 m{self.force}'"
                 )
             added = added * self._per_cent(rated_torque)
         elif unit != "%" and force_unit == "%":
             raise InputError(
-                f"{self.path}: the disturbance is in {self.force}, the motor force in per cent; say"
-                f" what 100 % are, as in --rated-torque '9.84 m{self.force}'"
+                f"{self.path}: the disturbance is in {self.force}, the motor force in per cent;"
+                f" give the value of 100 %, as in --rated-torque '9.84 m{self.force}'"
             )
         self.values["disturbance_force"] = added
         share = np.mean(np.abs(added) > 0) if len(added) else 0.0

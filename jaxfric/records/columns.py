@@ -265,23 +265,23 @@ def _require(table: Table, schema: Schema, found: Found) -> None:
     hint = did_you_mean(missing[0], table.names, listed=False) or ";"
     if machine is not None:
         unit = unit if unit in ("s", "1") else f"0.01 {unit}"
-        hint = f" ({machine} are machine units: give what one is);"
+        hint = f" ({machine} are machine units: give the size of one);"
     text = f"{lacks}{hint} map one, as in --column '{missing[0]}=NAME [{unit}]'{rate}"
     if schema is SLIDER and turns:
-        text += "; of an axis or a joint: --rig axis ('jaxfric inspect'), or 'jaxfric axis'"
+        text += "; for an axis or a joint: --rig axis ('jaxfric inspect'), or 'jaxfric axis'"
     if "load_point_displacement" in missing:
-        text += "; where it moves at one speed all the time: --column 'load_point_velocity=10 um/s'"
+        text += "; if its speed is constant: --column 'load_point_velocity=10 um/s'"
     if "position" in missing:
         text += "; a velocity will do: --column 'velocity=NAME [rpm]'"
     if "motor_force" in missing:
         gain = schema.roles["motor_force"].shown(rotary=turns)
         text += (
-            "; of what commands the motor, or its current: --column 'control_signal=NAME [V]' or"
+            "; for a control signal, or the motor's current: --column 'control_signal=NAME [V]' or"
             f" 'motor_current=NAME [A]', with --drive-gain '0.05 {gain}/V' (or /A)"
         )
     if "friction" in missing:
         text += (
-            "; of shear and normal force, or stress: --column 'shear_force=NAME [kN]' and"
+            "; for shear and normal force, or stress: --column 'shear_force=NAME [kN]' and"
             " 'normal_force=NAME [kN]'"
         )
     raise InputError(text)
@@ -316,7 +316,7 @@ def _refuse_other_role(
         name = table.names[index]
         raise InputError(
             f"{table.path}, column '{name}' ({role.name}): '{unit}' is a unit of {other.name};"
-            f" call it so: --column '{other.name}={name} [{unit}]'"
+            f" assign that role: --column '{other.name}={name} [{unit}]'"
         )
 
 
@@ -356,7 +356,7 @@ def _with_unit(table: Table, role: Role, index: int, unit: str | None, rotary: b
     read = spelt(unit)
     if _MACHINE.fullmatch(read):
         raise InputError(
-            f"{what}: '{unit}' is a machine unit; give what one of it is, as in"
+            f"{what}: '{unit}' is a machine unit; give the size of one, as in"
             f" --column '{role.name}={name} [0.01 {example}]'"
         )
     si_unit = _si_unit(role, read)

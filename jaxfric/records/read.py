@@ -101,7 +101,7 @@ def _stresses(table: Table, found: Found, named: set[str]) -> list[str]:
         )
     note = f"friction is '{shear}' over '{table.names[found['normal_stress'][0]]}'"
     if forced and _is_force(found, "normal_stress"):
-        return [f"{note}, both forces; no normal stress is known of them"]
+        return [f"{note}, both forces; the normal stress is not known"]
     _refuse_force(table, found, "shear_stress")
     _refuse_force(table, found, "normal_stress")
     return [note]
@@ -118,9 +118,9 @@ def _refuse_force(table: Table, found: Found, role: str) -> None:
     index, unit = found[role]
     name = table.names[index]
     raise InputError(
-        f"{table.path}, column '{name}' ({role}) is a force [{unit}] and not a stress; say what one"
-        f" of it is over the area, as in --column '{role}={name} [0.4 MPa]' for kN over 2500 mm^2."
-        " Where shear and normal are both forces, map both: friction is their quotient"
+        f"{table.path}, column '{name}' ({role}) is a force [{unit}] and not a stress; give the"
+        f" stress of 1 {unit}, as in --column '{role}={name} [0.4 MPa]' for kN over 2500 mm^2."
+        " If shear and normal are both forces, map both: friction is their quotient"
         + (f"; or leave it out: --column {role}=none" if role == "normal_stress" else "")
     )
 
@@ -128,7 +128,7 @@ def _refuse_force(table: Table, found: Found, role: str) -> None:
 def _share_of(name: str) -> str:
     """Return advice for a shear stress without a recorded normal stress."""
     return (
-        "where it was constant and not recorded, friction is the share of it, as in --column"
+        "if the normal stress was constant and not recorded, divide by it, as in --column"
         f" 'friction={name} [0.2]' for MPa under 5 MPa"
     )
 

@@ -179,7 +179,7 @@ def _refuse_bad(
     if 0 < first < len(bad) - 1 and not finite[role][first:].any() and finite["time"][first:].all():
         raise InputError(
             f"{path}: columns of different length: {role} ends before {rows.place(first)}, time"
-            f" has {len(bad) - first} rows more; cut the file there, or leave those rows out"
+            f" has {len(bad) - first} rows more; cut the file there, or drop those rows"
             " (--drop-bad)"
         )
     raise InputError(

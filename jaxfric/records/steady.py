@@ -283,7 +283,7 @@ def _provenance(
     folders = sorted({Path(run.name).parent.as_posix() for run in used})
     notes = [f"{len(used)} steady runs of {len(runs)} files, from {', '.join(folders)}"]
     if len(folders) > 1:
-        notes.append("runs of several folders are taken as one axis under one load")
+        notes.append("runs of several folders are assumed to be of one axis under one load")
     wild = [run for run in used if run.outliers]
     if wild:
         count = sum(run.outliers for run in wild)
