@@ -5,19 +5,19 @@ import os
 _WHOLE = "xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold"
 _BYTES = 2**27
 _FIRST, _BY_ITSELF = (0, 8), (0, 12)
-"""Versions of jaxlib: the first that has the flag, XLA ends a process that gives it an unknown one;
-and the first that needs none."""
+"""Versions of jaxlib: the first with the flag, and the first that does not need it. XLA ends a
+process that passes an unknown flag."""
 
 
 def whole_loops() -> bool:
-    """Have XLA compile a loop as one piece, in this process and those that it begins, as the
-    command does; whether it will.
+    """Make XLA compile a loop as one function, in this process and its children, as the command
+    does; return whether it will.
 
-    By default XLA looks up what to compute next in every turn of a loop, which takes longer than a
-    step of a solver or a row of a filter. Loops over up to 128 MiB of memory are made one function:
-    a simulation takes 0.3 of the time, one of a batch 0.55, a loop 0.75 to 0.9. Set by `XLA_FLAGS`
-    in the environment, so before anything is computed with JAX. Nothing where that has such an
-    option already, for jaxlib before 0.8, and from 0.12 on, which does so by itself.
+    By default XLA dispatches each loop iteration separately; the overhead exceeds the cost of a
+    solver step or of a filter row. With loops of up to 128 MiB as one function, a simulation takes
+    0.3 of the time, one in a batch 0.55, a loop 0.75 to 0.9. This sets `XLA_FLAGS` in the
+    environment, so call it before JAX computes anything. It does nothing if `XLA_FLAGS` already
+    has such an option, for jaxlib before 0.8, and from 0.12 on, where this is the default.
     """
     from importlib.metadata import version
 

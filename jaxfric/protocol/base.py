@@ -1,4 +1,4 @@
-"""The base of a plan: the model whose rivals it is to tell apart, typical, typed or from a file."""
+"""The base model of a plan: typical, from parameters of the user, or from a file."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -16,11 +16,11 @@ from ..units import parse_quantity
 from .design import BASE
 
 TYPICAL = "f0=0.6, A=0.010, B=0.014, L=20 um"
-"""A friction coefficient where neither a fit nor parameters are given."""
+"""Default parameters, of a friction coefficient."""
 
 
 class Base(NamedTuple):
-    """Parameters of a law (SI), and what else is known of a record like the planned one."""
+    """Parameters of a law (SI), and further known properties of a similar record."""
 
     parameters: Mapping[str, float]
     law: str = "slip"
@@ -31,8 +31,8 @@ class Base(NamedTuple):
     noise: float | None = None
 
     def without(self, asked: Sequence[str], typed: Sequence[str]) -> "Base":
-        """The base without the effects that are asked for: a loop found them, and whether they
-        would be told is the question. Those that were `typed` stay."""
+        """Return the base without the `asked` effects of its file: the question is whether the plan
+        can detect them. Effects that the user has `typed` stay."""
         gone = {id for id in asked if id in self.effects and id not in typed}
         kept = {name: x for name, x in self.parameters.items() if name.split(".")[0] not in gone}
         effects = tuple(id for id in self.effects if id not in gone)
@@ -40,9 +40,9 @@ class Base(NamedTuple):
 
 
 def base_of_text(text: str = TYPICAL, friction_unit: str = "1", law: str = "slip") -> Base:
-    """The base with the parameters of a text, "f0=0.6, A=0.010, B=0.014, L=20 um".
+    """Return the base with the parameters of a text, "f0=0.6, A=0.010, B=0.014, L=20 um".
 
-    Raises `InputError` for a name or a unit that is none of a parameter.
+    Raises `InputError` for an unknown name or a wrong unit.
     """
     values: dict[str, float] = {}
     for name, value in read_pairs(text, "--parameters", f"'{TYPICAL}'").items():
@@ -54,7 +54,7 @@ def base_of_text(text: str = TYPICAL, friction_unit: str = "1", law: str = "slip
 
 
 def base_of_file(path: Path) -> Base:
-    """The base of a fit.json, or of the fit after the loop of a loop.json.
+    """Read the base from a fit.json, or from the fit after the loop of a loop.json.
 
     Raises `InputError` for a file that is neither, and for that of an axis.
     """
@@ -77,9 +77,9 @@ def base_of_file(path: Path) -> Base:
 def named_pair(
     ids: tuple[str, str], law: str, with_: Sequence[str], without: Sequence[str]
 ) -> tuple[str, str]:
-    """The pair by the ids of a plan; the law of the base model is the base.
+    """Return the pair with the ids of a plan; the name of the base's law means the base.
 
-    Raises `InputError` for an effect that the base has, and one that the plan does not know.
+    Raises `InputError` for an effect of the base, and for one that the plan does not know.
     """
     effects = {id: effect for id, effect in CATALOGUE.items() if effect.channel is None}
     known = [id for id, effect in effects.items() if id not in without and takes(law, effect)]
@@ -100,6 +100,6 @@ def named_pair(
 
 
 def _number(table: object, key: str) -> float | None:
-    """A number of a table of a file, where there is one."""
+    """Return a number from a table of a file, or None."""
     value = table.get(key) if isinstance(table, dict) else None
     return float(value) if isinstance(value, int | float) else None

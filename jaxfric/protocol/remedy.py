@@ -24,20 +24,20 @@ class Remedy:
 
 
 class Answer(NamedTuple):
-    """What a plan answers on a pair that is asked for; empty where none is asked for."""
+    """The answer of a plan on a pair of effects; empty if no pair is given."""
 
     pair: Pair | None = None
     better: Remedy | None = None
     less: Change | None = None
-    """A change that is told of in place of `better`, as it takes less time."""
+    """A change that is reported instead of `better`, because it takes less time."""
 
     @property
     def change(self) -> Change | None:
-        """The change that is told of."""
+        """The reported change."""
         return self.less if self.better is None else self.better.change
 
     def to_json(self, command: str) -> dict[str, object]:
-        """The part of protocol.json; `command` plans the change."""
+        """Return the part of protocol.json; `command` plans the change."""
         if self.pair is None:
             return {}
         line = {"command": command or None}
@@ -47,7 +47,7 @@ class Answer(NamedTuple):
 
 
 def answer_of(plan: Protocol, ids: tuple[str, str], known: Mapping[str, float]) -> Answer:
-    """What a plan answers on two effects, of sizes `known` by name (SI)."""
+    """Return the answer of a plan on two effects, of sizes `known` by name (SI)."""
     better = remedy(plan, ids, known)
     less = shorter(plan, ids, known) if better is None else None
     return Answer(plan.design.pair(*ids), better, less)

@@ -1,4 +1,4 @@
-"""The content of run.json: a whole run for programs."""
+"""The content of run.json: a whole run, for programs."""
 
 from dataclasses import asdict
 
@@ -10,7 +10,7 @@ from .table import claimed
 
 
 def content(run: RunFit, others: Findings) -> dict[str, object]:
-    """The content of run.json, SI."""
+    """Return the content of run.json, SI."""
     origin, shared = run.record.provenance, share(run.steps)
     return {
         "schema": RUN,

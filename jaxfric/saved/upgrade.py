@@ -1,8 +1,8 @@
-"""Files of earlier versions, read as those of today: all that was renamed is renamed here.
+"""Convert files of earlier versions to the current form; all renamed keys are listed here.
 
-From version 1 to 2 (a fit, a loop or steady curves): some keys have other names, `delta_bic` is
-below 0 where a model is better than the base and was above 0, and a parameter that was given has no
-std and no interval, and had a std of 0. Files from before version 2 may have old ids of effects.
+Changes from version 1 to 2 (a fit, a loop or steady curves): some keys have other names.
+`delta_bic` is negative if a model is better than the base; it was positive. A given parameter has
+no std and no interval; its std was 0. Files before version 2 may have old ids of effects.
 """
 
 from collections.abc import Mapping
@@ -30,17 +30,17 @@ _KEYS_OF: Mapping[str, Mapping[str, str]] = {
         "glitches": "outliers",
     },
 }
-"""Keys of version 1 and their names now: of every table, and of one entry alone."""
+"""Keys of version 1 and their current names: in every table, and in single entries."""
 
 
 def upgraded(content: Any) -> Any:
-    """The content of a file of an earlier version as today's have it; any other as it is."""
+    """Return the content of an earlier version's file in the current form; others unchanged."""
     known = content.get("schema") if isinstance(content, dict) else None
     return {**_now(content, _KEYS), "schema": _NOW[known]} if known in _NOW else content
 
 
 def _now(value: Any, keys: Mapping[str, str]) -> Any:
-    """A value of a file and all that is in it, as in version 2; `keys` are renamed."""
+    """Convert a value of a file, recursively, to version 2; `keys` are renamed."""
     if isinstance(value, str):
         return id_of(value)
     if isinstance(value, list):
