@@ -229,7 +229,7 @@ def test_what_a_late_controller_cannot_be_asked():
         with pytest.raises(InputError, match=words):
             find_gains(LAW, **(given | changed))
     one = slider(jnp.asarray(typical(1, 0)[0]))
-    with pytest.raises(InputError, match="no critical stiffness"):
+    with pytest.raises(InputError, match="a spring, which has no delay"):
         stability_margin("stiffness", one)
     with pytest.raises(InputError, match="the faster the less damped"):
         stability_margin("damping", one)
