@@ -16,6 +16,11 @@ def plain(table: Mapping[str, object]) -> dict[str, object]:
     return {name: _plain(value) for name, value in table.items()}
 
 
+def entries(source: object, *names: str) -> dict[str, object]:
+    """The attributes of a result that a file has under their own names."""
+    return {name: getattr(source, name) for name in names}
+
+
 def _plain(value: object) -> object:
     if value is None or isinstance(value, str | bool | int):
         return value

@@ -9,7 +9,7 @@ import numpy as np
 from ..described import Described, Drawable, Tabular
 from ..findings import Finding, ranges
 from ..fitting.uncertainty import QUANTILE
-from ..plain import plain
+from ..plain import entries, plain
 from ..schemas import FEEDFORWARD
 from .code import c_code
 from .curve import FrictionCurve, FrictionValues
@@ -121,16 +121,11 @@ class Feedforward(Described, Drawable, Tabular):
             "schema": FEEDFORWARD,
             "model": about.source,
             "sentence": self.sentence,
-            "force_unit": about.force_unit,
-            "coordinate": about.coordinate,
-            "formula": self.formula,
-            "latex": self.latex,
+            **entries(about, "force_unit", "coordinate"),
+            **entries(self, "formula", "latex"),
             "terms": [
                 {
-                    "name": p.name,
-                    "value": p.value,
-                    "std": p.std,
-                    "unit": p.unit,
+                    **entries(p, "name", "value", "std", "unit"),
                     "times": "s" if p.part == SIGN else "1",
                     "factor": p.text or "1",
                 }
@@ -138,11 +133,7 @@ class Feedforward(Described, Drawable, Tabular):
             ],
             "left_out": self.left_out,
             "undetermined": about.loose,
-            "fade": {
-                "speed": self.fade.speed,
-                "decided_by": self.fade.decided_by,
-                "reasons": self.fade.reasons,
-            },
+            "fade": entries(self.fade, "speed", "decided_by", "reasons"),
             "supported": {
                 "slowest": about.slowest,
                 "fastest": about.fastest,
@@ -158,8 +149,7 @@ class Feedforward(Described, Drawable, Tabular):
             "at_the_slowest": self.at(self.about.slowest).to_json(),
             "level": self.level,
             "of_a_measured_velocity": {
-                "share": self.share,
-                "least_damping": self.least_damping,
+                **entries(self, "share", "least_damping"),
                 "own_damping": about.damping,
             },
             "table": {

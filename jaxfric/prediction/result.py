@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..described import Described, Drawable, Gridded, Tabular
-from ..plain import plain
+from ..plain import entries, plain
 from ..records.record import Provenance
 from ..schemas import PREDICTION
 
@@ -144,16 +144,8 @@ class Prediction(Described, Drawable, Gridded, Tabular):
         table = {
             "schema": PREDICTION,
             "model": self.source,
-            "record": {
-                "path": self.origin.path,
-                "sha256": self.origin.sha256,
-                "rows": int(np.isfinite(self.predicted).sum()),
-            },
-            "kind": self.kind,
-            "force_unit": self.force_unit,
-            "verdict": self.verdict,
-            "sentence": self.sentence,
-            "comparisons": self.comparisons,
+            "record": self.origin.to_json(int(np.isfinite(self.predicted).sum())),
+            **entries(self, "kind", "force_unit", "verdict", "sentence", "comparisons"),
             "refitted": {
                 name: {"model": model, "here": here}
                 for name, (model, here) in self.refitted.items()
@@ -162,15 +154,8 @@ class Prediction(Described, Drawable, Gridded, Tabular):
             "refit_rms": self.refit_rms,
             "shares": self.shares(),
             "parameters": {
-                s.name: {
-                    "model": s.model,
-                    "here": s.here,
-                    "error": s.error,
-                    "in_sigma": s.in_sigma,
-                }
-                for s in self.shifts
+                s.name: entries(s, "model", "here", "error", "in_sigma") for s in self.shifts
             },
-            "notes": self.notes,
-            "warnings": self.warnings,
+            **entries(self, "notes", "warnings"),
         }
         return plain(table)

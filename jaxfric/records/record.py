@@ -43,6 +43,10 @@ class Provenance:
     lines: np.ndarray | None = field(default=None, compare=False, repr=False)
     """Line number of every row in the file; None if the rows are not those of a file."""
 
+    def to_json(self, rows: int) -> dict[str, object]:
+        """The entry "record" of a file: where the record is from, and its `rows` in use."""
+        return {"path": self.path, "sha256": self.sha256, "rows": rows}
+
 
 @dataclass(frozen=True)
 class Sampling:

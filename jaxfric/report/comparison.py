@@ -176,7 +176,7 @@ def to_json(found: LawComparison) -> dict:
     origin, supported = found.record.provenance, found.supported
     return {
         "schema": COMPARISON,
-        "record": {"path": origin.path, "sha256": origin.sha256, "rows": len(found.record)},
+        "record": origin.to_json(len(found.record)),
         "sentence": sentence(found),
         "next": next_step(found),
         "supported": None if supported is None else _model(supported),

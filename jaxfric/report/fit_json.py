@@ -1,7 +1,7 @@
 """A fit as the content of fit.json."""
 
 from ..fitting.result import Estimate, Fit
-from ..plain import plain
+from ..plain import entries, plain
 from ..saved.entry import ENTRY, law_entry
 from ..schemas import FIT
 
@@ -15,40 +15,29 @@ def content(fit: Fit) -> dict:
     table = plain(
         {
             "schema": FIT,
-            "record": {"path": origin.path, "sha256": origin.sha256, "rows": len(fit.record)},
-            "law": fit.model.law,
-            "states": fit.model.states,
+            "record": origin.to_json(len(fit.record)),
+            **entries(fit.model, "law", "states"),
             "friction_unit": fit.record.friction_unit,
             "A_minus_B": _told(fit.A_minus_B),
             "parameters": {name: _told(e) for name, e in fit.parameters.items()},
             "A_minus_B_with_trend": fit.with_trend,
-            "free": fit.free,
-            "covariance": fit.covariance,
-            "correlation": fit.correlation,
-            "steps": {"times": fit.steps.times, "velocities": fit.steps.velocities},
+            **entries(fit, "free", "covariance", "correlation"),
+            "steps": entries(fit.steps, "times", "velocities"),
             "critical_stiffness": kcr.stiffness.value if fit.converged else None,
             "critical_stiffness_interval": (kcr.stiffness.lower, kcr.stiffness.upper),
             "stiffness_over_critical_interval": (kcr.ratio.lower, kcr.ratio.upper),
-            "sum_of_squares": fit.sum_of_squares,
-            "rms": fit.rms,
+            **entries(fit, "sum_of_squares", "rms"),
             "noise": noise if fit.converged else dict.fromkeys(noise),
-            "weighting": fit.weighting,
-            "converged": fit.converged,
-            "iterations": fit.iterations,
-            "result": fit.result,
-            "warnings": fit.warnings,
+            **entries(fit, "weighting", "converged", "iterations", "result", "warnings"),
+            "findings": [one.to_json(velocity) for one in fit.findings],
         }
     )
-    return table | {
-        "findings": [one.to_json(velocity) for one in fit.findings],
-        ENTRY: law_entry(table) if fit.converged else None,
-    }
+    return table | {ENTRY: law_entry(table) if fit.converged else None}
 
 
 def estimated(estimate: Estimate) -> dict[str, object]:
     """An estimate; no error of what was given, or is not determined."""
-    fields = ("value", "std", "lower", "upper", "unit", "free", "determined")
-    found: dict[str, object] = {field: getattr(estimate, field) for field in fields}
+    found = entries(estimate, "value", "std", "lower", "upper", "unit", "free", "determined")
     known = estimate.free and estimate.determined
     return found if known else found | dict.fromkeys(("std", "lower", "upper"))
 

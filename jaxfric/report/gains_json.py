@@ -4,7 +4,7 @@ import numpy as np
 
 from ..gains.hunting import Hunting
 from ..gains.result import Gains
-from ..plain import plain
+from ..plain import entries, plain
 from ..schemas import GAINS
 
 _KINDS = ("stiffness", "damping")
@@ -21,8 +21,7 @@ def content(gains: Gains) -> dict:
         "recommended": not unsafe,
         "not_recommended": unsafe,
         "fragile": gains.fragile,
-        "kp": gains.kp,
-        "kv": gains.kv,
+        **entries(gains, "kp", "kv"),
         "ki": gains.integral or 0.0,
         "units": dict(
             zip(("kp", "kv", "ki", "velocity", "mass"), map(gains.unit, units), strict=True)
@@ -37,8 +36,7 @@ def content(gains: Gains) -> dict:
         "optima": gains.optima,
         "at_rest": {
             "friction": gains.rest_friction,
-            "dead_band": gains.dead_band,
-            "accuracy": gains.accuracy,
+            **entries(gains, "dead_band", "accuracy"),
             "hunting": gains.hunting and hunting_entry(gains.hunting),
             "units": {"friction": gains.unit("N"), "dead_band": gains.unit("m")},
         },
@@ -53,12 +51,9 @@ def content(gains: Gains) -> dict:
             "velocities": _range(scenarios.velocity),
             "masses": None if scenarios.mass is None else _range(scenarios.mass),
             "samples": int(np.unique(scenarios.sample).size),
-            "confidence": gains.confidence,
-            "kept_samples": gains.kept_samples,
+            **entries(gains, "confidence", "kept_samples"),
         },
-        "certificate": gains.certificate,
-        "simulation": gains.simulation,
-        "warnings": gains.warnings,
+        **entries(gains, "certificate", "simulation", "warnings"),
     }
     return plain(result)
 

@@ -7,7 +7,7 @@ from ..loop.family import CurveFamily
 from ..loop.refusal import SOURCES
 from ..loop.result import Loop, RunDetails, Score
 from ..loop.split import NAMES
-from ..plain import plain
+from ..plain import entries, plain
 from ..saved.entry import ENTRY, law_entry
 from ..schemas import LOOP
 from .axis_loop_text import stability
@@ -19,19 +19,15 @@ def content(loop: Loop) -> dict:
     origin, values, steps = loop.record.provenance, loop.base_fit.values(), loop.base_fit.steps
     table = {
         "schema": LOOP,
-        "record": {"path": origin.path, "sha256": origin.sha256, "rows": len(loop.record)},
+        "record": origin.to_json(len(loop.record)),
         "friction_unit": loop.record.friction_unit,
         "law": loop.base_fit.law,
         "stiffness": values.get("K"),
         "reference_velocity": values.get("V0"),
         "steps": np.stack([steps.times, steps.velocities], axis=1),
-        "verdict": loop.verdict,
-        "sentence": loop.sentence,
-        "reasons": loop.reasons,
+        **entries(loop, "verdict", "sentence", "reasons"),
         "findings": [one.to_json(loop.velocity) for one in loop.findings],
-        "effects": loop.effects,
-        "alias_groups": loop.alias_groups,
-        "separations": loop.separations,
+        **entries(loop, "effects", "alias_groups", "separations"),
         "families": [family(one) for one in loop.families],
         "candidates": loop.candidates,
         "rules": {fault.value: source for fault, source in SOURCES.items()},
@@ -41,9 +37,7 @@ def content(loop: Loop) -> dict:
         "after": _score(loop, loop.after),
         "shifts_in_sigma": loop.shifts(),
         "noise": {
-            "sigma": loop.sigma,
-            "sigma_held_out": loop.sigma_held_out,
-            "held_out_threshold": loop.held_out_threshold,
+            **entries(loop, "sigma", "sigma_held_out", "held_out_threshold"),
             **loop.after.noise.to_json(),
             "hum": [line.to_json() for line in loop.after.noise.hum],
         },
@@ -58,8 +52,7 @@ def content(loop: Loop) -> dict:
             **{name: int(loop.blocks.of(name).sum()) for name in NAMES},
         },
         **({} if loop.details is None else loop.details.to_json()),
-        "warnings": loop.warnings,
-        "seconds": loop.seconds,
+        **entries(loop, "warnings", "seconds"),
     }
     told = plain(table)
     return told | {ENTRY: law_entry(told)}
@@ -75,8 +68,7 @@ def _score(loop: Loop, score: Score) -> dict[str, object]:
         "per_step_in_sigma": [v / loop.sigma_of(step == k) for k, v in enumerate(score.per_step)],
         **({} if rate is None else {"A_minus_B": estimated(rate)}),
         "parameters": {name: estimated(e) for name, e in score.parameters.items()},
-        "free": score.free,
-        "covariance": score.covariance,
+        **entries(score, "free", "covariance"),
     }
 
 
@@ -84,47 +76,33 @@ def family(curve: CurveFamily) -> dict[str, object]:
     """The entry of a family of curves; SI."""
     return {
         "family": "steady_curve",
-        "effects": curve.effects,
-        "velocities": curve.velocities,
-        "parameters": curve.parameters,
+        **entries(curve, "effects", "velocities", "parameters"),
         "others": [{"shape": other.shape, "worse_by": other.worse} for other in curve.others],
-        "fitting": curve.fitting,
-        "decided_by": curve.decided_by,
+        **entries(curve, "fitting", "decided_by"),
     }
 
 
 def run(details: RunDetails) -> dict[str, object]:
     """The stretches of a run."""
-    return {"stretches": [one._asdict() for one in details.joined.stretches]}
+    return {"stretches": details.joined.stretches}
 
 
 def axis(details: AxisDetails) -> dict[str, object]:
     """The entry "axis": preparation, gains and fits; `drive` is in force."""
     drive, gains = details.record.drive, details.gains
-    least = {
-        "worst_velocity": gains.worst_velocity,
-        "slope": gains.slope,
-        "least_damping": gains.least_damping,
-        "velocity_gain": gains.velocity_gain,
-        "stiff": gains.stiff,
-    }
+    least = entries(gains, "worst_velocity", "slope", "least_damping", "velocity_gain", "stiff")
     if gains.claim.kind == "open":
         least = dict.fromkeys(least)
     return {
         "axis": {
             "coordinate": details.record.coordinate,
-            "cutoff": details.preparation.cutoff,
-            "decimation": details.preparation.decimation,
+            **entries(details.preparation, "cutoff", "decimation"),
             "notes": details.notes,
             "sign_width": details.width,
             "least_slip_length": details.reach,
             "acceleration": details.acceleration,
             "drive": None if drive is None else {"k_p": drive.K_p, "k_v": drive.K_d},
-            "longest_delay": details.longest_delay,
-            "driven": details.driven,
-            "withheld": details.withheld,
-            "spring": details.spring,
-            "covariance": details.covariance,
+            **entries(details, "longest_delay", "driven", "withheld", "spring", "covariance"),
             "gains": {
                 **least,
                 "claim": gains.claim.kind,
@@ -135,13 +113,9 @@ def axis(details: AxisDetails) -> dict[str, object]:
             "fits": [
                 {
                     "model": when,
-                    "method": fit.method,
-                    "values": fit.values,
-                    "std": fit.std,
+                    **entries(fit, "method", "values", "std"),
                     "undetermined": fit.loose,
-                    "relative_error": fit.relative_error,
-                    "rms": fit.rms,
-                    "converged": fit.converged,
+                    **entries(fit, "relative_error", "rms", "converged"),
                 }
                 for when, fit in details.fits
             ],

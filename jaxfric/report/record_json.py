@@ -48,7 +48,7 @@ def _begin(rig: str, origin: Provenance, used: int) -> dict[str, object]:
     return {
         "schema": RECORD,
         "rig": rig,
-        "record": {"path": origin.path, "sha256": origin.sha256, "rows": used},
+        "record": origin.to_json(used),
         "rows_read": origin.rows_read,
         "dropped": origin.dropped,
         "notes": origin.notes,

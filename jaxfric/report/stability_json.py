@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..plain import plain
+from ..plain import entries, plain
 from ..rig.friction import AbstractStribeck, critical_velocity, worst_slope
 from ..schemas import STABILITY
 from ..stability.analysis import Study
@@ -41,9 +41,7 @@ def content(study: Study, law: str, warnings: Sequence[str] = ()) -> dict:
         "velocity": here.velocity,
         "friction": {
             "steady": here.force,
-            "slope": here.slope,
-            "memory": here.memory,
-            "steady_slope": here.steady_slope,
+            **entries(here, "slope", "memory", "steady_slope"),
             "slip_slope": here.friction.trend,
         },
         "needed_damping": here.needed_damping,
@@ -51,8 +49,7 @@ def content(study: Study, law: str, warnings: Sequence[str] = ()) -> dict:
         **_gains_content(study),
         "velocities": {
             "velocity": points.velocity,
-            "critical_stiffness": theorems.critical_stiffness,
-            "critical_frequency": theorems.critical_frequency,
+            **entries(theorems, "critical_stiffness", "critical_frequency"),
             "needed_damping": points.needed_damping,
         },
     }
@@ -68,10 +65,9 @@ def content(study: Study, law: str, warnings: Sequence[str] = ()) -> dict:
 
 def _theorem_content(study: Study) -> dict:
     found = study.theorem
-    names = ("integrable", "damped", "underdamped", "complete", "holds")
     k_cr, w_cr = found.critical_stiffness, found.critical_frequency
     return {
-        **{name: getattr(found, name) for name in names},
+        **entries(found, "integrable", "damped", "underdamped", "complete", "holds"),
         "critical_stiffness": None if study.delayed else k_cr,
         "critical_stiffness_interval": study.critical_interval,
         "critical_frequency": None if study.delayed else w_cr,

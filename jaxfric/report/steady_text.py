@@ -1,7 +1,5 @@
 """The friction of steady speeds as text and as steady.json."""
 
-import dataclasses
-
 import numpy as np
 
 from ..fitting.noise import step_words
@@ -10,6 +8,7 @@ from ..loop.steady.findings import steady_findings
 from ..loop.steady.loop import SteadyLoop, shown_units, steady_gains
 from ..loop.steady.model import SteadyModel
 from ..loop.steady.noise import SteadyNoise
+from ..plain import entries, plain
 from ..records.steady import SteadyCurve
 from ..records.steady_load import Load
 from ..schemas import STEADY
@@ -124,59 +123,51 @@ def to_json(loop: SteadyLoop, noise: SteadyNoise | None = None) -> dict:
 
     def model(m: SteadyModel) -> dict:
         return {
-            "effects": list(m.effects),
+            "effects": m.effects,
             "parameters": {k: {"value": v, "std": m.std.get(k)} for k, v in m.values.items()},
             "rms": m.rms,
-            "validation_rms": m.heldout if np.isfinite(m.heldout) else None,
+            "validation_rms": m.heldout,
             "spread": m.spread,
             "delta_bic": m.bic - loop.base.bic,
         }
 
-    return {
+    table = {
         "schema": STEADY,
         "curve": {
             "path": curve.provenance.path,
-            "runs": list(curve.names),
-            "force_unit": curve.force_unit,
-            "coordinate": curve.coordinate,
-            "speed": curve.speed.tolist(),
-            "force": curve.force.tolist(),
-            "error": curve.error.tolist(),
-            "fitted": loop.used.tolist(),
-            "shared_error": None if curve.shared is None else curve.shared.tolist(),
-            "effective_samples": curve.effective.tolist(),
-            "outliers": None if curve.outliers is None else curve.outliers.tolist(),
-            "notes": list(curve.provenance.notes),
+            "runs": curve.names,
+            **entries(curve, "force_unit", "coordinate", "speed", "force", "error"),
+            "fitted": loop.used,
+            "shared_error": curve.shared,
+            "effective_samples": curve.effective,
+            "outliers": curve.outliers,
+            "notes": curve.provenance.notes,
         },
-        "verdict": loop.verdict,
-        "sentence": loop.sentence,
-        "withheld": list(loop.withheld),
+        **entries(loop, "verdict", "sentence", "withheld"),
         "findings": [one.to_json(curve.speed) for one in steady_findings(loop)],
-        "stick_slip": [one._asdict() for one in curve.stick_slip],
+        "stick_slip": curve.stick_slip,
         "load": None if curve.load is None else _load_json(curve.load),
-        "effects": list(loop.final.effects),
+        "effects": loop.final.effects,
         "before": model(loop.base),
         "after": model(loop.final),
         "candidates": [model(m) for m in loop.candidates],
         "gains": {
-            "worst_velocity": gains.worst_velocity,
-            "slope": gains.slope,
-            "least_damping": gains.least_damping,
+            **entries(gains, "worst_velocity", "slope", "least_damping"),
             **claim_json(gains),
             "sentence": sentence(loop),
         },
         "noise": None if noise is None else _noise_json(noise, curve),
     }
+    return plain(table)
 
 
 def _load_json(load: Load) -> dict:
-    """What the force has along the travel, as JSON values."""
-    pairs = zip(load.names, load.values.tolist(), load.std.tolist(), strict=True)
+    """What the force has along the travel."""
+    rows = zip(load.names, load.values, load.std, strict=True)
     return {
         "effect": load.effect,
-        "parameters": {name: {"value": value, "std": std} for name, value, std in pairs},
-        "covariance": load.covariance.tolist(),
-        "centre": load.centre.tolist(),
+        "parameters": {name: {"value": value, "std": std} for name, value, std in rows},
+        **entries(load, "covariance", "centre"),
     }
 
 
@@ -185,14 +176,14 @@ def _noise_json(noise: SteadyNoise, curve: SteadyCurve) -> dict:
     return {
         "sigma": noise.estimate.sigma,
         **noise.estimate.to_json(),
-        "effective_samples": noise.effective.tolist(),
+        "effective_samples": noise.effective,
         "after_a_turn": noise.after_a_turn,
         "text": noise_text(noise, curve),
     }
 
 
 def claim_json(gains: AxisGains) -> dict:
-    """The claim on stability as JSON values, with reasons; null for what is not determined."""
+    """The claim on stability, with reasons; nan or None for what is not determined."""
     claim, curve = gains.claim, gains.curve
     if curve is None:
         return {"claim": claim.kind, "reasons": list(claim.reasons)}
@@ -200,12 +191,7 @@ def claim_json(gains: AxisGains) -> dict:
         "claim": claim.kind,
         "reasons": list(claim.reasons),
         "damping": claim.damping if claim.kind == "damped" else None,
-        "slope_std": curve.error if np.isfinite(curve.error) else None,
-        "slowest": curve.slowest,
-        "fastest": curve.fastest,
-        "above": None if curve.above is None else dataclasses.asdict(curve.above),
-        "not_seen": [
-            {"what": one.what, "speed": one.speed if np.isfinite(one.speed) else None}
-            for one in curve.unseen
-        ],
+        "slope_std": curve.error,
+        **entries(curve, "slowest", "fastest", "above"),
+        "not_seen": curve.unseen,
     }

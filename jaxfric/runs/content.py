@@ -2,6 +2,7 @@
 
 from dataclasses import asdict
 
+from ..plain import entries
 from ..schemas import RUN
 from .findings import Findings
 from .fits import RunFit
@@ -14,16 +15,13 @@ def content(run: RunFit, others: Findings) -> dict[str, object]:
     origin, shared = run.record.provenance, share(run.steps)
     return {
         "schema": RUN,
-        "record": {"path": origin.path, "sha256": origin.sha256, "rows": len(run.record)},
+        "record": origin.to_json(len(run.record)),
         "events": [
             {
-                "kind": event.kind,
-                "time": event.time,
+                **entries(event, "kind", "time"),
                 "velocities": [event.before, event.after],
                 "window": [event.start, event.stop],
-                "normal_stress": event.normal_stress,
-                "fitted": event.fitted,
-                "why": event.why,
+                **entries(event, "normal_stress", "fitted", "why"),
             }
             for event in run.events
         ],

@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from ..plain import entries
 from ..silent import silent
 from . import cycles as of_cycles
 from . import holds as of_holds
@@ -70,8 +71,8 @@ class Findings:
 
 
 def _hold(hold: Hold) -> dict[str, object]:
-    plain = ("time", "lasts", "velocity", "normal_stress", "creep", "healing", "error")
-    return {name: getattr(hold, name) for name in (*plain, "preference", "group")} | {
+    own = ("time", "lasts", "velocity", "normal_stress", "creep", "healing", "error")
+    return entries(hold, *own, "preference", "group") | {
         "no_law": of_holds.why_no_law(hold),
         "missing_motion": hold.missing or None,
         "fits": {law: claimed(found) for law, found in hold.fits.items()},

@@ -2,7 +2,8 @@
 
 Changes from version 1 to 2 (a fit, a loop or steady curves): some keys have other names.
 `delta_bic` is negative if a model is better than the base; it was positive. A given parameter has
-no std and no interval; its std was 0. Files before version 2 may have old ids of effects.
+no std and no interval; its std was 0. The support of a finding has keys; in a fit and in steady
+curves it was a list. Files before version 2 may have old ids of effects.
 """
 
 from collections.abc import Mapping
@@ -31,6 +32,8 @@ _KEYS_OF: Mapping[str, Mapping[str, str]] = {
     },
 }
 """Keys of version 1 and their current names: in every table, and in single entries."""
+_SUPPORT = ("direction", "rows", "slowest", "fastest")
+"""Keys of the support of a finding, in the order of the former list."""
 
 
 def upgraded(content: Any) -> Any:
@@ -55,5 +58,8 @@ def _now(value: Any, keys: Mapping[str, str]) -> Any:
         table["delta_bic"] = 0.0 - change
     if isinstance(variable := table.get("variable"), str):
         table["variable"] = _VARIABLES.get(variable, variable)
+    if isinstance(support := table.get("support"), list):
+        rows = [one for one in support if isinstance(one, list)]
+        table["support"] = [dict(zip(_SUPPORT, one, strict=False)) for one in rows] or support
     nothing_known = {"std", "lower", "upper"} if table.get("free") is False else set()
     return table | dict.fromkeys(nothing_known & table.keys())
