@@ -19,9 +19,9 @@ import pytest
 from pages import PAGES, blocks_of
 
 from jaxfric.cli.app import app
-from jaxfric.cli.fit import parse_start
 from jaxfric.cli.options import RecordOptions
 from jaxfric.errors import InputError, words_of_the_command
+from jaxfric.fitting.typed import typed_parameters
 from jaxfric.gains.requirement import Requirement
 from jaxfric.laws.source import law_from_parameters
 from jaxfric.protocol.base import TYPICAL
@@ -91,7 +91,7 @@ def law(text: str) -> None:
 
 
 def start(text: str) -> None:
-    parse_start(text, "1")
+    typed_parameters(text)
 
 
 def file(text: str) -> None:

@@ -838,7 +838,7 @@ GOOD = {"--slip-per-step": "150um", "--stiffness": "5e-3/um", "--noise": "3e-4"}
         ("1,10 um/s", {"--include": "gain", "--exclude": "gain"}, ["gain", "cannot be both"]),
         ("1,10 um/s", {"--include": "normal_stress"}, ["needs a channel normal_stress"]),
         ("1,10 um/s", {"--parameters": "f0=0.6, A=0.01, B=0.01"}, ["parameter L is missing"]),
-        ("1,10 um/s", {"--parameters": "f0=0.6, C=0.01"}, ["'C' is unknown"]),
+        ("1,10 um/s", {"--parameters": "f0=0.6, C=0.01"}, ["'C' is no parameter"]),
         ("1,10 um/s", {"--parameters": "f0"}, ["'f0' is not NAME=VALUE"]),
         ("1,10 um/s", {"--parameters": "f0=1,A=-1,B=1,L=1um"}, ["parameter A", "must be above 0"]),
         ("1,10 um/s", {"--distinguish": "ageing"}, ["--distinguish 'ageing' names 1, not two"]),

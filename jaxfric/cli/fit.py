@@ -62,6 +62,7 @@ class Fitter(NamedTuple):
     def one(self, number: int, record: "Record", say: Said) -> "Fit":
         """Fit the record of file `number`."""
         from ..fitting import fit as run
+        from ..fitting.typed import typed_parameters
 
         how, model = self.how, self.model
         return run(
@@ -74,7 +75,7 @@ class Fitter(NamedTuple):
             slip_trend=model.slip_trend,
             steps=self.steps,
             reference_velocity=how.reference_velocity,
-            start=None if how.start is None else parse_start(how.start, record.friction_unit),
+            start=None if how.start is None else typed_parameters(how.start, record.friction_unit),
             weighting=_WEIGHTINGS[how.weighting],
             profile=how.profile,
             rows=how.downsample_to,
@@ -261,24 +262,3 @@ def _not_converged(result: "Fit", folder: Folder) -> str:
         " the steps right ('jaxfric inspect'), is the stiffness? Else cut the record to fewer steps"
         " (--from, --to), or give starting values, as in --start 'A=0.01, B=0.012, L=20 um'"
     )
-
-
-def parse_start(text: str, friction_unit: str) -> dict[str, float]:
-    """Return starting values (SI) by name from "A=0.01, B=0.012, L=20 um". Raises `InputError` for
-    text of another form."""
-    from ..errors import InputError
-    from ..fitting.problem import quantity_of
-    from ..fitting.result import unit_of
-    from ..pairs import read_pairs
-    from ..units import parse_quantity
-
-    found: dict[str, float] = {}
-    for name, value in read_pairs(text, "start", "'A=0.01, L=20 um'").items():
-        try:
-            quantity_of(name)
-        except KeyError:
-            raise InputError(f"start: '{name}' is no parameter; they are f0, A, B, L, K") from None
-        found[name] = parse_quantity(value, unit_of(name, friction_unit), f"start of {name}")
-    if not found:
-        raise InputError("start: nothing given; write it as in 'A=0.01, L=20 um'")
-    return found

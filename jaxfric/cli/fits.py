@@ -5,17 +5,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from ..errors import InputError
-from ..schemas import FITS
 from .common import told, warn
-from .folder import Folder, choose_folder, json_text
+from .folder import choose_folder, json_text
 from .options import OutputOptions
 from .shown import show
 
 if TYPE_CHECKING:
     from ..fitting import Fit
     from ..records import Record
-    from ..report.fits_table import TabledFit
-
 _MANY = 16
 """Number of files from which compiling a batched fit saves time."""
 Said = Callable[[str], None]
@@ -54,7 +51,7 @@ def fit_files(
     Raises `InputError` before any fit if a file does not exist. Raises it without writing anything
     if no file can be fitted.
     """
-    from ..report.fits_table import TabledFit
+    from ..report.fits_table import TabledFit, content_of_files, files_of, report_of_files
 
     for file in files:
         if not file.exists():
@@ -89,19 +86,18 @@ def fit_files(
         if all(one.fit is None for one in found):
             raise InputError(f"none of {len(files)} files can be fitted: {found[0].failed}")
         names = _names(files)
-        content = json_text(_content(found))
-        with folder.results() as to:
-            _write(found, names, content, to)
-        for one, name in zip(found, names, strict=True):
-            if one.fit is not None:
-                progress(f"drawing {name}")
-                _draw(one.fit, name, folder)
-    from ..report.fits_table import text_table
-    from ..report.report import Report
+        content = json_text(content_of_files(found))
+        from ..plot.fit import draw_fit
 
-    table = text_table(found, "file", f"{len(found)} records", records=True)
-    told_of = Report(tables=[table], warnings=_warnings(found))
-    show(told_of, folder.written, content, output)
+        named = zip(names, found, strict=True)
+        fits = [(name, one.fit) for name, one in named if one.fit is not None]
+        texts = {f"{name}.json": json_text(fit.to_json()) + "\n" for name, fit in fits}
+        folder.save(files_of(found) | {"fits.json": content + "\n"} | texts)
+        for name, fit in fits:
+            progress(f"drawing {name}")
+            draw = lambda to, fit=fit, name=name: draw_fit(fit, to / f"{name}.png")  # noqa: E731
+            folder.draw(f"the figure of {name}", draw)
+    show(report_of_files(found), folder.written, content, output)
     failed = [one for one in found if not one.known]
     code = folder.close()
     told_of = (
@@ -121,45 +117,3 @@ def _names(files: Sequence[Path]) -> list[str]:
             name, k = f"{file.stem}_{k}", k + 1
         names.append(name)
     return names
-
-
-def _content(found: "Sequence[TabledFit]") -> dict[str, object]:
-    return {
-        "schema": FITS,
-        "fits": [
-            {
-                "file": one.name,
-                "failed": one.failed or None,
-                "fit": None if one.fit is None else one.fit.to_json(),
-            }
-            for one in found
-        ],
-    }
-
-
-def _write(found: "Sequence[TabledFit]", names: Sequence[str], content: str, to: Path) -> None:
-    """Write the table as CSV and LaTeX, all fits as one JSON, and one fit.json for each file."""
-    from ..report.fits_table import files_of
-
-    texts = files_of(found) | {"fits.json": content + "\n"}
-    for one, name in zip(found, names, strict=True):
-        if one.fit is not None:
-            texts[f"{name}.json"] = json_text(one.fit.to_json()) + "\n"
-    for name, text in texts.items():
-        (to / name).write_text(text, encoding="utf-8", errors="backslashreplace")
-
-
-def _draw(fit: "Fit", name: str, folder: Folder) -> None:
-    from ..plot.fit import draw_fit
-
-    folder.draw(f"the figure of {name}", lambda to: draw_fit(fit, to / f"{name}.png"))
-
-
-def _warnings(found: "Sequence[TabledFit]") -> list[str]:
-    """Return the warnings of the fits, each with the files that it concerns."""
-    files: dict[str, list[str]] = {}
-    for one in found:
-        if one.fit is not None:
-            for text in one.fit.warnings:
-                files.setdefault(text, []).append(one.name)
-    return [f"{', '.join(names)}: {text}" for text, names in files.items()]

@@ -6,13 +6,11 @@ from typing import NamedTuple
 
 from ..effects import CATALOGUE
 from ..errors import InputError, did_you_mean
-from ..fitting.problem import quantity_of
+from ..fitting.typed import typed_parameters
 from ..laws.registry import takes
-from ..pairs import read_pairs
 from ..saved.entry import law_in
 from ..saved.files import own_warnings, read_saved
 from ..schemas import FIT, LOOP
-from ..units import parse_quantity
 from .design import BASE
 
 TYPICAL = "f0=0.6, A=0.010, B=0.014, L=20 um"
@@ -44,13 +42,9 @@ def base_of_text(text: str = TYPICAL, friction_unit: str = "1", law: str = "slip
 
     Raises `InputError` for an unknown name or a wrong unit.
     """
-    values: dict[str, float] = {}
-    for name, value in read_pairs(text, "--parameters", f"'{TYPICAL}'").items():
-        if name.rstrip("0123456789") not in ("A", "B", "L") and name not in ("f0", "V0"):
-            raise InputError(f"--parameters: '{name}' is unknown; there are: f0, A, B, L, V0")
-        unit = quantity_of(name).unit_for(friction_unit).replace(" ", "*")
-        values[name] = parse_quantity(value, unit, f"--parameters: {name}")
-    return Base(values, law, friction_unit)
+    names = ("f0", "A", "B", "L", "V0")
+    of = {"what": "--parameters", "example": TYPICAL}
+    return Base(typed_parameters(text, friction_unit, names=names, **of), law, friction_unit)
 
 
 def base_of_file(path: Path) -> Base:

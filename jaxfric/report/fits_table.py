@@ -12,7 +12,9 @@ from ..findings import WarningCode, is_of
 from ..fitting import Fit
 from ..fitting.misfit import COLUMN, EXCESS, excess
 from ..runs.table import BRACKETS, Cell, csv_text, estimate_cell, fit_cells, parameter_cells
+from ..schemas import FITS
 from .latex import latex_cells, latex_of, plain
+from .report import Report
 from .tables import TextTable
 
 _BRACKETS = f"{BRACKETS}; -: not determined"
@@ -154,6 +156,30 @@ def files_of(fits: Sequence[TabledFit]) -> dict[str, str]:
         "table.csv": csv_text(csv_rows(fits, "file")),
         "table.tex": latex_text(fits, "file", records=True),
     }
+
+
+def report_of_files(fits: Sequence[TabledFit]) -> Report:
+    """The table of fits of several records, and their warnings with the files of each."""
+    files: dict[str, list[str]] = {}
+    for one in fits:
+        for text in () if one.fit is None else one.fit.warnings:
+            files.setdefault(text, []).append(one.name)
+    table = text_table(fits, "file", f"{len(fits)} records", records=True)
+    warnings = [f"{', '.join(names)}: {text}" for text, names in files.items()]
+    return Report(tables=[table], warnings=warnings)
+
+
+def content_of_files(fits: Sequence[TabledFit]) -> dict[str, object]:
+    """The content of fits.json, the fits of several records."""
+    found = [
+        {
+            "file": one.name,
+            "failed": one.failed or None,
+            "fit": None if one.fit is None else one.fit.to_json(),
+        }
+        for one in fits
+    ]
+    return {"schema": FITS, "fits": found}
 
 
 def latex_text(fits: Sequence[TabledFit], head: str, *, records: bool = False) -> str:

@@ -43,7 +43,7 @@ def report(loop: Loop, *, file: str = "loop.json", whole: bool = False) -> Repor
     ]
     return Report(
         first_lines(loop),
-        tables,
+        [table for table in tables if table.rows],
         [*lines(loop), splitting(loop)],
         apart(loop),
         loop.warnings,
