@@ -59,6 +59,26 @@ def test_a_logarithmic_axis_bears_two_numbers_or_more(limits, shown) -> None:
     assert 2 <= len(labels(axes.xaxis)) <= 9
 
 
+@pytest.mark.parametrize(
+    ("log", "limits", "label", "shown"),
+    [
+        ("", (0.0, 4.2e-3), "velocity [mm/s]", {"0", "1", "2", "3", "4"}),
+        ("x", (1e-3, 5e-2), "velocity [mm/s]", {"1", "10"}),
+        ("", (0.0, 3.1), "velocity [m/s]", {"0", "1", "2", "3"}),
+    ],
+)
+def test_an_axis_in_si_shows_the_prefix_of_its_unit(log, limits, label, shown) -> None:
+    """Also when the panel has a title afterwards."""
+    axes = new_figure(4, 3).subplots()
+    axes.plot(limits, [0, 1])
+    axes.set_xlim(*limits)
+    style.tidy(axes, x=("velocity", "m/s"), log=log)
+    style.tidy(axes, "title")
+    assert axes.get_xlabel() == label and shown <= {
+        t.rstrip("0").rstrip(".") if "." in t else t for t in labels(axes.xaxis)
+    }
+
+
 def study_of(**outputs):
     """A study over stiffness and velocity, with its outputs as functions of both."""
     xarray = pytest.importorskip("xarray")

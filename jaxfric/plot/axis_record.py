@@ -83,13 +83,11 @@ def draw_curve(curve: SteadyCurve, path: str | Path) -> None:
     """Write a figure of the force of steady runs against their speed to `path`."""
     rotary = curve.coordinate == "rotary"
     unit, size = ("rpm", np.pi / 30) if rotary else ("mm/s", 1e-3)
-    factor, force_unit = style.prefixed(style.most(curve.force), curve.force_unit)
     figure, (axis,) = style.panels([2.25])
-    force, error = factor * curve.force, factor * curve.error
-    style.bars(axis, curve.speed / size, force, error, colour=BLACK)
+    style.bars(axis, curve.speed / size, curve.force, curve.error, colour=BLACK)
     axis.axvline(0, color=GREY, lw=0.8)
-    name = f"motor {'torque' if rotary else 'force'} [{force_unit}]"
-    style.tidy(axis, x=f"speed [{unit}]", y=name, zero=True)
+    name = f"motor {'torque' if rotary else 'force'}"
+    style.tidy(axis, x=f"speed [{unit}]", y=(name, curve.force_unit), zero=True)
     name = printable(curve.provenance.path)
     style.write(style.finish(figure, f"{name}: {len(curve)} steady runs, mean ± its error"), path)
 

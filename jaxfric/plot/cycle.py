@@ -12,7 +12,7 @@ from ..stability.analysis import steady_points
 from . import style
 from .palette import BLACK, BLUE, GREY, ORANGE
 from .stability import law_name, mass_text
-from .ticks import plain_log, whole_numbers
+from .ticks import whole_numbers
 
 _STUCK = 1e-4
 """Velocities this much below the command count as stuck, and are drawn no lower."""
@@ -38,23 +38,19 @@ def _slowest(motion: Motion) -> float:
 
 def _series_figure(motion: Motion) -> Figure:
     figure, axes = style.panels([1.4, 1.4, 1.1])
-    t_size, t_unit = style.prefixed(min(float(motion.time[-1]), 1.0), "s")
     velocity, scale, note = _drawn(motion)
     for axis, name, si, values, command in (
         (axes[0], "friction", "N", motion.friction, None),
         (axes[1], "velocity", "m/s", velocity, motion.command),
         (axes[2], "displacement", "m", motion.slip, motion.load_point),
     ):
-        largest = style.most(values if command is None else command)
-        size, unit = style.prefixed(largest, motion.unit(si))
-        axis.plot(t_size * motion.time, size * values, color=BLUE, lw=1.1, label="slider")
+        axis.plot(motion.time, values, color=BLUE, lw=1.1, label="slider")
         if command is not None:
-            x, y = t_size * motion.time, size * command
-            axis.plot(x, y, color=ORANGE, lw=1.1, ls="--", label="load point")
+            axis.plot(motion.time, command, color=ORANGE, lw=1.1, ls="--", label="load point")
         if name == "velocity":
-            _set_scale(axis, "y", scale, size * _slowest(motion))
-        style.tidy(axis, note if name == "velocity" else "", y=f"{name} [{unit}]")
-    style.tidy(axes[2], x=f"time [{t_unit}]")
+            _set_scale(axis, "y", scale, _slowest(motion))
+        style.tidy(axis, note if name == "velocity" else "", y=(name, motion.unit(si)))
+    style.tidy(axes[2], x="time [s]")
     return style.finish(figure, _heading(motion))
 
 
@@ -62,39 +58,36 @@ def _plane_figure(motion: Motion) -> Figure:
     """Friction against velocity, with the steady curve behind."""
     drawn, scale, note = _drawn(motion)
     slow = _slowest(motion)
-    f_size, f_unit = style.prefixed(style.most(motion.friction), motion.unit("N"))
-    v_size, v_unit = style.prefixed(style.most(motion.command), motion.unit("m/s"))
     figure, (axis,) = style.panels([3.45])
-    x, y = v_size * drawn, f_size * motion.friction
+    x, y = drawn, motion.friction
     half = motion.time > 0.5 * motion.time[-1]
     axis.plot(x, y, color=BLUE, lw=0.8, alpha=0.45, label="motion: first half")
     axis.plot(x[half], y[half], color=BLUE, lw=1.5, label="second half")
     _arrow(axis, x, y)
     axis.margins(x=0.06, y=0.12)
-    _set_scale(axis, "x", scale, v_size * slow)
+    _set_scale(axis, "x", scale, slow)
     limits = axis.axis()  # the steady curve may leave the panel
-    V = np.geomspace(max(limits[0] / v_size, 0.03 * slow), limits[1] / v_size, _CURVE)
+    V = np.geomspace(max(limits[0], 0.03 * slow), limits[1], _CURVE)
     force = np.asarray(steady_points(motion.law, V).force)
-    force = np.where(force > 0, f_size * force, np.nan)
-    axis.plot(v_size * V, force, color=GREY, lw=3, alpha=0.6, label="steady friction", zorder=1.5)
+    force = np.where(force > 0, force, np.nan)
+    axis.plot(V, force, color=GREY, lw=3, alpha=0.6, label="steady friction", zorder=1.5)
     commands = np.unique(motion.command[motion.command > 0])
     steady = np.asarray(steady_points(motion.law, commands).force)
     words = "steady sliding at the command"
-    style.mark(axis, v_size * commands, f_size * steady, "o", words, ORANGE)
+    style.mark(axis, commands, steady, "o", words, ORANGE)
     axis.axis(limits)
-    names = f"velocity of the slider [{v_unit}]", f"friction [{f_unit}]"
-    style.tidy(axis, note, x=names[0], y=names[1])
+    x, y = ("velocity of the slider", motion.unit("m/s")), ("friction", motion.unit("N"))
+    style.tidy(axis, note, x=x, y=y)
     return style.finish(figure, _heading(motion))
 
 
 def _set_scale(axis: Axes, which: str, scale: str, slow: float) -> None:
     """The scale of a velocity: plain, logarithmic, or logarithmic to both sides of 0."""
-    if scale == "log":
-        plain_log(axis, which)
-    elif scale == "symlog":
-        (axis.set_yscale if which == "y" else axis.set_xscale)(scale, linthresh=slow)
-    else:
+    if scale == "linear":
         whole_numbers(axis, which, least=1e-3)
+    else:
+        options = {"linthresh": slow} if scale == "symlog" else {}
+        (axis.set_yscale if which == "y" else axis.set_xscale)(scale, **options)
 
 
 def _arrow(axis: Axes, x: np.ndarray, y: np.ndarray) -> None:

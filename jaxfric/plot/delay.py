@@ -35,41 +35,36 @@ def draw_delay(found: Study, folder: Path) -> list[str]:
     own, law = float(found.here.slope), float(delay)  # the law's own f_v adds to k_v
     enough = abs(float(strength)) - own
     k_p = from_zero(delay_stiffness(found), 2 * _CHART)
-    size, unit = style.prefixed(float(k_p[-1]), found.unit("N/m"))
     figure, (over_damping, over_delay) = style.panels([2.6, 2.6])
     k_v = np.linspace(0, 1.3 * max(enough, found.k_v, 1e-12), _CHART)
-    scale, v_unit = style.prefixed(k_v[-1], found.unit("N s/m"))
-    squares = _chart(over_damping, (size, scale), k_p, k_v, (mass, k_v + own, strength, delay))
+    squares = _chart(over_damping, k_p, k_v, (mass, k_v + own, strength, delay))
     words = "|k_f| − f_v: any k_p is stable above it"
-    over_damping.axhline(scale * enough, color=ORANGE, ls=":", lw=1.3, label=words)
+    over_damping.axhline(enough, color=ORANGE, ls=":", lw=1.3, label=words)
     title = f"Delay α = {law:.4g} s: no critical stiffness"
-    style.tidy(over_damping, title, y=f"{K_V} [{v_unit}]", grid=False)
+    style.tidy(over_damping, title, y=(K_V, found.unit("N s/m")), grid=False)
     alphas = np.linspace(0, 3 * law, _CHART + 1)[1:]
-    factor, a_unit = style.prefixed(alphas[-1], "s")
-    _chart(over_delay, (size, factor), k_p, alphas, (mass, damping, strength, alphas))
-    over_delay.axhline(factor * law, color=BLACK, ls=":", lw=1.3, label="the law's delay α")
-    title = f"Damping k_v = {found.k_v:g} {found.unit('N s/m')}"
-    y = f"delay α of friction [{a_unit}]"
-    style.tidy(over_delay, title, x=f"{K_P} [{unit}]", y=y, grid=False)
+    _chart(over_delay, k_p, alphas, (mass, damping, strength, alphas))
+    over_delay.axhline(law, color=BLACK, ls=":", lw=1.3, label="the law's delay α")
     if found.k_p is not None:
-        style.mark(over_damping, size * found.k_p, scale * found.k_v, "o", GIVEN)
-        style.mark(over_delay, size * found.k_p, factor * law, "o", GIVEN)
-    over_delay.set_xlim(0, size * k_p[-1])
+        style.mark(over_damping, found.k_p, found.k_v, "o", GIVEN)
+        style.mark(over_delay, found.k_p, law, "o", GIVEN)
+    over_delay.set_xlim(0, k_p[-1])
+    title = f"Damping k_v = {found.k_v:g} {found.unit('N s/m')}"
+    x, y = (K_P, found.unit("N/m")), ("delay α of friction", "s")
+    style.tidy(over_delay, title, x=x, y=y, grid=False)
     where = f"{speed(float(found.here.velocity), found.coordinate)}: k_f = {float(strength):.4g}"
     rig = f"{found.unit('N s/m')}, {mass_text(found.mass, found.coordinate)}"
     style.finish(figure, f"Delay law at {where} {rig}", legend=squares)
     return style.save(figure, folder, "delay_chart")
 
 
-def _chart(
-    axis: Axes, sizes: tuple[float, float], k_p: np.ndarray, y: np.ndarray, rig: tuple
-) -> list:
+def _chart(axis: Axes, k_p: np.ndarray, y: np.ndarray, rig: tuple) -> list:
     """Shade what is stable over k_p and `y`, and draw both branches of crossings: stability is won
     on one and lost on the other. `rig` has mass, damping, strength and delay, one of them `y`."""
     mass, damping, strength, delay = (jnp.asarray(x) for x in rig)
     columns = [x[:, None] if x.ndim else x for x in (damping, strength, delay)]
     stable = jax.jit(is_stable)(mass, jnp.asarray(k_p), *columns)
-    squares = shade_stable(axis, sizes[0] * k_p, sizes[1] * y, np.asarray(stable))
+    squares = shade_stable(axis, k_p, y, np.asarray(stable))
     damping, delay = jnp.broadcast_arrays(damping, delay)
 
     def one(k_v: Float[Array, ""], alpha: Float[Array, ""]) -> Crossings:
@@ -80,7 +75,7 @@ def _chart(
         (found.plus_stiffness, BLUE, "-", "k_n+: two roots become stable"),
         (found.minus_stiffness, ORANGE, "--", "k_n−: two roots become unstable"),
     ):
-        values = np.where(np.isfinite(branch), sizes[0] * np.asarray(branch), np.nan)
-        axis.plot(values, sizes[1] * y, color=colour, ls=line, lw=1.2, label=text)
-    axis.set_ylim(0, sizes[1] * y[-1])
+        values = np.where(np.isfinite(branch), np.asarray(branch), np.nan)
+        axis.plot(values, y, color=colour, ls=line, lw=1.2, label=text)
+    axis.set_ylim(0, y[-1])
     return squares

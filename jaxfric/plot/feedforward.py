@@ -11,6 +11,7 @@ from ..fitting.uncertainty import QUANTILE
 from . import style
 from .label import printable
 from .palette import BAND, BLACK, BLUE, GREY, ORANGE
+from .ticks import whole_numbers
 
 _CURVE = 1201
 _NEAR = 5.0
@@ -29,43 +30,40 @@ def feedforward_figure(found: Feedforward) -> Figure:
     figure, (left, right) = style.side_by_side(2, height=2.8)
     fastest = found.about.fastest
     near = min(max(_NEAR * found.fade.speed, 1e-3 * fastest), fastest)
-    _panel(left, found, 1.04 * fastest, "All speeds")
-    _panel(right, found, near, "Near the reversal: its sign fades")
+    known = found.curve.at(np.linspace(-fastest, fastest, _CURVE), found.fade.speed)
+    thin = 2 * QUANTILE * np.nanmax(known.std) < _THIN * np.ptp(known.force)
+    label = f"95 % band, {'hidden by the line' if thin else 'where the record supports it'}"
+    _panel(left, found, 1.04 * fastest, "All speeds", label)
+    _panel(right, found, near, "Near the reversal: its sign fades", label)
     path = Path(found.about.source)
     source = "/".join(printable(part) for part in (path.parent.name, path.name) if part)
     return style.finish(figure, f"Friction of {source}")
 
 
-def _panel(axis: Axes, found: Feedforward, largest: float, title: str) -> None:
-    about, fade = found.about, found.fade.speed
+def _panel(axis: Axes, found: Feedforward, largest: float, title: str, label: str) -> None:
+    about, fade, unit = found.about, found.fade.speed, f"{found.about.length}/s"
     v = np.linspace(-largest, largest, _CURVE)
-    percent = about.force_unit == "%"
-    size, unit = (
-        (1.0, "%") if percent else style.prefixed(style.most(found.table.force), about.force_unit)
-    )
-    factor, speed = style.prefixed(largest, f"{about.length}/s")
-    fades = f"fade: |v| < v_f = {factor * fade:.3g} {speed}"
-    axis.axvspan(-factor * fade, factor * fade, color=BAND, lw=0, zorder=0, label=fades)
+    fades = f"fade: |v| < v_f = {style.told(fade, unit, 3)}"
+    axis.axvspan(-fade, fade, color=BAND, lw=0, zorder=0, label=fades)
     curve = found.curve.at(v, fade)
-    low, high = (size * (curve.force + s * QUANTILE * curve.std) for s in (-1, 1))
+    low, high = (curve.force + s * QUANTILE * curve.std for s in (-1, 1))
     known = about.supports(v)
-    thin = np.max(np.where(known, high - low, 0.0)) < _THIN * size * np.ptp(curve.force)
-    label = f"95 % band, {'hidden by the line' if thin else 'where the record supports it'}"
-    style.band(axis, factor * v, low, high, label, GREY, 0.45, known)
+    style.band(axis, v, low, high, label, GREY, 0.45, known)
     side = np.geomspace(1e-6 * largest, largest, _CURVE)
     sharp = [found.curve.at(sign * side, None).force for sign in (-1.0, 1.0)]
     axis.plot(
-        factor * np.concatenate([-side[::-1], [np.nan], side]),
-        size * np.concatenate([sharp[0][::-1], [np.nan], sharp[1]]),
+        np.concatenate([-side[::-1], [np.nan], side]),
+        np.concatenate([sharp[0][::-1], [np.nan], sharp[1]]),
         color=ORANGE, lw=1.0, ls=":", label="friction of the model",
     )  # fmt: skip
-    force, line = size * curve.force, np.where(known, size * curve.force, np.nan)
-    axis.plot(factor * v, force, color=BLUE, lw=0.9, ls="--", label="feedforward, extrapolated")
-    axis.plot(factor * v, line, color=BLUE, lw=1.6, label="feedforward, supported by the record")
+    line = np.where(known, curve.force, np.nan)
+    axis.plot(v, curve.force, color=BLUE, lw=0.9, ls="--", label="feedforward, extrapolated")
+    axis.plot(v, line, color=BLUE, lw=1.6, label="feedforward, supported by the record")
     if about.points is not None:
         x, y, error = about.points[np.abs(about.points[:, 0]) <= largest].T
         label = "runs: mean ± its error"
-        style.bars(axis, factor * x, size * y, size * error, label, BLACK)
-    axis.set_xlim(-factor * largest, factor * largest)
-    name = f"feedforward without inertia [{unit}]"
-    style.tidy(axis, title, x=f"velocity of the reference [{speed}]", y=name, zero=True)
+        style.bars(axis, x, y, error, label, BLACK)
+    axis.set_xlim(-largest, largest)
+    whole_numbers(axis, "x", most=4)
+    x, y = ("velocity of the reference", unit), ("feedforward without inertia", about.force_unit)
+    style.tidy(axis, title, x=x, y=y, zero=True)

@@ -1,6 +1,6 @@
 """The map of all gains under a recommendation: what every scenario accepts, and the optima."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
@@ -14,7 +14,7 @@ from ..gains.scenarios import Scenarios
 from ..stability.analysis import needed_damping, stability_map, theorem_over_damping
 from . import style
 from .palette import BLACK, MEETS, STABLE, UNSTABLE
-from .stability import draw_boundaries, from_zero, gain_units, name_gains
+from .stability import draw_boundaries, from_zero, name_gains
 
 _GRID, _EVERY, _DAMPINGS = 161, 16, 64
 """Gains along an axis; of every so many of them the worst scenario is looked for."""
@@ -32,11 +32,11 @@ def draw_gain_map(axis: Axes, result: Gains) -> list:
     k_p, k_v = _map_axes(result, k_cr_at, needed)
     few = result.scenarios.take(_deciding(result, k_p, k_v))
     slack, stable = _least_slack(result, few, k_p, k_v), _stable(few, k_p, k_v)
-    sizes, units = gain_units(k_p, k_v, result.coordinate)
-    x, y = sizes[0] * k_p, sizes[1] * k_v
-    axis.contourf(x, y, np.where(stable, 1.0, -1.0), [-2.0, 0.0, 2.0], colors=[UNSTABLE, STABLE])
+    axis.contourf(
+        k_p, k_v, np.where(stable, 1.0, -1.0), [-2.0, 0.0, 2.0], colors=[UNSTABLE, STABLE]
+    )
     if (slack >= 0).any():
-        axis.contourf(x, y, np.clip(slack, -1.0, 1.0), [0.0, 2.0], colors=[MEETS])
+        axis.contourf(k_p, k_v, np.clip(slack, -1.0, 1.0), [0.0, 2.0], colors=[MEETS])
     named = (
         (MEETS, "meets the requirement in every scenario", slack >= 0),
         (STABLE, "stable, but misses it somewhere", stable & (slack < 0)),
@@ -44,19 +44,18 @@ def draw_gain_map(axis: Axes, result: Gains) -> list:
     )
     squares: list[Artist] = [style.square(c, text) for c, text, mask in named if mask.any()]
     if result.is_spring:
-        draw_boundaries(axis, k_v, k_cr_at(k_v), needed, sizes)
-    _iso_norm(axis, result, sizes)
+        draw_boundaries(axis, k_v, k_cr_at(k_v), needed)
+    _iso_norm(axis, result)
     here = ""
     for one in result.optima:
         if np.allclose([one.kp, one.kv], [result.kp, result.kv], rtol=1e-6):
             here += f", {_of(one)}"
             continue
         marker = "D" if one.minimum else _ALONE[one.name]
-        style.mark(axis, sizes[0] * one.kp, sizes[1] * one.kv, marker, _of(one), face="white")
+        style.mark(axis, one.kp, one.kv, marker, _of(one), face="white")
     used, marker = ("NOT recommended", "X") if result.unsafe else ("recommended", "*")
-    at = sizes[0] * result.kp, sizes[1] * result.kv
-    style.mark(axis, *at, marker, used + here, size=9)
-    name_gains(axis, k_p, k_v, sizes, units)
+    style.mark(axis, result.kp, result.kv, marker, used + here, size=9)
+    name_gains(axis, k_p, k_v, result.coordinate)
     number = len(result.scenarios)
     style.tidy(axis, f"{number} scenario{'' if number == 1 else 's'}", grid=False)
     return squares
@@ -158,10 +157,10 @@ def _stable(scenarios: Scenarios, k_p: np.ndarray, k_v: np.ndarray) -> np.ndarra
     return stable
 
 
-def _iso_norm(axis: Axes, result: Gains, sizes: Sequence[float]) -> None:
+def _iso_norm(axis: Axes, result: Gains) -> None:
     """The ellipse of equal norm through the smallest optimum."""
     angle = np.linspace(0, np.pi / 2, 200)
     norm = result.optima[0].norm
     x = norm * result.region.scale[0] * np.cos(angle)
     y = norm * result.region.scale[1] * np.sin(angle)
-    axis.plot(sizes[0] * x, sizes[1] * y, color=BLACK, lw=1, ls=":", label="equal norm")
+    axis.plot(x, y, color=BLACK, lw=1, ls=":", label="equal norm")

@@ -19,7 +19,6 @@ from .palette import CYCLE, ESCAPE, LINES, OPEN, ORANGE, STABLE
 from .stability import (
     draw_boundaries,
     draw_curve,
-    gain_units,
     mark_velocities,
     mass_text,
     name_gains,
@@ -93,28 +92,27 @@ def _margins(axis: Axes, result: Gains) -> None:
     velocities = np.union1d(more, result.scenarios.velocity)
     gains = np.asarray([result.kp, result.kv])
     values = _least_margins(result.scenarios, names, gains, velocities)
-    size, unit = style.prefixed(float(np.sqrt(low * high)), result.unit("m/s"))
     several = len(names) > 1
     for i, (name, required) in enumerate(zip(names, result.requirement.values, strict=True)):
         least = values[name]
         shown = least / required if several and required > 0 else least
         shown = np.where(np.isfinite(shown), shown, np.nan)
         text = f"{name} (required {required:g}{MARGINS[name].suffix})" if several else None
-        axis.plot(size * velocities, shown, color=LINES[i % len(LINES)], lw=1.6, label=text)
+        axis.plot(velocities, shown, color=LINES[i % len(LINES)], lw=1.6, label=text)
         if not np.isfinite(least).any():
             note = f"{name}: inf, nothing limits it"
             axis.text(0.5, 0.6, note, transform=axis.transAxes, ha="center")
     required = 1.0 if several else result.requirement.values[0]
     axis.axhline(required, color=ORANGE, lw=1.3, ls="--", label="required")
-    mark_velocities(axis, size * low, size * high)
+    mark_velocities(axis, low, high)
     least, top = axis.get_ylim()
     most = max(8 * required, 1.05)
     axis.set_ylim(max(min(0.0, least), -most), min(max(top, 1.25 * required), most))
     only = style.named(f"{names[0]} margin", MARGINS[names[0]].unit)
     y = "margin over its requirement" if several else only
-    axis.set_xlim(size * velocities[0], size * velocities[-1])
+    axis.set_xlim(velocities[0], velocities[-1])
     title = "Margins, of the worst mass and sample"
-    style.tidy(axis, title, x=f"velocity [{unit}]", y=y, log="x")
+    style.tidy(axis, title, x=("velocity", result.unit("m/s")), y=y, log="x")
 
 
 def _least_margins(
@@ -158,21 +156,19 @@ def draw_end_map(
     coordinate : whose units are shown.
     """
     k_p, k_v = np.asarray(k_p, float), np.asarray(k_v, float)
-    sizes, units = gain_units(k_p, k_v, coordinate)
     figure, (axis,) = style.panels([3.45])
     codes = np.argmax(np.stack([ends.code == getattr(ENDS, name) for name in _ENDS]), axis=0)
     colours = {words: colour for colour, words in _ENDS.values()}
-    legend = style.shade(axis, sizes[0] * k_p, sizes[1] * k_v, codes, colours)
+    legend = style.shade(axis, k_p, k_v, codes, colours)
     where = ""
     if point is not None:
         where = f" at {speed(float(point.velocity), coordinate)}, {mass_text(mass, coordinate)}"
         fine = np.linspace(k_v[0], k_v[-1], 200)
         k_cr = np.asarray(theorem_over_damping(point.friction, fine, mass).critical_stiffness)
-        draw_boundaries(axis, fine, k_cr, float(point.needed_damping), sizes)
+        draw_boundaries(axis, fine, k_cr, float(point.needed_damping))
     if optimum is not None:
-        style.mark(axis, sizes[0] * optimum[0], sizes[1] * optimum[1], "*", "gains found", size=9)
-    name_gains(axis, k_p, k_v, sizes, units)
-    axis.set_xlim(sizes[0] * k_p[0], sizes[0] * k_p[-1])
-    axis.set_ylim(sizes[1] * k_v[0], sizes[1] * k_v[-1])
+        style.mark(axis, *optimum, "*", "gains found", size=9)
+    name_gains(axis, k_p, k_v, coordinate)
+    axis.set(xlim=(k_p[0], k_p[-1]), ylim=(k_v[0], k_v[-1]))
     title = f"How a stuck slider ends, simulated{where}"
     return style.save(style.finish(figure, title, legend=legend), Path(folder), "end_map")

@@ -84,9 +84,6 @@ def _profile(axis: Axes, profile: LocationProfile, loop: Loop, size: float) -> N
     x, unit = np.asarray(profile.centres, float), profile.unit
     if profile.variable == "log_velocity" and unit != "m/s":
         x, unit = _velocity_of(x, loop), "m/s"
-    if unit in ("m", "m/s", "rad", "rad/s", "s"):
-        factor, unit = style.prefixed(min(style.most(x), loop.words.most.get(unit, np.inf)), unit)
-        x = factor * x
     if unit == "F":
         x, unit = size * x, readable(loop)[1]
     left = loop.before.rms["train"]
@@ -102,7 +99,7 @@ def _profile(axis: Axes, profile: LocationProfile, loop: Loop, size: float) -> N
     many = {"log_velocity": 3, "periodic_in_slip": 5, **even}.get(profile.variable, 30)
     log = "x" if np.all(x > 0) and np.max(x) > many * np.min(x) else ""
     title = _share_and_p(profile)
-    style.tidy(axis, title, x=style.named(label, unit), log=log, zero=True)
+    style.tidy(axis, title, x=(label, unit), log=log, zero=True)
 
 
 def _share_and_p(profile: LocationProfile) -> str:

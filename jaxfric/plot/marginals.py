@@ -84,12 +84,14 @@ def draw_marginals(found: "Dataset", outputs: Sequence[str], coded: Sequence[str
         if "flag_meanings" in about:
             legend += _shares(at, values[output], about["flag_meanings"].split())
         else:
-            unit = _numbers(at, values[output], about.get("units", "1"))
+            _numbers(at, values[output])
+            unit = about.get("units", "1")
         for name, axis in row.items():
-            side, y = columns[name][0], style.named(label, unit, "\n") if axis in left else ""
-            style.tidy(axis, x=textwrap.fill(side.label, _WIDE), y=y, log="x" if side.log else "")
+            side, y = columns[name][0], (label, unit) if axis in left else ""
             if not side.log:
                 whole_numbers(axis, "x", most=2)
+            x = textwrap.fill(side.label[0], _WIDE), side.label[1]
+            style.tidy(axis, x=x, y=y, log="x" if side.log else "")
     style.finish(figure, legend=legend)
     figure.suptitle(_title(found, empty, every, shown), x=0.01, ha="left", fontsize=style.LETTERS)
     return figure
@@ -186,15 +188,11 @@ def _binned(side: Side, values: np.ndarray) -> tuple[Side, np.ndarray]:
     return Side(side.name, middle, side.label, log), middle[place]
 
 
-def _numbers(panels: Sequence[tuple[Axes, np.ndarray]], values: np.ndarray, unit: str) -> str:
-    """Bands of an output on one scale, each panel over a parameter; the unit they are drawn in."""
-    finite = np.abs(values[np.isfinite(values)])
-    size, unit = (
-        (1.0, "1") if unit == "1" else style.prefixed(float(np.percentile(finite, 95)), unit)
-    )
+def _numbers(panels: Sequence[tuple[Axes, np.ndarray]], values: np.ndarray) -> None:
+    """Bands of an output on one scale, each panel over a parameter."""
     ends = []
     for axis, at in panels:
-        x, low, middle, high = _band(at, size * values)
+        x, low, middle, high = _band(at, values)
         style.band(axis, x, low, high, None, BLUE, 0.18)
         few = np.isfinite(middle).sum() < 6
         axis.plot(x, middle, color=BLUE, lw=1.4, marker="." if few else None)
@@ -204,7 +202,6 @@ def _numbers(panels: Sequence[tuple[Axes, np.ndarray]], values: np.ndarray, unit
         plain_log(first, "y")  # all panels of the output share it
     else:
         whole_numbers(first, "y", least=0.01)
-    return unit
 
 
 def _band(at: np.ndarray, values: np.ndarray) -> _Band:

@@ -21,33 +21,26 @@ def prediction_figure(found: Prediction) -> Figure:
     figure, (top, middle, *last) = style.panels(
         [1.9, 1.2, *([] if found.position is None else [1.2])]
     )
-    size, unit = _unit(found)
+    si = found.force_unit
     place = style.along(None, found.time)
-    style.samples(top, place.x, size * found.recorded)
-    style.curve(top, place, size * found.predicted, "model", ORANGE)
+    style.samples(top, place.x, np.asarray(found.recorded))
+    style.curve(top, place, found.predicted, "model", ORANGE)
     name = "motor force" if found.kind == "axis" else "friction"
-    style.tidy(top, y=style.named(name, unit))
-    band = 1.96 * size * found.sigma
+    style.tidy(top, y=(name, si))
+    band = 1.96 * found.sigma
     middle.axhspan(
         -band, band, color=BAND, lw=0, zorder=0.2, label="±1.96 σ, the scatter of neighbouring rows"
     )
-    style.samples(middle, place.x, size * (found.recorded - found.predicted), "residual")
-    style.tidy(middle, y=style.named("record − model", unit), zero=True)
+    style.samples(middle, place.x, found.recorded - found.predicted, "residual")
+    style.tidy(middle, y=("record − model", si), zero=True)
     if found.position is not None:
-        time, error, si = found.position
-        size, shown = style.prefixed(style.most(error), si)
-        style.curve(last[0], style.along(None, time), size * error)
+        time, error, length = found.position
+        style.curve(last[0], style.along(None, time), error)
         words = "Closed loop simulated from the reference: simulated − recorded position"
-        style.tidy(last[0], words, y=f"position error [{shown}]", zero=True)
+        style.tidy(last[0], words, y=("position error", length), zero=True)
     style.tidy((last or [middle])[0], x=place.label)
     title = f"{printable(found.origin.path)} predicted with {_model(found)}"
     return style.finish(figure, title)
-
-
-def _unit(found: Prediction) -> tuple[float, str]:
-    if found.force_unit in ("1", "%"):
-        return 1.0, found.force_unit
-    return style.prefixed(style.most(np.asarray(found.recorded)), found.force_unit)
 
 
 def _model(found: Prediction) -> str:

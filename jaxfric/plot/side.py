@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from . import style
 from .palette import CYCLE, ESCAPE, OPEN, STABLE, TOGETHER
 
 if TYPE_CHECKING:
@@ -26,11 +25,11 @@ _MORE = TOGETHER["other codes of a study"]
 
 
 class Side(NamedTuple):
-    """A parameter as an axis of a figure: its values there, in a unit with a prefix."""
+    """A parameter as an axis of a figure: its values, its name and its unit, SI."""
 
     name: str
     values: np.ndarray
-    label: str
+    label: tuple[str, str]
     log: bool
 
 
@@ -39,12 +38,10 @@ def side_of(found: "Dataset", name: str) -> Side:
     about = found[name]
     values = np.asarray(about.values, float)
     unit = about.attrs.get("units", "1")
-    size, text = (1.0, "") if unit == "1" else style.prefixed(style.most(values), unit)
     label = about.attrs.get("long_name", name)
     label = f"{label} {name}" if label != name else name
-    label = style.named(label, text)
     log = about.attrs.get("spacing") == "log" or (about.dims == (name,) and by_factors(values))
-    return Side(name, size * values, label, log)
+    return Side(name, values, (label, unit), log)
 
 
 def by_factors(values: np.ndarray) -> bool:

@@ -1,7 +1,7 @@
 """Figures of a stability study: friction against velocity, critical stiffness, map, root locus."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -31,8 +31,6 @@ from ..stability.analysis import (
 from ..stability.delay_analysis import delay_numbers, delay_summary
 from . import style
 from .palette import BAND, BLACK, BLUE, ORANGE, STABLE, UNSTABLE
-from .style import prefixed
-from .ticks import plain_log
 
 _CURVE, _MAP, _LOCUS = 400, 161, 800
 GIVEN = "gains asked for"
@@ -65,18 +63,17 @@ def draw_curve(
     V = np.geomspace(*_curve_range(law, low, high), _CURVE)
     points = steady_points(logarithmic(law), V)
     force, slope = np.asarray(points.force), np.asarray(points.steady_slope)
-    size, unit = prefixed(math.sqrt(low * high), unit_of("m/s", coordinate))
-    f_size, f_unit = prefixed(style.most(force), unit_of("N", coordinate))
-    axis.plot(size * V, f_size * force, color=BLUE, lw=1.5, label="steady friction")
+    axis.plot(V, force, color=BLUE, lw=1.5, label="steady friction")
     if (slope < 0).any():  # a band under the curve, so that both are seen
-        falling = np.where(slope < 0, f_size * force, np.nan)
+        falling = np.where(slope < 0, force, np.nan)
         words = "velocity weakening: promotes stick-slip"
-        axis.plot(size * V, falling, color=ORANGE, lw=5, alpha=0.6, zorder=1.9, label=words)
+        axis.plot(V, falling, color=ORANGE, lw=5, alpha=0.6, zorder=1.9, label=words)
     if np.ptp(force) < 1e-3 * np.max(np.abs(force)):
-        axis.set_ylim(0, 1.3 * f_size * np.max(np.abs(force)))
-    mark_velocities(axis, size * low, size * high)
+        axis.set_ylim(0, 1.3 * np.max(np.abs(force)))
+    mark_velocities(axis, low, high)
     axis.margins(x=0)
-    style.tidy(axis, x=f"velocity [{unit}]", y=f"steady friction [{f_unit}]", log="x")
+    units = unit_of("m/s", coordinate), unit_of("N", coordinate)
+    style.tidy(axis, x=("velocity", units[0]), y=("steady friction", units[1]), log="x")
 
 
 def mark_velocities(axis: Axes, low: float, high: float) -> None:
@@ -104,41 +101,36 @@ def _curve_range(law: Law, low: float, high: float) -> tuple[float, float]:
 # ---- maps of gains -----------------------------------------------------------------------------
 
 
-def draw_boundaries(
-    axis: Axes, k_v: np.ndarray, k_cr: np.ndarray, needed: float, sizes: Sequence[float]
-) -> None:
+def draw_boundaries(axis: Axes, k_v: np.ndarray, k_cr: np.ndarray, needed: float) -> None:
     """The curve k_cr(k_v), and the damping above which any stiffness will do."""
     inside = np.isfinite(k_cr) & (k_cr > 0) & (k_v < needed)
     if inside.any():
-        x, y = sizes[0] * np.append(k_cr[inside], 0.0), sizes[1] * np.append(k_v[inside], needed)
+        x, y = np.append(k_cr[inside], 0.0), np.append(k_v[inside], needed)
         axis.plot(x, y, color=BLUE, lw=1.6, label="k_cr(k_v): enough stiffness")
     if needed > 0:
         words = "damped boundary: any stiffness above it"
-        axis.axhline(sizes[1] * needed, color=ORANGE, lw=1.4, ls="-.", label=words)
+        axis.axhline(needed, color=ORANGE, lw=1.4, ls="-.", label=words)
 
 
-def name_gains(
-    axis: Axes, k_p: np.ndarray, k_v: np.ndarray, sizes: Sequence[float], units: Sequence[str]
-) -> None:
+def name_gains(axis: Axes, k_p: np.ndarray, k_v: np.ndarray, coordinate: Coordinate) -> None:
     """Limits and names of the axes of a map over k_p and k_v."""
-    axis.set_xlim(0, sizes[0] * k_p[-1])
-    axis.set_ylim(0, sizes[1] * k_v[-1])
-    style.tidy(axis, x=f"{K_P} [{units[0]}]", y=f"{K_V} [{units[1]}]", grid=False)
+    axis.set(xlim=(0, k_p[-1]), ylim=(0, k_v[-1]))
+    units = unit_of("N/m", coordinate), unit_of("N s/m", coordinate)
+    style.tidy(axis, x=(K_P, units[0]), y=(K_V, units[1]), grid=False)
 
 
 def _map_figure(found: Study) -> Figure:
     at, needed = found.here, float(found.here.needed_damping)
     k_p, k_v = gain_axes(found)
     stable = np.asarray(stability_map(at.friction, found.mass, k_p, k_v, found.late, found.k_i))
-    sizes, units = gain_units(k_p, k_v, found.coordinate)
     figure, (axis,) = style.panels([3.45])
-    squares = shade_stable(axis, sizes[0] * k_p, sizes[1] * k_v, stable)
+    squares = shade_stable(axis, k_p, k_v, stable)
     if found.is_spring:
         k_cr = np.asarray(theorem_over_damping(at.friction, k_v, found.mass).critical_stiffness)
-        draw_boundaries(axis, k_v, k_cr, needed, sizes)
+        draw_boundaries(axis, k_v, k_cr, needed)
     if found.k_p is not None:
-        style.mark(axis, sizes[0] * found.k_p, sizes[1] * found.k_v, "o", GIVEN)
-    name_gains(axis, k_p, k_v, sizes, units)
+        style.mark(axis, found.k_p, found.k_v, "o", GIVEN)
+    name_gains(axis, k_p, k_v, found.coordinate)
     title = f"Linear stability at {speed(float(at.velocity), found.coordinate)}, {_rig_text(found)}"
     return style.finish(figure, title, legend=squares)
 
@@ -173,15 +165,6 @@ def own_stiffness(found: Study) -> float:
     """A stiffness to show where the law names none: that of k_v at critical damping, or 1 kN/m."""
     need = max(float(found.here.needed_damping), found.k_v)
     return 1e3 if found.mass is None or need == 0 else 4 * need**2 / found.mass
-
-
-def gain_units(
-    k_p: np.ndarray, k_v: np.ndarray, coordinate: Coordinate
-) -> tuple[tuple[float, float], tuple[str, str]]:
-    """Factors and units of both axes of a map."""
-    first = prefixed(float(k_p[-1]), unit_of("N/m", coordinate))
-    second = prefixed(float(k_v[-1]), unit_of("N s/m", coordinate))
-    return (first[0], second[0]), (first[1], second[1])
 
 
 # ---- words -------------------------------------------------------------------------------------
@@ -225,36 +208,32 @@ def _sweep_figure(found: Study) -> Figure:
     V = np.geomspace(*_curve_range(found.law, low, high), _CURVE)
     points = steady_points(found.law, V)
     k_cr = np.asarray(theorem_over_velocity(points, found.k_v, found.mass).critical_stiffness)
-    size, unit = prefixed(math.sqrt(low * high), found.unit("m/s"))
     figure, axes = style.panels([1.8, 1.8])
     for axis, values, name, si, zero in (
         (axes[0], k_cr, "critical stiffness k_cr", "N/m", "any k_p is stable"),
         (axes[1], np.asarray(points.needed_damping), "damping needed k_v", "N s/m", "none needed"),
     ):
-        _sweep(axis, size * V, values, found.unit(si), name, zero)
-        mark_velocities(axis, size * low, size * high)
-    axes[0].set_xlim(size * V[0], size * V[-1])
-    style.tidy(axes[1], x=f"velocity [{unit}]", log="x")
+        _sweep(axis, V, values, (name, found.unit(si)), zero)
+        mark_velocities(axis, low, high)
+    axes[0].set_xlim(V[0], V[-1])
+    style.tidy(axes[1], x=("velocity", found.unit("m/s")), log="x")
     where = f"k_v = {found.k_v:g} {found.unit('N s/m')}, {mass_text(found.mass, found.coordinate)}"
     title = f"Stiffness that steady sliding needs with {where}; damping with which any will do"
     return style.finish(figure, title)
 
 
-def _sweep(axis: Axes, V: np.ndarray, values: np.ndarray, base: str, name: str, zero: str) -> None:
+def _sweep(axis: Axes, V: np.ndarray, values: np.ndarray, name: tuple[str, str], zero: str) -> None:
     """A curve over velocity where it is finite and positive, and words where it is not."""
-    shown = np.isfinite(values) & (values > 0)
-    unit, log = base, ""
+    shown, log = np.isfinite(values) & (values > 0), ""
     if shown.any():
-        size, unit = prefixed(float(np.median(values[shown])), base)
-        axis.plot(V, np.where(shown, size * values, np.nan), color=BLUE, lw=1.6)
+        axis.plot(V, np.where(shown, values, np.nan), color=BLUE, lw=1.6)
         span = values[shown].max() / values[shown].min()
-        if span > 8 and shown.all():
-            log = "y"
-        elif span < 1.05:
-            axis.set_ylim(0, 1.3 * size * values[shown].max())
+        log = "y" if span > 8 and shown.all() else ""
+        if span < 1.05:
+            axis.set_ylim(0, 1.3 * values[shown].max())
     else:
         axis.set_yticks([])
-    style.tidy(axis, y=style.named(name, unit, "\n"), log=log)
+    style.tidy(axis, y=name, log=log)
     for mask, text in ((np.isinf(values), "no stiffness suffices"), (values <= 0, zero)):
         places = np.flatnonzero(mask)
         run = max(np.split(places, np.flatnonzero(np.diff(places) > 1) + 1), key=len)
@@ -273,31 +252,29 @@ def _locus_figure(found: Study) -> Figure:
     Poles at one k_p are crosses; the dots between, coloured by k_p, are the paths that they take.
     """
     k_p, centre = _locus_stiffness(found)
-    locus, own = _locus(found, k_p), found.unit("N/m")
-    size, unit = prefixed(float(k_p[-1]) / 30, own)
+    locus, unit = _locus(found, k_p), found.unit("N/m")
     figure, axes = style.side_by_side(2, height=3.0)
     plane, growth = axes
-    hidden = _plane(plane, locus, k_p, size)
+    hidden = _plane(plane, locus, k_p)
     bar = figure.colorbar(plane.collections[0], ax=plane, pad=0.01)
-    bar.set_label(f"k_p [{unit}]")
-    plain_log(bar.ax, "y")
+    style.tidy(bar.ax, y=("k_p", unit), log="y", grid=False)
     rightmost = np.max(np.real(locus), axis=1)
-    growth.plot(size * k_p, rightmost, color=BLUE, lw=1.6)
+    growth.plot(k_p, rightmost, color=BLUE, lw=1.6)
     across = growth.get_xaxis_transform()
     growth.fill_between(
-        size * k_p, 0, 1, where=rightmost < 0, transform=across, color=STABLE, lw=0, label="stable"
+        k_p, 0, 1, where=rightmost < 0, transform=across, color=STABLE, lw=0, label="stable"
     )
     if centre is not None:
-        growth.axvline(size * centre, color=ORANGE, ls="--", lw=1.2, label="k_cr")
+        growth.axvline(centre, color=ORANGE, ls="--", lw=1.2, label="k_cr")
         s = _locus(found, np.asarray([centre]))[0]
         _poles(plane, s[np.abs(np.real(s)) <= 1e-6 * np.abs(s)], ORANGE, "poles at k_cr")
     if found.k_p is not None and found.poles is not None:
         s = np.asarray(found.poles)
-        _poles(plane, s, BLACK, f"poles at k_p = {size * found.k_p:.4g} {unit}")
-        growth.plot(size * found.k_p, np.max(np.real(s)), "x", color=BLACK, ms=7, mew=1.6)
-    growth.set_xlim(size * k_p[0], size * k_p[-1])
+        _poles(plane, s, BLACK, f"poles at k_p = {style.told(found.k_p, unit)}")
+        growth.plot(found.k_p, np.max(np.real(s)), "x", color=BLACK, ms=7, mew=1.6)
+    growth.set_xlim(k_p[0], k_p[-1])
     y = "real part of the rightmost pole [1/s]"
-    style.tidy(growth, "Growth (above 0) or decay", x=f"{K_P} [{unit}]", y=y, log="x", zero=True)
+    style.tidy(growth, "Growth (above 0) or decay", x=(K_P, unit), y=y, log="x", zero=True)
     rest = f" ({hidden} more far to the left)" if hidden else ""
     style.tidy(plane, f"Poles near the imaginary axis{rest}")
     where = f"{speed(float(found.here.velocity), found.coordinate)}, {_rig_text(found)}"
@@ -342,7 +319,7 @@ def _locus_stiffness(found: Study) -> tuple[np.ndarray, float | None]:
     return np.geomspace(middle / 30, middle * 30, _LOCUS), marked
 
 
-def _plane(axis: Axes, locus: np.ndarray, k_p: np.ndarray, size: float) -> int:
+def _plane(axis: Axes, locus: np.ndarray, k_p: np.ndarray) -> int:
     """The paths of the poles, on axes that show those near the imaginary one, whose stable side is
     shaded; how many are not seen."""
     near = slice(len(k_p) // 4, -len(k_p) // 4)
@@ -351,10 +328,10 @@ def _plane(axis: Axes, locus: np.ndarray, k_p: np.ndarray, size: float) -> int:
     height = 1.3 * style.most(np.imag(lead)) or reach
     reach = 1.4 * min(max(reach, 0.01 * height), 3 * height)
     both = np.concatenate([locus, np.conj(locus)], axis=1)
-    colour = np.repeat(size * k_p, both.shape[1])
+    colour = np.repeat(k_p, both.shape[1])
     axis.scatter(
         np.real(both), np.imag(both), c=colour, s=4, lw=0,
-        norm=LogNorm(size * k_p[0], size * k_p[-1]), cmap="cividis", rasterized=True,
+        norm=LogNorm(k_p[0], k_p[-1]), cmap="cividis", rasterized=True,
     )  # fmt: skip
     axis.axvspan(-1.5 * reach, 0, color=STABLE, lw=0, zorder=0)
     axis.axvline(0, color=BLACK, lw=1.2, label="imaginary axis")

@@ -138,8 +138,8 @@ def _map(found: "Dataset", name: str, dims: tuple[str, ...], *, coded: bool) -> 
         held = [_shown_at(found, d, i) for d, i in panel.items() if found.sizes[d] > 1]
         labels = sides[0].label if k >= len(shown) - 2 else "", "" if k % 2 else sides[1].label
         log = "".join(which for which, side in zip("xy", sides, strict=True) if side.log)
-        style.tidy(axis, ", ".join(held), x=labels[0], y=labels[1], log=log, grid=False)
         axis.set(xlim=edges[0][[0, -1]], ylim=edges[1][[0, -1]])
+        style.tidy(axis, ", ".join(held), x=labels[0], y=labels[1], log=log, grid=False)
     fixed = [_shown_at(found, d, 0) for d in dims if found.sizes[d] == 1]
     title = "; ".join([about.get("long_name", name), *([", ".join(fixed)] if fixed else [])])
     if len(shown) > 1 and len(shown) < found.sizes[longest[2]]:
@@ -180,23 +180,21 @@ def _numbers(
     every = np.concatenate([part.ravel() for part in values])
     finite = every[np.isfinite(every)]
     low, high = np.percentile(finite, [1, 99])
+    label, nothing = name.replace("_", " ") if len(name) > 4 else name, "no number"
+    norm, cmap = _scale(low, high, name, finite)
     if unit == "%":
-        size, label, nothing = 1.0, "share of samples", _NOT_YET
-        norm, cmap = Normalize(0, 100), "cividis"
-    else:
-        size, unit = (1.0, unit) if unit == "1" else style.prefixed(max(-low, high), unit)
-        label, nothing = name.replace("_", " ") if len(name) > 4 else name, "no number"
-        norm, cmap = _scale(size * low, size * high, name, size * finite)
+        label, nothing, norm, cmap = "share of samples", _NOT_YET, Normalize(0, 100), "cividis"
     for axis, part in zip(axes, values, strict=True):
-        shown = np.where(np.isfinite(part), size * part, np.nan)
+        shown = np.where(np.isfinite(part), part, np.nan)
         mesh = axis.pcolormesh(*edges, shown, cmap=cmap, norm=norm, rasterized=True)
         axis.set_facecolor("0.87")
-    below, above = size * np.min(finite) < norm.vmin, size * np.max(finite) > norm.vmax
+    below, above = np.min(finite) < norm.vmin, np.max(finite) > norm.vmax
     extend = {(0, 0): "neither", (1, 0): "min", (0, 1): "max", (1, 1): "both"}[below, above]
     bar = figure.colorbar(mesh, ax=list(axes), extend=extend, shrink=0.9, pad=0.02)
+    style.tidy(bar.ax, y=(label, unit), grid=False)
     kinds = [(infinite, np.isinf(every)), (nothing, np.isnan(every))]
-    grey = " or ".join(kind for kind, mask in kinds if mask.any())
-    bar.set_label(style.named(label, unit) + (f"; grey: {grey}" if grey else ""))
+    if grey := " or ".join(kind for kind, mask in kinds if mask.any()):
+        style.tidy(bar.ax, y=f"{bar.ax.get_ylabel()}; grey: {grey}", grid=False)
 
 
 def _scale(low: float, high: float, name: str, finite: np.ndarray) -> tuple[Normalize, str]:

@@ -18,7 +18,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import NullFormatter
+from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from ..records.joints import gaps
 from ..records.steps import VelocitySteps
@@ -38,6 +38,7 @@ _LETTER = 0.58
 _MOST_COLUMNS, _HANDLE, _LEGEND = 6, 8, 0.35
 """Columns of a legend, letters that its handles take the room of, and the height that a figure has
 for it [inch]: of one or two lines."""
+_SMALL = ("s", "m", "m/s", "rad", "rad/s")
 _PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n"}
 
 
@@ -84,22 +85,36 @@ def side_by_side(
 
 
 def tidy(
-    axis: Axes, title: str | None = None, *, x: str = "", y: str = "", log: str = "",
-    grid: bool = True, zero: bool = False,
+    axis: Axes, title: str | None = None, *, x: str | tuple[str, str] = "",
+    y: str | tuple[str, str] = "", log: str = "", grid: bool = True, zero: bool = False,
 ) -> None:  # fmt: skip
-    """Style a panel: a title of one line at the left, names of its axes, no box.
+    """Style a panel that is drawn: a title of one line at the left, names of its axes.
 
-    `log` names logarithmic axes, "x", "y" or "xy"; `grid` is a light one; `zero` draws a line at 0.
-    A name or title that is not given stays as it is.
+    A name alone is the label of an axis. A name and an SI unit are of an axis that is drawn in SI:
+    its numbers are shown with the prefix that its limits ask for. `log` names logarithmic axes,
+    "x", "y" or "xy"; `grid` is a light one; `zero` draws a line at 0. A name or title that is not
+    given stays as it is.
     """
     if title is not None:
         axis.set_title(title, loc="left", fontsize=TITLE, parse_math=False)
-    if x:
-        axis.set_xlabel(x)
-    if y:
-        axis.set_ylabel(y)
-    for which in log:
-        plain_log(axis, which)
+    for which, name in (("x", x), ("y", y)):
+        side = axis.xaxis if which == "x" else axis.yaxis
+        low, high = axis.get_xlim() if which == "x" else axis.get_ylim()
+        logarithmic, size = which in log or side.get_scale() == "log", 1.0
+        if isinstance(name, tuple):
+            about = max(-low, high)
+            if logarithmic and low > 0:
+                about = max(math.sqrt(low * high), about / 100)
+            size, unit = prefixed(about, name[1])
+            name = named(name[0], unit)
+        if name:
+            side.set_label_text(name)
+        if which in log or (name and logarithmic):
+            plain_log(axis, which, size)
+        elif size != 1.0:
+            side.set_major_formatter(
+                FuncFormatter(lambda at, _, size=size: f"{size * at:.8g}".replace("-", "−"))
+            )
     if zero:
         axis.axhline(0, color=BLACK, lw=0.7, zorder=1.9)
     axis.set_axisbelow(True)
@@ -302,11 +317,12 @@ def shade(
 
 def prefixed(largest: float, unit: str) -> tuple[float, str]:
     """A factor and a unit with a prefix that bring a size up to `largest` to 1...1000."""
-    if not (math.isfinite(largest) and largest > 0):
+    if unit in ("", "1", "%") or not (math.isfinite(largest) and largest > 0):
         return 1.0, unit
     if 0.1 <= largest < 1:
         return 1.0, unit
-    power = min(max(3 * math.floor(math.log10(largest) / 3 + 1e-9), -9), 9)
+    most = 0 if unit in _SMALL else 9  # neither 2 ks nor 3 km/s
+    power = min(max(3 * math.floor(math.log10(largest) / 3 + 1e-9), -9), most)
     return 10.0**-power, _PREFIXES[power] + unit
 
 

@@ -24,8 +24,9 @@ def whole_numbers(axes: Axes, which: str, *, most: int = 5, least: float = 0.0) 
         axes.set(**{f"{which}lim": (middle - 0.5 * wanted, middle + 0.5 * wanted)})
 
 
-def plain_log(axes: Axes, which: str) -> None:
-    """A logarithmic axis, "x" or "y", with numbers such as 0.1, 20 or 1000 in place of powers.
+def plain_log(axes: Axes, which: str, size: float = 1.0) -> None:
+    """A logarithmic axis, "x" or "y", with numbers such as 0.1, 20 or 1000 in place of powers; they
+    are `size` times what is drawn, a power of 10.
 
     It has two numbers or more however short it is, also where its limits change later.
     """
@@ -37,7 +38,7 @@ def plain_log(axes: Axes, which: str) -> None:
         del place
         low, high = sorted(axis.get_view_interval())
         digits = shown_digits(low, high)
-        return _text(x) if not digits or f"{x:e}"[0] in digits else ""
+        return _text(size * x) if not digits or f"{x:e}"[0] in digits else ""
 
     axis.set_major_formatter(FuncFormatter(shown))
     axis.set_minor_formatter(FuncFormatter(shown))

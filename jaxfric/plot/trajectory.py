@@ -17,15 +17,13 @@ def trajectory_figure(found: Trajectory) -> Figure:
     members = int(np.prod(np.shape(found.end)))
     times = np.broadcast_to(np.asarray(found.time, float), np.shape(found.force))
     times = times.reshape(members, -1)[:_MOST]
-    size, unit = style.prefixed(style.most(times), "s")
     named = (("force", "friction", ""), ("velocity", "velocity", "m/s"), ("slip", "slip", "m"))
     for axis, (name, label, si) in zip(axes, named, strict=True):
         values = np.asarray(getattr(found, name), float).reshape(members, -1)[:_MOST]
-        factor, shown = style.prefixed(style.most(values), si) if si else (1.0, "F")
         alpha = 1.0 if members == 1 else 0.5
-        axis.plot(size * times.T, factor * values.T, color=BLUE, lw=1.0, alpha=alpha)
-        style.tidy(axis, y=f"{label} [{shown}]")
-    style.tidy(axes[-1], x=f"time [{unit}]")
+        axis.plot(times.T, values.T, color=BLUE, lw=1.0, alpha=alpha)
+        style.tidy(axis, y=(label, si) if si else "friction [F]")
+    style.tidy(axes[-1], x=("time", "s"))
     drawn = f"the first {_MOST} of {members}" if members > _MOST else f"{members}"
     title = f"{drawn} simulated motions" if members > 1 else "Simulated motion"
     if members == 1 and found.result != RESULTS.successful:
