@@ -452,9 +452,9 @@ def test_events_of_a_run_stand_over_the_displacement(monkeypatch) -> None:
     plot_run.draw_events(record, [Event("hold", 50.0, 1e-6, 0.0, 50.0, 99.0)])
     top, bottom = drawn[0].axes
     assert "displacement" in bottom.get_xlabel()
-    np.testing.assert_allclose(top.lines[0].get_xdata(), 1e3 * load, atol=1e-12)
+    np.testing.assert_allclose(top.lines[0].get_xdata(), load, atol=1e-12)
     places = [line.get_xdata()[0] for line in top.lines[1:]]
-    assert places == pytest.approx([0.05])
+    assert places == pytest.approx([5e-5])
 
 
 def test_a_figure_is_laid_out_once_for_all_its_files(tmp_path, monkeypatch):

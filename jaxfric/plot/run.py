@@ -47,7 +47,7 @@ def draw_events(record: Record, events: Sequence[Event], *paths: str | Path) -> 
     """Write the figure of the events to `paths`: friction, speed of the load point and normal
     stress against the displacement of the load point."""
     figure, axes = style.panels([2.0, 1.0, *([] if record.normal_stress is None else [1.0])])
-    x = 1e3 * (record.moved() - record.moved()[0])
+    x = record.moved() - record.moved()[0]
     style.samples(axes[0], x, record.friction)
     style.tidy(axes[0], y=friction_label(record.friction_unit), grid=False)
     low, high = np.quantile(record.friction, [0.002, 0.998])  # a few wild rows do not decide
@@ -63,8 +63,7 @@ def draw_events(record: Record, events: Sequence[Event], *paths: str | Path) -> 
         _mark(axis, record, events, at, x)
     fitted = [place for place, event in zip(at, events, strict=True) if event.fitted]
     _number(axes[0], fitted)
-    name = "load-point displacement since the first row [mm]"
-    style.tidy(axes[-1], x=name, grid=False)
+    style.tidy(axes[-1], x=("load-point displacement since the first row", "m"), grid=False)
     legend = [
         Line2D(
             [],

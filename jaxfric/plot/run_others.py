@@ -25,7 +25,7 @@ def draw_stress_steps(found: Sequence[FittedStress], *paths: str | Path) -> None
     for axis, one in zip(axes, shown, strict=False):
         rows, fit = one.rows, one.fit
         assert rows is not None and fit is not None
-        x, on = 1e6 * one.velocity * (rows.time - rows.corners[0]), rows.weight > 0
+        x, on = one.velocity * (rows.time - rows.corners[0]), rows.weight > 0
         style.samples(axis, x[on], rows.friction[on])
         without, predicted = (np.where(on, f, np.nan) for f in (fit.without, fit.predicted))
         axis.plot(x, without, color=GREY, lw=1.0, ls="--", label="the same with α = 0")
@@ -33,7 +33,7 @@ def draw_stress_steps(found: Sequence[FittedStress], *paths: str | Path) -> None
         known = one.alpha is not None and one.error is not None
         words = f"α = {measured(one.alpha, one.error)}" if known else "no α"
         title = f"{one.before / 1e6:.3g} → {one.after / 1e6:.3g} MPa: {words}"
-        style.tidy(axis, title, x=f"load point since {one.time:.6g} s [µm]")
+        style.tidy(axis, title, x=(f"load point since {one.time:.6g} s", "m"))
     for axis in axes[::3]:
         style.tidy(axis, y="friction coefficient")
     style.write(style.finish(figure, "Steps of the normal stress"), *paths)
@@ -59,29 +59,28 @@ def _draw_creep(axis: Axes, found: StickSlip, one: Rises, place: int) -> None:
     x = MIDDLE * one.lasts.mean() * one.velocity
 
     def creep(friction: np.ndarray) -> np.ndarray:
-        return 1e6 * (x - x[0] - (friction - mean[0]) / K)
+        return x - x[0] - (friction - mean[0]) / K
 
-    axis.plot(1e6 * x, creep(one.means).T, ".", color=BLUE, ms=2, alpha=0.3, label="teeth")
-    axis.plot(1e6 * x, creep(mean), "o", color=BLUE, ms=3, mfc="none", label="mean of the teeth")
+    axis.plot(x, creep(one.means).T, ".", color=BLUE, ms=2, alpha=0.3, label="teeth")
+    axis.plot(x, creep(mean), "o", color=BLUE, ms=3, mfc="none", label="mean of the teeth")
     for law, colour in _LAWS.items():
         if law in found.fits:
             doubted = law in found.doubts
             line = "-" if found.law in (None, law) and not doubted else "--"
             label = f"{law} law" + (": nothing is claimed" if doubted else "")
             fitted = creep(found.fits[law].fitted[place])
-            axis.plot(1e6 * x, fitted, color=colour, lw=1.0, ls=line, label=label)
+            axis.plot(x, fitted, color=colour, lw=1.0, ls=line, label=label)
     title = f"{1e6 * one.velocity:.4g} µm/s, {one.count} teeth"
-    style.tidy(axis, title, x="load point in a tooth [µm]", y="creep [µm]")
+    style.tidy(axis, title, x=("load point in a tooth", "m"), y=("creep", "m"))
 
 
 def _draw_drops(axis: Axes, found: StickSlip) -> None:
-    v = np.array([1e6 * one.velocity for one in found.used])
+    v = np.array([one.velocity for one in found.used])
     drop = np.array([one.drops.mean() for one in found.used])
     spread = np.array([np.std(one.drops, ddof=1) for one in found.used])
     style.bars(axis, v, drop, spread)
     if line := drop_by_velocity(found):
         x = np.array([v.min(), v.max()])
-        axis.plot(x, line.at(np.log10(1e-6 * x)), color=GREY, lw=1, label="line in log velocity")
-    y = style.named("drop of friction", found.unit)
-    title = "Drops; bars: scatter of teeth"
-    style.tidy(axis, title, x="load-point velocity [µm/s]", y=y, log="x")
+        axis.plot(x, line.at(np.log10(x)), color=GREY, lw=1, label="line in log velocity")
+    x, y = ("load-point velocity", "m/s"), ("drop of friction", found.unit)
+    style.tidy(axis, "Drops; bars: scatter of teeth", x=x, y=y, log="x")

@@ -101,6 +101,7 @@ def tidy(
         side = axis.xaxis if which == "x" else axis.yaxis
         low, high = axis.get_xlim() if which == "x" else axis.get_ylim()
         logarithmic, size = which in log or side.get_scale() == "log", 1.0
+        si = isinstance(name, tuple)
         if isinstance(name, tuple):
             about = max(-low, high)
             if logarithmic and low > 0:
@@ -109,7 +110,7 @@ def tidy(
             name = named(name[0], unit)
         if name:
             side.set_label_text(name)
-        if which in log or (name and logarithmic):
+        if which in log or (si and logarithmic):
             plain_log(axis, which, size)
         elif size != 1.0:
             side.set_major_formatter(
@@ -203,7 +204,8 @@ class Along(NamedTuple):
     """Where the rows of a record are drawn along its horizontal axis."""
 
     x: np.ndarray
-    label: str
+    label: tuple[str, str]
+    """Its name and SI unit."""
     starts: np.ndarray
     """Where the velocities begin, the first one at the first row."""
     pauses: np.ndarray
@@ -213,15 +215,14 @@ class Along(NamedTuple):
 def along(steps: VelocitySteps | None, time: np.ndarray, *, over_path: bool = True) -> Along:
     """Displacement of the load point where that always advances, else time, since the first row."""
     pauses = gaps(time) + 1 if len(time) > 1 else np.zeros(0, int)
+    over_time = "time since the first row", "s"
     if steps is None:
-        return Along(time, "time since the first row [s]", np.zeros(0), pauses)
+        return Along(time, over_time, np.zeros(0), pauses)
     one_way = np.all(steps.velocities > 0) or np.all(steps.velocities < 0)
     if not (over_path and one_way):
-        return Along(time, "time since the first row [s]", steps.times, pauses)
-    x, starts = steps.displacement(time), steps.displacement(steps.times)
-    size, unit = prefixed(min(float(np.max(np.abs(x))), 9e-3), "m")
-    label = f"load-point displacement since the first row [{unit}]"
-    return Along(size * x, label, size * starts, pauses)
+        return Along(time, over_time, steps.times, pauses)
+    label = "load-point displacement since the first row", "m"
+    return Along(steps.displacement(time), label, steps.displacement(steps.times), pauses)
 
 
 def samples(axis: Axes, x: np.ndarray, y: np.ndarray, label: str = "record", colour=BLUE) -> None:
