@@ -18,7 +18,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.ticker import NullFormatter
 
 from ..records.joints import gaps
 from ..records.steps import VelocitySteps
@@ -98,30 +98,34 @@ def tidy(
     if title is not None:
         axis.set_title(title, loc="left", fontsize=TITLE, parse_math=False)
     for which, name in (("x", x), ("y", y)):
-        side = axis.xaxis if which == "x" else axis.yaxis
-        low, high = axis.get_xlim() if which == "x" else axis.get_ylim()
-        logarithmic, size = which in log or side.get_scale() == "log", 1.0
-        si = isinstance(name, tuple)
         if isinstance(name, tuple):
-            about = max(-low, high)
-            if logarithmic and low > 0:
-                about = max(math.sqrt(low * high), about / 100)
-            size, unit = prefixed(about, name[1])
-            name = named(name[0], unit)
+            _name_in_si(axis, which, *name, log=which in log)
+            continue
         if name:
-            side.set_label_text(name)
-        if which in log or (si and logarithmic):
-            plain_log(axis, which, size)
-        elif size != 1.0:
-            side.set_major_formatter(
-                FuncFormatter(lambda at, _, size=size: f"{size * at:.8g}".replace("-", "−"))
-            )
+            axis.set(**{f"{which}label": name})
+        if which in log:
+            plain_log(axis, which)
     if zero:
         axis.axhline(0, color=BLACK, lw=0.7, zorder=1.9)
     axis.set_axisbelow(True)
     axis.grid(False)
     if grid:
         axis.grid(True, which="major", color="0.92", zorder=0)
+
+
+def _name_in_si(axis: Axes, which: str, name: str, si: str, *, log: bool) -> None:
+    """Name an axis, "x" or "y", that is drawn in SI, and show its numbers with a prefix."""
+    side = axis.xaxis if which == "x" else axis.yaxis
+    low, high = axis.get_xlim() if which == "x" else axis.get_ylim()
+    about, log = max(-low, high), log or side.get_scale() == "log"
+    if log and low > 0:
+        about = max(math.sqrt(low * high), about / 100)
+    size, unit = prefixed(about, si)
+    side.set_label_text(named(name, unit))
+    if log:
+        plain_log(axis, which, size)
+    elif size != 1.0:
+        side.set_major_formatter(lambda at, _: f"{size * at:.8g}".replace("-", "−"))
 
 
 def finish(
