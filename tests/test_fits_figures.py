@@ -278,9 +278,9 @@ def test_growth_of_times():
     shown = (FITS.parent / ".ci/docs/pages/benchmarks.md").read_text(encoding="utf-8")
     for pattern, values in (
         ("a fit grows with its rows to the power #,", [results["exponents"]["rows"]]),
-        ("a million rows take # s,", [million["seconds"]]),
+        ("a million rows take # s.", [million["seconds"]]),
         ("members of a batch take # us each", [1e6 * batch[1] / batch[0]]),
-        ("a loop grows with its rows to the power #.", [results["exponents"]["loop rows"]]),
+        ("A loop grows with its rows to the power #.", [results["exponents"]["loop rows"]]),
     ):
         assert not stale(shown, pattern, *values)
 
