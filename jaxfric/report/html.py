@@ -101,7 +101,7 @@ def page_of(report: Report, page: Page, pictures: Mapping[str, bytes], json: str
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{escaped(first)} {escaped(page.about)}</title>\n"
+        f"<title>{escaped(first)} | {escaped(page.about)}</title>\n"
         f"<style>{style}:root {{ --verdict: {page.colour}; }}</style>\n"
         f"</head>\n<body>\n<main>\n{chr(10).join(filter(None, parts))}\n</main>\n</body>\n</html>\n"
     )
