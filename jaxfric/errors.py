@@ -4,8 +4,9 @@ Failures of a computation are values (a `result` on every result object). Invali
 `InputError`: one line with the fault, its place and the remedy. The command prints that line and
 exits with code 2.
 
-Messages name options of the command (`--drop-bad`, `--steps '0 s: 2 um/s'`). Outside of the command
-they are translated to Python arguments (`drop_bad=True`, `steps="0 s: 2 um/s"`).
+What to do names an option of the command (`--drop-bad`, `--steps '0 s: 2 um/s'`) or, outside of the
+command, the argument of Python (`drop_bad=True`, `steps="0 s: 2 um/s"`): `option` and `either`
+choose.
 """
 
 import contextlib
@@ -15,6 +16,7 @@ from collections.abc import Generator, Iterable
 
 # Options of the command with another name in Python; all others have the same name.
 _ARGUMENTS = {
+    "column": "columns",
     "include": "with_",
     "exclude": "without",
     "max-effects": "most",
@@ -29,16 +31,9 @@ _ARGUMENTS = {
     "from": "the start of record.window()",
     "to": "the stop of record.window()",
 }
-_OF_OTHERS = ("nthreads",)
-"""Options of other programs, which are not translated."""
 _FLAGS = ("drop-bad", "fit-stiffness", "slip-trend", "zero-order-hold", "other-versions")
-_NUMBERS = ("normal-force",)
-"""Arguments that are SI numbers in Python; the option is a text with a unit."""
-_COLUMN = re.compile(r"--column (?:'([\w ]+)=([^']*)'|(\w+)=(\w+))")
-_OPTION = re.compile(
-    r"--(?P<name>[a-z][a-z-]*[a-z])"
-    r"(?: '(?P<quoted>[^']*)'| (?P<bare>\d(?:\S*[\w%])?)| (?P<word>force|motion|axis)\b)?"
-)
+_BARE = re.compile(r"[\w.%/+=:,@-]+")
+"""Values that a shell takes without quotes."""
 _of_the_command = [False]
 _LIKE = 0.55
 """Least similarity (at most 1) of a suggested name."""
@@ -46,7 +41,7 @@ _LIKE = 0.55
 
 @contextlib.contextmanager
 def words_of_the_command() -> Generator[None]:
-    """Inside this context errors name options of the command, outside Python arguments."""
+    """Within the block `option` says options of the command, outside arguments of Python."""
     before, _of_the_command[0] = _of_the_command[0], True
     try:
         yield
@@ -58,8 +53,39 @@ class InputError(ValueError):
     """Invalid input: the fault, its place and the remedy, on one line."""
 
     def __init__(self, message: str):
-        text = " ".join(str(message).split())
-        super().__init__(text if _of_the_command[0] else in_python(text))
+        super().__init__(" ".join(str(message).split()))
+
+
+def option(name: str, *values: object) -> str:
+    """An option in a message, with its value where one is proposed: `--steps '0 s: 2 um/s'`.
+
+    Outside of the command it is the argument of Python; `either` says what has another form there.
+    `column` takes several values, ROLE=NAME each.
+
+    >>> option("drop-bad"), option("stiffness", "1.6e-3/um")
+    ('drop_bad=True', 'stiffness="1.6e-3/um"')
+    """
+    texts = [str(value) for value in values]
+    if _of_the_command[0]:
+        shown = [text if _BARE.fullmatch(text) else f"'{text}'" for text in texts]
+        return " ".join(f"--{name} {text}" for text in shown) or f"--{name}"
+    argument = _ARGUMENTS.get(name, name.replace("-", "_"))
+    if name in _FLAGS:
+        return f"{argument}=True"
+    if not texts:
+        return argument
+    if name == "column":
+        pairs = (text.partition("=")[::2] for text in texts)
+        return "columns={" + ", ".join(f'"{role}": "{column}"' for role, column in pairs) + "}"
+    (text,) = texts
+    if not argument.isidentifier():
+        return f"{argument} ({text})"
+    return f"{argument}={text}" if re.fullmatch(r"[\d.]+", text) else f'{argument}="{text}"'
+
+
+def either(command: str, python: str) -> str:
+    """The text for the audience: of the command, or of Python."""
+    return command if _of_the_command[0] else python
 
 
 def did_you_mean(name: str, known: Iterable[str], *, listed: bool = True) -> str:
@@ -81,33 +107,3 @@ def did_you_mean(name: str, known: Iterable[str], *, listed: bool = True) -> str
 def folded(name: str) -> str:
     """A name without case, blanks and signs, for comparison: Load-Point_Disp is loadpointdisp."""
     return re.sub(r"[\W_]+", "", name.lower()).replace("µ", "μ")
-
-
-def in_python(text: str) -> str:
-    """Translate the command's options in a message to Python arguments."""
-    text = _COLUMN.sub(_column, text).replace('"} columns={"', '", "')
-    text = text.replace("--column", "columns").replace("--rig axis", "jaxfric.read_axis")
-    return _OPTION.sub(_argument, text)
-
-
-def _column(found: re.Match) -> str:
-    role, name = (found[1], found[2]) if found[1] else (found[3], found[4])
-    return f'columns={{"{role}": "{name}"}}'
-
-
-def _argument(found: re.Match) -> str:
-    name: str = found["name"]
-    said = _ARGUMENTS.get(name, name.replace("-", "_"))
-    if name in _FLAGS:
-        rest = found[0][len(name) + 2 :]
-        return f"{said}=True{rest}"
-    if name in _OF_OTHERS:
-        return found[0]
-    value: str | None = found["quoted"] or found["bare"] or found["word"]
-    if value is None:
-        return said
-    if name in _NUMBERS:
-        value = value.split()[0]
-    if not said.isidentifier():
-        return f"{said} ({value})"
-    return f"{said}={value}" if re.fullmatch(r"[\d.]+", value) else f'{said}="{value}"'

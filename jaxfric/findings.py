@@ -5,7 +5,7 @@ support the claim.
 """
 
 import typing
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
@@ -27,33 +27,75 @@ class Severity(StrEnum):
 
 
 class WarningCode(StrEnum):
-    """Codes of warnings that other code looks for; the wording of such a warning is free."""
+    """Codes of warnings; their words may be any."""
 
     MISFIT = "misfit"
-    """The residual of a fit is much larger than the scatter of neighbouring rows."""
+    """A fit leaves far more than the scatter of neighbouring rows; values: times, of each fit."""
     DRIFT = "drift_before_the_step"
-    """Friction drifts before a velocity step, and the model does not reproduce this drift."""
+    """Friction drifts before a velocity step as the model does not; values: slope, error, shift,
+    trend (that was fitted, or None)."""
     WANDERS = "residual_wanders"
     """The residual wanders over the whole record."""
     CONTRADICTED = "steps_contradict_the_motion"
-    """The stated velocity of a step differs from that of the recorded load point."""
+    """The velocity that is stated for a step is not that of the recorded load point; values: time,
+    stated, moved."""
     FLATTENED = "means_flatten_the_peaks"
-    """Averaging flattens the peaks; values: averaged rows, loss in units of the noise."""
+    """Means over rows flatten the peaks; values: rows, times the noise."""
+    GLITCHES = "outliers_excluded"
+    """Rows stand out of the noise; values: rows, beyond [sigma]."""
+    COARSE = "coarse_recorder_steps"
+    """Friction is recorded in steps larger than its noise; values: step, noise."""
+    FAILED = "did_not_converge"
+    """Values: result."""
+    UNDETERMINED = "parameters_undetermined"
+    """Values: parameters."""
+    MOVED_STEP = "step_time_moved"
+    """A velocity step fits best elsewhere than the load point shows; values: step, sigmas."""
+    EDGE = "edge_of_stability"
+    """The stiffness is near or below the critical one; values: ratio."""
+    SHORT_DELAY = "no_controller_is_as_fast"
+    """Gains survive a delay that is shorter than any controller's; values: delay."""
+    LOWEST_STIFFNESS = "stiffness_at_its_lower_limit"
+    RAISED = "gains_raised"
+    """Gains were raised for a basin; values: factor, basin."""
+    MISSED_MARGIN = "margin_missed"
+    """Gains that were raised miss a margin; values: by, as a share of it."""
+    UNRESOLVED = "simulations_unresolved"
+    """More than half of the simulated starts end unresolved; values: unresolved, checked."""
+    UNEVEN = "rows_at_uneven_times"
+    """Values: least, most and middle time between rows, share that differs."""
+    UNEXPLAINED = "motion_does_not_answer_to_the_force"
+    """Values: share of the rows that count."""
+    SLOW = "most_rows_too_slow"
+    """Values: share of the rows, the speed below which they do not count."""
+    SECOND_SEARCH = "searched_with_other_blocks"
+    """A second search with other blocks held out; values: taken."""
+    SOLVER = "solver_not_exact"
+    """A finer solver moves the prediction; values: sigma, where it reached the end."""
 
 
 class Warned(str):
-    """A warning text with its code; `values` serve to merge several warnings into one."""
+    """A warning in words, with its code and the values that it tells."""
 
     code: WarningCode | None
-    values: tuple[float, ...]
+    values: Mapping[str, object]
+    """SI."""
 
     def __new__(
-        cls, text: str, code: WarningCode | None = None, values: tuple[float, ...] = ()
+        cls, text: str, code: WarningCode | None = None, values: Mapping[str, object] | None = None
     ) -> "Warned":
         """The text with a code; None if no code looks for this warning."""
         made = super().__new__(cls, text)
-        made.code, made.values = code, values
+        made.code, made.values = code, values or {}
         return made
+
+
+def coded(warnings: Iterable[str]) -> list[dict[str, object]]:
+    """The code and the values of each warning, for a file; None for one that has no code."""
+    return [
+        {"code": getattr(one, "code", None), "values": dict(getattr(one, "values", {}))}
+        for one in warnings
+    ]
 
 
 def is_of(warning: str, code: WarningCode) -> bool:

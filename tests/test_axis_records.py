@@ -724,7 +724,7 @@ def test_a_folder_of_steady_runs(tmp_path: Path) -> None:
     notes = "\n".join(curve.provenance.notes)
     assert "6 steady runs of 10 files, from steady" in notes
     (ramp,) = (note for note in notes.splitlines() if "ramp.csv" in note)
-    assert "is left out: its speed is not steady" in ramp and "--from and --to" in ramp
+    assert "is left out: its speed is not steady" in ramp and "record.window()" in ramp
     told = re.search(r"tenths are ([\d.]+) rpm to ([\d.]+) rpm", ramp)
     assert told is not None
     means = np.linspace(5, 200, 300).reshape(10, 30).mean(axis=1)

@@ -352,8 +352,8 @@ def test_a_gross_misfit_points_to_the_loop() -> None:
         assert misfit_warning(SimpleNamespace(rms=1.5, **of)) == ()
         (text,) = misfit_warning(SimpleNamespace(rms=7.0, **of))
         assert text.startswith("the fit leaves 7") and "jaxfric loop" in text
-        assert is_of(text, WarningCode.MISFIT) and ("--fit-stiffness" in text) != fitted
-        assert ("--slip-trend" in text) != fitted
+        assert is_of(text, WarningCode.MISFIT) and ("fit_stiffness=True" in text) != fitted
+        assert ("slip_trend=True" in text) != fitted
 
 
 def test_steps_after_the_end_are_refused_by_record_too() -> None:

@@ -13,6 +13,7 @@ from test_derived import VALUES, covariance_of, fit_of
 
 import jaxfric as jf
 from jaxfric import VelocitySteps, from_arrays
+from jaxfric.errors import words_of_the_command
 from jaxfric.findings import Warned, WarningCode
 from jaxfric.fitting.drift import drift_before, drift_warning
 from jaxfric.fitting.misfit import misfit_warning, scatter
@@ -67,7 +68,7 @@ def test_noise_is_seldom_taken_for_a_drift(memory):
 @pytest.mark.parametrize(
     ("per_mm", "share", "trend", "words"),
     [
-        (0.02, 0.02, None, ["changes by +0.02 ", "where the model is steady", "--slip-trend"]),
+        (0.02, 0.02, None, ["changes by +0.02 ", "where the model is steady", "slip_trend=True"]),
         (-0.02, 0.02, None, ["changes by -0.02 "]),
         (0.0, 0.02, None, []),
         (0.02, 0.9, None, []),  # less than the error of A-B
@@ -149,9 +150,11 @@ def test_a_loop_repeats_what_a_fit_warns_of_with_its_own_option():
     drift = drift_warning(drifting(0.02, 0.02 * alike(np.random.default_rng(2), 0), share=0.02))
     fit = drifting(0.0, alike(np.random.default_rng(2), 0))
     asked = [*misfit_warning(replace(fit, rms=5 * scatter(fit)))]
-    asked += [Warned("the residual wanders; it may be a drift (--slip-trend)", WarningCode.WANDERS)]
+    asked += [Warned("the residual wanders; it may be a drift", WarningCode.WANDERS)]
     (line,) = repeated([*drift, *asked])
-    assert line == drift[0].removesuffix("(--slip-trend)") + "(--include slip_trend)" != drift[0]
+    assert line == drift[0].removesuffix("(slip_trend=True)") + '(with_="slip_trend")' != drift[0]
+    with words_of_the_command():
+        assert repeated([*drift, *asked])[0].endswith("(--include slip_trend)")
     assert len(asked) == 2
 
 

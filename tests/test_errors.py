@@ -8,54 +8,65 @@ import jax
 import pytest
 from command import record_text
 
-from jaxfric.errors import InputError, did_you_mean, in_python, words_of_the_command
+from jaxfric.errors import InputError, did_you_mean, either, option, words_of_the_command
 
 ROOT = Path(__file__).parents[1] / "jaxfric"
 
 
 @pytest.mark.parametrize(
-    ("command", "python"),
+    ("asked", "command", "python"),
     [
-        ("leave them out (--drop-bad)", "leave them out (drop_bad=True)"),
-        ("as in --steps '0 s: 2 um/s, 60 s: 20 um/s'", 'as in steps="0 s: 2 um/s, 60 s: 20 um/s"'),
-        ("(as in --stiffness 1.6e-3/um), or", '(as in stiffness="1.6e-3/um"), or'),
-        ("or fit it (--fit-stiffness)", "or fit it (fit_stiffness=True)"),
-        ("as in --column 'position=NAME [0.8 rad]'",
-         'as in columns={"position": "NAME [0.8 rad]"}'),
-        ("leave it out: --column disturbance=none",
-         'leave it out: columns={"disturbance": "none"}'),
-        ("name it with --column, or", "name it with columns, or"),
-        ("in the base (--include) and left out (--exclude)",
-         "in the base (with_) and left out (without)"),
-        ("use --samples 0 for the estimate", "use samples=0 for the estimate"),
-        ("Turn it with --flip-sign force (or", 'Turn it with flip="force" (or'),
-        ("as in --normal-force '500 N'", "as in normal_force=500"),
-        ("read it with --rig axis if", "read it with jaxfric.read_axis if"),
-        ("--velocity-gain is missing", "velocity_gain is missing"),
-        ("Cut the record with --from and --to.",
-         "Cut the record with the start of record.window() and the stop of record.window()."),
-        ("dask worker tcp://a --nthreads 1", "dask worker tcp://a --nthreads 1"),
+        (("drop-bad",), "--drop-bad", "drop_bad=True"),
+        (("steps", "0 s: 2 um/s, 60 s: 20 um/s"), "--steps '0 s: 2 um/s, 60 s: 20 um/s'",
+         'steps="0 s: 2 um/s, 60 s: 20 um/s"'),
+        (("stiffness", "1.6e-3/um"), "--stiffness 1.6e-3/um", 'stiffness="1.6e-3/um"'),
+        (("fit-stiffness",), "--fit-stiffness", "fit_stiffness=True"),
+        (("column", "position=NAME [0.8 rad]"), "--column 'position=NAME [0.8 rad]'",
+         'columns={"position": "NAME [0.8 rad]"}'),
+        (("column", "disturbance=none"), "--column disturbance=none",
+         'columns={"disturbance": "none"}'),
+        (("column", "normal_stress=none", "friction=shear [0.2]"),
+         "--column normal_stress=none --column 'friction=shear [0.2]'",
+         'columns={"normal_stress": "none", "friction": "shear [0.2]"}'),
+        (("column",), "--column", "columns"),
+        (("include",), "--include", "with_"),
+        (("include", "slip_trend"), "--include slip_trend", 'with_="slip_trend"'),
+        (("samples", 0), "--samples 0", "samples=0"),
+        (("flip-sign", "force"), "--flip-sign force", 'flip="force"'),
+        (("velocity-gain",), "--velocity-gain", "velocity_gain"),
+        (("from",), "--from", "the start of record.window()"),
+        (("to", "3 s"), "--to '3 s'", "the stop of record.window() (3 s)"),
     ],
 )  # fmt: skip
-def test_options_become_arguments(command: str, python: str) -> None:
-    assert in_python(command) == python
-    assert str(InputError(command)) == python
+def test_an_option_is_an_argument_in_python(asked: tuple, command: str, python: str) -> None:
+    assert option(*asked) == python
     with words_of_the_command():
-        assert str(InputError(command)) == command
-    assert str(InputError(command)) == python
+        assert option(*asked) == command
+        assert either("read it", "read()") == "read it"
+    assert option(*asked) == python
+    assert either("read it", "read()") == "read()"
 
 
-def messages() -> list[tuple[str, str]]:
-    """Texts in the package that name an option, but for the command's own: place and text."""
+def test_no_message_but_of_the_command_writes_options_itself() -> None:
+    """Texts in the package that name an option, without docstrings and lines of commands."""
     found = []
     for path in sorted(ROOT.rglob("*.py")):
-        if path.parent.name in ("cli", "report", "plot") or path.name == "errors.py":
+        if path.parent.name in ("cli", "report", "plot", "words") or path.name == "errors.py":
             continue
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        alone = {id(n.value) for n in ast.walk(tree) if isinstance(n, ast.Expr)}
+        either_of = [n for n in ast.walk(tree) if isinstance(n, ast.Call) and is_either(n)]
+        alone |= {id(arg) for n in either_of for arg in n.args}
+        for node in ast.walk(tree):
             text = node.value if isinstance(node, ast.Constant) else None
-            if isinstance(text, str) and re.search(r"--[a-z]{2}", text):
+            if isinstance(text, str) and id(node) not in alone and re.search(r"--[a-z]{2}", text):
                 found.append((f"{path.relative_to(ROOT)}:{node.lineno}", text))
-    return found
+    commands = ("jaxfric run", "jaxfric study", "dask worker", "--nthreads", " --out ")
+    assert [(place, text) for place, text in found if not any(c in text for c in commands)] == []
+
+
+def is_either(call: ast.Call) -> bool:
+    return isinstance(call.func, ast.Name) and call.func.id == "either"
 
 
 def test_the_name_that_was_meant() -> None:
@@ -70,13 +81,6 @@ def test_the_name_that_was_meant() -> None:
     assert did_you_mean("voltage", known, listed=False) == "" == did_you_mean("x", [], listed=False)
     # as alike as 0.5 is not enough: 2 * 2 letters of 8
     assert did_you_mean("tixy", ["time"], listed=False) == ""
-
-
-def test_every_option_that_a_message_names_has_its_word_in_python() -> None:
-    texts = messages()
-    assert texts
-    left = [(place, text) for place, text in texts if re.search(r"--[a-z]{2}", in_python(text))]
-    assert [place for place, text in left if "--nthreads" not in text] == [], left
 
 
 def test_what_a_notebook_writes_first(tmp_path: Path, monkeypatch) -> None:

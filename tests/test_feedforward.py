@@ -401,11 +401,11 @@ def test_a_guess_below_what_the_record_supports_fades(effects, loose, speed, tmp
 @pytest.mark.parametrize(
     ("options", "loose", "words"),
     [
-        ({}, (), 'down to v_f. To compensate less there, give --fade-speed "0.0025 m/s"'),
+        ({}, (), 'down to v_f. To compensate less there, give fade="0.0025 m/s"'),
         (
             {},
             ("log_viscous.v_c",),
-            "which fades with its sign. A lower --fade-speed compensates more",
+            "which fades with its sign. A lower fade compensates more",
         ),
         ({"fade": 0.002}, (), "a guess without errors"),
         ({"lag": 0.1}, (), "which fades with its sign"),

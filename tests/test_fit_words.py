@@ -52,4 +52,4 @@ def test_a_drift_is_not_asked_for_twice(trend):
     fit = fit_of(values, covariance_of(values, 0.02))
     fit = replace(fit, model=fit.model._replace(slip_trend=trend))
     (said,) = [text for text in _warn(fit, [], wanders=True).warnings if "wanders" in text]
-    assert ("--slip-trend" in said) != trend and "a wrong step" in said
+    assert ("slip_trend=True" in said) != trend and "a wrong step" in said

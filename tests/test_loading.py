@@ -102,7 +102,7 @@ def test_a_stiffness_far_too_large_is_doubted_where_rows_resolve_the_rise(earlie
     assert bool(told) == said
     if said:
         assert told[0].startswith("friction rises as on a spring of about 0.004/µm, not of ")
-        assert "is the unit of the stiffness right? --fit-stiffness" in told[0]
+        assert "is the unit of the stiffness right? fit_stiffness=True" in told[0]
 
 
 @pytest.mark.parametrize(

@@ -371,7 +371,7 @@ def test_a_difference_of_weighting_is_not_laid_to_the_prior(wandering):
         moved = own | {"L": L._replace(value=L.value - errors * L.std, std=0.5 * L.std)}
         other = dataclasses.replace(found, whitened=moved)
         assert other.reweighted() == told
-        sentence = "weighted, not from a prior; --weighting gls"
+        sentence = "weighted, not from a prior; weighting='whitened'"
         assert (sentence in " ".join(posterior_lines(other))) == bool(told)
     (last,) = [line for line in posterior_lines(other) if "not from a prior" in line]
     assert last.startswith(f"the ordinary fit has L = {1e6 * L.value:.1f}"[:-1]) and "µm" in last

@@ -185,7 +185,7 @@ def test_a_slider_through_the_command(monkeypatch: pytest.MonkeyPatch) -> None:
     written(Path("run.csv"), record_text())
     code, out, err = run("predict", slider_model(), "run.csv", *STEPS, "--details")
     assert code == 0 and "warning" not in err
-    assert "stiffness is the model's, " in out and "(--stiffness, in" in out
+    assert "stiffness is the model's, " in out and "(--stiffness)" in out
     assert "of this record f0 was fitted" in out and "Have the parameters changed?" in out
     folder = Path(out.split("written: ")[1].split("/prediction.json")[0])
     assert folder.name.startswith("run-by-fit-predict")

@@ -188,7 +188,7 @@ def test_another_stiffness_than_that_of_the_ramps_is_told(given, of_stress, word
     found = ramp_stiffness([ramp(1.0, 0.01)])
     doubt = disagreement(found, MachineStiffness(given, of_stress), [SIGMA])
     assert (doubt is None) == (words is None)
-    assert words is None or (words in doubt and "--stiffness ramps" in doubt)
+    assert words is None or (words in doubt and 'stiffness="ramps"' in doubt)
 
 
 @pytest.mark.parametrize(

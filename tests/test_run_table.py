@@ -138,8 +138,8 @@ def test_a_step_that_is_missed_is_marked_in_every_table():
 )
 def test_what_is_missed_is_told_with_where_it_is(off, at, words):
     (text,) = missed_warning(left(off=off, at=at))
-    assert words in text and "--slip-trend" in text
-    assert "--slip-trend" not in missed_warning(left(off=off, at=at, slip_trend=True))[0]
+    assert words in text and "slip_trend=True" in text
+    assert "slip_trend" not in missed_warning(left(off=off, at=at, slip_trend=True))[0]
     passed = range(30) if at < 20 else range(25, 60)
     assert missed_warning(left(off=off, at=at, glitches=passed)) == ()
     assert missed_warning(replace(left(off=off, at=at), converged=False)) == ()
@@ -160,9 +160,9 @@ def test_steps_that_are_missed_are_told_once_and_what_asks_on():
     run = run_of(left(off=11.0), left(), left(off=-6.0))
     (line,) = [text for text in warnings_of(run, HowFitted()) if "miss" in text.partition(":")[2]]
     assert line.startswith("step 1, 3: these fits miss a part of their records by 11 and 6 times")
-    assert "they may mistake a drift for evolution (--slip-trend)" in line
-    assert ask_on(run).startswith("fit again with a slip trend or a second state (--states 2)")
-    assert "(--states 2): step 1, 3 (*) may mistake either for evolution" in ask_on(run)
+    assert "they may mistake a drift for evolution (slip_trend=True)" in line
+    assert ask_on(run).startswith("fit again with a slip trend or a second state (states=2)")
+    assert "(states=2): step 1, 3 (*) may mistake either for evolution" in ask_on(run)
     trend = left(off=11.0, slip_trend=True)
     assert ask_on(run_of(left(), trend)) == "find out which effect the model of step 2 (*) lacks"
     assert ask_on(run_of(left(), None)) == "" and missed_warning_of([]) == ()
@@ -197,8 +197,8 @@ def test_the_misfit_of_all_steps_is_told_once_with_the_trend_that_may_be_it():
     assert missed.startswith("step 3: the fit misses its record") and failed == "step 4: few"
     assert drift == "step 1, 2, 3: a drift"
     assert text.startswith("step 2, 3: the fit leaves 2.2 to 10 times the scatter")
-    assert "--slip-trend" in text and "--fit-stiffness" in text
-    assert "--slip-trend" not in misfit_warning_of([left(3.0, slip_trend=True)])[0]
+    assert "slip_trend=True" in text and "fit_stiffness=True" in text
+    assert "slip_trend" not in misfit_warning_of([left(3.0, slip_trend=True)])[0]
     assert misfit_warning_of([left(1.0)]) == ()
     assert "leaves 2.2 times" in misfit_warning_of([left(2.24), left(1.0)])[0]
 

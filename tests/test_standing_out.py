@@ -53,7 +53,7 @@ def test_a_cell_typed_over_is_named_with_its_row_and_can_be_dropped(tmp_path: Pa
     path = write(tmp_path / "typo.csv", typed_over(STEADY, 7, 6.01))
     (doubt,) = read(path).provenance.doubts
     assert doubt.startswith(f"{path}: friction has outliers") and "6.01 in row 9." in doubt
-    assert path.read_text().splitlines()[9 - 1].endswith(",6.01") and "--drop-bad" in doubt
+    assert path.read_text().splitlines()[9 - 1].endswith(",6.01") and "drop_bad=True" in doubt
     record = read(path, drop_bad=True)
     assert len(record) == 199 and record.friction.max() < 0.7 and not record.provenance.doubts
     assert record.provenance.dropped == {"far out of its neighbours": 1}

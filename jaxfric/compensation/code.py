@@ -4,7 +4,7 @@ import re
 import textwrap
 from collections.abc import Sequence
 
-from ..errors import InputError
+from ..errors import InputError, option
 from .fade import Fade
 from .formula import plain_formula
 from .identified import Identified
@@ -47,7 +47,9 @@ def c_code(
     InputError : `name` is not a C identifier.
     """
     if not re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII) or name in _TAKEN:
-        raise InputError(f"--name '{name}' is not a C identifier; use letters, digits, _: axis_1")
+        raise InputError(
+            f"{option('name', name)} is not a C identifier; use letters, digits, _: axis_1"
+        )
     inertia = any(p.part == INERTIA for p in pieces)
     arguments = ["double q"] if uses_position(pieces) else []
     arguments += ["double v"] + (["double a"] if inertia else [])

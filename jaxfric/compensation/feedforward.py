@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..errors import option
 from ..loop import Loop
 from ..loop.steady.loop import SteadyLoop
 from ..stability.claims import SURE
@@ -68,9 +69,9 @@ def feedforward(
     if drive_gain is not None:
         about = about.at_the_drive(*parse_gain(drive_gain, about.force_unit))
     unit = about.length
-    turning = _positive(acceleration, f"{unit}/s^2", "--acceleration") or about.acceleration
-    late = _positive(lag, "s", "--lag") or _servo_lag(about)
-    given = _positive(fade, f"{unit}/s", "--fade-speed")
+    turning = _positive(acceleration, f"{unit}/s^2", option("acceleration")) or about.acceleration
+    late = _positive(lag, "s", option("lag")) or _servo_lag(about)
+    given = _positive(fade, f"{unit}/s", option("fade-speed"))
     terms = terms_of(about)
     curve = FrictionCurve(about, terms.effects, about.middle)
     level = _sound_level(curve)

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..described import said
 from ..effects import effect_of
-from ..errors import InputError
+from ..errors import InputError, option
 from ..findings import Finding, read_findings
 from ..loop import Loop
 from ..loop.axis.driven import ONE_SPEED, Driven, at_one_speed
@@ -292,7 +292,7 @@ def _refuse_unconverged(content: Content, effects: tuple[str, ...], source: str)
         raise NothingToCompensate(
             f"{source}: the fit of its model did not converge, so it must not be used for"
             " compensation; run 'jaxfric axis' again, with a cleaner record or fewer effects"
-            " (--exclude)"
+            f" ({option('exclude')})"
         )
 
 

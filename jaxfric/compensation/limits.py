@@ -1,5 +1,6 @@
 """Texts on the range of validity of a feedforward's map, and on its use outside."""
 
+from ..errors import option
 from .fade import WHOLE, Fade
 from .identified import Identified
 
@@ -25,14 +26,13 @@ def low_speeds(about: Identified, fade: Fade) -> str:
         return text
     part = about.slowest / WHOLE
     if fade.speed < 0.999 * part:
-        return (
-            f'{text}, down to v_f. To compensate less there, give --fade-speed "{part:.3g} {speed}"'
-        )
+        slower = option("fade-speed", f"{part:.3g} {speed}")
+        return f"{text}, down to v_f. To compensate less there, give {slower}"
     text += ", which fades with its sign"
     return (
         text
         if fade.decided_by != "rows"
-        else f"{text}. A lower --fade-speed compensates more there"
+        else f"{text}. A lower {option('fade-speed')} compensates more there"
     )
 
 

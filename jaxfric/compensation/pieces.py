@@ -27,7 +27,7 @@ from ..effects.axis import (
     Presliding,
     RateAndState,
 )
-from ..errors import InputError
+from ..errors import InputError, option
 from ..rig.axis import AxisRig
 from .identified import Identified
 
@@ -85,7 +85,7 @@ def terms_of(about: Identified) -> Terms:
         else:
             raise InputError(
                 f"effect '{id}' of {about.source} has no formula for a feedforward; run the loop"
-                " without it (--exclude)"
+                f" without it ({option('exclude')})"
             )
     return Terms(tuple(pieces), tuple(inside), tuple(left_out))
 

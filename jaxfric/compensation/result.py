@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..described import Described, Drawable, Tabular
+from ..errors import option
 from ..findings import Finding, ranges
 from ..fitting.uncertainty import QUANTILE
 from ..plain import entries, plain
@@ -89,7 +90,7 @@ class Feedforward(Described, Drawable, Tabular):
         ------
         InputError : not a positive speed.
         """
-        speed = positive(velocity, f"{self.about.length}/s", "--at")
+        speed = positive(velocity, f"{self.about.length}/s", option("at"))
         return friction_at(self.curve, self.fade.speed, speed)
 
     def columns(self) -> dict[str, np.ndarray]:
@@ -247,7 +248,7 @@ class Feedforward(Described, Drawable, Tabular):
         if missing:
             lines.append(
                 "The fade speed may be too low: the acceleration of the reference at reversals is"
-                " unknown (--acceleration)"
+                f" unknown ({option('acceleration')})"
             )
         return tuple(lines)
 

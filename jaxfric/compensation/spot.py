@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..errors import option
 from ..units import decimals, parse_values
 from .curve import FrictionCurve
 
@@ -74,7 +75,7 @@ def speeds(text: str, length: str) -> list[float]:
     ------
     InputError : an unreadable text, or a speed that is not positive.
     """
-    return parse_values(text, f"{length}/s", "--at")
+    return parse_values(text, f"{length}/s", option("at"))
 
 
 def friction_at(curve: FrictionCurve, fade: float, speed: float) -> FrictionAt:

@@ -3,7 +3,7 @@
 import math
 import re
 
-from ..errors import InputError
+from ..errors import InputError, option
 from ..quantity import Quantity
 from ..records.axis_units import FORCE_UNITS, inertia_unit, quantity_of
 from ..units import parse_quantity
@@ -23,13 +23,15 @@ def unit_of(about: Quantity, force: str, length: str) -> str:
     return re.sub(r"\bm\b", length, about.unit).replace("F", force)
 
 
-def drive_gain(text: str, force: str, what: str = "--drive-gain") -> tuple[float, str]:
+def drive_gain(text: str, force: str, what: str = "") -> tuple[float, str]:
     """Read force per signal and the signal from "35.15 N/V"; `force` is the model's force unit.
+    `what` names the text in messages; if empty, it is the option `drive-gain`.
 
     Raises
     ------
     InputError : not such a quantity; a model whose forces are in per cent.
     """
+    what = what or option("drive-gain")
     if force not in FORCE_UNITS.values():
         raise InputError(
             f"{what} would not be used: the forces of this model are in {force}, which is the"

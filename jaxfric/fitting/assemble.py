@@ -7,6 +7,7 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..errors import option
 from ..findings import Warned, WarningCode
 from ..records import Record, VelocitySteps
 from ..units import format_si, read_as
@@ -210,7 +211,8 @@ def contradicted(record: Record, steps: VelocitySteps) -> list[str]:
                 f"from {steps.times[k]:.4g} s on the steps say {said}, but the load point moves at"
                 f" {seen}: are they those of this record?"
             )
-            return [Warned(text, WarningCode.CONTRADICTED)]
+            values = {"time": steps.times[k], "stated": stated, "moved": found}
+            return [Warned(text, WarningCode.CONTRADICTED, values)]
     return []
 
 
@@ -219,27 +221,30 @@ def _warn(fit: Fit, moved: list[tuple[int, float]], *, wanders: bool) -> Fit:
     time is far from the detected one."""
     said = [*contradicted(fit.record, fit.steps), *noise_words(fit.noise, fit.record)]
     if not fit.converged:
-        said.append(f"the fit did not converge ({fit.result}): do not use its parameters")
+        text = f"the fit did not converge ({fit.result}): do not use its parameters"
+        said.append(Warned(text, WarningCode.FAILED, {"result": fit.result}))
         return dataclasses.replace(fit, warnings=tuple(said))
     open_ = [name for name, estimate in fit.parameters.items() if not estimate.determined]
     if open_:
         verb = "is" if len(open_) == 1 else "are"
-        said.append(
+        text = (
             f"{', '.join(open_)} {verb} not determined by this record: other values fit it as well"
         )
+        said.append(Warned(text, WarningCode.UNDETERMINED, {"parameters": open_}))
     if wanders:
-        drift = "" if fit.model.slip_trend else " a drift (--slip-trend),"
+        drift = "" if fit.model.slip_trend else f" a drift ({option('slip-trend')}),"
         text = (
             "the residual wanders over the whole record: the errors count that as noise, but it may"
             f" be{drift} a wrong step, or an effect that the model lacks (jaxfric loop)"
         )
         said.append(Warned(text, WarningCode.WANDERS))
     for k, sigmas in moved:
-        said.append(
+        text = (
             f"velocity step {k} fits best {abs(sigmas):.1f} standard errors "
             f"{'before' if sigmas < 0 else 'after'} the time that the load point shows: "
             "the stiffness may be wrong, the step not sharp, or something lags"
         )
+        said.append(Warned(text, WarningCode.MOVED_STEP, {"step": k, "sigmas": sigmas}))
     said += [
         *edge_warnings(fit.parameters["K"].value, fit.critical_stiffness()),
         *drift_warning(fit),
@@ -252,12 +257,11 @@ def edge_warnings(K: float, critical: float) -> list[str]:
     if not critical > 0 or NEAR_EDGE * critical <= K:
         return []
     ratio = f"K/K_cr = {K / critical:.2f}"
-    if critical > K:
-        return [
-            f"stick-slip regime: the stiffness is below the critical one of this fit ({ratio});"
-            " steady sliding is unstable and A, B, L are suspect"
-        ]
-    return [
-        f"near the stability edge ({ratio}): finite velocity steps may leave the basin of steady"
-        " sliding"
-    ]
+    text = (
+        f"stick-slip regime: the stiffness is below the critical one of this fit ({ratio});"
+        " steady sliding is unstable and A, B, L are suspect"
+        if critical > K
+        else f"near the stability edge ({ratio}): finite velocity steps may leave the basin of"
+        " steady sliding"
+    )
+    return [Warned(text, WarningCode.EDGE, {"ratio": K / critical})]

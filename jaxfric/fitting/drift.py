@@ -8,10 +8,13 @@ Student's t with six degrees of freedom.
 """
 
 import math
+import typing
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 
+from ..errors import option
 from ..findings import Warned, WarningCode
 from ..units import read_as
 from .result import Fit
@@ -85,17 +88,26 @@ def drift_warning(fit: Fit) -> tuple[str, ...]:
     found = told_drift(fit)
     if found is None:
         return ()
-    unit = "" if fit.record.friction_unit == "1" else f" {read_as(fit.record.friction_unit)}"
-    error = f"± {1e-3 * found.error:.1g}{unit} per mm"
-    if fit.model.slip_trend:
-        own = fit.parameters["slip_trend"].value
+    trend = fit.parameters["slip_trend"].value if fit.model.slip_trend else None
+    values = {"slope": found.slope, "error": found.error, "shift": found.shift, "trend": trend}
+    return (of_drift(values | {"unit": fit.record.friction_unit}, option("slip-trend")),)
+
+
+def of_drift(values: Mapping[str, typing.Any], asking: str) -> Warned:
+    """The warning of a drift; `values` are slope, error, shift and the slip trend that was fitted
+    (None: none was), in the unit of friction and per m; `asking` is the option that fits one."""
+    unit = "" if values["unit"] == "1" else f" {read_as(values['unit'])}"
+    slope, trend = values["slope"], values["trend"]
+    error = f"± {1e-3 * values['error']:.1g}{unit} per mm"
+    if trend is not None:
         text = (
-            f"{1e-3 * (own + found.slope):+.2g} {error}, not by the {1e-3 * own:+.2g} of the fitted"
+            f"{1e-3 * (trend + slope):+.2g} {error}, not by the {1e-3 * trend:+.2g} of the fitted"
             " slip trend: that took up something else, and A-B with it"
         )
     else:
         text = (
-            f"{1e-3 * found.slope:+.2g} {error}, where the model is steady; if it goes on, A-B is"
-            f" off by up to {found.shift:.2g} (--slip-trend)"
+            f"{1e-3 * slope:+.2g} {error}, where the model is steady; if it goes on, A-B is"
+            f" off by up to {values['shift']:.2g} ({asking})"
         )
-    return (Warned(f"before the velocity step friction changes by {text}", WarningCode.DRIFT),)
+    text = f"before the velocity step friction changes by {text}"
+    return Warned(text, WarningCode.DRIFT, values)

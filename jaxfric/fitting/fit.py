@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, option
 from ..laws.registry import fixed_states, known_law
 from ..records import Record, VelocitySteps, record_steps
 from ..records.differences import noise_from_differences
@@ -250,15 +250,15 @@ def steps_of(record: Record, steps: VelocitySteps | str | None) -> VelocitySteps
         how = "none was found in the load-point motion" if found else "none was given"
         why = speeds_without_steps(record, steps) if found else None
         advice = (found and slips_told(record, steps)) or (
-            "A, B and L need at least one change of velocity. Give the steps, as in --steps"
-            " '0 s: 2 um/s, 60 s: 20 um/s', or of a record that begins at the step the velocity"
-            " before it, as in --steps 'before: 2 um/s, 0 s: 20 um/s'"
+            "A, B and L need at least one change of velocity. Give the steps, as in"
+            f" {option('steps', '0 s: 2 um/s, 60 s: 20 um/s')}, or of a record that begins at the"
+            f" step the velocity before it, as in {option('steps', 'before: 2 um/s, 0 s: 20 um/s')}"
         )
         raise InputError(f"{record.provenance.path}: no velocity step: {why or how}; {advice}")
     if steps.velocities[0] == 0:
         raise InputError(
             f"{record.provenance.path}: the record starts at rest; the fit starts from steady "
-            f"sliding. Cut the rest away: --from '{steps.times[1]:.4g} s'"
+            f"sliding. Cut the rest away: {option('from', f'{steps.times[1]:.4g} s')}"
         )
     if np.ptp(record.friction) == 0:
         raise InputError(f"{record.provenance.path}: friction is constant: nothing to fit")
@@ -279,7 +279,7 @@ def forward_steps(record: Record, steps: VelocitySteps) -> tuple[VelocitySteps, 
             raise InputError(
                 f"{record.provenance.path}: friction is {begin:.3g} while the load point moves"
                 " forwards, so it would drive the motion; is the sign of friction reversed?"
-                f" Turn it: --column 'friction=NAME [-1 {record.friction_unit}]'"
+                f" Turn it: {option('column', f'friction=NAME [-1 {record.friction_unit}]')}"
             )
         return steps, 1.0
     mirrored = VelocitySteps(steps.times, -steps.velocities, steps.time_errors)
@@ -291,8 +291,8 @@ def _stiffness(stiffness: float | str | None, record: Record, fit_stiffness: boo
     if stiffness is None:
         if not fit_stiffness:
             raise InputError(
-                f"stiffness is needed, in {unit} (as in --stiffness 1.6e-3/um), or fit it "
-                "(--fit-stiffness)"
+                f"stiffness is needed, in {unit} (as in {option('stiffness', '1.6e-3/um')}), or"
+                f" fit it ({option('fit-stiffness')})"
             )
         return None
     value = (
@@ -329,7 +329,7 @@ def _reference(reference: float | str | None, steps: VelocitySteps) -> float:
         return float(abs(steps.velocities[0]))
     if isinstance(reference, str):
         reference = parse_quantity(reference, "m/s", "reference velocity")
-    return quantity_of("V0").check(float(reference), "--reference-velocity")
+    return quantity_of("V0").check(float(reference), option("reference-velocity"))
 
 
 def _solve_in_stages(

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, option
 from ..records import Record, VelocitySteps
 from ..units import format_si, read_as
 from .start import average
@@ -106,7 +106,7 @@ def doubts(loading: Loading | None, K: float, friction_unit: str) -> tuple[str, 
             f" not of {_number(K, friction_unit)}: after the step at {loading.time:.4g} s by"
             f" {_rise(loading, friction_unit)} within"
             f" {_path(loading)} of load-point motion; is the unit of the"
-            " stiffness right? --fit-stiffness finds the one of the record",
+            f" stiffness right? {option('fit-stiffness')} finds the one of the record",
         )
     if not loading.stiffness > _DOUBTFUL * K:
         return ()

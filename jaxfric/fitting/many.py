@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..errors import InputError
+from ..errors import InputError, option
 from ..records import Record, VelocitySteps
 from ..rig.friction import AbstractEvolution
 from ..silent import silent
@@ -201,7 +201,8 @@ def _refuse_bad(record: Record) -> None:
     bad = np.flatnonzero(~(np.isfinite(time) & np.isfinite(friction)))
     if len(bad):
         raise InputError(
-            f"row {bad[0]} is not finite ({len(bad)} such rows): drop them, as by --drop-bad"
+            f"row {bad[0]} is not finite ({len(bad)} such rows): drop them, as by"
+            f" {option('drop-bad')}"
         )
     still = np.flatnonzero(~(np.diff(time) > 0))
     if len(still):

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from ..errors import option
 from ..findings import Warned, WarningCode, is_of
 from ..records.differences import noise_from_differences
 from .result import Fit
@@ -43,11 +44,12 @@ def _warning(fits: Sequence[Fit]) -> Warned:
     a drift as a slow evolution."""
     times = [f"{x:.2g}" for x in sorted(map(excess, fits))]
     model = fits[0].model
-    drift = "" if model.slip_trend else " friction drifts with slip (--slip-trend),"
-    other = "" if model.fit_stiffness else " the stiffness is another (--fit-stiffness),"
+    drift = "" if model.slip_trend else f" friction drifts with slip ({option('slip-trend')}),"
+    other = "" if model.fit_stiffness else f" the stiffness is another ({option('fit-stiffness')}),"
     return Warned(
         f"the fit leaves {' to '.join(dict.fromkeys((times[0], times[-1])))} times the scatter of"
         f" neighbouring rows: the model lacks an effect,{drift}{other} or the noise is correlated"
         " over many rows; jaxfric loop asks which",
         WarningCode.MISFIT,
+        {"times": sorted(map(excess, fits))},
     )

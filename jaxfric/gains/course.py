@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..coordinate import Coordinate, unit_of
-from ..errors import InputError
+from ..errors import InputError, option
 from ..motion import PiecewiseVelocity
 from ..records.steps import VelocitySteps
 from ..rig import Inertial, QuasiStatic, Rig
@@ -135,7 +135,7 @@ def rig_of(
     if mass is None and not isinstance(law, AbstractInvertibleLaw):
         raise InputError(
             f"a {type(law).__name__} law has no direct effect: without mass its velocity cannot be"
-            " found from the force; give a mass, as in --mass '2 kg'"
+            f" found from the force; give a mass, as in {option('mass', '2 kg')}"
         )
     if isinstance(law, AbstractStribeck) and law.width is None:
         width = _WIDTH * min(abs(V) for V in velocities if V)
@@ -167,7 +167,7 @@ def course_of(
     V = velocities[0]
     constant, delayed = len(velocities) == 1, isinstance(rig.friction, AbstractDelayLaw)
     if delayed and (at_rest or not constant):
-        raise InputError("a delay law is simulated at one --velocity, and not from rest")
+        raise InputError(f"a delay law is simulated at one {option('velocity')}, and not from rest")
     start, lead, kind = None, 0.0, "steady"
     if at_rest:
         start, kind = rest_start(rig, V), "at_rest"

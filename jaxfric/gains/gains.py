@@ -8,7 +8,8 @@ import numpy as np
 from jaxtyping import ArrayLike
 
 from ..coordinate import agreed, unit_of
-from ..errors import InputError
+from ..errors import InputError, either, option
+from ..findings import Warned, WarningCode
 from ..laws import LawSource
 from ..laws.registry import Law
 from ..rig.friction import AbstractLaw
@@ -269,18 +270,21 @@ def _warnings(
 ) -> list[str]:
     texts = []
     if delay is None and worst["delay"].value < SHORTEST_DELAY:
-        texts.append(
+        text = (
             f"the delay margin of these gains is {1e6 * worst['delay'].value:.2g} us, less than the"
             f" delay of any controller ({1e6 * SHORTEST_DELAY:.0f} us at a sample rate of 30 kHz)."
-            " Include the delay of yours: --sample-time '1 ms' (in Python sample_time=1e-3), or"
-            " --delay if it is known"
+            " Include the delay of yours:"
+            f" {either(option('sample-time', '1 ms'), 'sample_time=1e-3')}, or {option('delay')}"
+            " if it is known"
         )
+        texts.append(Warned(text, WarningCode.SHORT_DELAY, {"delay": worst["delay"].value}))
     if region.any_stiffness(best.kp):
         which = "any positive" if delay is None else "any small"
-        texts.append(
+        text = (
             f"k_p is at its lower limit: {which} stiffness meets the requirement; give a lower"
-            " limit (--min-kp) if the position must be controlled"
+            f" limit ({option('min-kp')}) if the position must be controlled"
         )
+        texts.append(Warned(text, WarningCode.LOWEST_STIFFNESS))
     return texts
 
 
@@ -331,11 +335,13 @@ def check_gains(
     factor = _raise(few, values, basin, largest)
     raised = factor * values
     report = verify(few, raised, largest=largest)
-    texts = [f"the gains were raised by a factor {factor:.4g} for a basin of {basin:g}"]
+    text = f"the gains were raised by a factor {factor:.4g} for a basin of {basin:g}"
+    texts = [Warned(text, WarningCode.RAISED, {"factor": factor, "basin": basin})]
     texts += unresolved_warnings(report)
     missed = float(np.min(task.slacks(raised)))
     if missed < -1e-6:
-        texts.append(f"the raised gains miss a required margin by {-missed:.2g} of its value")
+        text = f"the raised gains miss a required margin by {-missed:.2g} of its value"
+        texts.append(Warned(text, WarningCode.MISSED_MARGIN, {"by": -missed}))
     return replace(
         _warned(gains, *texts),
         kp=float(raised[0]),
@@ -363,15 +369,17 @@ def _hunting(
     return hunting(law, float(np.max(masses)), own, gains.rest_friction, fastest)
 
 
-def unresolved_warnings(report: CheckReport) -> tuple[str, ...]:
+def unresolved_warnings(report: CheckReport) -> tuple[Warned, ...]:
     """Warn if more than half of the simulations end unresolved."""
     if 2 * report.unresolved <= report.checked:
         return ()
-    return (
+    text = (
         f"{report.unresolved} of {report.checked} simulated starts end unresolved: the simulation"
         " stopped before they settled or not. They are not counted; look at one of them with"
-        " 'jaxfric simulate'",
+        " 'jaxfric simulate'"
     )
+    values = {"unresolved": report.unresolved, "checked": report.checked}
+    return (Warned(text, WarningCode.UNRESOLVED, values),)
 
 
 def _raise(few: Scenarios, values: np.ndarray, basin: float, largest: float) -> float:

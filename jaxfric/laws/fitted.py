@@ -33,7 +33,7 @@ from jaxtyping import Array
 from ..coordinate import Coordinate, unit_of
 from ..effects import AbstractEffect, AbstractPlaceEffect, made, parameters
 from ..effects.axis import DirectionAsymmetry, RateAndState
-from ..errors import InputError
+from ..errors import InputError, either, option
 from ..quantity import Quantity, numbered_names, quantities
 from ..rig import QuasiStatic, Rig
 from ..rig.axis import LAW, AxisRig, BaseLaw
@@ -186,10 +186,12 @@ def force_of_unit(unit: str, normal_force: float | None, where: str) -> float:
     if unit == "1" and normal_force is None:
         raise InputError(
             f"{where}: this is a fit of a friction coefficient; give the normal force that converts"
-            " it to newtons, as in --normal-force '500 N'"
+            f" it to newtons, as in {either(option('normal-force', '500 N'), 'normal_force=500')}"
         )
     if unit != "1" and normal_force is not None:
-        raise InputError(f"{where}: this is a fit of a force, so --normal-force is not wanted")
+        raise InputError(
+            f"{where}: this is a fit of a force, so {option('normal-force')} is not wanted"
+        )
     return 1.0 if normal_force is None else normal_force
 
 
@@ -331,8 +333,8 @@ def _columns(
         number = len(next(iter(fitted.draws.values())))
         if samples > number:
             raise InputError(
-                f"{fitted.where}: it has {number} draws; use --samples {number} or fewer, or draw"
-                " more"
+                f"{fitted.where}: it has {number} draws; use {option('samples', number)} or"
+                " fewer, or draw more"
             )
         chosen = np.sort(np.random.default_rng(seed).choice(number, samples, replace=False))
         drawn = {n: draws[chosen] for n, draws in fitted.draws.items() if n in positive}
@@ -343,7 +345,7 @@ def _columns(
             names = ", ".join(loose) or "a parameter"
             raise InputError(
                 f"{fitted.where}: the fit leaves {names} undetermined, so nothing can be sampled;"
-                " use --samples 0 for the estimate alone, or a record that fixes it"
+                f" use {option('samples', '0')} for the estimate alone, or a record that fixes it"
             )
         mean = np.asarray([fitted.parameters[name] for name in free])
         above = np.asarray([positive[name] for name in free])

@@ -10,7 +10,7 @@ from typing import Generic, NamedTuple, TypeVar
 import numpy as np
 
 from ..effects import AbstractEffect
-from ..errors import InputError
+from ..errors import InputError, option
 from ..fitting.abstract_problem import AbstractProblem
 from ..fitting.encompassing import EncompassingModel
 from .split import Blocks
@@ -67,8 +67,8 @@ def offered(
     both = sorted(set(with_) & set(without))
     if both:
         raise InputError(
-            f"effects: {', '.join(both)} cannot be both in the base (--include) and left out"
-            " (--exclude)"
+            f"effects: {', '.join(both)} cannot be both in the base ({option('include')}) and"
+            f" left out ({option('exclude')})"
         )
     if not 0 <= most <= MOST:
         raise InputError(f"most is {most}; choose 0 to {MOST}")

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ..effects import CATALOGUE, AbstractEffect, effect_of, ids_of
-from ..errors import InputError
+from ..errors import InputError, option
 from ..fitting import fit
 from ..fitting.fit import few_rows, steps_of
 from ..fitting.padding import bucket
@@ -137,8 +137,13 @@ def _refuse_turns(record: Record, steps: VelocitySteps) -> None:
     if len(turns) == 0:
         return
     k = int(turns[0])
-    moving = f" It moves forwards before that: --to '{steps.times[k]:.4g} s'" if k > 1 else ""
+    moving = (
+        f" It moves forwards before that: {option('to', f'{steps.times[k]:.4g} s')}"
+        if k > 1
+        else ""
+    )
     raise InputError(
         f"{record.provenance.path}: the load point moves backwards at {steps.times[k]:.4g} s; the"
-        f" loop takes forward motion. Cut the record with --from and --to.{moving}"
+        f" loop takes forward motion. Cut the record with {option('from')} and"
+        f" {option('to')}.{moving}"
     )

@@ -11,7 +11,8 @@ from collections.abc import Callable, Sequence
 import jax
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, option
+from ..findings import Warned, WarningCode
 from ..fitting import Fit, fit
 from ..fitting.fit import few_rows
 from ..fitting.padding import bucket, filled
@@ -114,7 +115,8 @@ def asked_twice(
         if isinstance(end, Exception):
             how = f"ended in an error ({type(end).__name__}: {end})"
         lost = f"a second search, with other steps and holds held out, {how}: this is the first"
-        return dataclasses.replace(found, warnings=(*found.warnings, lost))
+        told = Warned(lost, WarningCode.SECOND_SEARCH, {"taken": False})
+        return dataclasses.replace(found, warnings=(*found.warnings, told))
     if not _stands(second, found):
         return dataclasses.replace(found, seconds=second.seconds)
     first = "no effect is named"
@@ -126,7 +128,8 @@ def asked_twice(
     if set(second.effects) == set(found.effects):
         chance = p_text(_together(found, second))
         said += f"; noise alone leaves as much in both together: {chance}"
-    return dataclasses.replace(second, warnings=(*second.warnings, said))
+    told = Warned(said, WarningCode.SECOND_SEARCH, {"taken": True})
+    return dataclasses.replace(second, warnings=(*second.warnings, told))
 
 
 def _stands(second: Loop, first: Loop) -> bool:
@@ -260,7 +263,7 @@ def _thinned(joined: Joined, rows: int) -> tuple[Joined, tuple[str, ...]]:
     shown, _ = few_rows(joined.rows, rows, _in_run(joined, edges))
     if len(shown) != len(few):
         raise InputError(
-            f"--downsample-to {rows}: a phase of the run would be lost; ask for more rows"
+            f"{option('downsample-to', rows)}: a phase of the run would be lost; ask for more rows"
         )
     phase = np.searchsorted(cuts, few.time, side="right") - 1
     kept = np.unique(joined.phase)[phase]

@@ -9,12 +9,12 @@ import numpy as np
 from jaxtyping import Array
 
 from ..effects import AbstractEffect, RecordScales
-from ..errors import InputError
-from ..findings import WarningCode, is_of
+from ..errors import InputError, option
+from ..findings import Warned, WarningCode, is_of
 from ..fitting import Fit
 from ..fitting.assemble import NEAR_EDGE
+from ..fitting.drift import of_drift
 from ..fitting.encompassing import EncompassingModel
-from ..fitting.noise import noise_words
 from ..fitting.padding import filled
 from ..fitting.problem import FAILED_MISFIT, Channel, Model, Problem
 from ..fitting.stages import prepare
@@ -74,7 +74,7 @@ def slider_subject(
         return ScoredRows(np.ones(len(step), bool), step, len(steps), steps.velocities[step])
 
     def warnings(engine: Engine[Problem], found: Search) -> tuple[str, ...]:
-        return (*thinning, *slider_warnings(engine, found, record, base_fit, edge))
+        return (*thinning, *slider_warnings(engine, found, base_fit, edge))
 
     return Subject(
         case=case,
@@ -101,20 +101,26 @@ def edge_of(base_fit: Fit) -> float | None:
 
 
 def slider_warnings(
-    engine: Engine[Problem], found: Search, record: Record, base_fit: Fit, edge: float | None
+    engine: Engine[Problem], found: Search, base_fit: Fit, edge: float | None
 ) -> list[str]:
     """Warnings of the base fit, except those on noise or missing effects, and those of the loop."""
-    own = noise_words(base_fit.noise, record)
-    warnings = repeated([text for text in base_fit.warnings if text not in own])
+    warnings = repeated(base_fit.warnings)
     if edge is not None and edge < NEAR_EDGE:
         warnings.append(
-            f"K/K_cr is {edge:.2f}: so near the edge of stability finite steps may leave the basin"
+            Warned(
+                f"K/K_cr is {edge:.2f}: so near the edge of stability finite steps may leave the"
+                " basin",
+                WarningCode.EDGE,
+                {"ratio": edge},
+            )
         )
     change = _finer(engine, found.base)
     if np.isinf(change):
-        warnings.append("a finer solver did not reach the end: how exact this is stays unknown")
+        text = "a finer solver did not reach the end: how exact this is stays unknown"
+        warnings.append(Warned(text, WarningCode.SOLVER))
     elif not change < _FINE_ENOUGH:
-        warnings.append(f"a finer solver moves the prediction by {change:.2g} sigma")
+        text = f"a finer solver moves the prediction by {change:.2g} sigma"
+        warnings.append(Warned(text, WarningCode.SOLVER, {"sigma": change}))
     return warnings
 
 
@@ -164,8 +170,8 @@ def with_channels(record: Record, law: str, asked: Offered, *, stress: bool) -> 
         columns,
         lambda effect: (
             f"{record.provenance.path}: effect {effect.id} needs a column {effect.channel} that"
-            " changes, which the record does not have; name it with --column, or leave the effect"
-            " out"
+            f" changes, which the record does not have; name it with {option('column')}, or leave"
+            " the effect out"
         ),
     )
 
@@ -254,12 +260,16 @@ def _finer(engine: Engine[Problem], base: Candidate) -> float:
 
 
 def repeated(warnings: Sequence[str]) -> list[str]:
-    """The warnings of a fit that a loop repeats, with the loop's option. Warnings about a large or
-    wandering residual are dropped, since the loop searches for the cause."""
+    """The warnings of a fit that a loop repeats, with the loop's option. Warnings about the noise
+    and about a large or wandering residual are dropped, since the loop searches for the cause."""
+    asked = (WarningCode.MISFIT, WarningCode.WANDERS, WarningCode.GLITCHES, WarningCode.COARSE)
+    kept = [text for text in warnings if not any(is_of(text, code) for code in asked)]
+    own = option("include", "slip_trend")
     return [
-        text.replace("--slip-trend", "--include slip_trend")
-        for text in warnings
-        if not is_of(text, WarningCode.MISFIT) and not is_of(text, WarningCode.WANDERS)
+        of_drift(text.values, own)
+        if isinstance(text, Warned) and text.code is WarningCode.DRIFT
+        else text
+        for text in kept
     ]
 
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, either, option
 from ..fitting.noise.thresholds import SAME_VELOCITY
 from ..records import VelocitySteps
 from .thresholds import FEWEST_ROWS, QUARTER, TAIL
@@ -135,8 +135,8 @@ def split_units(
     if count < len(NAMES):
         raise InputError(
             f"{path}: {count} step{'s' * (count != 1)} and holds can be fitted; the loop over a run"
-            f" holds whole ones out and needs {len(NAMES)}. Cut out one (--from, --to) and leave"
-            " --run"
+            f" holds whole ones out and needs {len(NAMES)}. Cut out one ({option('from')},"
+            f" {option('to')}) and {either('leave --run', 'use close_loop')}"
         )
     blocks = _with_held(unit[phase], phase, _held_out(*_of_units(time, phase, unit, velocity)))
     refuse_short(blocks)

@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import ArrayLike
 
-from ..errors import InputError
+from ..errors import InputError, option
 from ..quantity import Quantity
 from ..study import Axis, Grid, Output
 from ..study.function import Function, Kind
@@ -65,7 +65,7 @@ def read_own(path: str | Path, reference: str) -> tuple[Spec, Own, tuple[Output,
     """
     path = Path(path)
     text, content = parsed(path)
-    refuse_unknown(content, _TOP, f"{path.name} (with --function)")
+    refuse_unknown(content, _TOP, f"{path.name} (with {option('function')})")
     kind = _kind(content, path.name)
     units = _units(content, path.name)
 
@@ -134,9 +134,9 @@ def load_function(reference: str) -> Function:
     file, colon, name = reference.rpartition(":")
     path = Path(file)
     if not colon or not name.isidentifier() or path.suffix != ".py":
-        raise InputError(f"--function {reference}: write it as FILE.py:NAME")
+        raise InputError(f"{option('function', reference)}: write it as FILE.py:NAME")
     if not path.is_file():
-        raise InputError(f"--function {reference}: {path}: no such file")
+        raise InputError(f"{option('function', reference)}: {path}: no such file")
     module_name = f"study_{path.stem}"
     about = importlib.util.spec_from_file_location(module_name, path)
     assert about is not None
@@ -150,7 +150,7 @@ def load_function(reference: str) -> Function:
         raise InputError(f"{path}: {_text(error)}") from None
     function: Function | None = getattr(module, name, None)
     if function is None or not callable(function):
-        raise InputError(f"--function {reference}: {path} has no function '{name}'")
+        raise InputError(f"{option('function', reference)}: {path} has no function '{name}'")
     try:
         import cloudpickle
     except ImportError:  # without Dask there are no workers

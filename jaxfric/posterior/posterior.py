@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, option
 from ..fitting.noise import Noise
 from ..fitting.result import Fit
 from ..fitting.uncertainty import determined
@@ -82,9 +82,11 @@ def refuse_few(draws: int, chains: int) -> None:
     """Raise `InputError` for too few draws or chains, or if the sampler is not installed."""
     require_blackjax()
     if draws < _FEWEST_DRAWS:
-        raise InputError(f"--draws is {draws}; it must be {_FEWEST_DRAWS} or more")
+        raise InputError(f"{option('draws')} is {draws}; it must be {_FEWEST_DRAWS} or more")
     if chains < _FEWEST_CHAINS:
-        raise InputError(f"--chains is {chains}; R-hat compares at least {_FEWEST_CHAINS}")
+        raise InputError(
+            f"{option('chains')} is {chains}; R-hat compares at least {_FEWEST_CHAINS}"
+        )
 
 
 def target_of(

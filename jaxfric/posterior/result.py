@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..described import Described, Drawable, Drawn, Tabular
+from ..errors import option
 from ..fitting.result import Fit
 from ..fitting.uncertainty import ENDS
 from ..quantity import numbered_names
@@ -205,13 +206,14 @@ def doubts(chains: dict[str, Chains], diverging: int) -> tuple[str, ...]:
     if not chains[rhat].rhat <= RHAT:
         lines.append(
             f"the chains disagree: R-hat of {rhat} is {chains[rhat].rhat:.3f}, above {RHAT}; the"
-            " posterior claims nothing; ask for more --draws, or give looser parameters a prior"
+            f" posterior claims nothing; ask for more {option('draws')}, or give looser"
+            " parameters a prior"
         )
     if not _least(chains[few]) >= ESS:
         lines.append(
             f"too few independent draws: the effective sample size of {few} is"
             f" {_least(chains[few]):.0f}, below {ESS}; the posterior claims nothing; ask for more"
-            " --draws"
+            f" {option('draws')}"
         )
     if diverging:
         lines.append(

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..effects import effect_of
-from ..errors import InputError
+from ..errors import InputError, option
 from ..fitting.encompassing import EncompassingModel
 from ..fitting.fit import forward_steps, require_float64, steps_of
 from ..fitting.noise import estimate_noise, noise_rows, sandwich
@@ -248,7 +248,7 @@ def _notes(setting: _SliderSetting, free: Sequence[str]) -> tuple[str, ...]:
     return (
         told,
         f"stiffness is the model's, {setting.stiffness:.4g} {unit}: if another machine made this"
-        " record, give the stiffness of that machine (--stiffness, in Python stiffness=)",
+        f" record, give the stiffness of that machine ({option('stiffness')})",
     )
 
 

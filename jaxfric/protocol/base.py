@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ..effects import CATALOGUE
-from ..errors import InputError, did_you_mean
+from ..errors import InputError, did_you_mean, option
 from ..fitting.typed import typed_parameters
 from ..laws.registry import takes
 from ..saved.entry import law_in
@@ -43,7 +43,7 @@ def base_of_text(text: str = TYPICAL, friction_unit: str = "1", law: str = "slip
     Raises `InputError` for an unknown name or a wrong unit.
     """
     names = ("f0", "A", "B", "L", "V0")
-    of = {"what": "--parameters", "example": TYPICAL}
+    of = {"what": option("parameters"), "example": TYPICAL}
     return Base(typed_parameters(text, friction_unit, names=names, **of), law, friction_unit)
 
 
@@ -81,15 +81,18 @@ def named_pair(
     for id in (a, b):
         if id in with_:
             raise InputError(
-                f"--distinguish: the base model has {id} (--include); ask for another effect"
+                f"{option('distinguish')}: the base model has {id} ({option('include')}); ask for"
+                " another effect"
             )
         if id not in known and id != BASE:
             names = (BASE, *known)
             raise InputError(
-                f"--distinguish: no effect '{id}' in this plan{did_you_mean(id, names)}"
+                f"{option('distinguish')}: no effect '{id}' in this plan{did_you_mean(id, names)}"
             )
     if a == b:
-        raise InputError(f"--distinguish: both are the base model, the {law} law; name an effect")
+        raise InputError(
+            f"{option('distinguish')}: both are the base model, the {law} law; name an effect"
+        )
     return a, b
 
 

@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..effects import CATALOGUE, AbstractEffect, RecordScales, effect_of, ids_of, parameters
-from ..errors import InputError
+from ..errors import InputError, option
 from ..fitting.encompassing import EncompassingModel
 from ..fitting.padding import bucket
 from ..fitting.problem import (
@@ -246,7 +246,9 @@ def _effects(
                 " protocol does not have; leave the effect out"
             )
     if not any(e.channel is None and id not in (*with_, *without) for id, e in known.items()):
-        raise InputError("no effect remains to be tested: shorten --include and --exclude")
+        raise InputError(
+            f"no effect remains to be tested: shorten {option('include')} and {option('exclude')}"
+        )
     return tuple(e for e in known.values() if e.channel is None and takes(law, e))
 
 
@@ -289,7 +291,8 @@ def _slips_away(ratio: float | None) -> str:
     at = "" if ratio is None else f" at K/K_cr = {ratio:.2f}"
     return (
         f"the slider slips away at a velocity step{at}, or its motion is too long to be simulated:"
-        " plan smaller steps or a stiffer machine, and check --parameters and --stiffness"
+        f" plan smaller steps or a stiffer machine, and check {option('parameters')} and"
+        f" {option('stiffness')}"
     )
 
 

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, option
 from .axis_record import Drive
 from .axis_units import FORCE_UNITS, coordinate_of, quantity_of
 from .columns import Understood
@@ -42,7 +42,7 @@ class Forces:
         if "motor_force" in values:
             if drive_gain is not None and self._unit("disturbance") not in SIGNAL_UNITS:
                 raise InputError(
-                    f"{self.path} has a motor force of its own; leave out --drive-gain"
+                    f"{self.path} has a motor force of its own; leave out {option('drive-gain')}"
                     f" '{drive_gain}', or map only the signal"
                 )
             notes = [f"{role} is not used: there is a motor force" for role in signals]
@@ -66,14 +66,14 @@ class Forces:
         if position_gain is None and velocity_gain is None:
             return drive
         if position_gain is None or velocity_gain is None:
-            missing = "--position-gain" if position_gain is None else "--velocity-gain"
+            missing = option("position-gain") if position_gain is None else option("velocity-gain")
             raise InputError(
                 f"{self.path}: {missing} is missing; both gains of the loops are needed"
             )
         if "reference_position" not in self.uses:
             raise InputError(
                 f"{self.path} has no reference position, which the gains of the loops need; add"
-                " the column, or leave out --position-gain and --velocity-gain"
+                f" the column, or leave out {option('position-gain')} and {option('velocity-gain')}"
             )
         unit, gain = self.force.replace(" ", "*"), 1.0  # kv in force per velocity
         if "motor_force" not in self.uses and drive is not None:
@@ -82,8 +82,8 @@ class Forces:
         elif self._unit("motor_force") == "%":
             raise InputError(
                 f"{self.path} has its force in per cent; gains of the loops need it in"
-                f" {self.force}: give the column's force, or leave out --position-gain and"
-                " --velocity-gain"
+                f" {self.force}: give the column's force, or leave out {option('position-gain')}"
+                f" and {option('velocity-gain')}"
             )
         return Drive(
             gain,
@@ -101,7 +101,7 @@ class Forces:
         if not force_in_per_cent and self._unit("disturbance") != "%":
             raise InputError(
                 f"{self.path} has its force in {self.force}, not in per cent; leave out"
-                f" --rated-torque '{rated_torque}'"
+                f" {option('rated-torque', rated_torque)}"
             )
         if force_in_per_cent:
             self.values["motor_force"] = self.values["motor_force"] * self._per_cent(rated_torque)
@@ -119,13 +119,14 @@ class Forces:
             if rated_torque is None:
                 raise InputError(
                     f"{self.path}: the disturbance is in per cent, the motor force in {self.force};"
-                    f" give the value of 100 %, as in --rated-torque '9.84 m{self.force}'"
+                    " give the value of 100 %, as in"
+                    f" {option('rated-torque', f'9.84 m{self.force}')}"
                 )
             added = added * self._per_cent(rated_torque)
         elif unit != "%" and force_unit == "%":
             raise InputError(
                 f"{self.path}: the disturbance is in {self.force}, the motor force in per cent;"
-                f" give the value of 100 %, as in --rated-torque '9.84 m{self.force}'"
+                f" give the value of 100 %, as in {option('rated-torque', f'9.84 m{self.force}')}"
             )
         self.values["disturbance_force"] = added
         share = np.mean(np.abs(added) > 0) if len(added) else 0.0
@@ -143,7 +144,8 @@ class Forces:
         name = self.found.table.names[self.uses[role].column]
         raise InputError(
             f"{self.path}: '{name}' is a {what} [{unit}], not a motor force: force = drive gain x"
-            f" {what}, and the drive gain is not known; give it, as in --drive-gain '{example}'"
+            f" {what}, and the drive gain is not known; give it, as in"
+            f" {option('drive-gain', example)}"
         )
 
     def _unit(self, role: str) -> str | None:

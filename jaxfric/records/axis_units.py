@@ -3,7 +3,7 @@
 import re
 from collections.abc import Mapping
 
-from ..errors import InputError
+from ..errors import InputError, option
 from ..units import parse_quantity, turning
 from .roles import AXIS
 
@@ -74,6 +74,6 @@ def coordinate_of(path: str, si: Mapping[str, str], written: Mapping[str, str]) 
         unit = ("0.8 rad" if kept == "rotary" else "0.8 mm") + "/s" * (role == "velocity")
         raise InputError(
             f"{path}: units of a line and of a rotation: {shown}; give motion and force on one"
-            f" side of the screw or gear, as in --column '{role}=NAME [{unit}]'"
+            f" side of the screw or gear, as in {option('column', f'{role}=NAME [{unit}]')}"
         )
     return next(iter(kinds.values()), "rotary")

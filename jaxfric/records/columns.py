@@ -7,13 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import InputError, did_you_mean, folded
+from ..errors import InputError, did_you_mean, either, folded, option
 from ..units import factor, has_dimension, scale
 from .axis_units import spelling
 from .record import EMPTY_ROWS, Provenance
 from .roles import AXIS, NO_COLUMN, SLIDER, Role, Schema
 from .rows import MIN_ROWS, FileRows
-from .table import HOW, Table, filled_rows, with_stated
+from .table import Table, filled_rows, with_stated
 
 _ANGLE = re.compile(r"(?i)rad|deg|rev|turn|rpm|arc|cycle")
 _MACHINE = re.compile(
@@ -217,10 +217,18 @@ def _by_name(table: Table, schema: Schema, role: Role, taken: set[int]) -> int |
     if len(best) > 1:
         both = " and ".join(f"'{table.names[i]}' (column {i + 1})" for i in best[:2])
         raise InputError(
-            f"{table.path}: {both} could both be {role.name}; say which, as in --column"
-            f" '{role.name}=#{best[0] + 1}'"
+            f"{table.path}: {both} could both be {role.name}; say which, as in"
+            f" {option('column', f'{role.name}=#{best[0] + 1}')}"
         )
     return best[0] if best else None
+
+
+def _read_axis() -> str:
+    """How an axis is read."""
+    return either(
+        "--rig axis ('jaxfric inspect') or 'jaxfric axis'",
+        "jaxfric.read_axis or jaxfric.close_axis_loop",
+    )
 
 
 def _fitting(indices: list[int], units: Sequence[str | None], wanted: Iterable[str]) -> list[int]:
@@ -242,7 +250,8 @@ def _require(table: Table, schema: Schema, found: Found) -> None:
         return
     turns = _kinds(table.units, AXIS.roles.values())[1] > 0
     unit = schema.roles[missing[0]].shown(rotary=turns)
-    rate = f", {HOW}" if "time" in missing else ""
+    often = f", or state how often rows were taken: {option('column', 'time=1 kHz')}"
+    rate = often if "time" in missing else ""
     if table.doubt:
         rows = len(table.lines)
         if max(rows, 10 * MIN_ROWS) < len(table.columns):
@@ -253,36 +262,35 @@ def _require(table: Table, schema: Schema, found: Found) -> None:
             )
         raise InputError(
             f"{table.path}: {table.doubt}; columns are numbered #1, #2, ...: say by number which is"
-            f" {', '.join(missing)}, as in --column '{missing[0]}=#1 [{unit}]'{rate}"
+            f" {', '.join(missing)}, as in {option('column', f'{missing[0]}=#1 [{unit}]')}{rate}"
         )
     lacks = f"{table.path} has no column for {' and '.join(missing)}; it has: {table.describe()}"
     if schema is SLIDER and _of_an_axis(table):
-        raise InputError(
-            f"{lacks}. These are of a servo axis, which is read with --rig axis ('jaxfric inspect')"
-            " or by 'jaxfric axis'"
-        )
+        raise InputError(f"{lacks}. These are of a servo axis, which is read with {_read_axis()}")
     machine = next((one for one in table.units if one and _MACHINE.fullmatch(spelt(one))), None)
     hint = did_you_mean(missing[0], table.names, listed=False) or ";"
     if machine is not None:
         unit = unit if unit in ("s", "1") else f"0.01 {unit}"
         hint = f" ({machine} are machine units: give the size of one);"
-    text = f"{lacks}{hint} map one, as in --column '{missing[0]}=NAME [{unit}]'{rate}"
+    text = f"{lacks}{hint} map one, as in {option('column', f'{missing[0]}=NAME [{unit}]')}{rate}"
     if schema is SLIDER and turns:
-        text += "; for an axis or a joint: --rig axis ('jaxfric inspect'), or 'jaxfric axis'"
+        text += f"; for an axis or a joint: {_read_axis()}"
     if "load_point_displacement" in missing:
-        text += "; if its speed is constant: --column 'load_point_velocity=10 um/s'"
+        text += f"; if its speed is constant: {option('column', 'load_point_velocity=10 um/s')}"
     if "position" in missing:
-        text += "; a velocity will do: --column 'velocity=NAME [rpm]'"
+        text += f"; a velocity will do: {option('column', 'velocity=NAME [rpm]')}"
     if "motor_force" in missing:
         gain = schema.roles["motor_force"].shown(rotary=turns)
         text += (
-            "; for a control signal, or the motor's current: --column 'control_signal=NAME [V]' or"
-            f" 'motor_current=NAME [A]', with --drive-gain '0.05 {gain}/V' (or /A)"
+            "; for a control signal, or the motor's current:"
+            f" {option('column', 'control_signal=NAME [V]')} or"
+            f" {option('column', 'motor_current=NAME [A]')}, with"
+            f" {option('drive-gain', f'0.05 {gain}/V')} (or /A)"
         )
     if "friction" in missing:
         text += (
-            "; for shear and normal force, or stress: --column 'shear_force=NAME [kN]' and"
-            " 'normal_force=NAME [kN]'"
+            "; for shear and normal force, or stress:"
+            f" {option('column', 'shear_force=NAME [kN]', 'normal_force=NAME [kN]')}"
         )
     raise InputError(text)
 
@@ -316,7 +324,7 @@ def _refuse_other_role(
         name = table.names[index]
         raise InputError(
             f"{table.path}, column '{name}' ({role.name}): '{unit}' is a unit of {other.name};"
-            f" assign that role: --column '{other.name}={name} [{unit}]'"
+            f" assign that role: {option('column', f'{other.name}={name} [{unit}]')}"
         )
 
 
@@ -331,22 +339,19 @@ def _refuse_without_units(
         return
     names = {role.name: table.names[found[role.name][0]] for role in bare}
     these = " and ".join(f"'{names[role.name]}' ({role.name})" for role in bare)
-    give = " ".join(_with_example(role, names[role.name], rotary=bool(rotary)) for role in bare)
+    each = [(role, role.shown(rotary=bool(rotary))) for role in bare]
+    give = option("column", *(f"{role.name}={names[role.name]} [{unit}]" for role, unit in each))
     turning = next((role for role in bare if role.turning and rotary is None), None)
     either = f", or [{turning.shown(rotary=True)}] where it turns" if turning else ""
     share = ", of a duty cycle what 1 is: [24 V]" if "control_signal" in names else ""
-    spare = " ".join(f"--column {role.name}={NO_COLUMN}" for role in bare if not role.need)
+    unwanted = [f"{role.name}={NO_COLUMN}" for role in bare if not role.need]
+    spare = option("column", *unwanted) if unwanted else ""
     leave = f", or leave {'it' if len(bare) == 1 else 'what is not needed'} out: {spare}"
     lacks, it = ("has", "it") if len(bare) == 1 else ("have", "them")
     raise InputError(
         f"{table.path}, column{'s' * (len(bare) > 1)} {these} {lacks} no unit; give {it}, as in"
         f" {give}{either}{share}{leave if spare else ''}"
     )
-
-
-def _with_example(role: Role, name: str, *, rotary: bool) -> str:
-    example = role.shown(rotary=rotary)
-    return f"--column '{role.name}={name} [{example}]'"
 
 
 def _with_unit(table: Table, role: Role, index: int, unit: str | None, rotary: bool) -> Use:
@@ -357,7 +362,7 @@ def _with_unit(table: Table, role: Role, index: int, unit: str | None, rotary: b
     if _MACHINE.fullmatch(read):
         raise InputError(
             f"{what}: '{unit}' is a machine unit; give the size of one, as in"
-            f" --column '{role.name}={name} [0.01 {example}]'"
+            f" {option('column', f'{role.name}={name} [0.01 {example}]')}"
         )
     si_unit = _si_unit(role, read)
     per_cent = _per_cent(read) if si_unit == "%" else None

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, option
 from ..units import has_dimension
 from .columns import Found, Use, spelt, understand
 from .formats import read_table
@@ -95,9 +95,9 @@ def _stresses(table: Table, found: Found, named: set[str]) -> list[str]:
     if "normal_stress" not in found:
         raise InputError(
             f"{table.path} has a shear stress, '{shear}', and neither friction nor a normal stress;"
-            f" it has: {table.describe()}; map one, as in --column 'normal_stress=NAME [MPa]';"
-            f" {_share_of(shear)}"
-            + (f", or --column 'friction={shear} [kN]' of a force" if forced else "")
+            f" it has: {table.describe()}; map one, as in"
+            f" {option('column', 'normal_stress=NAME [MPa]')}; {_share_of(shear)}"
+            + (f", or {option('column', f'friction={shear} [kN]')} of a force" if forced else "")
         )
     note = f"friction is '{shear}' over '{table.names[found['normal_stress'][0]]}'"
     if forced and _is_force(found, "normal_stress"):
@@ -117,19 +117,21 @@ def _refuse_force(table: Table, found: Found, role: str) -> None:
         return
     index, unit = found[role]
     name = table.names[index]
+    unwanted = role == "normal_stress"
+    spare = f"; or leave it out: {option('column', f'{role}=none')}" if unwanted else ""
     raise InputError(
         f"{table.path}, column '{name}' ({role}) is a force [{unit}] and not a stress; give the"
-        f" stress of 1 {unit}, as in --column '{role}={name} [0.4 MPa]' for kN over 2500 mm^2."
-        " If shear and normal are both forces, map both: friction is their quotient"
-        + (f"; or leave it out: --column {role}=none" if role == "normal_stress" else "")
+        f" stress of 1 {unit}, as in {option('column', f'{role}={name} [0.4 MPa]')} for kN over"
+        " 2500 mm^2."
+        " If shear and normal are both forces, map both: friction is their quotient" + spare
     )
 
 
 def _share_of(name: str) -> str:
     """Return advice for a shear stress without a recorded normal stress."""
     return (
-        "if the normal stress was constant and not recorded, divide by it, as in --column"
-        f" 'friction={name} [0.2]' for MPa under 5 MPa"
+        "if the normal stress was constant and not recorded, divide by it, as in"
+        f" {option('column', f'friction={name} [0.2]')} for MPa under 5 MPa"
     )
 
 
@@ -141,7 +143,7 @@ def _refuse_friction(table: Table, index: int, unit: str | None, is_stress: bool
     if is_stress:
         raise InputError(
             f"{what} is a stress [{unit}]; friction is a coefficient or a force [N], or shear over"
-            " normal stress: map the latter, as in --column 'normal_stress=NAME [MPa]';"
+            f" normal stress: map the latter, as in {option('column', 'normal_stress=NAME [MPa]')};"
             f" {_share_of('NAME')}"
         )
 
@@ -159,7 +161,7 @@ def _quotient(
     wrong = np.isfinite(normal) & ~(normal > 0)
     if wrong.any():
         first = int(np.flatnonzero(wrong)[0])
-        turned = f", or turn its sign: --column 'normal_stress=NAME [-1 {unit}]'"
+        turned = f", or turn its sign: {option('column', f'normal_stress=NAME [-1 {unit}]')}"
         raise InputError(
             f"{table.path}: friction is shear {what} over normal {what}, and the normal {what} is"
             f" {normal[first] / size:.6g} {unit} in row {lines[first]} ({wrong.sum()} rows); cut"
@@ -172,7 +174,8 @@ def _quotient(
         raise InputError(
             f"{table.path}: friction is '{over}' over '{under}', {found[worst]:.3g} in row"
             f" {lines[worst]}, where '{under}' is {normal[worst] / size:.3g} {unit}: is that the"
-            f" normal {what}, and its unit right? Where it was constant and not recorded: --column"
-            f" normal_stress=none --column 'friction={over} [0.2]' for MPa under 5 MPa"
+            f" normal {what}, and its unit right? Where it was constant and not recorded:"
+            f" {option('column', 'normal_stress=none', f'friction={over} [0.2]')}"
+            " for MPa under 5 MPa"
         )
     return found

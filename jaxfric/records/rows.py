@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, option
 
 LARGEST, SMALLEST = 1e30, 1e-30
 """Limits of a measured quantity in SI: larger values are refused, smaller ones set to 0."""
@@ -147,8 +147,8 @@ def clock_doubt(time: np.ndarray, path: str, rows: FileRows) -> str | None:
     first = int(still[np.argmax(np.ptp(still, axis=1)), 0])
     return (
         f"{path}: the clock stands still at {time[first]:.10g} s from {rows.place(first)} on, for"
-        f" {longest} more rows, which are left out; cut the file there (--to), or give the rate in"
-        " place of the times, as in --column 'time=10 Hz'"
+        f" {longest} more rows, which are left out; cut the file there ({option('to')}), or give"
+        f" the rate in place of the times, as in {option('column', 'time=10 Hz')}"
     )
 
 
@@ -164,7 +164,7 @@ def _refuse_malformed(path: str, rows: FileRows) -> None:
     first = int(np.flatnonzero(rows.malformed)[0])
     raise InputError(
         f"{path}: {_count(rows.malformed)} with a wrong number of cells, the first in"
-        f" {rows.place(first)}; mend them, or leave them out (--drop-bad)"
+        f" {rows.place(first)}; mend them, or leave them out ({option('drop-bad')})"
     )
 
 
@@ -180,11 +180,11 @@ def _refuse_bad(
         raise InputError(
             f"{path}: columns of different length: {role} ends before {rows.place(first)}, time"
             f" has {len(bad) - first} rows more; cut the file there, or drop those rows"
-            " (--drop-bad)"
+            f" ({option('drop-bad')})"
         )
     raise InputError(
         f"{path}: {_count(bad)} with a cell that is no finite number, the first in"
-        f" {rows.place(first, role)}; mend them, or leave them out (--drop-bad)"
+        f" {rows.place(first, role)}; mend them, or leave them out ({option('drop-bad')})"
     )
 
 

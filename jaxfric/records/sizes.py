@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, option
 
 
 @dataclass(frozen=True)
@@ -76,4 +76,6 @@ def refuse_sizes(
         if role == "friction" and not size.unit:
             hint = "a coefficient is less than 100; if it is a force, write its unit"
         example = {"friction": "N", "time": "ms"}.get(role, "UNIT")
-        raise InputError(f"{path}: {found}: {hint}, as in --column '{role}=NAME [{example}]'")
+        raise InputError(
+            f"{path}: {found}: {hint}, as in {option('column', f'{role}=NAME [{example}]')}"
+        )

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ..errors import option
 from ..units import format_si, read_as
 
 _RANGES = 2.0
@@ -64,6 +65,6 @@ def told(
         more = f" and {len(rows) - _TOLD} more" if len(rows) > _TOLD else ""
         found.append(
             f"{path}: {role} has outliers: {cells}{more}. A wrong cell can make a fit diverge:"
-            " correct it, or leave the row out (--drop-bad)"
+            f" correct it, or leave the row out ({option('drop-bad')})"
         )
     return tuple(found)

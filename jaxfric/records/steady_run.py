@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..errors import option
 from .axis_record import AxisRecord
 from .rests import Rests, rests
 from .rows import MIN_ROWS
@@ -207,7 +208,8 @@ def _refusal(speed: np.ndarray, whole: np.ndarray, record: AxisRecord) -> str:
         low, high = (shown_speed(float(x), record) for x in (min(means), max(means)))
         return (
             f"its speed is not steady: means over its tenths are {low} to {high}, and no"
-            f" {_BLOCKS - _MOST_CUT} consecutive ones agree (choose rows with --from and --to)"
+            f" {_BLOCKS - _MOST_CUT} consecutive ones agree (choose rows with {option('from')} and"
+            f" {option('to')})"
         )
     mean, spread = float(speed.mean()), float(speed.std(ddof=1))
     if abs(mean) <= 3 * spread / np.sqrt(effective_samples(speed)):

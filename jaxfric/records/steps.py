@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import InputError
+from ..errors import InputError, option
 from ..units import format_si, parse_quantity
 from .joints import BrokenLine, fit_broken_line
 from .record import Record
@@ -193,7 +193,8 @@ def speeds_without_steps(record: Record, steps: VelocitySteps) -> str | None:
     return (
         f"the load point moves at several speeds ({low} to {high}) but shows no step: a run-in, a"
         " ramp, or steps too small or too brief for its noise. Cut the record to its steps, as in"
-        f" --from '{record.relative_time[-1] / 4:.3g} s', or state them with --steps"
+        f" {option('from', f'{record.relative_time[-1] / 4:.3g} s')}, or state them with"
+        f" {option('steps')}"
     )
 
 

@@ -12,9 +12,6 @@ from ..units import has_dimension, parse_quantity
 _FEW, _FEW_SHARE = 5, 0.05
 """Number (and share) of rows that may be empty at the start and at the end."""
 
-HOW = "or state how often rows were taken: --column 'time=1 kHz'"
-"""Advice if there is no time column."""
-
 
 @dataclass(frozen=True, eq=False)
 class Table:

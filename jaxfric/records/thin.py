@@ -8,29 +8,26 @@ first row is kept, because times count from it. Averaging flattens a peak by 1/2
 difference; `blur` compares this with the noise of the means.
 """
 
+import typing
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, option
 from ..findings import Warned, WarningCode
 from .record import Record, frozen
 from .rows import MIN_ROWS
 from .steps import VelocitySteps
 
 LEAST_ROWS = 100
-_FLATTENED = (
-    "means over {} rows flatten the peaks after the steps by {} times the noise of the means: A"
-    " is too small; choose a larger --downsample-to"
-)
 
 
 def refuse_few_means(rows: int) -> None:
     """Raise `InputError` if fewer than 100 rows are asked for."""
     if rows < LEAST_ROWS:
-        raise InputError(f"--downsample-to is {rows}; {LEAST_ROWS} or more are needed")
+        raise InputError(f"{option('downsample-to')} is {rows}; {LEAST_ROWS} or more are needed")
 
 
 def thinned(record: Record, rows: int, steps: VelocitySteps) -> Record:
@@ -50,7 +47,8 @@ def thinned(record: Record, rows: int, steps: VelocitySteps) -> Record:
     first = np.concatenate(starts)
     if len(first) < MIN_ROWS:
         raise InputError(
-            f"--downsample-to {rows}: only {len(first)} means would remain; choose more rows"
+            f"{option('downsample-to', rows)}: only {len(first)} means would remain; choose more"
+            " rows"
         )
     index = first[:, None] + np.arange(size)
     means = {
@@ -70,7 +68,16 @@ def blur(record: Record, noise: float) -> float:
 
 def blur_warning(rows: int, lost: float) -> Warned:
     """Return the warning that `rows` rows a mean flatten the peaks by `lost` times the noise."""
-    return Warned(_FLATTENED.format(rows, f"{lost:.2g}"), WarningCode.FLATTENED, (rows, lost))
+    return Warned(
+        _flattened(str(rows), f"{lost:.2g}"), WarningCode.FLATTENED, {"rows": rows, "times": lost}
+    )
+
+
+def _flattened(rows: str, lost: str) -> str:
+    return (
+        f"means over {rows} rows flatten the peaks after the steps by {lost} times the noise of the"
+        f" means: A is too small; choose a larger {option('downsample-to')}"
+    )
 
 
 def blur_warning_of(warnings: Sequence[str]) -> tuple[str, ...]:
@@ -81,7 +88,8 @@ def blur_warning_of(warnings: Sequence[str]) -> tuple[str, ...]:
     if not found:
         return ()
     said = []
-    for values, form in zip(zip(*found, strict=True), (".0f", ".2g"), strict=True):
+    for name, form in (("rows", ".0f"), ("times", ".2g")):
+        values = [typing.cast("float", one[name]) for one in found]
         ends = (format(end, form) for end in (min(values), max(values)))
         said.append(" to ".join(dict.fromkeys(ends)))
-    return (Warned(_FLATTENED.format(*said), WarningCode.FLATTENED),)
+    return (Warned(_flattened(*said), WarningCode.FLATTENED),)

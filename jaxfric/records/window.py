@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, option
 from ..units import has_dimension, parse_quantity
 
 Bound = float | str | None
@@ -21,8 +21,8 @@ def bounds(
     that is not reached, and an end that is not after the start.
     """
     relative = time - time[0]
-    low = _seconds(relative, moved, start, "--from", path, 0.0)
-    high = _seconds(relative, moved, stop, "--to", path, float(relative[-1]))
+    low = _seconds(relative, moved, start, option("from"), path, 0.0)
+    high = _seconds(relative, moved, stop, option("to"), path, float(relative[-1]))
     if not low < high:
         raise InputError(
             f"{path}: the window from {low:.6g} to {high:.6g} s is empty; the record lasts"

@@ -1,5 +1,6 @@
 """A fit as the content of fit.json."""
 
+from ..findings import coded
 from ..fitting.result import Estimate, Fit
 from ..plain import entries, plain
 from ..saved.entry import ENTRY, law_entry
@@ -30,6 +31,7 @@ def content(fit: Fit) -> dict:
             **entries(fit, "sum_of_squares", "rms"),
             "noise": noise if fit.converged else dict.fromkeys(noise),
             **entries(fit, "weighting", "converged", "iterations", "result", "warnings"),
+            "warned": coded(fit.warnings),
             "findings": [one.to_json(velocity) for one in fit.findings],
         }
     )

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ..findings import coded
 from ..gains.hunting import Hunting
 from ..gains.result import Gains
 from ..plain import entries, plain
@@ -54,6 +55,7 @@ def content(gains: Gains) -> dict:
             **entries(gains, "confidence", "kept_samples"),
         },
         **entries(gains, "certificate", "simulation", "warnings"),
+        "warned": coded(gains.warnings),
     }
     return plain(result)
 

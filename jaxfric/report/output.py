@@ -11,7 +11,7 @@ import tempfile
 from collections.abc import Generator
 from pathlib import Path
 
-from ..errors import InputError
+from ..errors import InputError, option
 
 
 @contextlib.contextmanager
@@ -45,7 +45,9 @@ def _make(target: Path) -> list[Path]:
         missing = [p for p in (target, *target.parents) if not p.exists()]
         target.mkdir(parents=True, exist_ok=True)
     except FileExistsError:
-        raise InputError(f"output folder {target} is a file; give another with --out") from None
+        raise InputError(
+            f"output folder {target} is a file; give another with {option('out')}"
+        ) from None
     except (OSError, ValueError) as error:
         raise _refusal(target, error) from None
     return missing
@@ -63,4 +65,6 @@ def _move(work: Path, target: Path) -> None:
 
 def _refusal(target: Path, error: Exception) -> InputError:
     reason = getattr(error, "strerror", None) or str(error)
-    return InputError(f"cannot write to output folder {target}: {reason}; give another with --out")
+    return InputError(
+        f"cannot write to output folder {target}: {reason}; give another with {option('out')}"
+    )

@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+from ..errors import either, option
 from ..posterior.inference_data import unit_name, unit_size
 from ..posterior.result import DIFFERENCE, Fitted, Posterior, Spread
 from ..units import decimals
@@ -78,10 +79,10 @@ def _reweighted(posterior: Posterior) -> list[str]:
         )
     if not told:
         return []
+    gls = either(option("weighting", "gls"), "weighting='whitened'")
     return [
         f"the ordinary fit has {', '.join(told)}: its difference to the whitened fit comes from"
-        " how rows are weighted, not from a prior; --weighting gls (in Python"
-        " weighting='whitened') makes that fit"
+        f" how rows are weighted, not from a prior; {gls} makes that fit"
     ]
 
 

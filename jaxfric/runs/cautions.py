@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..errors import option
 from ..records import Record
 from ..records.teeth import find_dips
 from .events import Event, end_of
@@ -78,5 +79,6 @@ def _turns(record: Record, events: Sequence[Event]) -> str:
     return (
         f"friction falls to {lowest:.2g}{unit} and comes back within {longest} rows, at {times}"
         f" s{more}: the load point may have turned there, if |friction| was recorded. Cut the"
-        " record there (--from, --to), or use 'jaxfric axis' for motion back and forth"
+        f" record there ({option('from')}, {option('to')}), or use 'jaxfric axis' for motion back"
+        " and forth"
     )

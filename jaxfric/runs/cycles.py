@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..errors import option
 from ..fitting.uncertainty import QUANTILE
 from ..records import Record
 from ..silent import silent
@@ -169,7 +170,7 @@ def disagreement(
         return None
     unit, scale = found.units["K"]
     return (
-        f"--stiffness is {words} the slope of friction during stick,"
+        f"{option('stiffness')} is {words} the slope of friction during stick,"
         f" {measured(scale * K, scale * error)} {unit}"
     )
 

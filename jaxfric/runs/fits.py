@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ..described import Described, Drawable, Tabular
-from ..errors import InputError
+from ..errors import InputError, option
 from ..fitting import Fit, fit
 from ..fitting.assemble import contradicted
 from ..laws.registry import known_law
@@ -166,7 +166,8 @@ def fit_run(
     if not chosen:
         raise InputError(
             f"{record.provenance.path}: no velocity step to fit among {len(events)} events;"
-            " events.toml lists all events with reasons; edit it and pass it with --events"
+            " events.toml lists all events with reasons; edit it and pass it with"
+            f" {option('events')}"
         )
     moved = record.load_point_displacement
     assert moved is not None

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, option
 from ..records import Record, VelocitySteps
 from ..records.record import frozen
 from ..rig.normal_stress import NormalStress, stress_of_levels
@@ -138,7 +138,8 @@ def join(record: Record, events: Sequence[Event]) -> Joined:
     if any(v <= 0 for s in stretches for v in (s.before, s.joints[0][1]) if v != 0):
         raise InputError(
             f"{record.provenance.path}: the load point moves backwards in a window to be fitted;"
-            " the loop takes forward motion. Give the load point with the other sign (--column)"
+            " the loop takes forward motion. Give the load point with the other sign"
+            f" ({option('column')})"
         )
     phases, begins = _phases(stretches, record)
     of, time = _rows_of(phases, stretches, record.relative_time)

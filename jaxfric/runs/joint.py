@@ -27,6 +27,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..errors import option
 from ..fitting import Fit
 from ..fitting.drift import chance
 from ..units import measured
@@ -290,7 +291,7 @@ def told(steps: Sequence[StepFit]) -> list[str]:
     if any(d.quantity == "A-B" for d in answers) and (p := trend_chance(steps)) < _DIFFER:
         lines.append(
             f"friction has a significant trend with slip in these steps (p = {p:.1g}): the lines of"
-            " A-B use fits with this trend (--slip-trend)"
+            f" A-B use fits with this trend ({option('slip-trend')})"
         )
     told_of = [d for d in answers if d.shown]
     lines += [d.told() for d in told_of if not _is_of_velocity(d)]

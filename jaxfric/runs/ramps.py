@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, option
 from ..records import Record
 from ..units import measured
 from .events import Event
@@ -216,8 +216,8 @@ def stiffness_from_ramps(record: Record, events: Sequence[Event]) -> RampStiffne
     found = ramp_stiffness(ramps)
     if found is None:
         raise InputError(
-            f"{record.provenance.path}: --stiffness ramps: {_none(ramps)}; give the stiffness, as"
-            " in --stiffness 1.6e-3/um"
+            f"{record.provenance.path}: {option('stiffness', 'ramps')}: {_none(ramps)}; give the"
+            f" stiffness, as in {option('stiffness', '1.6e-3/um')}"
         )
     return found
 
@@ -248,8 +248,8 @@ def disagreement(
     if words is None:
         return None
     return (
-        f"--stiffness is {words} that of the ramps ({found.told()}){where}: A, B and L depend on"
-        " it; to use that of the ramps: --stiffness ramps"
+        f"{option('stiffness')} is {words} that of the ramps ({found.told()}){where}: A, B and L"
+        f" depend on it; to use that of the ramps: {option('stiffness', 'ramps')}"
     )
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, option
 from ..units import has_dimension, parse_quantity
 
 _ALIKE = 1.02
@@ -40,13 +40,15 @@ class MachineStiffness:
         Raises `InputError` for another unit, and for a value that is not positive.
         """
         if isinstance(text, str) and has_dimension(text, "Pa/m"):
-            found = cls(parse_quantity(text, "Pa/m", "--stiffness"), True)
+            found = cls(parse_quantity(text, "Pa/m", option("stiffness")), True)
         else:
             unit = "1/m" if friction_unit == "1" else "N/m"
-            value = parse_quantity(text, unit, "--stiffness") if isinstance(text, str) else text
+            value = (
+                parse_quantity(text, unit, option("stiffness")) if isinstance(text, str) else text
+            )
             found = cls(float(value))
         if not (np.isfinite(found.value) and found.value > 0):
-            raise InputError(f"--stiffness: '{text}' is not positive")
+            raise InputError(f"{option('stiffness')}: '{text}' is not positive")
         return found
 
     def at(self, normal_stress: float | None) -> float:
@@ -58,8 +60,10 @@ class MachineStiffness:
             return self.value
         if normal_stress is None or not normal_stress > 0:
             raise InputError(
-                "--stiffness is a stress per length, and the record has no normal stress there; map"
-                " one, as in --column 'normal_stress=NAME [MPa]', or give it as friction per length"
+                f"{option('stiffness')} is a stress per length, and the record has no normal"
+                " stress there; map"
+                f" one, as in {option('column', 'normal_stress=NAME [MPa]')}, or give it as"
+                " friction per length"
             )
         return self.value / normal_stress
 
@@ -72,5 +76,5 @@ class MachineStiffness:
         return (
             f"a stiffness of {per:.4g}/um was used at normal stresses from {low:.4g} to"
             f" {high:.4g} MPa, but a press has one stiffness of shear stress. If {per:.4g}/um holds"
-            f" at {high:.4g} MPa, give --stiffness as {per * high:.4g} MPa/um"
+            f" at {high:.4g} MPa, give {option('stiffness')} as {per * high:.4g} MPa/um"
         )

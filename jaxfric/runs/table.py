@@ -4,6 +4,7 @@ import csv
 import io
 from collections.abc import Mapping, Sequence
 
+from ..errors import option
 from ..fitting import Estimate, Fit
 from ..fitting.drift import is_contradicted
 from ..fitting.misfit import COLUMN, excess
@@ -191,8 +192,8 @@ def ask_on(run: RunFit) -> str:
         not_so = f"the rows before step {', '.join(wrong)} do not have the slip trend of the fit; "
         return not_so * bool(wrong) + f"find out which effect the model of {which} lacks"
     return (
-        f"fit again with a slip trend or a second state (--states 2): {which} may mistake either"
-        " for evolution. The rows before a step show whether a slip trend is right"
+        f"fit again with a slip trend or a second state ({option('states', '2')}): {which} may"
+        " mistake either for evolution. The rows before a step show whether a slip trend is right"
     )
 
 

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..errors import option
 from ..findings import WarningCode, is_of
 from ..fitting import Fit
 from ..fitting.drift import drift_warning, told_drift
@@ -59,7 +60,8 @@ def _trend_taken(fits: Sequence[Fit]) -> str:
     """Return the caution that a fit may mistake a drift for evolution; '' with a slip trend."""
     if fits[0].model.slip_trend:
         return ""
-    return f"; {'they' if len(fits) > 1 else 'it'} may mistake a drift for evolution (--slip-trend)"
+    they = "they" if len(fits) > 1 else "it"
+    return f"; {they} may mistake a drift for evolution ({option('slip-trend')})"
 
 
 def drift_warning_of(fits: Sequence[Fit]) -> tuple[str, ...]:
@@ -71,7 +73,8 @@ def drift_warning_of(fits: Sequence[Fit]) -> tuple[str, ...]:
         slopes = ", ".join(f"{1e-3 * drift.slope:+.2g}" for _, drift in found)
         return (
             f"before these velocity steps friction changes by {slopes} per mm, where the model is"
-            " steady; if the drift goes on, A-B is off by more than its error (--slip-trend)",
+            " steady; if the drift goes on, A-B is off by more than its error"
+            f" ({option('slip-trend')})",
         )
     own = [fit.parameters["slip_trend"].value for fit, _ in found]
     slopes = ", ".join(f"{1e-3 * (o + d.slope):+.2g}" for o, (_, d) in zip(own, found, strict=True))

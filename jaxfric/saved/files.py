@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, option
 from ..schemas import FIT, STEADY, VERBS
 from .upgrade import upgraded
 
@@ -65,7 +65,8 @@ def _checked(path: Path, content: dict, *schemas: str) -> dict:
         raise InputError(
             f"{path}: a steady-state curve, whose friction has no memory: its entry gains has the"
             " required damping. For margins give its law by name, in N and m/s:"
-            " --law stribeck --parameters 'c0=20 N, c1=170 N*s/m, c2=5 N, c3=10 mm/s, c4=1'"
+            f" {option('law', 'stribeck')}"
+            f" {option('parameters', 'c0=20 N, c1=170 N*s/m, c2=5 N, c3=10 mm/s, c4=1')}"
         )
     if schema not in schemas:
         found = f"its schema is '{schema}'" if schema else "it names no schema"

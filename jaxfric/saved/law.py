@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from ..errors import InputError
+from ..errors import InputError, option
 from ..laws.fitted import law_of
 from ..laws.registry import Law
 from ..laws.source import LawSource, stack
@@ -48,9 +48,9 @@ def law_from_fit(
     """
     force = normal_force
     if isinstance(force, str):
-        force = parse_quantity(force, "N", "--normal-force")
+        force = parse_quantity(force, "N", option("normal-force"))
     if force is not None and not force > 0:
-        raise InputError(f"--normal-force: '{normal_force}' is not positive")
+        raise InputError(f"{option('normal-force')}: '{normal_force}' is not positive")
     if not isinstance(source, Result):
         raise InputError(
             f"the law is a {type(source).__name__}; give a Fit, a Posterior or a Loop, the path of"
@@ -61,7 +61,9 @@ def law_from_fit(
     if in_file and Path(source).suffix.lower() in ENDINGS:
         return law_from_table(source, memory=memory, normal_force=force)
     if memory is not None:
-        raise InputError("--memory goes with a table of friction against speed; leave it out")
+        raise InputError(
+            f"{option('memory')} goes with a table of friction against speed; leave it out"
+        )
     if isinstance(source, PosteriorResult) or (in_file and is_posterior(Path(source))):
         fitted = posterior_law(source)
     else:
@@ -78,8 +80,8 @@ def law_source(law: LawSource | Law | Result, normal_force: float | str | None) 
         return law_from_fit(law, normal_force=normal_force)
     if normal_force is not None:
         raise InputError(
-            "--normal-force would not be used: this law is in newtons already; it goes with a Fit,"
-            " a Posterior or a Loop"
+            f"{option('normal-force')} would not be used: this law is in newtons already; it goes"
+            " with a Fit, a Posterior or a Loop"
         )
     return (
         law

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..coordinate import Coordinate, unit_of
-from ..errors import InputError
+from ..errors import InputError, either, option
 from ..laws.fitted import force_of_unit
 from ..laws.source import LawSource, stack
 from ..records.friction_table import read_friction_table
@@ -47,7 +47,7 @@ def law_from_table(
         speed, friction, unit, coordinate = read_friction_table(Path(source))
         friction = friction * force_of_unit(unit, normal_force, where)
     if isinstance(memory, str):
-        memory = parse_quantity(memory, unit_of("m", coordinate), "--memory")
+        memory = parse_quantity(memory, unit_of("m", coordinate), option("memory"))
     speed, friction = _one_direction(speed, friction, where)
     law = TabulatedFriction(speed, friction, memory)
     return LawSource(
@@ -68,8 +68,8 @@ def _warnings(memory: bool) -> tuple[str, ...]:
     return (
         slopes,
         "a table of steady-state friction has no memory: only damping can stabilise the slider,"
-        " and the effect of stiffness is unknown. Give the memory distance if it is known, --memory"
-        " '1 mm' (in Python law_from_table(..., memory=1e-3))",
+        " and the effect of stiffness is unknown. Give the memory distance if it is known,"
+        f" {either(option('memory', '1 mm'), 'law_from_table(..., memory=1e-3)')}",
     )
 
 

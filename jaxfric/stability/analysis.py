@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Complex, Float
 
 from ..coordinate import Coordinate, unit_of
-from ..errors import InputError
+from ..errors import InputError, option
 from ..rig.friction import AbstractDelayLaw, AbstractLaw, AbstractRateState, LogarithmicEffect
 from ..rig.friction.law import Conditions
 from .delay_roots import rightmost_roots
@@ -278,18 +278,19 @@ def study(
         raise InputError(f"k_v is {k_v:g} N s/m; it must not be negative")
     if delay is not None and k_p is None:
         raise InputError(
-            "the delay of a controller needs its gains: give --kp and --kv ('jaxfric gains' finds"
-            " gains with that delay in the loop)"
+            f"the delay of a controller needs its gains: give {option('kp')} and {option('kv')}"
+            " ('jaxfric gains' finds gains with that delay in the loop)"
         )
     if isinstance(law, AbstractDelayLaw) and mass is None:
         raise InputError(
-            "a delay law has no stability theory without mass; give one: --mass '2 kg'"
+            f"a delay law has no stability theory without mass; give one: {option('mass', '2 kg')}"
         )
     integral = integral_gain(k_i)
     if integral is not None and k_p is None:
         raise InputError(
-            "the integral gain of a controller needs its other gains: give --kp and --kv"
-            " ('jaxfric gains' finds gains with that integral in the loop)"
+            "the integral gain of a controller needs its other gains: give"
+            f" {option('kp')} and {option('kv')} ('jaxfric gains' finds gains with that integral in"
+            " the loop)"
         )
     refuse_no_law(law)
     law = logarithmic(law)

@@ -23,6 +23,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..errors import option
+
 SURE = 2.0
 """Least distance of a slope, or of A - B, from zero, in standard errors."""
 _FALSE_ALARM = 0.01
@@ -145,7 +147,7 @@ def held_with_trend(claim: Claim, with_trend: Sequence[float] | None) -> Claim:
         "open",
         (
             f"with a trend of friction over slip A - B is {value:.2g} ± {error:.1g}, so its sign is"
-            " not determined (--slip-trend fits one)",
+            f" not determined ({option('slip-trend')} fits one)",
         ),
     )
 

@@ -16,7 +16,7 @@ from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import CancelledError
 from typing import TYPE_CHECKING, Any
 
-from ..errors import InputError
+from ..errors import InputError, option
 from .function import Computed, Stopped, Task
 from .place import Tell
 from .source import belongs_to_package, fingerprint, other_versions, versions
@@ -173,8 +173,8 @@ def _connect(address: str) -> "Client":
     except (OSError, ValueError, TypeError, TimeoutError) as error:
         reason = (str(error).splitlines() or [type(error).__name__])[0]
         raise InputError(
-            f"--scheduler {address}: no Dask scheduler answers there ({reason}); start one with"
-            " 'dask scheduler', or leave the option out to use this machine"
+            f"{option('scheduler', address)}: no Dask scheduler answers there ({reason}); start"
+            " one with 'dask scheduler', or leave the option out to use this machine"
         ) from None
 
 

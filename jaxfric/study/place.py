@@ -19,7 +19,7 @@ from collections.abc import Callable, Generator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import InputError
+from ..errors import InputError, option
 
 if TYPE_CHECKING:
     from zarr.storage import ObjectStore
@@ -161,7 +161,7 @@ class Directory(AbstractPlace):
             shutil.rmtree(work, ignore_errors=True)
 
     def _cannot(self, reason: str) -> InputError:
-        return InputError(f"cannot write {self.shown}: {reason}; give another with --out")
+        return InputError(f"cannot write {self.shown}: {reason}; give another with {option('out')}")
 
     def discard(self) -> None:
         shutil.rmtree(self.path, ignore_errors=True)
@@ -347,7 +347,8 @@ def _beat(owner: str, count: int) -> bytes:
 
 def _held(shown: str) -> InputError:
     return InputError(
-        f"{shown} is being written by another run; wait for it, or give another with --out"
+        f"{shown} is being written by another run; wait for it, or give another with"
+        f" {option('out')}"
     )
 
 

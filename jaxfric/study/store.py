@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, option
 from ..schemas import STUDY
 from ..silent import silent
 from .function import ERRORS, Computed, Task
@@ -157,8 +157,8 @@ def attributes(place: AbstractPlace) -> dict[str, Any]:
         raise InputError(f"{place.shown}: {error.strerror}") from None
     if content is None and not place.exists():
         raise InputError(
-            f"{place.shown}: no such store; make one with: jaxfric study study.toml --out"
-            f" {place.shown}"
+            f"{place.shown}: no such store; make one with: jaxfric study study.toml"
+            f" {option('out', place.shown)}"
         )
     try:
         found = json.loads(content or b"")["attributes"]
@@ -184,7 +184,7 @@ def refuse_other(place: AbstractPlace, description: Mapping[str, object]) -> Non
         shown = ", ".join(differing[:6]) + (" and others" if len(differing) > 6 else "")
         raise InputError(
             f"{place.shown} belongs to another study, which differs in {shown}; give another with"
-            " --out, or delete it"
+            f" {option('out')}, or delete it"
         )
 
 
@@ -206,8 +206,8 @@ def refuse_other_versions(place: AbstractPlace) -> None:
     if changed:
         raise InputError(
             f"{place.shown} was begun with other versions: {', '.join(changed)}; the study would"
-            " mix results of both: give another with --out, or continue nevertheless with"
-            " --other-versions (in Python other_versions=True)"
+            f" mix results of both: give another with {option('out')}, or continue nevertheless"
+            f" with {option('other-versions')}"
         )
 
 

@@ -25,6 +25,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from ...findings import Warned, WarningCode
 from ...records import Provenance
 from ..padding import Numbers
 from . import thresholds as const
@@ -201,10 +202,12 @@ def glitch_words(glitches: Glitches, record: ToldRecord) -> tuple[str, ...]:
     origin, time = record.provenance, record.relative_time
     far = f"{glitches.beyond:.2g} standard deviations"
     if glitches.tails:
-        return (
+        text = (
             f"{origin.path}: {glitches.tails} rows stand out of the noise by more than {far}: so"
-            " many are what the noise is like (heavy tails), and none is passed over",
+            " many are what the noise is like (heavy tails), and none is passed over"
         )
+        values = {"rows": 0, "tails": glitches.tails, "beyond": glitches.beyond}
+        return (Warned(text, WarningCode.GLITCHES, values),)
     if not glitches.rows:
         return ()
     first, number = list(glitches.rows[: const.TOLD]), len(glitches.rows)
@@ -213,6 +216,7 @@ def glitch_words(glitches: Glitches, record: ToldRecord) -> tuple[str, ...]:
     else:
         where = f"at {', '.join(f'{time[k]:.5g} s' for k in first)}"
     where += f" and {number - len(first)} more" if number > len(first) else ""
-    those = "rows stand out of the noise by more than {} and are passed over"
-    those = those if number > 1 else those.replace("rows stand", "row stands").replace("are", "is")
-    return (f"{origin.path}: {number} {those.format(far)}: {where}",)
+    rows, are = ("rows stand", "are") if number > 1 else ("row stands", "is")
+    text = f"{number} {rows} out of the noise by more than {far} and {are} passed over: {where}"
+    values = {"rows": number, "tails": 0, "beyond": glitches.beyond}
+    return (Warned(f"{origin.path}: {text}", WarningCode.GLITCHES, values),)

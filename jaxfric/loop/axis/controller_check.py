@@ -7,6 +7,7 @@ unrecorded disturbance, other gains, a saturated drive.
 
 import numpy as np
 
+from ...errors import option
 from ...fitting.axis_problem import NEGLIGIBLE
 from ...records.axis_record import AxisRecord
 from ..thresholds import SAME_FORCE
@@ -48,8 +49,8 @@ def disagreement(record: AxisRecord, *, held: bool) -> str | None:
         return (
             f"the recorded force and the stated controller disagree: by {middle:.3g} {unit} in half"
             f" of the rows, {100 * middle / size:.2g} % of the force. Check the gains and their"
-            " units (--position-gain, --velocity-gain, --drive-gain); do not trust the closed-loop"
-            " fit"
+            f" units ({option('position-gain')}, {option('velocity-gain')},"
+            f" {option('drive-gain')}); do not trust the closed-loop fit"
         )
     limit = max(_LOCAL * 1.4826 * middle, NEGLIGIBLE * float(np.max(np.abs(force))))
     rows = np.flatnonzero(np.abs(off) > limit) + 2
@@ -58,8 +59,8 @@ def disagreement(record: AxisRecord, *, held: bool) -> str | None:
     return (
         f"the recorded force and the stated controller disagree in {len(rows)} rows, by up to"
         f" {float(np.max(np.abs(off))):.3g} {unit} ({stretches(rows, time)}): something else acts"
-        " there, which the closed loop does not know. Give what was added as a column (--column"
-        " disturbance=NAME), or do not trust the closed-loop fit"
+        " there, which the closed loop does not know. Give what was added as a column"
+        f" ({option('column', 'disturbance=NAME')}), or do not trust the closed-loop fit"
     )
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from ...described import said
 from ...effects import AXIS_CATALOGUE, AbstractEffect, effect_of, ids_of
 from ...effects.axis import ANGLE, IN_TIME
+from ...errors import option
 from ...findings import Finding, Severity
 from ...fitting import Estimate
 from ...fitting.axis_preparation import Preparation
@@ -101,7 +102,7 @@ def _seen_by(record: AxisRecord, asked: Offered) -> Offered:
         (ANGLE,) if record.coordinate == "rotary" else (),
         lambda effect: (
             f"{record.provenance.path}: effect {effect.id} is of a rotary axis, whose position is"
-            " in rad or deg; leave it out of --include"
+            f" in rad or deg; leave it out of {option('include')}"
         ),
     )
 

@@ -13,7 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...errors import InputError
+from ...errors import InputError, option
+from ...findings import Warned, WarningCode
 from ...fitting.axis_preparation import Preparation, Prepared, acceleration_noise, prepare, usual
 from ...records.axis_record import AxisRecord
 from ...records.axis_units import inertia_unit
@@ -95,11 +96,13 @@ def _uneven(record: AxisRecord) -> str | None:
     share = float(np.mean(np.abs(steps - np.median(steps)) > _JITTER * np.median(steps)))
     if share < _FEW:
         return None
-    return (
+    text = (
         f"the rows are {least:.3g} to {most:.3g} ms apart ({middle:.3g} as a rule;"
         f" {100 * share:.2g} % differ from that by more than a fifth): they are"
         " interpolated, which blurs the acceleration. Record at even times"
     )
+    values = {"least": least / 1e3, "most": most / 1e3, "middle": middle / 1e3, "share": share}
+    return Warned(text, WarningCode.UNEVEN, values)
 
 
 def _unexplained(record: AxisRecord, prepared: Prepared, rows: AxisRows) -> str | None:
@@ -108,11 +111,13 @@ def _unexplained(record: AxisRecord, prepared: Prepared, rows: AxisRows) -> str 
     if not len(far):
         return None
     share = 100 * len(far) / int(rows.used.sum())
-    return (
+    text = (
         f"in {share:.2g} % of the rows that count ({stretches(far, rows.time)}) the motion does not"
         " answer to the recorded force: by more than half of it. Something else acts there; give"
-        " what was added as a column (--column disturbance=NAME), or cut those rows out"
+        f" what was added as a column ({option('column', 'disturbance=NAME')}), or cut those rows"
+        " out"
     )
+    return Warned(text, WarningCode.UNEXPLAINED, {"share": share / 100})
 
 
 def _prepare(record: AxisRecord, force: np.ndarray, chosen: Preparation | None, held: bool):
@@ -143,7 +148,7 @@ def _acting(
             f"{record.provenance.path}: the motion does not answer to the disturbance: by least"
             f" squares {-rough.values[4]:.2g} ± {rough.std[4]:.1g} of it acts, where it should be"
             " all of it (1), or none where the recorded force holds it already (0). Check its sign"
-            " and unit, or leave it out: --column disturbance=none"
+            f" and unit, or leave it out: {option('column', 'disturbance=none')}"
         )
     if inside:
         return record.motor_force, ["the recorded force holds the disturbance already"]
@@ -185,7 +190,7 @@ def _cutoff(record: AxisRecord, force: np.ndarray, held: bool) -> tuple[Preparat
         f"low-pass of the position at {one.cutoff:.3g} Hz: at {first.cutoff:.3g} Hz the"
         f" encoder's error, differentiated twice, would be {mass * noise:.2g} {record.force_unit}"
         f" in the predicted force, beside a noise of {left:.2g} {record.force_unit} in the"
-        " recorded one (--cutoff sets another)"
+        f" recorded one ({option('cutoff')} sets another)"
     )
 
 
@@ -239,6 +244,7 @@ def _split(
     if not better < chosen.cutoff:
         raise InputError(
             f"{refused}. At a cutoff of {chosen.cutoff:.3g} Hz a row is"
-            f" {1e3 * chosen.decimation * interval:.3g} ms long: leave --cutoff out, or raise it"
+            f" {1e3 * chosen.decimation * interval:.3g} ms long: leave {option('cutoff')} out, or"
+            " raise it"
         )
-    raise InputError(f"{refused}. Try --cutoff '{better:.2g} Hz'")
+    raise InputError(f"{refused}. Try {option('cutoff', f'{better:.2g} Hz')}")

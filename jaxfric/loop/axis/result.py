@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...described import said
-from ...findings import Finding
+from ...findings import Finding, Warned, WarningCode
 from ...fitting import Estimate
 from ...fitting.axis_fit import AxisFit
 from ...fitting.axis_preparation import Preparation
@@ -42,7 +42,9 @@ class AxisRows:
         """Warnings about the preparation; `unit` is that of the position."""
         share, slowest = float(np.mean(self.stuck)), f"{2 * self.width:.2g} {unit}/s"
         if share > 0.5:
-            return (f"{100 * share:.0f} % of the rows are slower than {slowest} and do not count",)
+            text = f"{100 * share:.0f} % of the rows are slower than {slowest} and do not count"
+            values = {"share": share, "slowest": 2 * self.width}
+            return (Warned(text, WarningCode.SLOW, values),)
         return ()
 
     def as_record(self, record: AxisRecord, force: np.ndarray) -> "PreparedRecord":

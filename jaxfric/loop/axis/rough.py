@@ -12,7 +12,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from ...errors import InputError
+from ...errors import InputError, option
 from ...fitting.axis_preparation import Prepared
 from ...fitting.noise.thresholds import CLEAR
 
@@ -84,13 +84,14 @@ def refuse_reversed(rough: Rough, work: float, path: str, force_unit: str, mass_
     if mass < -CLEAR * mass_error:
         raise InputError(
             f"{path}: by least squares the axis has a mass of {mass:.3g} {mass_unit} and"
-            f" {friction}: is the sign of the force reversed? Turn it with --flip-sign force"
-            " (or that of position and velocity with --flip-sign motion)"
+            f" {friction}: is the sign of the force reversed? Turn it with"
+            f" {option('flip-sign', 'force')} (or that of position and velocity with"
+            f" {option('flip-sign', 'motion')})"
         )
     raise InputError(
         f"{path}: by least squares the axis has {friction}, so that friction would drive it: is the"
-        " sign of the force reversed (--flip-sign force)? Are force and position of the same axis"
-        " and the same time?"
+        f" sign of the force reversed ({option('flip-sign', 'force')})? Are force and position of"
+        " the same axis and the same time?"
     )
 
 

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from ...errors import option
 from ...fitting.axis_preparation import Prepared
 from ...fitting.axis_problem import SLOWEST, AxisProblem
 from ...fitting.uncertainty import normal_inverse
@@ -202,8 +203,8 @@ def held_command(values: Mapping[str, float], effects: Sequence[str], interval: 
     return [
         f"the {1e3 * values[name]:.2g} ms of {id} are about half of the {1e3 * interval:.2g} ms"
         " from row to row: so late acts a command that its controller holds until the next row."
-        " If the force is such a command, say so (--zero-order-hold; held=True in Python): it is"
-        " taken along then"
+        f" If the force is such a command, say so ({option('zero-order-hold')}):"
+        " it is taken along then"
         for name, id in lags.items()
         if id in effects and abs(values[name] - interval / 2) < interval / 4
     ]

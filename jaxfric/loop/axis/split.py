@@ -6,7 +6,7 @@ samples share noise and structure, so whole segments are held out, never samples
 
 import numpy as np
 
-from ...errors import InputError
+from ...errors import InputError, option
 from ...fitting.axis_problem import NEGLIGIBLE
 from ...fitting.noise.thresholds import SAME_VELOCITY
 from ..split import NAMES, Blocks
@@ -45,7 +45,8 @@ def split(segment: np.ndarray, used: np.ndarray, velocity: np.ndarray, path: str
         raise InputError(
             f"{path}: the axis moves back and forth, but in one direction never faster than twice"
             " the noise of its velocity, where friction has no sign. Low-pass the position at a"
-            " lower frequency (--cutoff), record a faster motion, or with a finer encoder"
+            f" lower frequency ({option('cutoff')}), record a faster motion, or with a finer"
+            " encoder"
         )
     rows = np.bincount(segment[used], minlength=int(segment.max()) + 1)
     count = int(np.sum(rows > 0))

@@ -19,7 +19,7 @@ import numpy as np
 
 from ...described import Described, Drawable, Tabular, said
 from ...effects import ids_of
-from ...errors import InputError
+from ...errors import InputError, option
 from ...fitting.axis_problem import NEGLIGIBLE
 from ...fitting.noise.thresholds import CLEAR
 from ...gains.axis import axis_gains
@@ -190,7 +190,7 @@ def _refuse_reversed(curve: SteadyCurve, base: SteadyModel, used: np.ndarray) ->
     raise InputError(
         f"{curve.provenance.path}: the runs have a friction of {force[k] / size:.3g} {unit} at"
         f" {abs(speed[k]):.3g} {shown}, so that friction would drive the axis: is the sign of the"
-        f" force reversed (--flip-sign force)?{wanders}"
+        f" force reversed ({option('flip-sign', 'force')})?{wanders}"
     )
 
 
