@@ -30,7 +30,7 @@ from jaxfric.cli import options
 from jaxfric.cli.app import app
 from jaxfric.cli.looped import tell_loop
 from jaxfric.cli.options import OutputOptions
-from jaxfric.effects import AXIS_CATALOGUE, CATALOGUE
+from jaxfric.effects import AXIS_CATALOGUE, CATALOGUE, RunChange, separators
 from jaxfric.findings import Finding, Severity
 from jaxfric.fitting import Estimate, Fit, NoiseEstimate, NoisePart
 from jaxfric.fitting.axis_preparation import Preparation
@@ -73,6 +73,7 @@ from jaxfric.report.report import print_details
 from jaxfric.report.rig_words import AXIS, SLIDER
 from jaxfric.report.verdict_text import change, words_of_refusal
 from jaxfric.report.version import installed_version
+from jaxfric.report.words import change_words
 from jaxfric.saved import law_from_fit
 from jaxfric.stability.claims import Curve, Unseen
 
@@ -137,7 +138,7 @@ def make_loop(
         reasons=("held-out error is 1.31 times the noise",) if verdict[0] == "o" else (),
         effects=effects,
         alias_groups=_groups(effects),
-        separations={id: CATALOGUE[id].separated_by for id in effects},
+        separations={id: separators(CATALOGUE[id]) for id in effects},
         candidates=_candidates(effects, scores),
         screened=tuple(
             ScreenedEffect(id, 12.0 - 900.0 / (1 + k) ** 2 if effects else 1.2 * k - 4.0)
@@ -431,8 +432,8 @@ FIVE = PlannedRun((2.0, 20.0, 2.0, 20.0, 2.0), 100.0, "um/s")
 RISE = PlannedRun((2.0, 20.0), 100.0, "um/s", second_length=50.0)
 
 
-AGAIN = "the first velocity repeated at the end"
-STEPS_AGAIN = "up and down steps, longer than 3 L2"
+AGAIN = (RunChange.REPEAT,)
+STEPS_AGAIN = (RunChange.UP_AND_DOWN, RunChange.LONG_STEPS)
 
 
 PLANS = [
@@ -441,16 +442,17 @@ PLANS = [
     (FIVE, AGAIN, '"2, 20, 2, 20, 2 um/s" --slip-per-step "100 um"'),
     (RISE, STEPS_AGAIN, '"2, 20, 2, 20, 2 um/s" --slip-per-step "200 um"'),
     (THREE, STEPS_AGAIN, '"2, 20, 2, 20, 2 um/s" --slip-per-step "100 um"'),
-    (FIVE, "up and down steps", '"2, 20, 2, 20, 2 um/s" --slip-per-step "100 um"'),
-    (RISE, "a dwell, a zero-load baseline", '"2, 20, 0.6667, 2, 20 um/s" --slip-per-step "100 um"'),
-    (THREE, "elastic loading, a slip channel",
+    (FIVE, (RunChange.UP_AND_DOWN,), '"2, 20, 2, 20, 2 um/s" --slip-per-step "100 um"'),
+    (RISE, (RunChange.DWELL, "a zero-load baseline"),
+     '"2, 20, 0.6667, 2, 20 um/s" --slip-per-step "100 um"'),
+    (THREE, ("elastic loading", RunChange.SLIP_CHANNEL),
      '"2, 20, 2 um/s" --slip-per-step "100 um" --slip-channel "0.1 um"'),
-    (RISE, "three velocities over two decades",
+    (RISE, (RunChange.DECADES,),
      '"2, 20, 200, 2, 20 um/s" --slip-per-step "100 um"'),
-    (RISE, "a known load", '"2, 20 um/s" --slip-per-step "100 um"'),
+    (RISE, ("a known load",), '"2, 20 um/s" --slip-per-step "100 um"'),
     # several wishes are one run, each wish once
-    (RISE, "a dwell, up and down steps, longer than 3 L2, a slow dwell, three velocities over"
-     " two decades", '"2, 20, 200, 2, 20, 2, 0.6667 um/s" --slip-per-step "200 um"'),
+    (RISE, (RunChange.DWELL, *STEPS_AGAIN, RunChange.SLOW_DWELL, RunChange.DECADES),
+     '"2, 20, 200, 2, 20, 2, 0.6667 um/s" --slip-per-step "200 um"'),
 ]  # fmt: skip
 
 
@@ -458,7 +460,7 @@ def test_the_run_that_would_decide_is_the_one_planned(snapshot) -> None:
     texts = {}
     for before, wanted, asked in PLANS:
         planned = deciding_run(before, wanted)
-        texts[f"{before.speeds}, wanted: {wanted}"] = planned.words()
+        texts[f"{before.speeds}, wanted: {change_words(wanted)}"] = planned.words()
         assert planned.options() == asked
         assert parsed(["protocol", *shlex.split(planned.options())])
     snapshot("plans", texts)
@@ -476,7 +478,7 @@ def of_rock(
     one = np.ones(1)
     seen = ("time", "slip") if together else ("state",)
     location = tuple(LocationProfile(v, "s", one, one, one, 0.9, 1e-9, 0.9) for v in seen)
-    separations = {id: CATALOGUE[id].separated_by for id in ids}
+    separations = {id: separators(CATALOGUE[id]) for id in ids}
     return dataclasses.replace(
         loop, effects=ids, after=after, base_fit=fit, alias_groups=tuple(groups),
         separations=separations, location=location,
@@ -559,7 +561,7 @@ def test_a_run_that_no_plan_changes_is_said_as_it_was(snapshot) -> None:
 
 
 def test_every_planned_change_is_in_the_catalogue() -> None:
-    said = {part for e in CATALOGUE.values() for part in e.separated_by.split(", ")}
+    said = {one for effect in CATALOGUE.values() for one in separators(effect)}
     assert set(CHANGES) <= said
 
 
@@ -632,7 +634,9 @@ def test_a_loop_says_why_a_comparison_of_laws_may_say_otherwise(snapshot) -> Non
             CandidateScore(("time_drift", "second_state"), -gain, 1, 1, {}, True, True, False, why),
         ]
         loop = dataclasses.replace(make_loop("ambiguous"), alias_groups=(group,), candidates=fits)
-        known = dataclasses.replace(loop, separations={"time_drift": "a known load"}, location=())
+        known = dataclasses.replace(
+            loop, separations={"time_drift": ("a known load",)}, location=()
+        )
         for none, case in (("", loop), (", no run", known)):
             told = [s.text for s in next_steps(case) if "jaxfric fit --compare" in s.text]
             assert len(told) == bool(lower or "second_state" in group)

@@ -37,9 +37,10 @@ UM, SEED = 1e-6, 990000
 _HELD_OUT = 1.06
 KEYS = {
     "schema", "record", "friction_unit", "law", "stiffness", "reference_velocity", "steps",
-    "verdict", "sentence", "reasons", "effects", "alias_groups", "separations", "candidates",
-    "rules", "screened", "before", "after", "shifts_in_sigma", "noise", "tests", "location_map",
-    "aliasing", "blocks", "warnings", "seconds", "families", "findings", "friction_law",
+    "verdict", "sentence", "reasons", "effects", "alias_groups", "separations", "separated_by",
+    "candidates", "rules", "screened", "before", "after", "shifts_in_sigma", "noise", "tests",
+    "location_map", "aliasing", "blocks", "warnings", "seconds", "families", "findings",
+    "friction_law", "warned", "next_steps",
 }  # fmt: skip
 
 
@@ -232,7 +233,7 @@ def test_an_effect_of_ones_own_is_found():
     assert abs(found.value - e) < 4 * found.std < e
     assert found.unit in ("1", "") and held_out(loop) <= _HELD_OUT
     assert abs(loop.after.parameters["A"].value / plant.A - 1) < 0.02
-    assert loop.separations == {} or loop.separations["quadratic"] == "more slip"
+    assert loop.separations == {} or loop.separations["quadratic"] == ("more slip",)
 
 
 def bent_record(c: float):

@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from jaxfric.effects import AXIS_CATALOGUE, CATALOGUE, AbstractEffect, parameters
+from jaxfric.effects import AXIS_CATALOGUE, CATALOGUE, AbstractEffect, parameters, separators
+from jaxfric.report.words import change_words
 
 _HEAD = """# Which effect looks like which
 
@@ -79,5 +80,5 @@ def entry(
         f"![what a fit without {id} leaves](fits/effects/{folder}/{id}.png)\n\n"
         f"- **Equation**: `{effect.equation}`\n- **Parameters**\n{symbols}\n"
         f"- **Confused with**: {confused(effect, effects, folder)}\n"
-        f"- **Separated by**: {effect.separated_by}{needs}"
+        f"- **Separated by**: {change_words(separators(effect))}{needs}"
     )

@@ -15,5 +15,7 @@ from .effect import ids_of as ids_of
 from .effect import made as made
 from .effect import null as null
 from .effect import parameters as parameters
+from .effect import separators as separators
 from .effect import with_evolution as with_evolution
 from .effect import with_term as with_term
+from .run_changes import RunChange as RunChange

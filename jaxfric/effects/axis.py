@@ -78,7 +78,9 @@ class DirectionAsymmetry(AbstractLinearAxisEffect, AbstractAxisTermEffect):
     equation: ClassVar[str] = "+ d |v|"
     meaning: ClassVar[str] = "Friction grows faster with speed in one direction than in the other."
     confused_with: ClassVar[tuple[str, ...]] = ("position_dependence",)
-    separated_by: ClassVar[str] = "several speeds in both directions over the same travel"
+    separated_by: ClassVar[tuple[str, ...]] = (
+        "several speeds in both directions over the same travel",
+    )
     d: Float[Array, ""] = quantity("d", "F s/m", "half the difference by direction", default=0.0)
 
     def force(self, at: AxisPoint) -> Array:
@@ -98,7 +100,7 @@ class Cubic(AbstractLinearAxisEffect, AbstractAxisTermEffect):
         "Friction grows faster than in proportion to speed, like drag of air or a fluid, or slower."
     )
     confused_with: ClassVar[tuple[str, ...]] = ("stribeck",)
-    separated_by: ClassVar[str] = "four speeds, the slowest well below the others"
+    separated_by: ClassVar[tuple[str, ...]] = ("four speeds", "the slowest well below the others")
     c: Float[Array, ""] = quantity("c", "F s^3/m^3", "cubic friction", default=0.0)
 
     def force(self, at: AxisPoint) -> Array:
@@ -119,7 +121,7 @@ class AxisStribeck(AbstractAxisTermEffect):
         "lifts the surfaces apart."
     )
     confused_with: ClassVar[tuple[str, ...]] = ("cubic", "presliding", "log_viscous")
-    separated_by: ClassVar[str] = "steady speeds around vs, apart from reversals"
+    separated_by: ClassVar[tuple[str, ...]] = ("steady speeds around vs, apart from reversals",)
     fs: Float[Array, ""] = quantity("fs", "F", "more friction at low speed", default=0.0)
     vs: Float[Array, ""] = quantity("vs", "m/s", "Stribeck velocity", lower=0.0, default=1.0)
 
@@ -155,7 +157,7 @@ class LogViscous(AbstractAxisEffect, AbstractAxisTerm):
         "Friction grows with speed at a decreasing rate: steep at low speed, flat at high speed."
     )
     confused_with: ClassVar[tuple[str, ...]] = ("viscous", "stribeck")
-    separated_by: ClassVar[str] = "two decades of speed"
+    separated_by: ClassVar[tuple[str, ...]] = ("two decades of speed",)
     c: Float[Array, ""] = quantity("c", "F", "growth over a factor of e in speed", default=0.0)
     v_c: Float[Array, ""] = quantity(
         "v_c", "m/s", "speed of the bend", lower=0.0, default=1.0, shape_only=True
@@ -191,7 +193,7 @@ class AxisPositionPeriodic(AbstractAxisTermEffect, AbstractPlaceEffect[AxisRig])
         "cogging."
     )
     confused_with: ClassVar[tuple[str, ...]] = ("position_dependence",)
-    separated_by: ClassVar[str] = "more travel"
+    separated_by: ClassVar[tuple[str, ...]] = ("more travel",)
     c: Float[Array, ""] = quantity("c", "F", "cosine amplitude", default=0.0)
     s: Float[Array, ""] = quantity("s", "F", "sine amplitude", default=0.0)
     wavelength: Float[Array, ""] = quantity("lambda", "m", "wavelength", lower=0.0, default=1.0)
@@ -233,7 +235,7 @@ class Gravity(AbstractLinearAxisEffect, AbstractAxisTermEffect, AbstractPlaceEff
         "else comes once a turn."
     )
     confused_with: ClassVar[tuple[str, ...]] = ("position_dependence", "position_periodic")
-    separated_by: ClassVar[str] = "more of a turn, and another load"
+    separated_by: ClassVar[tuple[str, ...]] = ("more of a turn, and another load",)
     channel: ClassVar[str | None] = ANGLE
     a: Float[Array, ""] = quantity("a", "F", "torque of the weight with the sine", default=0.0)
     b: Float[Array, ""] = quantity("b", "F", "torque of the weight with the cosine", default=0.0)
@@ -262,7 +264,9 @@ class PositionDependence(
         "tighter at one end."
     )
     confused_with: ClassVar[tuple[str, ...]] = ("direction_asymmetry", "time_drift")
-    separated_by: ClassVar[str] = "several passes over the same travel in both directions"
+    separated_by: ClassVar[tuple[str, ...]] = (
+        "several passes over the same travel in both directions",
+    )
     k: Float[Array, ""] = quantity("k", "F/m", "stiffness along the travel", default=0.0)
     m: Float[Array, ""] = quantity("m", "F/m", "growth of friction along the travel", default=0.0)
 
@@ -285,7 +289,7 @@ class AxisTimeDrift(AbstractLinearAxisEffect, AbstractAxisTermEffect):
     equation: ClassVar[str] = "+ (r + s sgn v) t"
     meaning: ClassVar[str] = "Force or friction drifts with time, as with warming up."
     confused_with: ClassVar[tuple[str, ...]] = ("position_dependence",)
-    separated_by: ClassVar[str] = "the first motion repeated at the end"
+    separated_by: ClassVar[tuple[str, ...]] = ("the first motion repeated at the end",)
     r: Float[Array, ""] = quantity("r", "F/s", "drift of the offset", default=0.0)
     s: Float[Array, ""] = quantity("s", "F/s", "drift of Coulomb friction", default=0.0)
 
@@ -314,7 +318,9 @@ class Presliding(AbstractAxisEffect):
         "bristle bends."
     )
     confused_with: ClassVar[tuple[str, ...]] = ("servo_lag", "stribeck")
-    separated_by: ClassVar[str] = "slow reversals, smaller than the presliding distance"
+    separated_by: ClassVar[tuple[str, ...]] = (
+        "slow reversals, smaller than the presliding distance",
+    )
     a: Float[Array, ""] = quantity("a", "F", "part of Coulomb friction on a bristle", default=0.0)
     sigma_1: Float[Array, ""] = quantity(
         "sigma_1", "F s/m", "damping of the bristle", default=0.0, shape_only=True
@@ -362,7 +368,7 @@ class RateAndState(AbstractAxisEffect):
         "speed if the controller is soft."
     )
     confused_with: ClassVar[tuple[str, ...]] = ("stribeck", "presliding", "cubic", "log_viscous")
-    separated_by: ClassVar[str] = "steps of velocity within a stroke, and reversals"
+    separated_by: ClassVar[tuple[str, ...]] = ("steps of velocity within a stroke, and reversals",)
     A: Float[Array, ""] = quantity("A", "F", "direct effect", default=0.0)
     B: Float[Array, ""] = quantity("B", "F", "evolution effect", default=0.0)
     L: Float[Array, ""] = quantity("L", "m", "characteristic slip length", lower=0.0, default=1.0)
@@ -391,7 +397,9 @@ class AxisServoLag(AbstractLinearAxisEffect):
     equation: ClassVar[str] = "tau F_m' = F - F_m"
     meaning: ClassVar[str] = "The motor's force lags behind the recorded one."
     confused_with: ClassVar[tuple[str, ...]] = ("sensor_delay", "sensor_lag", "presliding")
-    separated_by: ClassVar[str] = "the motor's measured current in place of its command"
+    separated_by: ClassVar[tuple[str, ...]] = (
+        "the motor's measured current in place of its command",
+    )
     tau: Float[Array, ""] = quantity("tau", "s", "time constant of the motor", default=0.0)
 
     def embed(self, rig: AxisRig) -> AxisRig:
@@ -411,7 +419,7 @@ class AxisSensorLag(AbstractLinearAxisEffect):
         "The recorded force lags behind the motor's force, as after a low-pass filter."
     )
     confused_with: ClassVar[tuple[str, ...]] = ("sensor_delay", "servo_lag")
-    separated_by: ClassVar[str] = "a force step into a blocked axis"
+    separated_by: ClassVar[tuple[str, ...]] = ("a force step into a blocked axis",)
     tau: Float[Array, ""] = quantity("tau", "s", "time constant of the force channel", default=0.0)
 
     def embed(self, rig: AxisRig) -> AxisRig:
@@ -429,7 +437,9 @@ class AxisSensorDelay(AbstractLinearAxisEffect):
     equation: ClassVar[str] = "q_recorded(t) = q(t - d)"
     meaning: ClassVar[str] = "Position and force are recorded at different moments."
     confused_with: ClassVar[tuple[str, ...]] = ("servo_lag", "sensor_lag", "presliding")
-    separated_by: ClassVar[str] = "the motor's measured current in place of its command"
+    separated_by: ClassVar[tuple[str, ...]] = (
+        "the motor's measured current in place of its command",
+    )
     d: Float[Array, ""] = quantity("d", "s", "delay of the position behind the force", default=0.0)
 
     def embed(self, rig: AxisRig) -> AxisRig:

@@ -160,7 +160,7 @@ class FrictionalDelay(AbstractHeavyEffect[Rig]):
     equation: ClassVar[str] = "theta_ss at V(t - alpha)"
     meaning: ClassVar[str] = "Friction depends on the velocity a moment ago, not on that now."
     confused_with: ClassVar[tuple[str, ...]] = ("sensor_lag", "inertia")
-    separated_by: ClassVar[str] = "fast sampling, oscillating velocity"
+    separated_by: ClassVar[tuple[str, ...]] = ("fast sampling", "oscillating velocity")
     alpha: Float[Array, ""] = quantity("alpha", "s", "delay of friction", default=0.0)
 
     def embed(self, rig: Rig) -> Rig:

@@ -8,6 +8,7 @@ from jaxtyping import Array, Bool, Float
 from ..quantity import quantity
 from ..rig import FirstOrderDrive, IdealDrive, Rig
 from .effect import AbstractLinearEffect
+from .run_changes import RunChange
 
 
 class ServoLag(AbstractLinearEffect[Rig]):
@@ -20,7 +21,7 @@ class ServoLag(AbstractLinearEffect[Rig]):
         "The drive lags behind its command: the load point does not move as recorded."
     )
     confused_with: ClassVar[tuple[str, ...]] = ("sensor_lag", "sensor_delay")
-    separated_by: ClassVar[str] = "a load-point encoder channel"
+    separated_by: ClassVar[tuple[str, ...]] = (RunChange.LOAD_POINT_CHANNEL,)
     tau: Float[Array, ""] = quantity("tau", "s", "time constant of the drive", default=0.0)
 
     def embed(self, rig: Rig) -> Rig:

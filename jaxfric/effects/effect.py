@@ -63,9 +63,10 @@ class AbstractEffect(eqx.Module, Generic[R]):
     """One effect of the catalogue.
 
     `id` is its name in tables and files, `room` the room that it modifies. `equation` is one line,
-    `meaning` explains it in words. `confused_with` lists the ids of similar effects, `separated_by`
-    the experiment that distinguishes them. `rigs` are the kinds of rig to which it applies, by
-    default a slider's. The fields declared by `quantity(...)` are its parameters, amplitudes first.
+    `meaning` explains it in words. `confused_with` lists the ids of similar effects. `separated_by`
+    lists experiments that distinguish them, each a `RunChange` or a text. `rigs` are the kinds of
+    rig to which it applies, by default a slider's. The fields declared by `quantity(...)` are its
+    parameters, amplitudes first.
     """
 
     rigs: ClassVar[tuple[type[eqx.Module], ...]] = (Rig,)
@@ -84,7 +85,7 @@ class AbstractEffect(eqx.Module, Generic[R]):
     room: AbstractClassVar[str]
     equation: AbstractClassVar[str]
     confused_with: AbstractClassVar[tuple[str, ...]]
-    separated_by: AbstractClassVar[str]
+    separated_by: AbstractClassVar[tuple[str, ...]]
 
     @abc.abstractmethod
     def embed(self, rig: R) -> R:
@@ -134,6 +135,12 @@ class AbstractHeavyEffect(AbstractLinearEffect[R]):
 def parameters(effect: AbstractEffect | type[AbstractEffect]) -> dict[str, Quantity]:
     """The quantities of an effect by field name."""
     return quantities(effect)
+
+
+def separators(effect: AbstractEffect | type[AbstractEffect]) -> tuple[str, ...]:
+    """What would tell an effect from its likes; a class may state one as a plain text."""
+    one = effect.separated_by
+    return (one,) if isinstance(one, str) else tuple(one)
 
 
 def beyond(effect: AbstractEffect, scales: RecordScales) -> tuple[str, ...]:

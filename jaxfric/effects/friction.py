@@ -23,6 +23,7 @@ from .effect import (
     with_evolution,
     with_term,
 )
+from .run_changes import RunChange
 
 _TRUE = np.asarray(True)
 
@@ -46,7 +47,7 @@ class SecondState(AbstractTermEffect):
         "step over L, another part over L2."
     )
     confused_with: ClassVar[tuple[str, ...]] = ("slip_trend", "run_in")
-    separated_by: ClassVar[str] = "up and down steps, longer than 3 L2"
+    separated_by: ClassVar[tuple[str, ...]] = (RunChange.UP_AND_DOWN, RunChange.LONG_STEPS)
     moves: ClassVar[bool] = False
     states: ClassVar[int] = 1
     couples: ClassVar[bool] = False
@@ -88,7 +89,7 @@ class Ageing(AbstractEvolutionEffect):
         "the slip law (q = 0) and the ageing law (q = 1)."
     )
     confused_with: ClassVar[tuple[str, ...]] = ("velocity_dependent_L", "stiffness")
-    separated_by: ClassVar[str] = "equal up and down steps of two sizes, holds"
+    separated_by: ClassVar[tuple[str, ...]] = ("equal up and down steps of two sizes", "holds")
     law: ClassVar[Mapping[str, float]] = MappingProxyType({"q": 1.0})
     q: Float[Array, ""] = quantity("q", "1", "change of the ageing share", default=0.0)
 
@@ -109,7 +110,7 @@ class VelocityDependentLength(AbstractEvolutionEffect):
         "The distance over which friction forgets a step changes with velocity."
     )
     confused_with: ClassVar[tuple[str, ...]] = ("ageing",)
-    separated_by: ClassVar[str] = "equal steps at several velocities"
+    separated_by: ClassVar[tuple[str, ...]] = ("equal steps at several velocities",)
     n: Float[Array, ""] = quantity("n", "1", "exponent of L with velocity", default=0.0)
 
     def embed(self, rig: Rig) -> Rig:
@@ -130,7 +131,7 @@ class EvolutionCutoff(AbstractEvolutionEffect):
         "with velocity there."
     )
     confused_with: ClassVar[tuple[str, ...]] = ("viscous",)
-    separated_by: ClassVar[str] = "transients, not levels, at high velocity"
+    separated_by: ClassVar[tuple[str, ...]] = ("transients, not levels, at high velocity",)
     c: Float[Array, ""] = quantity("c", "s/m", "inverse cutoff velocity", default=0.0)
 
     def embed(self, rig: Rig) -> Rig:
@@ -150,7 +151,7 @@ class Viscous(AbstractLinearEffect[Rig], AbstractTermEffect, AbstractStatelessTe
         "Friction grows in proportion to velocity, as of a lubricant, a seal or a guide."
     )
     confused_with: ClassVar[tuple[str, ...]] = ("stribeck", "evolution_cutoff")
-    separated_by: ClassVar[str] = "three velocities over two decades"
+    separated_by: ClassVar[tuple[str, ...]] = (RunChange.DECADES,)
     moves: ClassVar[bool] = True
     c: Float[Array, ""] = quantity("c", "F s/m", "viscous friction", default=0.0)
 
@@ -183,7 +184,7 @@ class Stribeck(AbstractEffect[Rig]):
         "Friction falls from a higher level as velocity passes Vs, whatever came before."
     )
     confused_with: ClassVar[tuple[str, ...]] = ("viscous",)
-    separated_by: ClassVar[str] = "four velocities around Vs"
+    separated_by: ClassVar[tuple[str, ...]] = ("four velocities around Vs",)
     fs: Float[Array, ""] = quantity("fs", "F", "Stribeck amplitude", default=0.0)
     Vs: Float[Array, ""] = quantity("Vs", "m/s", "Stribeck velocity", lower=0.0, default=1e-5)
 
@@ -214,7 +215,10 @@ class SlipTrend(
         "make it."
     )
     confused_with: ClassVar[tuple[str, ...]] = ("time_drift", "run_in")
-    separated_by: ClassVar[str] = "different velocities at equal slip, a slow dwell"
+    separated_by: ClassVar[tuple[str, ...]] = (
+        "different velocities at equal slip",
+        RunChange.SLOW_DWELL,
+    )
     moves: ClassVar[bool] = False
     s: Float[Array, ""] = quantity("s", "F/m", "change of friction with slip", default=0.0)
 
@@ -239,7 +243,7 @@ class RunIn(AbstractPlaceEffect[Rig], AbstractTermEffect, AbstractStatelessTerm)
         "Friction runs in: it goes to another level over the slip dc and stays there."
     )
     confused_with: ClassVar[tuple[str, ...]] = ("slip_trend", "second_state")
-    separated_by: ClassVar[str] = "the first velocity repeated at the end"
+    separated_by: ClassVar[tuple[str, ...]] = (RunChange.REPEAT,)
     moves: ClassVar[bool] = False
     d: Float[Array, ""] = quantity("d", "F", "change of friction by run-in", default=0.0)
     dc: Float[Array, ""] = quantity("dc", "m", "slip of the run-in", lower=0.0, default=3e-4)
@@ -268,7 +272,7 @@ class PositionPeriodic(AbstractPlaceEffect[Rig], AbstractTermEffect, AbstractSta
         "Friction ripples with position: a screw's pitch, a gear or a wavy surface."
     )
     confused_with: ClassVar[tuple[str, ...]] = ("second_state",)
-    separated_by: ClassVar[str] = "the same wavelength at every velocity"
+    separated_by: ClassVar[tuple[str, ...]] = ("the same wavelength at every velocity",)
     moves: ClassVar[bool] = False
     a: Float[Array, ""] = quantity("a", "F", "sine amplitude", default=0.0)
     b: Float[Array, ""] = quantity("b", "F", "cosine amplitude", default=0.0)
@@ -310,7 +314,7 @@ class NormalStressState(AbstractLinearEffect[Rig], AbstractTermEffect):
         "once, which then recovers with slip."
     )
     confused_with: ClassVar[tuple[str, ...]] = ("time_drift",)
-    separated_by: ClassVar[str] = "steps of normal stress"
+    separated_by: ClassVar[tuple[str, ...]] = ("steps of normal stress",)
     channel: ClassVar[str | None] = "normal_stress"
     moves: ClassVar[bool] = False
     states: ClassVar[int] = 0
@@ -354,7 +358,7 @@ class Thermal(AbstractTermEffect):
         "Heat of sliding changes friction: temperature follows the power of friction within tau_T."
     )
     confused_with: ClassVar[tuple[str, ...]] = ("second_state", "time_drift")
-    separated_by: ClassVar[str] = "the same velocity for other durations"
+    separated_by: ClassVar[tuple[str, ...]] = ("the same velocity for other durations",)
     moves: ClassVar[bool] = False
     states: ClassVar[int] = 1
     couples: ClassVar[bool] = True

@@ -9,6 +9,7 @@ from jaxtyping import Array, Bool, Float
 from ..quantity import quantity
 from ..rig import QuasiStatic, Rig
 from .effect import AbstractHeavyEffect, AbstractLinearEffect
+from .run_changes import RunChange
 
 
 class Stiffness(AbstractLinearEffect[Rig]):
@@ -19,7 +20,7 @@ class Stiffness(AbstractLinearEffect[Rig]):
     equation: ClassVar[str] = "K exp(kappa)"
     meaning: ClassVar[str] = "The machine is softer or stiffer than was declared."
     confused_with: ClassVar[tuple[str, ...]] = ("ageing", "servo_lag")
-    separated_by: ClassVar[str] = "elastic loading, a slip channel"
+    separated_by: ClassVar[tuple[str, ...]] = ("elastic loading", RunChange.SLIP_CHANNEL)
     kappa: Float[Array, ""] = quantity(
         "kappa", "1", "log of the true over the declared stiffness", default=0.0
     )
@@ -41,7 +42,7 @@ class Damping(AbstractLinearEffect[Rig]):
     equation: ClassVar[str] = "+ k_v (V_m - V) on the slider"
     meaning: ClassVar[str] = "The machine has damping in parallel with its spring."
     confused_with: ClassVar[tuple[str, ...]] = ("viscous",)
-    separated_by: ClassVar[str] = "free response"
+    separated_by: ClassVar[tuple[str, ...]] = ("free response",)
     k_v: Float[Array, ""] = quantity("k_v", "F s/m", "damping not declared", default=0.0)
 
     def embed(self, rig: Rig) -> Rig:
@@ -75,7 +76,7 @@ class Inertia(AbstractHeavyEffect[Rig]):
     equation: ClassVar[str] = "- m dV/dt on the pull"
     meaning: ClassVar[str] = "Accelerating the slider's mass takes part of the force."
     confused_with: ClassVar[tuple[str, ...]] = ("sensor_lag", "frictional_delay")
-    separated_by: ClassVar[str] = "free response, a slip channel"
+    separated_by: ClassVar[tuple[str, ...]] = ("free response", RunChange.SLIP_CHANNEL)
     m: Float[Array, ""] = quantity("m", "F s^2/m", "mass not declared", default=0.0)
 
     def embed(self, rig: Rig) -> Rig:

@@ -11,6 +11,7 @@ from ..quantity import quantity
 from ..rig import IdealSensor, Rig
 from ..rig.recording import ImperfectSensor
 from .effect import AbstractLinearEffect
+from .run_changes import RunChange
 
 
 def _with(rig: Rig, name: str, value: Array) -> Rig:
@@ -31,7 +32,7 @@ class SensorLag(AbstractLinearEffect[Rig]):
     equation: ClassVar[str] = "tau y' = f - y"
     meaning: ClassVar[str] = "The force sensor lags behind friction, like a low-pass filter."
     confused_with: ClassVar[tuple[str, ...]] = ("servo_lag", "sensor_delay")
-    separated_by: ClassVar[str] = "a slip channel, a slow dwell"
+    separated_by: ClassVar[tuple[str, ...]] = (RunChange.SLIP_CHANNEL, RunChange.SLOW_DWELL)
     tau: Float[Array, ""] = quantity("tau", "s", "time constant of the sensor", default=0.0)
 
     def embed(self, rig: Rig) -> Rig:
@@ -49,7 +50,7 @@ class SensorDelay(AbstractLinearEffect[Rig]):
     equation: ClassVar[str] = "y(t) = f(t - d)"
     meaning: ClassVar[str] = "Friction is recorded later, or earlier, than it acted."
     confused_with: ClassVar[tuple[str, ...]] = ("sensor_lag", "servo_lag")
-    separated_by: ClassVar[str] = "fast sampling"
+    separated_by: ClassVar[tuple[str, ...]] = ("fast sampling",)
     d: Float[Array, ""] = quantity("d", "s", "delay of the sensor", default=0.0)
 
     def embed(self, rig: Rig) -> Rig:
@@ -67,7 +68,7 @@ class TimeDrift(AbstractLinearEffect[Rig]):
     equation: ClassVar[str] = "+ r t"
     meaning: ClassVar[str] = "The force sensor drifts with time, whether the slider moves or not."
     confused_with: ClassVar[tuple[str, ...]] = ("slip_trend", "run_in")
-    separated_by: ClassVar[str] = "a dwell, a zero-load baseline"
+    separated_by: ClassVar[tuple[str, ...]] = (RunChange.DWELL, "a zero-load baseline")
     r: Float[Array, ""] = quantity("r", "F/s", "drift of the sensor", default=0.0)
 
     def embed(self, rig: Rig) -> Rig:
@@ -85,7 +86,7 @@ class Gain(AbstractLinearEffect[Rig]):
     equation: ClassVar[str] = "(1 + g) y"
     meaning: ClassVar[str] = "The force sensor's scale differs from the declared one."
     confused_with: ClassVar[tuple[str, ...]] = ("stiffness",)
-    separated_by: ClassVar[str] = "a known load"
+    separated_by: ClassVar[tuple[str, ...]] = ("a known load",)
     g: Float[Array, ""] = quantity("g", "1", "error of the force channel's gain", default=0.0)
 
     def embed(self, rig: Rig) -> Rig:

@@ -165,8 +165,9 @@ class Loop(Described, Drawable, Gridded, Tabular):
     """Ids of the effects added, in the order added."""
     alias_groups: tuple[tuple[str, ...], ...]
     """For every effect added: its id, and those of effects that the record does not distinguish."""
-    separations: Mapping[str, str]
-    """Experiments that would distinguish an effect from its aliases, as text by id."""
+    separations: Mapping[str, tuple[str, ...]]
+    """Experiments that would distinguish an effect from its aliases, by id: each a `RunChange` or a
+    text."""
     candidates: tuple[CandidateScore, ...]
     screened: tuple[ScreenedEffect, ...]
     """Effects screened in the first round, best first."""

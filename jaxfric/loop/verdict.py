@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..described import said
-from ..effects import effect_of
+from ..effects import effect_of, separators
 from ..findings import Finding, Severity
 from .engine import Engine
 from .family import CurveFamily
@@ -89,7 +89,7 @@ class Conclusion(NamedTuple):
     findings: tuple[Finding, ...]
     """Evidence against a stronger verdict."""
     alias_groups: tuple[tuple[str, ...], ...]
-    separations: dict[str, str]
+    separations: dict[str, tuple[str, ...]]
     families: tuple[CurveFamily, ...] = ()
     sigma_held_out: float = float("nan")
     held_out_threshold: float = float("nan")
@@ -181,7 +181,7 @@ def conclude(
     if verdict != "ambiguous":
         doubts, families = [], ()
     groups = _groups(search)
-    separations = {id: effect_of_engine(engine, id).separated_by for g in groups for id in g}
+    separations = {id: separators(effect_of_engine(engine, id)) for g in groups for id in g}
     return Conclusion(
         verdict,
         told,

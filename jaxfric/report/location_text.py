@@ -8,6 +8,8 @@ from ..loop.family import listed
 from ..loop.residual_tests import p_text
 from ..loop.result import LocationProfile
 from ..loop.thresholds import SIGNIFICANT
+from .words import say
+from .words.location import QUESTION, VARIABLE
 
 _NEARLY = 0.9
 _LEAST_SHOWN = 0.005
@@ -16,31 +18,13 @@ _RIPPLE = "periodic_in_slip"
 _TOGETHER = ("time", "slip", "time_since_step", "slip_since_step")
 """Variables that grow together after a step: where there is no second one, a function of one is a
 function of any, and their bumps differ by where they lie."""
-OTHERS = "all others together"
+OTHERS = "others"
 """Stands for variables of small shares."""
-_VARIABLES = {
-    "log_velocity": "velocity",
-    "slip_since_step": "the slip since a step",
-    "since_reversal": "the distance since a stop",
-    "time_since_step": "the time since a step",
-    "state": "the state",
-}
 
-QUESTIONS = {
-    "block_means": "slow changes along the record",
-    "step_locked": "the same shape after every change of velocity",
-    "slip": "follows the slip",
-    "position": "follows the position",
-    "time": "follows time",
-    "log_velocity": "follows the velocity",
-    "velocity": "follows the velocity",
-    "state": "follows the state of the contact",
-    "time_since_step": "follows the time since a step",
-    "slip_since_step": "follows the slip since a step",
-    "since_reversal": "follows the distance since a stop",
-    "periodic_in_slip": "a ripple along the path",
-}
-"""Words for the structure that each test looks for, by the name of the test or variable."""
+
+def question(name: str) -> str:
+    """The structure that a test looks for, by the name of the test or variable."""
+    return QUESTION.get(name, name)
 
 
 def where_it_sits(
@@ -53,10 +37,10 @@ def where_it_sits(
     best = _most_telling(location)
     if best is None:
         return ""
-    alike = _not_told(best, location, velocities)
-    if alike and len(velocities) == 2 and np.isfinite(best.explained):
-        left = f"{share_text(best.explained)} of what the base model leaves"
-        return f"A smooth curve would explain {left}, along any of several variables. {alike}"
+    together = _alike(best, location, velocities)
+    alike = _not_told(together, velocities)
+    if together and len(velocities) == 2 and np.isfinite(best.explained):
+        return say("location.smooth", share=share_text(best.explained), alike=alike)
     return " ".join(filter(None, [_best_in_words(best, location), alike]))
 
 
@@ -66,7 +50,7 @@ def grow_together(
     """Whether the record cannot tell the best variable from others that grow with it, which steps
     at other velocities would."""
     best = _most_telling(location)
-    return best is not None and bool(_not_told(best, location, velocities))
+    return best is not None and bool(_alike(best, location, velocities))
 
 
 def _most_telling(location: tuple[LocationProfile, ...]) -> LocationProfile | None:
@@ -76,42 +60,44 @@ def _most_telling(location: tuple[LocationProfile, ...]) -> LocationProfile | No
 
 def _best_in_words(best: LocationProfile, location: tuple[LocationProfile, ...]) -> str:
     if not np.isfinite(best.explained):
-        return f"What the base model leaves {_does([best.variable])} best ({p_text(best.p_value)})."
+        return say("location.best_p", does=_does([best.variable]), p=p_text(best.p_value))
     names = [
         p.variable
         for p in location
         if p.explained >= _NEARLY * best.explained and p.p_value <= SIGNIFICANT
     ]
-    left = f"{share_text(best.explained)} of what the base model leaves."
-    if len(names) == 1:
-        return f"Friction that {_does(names)} would explain {left}"
-    alone = "either alone" if len(names) == 2 else "each alone"
-    return f"Friction that {_does(names)}, {alone}, would explain about {left}"
+    code = "one" if len(names) == 1 else "two" if len(names) == 2 else "several"
+    return say(f"location.{code}", does=_does(names), share=share_text(best.explained))
 
 
-def _not_told(
+def _alike(
     best: LocationProfile,
     location: tuple[LocationProfile, ...],
     velocities: np.ndarray | Sequence[float],
-) -> str:
-    """A sentence where the record cannot tell the `best` variable from others that grow with it, of
-    which each explains something alone, and with several steps as much; '' where it can."""
-    one = len(velocities) == 2 and min(velocities) > 0
+) -> list[str]:
+    """The variables that grow together, `best` among them, which the record cannot tell apart.
+
+    Each explains something alone, and with several steps as much. None where it can.
+    """
+    one = _one_step(velocities)
     least = 0.0 if one else _NEARLY * best.explained
     names = {p.variable for p in location if p.p_value <= SIGNIFICANT and not p.explained < least}
     alike = [name for name in _TOGETHER if name in names]
-    if best.variable not in alike or len(alike) < 2:
+    return [] if best.variable not in alike or len(alike) < 2 else alike
+
+
+def _one_step(velocities: np.ndarray | Sequence[float]) -> bool:
+    return len(velocities) == 2 and min(velocities) > 0
+
+
+def _not_told(alike: list[str], velocities: np.ndarray | Sequence[float]) -> str:
+    """A sentence on variables that the record cannot tell apart; '' for none."""
+    if not alike:
         return ""
     words = listed([_subject(name) for name in alike])
-    if one:
-        return (
-            f"With one velocity step {words} grow together: but for the shape of a curve this"
-            " record cannot tell them apart; a second step or a hold would."
-        )
-    return (
-        f"{_capital(words)} explain about as much: this record cannot tell them apart; steps at"
-        " other velocities or a hold would."
-    )
+    if _one_step(velocities):
+        return say("location.alike_one_step", variables=words)
+    return say("location.alike", variables=_capital(words))
 
 
 def added_shares(
@@ -140,18 +126,19 @@ def shares_told(
     """What `added_shares` say, a sentence a line; `velocities` as of `where_it_sits`."""
     shares = added_shares(location)
     if not shares and any(np.isfinite(p.further) for p in location):
-        return ["Over no variable does the base model leave more than noise alone gives."]
+        return [say("location.only_noise")]
     if not shares and (seen := where_it_sits(location, velocities)):
-        return [seen, "It is too little beside the noise to be parted into shares."]
+        return [seen, say("location.no_shares")]
     if not shares:
-        return ["What the base model leaves is no more than noise: there is nothing to place."]
+        return [say("location.nothing")]
     (first, share), *more = shares
     if first is None:
-        return ["No variable explains what the base model leaves."]
+        return [say("location.unexplained")]
     best = next(p for p in location if p.variable == first)
-    alike = _not_told(best, location, velocities)  # names some rivals by itself
-    name = "a smooth curve" if alike and len(velocities) == 2 else _subject(first)
-    told = [f"{_capital(name)} carries {share_text(share)} of what the model lacks."]
+    alike = _alike(best, location, velocities)
+    smooth = alike and len(velocities) == 2
+    subject = _capital(say("location.curve") if smooth else _subject(first))
+    told = [say("location.carries", subject=subject, share=share_text(share))]
     rivals = [
         p.variable
         for p in location
@@ -162,22 +149,20 @@ def shares_told(
     ]
     if rivals:
         text = listed([_subject(name) for name in rivals], "or")
-        told.append(f"{_capital(text)} in its place would explain about as much.")
-    told += filter(None, [alike])
+        told.append(say("location.rivals", rivals=_capital(text)))
+    told += filter(None, [_not_told(alike, velocities)])
     if len(more) > 1:
-        told.append("Each bar below the first is what that variable explains beyond those above.")
+        told.append(say("location.bars"))
     return told
 
 
 def variable_words(variable: str | None) -> str:
     """A variable of a profile as a label; None is what no variable explains."""
-    return "not explained" if variable is None else _subject(variable)
+    return _subject("none" if variable is None else variable)
 
 
 def _subject(variable: str) -> str:
-    if variable == _RIPPLE:
-        return "a ripple along the path"
-    return _VARIABLES.get(variable, variable)
+    return VARIABLE.get(variable, variable)
 
 
 def _capital(text: str) -> str:
@@ -186,12 +171,13 @@ def _capital(text: str) -> str:
 
 def _does(variables: list[str]) -> str:
     """What friction does that depends on one of the variables."""
-    followed = [_VARIABLES.get(name, name) for name in variables if name != _RIPPLE]
-    clauses = [f"follows {listed(followed, 'or')}"] if followed else []
-    clauses += ["ripples along the path"] if _RIPPLE in variables else []
+    followed = [_subject(name) for name in variables if name != _RIPPLE]
+    clauses = [say("location.follows", variables=listed(followed, "or"))] if followed else []
+    clauses += [say("location.ripples")] if _RIPPLE in variables else []
     return " or ".join(clauses)
 
 
 def share_text(share: float) -> str:
     """A share in percent; what rounds to 0 is not nothing."""
-    return f"{100 * share:.0f} %" if share >= _LEAST_SHOWN else "less than 1 %"
+    small = share < _LEAST_SHOWN
+    return say("location.small_share") if small else say("location.share", percent=100 * share)

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ..findings import coded
 from ..loop.axis.result import AxisDetails
 from ..loop.family import CurveFamily
 from ..loop.refusal import SOURCES
@@ -12,6 +13,8 @@ from ..saved.entry import ENTRY, law_entry
 from ..schemas import LOOP
 from .axis_loop_text import stability
 from .fit_json import estimated
+from .loop_next import next_steps
+from .words import change_words
 
 
 def content(loop: Loop) -> dict:
@@ -27,7 +30,9 @@ def content(loop: Loop) -> dict:
         "steps": np.stack([steps.times, steps.velocities], axis=1),
         **entries(loop, "verdict", "sentence", "reasons"),
         "findings": [one.to_json(loop.velocity) for one in loop.findings],
-        **entries(loop, "effects", "alias_groups", "separations"),
+        **entries(loop, "effects", "alias_groups"),
+        "separations": {id: change_words(one) for id, one in loop.separations.items()},
+        "separated_by": loop.separations,
         "families": [family(one) for one in loop.families],
         "candidates": loop.candidates,
         "rules": {fault.value: source for fault, source in SOURCES.items()},
@@ -52,6 +57,11 @@ def content(loop: Loop) -> dict:
             **{name: int(loop.blocks.of(name).sum()) for name in NAMES},
         },
         **({} if loop.details is None else loop.details.to_json()),
+        "next_steps": [
+            {"code": step.code, "text": step.text, "command": step.command}
+            for step in next_steps(loop)
+        ],
+        "warned": coded(loop.warnings),
         **entries(loop, "warnings", "seconds"),
     }
     told = plain(table)

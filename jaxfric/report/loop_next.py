@@ -1,11 +1,12 @@
 """What a closed loop means, and what to do next: the command that goes on, the run that decides."""
 
+import itertools
 import shlex
 from collections.abc import Sequence
 
 import numpy as np
 
-from ..effects import CATALOGUE
+from ..effects import CATALOGUE, RunChange, separators
 from ..loop.family import listed
 from ..loop.findings import LoopCode
 from ..loop.refusal import Fault, Refusal
@@ -18,11 +19,11 @@ from .loop_plan import PlannedRun, deciding_run, own_run, plannable, unplanned
 from .report import NextStep
 from .rig_words import AXIS
 from .verdict_text import where_told, words_of_refusal
+from .words import change_words, say
 
 _MEMORY = "rate_and_state"
 _SECOND, _LAW = "second_state", "ageing"
 """What `jaxfric fit --compare` asks of, by the ids of the loop."""
-_COMES_BACK = "what comes back is friction or the machine, what does not was that day's"
 _ROOMS = {"machine": "the machine", "drive": "the drive", "sensor": "the force sensor"}
 
 
@@ -58,22 +59,21 @@ def next_steps(loop: Loop, file: str = "loop.json") -> list[NextStep]:
     return [*first[:count], *beside]
 
 
+def _step(code: str, command: str = "", **values: object) -> NextStep:
+    return NextStep(say(f"next.{code}", **values), command, code=code)
+
+
 def _with_model(loop: Loop, file: str) -> list[NextStep]:
     """What to do with the model where it describes the record."""
     steps = []
     if takes_gains(loop):
-        own = "--mass is yours to state"
-        if loop.record.friction_unit == "1":
-            own = "--mass and --normal-force are yours to state"
-        text = f"Find the smallest gains that hold it steady with this model ({own}):"
-        steps.append(NextStep(text, _gains_line(loop, file)))
+        yours = "next.yours_both" if loop.record.friction_unit == "1" else "next.yours_mass"
+        steps.append(_step("gains", _gains_line(loop, file), yours=say(yours)))
     known = any(one.code is LoopCode.FRICTION for one in loop.findings)
     if known and loop.verdict in CERTAIN:
-        text = "Compensate its friction in the controller (formula, C function, table):"
-        steps.append(NextStep(text, f"jaxfric feedforward {file}"))
+        steps.append(_step("feedforward", f"jaxfric feedforward {file}"))
     if loop.verdict in CERTAIN:
-        text = "See whether the model is true on a record that it has not seen:"
-        steps.append(NextStep(text, f"jaxfric predict {file} OTHER.csv"))
+        steps.append(_step("predict", f"jaxfric predict {file} OTHER.csv"))
     return [*steps, *_next_run(loop, file)]
 
 
@@ -108,13 +108,13 @@ def _gains_line(loop: Loop, file: str) -> str:
     return " ".join([*words, f'--velocity "{"..".join(ends)} {unit}"', '--sample-time "1 ms"'])
 
 
-def _wanted(loop: Loop) -> dict[str, str]:
-    """Of every effect that the record cannot tell from others: what would, in words."""
+def _wanted(loop: Loop) -> dict[str, tuple[str, ...]]:
+    """Of every effect that the record cannot tell from others: what would."""
     from .loop_text import confused
 
-    found = {id: loop.separations.get(id, "") for id, _ in confused(loop)}
+    found = {id: loop.separations.get(id, ()) for id, _ in confused(loop)}
     if _asks_for_second(loop):
-        found.setdefault(_SECOND, CATALOGUE[_SECOND].separated_by)
+        found.setdefault(_SECOND, separators(CATALOGUE[_SECOND]))
     return {id: wanted for id, wanted in found.items() if wanted}
 
 
@@ -125,8 +125,9 @@ def _one_run(loop: Loop) -> PlannedRun | None:
     if loop.words is AXIS or not wanted or not own.speeds:
         return None
     # time and slip, which grow together, are told by a step at another velocity
-    another = ["a dwell"] if grow_together(loop.location, loop.base_fit.steps.velocities) else []
-    run = deciding_run(own, *wanted.values(), *another)
+    apart = grow_together(loop.location, loop.base_fit.steps.velocities)
+    another = [RunChange.DWELL] if apart else []
+    run = deciding_run(own, [*itertools.chain(*wanted.values()), *another])
     return run if run.changes and min(run.speeds) > 0 else None
 
 
@@ -136,21 +137,29 @@ def _do_next(loop: Loop, run: PlannedRun, file: str) -> list[NextStep]:
 
     groups, wanted, own = dict(confused(loop)), _wanted(loop), own_run(loop)
     told, outside = [], []
-    for id, text in wanted.items():
-        left = unplanned(run, text)
-        has = ", ".join(part for part in text.split(", ") if part not in left.split(", "))
-        other = f"{id} from {listed(groups[id], 'or')}" if id in groups else id
-        told += [f"{other}: {has}"] if has else []
-        outside += [f"{left} ({id})"] if left else []
-    each = f"{run.slip:.4g} {read_as(run.length)} each"
-    text = f"Make this run: {run.words()}, {each}. It has what is known to tell {'; '.join(told)}."
-    text += f" Not in this run: {'; '.join(outside)}." if outside else ""
-    text += " Its other velocity tells time from slip." if _new_velocity(loop, run, own) else ""
-    if _begins_with(run, own) and loop.verdict == "outside_catalogue":
-        text += f" It begins with this record's velocities: of what is missing, {_COMES_BACK}."
+    for id, changes in wanted.items():
+        left = unplanned(run, changes)
+        has = [one for one in changes if one not in left]
+        other = _from(id, groups[id]) if id in groups else id
+        told += [say("next.tells", effect=other, changes=change_words(has))] if has else []
+        if left:
+            outside.append(say("next.outside_one", changes=change_words(left), effect=id))
+    comes = _begins_with(run, own) and loop.verdict == "outside_catalogue"
+    values = {
+        "run": run.words(),
+        "slip": f"{run.slip:.4g} {read_as(run.length)}",
+        "told": "; ".join(told),
+        "outside": say("next.outside", outside="; ".join(outside)) if outside else "",
+        "time": say("next.time") if _new_velocity(loop, run, own) else "",
+        "begins": say("next.begins", comes_back=say("next.comes_back")) if comes else "",
+    }
     asks = _ask_leading(loop, file, run)
     asks += [step for id, others in groups.items() for step in _ask(loop, file, run, id, others)]
-    return [NextStep(text), *asks, *_of_families(loop)]
+    return [_step("run", **values), *asks, *_of_families(loop)]
+
+
+def _from(id: str, others: Sequence[str]) -> str:
+    return say("next.effect_from", effect=id, others=listed(others, "or"))
 
 
 def _begins_with(run: PlannedRun, own: PlannedRun) -> bool:
@@ -166,10 +175,7 @@ def _new_velocity(loop: Loop, run: PlannedRun, own: PlannedRun) -> bool:
 def _of_families(loop: Loop) -> list[NextStep]:
     """Of every steady curve whose shape is not told: where that would be."""
     return [
-        NextStep(
-            f"The shape of {listed(family.effects)} is not told. A run that would decide:"
-            f" {where_told(family)}."
-        )
+        _step("family", effects=listed(family.effects), where=where_told(family))
         for family in loop.families
         if family.decided_by
     ]
@@ -183,11 +189,12 @@ def _deciding(loop: Loop, file: str) -> list[NextStep]:
     for id, others in confused(loop):
         wanted = loop.separations.get(id)
         if wanted:
-            told = f"This record cannot tell {id} from {listed(others, 'or')}."
-            found.append(NextStep(f"{told} A run that would decide: {wanted}."))
+            values = {"others": listed(others, "or"), "changes": change_words(wanted)}
+            found.append(_step("decides", effect=id, **values))
             if loop.words is not AXIS:
                 run = deciding_run(own_run(loop), wanted)
-                found += _ask(loop, file, run, id, others, f"planned: {run.words()}")
+                planned = say("next.planned", run=run.words())
+                found += _ask(loop, file, run, id, others, planned)
     return [*found, *_of_families(loop)]
 
 
@@ -203,13 +210,12 @@ def _ask(
         return []
     first, *more = rivals
     notes = [said] if said else []
-    notes += [f"then the same with {listed(more, 'or')} for {first}"] if more else []
+    notes += [say("next.then", others=listed(more, "or"), other=first)] if more else []
     unasked = [other for other in others if not plannable(other)]
-    notes += [f"no plan can be asked of {listed(unasked, 'or')}"] if unasked else []
-    text = f"Whether it tells {id} from {first} is known before the run, and if not which change"
-    text += f" would ({'; '.join(notes)}):" if notes else " would:"
+    notes += [say("next.unasked", others=listed(unasked, "or"))] if unasked else []
+    values = {"effect": id, "other": first, "notes": "; ".join(notes)}
     line = f"jaxfric protocol {run.options()} --from {file} --distinguish {id},{first}"
-    return [NextStep(text, line)]
+    return [_step("ask_more" if notes else "ask", line, **values)]
 
 
 def _ask_leading(loop: Loop, file: str, run: PlannedRun) -> list[NextStep]:
@@ -220,9 +226,8 @@ def _ask_leading(loop: Loop, file: str, run: PlannedRun) -> list[NextStep]:
     if len(leading) < 2:
         return []
     a, b = leading
-    text = f"Whether it tells {a} from {b}, which would explain most, is known before the run:"
     line = f"jaxfric protocol {run.options()} --from {file} --distinguish {a},{b}"
-    return [NextStep(text, line)]
+    return [_step("ask_leading", line, effect=a, other=b)]
 
 
 def _next_run(loop: Loop, file: str) -> list[NextStep]:
@@ -236,15 +241,14 @@ def _next_run(loop: Loop, file: str) -> list[NextStep]:
     possible = len(set(run.speeds)) > 1 and min(run.speeds) > 0
     if not (clear and possible and all(map(plannable, effects))):
         return []
-    planned = "planned: the record's own velocities, for you to change"
+    notes = [say("next.own_velocities")]
     line = f"jaxfric protocol {run.options()} --from {file}"
     if not loop.effects:
-        text = f"How large an effect must be to be named by the next run is known before ({planned}"
-        return [NextStep(f"{text}):", line)]
+        return [_step("size", line, notes=notes[0])]
     first, *more = loop.effects
-    rest = f"; then the same with {listed(more, 'or')} for {first}" if more else ""
-    text = f"From which size on the next run shows {first} again is known before ({planned}{rest}):"
-    return [NextStep(text, f"{line} --distinguish base,{first}")]
+    notes += [say("next.then", others=listed(more, "or"), other=first)] if more else []
+    values = {"effect": first, "notes": "; ".join(notes)}
+    return [_step("size_again", f"{line} --distinguish base,{first}", **values)]
 
 
 def _beside_compare(loop: Loop, run: PlannedRun | None = None) -> list[NextStep]:
@@ -258,17 +262,15 @@ def _beside_compare(loop: Loop, run: PlannedRun | None = None) -> list[NextStep]
     refused, alike, told = _refused_second(loop), _like_second(loop), []
     if refused is not None:
         gain, why = refused
-        told.append(f"does not take one (BIC {gain:.0f} lower, but {words_of_refusal(why)})")
+        told.append(say("next.not_taken", gain=gain, why=words_of_refusal(why)))
     if alike:
-        told.append(f"cannot tell one from {listed(alike, 'or')}")
+        told.append(say("next.not_told", others=listed(alike, "or")))
     if not told:
         return []
-    text = (
-        "jaxfric fit --compare may ask for a second state of this record: it fits all rows, and"
-        f" four laws alone. This loop {' and '.join(told)}."
-    )
-    what = f" What would decide: {CATALOGUE[_SECOND].separated_by}."
-    return [NextStep(text + (what if run is None and _asks_for_second(loop) else ""))]
+    decides = run is None and _asks_for_second(loop)
+    changes = change_words(separators(CATALOGUE[_SECOND]))
+    what = say("next.compare_decides", changes=changes) if decides else ""
+    return [_step("compare", told=" and ".join(told), decides=what)]
 
 
 def _like_second(loop: Loop) -> list[str]:
@@ -303,18 +305,11 @@ def _refused_second(loop: Loop) -> tuple[float, Refusal] | None:
 def _where_none(loop: Loop, run: PlannedRun | None = None) -> list[NextStep]:
     """What to do where no effect is named; to record it again where no `run` begins with it."""
     if loop.verdict == "outside_catalogue":
-        look = "Look where it sits (location.png, in loop.html 'Where the structure sits')"
-        if run is None or not _begins_with(run, own_run(loop)):
-            look += f", and record the run again: {_COMES_BACK}"
-        return [
-            NextStep(f"{look}."),
-            NextStep(
-                "An effect of your own is a class with an equation: `own=[...]` of close_loop in"
-                " Python tries it beside the others."
-            ),
-        ]
+        again = run is None or not _begins_with(run, own_run(loop))
+        back = say("next.comes_back")
+        look = _step("look_again", comes_back=back) if again else _step("look")
+        return [look, _step("own_effect")]
     if loop.verdict == "too_weak":
-        part = "strokes" if loop.words is AXIS else "velocity steps"
-        text = f"A longer record, more {part} or less noise would name it or make it vanish."
-        return [NextStep(text)]
+        parts = say("next.strokes" if loop.words is AXIS else "next.steps")
+        return [_step("longer", parts=parts)]
     return []

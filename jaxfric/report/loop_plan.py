@@ -1,28 +1,27 @@
 """The run that would decide what a record leaves open, as a plan for `jaxfric protocol`.
 
-The catalogue says in words what tells an effect from its likes (`separated_by`). Where these words
-are a change of the sequence of velocities, or a channel, the plan is the record's own velocities
-with that change; else it is those velocities as they were, and says so.
+The catalogue says what tells an effect from its likes (`separated_by`). Where that is a
+`RunChange`, the plan is the record's own velocities with that change; else it is those velocities
+as they were, and says so.
 """
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..effects import CATALOGUE
+from ..effects import CATALOGUE, RunChange
 from ..loop.family import listed
 from ..loop.result import Loop
 from ..loop.split import followed, grown, repeated, trained_steps
 from ..units import factor, read_as
+from .words import say
 
 _MOST_STEPS = 12
 _MOST_LONGER = 20.0
 """Steps are made at most so many times as long."""
 _CHANNEL = "0.1 um"
-_LONG = "longer than 3 L2"
-_AGAIN = "the first repeated at the end"
 
 
 @dataclass(frozen=True)
@@ -56,9 +55,8 @@ class PlannedRun:
     def words(self) -> str:
         """What is planned, beside the run that would decide."""
         if self.changes:
-            return f"the record's velocities with {read_as(listed(self.changes))}"
-        which = "which are such a run" if self.told else "for you to change to that run"
-        return f"the record's own velocities, {which}"
+            return say("plan.changed", changes=read_as(listed(self.changes)))
+        return say("plan.as_told" if self.told else "plan.as_it_was")
 
 
 def own_run(loop: Loop) -> PlannedRun:
@@ -76,19 +74,19 @@ def own_run(loop: Loop) -> PlannedRun:
     )
 
 
-def deciding_run(run: PlannedRun, *wanted: str) -> PlannedRun:
-    """The run with every part of all that is `wanted` that is a change of it, each once."""
-    known = {CHANGES[part] for text in wanted for part in text.split(", ") if part in CHANGES}
+def deciding_run(run: PlannedRun, wanted: Iterable[str]) -> PlannedRun:
+    """The run with everything that is `wanted` that is a change of it, each once."""
+    known = {CHANGES[one] for one in wanted if one in CHANGES}
     for change in sorted(known, key=list(CHANGES.values()).index):
         run = change(run)
     return dataclasses.replace(run, told=bool(known))
 
 
-def unplanned(run: PlannedRun, wanted: str) -> str:
-    """What of the words on a run that would decide a run does not have."""
+def unplanned(run: PlannedRun, wanted: Iterable[str]) -> tuple[str, ...]:
+    """Of what would decide, that which a run does not have."""
     long = 0 < 3 * run.second_length < run.slip
-    has = set(CHANGES) if long else set(CHANGES) - {_LONG}
-    return ", ".join(part for part in wanted.split(", ") if part not in has)
+    has = set(CHANGES) if long else set(CHANGES) - {RunChange.LONG_STEPS}
+    return tuple(one for one in wanted if one not in has)
 
 
 def plannable(id: str) -> bool:
@@ -104,12 +102,12 @@ def _changed(run: PlannedRun, words: str, speeds: tuple[float, ...] | None = Non
 
 
 def _repeat(run: PlannedRun) -> PlannedRun:
-    return _longer_by(run, repeated(run.speeds), _AGAIN)
+    return _longer_by(run, repeated(run.speeds), _again(run))
 
 
 def _dwell(run: PlannedRun) -> PlannedRun:
     slow = min(run.speeds) / 3
-    words = f"a slow dwell at {slow:.4g} {run.unit} appended"
+    words = say("plan.dwell", speed=f"{slow:.4g} {run.unit}")
     return _longer_by(run, followed(run.speeds, (slow,), run.speeds), words)
 
 
@@ -121,30 +119,32 @@ def _up_and_down(run: PlannedRun) -> PlannedRun:
     if len(set(run.speeds)) < 2 or both(run.speeds):
         return run
     known = run.speeds[-1] == run.speeds[0]
-    return _longer_by(run, grown(run.speeds, run.speeds[known:], both), _AGAIN)
+    return _longer_by(run, grown(run.speeds, run.speeds[known:], both), _again(run))
+
+
+def _again(run: PlannedRun) -> str:
+    """That the first velocity is there again, which is no news where the run ended with it."""
+    return "" if run.speeds[-1] == run.speeds[0] else say("plan.again")
 
 
 def _longer_by(run: PlannedRun, longer: tuple[float, ...], words: str) -> PlannedRun:
-    """The run with more velocities, in `words` the first that is new; that the first velocity is
-    there again is no news where the run ended with it."""
-    if words == _AGAIN and run.speeds[-1] == run.speeds[0]:
-        words = ""
+    """The run with more velocities, in `words` the first that is new (empty: it is no news)."""
     new = longer[len(run.speeds) + bool(words) :]
     if longer == run.speeds:
         return run
     more = f"{', '.join(f'{speed:.4g}' for speed in new)} {run.unit}"
-    told = f"{words}, then {more}" if words else f"{more} appended"
+    told = say("plan.then", change=words, more=more) if words else say("plan.appended", more=more)
     return _changed(run, told if new else words, longer)
 
 
 def _longer(run: PlannedRun) -> PlannedRun:
     if run.slip > 3 * run.second_length or 4 * run.second_length > _MOST_LONGER * run.slip:
         return run
-    return dataclasses.replace(_changed(run, "steps of 4 L2"), slip=4 * run.second_length)
+    return dataclasses.replace(_changed(run, say("plan.longer")), slip=4 * run.second_length)
 
 
 def _channel(run: PlannedRun) -> PlannedRun:
-    return dataclasses.replace(_changed(run, "a channel of slip recorded too"), channel=True)
+    return dataclasses.replace(_changed(run, say("plan.channel")), channel=True)
 
 
 def _decades(run: PlannedRun) -> PlannedRun:
@@ -153,17 +153,17 @@ def _decades(run: PlannedRun) -> PlannedRun:
         return run
     three = tuple(slow * 10.0**k for k in range(3))
     speeds = followed((), three, three)
-    return _changed(run, "three over two decades in their place", speeds)
+    return _changed(run, say("plan.decades"), speeds)
 
 
 CHANGES: dict[str, Callable[[PlannedRun], PlannedRun]] = {
-    "three velocities over two decades": _decades,
-    "the first velocity repeated at the end": _repeat,
-    "up and down steps": _up_and_down,
-    _LONG: _longer,
-    "a slow dwell": _dwell,
-    "a dwell": _dwell,
-    "a slip channel": _channel,
+    RunChange.DECADES: _decades,
+    RunChange.REPEAT: _repeat,
+    RunChange.UP_AND_DOWN: _up_and_down,
+    RunChange.LONG_STEPS: _longer,
+    RunChange.SLOW_DWELL: _dwell,
+    RunChange.DWELL: _dwell,
+    RunChange.SLIP_CHANNEL: _channel,
 }
-"""Parts of the catalogue's `separated_by` that change a plan, and how; in the order in which a
-plan takes several: what replaces its velocities before what adds to them."""
+"""How each change alters a plan; in the order in which a plan takes several: what replaces its
+velocities before what adds to them."""

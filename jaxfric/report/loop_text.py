@@ -19,32 +19,12 @@ from ..loop.thresholds import ACCEPT, ALIAS, FAR, SIGNIFICANT, TIE
 from ..units import decimals, factor, format_si, read_as
 from .estimates import shown_unit, with_error
 from .fit_text import CORRELATED, DIFFERENCE, noise_text, shown_name
-from .location_text import QUESTIONS
+from .location_text import question
 from .rig_words import AXIS
 from .tables import TextTable
 from .verdict_text import where_told, why_untold, words_of, words_of_refusal
+from .words import change_words, say
 
-HEADLINES = {
-    "no_missing_effect": "No effect is missing",
-    "effects": "Missing: {effects}",
-    "ambiguous": "An effect is missing, but this record cannot say which",
-    "outside_catalogue": "Something is missing that the catalogue does not explain",
-    "too_weak": "What is left is too little to be named",
-}
-BLOCKS = {
-    "train": "fitted here",
-    "select": "predicted, has a say in the choice",
-    "report": "scored once",
-}
-_ROLES = {
-    "model": "the model",
-    "base": "the start",
-    "passed": "on the way",
-    "tried": "not taken",
-    "impossible": "impossible parameters",
-    "failed": "did not converge",
-}
-"""The role of a fitted model in the search, in words."""
 _TOLD = 10.0
 _NOT_NOISE = (LoopCode.STRUCTURE, LoopCode.BLOCK)
 _LENGTHS = (("nm", 1e-9), ("um", 1e-6), ("mm", 1e-3), ("cm", 1e-2), ("m", 1.0))
@@ -54,21 +34,19 @@ _BELOW = 0.8
 
 def headline(loop: Loop) -> str:
     """The verdict in a few words."""
+    listed_effects = listed(loop.effects)
     if loop.families:
         others = [id for id in loop.effects if not any(id in f.effects for f in loop.families)]
-        return "Missing: " + listed([*others, "a curve of velocity whose shape is not told"])
-    text = HEADLINES.get(loop.verdict, loop.verdict)
-    if loop.verdict == "too_weak" and _far_off(loop):
-        text = "Rows that were not fitted are missed, and no effect is supported"
-    if loop.verdict == "outside_catalogue" and loop.unfixed():
-        text = "Something is missing that this record does not fix"
-    if (
-        loop.verdict == "outside_catalogue"
-        and loop.effects
-        and loop.test_error(loop.after) < loop.test_error(loop.before)
-    ):
-        text = f"Beyond {{effects}} {text[0].lower()}{text[1:]}"
-    return text.format(effects=listed(loop.effects) or "an effect")
+        return say("headline.effects", effects=listed([*others, say("headline.curve")]))
+    code = loop.verdict
+    if code == "too_weak" and _far_off(loop):
+        code = "base_misses"
+    if code == "outside_catalogue":
+        helps = loop.test_error(loop.after) < loop.test_error(loop.before)
+        code = "unfixed" if loop.unfixed() else code
+        if loop.effects and helps:
+            code = "beyond_unfixed" if loop.unfixed() else "beyond"
+    return say(f"headline.{code}", effects=listed_effects or "an effect")
 
 
 def _far_off(loop: Loop) -> bool:
@@ -90,30 +68,36 @@ def answer(loop: Loop) -> list[str]:
     if known := details.found():
         found = known
     elif details.doubted() and loop.verdict in ("no_missing_effect", "effects"):
-        fitted = listed([base, *loop.effects])
-        found = f"these rows do not tell it, though what {fitted} leave looks like noise"
+        found = say("answer.doubted", fitted=listed([base, *loop.effects]))
     elif loop.verdict == "no_missing_effect":
-        found = f"{_base_of(loop)}; nothing else is missing"
+        found = say("answer.base", base=_base_of(loop))
     elif loop.verdict == "effects" and not loop.families:
-        found = f"{_base_of(loop)}; also found: {listed([named(loop, id) for id in loop.effects])}"
+        effects = listed([named(loop, id) for id in loop.effects])
+        found = say("answer.effects", base=_base_of(loop), effects=effects)
     else:
-        found = f"{base} do not describe it: {headline(loop)[0].lower()}{headline(loop)[1:]}"
+        found = say("answer.not_described", base=base, headline=_lower(headline(loop)))
     doubt = details.doubt()
     return [
-        f"friction: {found}",
-        *([f"not sure: {doubt}"] if doubt else []),
+        say("answer.friction", found=found),
+        *([say("answer.not_sure", doubt=doubt)] if doubt else []),
         details.short(),
-        f"test error: {test_errors(loop, '.3g')} sigma (of the report block alone; noise alone"
-        " gives 1)",
+        say("answer.test_error", errors=test_errors(loop, ".3g")),
     ]
+
+
+def _lower(text: str) -> str:
+    return f"{text[:1].lower()}{text[1:]}"
 
 
 def _base_of(loop: Loop) -> str:
     """Coulomb and viscous friction and the mass of an axis, with errors."""
-    moving = "inertia" if length_of(loop) == "rad" else "mass"
-    names = {"F_c": "Coulomb", "F_v": "viscous", "M": moving}
-    known = {names[n]: loop.after.parameters[n] for n in names if n in loop.after.parameters}
-    return ", ".join(f"{name} {with_error(one, length_of(loop))}" for name, one in known.items())
+    moving = "inertia" if length_of(loop) == "rad" else "M"
+    names, known = {"F_c": "F_c", "F_v": "F_v", "M": moving}, loop.after.parameters
+    return ", ".join(
+        f"{say(f'answer.{code}')} {with_error(known[name], length_of(loop))}"
+        for name, code in names.items()
+        if name in known
+    )
 
 
 def test_errors(loop: Loop, form: str) -> str:
@@ -125,13 +109,13 @@ def test_errors(loop: Loop, form: str) -> str:
 def named(loop: Loop, id: str) -> str:
     """An effect with its meaning, as part of a sentence."""
     told = meaning(loop, id)
-    return f"{id} ({told})" if told else id
+    return say("answer.effect", id=id, meaning=told) if told else id
 
 
 def meaning(loop: Loop, id: str) -> str:
     """What an effect means, as part of a sentence; empty where it does not say."""
     told = loop.words.catalogue[id].meaning if id in loop.words.catalogue else ""
-    return f"{told[0].lower()}{told[1:].rstrip('.')}" if told else ""
+    return _lower(told).rstrip(".")
 
 
 def _reasons(loop: Loop) -> list[str]:
@@ -150,13 +134,19 @@ def errors(loop: Loop) -> TextTable:
         both = [loop.before.rms[name], loop.after.rms[name]]
         count = str(int(loop.blocks.of(name).sum()))
         sigma = loop.sigma_of(loop.blocks.of(name))
-        rows.append((f"{name}: {BLOCKS[name]}", count, *_errors(both, size, sigma)))
+        rows.append((say(f"table.{name}"), count, *_errors(both, size, sigma)))
     return TextTable(
-        "Error before and after",
+        say("table.errors"),
         ("block", "rows", f"rms before{within}", f"rms after{within}", "before [σ]", "after [σ]"),
         rows,
-        f"{_what_sigma_is(loop)}; {_lowest(loop)}{_target(loop)}. Noise is"
-        f" {noise_text(loop.after.noise)}{_bound(loop)}",
+        say(
+            "table.errors_note",
+            sigma=_what_sigma_is(loop),
+            lowest=_lowest(loop),
+            target=_target(loop),
+            noise=noise_text(loop.after.noise),
+            bound=_bound(loop),
+        ),
         (2,),
     )
 
@@ -166,33 +156,28 @@ def _lowest(loop: Loop) -> str:
     sizes = [c.train_rms / loop.sigma for c in loop.candidates if c.converged]
     least = min(sizes, default=1.0)
     if least > _BELOW:
-        return "no model brings the error below 1 σ, but for chance"
-    return (
-        f"a model that was fitted brings the error of the fitted rows to {least:.2g} σ, so what is"
-        " taken for noise here is not all noise"
-    )
+        return say("table.not_below")
+    return say("table.below", least=least)
 
 
 def _target(loop: Loop) -> str:
     """The test error that counts as noise; empty where it is not known."""
     most = loop.held_out_threshold
-    return f"; the report block counts as noise up to {most:.2f} σ" if math.isfinite(most) else ""
+    return say("table.target", most=most) if math.isfinite(most) else ""
 
 
 def _what_sigma_is(loop: Loop) -> str:
     here, *later = sigma_texts(loop)
     row = loop.words.row
     if not later:
-        return f"σ = {here} is the noise of a {row}"
-    return (
-        f"σ is the noise of a {row}: {here} where the model is fitted, {later[0]} in rows held out"
-    )
+        return say("table.sigma", here=here, row=row)
+    return say("table.sigmas", here=here, row=row, later=later[0])
 
 
 def _bound(loop: Loop) -> str:
     """Words on the time beyond which structure is not taken for noise; empty if unknown."""
     bound = loop.after.noise.bound()
-    return f"; what lasts longer than {bound} is not taken for noise" if bound else ""
+    return say("table.bound", bound=bound) if bound else ""
 
 
 def _errors(both: list[float], size: float, sigma: float) -> tuple[str, ...]:
@@ -212,13 +197,13 @@ def by_velocity(loop: Loop, *, most: int | None = None) -> TextTable:
         shown = read_as(shown)
         both = [s.per_step[k] / loop.sigma_of(here) for s in (loop.before, loop.after)]
         errors = (_finite(v, "{:.3f}") if blocks else "–" for v in both)
-        rows.append((f"{time:.4g} s", shown, blocks or "no row counts", *errors))
+        rows.append((f"{time:.4g} s", shown, blocks or say("table.no_row"), *errors))
         worst.append(both[1] if np.isfinite(both[1]) else np.inf if blocks else 0.0)
     head = ("from", loop.words.velocity.lower(), "block", "before [σ]", "after [σ]")
     if most is None or len(rows) <= most:
         return TextTable(loop.words.errors, head, rows)
     few = np.sort(np.argsort(worst, kind="stable")[-most:])
-    note = f"the {most} of {len(rows)} with the largest errors after; all are in loop.html"
+    note = say("table.largest_errors", most=most, all=len(rows))
     return TextTable(loop.words.errors, head, [rows[k] for k in few], note)
 
 
@@ -230,10 +215,10 @@ def moved(loop: Loop) -> TextTable:
         rows.append(_moved(loop, name, loop.before.parameters.get(name), after))
     marked = tuple(k for k, row in enumerate(rows) if "." in row[0])
     head = ("name", "meaning", "before", "after ± std", "95 % interval", "shift [std]", "unit")
-    note = "shift: after minus before, in standard deviations of the fit after"
+    notes = [say("table.shift")]
     if loop.verdict == "ambiguous" and loop.effects:
-        note += "\n± and intervals cover what the fits with its rivals make of the same parameters"
-    note = "\n".join([note + _also_fitted(loop), *traded(loop)])
+        notes.append(say("table.rivals_covered"))
+    note = "\n".join([*notes, *_also_fitted(loop), *traded(loop)])
     return TextTable("Parameters", head, rows, note, marked)
 
 
@@ -273,42 +258,39 @@ def _traded(loop: Loop, name: str, spread: np.ndarray) -> str:
     unit, size = shown_unit(one, length)
     own = f"{np.sqrt(spread[i, i]) / size:.2g}"
     error = f"{one.std / size:.2g}"
-    told = f"{shown_name(name)} is {one.value / size:.2g} ± {error} {unit}".rstrip()
-    told += f" (± {own} in this model alone)" if own != error else ""
-    told = f"{told}, though it was known before"
+    value = f"{one.value / size:.2g} ± {error} {unit}".rstrip()
+    alone = say("table.own_error", own=own) if own != error else ""
+    told = say("table.traded", name=shown_name(name), value=value, own=alone)
     others = [k for k, id in enumerate(after.free) if "." in id and after.parameters[id].determined]
     likes = {k: spread[i, k] / np.sqrt(spread[i, i] * spread[k, k]) for k in others}
     best = max(likes, key=lambda k: abs(likes[k]), default=None)
     if best is None or not abs(likes[best]) >= CORRELATED:
-        return f"{told}: no parameter of an effect alone takes its place"
+        return say("table.nothing_takes", traded=told)
     other, slope = after.free[best], spread[i, best] / spread[best, best]
     times = -slope * shown_unit(after.parameters[other], length)[1] / size
     value = (one.value - slope * after.parameters[other].value) / size
     std = math.sqrt(spread[i, i] * (1 - likes[best] ** 2)) / size
     sign = "+" if times > 0 else "-"
-    text = (
-        f"{told}: it trades with {other} (correlation {likes[best]:.2f}); known is {name} {sign}"
-        f" {abs(times):.3g} {other} = {value:.{decimals(std)}f} ± {std:.{decimals(std)}f} {unit}"
-    )
+    known = f"{value:.{decimals(std)}f} ± {std:.{decimals(std)}f} {unit}"
+    sum_ = f"{name} {sign} {abs(times):.3g} {other} = {known}"
+    text = say("table.trades_with", traded=told, other=other, correlation=likes[best], sum=sum_)
     return text.rstrip().replace("-", "−")
 
 
-def _also_fitted(loop: Loop) -> str:
+def _also_fitted(loop: Loop) -> list[str]:
     """A note on columns beside friction that the errors rest on; `jaxfric fit` leaves them out."""
     columns = ("slip", "load_point_encoder")
     used = [name for name in columns if getattr(loop.record, name, None) is not None]
-    if not used:
-        return ""
-    return f"\n± rests on friction and {' and '.join(used)}; a fit of friction alone knows less"
+    return [say("table.known_less", columns=" and ".join(used))] if used else []
 
 
 def _estimate(estimate: Estimate, size: float) -> tuple[str, str, str]:
     """Value, standard deviation and 95 % interval as text."""
     value, std = estimate.value / size, estimate.std / size
     if not estimate.free:
-        return f"{value:.6g}", "", "given"
+        return f"{value:.6g}", "", say("table.given")
     if not estimate.determined or not np.isfinite(value):
-        return "undetermined", "", ""
+        return say("table.undetermined"), "", ""
     ends = estimate.lower / size, estimate.upper / size
     places = decimals(std)
     if places > 6:
@@ -327,13 +309,13 @@ def _meaning(loop: Loop, name: str) -> str:
     """Meaning of a parameter; empty for an effect that is not of the catalogue."""
     if name == DIFFERENCE:
         second = any(n in loop.after.parameters for n in ("second_state.B2", "B2"))
-        return "all states together; below 0: weakening" if second else "below 0: weakening"
+        return say("table.weakening_all" if second else "table.weakening")
     if "." not in name:
         try:
             text = loop.words.quantity(name).text
-            return "moment of inertia" if (name, loop.length_unit) == ("M", "rad") else text
+            return say("table.moment") if (name, loop.length_unit) == ("M", "rad") else text
         except KeyError:
-            return "reference velocity" if name == "V0" else ""
+            return say("table.reference") if name == "V0" else ""
     effect, field = name.split(".", 1)
     known = parameters(loop.words.catalogue[effect]) if effect in loop.words.catalogue else {}
     return known[field].text if field in known else ""
@@ -344,14 +326,10 @@ def significance(loop: Loop) -> TextTable:
     rows = []
     for name, before in loop.before.tests.items():
         both = (before, loop.after.tests.get(name, math.nan))
-        rows.append((QUESTIONS.get(name, name), *(p_value(p) for p in both)))
-    head = ("is it left in the residual?", "p before", "p after")
-    note = (
-        f"p below {SIGNIFICANT:g}: structure is left, not only noise (train block; by likelihood,"
-        " the noise found anew with and without it; corrected for all that is asked, those of the"
-        " figure location each by itself)"
-    )
-    return TextTable("Tests for structure", head, rows, note)
+        rows.append((question(name), *(p_value(p) for p in both)))
+    head = (say("table.left"), "p before", "p after")
+    note = say("table.tests_note", significant=SIGNIFICANT)
+    return TextTable(say("table.tests"), head, rows, note)
 
 
 def candidates(loop: Loop, *, most: int) -> TextTable:
@@ -368,16 +346,12 @@ def candidates(loop: Loop, *, most: int) -> TextTable:
         for c in found[:most]
     ]
     more = len(found) - len(rows)
-    note = (
-        "ΔBIC below 0: better than the base. An effect must lower it by more than 10. Of models as"
-        " good the first is kept. It counts the train rows, which are fitted, and how well the"
-        " select rows are predicted"
-    )
+    note = say("table.candidates_note")
     if more > 0:
-        note += f"; {more} more in loop.json"
+        note += say("table.more_candidates", more=more)
     head = ("effects", "ΔBIC", "train [σ]", "select [σ]", "")
     marked = tuple(k for k, c in enumerate(found[:most]) if loop.role(c) == "model")
-    return TextTable("Models that were fitted", head, rows, note, marked)
+    return TextTable(say("table.candidates"), head, rows, note, marked)
 
 
 def _role(loop: Loop, candidate: CandidateScore) -> str:
@@ -387,16 +361,15 @@ def _role(loop: Loop, candidate: CandidateScore) -> str:
     that is lower by more than `TIE`.
     """
     role = loop.role(candidate)
-    text = _ROLES[role]
     if role != "tried":
-        return text
+        return say(f"table.{role}")
     if candidate.rejection is not None:
-        return f"{text}: {words_of_refusal(candidate.rejection)}"
+        return say("table.refused", why=words_of_refusal(candidate.rejection))
     gain = loop.gain()
     worse = math.nan if gain is None else gain + candidate.delta_bic
     if abs(worse) <= TIE:
-        return f"{text}: as good, BIC within {TIE:g} of the model"
-    return f"{text}: BIC {worse:.0f} worse than the model" if worse > TIE else text
+        return say("table.as_good", tie=TIE)
+    return say("table.worse", worse=worse) if worse > TIE else say("table.tried")
 
 
 def stretches(details: RunDetails) -> list[TextTable]:
@@ -411,8 +384,7 @@ def stretches(details: RunDetails) -> list[TextTable]:
     head = ("stretch", "steps and holds", "normal stress", "level")
     unit = tidy_unit(joined.record.friction_unit)
     of = "" if unit == "1" else f" [{unit}]"
-    note = f"level{of}: friction less that of the first stretch, fitted with the rest"
-    return [TextTable("The run's stretches", head, rows, note)]
+    return [TextTable(say("table.stretches"), head, rows, say("table.level", unit=of))]
 
 
 def rests_on(loop: Loop) -> TextTable:
@@ -427,12 +399,8 @@ def rests_on(loop: Loop) -> TextTable:
             told = words_of(one) if not k else ""
             rows.append((told, f"{part.rows}", part.direction, " to ".join(dict.fromkeys(ends))))
     head = ("statement", "rows", "direction", "speeds")
-    note = (
-        "Without these rows it would not be said. Of an effect they are few beside which the"
-        f" models with it and without it differ by less than a BIC of {ACCEPT:g}; directions and"
-        " speeds are those commanded, or those of the axis"
-    )
-    return TextTable("What each statement rests on", head, rows, note)
+    note = say("table.rests_on_note", accept=ACCEPT)
+    return TextTable(say("table.rests_on"), head, rows, note)
 
 
 # ---- aliases -------------------------------------------------------------------------------
@@ -447,32 +415,31 @@ def apart(loop: Loop) -> list[str]:
     """
     out, open_ = [], dict(confused(loop))
     codes = {one.code for one in loop.findings}
-    why = "more than noise is left" if codes.intersection(_NOT_NOISE) else ""
-    why = "other joints move" if LoopCode.OTHERS in codes else why
+    why = say("apart.left") if codes.intersection(_NOT_NOISE) else ""
+    why = say("apart.others") if LoopCode.OTHERS in codes else why
     for id, *others in loop.alias_groups:
         alike = open_.get(id, [])
-        refits = [f"{o} (BIC {_worse(loop, id, o):.0f} worse)" for o in others if o not in alike]
-        told = f"; a refit tells it from {listed(refits)}" if refits else ""
+        told = [o for o in others if o not in alike]
+        worse = [say("apart.worse", other=o, worse=_worse(loop, id, o)) for o in told]
+        refit = say("apart.refit", others=listed(worse)) if worse else ""
         if alike:
-            text = f"{id}: this record cannot tell it from {listed(alike, 'or')}"
-            wanted = loop.separations.get(id)
-            out.append(f"{text}; what would: {wanted}{told}" if wanted else text + told)
+            wanted = change_words(loop.separations.get(id, ()))
+            would = say("apart.would", changes=wanted) if wanted else ""
+            names = listed(alike, "or")
+            out.append(say("apart.not_told", id=id, others=names, would=would, refit=refit))
         family = next((f for f in loop.families if id in f.effects), None)
         if family is not None:
-            out.append(_of_family(id, family) + ("" if alike else told))
+            out.append(_of_family(id, family, "" if alike else refit))
         if alike or family is not None:
             continue
-        text = f"{id}: this record tells it from every other effect"
-        if why:
-            text = f"{id}: {why}, so that it may stand for another effect in part"
         near, value = _nearest(loop, id)
-        text += f" (most alike: {near}, cosine {value:.2f})" if near and not told else ""
-        out.append(text + told)
-    pairs = alias_pairs(loop)
+        most = say("apart.near", near=near, cosine=value) if near and not refit else ""
+        code = "apart.in_part" if why else "apart.told"
+        out.append(say(code, id=id, why=why, near=most, refit=refit))
     if not out:
-        out.append("no effect was added")
-    text = "; ".join(f"{a} or {b} ({value:.3f})" for a, b, value in pairs)
-    out.append(f"pairs that this record cannot tell apart: {text or 'none'}")
+        out.append(say("apart.none"))
+    pairs = [say("apart.pair", a=a, b=b, cosine=value) for a, b, value in alias_pairs(loop)]
+    out.append(say("apart.pairs", pairs="; ".join(pairs)) if pairs else say("apart.no_pairs"))
     return out
 
 
@@ -492,11 +459,10 @@ def likeliest(loop: Loop, id: str, others: Sequence[str]) -> list[str]:
     return sorted(others, key=lambda other: math.inf if math.isnan(worse[other]) else worse[other])
 
 
-def _of_family(id: str, family: CurveFamily) -> str:
+def _of_family(id: str, family: CurveFamily, refit: str) -> str:
     """Words on effects easily taken for one, where the shape of its curve is not told."""
-    text = f"{id}: this record does not tell it from a steady curve of another shape"
-    text += f" ({why_untold(family)})"
-    return f"{text}; what would: {where_told(family)}" if family.decided_by else text
+    would = say("apart.would", changes=where_told(family)) if family.decided_by else ""
+    return say("apart.curve", id=id, why=why_untold(family), would=would, refit=refit)
 
 
 def alias_pairs(loop: Loop) -> list[tuple[str, str, float]]:
@@ -544,13 +510,10 @@ def _nearest(loop: Loop, id: str) -> tuple[str, float]:
 def splitting(loop: Loop) -> str:
     """A sentence on how the record was split, and what that means."""
     if loop.blocks.by_step:
-        return f"split by {loop.words.part}: {_whole_parts(loop)}"
+        return say("apart.by_parts", part=loop.words.part, how=_whole_parts(loop))
     count = len(alias_pairs(loop))
-    return (
-        "the record has too few velocity steps to hold whole ones out: it was split by displacement"
-        " into before, transient and tail. Fewer effects can be told apart: the aliasing matrix"
-        f" shows {count or 'no'} pair{'' if count == 1 else 's'} that it cannot separate"
-    )
+    code = {0: "zero_pairs", 1: "one_pair"}.get(count, "some_pairs")
+    return say("apart.by_displacement", pairs=say(f"apart.{code}", count=count))
 
 
 def _whole_parts(loop: Loop) -> str:
@@ -558,11 +521,8 @@ def _whole_parts(loop: Loop) -> str:
     blocks, piece = loop.blocks, loop.words.piece
     held = blocks.select | blocks.report
     if not np.isin(blocks.step[held], blocks.step[blocks.train]).any():
-        return f"no {piece} is both fitted and held out"
-    return (
-        f"the last {piece} reports, whole and never fitted; the {piece} before it is cut: its start"
-        " is fitted, its end selects"
-    )
+        return say("apart.whole", piece=piece)
+    return say("apart.cut", piece=piece)
 
 
 # ---- numbers -------------------------------------------------------------------------------

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from ..effects import CATALOGUE, parameters
+from ..effects import CATALOGUE, RunChange, parameters, separators
 from ..fitting import Estimate
 from ..loop.family import listed
 from ..loop.thresholds import ALIAS
@@ -15,6 +15,7 @@ from ..units import format_si, speed_text
 from .estimates import shown_unit
 from .report import NextStep, Report
 from .tables import TextTable
+from .words import change_words
 
 _NOTE = (
     "smallest: the effect's amplitude at which its likelihood ratio exceeds 10 + p ln n in 19 of 20"
@@ -26,13 +27,13 @@ _NOTHING = Answer()
 _SAME = 0.9995
 _FIRST = 4
 _TRIED = {
-    "slip_x2": ("longer than",),
-    "dwell": ("dwell",),
-    "repeat": ("the first velocity repeated",),
-    "slip_channel": ("slip channel",),
-    "load_point_channel": ("load-point encoder",),
+    "slip_x2": (RunChange.LONG_STEPS,),
+    "dwell": (RunChange.SLOW_DWELL, RunChange.DWELL),
+    "repeat": (RunChange.REPEAT,),
+    "slip_channel": (RunChange.SLIP_CHANNEL,),
+    "load_point_channel": (RunChange.LOAD_POINT_CHANNEL,),
 }
-"""Words of the catalogue's hints that a change of the table answers."""
+"""The hints of the catalogue that a change of the table answers."""
 
 
 def _speeds(V: Sequence[float]) -> str:
@@ -116,7 +117,7 @@ def _other_likes(plan: Protocol, pair: Pair) -> str:
         own, third = (one, other) if one in pair.ids else (other, one)
         told.setdefault(own, []).append(f"{third} ({_cosine(value)})")
     words = [f"{own} from {listed(thirds, 'or')}" for own, thirds in told.items()]
-    return f"; but not {' nor '.join(words)}" if words else ""
+    return f"not {' nor '.join(words)}" if words else ""
 
 
 def _later(plan: Protocol, pair: Pair) -> str:
@@ -166,7 +167,8 @@ def _answered(plan: Protocol, pair: Pair) -> str:
     if pair.apart:
         how = "" if pair.cosine is None else f" (|cosine| {_cosine(pair.cosine)})"
         sizes = f"from {_from_sizes(plan.design, pair)} on"
-        others = _other_likes(plan, pair)
+        likes = _other_likes(plan, pair)
+        others = f"; but {likes}" if likes else ""
         others = f"{_later(plan, pair)}{others}"
         return f"yes: this plan tells {a} from {b}{how}, {sizes}{_named_from(plan, pair)}{others}"
     if pair.cosine is None:
@@ -304,7 +306,7 @@ def _in_short(plan: Protocol, pair: Pair) -> list[str]:
     sizes = _from_sizes(plan.design, pair)
     a, b = _names(plan, pair)
     told = f"yes: this plan tells {a} from {b}, from {sizes} on"
-    return [told, *([f"caution: {likes.removeprefix('; but ')}"] if likes else [])]
+    return [told, *([f"caution: {likes}"] if likes else [])]
 
 
 def _recommended(plan: Protocol, better: Remedy | None, less: Change | None) -> list[str]:
@@ -340,16 +342,16 @@ def _stay(plan: Protocol, design: Design) -> str:
 
     A hint of the catalogue that names a change of the table is left out: the table answers it.
     """
-    tried = [word for change in plan.changes for word in _TRIED.get(change.key, ())]
+    tried = {one for change in plan.changes for one in _TRIED.get(change.key, ())}
     texts = []
     for a, b, value in design.pairs():
         separates = [c.text for c in plan.changes if (a, b) in plan.separated(c)]
         hints = [
-            hint
+            change_words([hint])
             for id, other in ((a, b), (b, a))
             if id in CATALOGUE and other in CATALOGUE[id].confused_with
-            for hint in CATALOGUE[id].separated_by.split(", ")
-            if not any(word in hint for word in tried)
+            for hint in separators(CATALOGUE[id])
+            if hint not in tried
         ]
         said = [f"separated by {separates[0]}"] if separates else []
         said += [f"not tried here: {' or '.join(dict.fromkeys(hints))}"] if hints else []

@@ -26,6 +26,8 @@ class NextStep(NamedTuple):
     command: str = ""
     also: bool = False
     """Whether it is beside what is to be done next."""
+    code: str = ""
+    """What it asks for, in the table "next" of `words`; "" for one that has no code."""
 
     def lead(self) -> str:
         """The word before it."""

@@ -260,10 +260,11 @@ def _gains(study: Study) -> list[str]:
         lines.append(f"  {_pole(s)}")
     lines.append("margins:")
     for name in (name for name in MARGINS if name in study.margins):
-        text = _margin(name, float(study.margins[name]))
-        if name == "delay" and study.late is not None and not text.startswith("inf"):
+        value = float(study.margins[name])
+        text, limited = _margin(name, value), value != math.inf
+        if name == "delay" and study.late is not None and limited:
             text += " more"
-        if name == "stiffness" and study.delayed and not text.startswith("inf"):
+        if name == "stiffness" and study.delayed and limited:
             text = "not defined: there is no critical stiffness"
         lines.append(f"  {name:<10}{text}")
     return lines

@@ -4,6 +4,7 @@ import math
 import typing
 from collections.abc import Mapping, Sequence
 
+from ..errors import option
 from ..findings import Finding, Severity
 from ..fitting import Estimate
 from ..loop.family import CurveFamily, listed
@@ -14,16 +15,10 @@ from ..loop.thresholds import ACCEPT, FAR, SIGNIFICANT
 from ..loop.unfixed import Unfixed
 from ..loop.verdict import Conclusion, Told
 from ..units import read_as, speed_text
-from .location_text import QUESTIONS, where_it_sits
+from .location_text import question, where_it_sits
+from .words import say
 
 _MOST_NAMED = 6
-_WITHHELD = ": the verdict is withheld"
-_FAULTS = {
-    Fault.FAILED: "did not converge",
-    Fault.IMPOSSIBLE: "impossible parameters",
-    Fault.WEAK: "too little evidence",
-}
-_BLOCKS = {"report": "test", "select": "validation", "train": "train"}
 
 
 def reasons(found: Conclusion) -> tuple[str, ...]:
@@ -37,132 +32,103 @@ def sentence(found: Conclusion) -> str:
     if told is None:
         return _withheld(found.findings[0])
     if LoopCode.MOVED in codes:
-        return _moved(codes[LoopCode.MOVED], told)
+        moves = words_of(codes[LoopCode.MOVED])
+        return _of(told.effects, "verdict.moved", moves=moves, change=change(told))
     named = listed(told.effects)
-    before = f"test error {told.before:.2f} sigma"
+    before = say("verdict.error", before=told.before)
     match found.verdict:
         case "no_missing_effect":
-            what = "This record shows nothing that is missing"
-            return f"{what}: the base model fits to the noise ({before})."
+            return say("verdict.no_missing_effect", before=before)
         case "too_weak":
             return _too_weak(told, before)
         case "outside_catalogue":
             return _outside(told, named)
-    pairs = "; ".join(f"{a} or {b}" for a, b in told.rivals)
-    if found.families:
-        (curve,) = found.families
-        sure = [id for id in told.effects if id not in curve.effects]
-        what = listed([*sure, _curve(curve)])
-        alike = f", or what looks like it ({pairs})" if pairs else ""
-        wanted = f" {_upper(where_told(curve))} would tell." if curve.decided_by else ""
-        return f"The model lacks {what}{alike}: {change(told)}, BIC {told.gain:.0f} lower.{wanted}"
-    if told.rivals:
-        return f"The model lacks {named}, or what looks like it ({pairs}): {change(told)}."
-    return f"The model lacks {named}: {change(told)}, BIC {told.gain:.0f} lower."
+    pairs = "; ".join(say("verdict.rivals", a=a, b=b) for a, b in told.rivals)
+    known = {"change": change(told), "gain": told.gain, "pairs": pairs}
+    alike = "_or_alike" if told.rivals else ""
+    if not found.families:
+        return say(f"verdict.effects{alike}", named=named, **known)
+    (curve,) = found.families
+    sure = [id for id in told.effects if id not in curve.effects]
+    text = say(f"verdict.curve{alike}", what=listed([*sure, _curve(curve)]), **known)
+    if not curve.decided_by:
+        return text
+    return text + say("verdict.curve_decided", where=_upper(where_told(curve)))
+
+
+def _of(effects: Sequence[str], code: str, **values: object) -> str:
+    """A template of one or of several effects."""
+    number = "one" if len(effects) == 1 else "some"
+    return say(f"{code}_{number}", named=listed(effects), **values)
 
 
 def _too_weak(told: Told, before: str) -> str:
+    known = {"before": before, "accept": ACCEPT}
     if told.before > FAR * told.most:
-        return (
-            f"The base model misses rows that it was not fitted to ({before}; noise alone gives up"
-            f" to {told.most:.2f}), and no effect that explains it is supported by more than"
-            f" {ACCEPT:g} of BIC: what is fitted of this record may not fix the base model."
-        )
-    what = "Something may be missing, but too weakly to be named"
+        return say("verdict.base_misses", most=told.most, **known)
     if told.p_value < SIGNIFICANT:
-        what = f"Something is left ({p_text(told.p_value)}), but too little to be named"
-    return f"{what}: no effect is supported by more than {ACCEPT:g} of BIC ({before})."
+        return say("verdict.too_weak_but_left", p=p_text(told.p_value), **known)
+    return say("verdict.too_weak", **known)
 
 
 def _outside(told: Told, named: str) -> str:
     helped, closer = named and told.helped, told.closer
-    what = "Not all that is missing is" if helped else "What is missing is not"
-    changes = ", or not the same along all of the record" if named and not helped else ""
-    what += " named." if closer else f" in the catalogue{changes}."
     if told.after <= told.most:
-        which = " that this record fixes" if closer else ""
-        what = (
-            f"What is left is as small as the noise (test error {told.after:.2f} sigma), but has"
-            f" structure that no effect of the catalogue{which} explains."
-        )
+        code = "small_but_open" if closer else "small_but_structured"
+    elif closer:
+        code = "not_all_named" if helped else "not_named"
+    else:
+        code = "outside_in_part" if helped else "outside_or_changes" if named else "outside"
+    what = say(f"verdict.{code}", after=told.after)
     located = where_it_sits(told.location, told.velocities)
-    parts = (what, _unfixed(closer, named), _in_vain(told, named), located)
+    parts = (what, _unfixed(closer, named), _in_vain(told), located)
     return " ".join(part for part in parts if part)
 
 
 def change(told: Told) -> str:
     """The test error before and after, said as a fall only where it is one."""
-    before, after = f"{told.before:.2f}", f"{told.after:.2f}"
-    if told.helped:
-        return f"test error {before} -> {after} sigma"
-    return f"test error {after} sigma with, {before} without"
+    code = "verdict.error_falls" if told.helped else "verdict.error_does_not_fall"
+    return say(code, before=told.before, after=told.after)
 
 
 def _withheld(why: Finding) -> str:
     """That there is no verdict, why, and what to do."""
-    match why.code:
-        case LoopCode.RUNS_AWAY:
-            return (
-                "No verdict: where its fit ended, the base model cannot be simulated, so nothing"
-                " can be said of what it lacks. Check the units and signs of the columns, and of a"
-                " slider its stiffness."
-            )
-        case LoopCode.EDGE:
-            return (
-                "No verdict: the base fit sits at the edge of stability (K/K_cr is"
-                f" {why.values['ratio']:.2f}), where a small misfit of the law looks like a large"
-                " effect; use a stiffer machine, or check --stiffness."
-            )
-        case _:
-            return f"No verdict: {reason_of(why)}."
-
-
-def _moved(why: Finding, told: Told) -> str:
-    """That effects fit, but move a headline parameter and predict no better."""
-    named, one = listed(told.effects), len(told.effects) == 1
-    return (
-        f"{named} {'fits' if one else 'fit'} the train block, but {words_of(why)}, and"
-        f" the test block is predicted no better ({change(told)}): {named}"
-        f" {'is' if one else 'are'} not confirmed, and this record leaves both open."
-    )
+    if why.code in (LoopCode.RUNS_AWAY, LoopCode.EDGE):
+        return say(f"verdict.{why.code}", stiffness=option("stiffness"), **why.values)
+    return say("verdict.withheld", why=reason_of(why))
 
 
 def _upper(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def _in_vain(told: Told, named: str) -> str:
+def _in_vain(told: Told) -> str:
     """A sentence on effects that were added but explain too little."""
-    if not named:
+    if not told.effects:
         return ""
-    one = len(told.effects) == 1
-    if told.helped:
-        verb, but = ("helps", "does") if one else ("help", "do")
-        return f"{named} {verb} ({change(told)}) but {but} not explain all of it."
-    if told.after <= told.most:
-        verb = "changes" if one else "change"
-        return f"{named} {verb} little: {change(told)}."
-    verb, then = ("fits", "predicts") if one else ("fit", "predict")
-    return f"{named} {verb} the train block but {then} the others no better ({change(told)})."
+    code = "helps" if told.helped else "little" if told.after <= told.most else "in_vain"
+    return _of(told.effects, f"verdict.{code}", change=change(told))
 
 
 def _unfixed(found: Sequence[Unfixed], named: str) -> str:
     """What models that are not fixed would bring beside the model taken, `named` by its effects or
     not at all."""
-    than = f" than that of {named}" if named else ""
+    than = say("verdict.than", named=named) if named else ""
     told = [
-        f"{' + '.join(one.effects)} would explain most (BIC {one.lower:.0f} lower{than}), but"
-        f" {words_of_refusal(one.rejection)}: it is not confirmed."
+        say(
+            "verdict.takes",
+            names=" + ".join(one.effects),
+            lower=f"{one.lower:.0f}",
+            than=than,
+            why=words_of_refusal(one.rejection),
+        )
         for one in found
         if takes(one.rejection)
     ]
     if open_ := [one for one in found if not takes(one.rejection)]:
         names = listed([" + ".join(one.effects) for one in open_], "or")
         lower = listed(list(dict.fromkeys(f"{one.lower:.0f}" for one in open_)), "or")
-        told.append(
-            f"{names} would explain most (BIC {lower} lower{than}), but the rows that are fitted do"
-            " not fix the parameters of such a model."
-        )
+        told.append(say("verdict.not_fixed", names=names, lower=lower, than=than))
     return " ".join(told)
 
 
@@ -171,11 +137,10 @@ def _unfixed(found: Sequence[Unfixed], named: str) -> str:
 
 def _curve(family: CurveFamily) -> str:
     """The missing effect in words."""
-    fit = "is one that fits" if len(family.effects) == 1 else "together are one that fits"
+    fit = say("curve.fits" if len(family.effects) == 1 else "curve.fit")
+    code = ("none", "one")[len(family.fitting)] if len(family.fitting) < 2 else "some"
     shapes = listed(family.fitting)
-    also = f", {shapes} another" if len(family.fitting) == 1 else ""
-    also = f", {shapes} are others" if len(family.fitting) > 1 else also
-    return f"a steady curve of velocity ({listed(family.effects)} {fit}{also})"
+    return say(f"curve.{code}", effects=listed(family.effects), fit=fit, shapes=shapes)
 
 
 def where_told(family: CurveFamily) -> str:
@@ -185,19 +150,19 @@ def where_told(family: CurveFamily) -> str:
     rotary = family.unit == "rad/s"
     told = [f"{d.velocity:.2g} rad/s" if rotary else read_as(speed_text(d.velocity, 2))
             for d in family.decided_by]  # fmt: skip
-    return f"steady sliding at {listed(told, 'or')}"
+    return say("curve.where", speeds=listed(told, "or"))
 
 
 def why_untold(family: CurveFamily) -> str:
     """The reason why the shape of a curve is open."""
     parts = []
     if family.interpolates:
-        count = family.parameters
-        parts.append(f"{family.velocities} velocities, {count} parameters of the curve")
+        counts = {"velocities": family.velocities, "parameters": family.parameters}
+        parts.append(say("curve.interpolates", **counts))
     for other in family.others:
         if other.worse < ACCEPT:
-            side = "lower" if other.worse < 0 else "higher"
-            parts.append(f"{other.shape}: BIC {abs(other.worse):.1f} {side}")
+            code = "curve.better" if other.worse < 0 else "curve.as_good"
+            parts.append(say(code, shape=other.shape, by=abs(other.worse)))
     return "; ".join(parts)
 
 
@@ -207,40 +172,27 @@ def why_untold(family: CurveFamily) -> str:
 def words_of(finding: Finding) -> str:
     """A finding as a line of a report."""
     v: Mapping[str, typing.Any] = finding.values
+    code = f"finding.{finding.code}"
     match finding.code:
         case LoopCode.STRUCTURE:
-            left = (f"{QUESTIONS.get(n, n)}, {p_text(p)}" for n, p in v.items())
-            return "structure is left in the residual: " + "; ".join(left)
+            return say(code, what="; ".join(f"{question(n)}, {p_text(p)}" for n, p in v.items()))
         case LoopCode.BLOCK:
-            return (
-                f"the {_BLOCKS[v['block']]} error is {v['error']:.3f} sigma; noise alone"
-                f" gives up to {v['most']:.2f}"
-            )
-        case LoopCode.UNFITTED:
-            return (
-                f"{v['rival']} could not be fitted in place of {v['effect']}: it is not ruled out"
-            )
+            return say(code, **{**v, "block": say(f"finding.{v['block']}")})
         case LoopCode.MOVED:
             moves: Sequence[Move] = v["moves"]
-            return " and ".join(f"{m.name} moves from {_both(m, ' to ')}" for m in moves)
+            return " and ".join(say(code, **_ends(move)) for move in moves)
         case LoopCode.EDGE | LoopCode.RUNS_AWAY | LoopCode.FEEDBACK | LoopCode.SPRING:
-            return reason_of(finding) + _WITHHELD
+            return say("finding.withheld", why=reason_of(finding))
         case LoopCode.OTHERS:
-            columns = v["columns"]
-            shown = ", ".join(columns[:_MOST_NAMED]) + (
-                f" and {len(columns) - _MOST_NAMED} more" if len(columns) > _MOST_NAMED else ""
-            )
-            return (
-                f"other joints move in this record (columns {shown}): their weight and inertia act"
-                " here, the model has neither, and an effect may stand for them; hold them still"
-            )
+            columns, more = v["columns"][:_MOST_NAMED], len(v["columns"]) - _MOST_NAMED
+            rest = say("finding.more_columns", more=more) if more > 0 else ""
+            return say(code, columns=", ".join(columns) + rest)
         case LoopCode.EFFECT:
-            sure = "" if finding.severity is Severity.CLAIM else ", or what looks like it"
-            return f"{v['effect']}{sure}"
-        case LoopCode.FRICTION:
-            return f"friction {v['direction']}"
+            return say(code if finding.severity is Severity.CLAIM else f"{code}_or_alike", **v)
         case LoopCode.STABILITY:
-            return f"friction {'grows' if v['kind'] == 'free' else 'falls'} with speed"
+            return say(f"{code}_free" if v["kind"] == "free" else code)
+        case LoopCode.UNFITTED | LoopCode.FRICTION:
+            return say(code, **v)
         case _:
             return finding.code.value.replace("_", " ")
 
@@ -249,24 +201,13 @@ def reason_of(finding: Finding) -> str:
     """Why a verdict is withheld."""
     v: Mapping[str, typing.Any] = finding.values
     match finding.code:
-        case LoopCode.EDGE:
-            return f"K/K_cr is {v['ratio']:.2f}"
         case LoopCode.FEEDBACK:
-            after = f" {1e3 * v['late']:.2g} ms before" if v["late"] else ""
-            return (
-                f"the force is that of the position{after} alone, without inertia and friction:"
-                " feedback, as of a controller that carries a weight"
-            )
+            late = say("finding.late", ms=1e3 * v["late"]) if v["late"] else ""
+            return say(f"finding.{finding.code}", late=late)
         case LoopCode.SPRING:
-            return (
-                "the axis never slid: its force goes with the position and with no more than"
-                f" {100 * v['hysteresis']:.2g} % of hysteresis, which comes back over the whole"
-                f" stroke as in presliding. Its stiffness is {v['stiffness']:.4g} ±"
-                f" {v['std']:.2g} {v['unit']}; Coulomb and viscous friction, inertia, stability and"
-                " a feedforward are not in such a record: move it farther"
-            )
+            return say(f"finding.{finding.code}", share=100 * v["hysteresis"], **v)
         case _:
-            return "the fit runs away"
+            return say(f"finding.{finding.code}", **v)
 
 
 # ---- why a model is not taken --------------------------------------------------------------------
@@ -274,22 +215,27 @@ def reason_of(finding: Finding) -> str:
 
 def words_of_refusal(why: Refusal) -> str:
     """The fault of a model."""
-    if why.code is Fault.NOT_FIXED:
-        return f"{', '.join(why.parameters)} not fixed"
-    return words_of_moves(why.moves) if why.moves else _FAULTS[why.code]
+    if why.moves and why.code is not Fault.NOT_FIXED:
+        return words_of_moves(why.moves)
+    return say(f"refusal.{why.code}", parameters=", ".join(why.parameters))
 
 
 def words_of_moves(moves: Sequence[Move]) -> str:
     """What becomes of parameters, "takes B: 0.00176 ± 2e-05 -> -0.0014 ± 0.0007"."""
-    return "takes " + "; ".join(f"{move.name}: {_both(move, ' -> ')}" for move in moves)
+    told = "; ".join(say("refusal.move", **_ends(move)) for move in moves)
+    return say("refusal.takes_of_the_base", moves=told)
 
 
-def _both(move: Move, between: str) -> str:
-    """Both values of a parameter with their errors."""
-    return between.join(map(_with_error, (move.before, move.after)))
+def _ends(move: Move) -> dict[str, str]:
+    """A parameter before and after, with its errors."""
+    return {
+        "name": move.name,
+        "before": _with_error(move.before),
+        "after": _with_error(move.after),
+    }
 
 
 def _with_error(estimate: Estimate) -> str:
     if not (estimate.determined and math.isfinite(estimate.std)):
-        return "undetermined"
+        return say("refusal.undetermined")
     return f"{estimate.value:.3g} ± {estimate.std:.2g}"
