@@ -119,3 +119,17 @@ def test_every_schema_is_listed_once():
     names = [schema for schema in listed if "/" in schema]
     kinds = [schema.partition("/")[0] for schema in names]
     assert len(kinds) == len(set(kinds)) and set(schemas.VERBS) <= set(names)
+
+
+def test_effects_that_predict_worse_are_not_used_of_version_1_either(tmp_path):
+    content = old("loop")
+    content["verdict"] = "outside_catalogue"
+    path = tmp_path / "loop.json"
+    path.write_text(json.dumps(content))
+    assert fitted_law(path).effects
+    content["after"]["in_sigma"]["report"] = 2 * content["before"]["in_sigma"]["report"]
+    path.write_text(json.dumps(content))
+    found = fitted_law(path)
+    assert not found.effects and any("predict the test rows worse" in w for w in found.warnings)
+    before = {name: p["value"] for name, p in content["before"]["parameters"].items()}
+    assert found.parameters["A"] == before["A"] != content["after"]["parameters"]["A"]["value"]

@@ -37,9 +37,27 @@ _SUPPORT = ("direction", "rows", "slowest", "fastest")
 
 
 def upgraded(content: Any) -> Any:
-    """Return the content of an earlier version's file in the current form; others unchanged."""
+    """Return the content of a file of an earlier version in the current form.
+
+    Other content is returned unchanged.
+    """
     known = content.get("schema") if isinstance(content, dict) else None
-    return {**_now(content, _KEYS), "schema": _NOW[known]} if known in _NOW else content
+    if known not in _NOW:
+        return content
+    table = {**_now(content, _KEYS), "schema": _NOW[known]}
+    if "supported" not in table and _worse(table):
+        table["supported"] = "before"
+        table.pop("friction_law", None)  # of the model after; made anew from the one before
+    return table
+
+
+def _worse(table: Mapping[str, Any]) -> bool:
+    """Whether added effects predict the test rows worse than the base (`Loop.supported`)."""
+    try:
+        before, after = (table[when]["in_sigma"]["report"] for when in ("before", "after"))
+        return table["verdict"] == "outside_catalogue" and after > before
+    except (KeyError, TypeError):
+        return False
 
 
 def _now(value: Any, keys: Mapping[str, str]) -> Any:
