@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 _BINS, _FEW_BINS, _IN_A_BIN = 16, 4, 8
 """Bins of a sampled parameter: no more, no fewer, and with so many samples in each if it can be."""
 _MOST = 400_000
-_WIDE, _HEIGHT = 24, 1.6
+_WIDE, _HEIGHT = 17, 1.6
 _MANY, _LEAST = 12, 0.05
 """Panels of which all are drawn; of more those that move: the median changes over the parameter by
 so much of the range of its output, or a share of a code by so much."""
@@ -65,6 +65,8 @@ def draw_marginals(found: "Dataset", outputs: Sequence[str], coded: Sequence[str
     across = min(across, len(shown))
     rows = -(-len(shown) // across)
     figure = style.new_figure(style.DOUBLE, _HEIGHT * rows + 0.6)
+    # the layout knows no width of names below panels: those of the last column need the room
+    figure.set_layout_engine("constrained", rect=(0.0, 0.0, 0.97, 1.0))
     grid = figure.add_gridspec(rows, across)
     panels: dict[str, dict[str, Axes]] = {output: {} for output, _ in shown}
     left: list[Axes] = []

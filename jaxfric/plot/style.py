@@ -38,6 +38,8 @@ _LETTER = 0.58
 _MOST_COLUMNS, _HANDLE, _LEGEND = 6, 8, 0.35
 """Columns of a legend, letters that its handles take the room of, and the height that a figure has
 for it [inch]: of one or two lines."""
+_DECADES = 30.0
+"""A logarithmic axis that is longer has the prefix of its middle, a shorter one that of its end."""
 _SMALL = ("s", "m", "m/s", "rad", "rad/s")
 _PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n"}
 
@@ -118,7 +120,7 @@ def _name_in_si(axis: Axes, which: str, name: str, si: str, *, log: bool) -> Non
     side = axis.xaxis if which == "x" else axis.yaxis
     low, high = axis.get_xlim() if which == "x" else axis.get_ylim()
     about, log = max(-low, high), log or side.get_scale() == "log"
-    if log and low > 0:
+    if log and high > _DECADES * low > 0:
         about = max(math.sqrt(low * high), about / 100)
     size, unit = prefixed(about, si)
     side.set_label_text(named(name, unit))
