@@ -34,7 +34,6 @@ _BELOW = 0.8
 
 def headline(loop: Loop) -> str:
     """The verdict in a few words."""
-    listed_effects = listed(loop.effects)
     if loop.families:
         others = [id for id in loop.effects if not any(id in f.effects for f in loop.families)]
         return say("headline.effects", effects=listed([*others, say("headline.curve")]))
@@ -46,7 +45,7 @@ def headline(loop: Loop) -> str:
         code = "unfixed" if loop.unfixed() else code
         if loop.effects and helps:
             code = "beyond_unfixed" if loop.unfixed() else "beyond"
-    return say(f"headline.{code}", effects=listed_effects or "an effect")
+    return say(f"headline.{code}", effects=listed(loop.effects) or "an effect")
 
 
 def _far_off(loop: Loop) -> bool:
