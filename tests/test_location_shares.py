@@ -155,6 +155,6 @@ def test_a_rival_that_cannot_be_told_apart_is_named_once():
         profile(RIPPLE, 0.95, 0),
     )
     told = " ".join(shares_told(found, (1e-6, 1e-5, 1e-6)))
-    assert "Time and slip explain about as much: this record cannot tell them apart" in told
+    assert "Time and slip explain about as much: this record cannot distinguish them" in told
     assert "A ripple along the path in its place would explain about as much" in told
     assert told.lower().count("slip") == 1

@@ -199,7 +199,7 @@ def test_variables_that_grow_together_are_not_told_apart(snapshot):
     for profiles, velocities, alike in TOGETHER:
         text = where_it_sits(tuple(profiles), velocities)
         texts[f"{shares(profiles)} at {velocities}"] = text
-        assert ("apart" in text) == alike
+        assert ("distinguish" in text) == alike
     snapshot("variables_that_grow_together", texts)
 
 

@@ -326,7 +326,7 @@ def test_rows_that_are_held_out_have_noise_of_their_own(later, verdict):
 def test_structure_that_is_left_is_no_confirmation(p, verdict):
     told = concluded(found("a"), tests={"block_means": p})
     assert told.verdict == verdict
-    assert told.reasons == () if verdict == "effects" else "structure is left" in told.reasons[0]
+    assert told.reasons == () if verdict == "effects" else "structure remains" in told.reasons[0]
 
 
 def curve(worse: float, velocities=7, decided=()):

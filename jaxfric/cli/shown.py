@@ -18,14 +18,15 @@ def show(report: "Report", written: str, content: str, output: "OutputOptions") 
     if output.json:
         print(content)
     else:
-        from ..report.report import SCREEN, print_brief, print_details, print_next_steps
+        from ..report.report import SCREEN, STEPS, print_brief, print_details, print_next_steps
 
         console = stdout_console()
         if output.details:
             print_details(report, console)
         else:
-            print_brief(report, console, room=SCREEN - len(report.next_steps) - 2)
-        print_next_steps(report, console)
+            steps = min(len(report.next_steps), STEPS)
+            print_brief(report, console, room=SCREEN - steps - 2)
+        print_next_steps(report, console, most=None if output.details else STEPS)
         if written:
             console.print(f"\n{written}", markup=False, soft_wrap=True)
     warn(report.warnings)

@@ -74,7 +74,7 @@ def answer(loop: Loop) -> list[str]:
         effects = listed([named(loop, id) for id in loop.effects])
         found = say("answer.effects", base=_base_of(loop), effects=effects)
     else:
-        found = say("answer.not_described", base=base, headline=_lower(headline(loop)))
+        found = "; ".join(filter(None, (_base_of(loop), _lower(headline(loop)))))
     doubt = details.doubt()
     return [
         say("answer.friction", found=found),
@@ -91,7 +91,7 @@ def _lower(text: str) -> str:
 def _base_of(loop: Loop) -> str:
     """Coulomb and viscous friction and the mass of an axis, with errors."""
     moving = "inertia" if length_of(loop) == "rad" else "M"
-    names, known = {"F_c": "F_c", "F_v": "F_v", "M": moving}, loop.after.parameters
+    names, known = {"F_c": "F_c", "F_v": "F_v", "M": moving}, loop.supported.parameters
     return ", ".join(
         f"{say(f'answer.{code}')} {with_error(known[name], length_of(loop))}"
         for name, code in names.items()

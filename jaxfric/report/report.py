@@ -12,8 +12,8 @@ from .tables import TextTable, print_tables
 if TYPE_CHECKING:
     from rich.console import Console
 
-SCREEN = 20
-"""Lines that a terminal shows, unless details are asked for."""
+SCREEN, STEPS = 20, 3
+"""Lines, and next steps among them, that a terminal shows unless details are asked for."""
 _FRAME = 4
 """Lines of a table besides its rows: an empty one, the title, the heads, how many rows follow."""
 _WIDTH = 120
@@ -75,9 +75,9 @@ def print_details(report: Report, console: "Console") -> None:
     _print_lines(console, report.notes)
 
 
-def print_next_steps(report: Report, console: "Console") -> None:
-    """What to do next, a line each."""
-    told = [(f"{step.lead()}:", step.text, step.command) for step in report.next_steps]
+def print_next_steps(report: Report, console: "Console", *, most: int | None = None) -> None:
+    """What to do next, a line each; the first `most`, where that is given."""
+    told = [(f"{step.lead()}:", step.text, step.command) for step in report.next_steps[:most]]
     _print_lines(console, [" ".join(filter(None, words)) for words in told])
 
 

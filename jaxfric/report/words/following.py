@@ -3,46 +3,48 @@
 from collections.abc import Mapping
 
 NEXT: Mapping[str, str] = {
-    "gains": "Find the smallest gains that hold it steady with this model ({yours} to state):",
-    "yours_mass": "--mass is yours",
-    "yours_both": "--mass and --normal-force are yours",
-    "feedforward": "Compensate its friction in the controller (formula, C function, table):",
-    "predict": "See whether the model is true on a record that it has not seen:",
-    "run": "Make this run: {run}, {slip} each. It has what is known to tell {told}.{outside}{time}"
-    "{begins}",
+    "gains": "Find the smallest gains that keep the sliding steady with this model (you state"
+    " {yours}):",
+    "yours_mass": "--mass",
+    "yours_both": "--mass and --normal-force",
+    "feedforward": "Compensate the friction in the controller (formula, C function, table):",
+    "predict": "Test the model on a record that it was not fitted to:",
+    "run": "Make this run: {run}, {slip} each. It can distinguish {told}.{outside}{time}{begins}",
     "tells": "{effect}: {changes}",
     "effect_from": "{effect} from {others}",
     "outside": " Not in this run: {outside}.",
     "outside_one": "{changes} ({effect})",
-    "time": " Its other velocity tells time from slip.",
-    "begins": " It begins with this record's velocities: of what is missing, {comes_back}.",
-    "comes_back": "what comes back is friction or the machine, what does not was that day's",
-    "family": "The shape of {effects} is not told. A run that would decide: {where}.",
-    "decides": "This record cannot tell {effect} from {others}. A run that would decide:"
+    "time": " Its other velocity separates time from slip.",
+    "begins": " It begins with the velocities of this record: {comes_back}.",
+    "comes_back": "what repeats is friction or the machine, what does not repeat belongs to that"
+    " day",
+    "family": "This record does not determine the shape of {effects}. A run that would: {where}.",
+    "decides": "This record cannot distinguish {effect} from {others}. A run that would:"
     " {changes}.",
-    "ask": "Whether it tells {effect} from {other} is known before the run, and if not which"
-    " change would:",
-    "ask_more": "Whether it tells {effect} from {other} is known before the run, and if not which"
-    " change would ({notes}):",
+    "ask": "Check before the run whether it distinguishes {effect} from {other}, and which change"
+    " helps if not:",
+    "ask_more": "Check before the run whether it distinguishes {effect} from {other}, and which"
+    " change helps if not ({notes}):",
     "planned": "planned: {run}",
-    "then": "then the same with {others} for {other}",
-    "unasked": "no plan can be asked of {others}",
-    "ask_leading": "Whether it tells {effect} from {other}, which would explain most, is known"
-    " before the run:",
-    "own_velocities": "planned: the record's own velocities, for you to change",
-    "size": "How large an effect must be to be named by the next run is known before ({notes}):",
-    "size_again": "From which size on the next run shows {effect} again is known before ({notes}):",
-    "compare": "jaxfric fit --compare may ask for a second state of this record: it fits all rows,"
-    " and four laws alone. This loop {told}.{decides}",
+    "then": "then the same with {others} in place of {other}",
+    "unasked": "no plan can be tested for {others}",
+    "ask_leading": "Check before the run whether it distinguishes {effect} from {other}, which"
+    " explains most:",
+    "own_velocities": "planned: the velocities of this record, for you to change",
+    "size": "Plan the next run: how large must an effect be to be identified ({notes})?",
+    "size_again": "Plan the next run: from which size on will it show {effect} again ({notes})?",
+    "compare": "jaxfric fit --compare may ask for a second state of this record: it fits all"
+    " rows, and four laws alone. This loop {told}.{decides}",
     "compare_decides": " What would decide: {changes}.",
-    "not_taken": "does not take one (BIC {gain:.0f} lower, but {why})",
-    "not_told": "cannot tell one from {others}",
+    "not_taken": "does not add one (BIC {gain:.0f} lower, but {why})",
+    "not_told": "cannot distinguish one from {others}",
     "look": "Look where it sits (location.png, in loop.html 'Where the structure sits').",
-    "look_again": "Look where it sits (location.png, in loop.html 'Where the structure sits'), and"
-    " record the run again: {comes_back}.",
-    "own_effect": "An effect of your own is a class with an equation: `own=[...]` of close_loop in"
-    " Python tries it beside the others.",
-    "longer": "A longer record, more {parts} or less noise would name it or make it vanish.",
+    "look_again": "Look where it sits (location.png, in loop.html 'Where the structure sits'),"
+    " and record the run again: {comes_back}.",
+    "own_effect": "Write an effect of your own, a class with an equation: `own=[...]` of"
+    " close_loop in Python tries it beside the others.",
+    "longer": "Record longer, with more {parts} or less noise: that identifies the effect or"
+    " makes it vanish.",
     "strokes": "strokes",
     "steps": "velocity steps",
 }

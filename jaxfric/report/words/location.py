@@ -31,27 +31,28 @@ QUESTION: Mapping[str, str] = {
 """The structure that each test looks for, by the name of the test or variable."""
 
 LOCATION: Mapping[str, str] = {
-    "smooth": "A smooth curve would explain {share} of what the base model leaves, along any of"
-    " several variables. {alike}",
-    "best_p": "What the base model leaves {does} best ({p}).",
-    "one": "Friction that {does} would explain {share} of what the base model leaves.",
-    "two": "Friction that {does}, either alone, would explain about {share} of what the base model"
-    " leaves.",
-    "several": "Friction that {does}, each alone, would explain about {share} of what the base"
-    " model leaves.",
-    "alike_one_step": "With one velocity step {variables} grow together: but for the shape of a"
-    " curve this record cannot tell them apart; a second step or a hold would.",
-    "alike": "{variables} explain about as much: this record cannot tell them apart; steps at"
+    "smooth": "A smooth curve would explain {share} of the residual of the base model, along any"
+    " of several variables. {alike}",
+    "best_p": "The residual of the base model {does} best ({p}).",
+    "one": "Friction that {does} would explain {share} of the residual of the base model.",
+    "two": "Friction that {does}, either alone, would explain about {share} of the residual of"
+    " the base model.",
+    "several": "Friction that {does}, each alone, would explain about {share} of the residual of"
+    " the base model.",
+    "alike_one_step": "With one velocity step {variables} grow together: only the shape of a"
+    " curve distinguishes them in this record. A second step or a hold would separate them.",
+    "alike": "{variables} explain about as much: this record cannot distinguish them. Steps at"
     " other velocities or a hold would.",
     "follows": "follows {variables}",
     "ripples": "ripples along the path",
-    "only_noise": "Over no variable does the base model leave more than noise alone gives.",
-    "no_shares": "It is too little beside the noise to be parted into shares.",
-    "nothing": "What the base model leaves is no more than noise: there is nothing to place.",
-    "unexplained": "No variable explains what the base model leaves.",
-    "carries": "{subject} carries {share} of what the model lacks.",
+    "only_noise": "The residual of the base model follows no variable more than noise does.",
+    "no_shares": "It is too small compared with the noise to be divided into shares.",
+    "nothing": "The residual of the base model is consistent with noise: there is nothing to"
+    " locate.",
+    "unexplained": "No variable explains the residual of the base model.",
+    "carries": "{subject} explains {share} of what the model lacks.",
     "curve": "a smooth curve",
-    "rivals": "{rivals} in its place would explain about as much.",
+    "rivals": "{rivals} would explain about as much in its place.",
     "bars": "Each bar below the first is what that variable explains beyond those above.",
     "share": "{percent:.0f} %",
     "small_share": "less than 1 %",

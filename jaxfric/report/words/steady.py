@@ -3,37 +3,37 @@
 from collections.abc import Mapping
 
 STEADY: Mapping[str, str] = {
-    "counted": "runs that stick and slip count in the fit, as too few others are left, so that the"
-    " fitted line is no friction of steady sliding",
+    "counted": "runs that stick and slip count in the fit, since too few others remain: the"
+    " fitted line is not the friction of steady sliding",
     "not_fitted": "these runs have no steady friction and are not fitted",
     "wanders": "the force changes along the runs as slowly as a weight or a spring changes it (a"
-    " run is worth {samples:.0f} independent samples), so that friction is not told from such a"
-    " load, nor how well the means are known. Record {more}",
+    " run is worth {samples:.0f} independent samples). Friction cannot be separated from such a"
+    " load, and the errors of the means are unknown. Record {more}",
     "longer_runs": "longer runs",
     "position": "the position as well",
-    "drives": "{what} is negative{where}, {force:.3g} ± {std:.2g} {unit}: it would drive the axis,"
-    " so that the model is wrong",
+    "drives": "{what} is negative{where}, {force:.3g} ± {std:.2g} {unit}: it would drive the"
+    " axis, so that the model is wrong",
     "coulomb": "the fitted Coulomb friction",
     "friction": "the fitted friction",
     "at": " at {speed:.3g} {unit}",
     "slips": "Stick-slip: {each}; {how}.",
     "slips_one": "at {speed:.3g} {unit} the axis rests {share:.0f} % of the time ({stops} stops)"
     " and moves at {moving:.3g} {unit} between",
-    "loaded": "The force goes {what}, the same both ways, as a weight or a spring: it is taken out"
-    " of the friction; F_0 holds it in the middle of the travel.",
+    "loaded": "The force goes {what}, the same both ways, as a weight or a spring: it is taken"
+    " out of the friction; F_0 holds it in the middle of the travel.",
     "gravity": "with the sine of the angle, {size:.4g} ± {std:.2g} {unit} at most",
     "spring": "with the position, {size:.4g} ± {std:.2g} {unit}",
     "untested": "Whether friction lacks an effect ({effects}) is not tested",
     "ambiguous": "{untested}.",
-    "too_few": "A line each way fits the runs: {known} (rms {before} {unit}). {untested}: {fewest}"
-    " runs are needed, {of_each} of each direction.",
+    "too_few": "A line each way fits the runs: {known} (rms {before} {unit}). {untested}:"
+    " {fewest} runs are needed, {of_each} of each direction.",
     "not_supported": " Not supported: {effects}.",
     "effects": "The curve lacks {effects}: rms {before} -> {after} {unit}, BIC {gain:.0f}"
     " lower.{rest}",
-    "too_weak": "Something may be missing, but no effect is supported by more than {accept:g} of"
-    " BIC (best {lower:.1f}).",
-    "stick_slip": "The others fit Coulomb and viscous friction (rms {before} {unit}): where"
-    " friction falls with speed they do not show.{rest}",
-    "no_missing_effect": "These points show nothing that is missing: rms {before} {unit}.{rest}",
+    "too_weak": "An effect may be missing, but none lowers the BIC by more than {accept:g} (best"
+    " {lower:.1f}).",
+    "stick_slip": "The others fit Coulomb and viscous friction (rms {before} {unit}); they do not"
+    " show where friction falls with speed.{rest}",
+    "no_missing_effect": "Nothing is missing in these points: rms {before} {unit}.{rest}",
 }
 """A sentence by its code, and its parts."""
