@@ -63,6 +63,8 @@ def first_lines(loop: Loop) -> list[str]:
     most = loop.held_out_threshold
     found += f" (noise alone gives up to {most:.2f})" if math.isfinite(most) else ""
     caution = [f"caution: {loop.reasons[0]}"] if loop.reasons else []
+    if loop.verdict == "ambiguous" and loop.effects and not caution:
+        caution = [loop.sentence]
     means = [f"{id}: {meaning(loop, id)}" for id in loop.effects if meaning(loop, id)]
     model = loop.supported
     rate, of = model.A_minus_B, ""
