@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from ..study.progress import Progress
 
 # What a message of a study that is a warning begins with.
-_WARNING = "warning: "
 
 
 @options.FLAT
@@ -179,16 +178,16 @@ class _Teller:
 
     def __init__(self, say: Callable[[str], None]):
         self.say, self.members = say, 0
-        self.state = "no chunk is written yet"
+        self.state = "no new chunk is written yet"
 
     def note(self, text: str) -> None:
         """A message of the study; warnings stay, with --quiet too."""
-        if text.startswith(_WARNING):
-            warn([text.removeprefix(_WARNING)])
-            return
-        if "chunks are written" in text:
-            self.state = text
-        self.say(text)
+        from ..findings import Warned  # only here: the command begins without NumPy
+
+        if isinstance(text, Warned):
+            warn([text.removeprefix("warning: ")])
+        else:
+            self.say(text)
 
     def progress(self, now: "Progress") -> None:
         """A chunk was written."""

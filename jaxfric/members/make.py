@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 from jaxtyping import Array
 
 from ..errors import InputError
+from ..findings import Warned
 from ..study import Output, Progress, run
 from ..study.function import Cost, Function, refuse_clashes
 from .computations import COMPUTATIONS
@@ -137,7 +138,7 @@ def run_study(
     refuse_clashes(made.spec.grid, made.outputs)
     for line in made.spec.warnings:
         if tell is not None:
-            tell(f"warning: {line}")
+            tell(Warned(f"warning: {line}"))
     return run(
         made.function,
         made.spec.grid,

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError, option
+from ..findings import Warned
 
 if TYPE_CHECKING:
     from zarr.storage import ObjectStore
@@ -187,10 +188,11 @@ class Directory(AbstractPlace):
             except (BlockingIOError, PermissionError):
                 raise _held(self.shown) from None
             except OSError as error:
-                tell(
+                text = (
                     f"warning: the file system of {self.shown} has no locks ({error.strerror});"
                     " make sure that no other run writes there"
                 )
+                tell(Warned(text))
             yield
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ..errors import InputError
+from ..findings import Warned
 from ..silent import silent
 from .function import (
     OUTCOME,
@@ -229,7 +230,7 @@ def _go_on(store: Store, source: Source, listener: Listener) -> None:
         tell(f"{int(sound.sum())} of {len(sound)} chunks are written and sound")
         changed = changed_versions(store.place)
         if changed:
-            tell(f"warning: begun with other versions: {', '.join(changed)}")
+            tell(Warned(f"warning: begun with other versions: {', '.join(changed)}"))
     retried = [number for number in store.with_errors() if sound[number]]
     if retried:
         tell(f"{len(retried)} of them have members that failed, and are computed again")
