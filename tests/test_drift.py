@@ -129,7 +129,7 @@ def test_a_trend_that_the_rows_before_do_not_have_has_a_star(per_mm, trend, star
     assert misses(SimpleNamespace(fit=fit)) == star
     said = ask_on(SimpleNamespace(steps=[SimpleNamespace(fit=fit, number=4)]))
     assert (
-        "the rows before step 4 do not have the slip trend of the fit; ask what" in said
+        "the rows before step 4 do not have the slip trend of the fit; find out which" in said
     ) == star
 
 

@@ -325,7 +325,11 @@ def test_laws(law, parameters, words):
         (fit_content(schema="jaxfric.gains/1"), [], ["'jaxfric.gains/1'", "jaxfric.fit/2"]),
         (json.dumps(fit_content(), indent=1)[:300], [], ["damaged (line"]),
         ("[]", [], ["names no schema"]),
-        ({"schema": "jaxfric.steady/2"}, [], ["steady speeds", "under gains", "--law stribeck"]),
+        (
+            {"schema": "jaxfric.steady/2"},
+            [],
+            ["steady-state curve", "entry gains", "--law stribeck"],
+        ),
         (fit_content(converged=False), ["--normal-force", "5 N"], ["did not converge"]),
         (fit_content(), [], ["friction coefficient", "--normal-force '500 N'"]),
         (fit_content(friction_unit="N"), ["--normal-force", "5 N"], ["not wanted"]),

@@ -40,7 +40,7 @@ KEYS = {
     "verdict", "sentence", "reasons", "effects", "alias_groups", "separations", "separated_by",
     "candidates", "rules", "screened", "before", "after", "shifts_in_sigma", "noise", "tests",
     "location_map", "aliasing", "blocks", "warnings", "seconds", "families", "findings",
-    "friction_law", "warned", "next_steps",
+    "friction_law", "warned", "next_steps", "supported",
 }  # fmt: skip
 
 
