@@ -1361,3 +1361,18 @@ def test_a_model_that_predicts_worse_than_the_base_is_not_used() -> None:
     assert "base model" in told[1] and "0.01050(6)" in told[1]
     law = law_from_fit(loop, normal_force=1.0, samples=0).law
     assert float(law.A) == loop.before.parameters["A"].value
+
+
+def test_an_axis_whose_verdict_is_not_sure_still_has_its_friction() -> None:
+    """With effects that explain a part, Coulomb and viscous friction are those of the base."""
+    loop = in_axis_words(make_loop("ambiguous"))
+    base = {"F_c": _estimate(2.016, 0.043, "N m"), "F_v": _estimate(3.386, 0.066, "N m s/rad")}
+    lost = {"F_c": _estimate(0.92, 1.11, "N m"), "F_v": _estimate(1.35, 1.32, "N m s/rad")}
+    loop = dataclasses.replace(
+        loop,
+        before=dataclasses.replace(loop.before, parameters=base),
+        after=dataclasses.replace(loop.after, parameters=lost),
+    )
+    assert "Coulomb 0.9(11)" in answer(loop)[0]
+    found = answer(dataclasses.replace(loop, verdict="outside_catalogue"))[0]
+    assert "Coulomb 2.02(4)" in found and "viscous 3.39(7)" in found and "base" in found

@@ -13,7 +13,7 @@ from ..loop.axis.result import AxisDetails
 from ..loop.family import CurveFamily, listed
 from ..loop.findings import LoopCode
 from ..loop.residual_tests import p_text
-from ..loop.result import CandidateScore, Loop, RunDetails
+from ..loop.result import CandidateScore, Loop, RunDetails, Score
 from ..loop.split import NAMES
 from ..loop.thresholds import ACCEPT, ALIAS, FAR, SIGNIFICANT, TIE
 from ..units import decimals, factor, format_si, read_as
@@ -69,12 +69,16 @@ def answer(loop: Loop) -> list[str]:
     elif details.doubted() and loop.verdict in ("no_missing_effect", "effects"):
         found = say("answer.doubted", fitted=listed([base, *loop.effects]))
     elif loop.verdict == "no_missing_effect":
-        found = say("answer.base", base=_base_of(loop))
+        found = say("answer.base", base=_base_of(loop, loop.after))
     elif loop.verdict == "effects" and not loop.families:
         effects = listed([named(loop, id) for id in loop.effects])
-        found = say("answer.effects", base=_base_of(loop), effects=effects)
+        found = say("answer.effects", base=_base_of(loop, loop.after), effects=effects)
     else:
-        found = "; ".join(filter(None, (_base_of(loop), _lower(headline(loop)))))
+        model = loop.before if loop.verdict == "outside_catalogue" else loop.after
+        known = _base_of(loop, model)
+        if known and model.effects != loop.after.effects:
+            known = say("answer.base_model", base=known)
+        found = "; ".join(filter(None, (known, _lower(headline(loop)))))
     doubt = details.doubt()
     return [
         say("answer.friction", found=found),
@@ -88,10 +92,10 @@ def _lower(text: str) -> str:
     return f"{text[:1].lower()}{text[1:]}"
 
 
-def _base_of(loop: Loop) -> str:
-    """Coulomb and viscous friction and the mass of an axis, with errors."""
+def _base_of(loop: Loop, model: Score) -> str:
+    """Coulomb and viscous friction and the mass of an axis by a model, with errors."""
     moving = "inertia" if length_of(loop) == "rad" else "M"
-    names, known = {"F_c": "F_c", "F_v": "F_v", "M": moving}, loop.supported.parameters
+    names, known = {"F_c": "F_c", "F_v": "F_v", "M": moving}, model.parameters
     return ", ".join(
         f"{say(f'answer.{code}')} {with_error(known[name], length_of(loop))}"
         for name, code in names.items()

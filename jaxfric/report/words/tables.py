@@ -19,6 +19,7 @@ HEADLINE: Mapping[str, str] = {
 ANSWER: Mapping[str, str] = {
     "doubted": "these rows do not determine it, though the residual of {fitted} looks like noise",
     "base": "{base}; nothing else is missing",
+    "base_model": "{base} (of the base model alone)",
     "effects": "{base}; also found: {effects}",
     "friction": "friction: {found}",
     "not_sure": "not sure: {doubt}",
