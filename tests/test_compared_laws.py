@@ -25,7 +25,13 @@ from jaxfric.loop.compare import held_out_blocks, likeliest
 from jaxfric.plot.compared import comparison_figure
 from jaxfric.records import VelocitySteps
 from jaxfric.report.comparison import ended, tabled
-from jaxfric.report.fits_table import TabledFit, csv_rows, latex_text, text_table
+from jaxfric.report.fits_table import (
+    TabledFit,
+    csv_rows,
+    latex_text,
+    report_of_files,
+    text_table,
+)
 
 pytestmark = pytest.mark.computes
 
@@ -485,3 +491,14 @@ def test_a_comparison_is_short_in_a_notebook_and_whole_as_a_table(of_slip):
     assert list(frame.index) == [score.name for score in of_slip.scores]
     assert frame["BIC above least"].min() == 0.0
     assert len(of_slip.plot().axes) == 1 + len(of_slip.scores)
+
+
+def test_the_first_lines_of_many_files_name_those_that_misfit(of_slip) -> None:
+    good = of_slip.scores[0].fit
+    missed = dataclasses.replace(
+        good, warnings=(Warned("the fit leaves much", WarningCode.MISFIT),)
+    )
+    fits = [TabledFit("a.csv", good), TabledFit("b.csv", missed), TabledFit("c.csv", None, "no")]
+    first, second = report_of_files(fits).headline
+    assert first.startswith("2 of 3 ") and f"{good.A_minus_B.value:.3g}".lstrip("-") in first
+    assert "b.csv" in second and "a.csv" not in second

@@ -11,8 +11,8 @@ EXCESS = 2.0
 """rms residual over scatter from which the model lacks an effect, or the noise is correlated over
 many rows."""
 COLUMN = (
-    "misfit: what the fit leaves over the scatter of neighbouring rows, about 1 where that is"
-    " noise, and above 1 also where noise is correlated"
+    "misfit: residual over the scatter of neighbouring rows; about 1 for white noise, larger for a"
+    " missing effect or correlated noise"
 )
 """Explanation of the column `misfit`, for a note."""
 

@@ -166,7 +166,33 @@ def report_of_files(fits: Sequence[TabledFit]) -> Report:
             files.setdefault(text, []).append(one.name)
     table = text_table(fits, "file", f"{len(fits)} records", records=True)
     warnings = [f"{', '.join(names)}: {text}" for text, names in files.items()]
-    return Report(tables=[table], warnings=warnings)
+    return Report(_headline(fits), tables=[table], warnings=warnings)
+
+
+def _headline(fits: Sequence[TabledFit]) -> list[str]:
+    """How many fits there are, the range of a - b and its sign; then the files with a misfit."""
+    rates = [one.fit.A_minus_B for one in fits if one.fit is not None and one.known]
+    lines = [f"{len(rates)} of {len(fits)} records fitted"]
+    values = sorted(rate.value for rate in rates)
+    if values:
+        weak = sum(rate.upper < 0 for rate in rates)
+        strong = sum(rate.lower > 0 for rate in rates)
+        signs = {"weakening": weak, "strengthening": strong, "open": len(rates) - weak - strong}
+        told = ", ".join(f"{count} {sign}" for sign, count in signs.items() if count)
+        ends = f"{values[0]:.3g} to {values[-1]:.3g}".replace("-", "−")
+        lines[0] += f": a - b {ends}, velocity dependence: {told}"
+    short = short_names([one.name for one in fits])
+    missed = [
+        f"{short[one.name]} ({excess(one.fit):.2g})"
+        for one in fits
+        if one.fit is not None and any(is_of(w, WarningCode.MISFIT) for w in one.fit.warnings)
+    ]
+    if missed:
+        lines.append(
+            f"do not trust the errors of {', '.join(missed)}: the residual is so many times the"
+            " scatter of neighbouring rows"
+        )
+    return lines
 
 
 def content_of_files(fits: Sequence[TabledFit]) -> dict[str, object]:
