@@ -48,7 +48,8 @@ def test_what_a_residual_is_due_to(rms, refit, sigma, verdict: str, words: str) 
     shifts = {"M": Shift("M", 1.0, 2.0, 0.1), "f0": Shift("f0", 0.0, 1.0, 0.01)}
     found = prediction(rms, refit, sigma, **shifts)
     assert found.verdict == verdict and words in found.sentence
-    assert found.sentence.startswith(f"Prediction error {rms:.3g} N, {rms:.2g} times the noise")
+    assert found.sentence.startswith("Yes" if verdict == "noise" else "No")
+    assert f" {rms:.3g} N, {rms:.2g} times the noise" in found.sentence
     shares = found.shares()
     assert sum(shares.values()) == pytest.approx(1.0)
     assert shares["parameters"] == pytest.approx(1 - (refit / rms) ** 2)

@@ -154,7 +154,10 @@ Rig = Annotated[
 
 
 DriveGain = Annotated[
-    Text, Parameter(help='For an axis: motor force per control signal, "35.15 N/V".')
+    Text,
+    Parameter(
+        help='For an axis: motor force per control signal or motor current, "35.15 N/V", "9 N m/A".'
+    ),
 ]
 
 
@@ -433,9 +436,9 @@ class DelayOptions:
     """Delay of the controller."""
 
     sample_time: Text = None
-    """Sample time of the controller, '1 ms'. It adds 1.5 samples of delay to the loop (zero-order
-    hold and computation)."""
-    delay: Annotated[Text, MORE] = None
+    """Sample time of the controller, '1 ms'; counts as 1.5 samples of delay. These are zero-order
+    hold and computation."""
+    delay: Text = None
     """Total delay of the loop, '1 ms', instead of --sample-time. The delay margin is the additional
     delay that the loop tolerates."""
 

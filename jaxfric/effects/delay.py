@@ -6,8 +6,8 @@ present u = ln V/V0 approximates its past,
     u(t - alpha) ~ u - alpha u' + (alpha^2/2) H(s) u'',   H(s) = (1 + n s)/(1 + b1 s + b2 s^2)
 
 With b1 = alpha/2, b2 = alpha^2/12, n = alpha/6 it is the [2/2] Pade approximant of exp(-alpha s).
-Its poles at 3.5/alpha are stiff for a small delay. So they are kept below 2/c, in units of
-crossings xi, the time L/V in which the contact renews itself. With a = alpha V/L and
+Its poles at 3.5/alpha are stiff for a small delay. So the poles are kept below 2/c, in units of
+V/L: L/V, a crossing, is the time in which the contact renews itself. With a = alpha V/L and
 nu = c/(1 + 2a/(3c)):
 
     b1 = a/2 + nu,   b2 = a^2/12 + a nu/3 + c^2/4,   n = a/6 + nu

@@ -107,14 +107,18 @@ class Prediction(Described, Drawable, Gridded, Tabular):
         """The verdict in words."""
         unit = "" if self.force_unit == "1" else f" {self.force_unit}"
         ratio = self.rms / self.sigma
-        begin = f"Prediction error {self.rms:.3g}{unit}, {ratio:.2g} times the noise of this record"
+        agrees = "Yes" if self.verdict == "noise" else "No"
+        begin = (
+            f"{agrees}: the prediction error is {self.rms:.3g}{unit}, {ratio:.2g} times the noise"
+            " of this record"
+        )
         moved = [
             s.name
             for s in self.shifts
             if abs(s.in_sigma) > _SHIFTED and s.name not in self.refitted
         ]
         if self.verdict == "noise":
-            return f"{begin}: consistent with noise; no structure detected."
+            return f"{begin}, which is consistent with noise."
         asks = "jaxfric axis" if self.kind == "axis" else "jaxfric loop"
         lacks = (
             "the model lacks an effect here, or the noise is correlated over many rows"

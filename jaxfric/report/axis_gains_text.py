@@ -42,8 +42,8 @@ def short(gains: AxisGains, unit: Shown, velocity: Shown) -> str:
         )
     text = (
         f"friction falls with speed, most steeply at {velocity.text(gains.worst_velocity)}, so"
-        f" the axis may stick-slip; damping k_v above {unit.text(claim.damping)} holds it"
-        f"{_range(gains, velocity)}"
+        f" the axis may stick-slip; the controller must add damping k_v above"
+        f" {unit.text(claim.damping)} to hold it{_range(gains, velocity)}"
     )
     if gains.stiff is not None and 0 < gains.stiff.critical_stiffness < np.inf:
         text += f", or stiffness k_p above {_stiffness(unit).text(gains.stiff.critical_stiffness)}"

@@ -1,21 +1,25 @@
 """The friction of a result in a line: a - b, a, b and D_c with their errors."""
 
+import re
 from collections.abc import Mapping
 
 from ..fitting import Estimate
 from ..units import factor, measured, read_as
 
 _SHORT = {"A": "a", "B": "b", "L": "D_c"}
+_STATE = re.compile(r"(?:second_state\.)?([ABL])(\d*)")
+"""Parameters of the law and of a second state by their letter, with the number of the state."""
 
 
 def friction_line(rate: Estimate, parameters: Mapping[str, Estimate], length: str) -> str:
-    """ "a - b = −0.01101(1), a = ..., b = ..., D_c = ... µm: velocity weakening.", of one state.
+    """ "a - b = −0.01101(1), a = ..., b = ..., D_c = ... µm: velocity weakening."
 
-    `rate` is A less all B; lengths are in the unit `length`.
+    `rate` is A less all B ("a - b - b2" of two states); lengths are in the unit `length`.
     """
-    shown = {"a - b": rate} | {
-        short: parameters[name] for name, short in _SHORT.items() if name in parameters
-    }
+    own = {_SHORT[m[1]] + m[2]: known for name, known in parameters.items() if (m := _state(name))}
+    states = sorted(name for name in own if name[0] == "b")
+    shown = {" - ".join(("a", *(states or ["b"]))): rate}
+    shown |= {name: own[name] for name in sorted(own, key=lambda name: "abD".index(name[0]))}
     told = [
         f"{name} {'=' if _known(estimate) else 'is'} {with_error(estimate, length)}"
         for name, estimate in shown.items()
@@ -30,6 +34,10 @@ def with_error(estimate: Estimate, length: str) -> str:
     unit, size = shown_unit(estimate, length)
     text = measured(estimate.value / size, estimate.std / size, short=True).replace("-", "−")
     return f"{text} {unit}".rstrip()
+
+
+def _state(name: str) -> re.Match[str] | None:
+    return _STATE.fullmatch(name)
 
 
 def _known(estimate: Estimate) -> bool:

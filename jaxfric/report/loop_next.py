@@ -146,8 +146,8 @@ def _do_next(loop: Loop, run: PlannedRun, file: str) -> list[NextStep]:
             outside.append(say("next.outside_one", changes=change_words(left), effect=id))
     comes = _begins_with(run, own) and loop.verdict == "outside_catalogue"
     values = {
+        **_values_of(run),
         "run": run.words(),
-        "slip": f"{run.slip:.4g} {read_as(run.length)}",
         "told": "; ".join(told),
         "outside": say("next.outside", outside="; ".join(outside)) if outside else "",
         "time": say("next.time") if _new_velocity(loop, run, own) else "",
@@ -156,6 +156,19 @@ def _do_next(loop: Loop, run: PlannedRun, file: str) -> list[NextStep]:
     asks = _ask_leading(loop, file, run)
     asks += [step for id, others in groups.items() for step in _ask(loop, file, run, id, others)]
     return [_step("run", **values), *asks, *_of_families(loop)]
+
+
+def _values_of(run: PlannedRun) -> dict[str, str]:
+    return {
+        "velocities": read_as(run.velocities()),
+        "slip": f"{run.slip:.4g} {read_as(run.length)}",
+    }
+
+
+def run_to_make(loop: Loop) -> str:
+    """The run that would decide what this record leaves open, in a line; "" without one."""
+    run = _one_run(loop)
+    return "" if run is None else say("next.run_to_make", **_values_of(run))
 
 
 def _from(id: str, others: Sequence[str]) -> str:

@@ -46,10 +46,13 @@ class PlannedRun:
         """The unit of length."""
         return self.unit.removesuffix("/s")
 
+    def velocities(self) -> str:
+        """The velocities in their order, with their unit."""
+        return f"{', '.join(f'{v:.4g}' for v in self.speeds)} {self.unit}"
+
     def options(self) -> str:
         """What `jaxfric protocol` is told of it."""
-        speeds = ", ".join(f"{v:.4g}" for v in self.speeds)
-        text = f'"{speeds} {self.unit}" --slip-per-step "{self.slip:.4g} {self.length}"'
+        text = f'"{self.velocities()}" --slip-per-step "{self.slip:.4g} {self.length}"'
         return f'{text} --slip-channel "{_CHANNEL}"' if self.channel else text
 
     def words(self) -> str:

@@ -4,7 +4,7 @@ import math
 
 from ..loop.result import Loop
 from .estimates import friction_line
-from .loop_next import next_steps
+from .loop_next import next_steps, run_to_make
 from .loop_text import (
     answer,
     apart,
@@ -64,11 +64,11 @@ def first_lines(loop: Loop) -> list[str]:
     found += f" (noise alone gives up to {most:.2f})" if math.isfinite(most) else ""
     caution = [f"caution: {loop.reasons[0]}"] if loop.reasons else []
     if loop.verdict == "ambiguous" and loop.effects and not caution:
-        caution = [loop.sentence]
+        caution = [run_to_make(loop) or loop.sentence]
     means = [f"{id}: {meaning(loop, id)}" for id in loop.effects if meaning(loop, id)]
     model = loop.supported
     rate, of = model.A_minus_B, ""
-    if model.effects != loop.effects:
+    if model is not loop.after:
         of = "base model, as the effects added predict the test rows worse: "
     friction = [] if rate is None else [of + friction_line(rate, model.parameters, length_of(loop))]
     return [f"{found}.", *friction, *(means if loop.verdict == "effects" else caution)]

@@ -45,7 +45,11 @@ def headline(loop: Loop) -> str:
         code = "unfixed" if loop.unfixed() else code
         if loop.effects and helps:
             code = "beyond_unfixed" if loop.unfixed() else "beyond"
-    return say(f"headline.{code}", effects=listed(loop.effects) or "an effect")
+    alike = dict(confused(loop)) if code == "ambiguous" else {}
+    if code == "ambiguous" and loop.effects:
+        code = "one_of" if alike else "not_confirmed"
+    names = [listed([id, *alike.get(id, ())], "or") for id in loop.effects]
+    return say(f"headline.{code}", effects=listed(names) or "an effect")
 
 
 def _far_off(loop: Loop) -> bool:

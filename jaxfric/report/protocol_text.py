@@ -254,7 +254,7 @@ def _of_all(plan: Protocol, recommended: str) -> str:
 def effects(plan: Protocol) -> TextTable:
     """Table of the effects: the smallest amplitude that is named, and what looks most like it."""
     rows = [(s.id, *_amplitude(s), *_nearest(plan.design, s.id)) for s in plan.design.smallest]
-    head = ("effect", "smallest", "at", "most alike", "|cosine|")
+    head = ("effect", "smallest named", "at the shape", "most alike", "|cosine|")
     return TextTable("How large an effect must be to be named", head, rows, _NOTE)
 
 

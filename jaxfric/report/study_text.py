@@ -10,6 +10,8 @@ from .report import NextStep, Report
 if TYPE_CHECKING:
     from xarray import Dataset
 
+_WORDS = {"limit_cycle": "limit cycle, which is stick-slip", "failed": "not known"}
+"""Codes in words, where these say more."""
 _SHOWN = 5
 """Texts of errors that are shown."""
 _NOT_PLAIN = ("escape", "failed")
@@ -27,7 +29,11 @@ def report(found: "Dataset", seconds: float, members: int, store: str) -> Report
         meanings = about["flag_meanings"].split()
         if name == "outcome" and list(counts) == meanings[:1]:
             continue
-        shares = [f"{count} {code.replace('_', ' ')}" for code, count in counts.items()]
+        whole = sum(counts.values())
+        shares = [
+            f"{count} {_WORDS.get(code, code.replace('_', ' '))} ({count / whole:.1%})"
+            for code, count in counts.items()
+        ]
         asked = f" ({about['long_name']})" if name == "end" else ""
         notes.append(f"{name}{asked}: {', '.join(shares)}")
         if name == "end":

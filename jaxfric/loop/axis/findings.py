@@ -1,4 +1,5 @@
-"""Claims on an axis besides its effects: friction and stability, with their rows."""
+"""Claims on an axis besides its effects: friction and stability. Each names the rows that support
+it."""
 
 from collections.abc import Sequence
 

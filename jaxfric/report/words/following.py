@@ -9,7 +9,9 @@ NEXT: Mapping[str, str] = {
     "yours_both": "--mass and --normal-force",
     "feedforward": "Compensate the friction in the controller (formula, C function, table):",
     "predict": "Test the model on a record that it was not fitted to:",
-    "run": "Make this run: {run}, {slip} each. It can distinguish {told}.{outside}{time}{begins}",
+    "run_to_make": "next run, to decide: {velocities}, {slip} each",
+    "run": "Make this run: {velocities}, {slip} each ({run}). It can distinguish {told}.{outside}"
+    "{time}{begins}",
     "tells": "{effect}: {changes}",
     "effect_from": "{effect} from {others}",
     "outside": " Not in this run: {outside}.",

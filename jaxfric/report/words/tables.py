@@ -7,6 +7,8 @@ HEADLINE: Mapping[str, str] = {
     "effects": "Missing: {effects}",
     "curve": "a curve of velocity whose shape is not determined",
     "ambiguous": "An effect is missing, but this record cannot say which",
+    "one_of": "Missing: {effects}; this record cannot say which",
+    "not_confirmed": "Missing: {effects}, not confirmed",
     "outside_catalogue": "Something is missing that the catalogue does not explain",
     "beyond": "Beyond {effects} something is missing that the catalogue does not explain",
     "unfixed": "Something is missing that this record does not determine",
