@@ -17,13 +17,6 @@ from collections.abc import Generator, Iterable
 # Options of the command with another name in Python; all others have the same name.
 _ARGUMENTS = {
     "column": "columns",
-    "include": "with_",
-    "exclude": "without",
-    "max-effects": "most",
-    "zero-order-hold": "held",
-    "refit": "free",
-    "fade-speed": "fade",
-    "flip-sign": "flip",
     "downsample-to": "rows",
     "min-kp": "lower",
     "kp": "k_p",

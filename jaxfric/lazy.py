@@ -1,13 +1,17 @@
-"""Names of a package that are imported on first use.
+"""Names of a package that are imported on first use, and names of an earlier version.
 
 A package writes `__getattr__, __dir__ = loader(__name__, HOMES, ...)`. Importing it then loads
 nothing; each name is imported once, on first use.
 """
 
+import functools
 import importlib
 import sys
 import warnings
 from collections.abc import Callable, Iterable, Mapping
+from typing import TypeVar, cast
+
+F = TypeVar("F", bound=Callable)
 
 
 def loader(
@@ -59,3 +63,30 @@ def old_names(package: str, renamed: Mapping[str, str]) -> Callable[[str], objec
         return getattr(importlib.import_module(f"{package}.{home}".rstrip(".")), own)
 
     return get
+
+
+def old_arguments(**renamed: str) -> Callable[[F], F]:
+    """Decorator: the function also takes arguments under names of an earlier version, for one more
+    version.
+
+    `renamed` maps each to its new name. Each use raises a `DeprecationWarning` at the caller's
+    line. A call with both names raises `TypeError`.
+    """
+
+    def decorated(function: F) -> F:
+        name = getattr(function, "__name__", "")
+
+        @functools.wraps(function)
+        def call(*args: object, **given: object) -> object:
+            for old in [one for one in renamed if one in given]:
+                new, value = renamed[old], given.pop(old)
+                if new in given:
+                    raise TypeError(f"{name}() got {new} and its old name {old}")
+                text = f"the argument {old} of {name}() is now {new}"
+                warnings.warn(text, DeprecationWarning, stacklevel=2)
+                given[new] = value
+            return function(*args, **given)
+
+        return cast("F", call)
+
+    return decorated

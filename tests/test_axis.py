@@ -363,11 +363,11 @@ def test_emps_loop(emps):
 # ---- blind records ---------------------------------------------------------------------------
 
 
-def blind(seed, *effects, without=()):
+def blind(seed, *effects, exclude=()):
     made = generate.make(generate.Request(seed, effects, 1.0, "medium"))
     t, q, r, force = made.columns.values()
     record = axis_from_arrays(t, force, position=1e-6 * q, reference_position=1e-6 * r)
-    return close_axis_loop(record, held=True, without=without)
+    return close_axis_loop(record, zero_order_hold=True, exclude=exclude)
 
 
 @pytest.mark.parametrize(
@@ -387,7 +387,7 @@ def test_blind_records(effect):
 @pytest.mark.long
 def test_a_blind_record_with_few_effects_offered():
     offered = {"direction_asymmetry", "cubic", "time_drift"}
-    loop = blind(8, "direction_asymmetry", without=sorted(set(AXIS_CATALOGUE) - offered))
+    loop = blind(8, "direction_asymmetry", exclude=sorted(set(AXIS_CATALOGUE) - offered))
     assert loop.verdict == "effects" and loop.effects == ("direction_asymmetry",)
     assert loop.test_error(loop.after) < 1.1
 
@@ -441,7 +441,7 @@ def test_screw_drives():
         read_steady(folder / f"servo/screwdrive/driveNo{k}", rated_torque="9.84 mN m")
         for k in (1, 2)
     ]
-    first = close_steady_loop(drives[0], with_=("direction_asymmetry",))
+    first = close_steady_loop(drives[0], include=("direction_asymmetry",))
     assert first.base.rms == pytest.approx(0.126e-3, rel=0.01)
     assert "stribeck" in first.final.effects and first.final.rms <= 0.033e-3
     second = close_steady_loop(drives[1])
@@ -487,7 +487,7 @@ def test_gains_of_steady_runs_rest_on_what_was_seen():
     assert loop.final.slope_error(1.0) == pytest.approx(loop.final.std["F_v"], rel=1e-6)
     # friction falls at the two slowest speeds: too little to be named, enough to be silent
     fallen = curve(lambda v: coulomb(v) + 0.4 * np.sign(v) * (np.abs(v) < 0.55))
-    loop = close_steady_loop(fallen, without=("stribeck", "cubic"))
+    loop = close_steady_loop(fallen, exclude=("stribeck", "cubic"))
     gains = steady_gains(loop)
     assert gains.claim.kind == "open" and gains.curve.above.number == 2
     # a run that moved unevenly, and one that stood still, are below what is told

@@ -50,7 +50,7 @@ def record_of(velocity, seed=0, load=0.0):
 
 
 def looped(velocity):
-    return jf.close_axis_loop(record_of(velocity), without=tuple(AXIS_CATALOGUE))
+    return jf.close_axis_loop(record_of(velocity), exclude=tuple(AXIS_CATALOGUE))
 
 
 @pytest.fixture(scope="module")
@@ -96,7 +96,7 @@ def test_with_several_speeds_the_parameters_are_those_of_the_axis():
 def test_a_load_as_large_as_friction_leaves_nothing_to_claim(load, claimed):
     """That of another joint: what it does not explain a model may not sell as known friction."""
     strokes = motion((5e-3, 2e-2, 5e-2, 1e-2), (5e-3, 1e-2, 2e-2, 5e-2), strokes=2)
-    loop = jf.close_axis_loop(record_of(strokes, load=load), without=tuple(AXIS_CATALOGUE))
+    loop = jf.close_axis_loop(record_of(strokes, load=load), exclude=tuple(AXIS_CATALOGUE))
     assert any(one.code == "friction" for one in loop.findings) is claimed
     if not claimed:
         assert loop.details.gains.claim.kind == "open"
@@ -136,7 +136,7 @@ def arm(late, friction, seed=0):
 def test_a_torque_that_follows_the_position_is_feedback(late, friction, fed_back):
     """A hand moves the arm, and its motor carries the weight: nothing is claimed of the axis."""
     offered = {"gravity", "sensor_delay", "sensor_lag"}
-    loop = jf.close_axis_loop(arm(late, friction), without=sorted(set(AXIS_CATALOGUE) - offered))
+    loop = jf.close_axis_loop(arm(late, friction), exclude=sorted(set(AXIS_CATALOGUE) - offered))
     assert bool(loop.details.withheld) is fed_back
     assert ("feedback" in loop.sentence) is fed_back
     assert loop.verdict == ("ambiguous" if fed_back else "effects")
@@ -190,7 +190,7 @@ def test_a_force_that_never_saturates_is_the_spring_of_presliding(law, slid):
 
 def test_an_axis_that_never_slid_has_a_stiffness_alone(tmp_path):
     record = trembling(lambda q, v: bristle(q, 4e4, 60.0))
-    loop = jf.close_axis_loop(record, without=tuple(AXIS_CATALOGUE))
+    loop = jf.close_axis_loop(record, exclude=tuple(AXIS_CATALOGUE))
     assert loop.verdict == "ambiguous" and "never slid" in loop.sentence
     assert not any(one.determined for one in loop.after.parameters.values())
     assert loop.details.gains.claim.kind == "open"

@@ -542,7 +542,7 @@ def check_named(loop):
 def test_the_loop_names_rate_and_state_and_finds_its_weakening():
     offered = {"stribeck", "rate_and_state"}
     without = sorted(set(AXIS_CATALOGUE) - offered)
-    loop = close_axis_loop(record(0, 12), held=False, without=without, most=1)
+    loop = close_axis_loop(record(0, 12), zero_order_hold=False, exclude=without, max_effects=1)
     check_named(loop)
     assert loop.details is not None
     text = json.loads(json.dumps(plain(loop.details.to_json())))["axis"]["gains"]
@@ -556,4 +556,4 @@ def test_the_loop_names_rate_and_state_and_finds_its_weakening():
 
 @pytest.mark.long
 def test_among_all_effects():
-    check_named(close_axis_loop(record(1), held=False))
+    check_named(close_axis_loop(record(1), zero_order_hold=False))

@@ -151,7 +151,7 @@ def test_a_reversed_force_is_refused_at_once_and_turned(tmp_path, monkeypatch, s
     snapshot("axis_reversed", {"reversed force": refused.err})
     written(tmp_path / "right.csv", "\n".join(lines) + "\n")
     right = read_axis("right.csv")
-    forced, moved = (read_axis("wrong.csv", flip=which) for which in ("force", "motion"))
+    forced, moved = (read_axis("wrong.csv", flip_sign=which) for which in ("force", "motion"))
     np.testing.assert_allclose(forced.motor_force, right.motor_force)
     np.testing.assert_allclose(moved.columns["position"], -right.columns["position"])
     for record in (right, forced, moved):
@@ -348,7 +348,7 @@ def test_two_lags_are_in_one_model_where_both_are_asked_for(monkeypatch):
     monkeypatch.setattr("jaxfric.loop.close.search", search)
     for asked, beside in ((("servo_lag", "sensor_lag"), True), (("servo_lag",), False)):
         with pytest.raises(jaxfric.InputError, match="no need to go on"):
-            close_axis_loop(a_record(), with_=asked)
+            close_axis_loop(a_record(), include=asked)
         first, searched = engines[-2:]
         both = ("servo_lag", "sensor_lag")
         assert first.apart(both) and searched.apart(both) == beside

@@ -255,7 +255,7 @@ def test_a_disturbance_of_an_emps_file(tmp_path: Path) -> None:
     np.testing.assert_array_equal(record.columns["disturbance_force"], pulses)
     assert record.units["disturbance_force"] == "N"
     assert any("disturbance is added" in note for note in record.provenance.notes)
-    flipped = read_axis(tmp_path / "a.mat", flip=True)
+    flipped = read_axis(tmp_path / "a.mat", flip_sign=True)
     assert flipped.disturbance_force is not None and flipped.disturbance_force.min() == -12
     assert (record.window(0.5, 1.8).disturbance_force == pulses[50:181]).all()
     volts = mat(tmp_path / "v.mat", **emps, pulses=pulses / 35)
@@ -320,7 +320,7 @@ def test_an_epos_export(tmp_path: Path, quoted: bool) -> None:
     raw = read_axis(path)
     assert (raw.coordinate, raw.force_unit, raw.drive) == ("rotary", "%", None)
     np.testing.assert_array_equal(raw.motor_force, torque)
-    record = read_axis(path, rated_torque=RATED, flip=True)
+    record = read_axis(path, rated_torque=RATED, flip_sign=True)
     assert record.velocity is not None and record.position is None
     np.testing.assert_allclose(record.time, 0.0512 * np.arange(60), rtol=1e-12)
     np.testing.assert_allclose(record.velocity, -velocity * 2 * np.pi / 60, rtol=1e-14)
@@ -442,7 +442,7 @@ def test_the_convention_of_the_project(tmp_path: Path) -> None:
     assert (len(cut), cut.time[0], cut.coordinate) == (51, 0.5, "linear")
     with pytest.raises(InputError, match="20 are needed"):
         record.window(0.5, 0.6)
-    flipped = read_axis(tmp_path / "run.csv", flip=True)
+    flipped = read_axis(tmp_path / "run.csv", flip_sign=True)
     for role in ("position", "reference_position", "velocity", "motor_force"):
         np.testing.assert_array_equal(flipped.columns[role], -record.columns[role])
     np.testing.assert_array_equal(flipped.time, record.time)
@@ -734,7 +734,7 @@ def test_a_folder_of_steady_runs(tmp_path: Path) -> None:
     assert "trembles.csv is left out: the direction of its mean speed" in notes
     with pytest.raises(ValueError, match="read-only"):
         curve.force[0] = 0
-    flipped = read_steady(tmp_path, flip=True, rated_torque=RATED)
+    flipped = read_steady(tmp_path, flip_sign=True, rated_torque=RATED)
     np.testing.assert_allclose(flipped.force, -curve.force[::-1] * 9.84e-5, rtol=1e-12)
     np.testing.assert_allclose(flipped.error, curve.error[::-1] * 9.84e-5, rtol=1e-9)
 
@@ -943,7 +943,9 @@ def test_screw_drives(drive: int, runs: int, one_slope: float, two_slopes: float
     public_record(f"driveNo{drive}_start_stop_50.csv")
     folder = data_folder()
     assert folder is not None
-    curve = read_steady(folder / f"servo/screwdrive/driveNo{drive}", rated_torque=RATED, flip=True)
+    curve = read_steady(
+        folder / f"servo/screwdrive/driveNo{drive}", rated_torque=RATED, flip_sign=True
+    )
     assert (len(curve), curve.force_unit) == (runs, "N m")
     assert sum("start_stop" in note for note in curve.provenance.notes) == 2
     v, torque = curve.speed, 1e3 * curve.force

@@ -89,7 +89,7 @@ def test_friction_that_grows_with_the_logarithm_of_speed_is_named(tmp_path):
     parabola in ln V bends so too: the family is told, and that slower or faster motion decides."""
     path = tmp_path / "oiled.csv"
     written(path, rotary_text(cubic=0.0, thinning=0.1))
-    loop = close_axis_loop(path, without=sorted(set(AXIS_CATALOGUE) - OFFERED))
+    loop = close_axis_loop(path, exclude=sorted(set(AXIS_CATALOGUE) - OFFERED))
     assert loop.effects == ("log_viscous",), (loop.verdict, loop.sentence)
     wanted = {"M": 0.05, "F_c": 0.3, "log_viscous.c": 0.1, "log_viscous.v_c": 0.2}
     for name, value in wanted.items():
@@ -108,7 +108,7 @@ def test_the_weight_of_a_joint_is_named(tmp_path):
     path = tmp_path / "arm.csv"
     written(path, rotary_text(cubic=0.0, weight=1.5))
     offered = {"gravity", "position_dependence"}
-    loop = close_axis_loop(path, without=sorted(set(AXIS_CATALOGUE) - offered))
+    loop = close_axis_loop(path, exclude=sorted(set(AXIS_CATALOGUE) - offered))
     assert loop.effects == ("gravity",), (loop.verdict, loop.sentence)
     wanted = {"M": 0.05, "F_c": 0.3, "F_v": 0.04}
     wanted |= {"gravity.a": 1.5 * np.cos(0.4), "gravity.b": -1.5 * np.sin(0.4)}

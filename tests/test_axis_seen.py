@@ -147,4 +147,5 @@ def test_slower_motion_is_left_out_for_the_reason_that_decides(width, unseen, sl
 def test_a_lag_of_half_a_row_asks_whether_the_command_is_held(effects, lag, told):
     values = dict.fromkeys(("servo_lag.tau", "sensor_lag.tau", "sensor_delay.d"), 1e-3 * lag)
     found = held_command(values, effects, H)
-    assert [told in text and "held=True" in text for text in found] == [True] * (told is not None)
+    asked = [told in text and "zero_order_hold=True" in text for text in found]
+    assert asked == [True] * (told is not None)

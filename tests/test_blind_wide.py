@@ -256,14 +256,14 @@ def test_the_wide_study_is_as_declared():
 
 
 @pytest.mark.parametrize(
-    ("declared", "law", "with_"),
+    ("declared", "law", "include"),
     [
         ({"law": "ageing", "stiffness known to [1]": 0.05}, "ageing", ("stiffness",)),
         ({"law": None, "stiffness known to [1]": 0.0}, "slip", ()),
         ({}, "slip", ()),
     ],
 )
-def test_the_loop_is_told_what_is_declared(declared, law, with_, tmp_path, monkeypatch):
+def test_the_loop_is_told_what_is_declared(declared, law, include, tmp_path, monkeypatch):
     item = study.selected(study="wide", part="ci")[0]
     folder = tmp_path / "records" / "x"
     folder.mkdir(parents=True)
@@ -279,7 +279,7 @@ def test_the_loop_is_told_what_is_declared(declared, law, with_, tmp_path, monke
         jaxfric.loop, "close_loop", lambda record, **more: told.update(more) or Closed()
     )
     assert runner.close("x", item, tmp_path) == "too_weak: -"
-    assert told == {"stiffness": 2e3, "law": law, "with_": with_, "without": ()}
+    assert told == {"stiffness": 2e3, "law": law, "include": include, "exclude": ()}
 
 
 def one(true=(), *, confirmed=False, right=True, ratio=2.5, sigma=1e-4, verdict="effects"):

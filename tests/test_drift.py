@@ -152,7 +152,7 @@ def test_a_loop_repeats_what_a_fit_warns_of_with_its_own_option():
     asked = [*misfit_warning(replace(fit, rms=5 * scatter(fit)))]
     asked += [Warned("the residual wanders; it may be a drift", WarningCode.WANDERS)]
     (line,) = repeated([*drift, *asked])
-    assert line == drift[0].removesuffix("(slip_trend=True)") + '(with_="slip_trend")' != drift[0]
+    assert line == drift[0].removesuffix("(slip_trend=True)") + '(include="slip_trend")' != drift[0]
     with words_of_the_command():
         assert repeated([*drift, *asked])[0].endswith("(--include slip_trend)")
     assert len(asked) == 2

@@ -29,10 +29,10 @@ ROOT = Path(__file__).parents[1] / "jaxfric"
          "--column normal_stress=none --column 'friction=shear [0.2]'",
          'columns={"normal_stress": "none", "friction": "shear [0.2]"}'),
         (("column",), "--column", "columns"),
-        (("include",), "--include", "with_"),
-        (("include", "slip_trend"), "--include slip_trend", 'with_="slip_trend"'),
+        (("include",), "--include", "include"),
+        (("include", "slip_trend"), "--include slip_trend", 'include="slip_trend"'),
         (("samples", 0), "--samples 0", "samples=0"),
-        (("flip-sign", "force"), "--flip-sign force", 'flip="force"'),
+        (("flip-sign", "force"), "--flip-sign force", 'flip_sign="force"'),
         (("velocity-gain",), "--velocity-gain", "velocity_gain"),
         (("from",), "--from", "the start of record.window()"),
         (("to", "3 s"), "--to '3 s'", "the stop of record.window() (3 s)"),
@@ -103,7 +103,7 @@ def test_what_a_notebook_writes_first(tmp_path: Path, monkeypatch) -> None:
     with pytest.raises(
         InputError, match=r"effect 'thermol' does not exist; did you mean 'thermal'"
     ):
-        jaxfric.close_loop("run.csv", stiffness="5e-3/um", without="thermol")
+        jaxfric.close_loop("run.csv", stiffness="5e-3/um", exclude="thermol")
     source = jaxfric.law_from_parameters("slip", "A=1 N, B=3 N, L=1 mm, V0=2 mm/s")
     with pytest.raises(InputError, match=r"velocity: 'kg' is not a unit of m/s"):
         jaxfric.find_gains(source, velocity="2 kg", mass="1..3 kg", margin="modulus=0.5")

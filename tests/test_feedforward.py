@@ -253,7 +253,7 @@ def test_the_friction_that_is_told_first_is_that_of_the_table(tmp_path):
 
 
 def test_the_friction_at_a_speed(tmp_path):
-    found = jf.feedforward(saved(tmp_path), fade="20 mm/s")
+    found = jf.feedforward(saved(tmp_path), fade_speed="20 mm/s")
     for asked, speed, supported in (
         ("50 mm/s", 0.05, True), (0.3, 0.3, True), ("9.9 mm/s", 0.0099, False), (0.31, 0.31, False),
     ):  # fmt: skip
@@ -369,8 +369,8 @@ def test_a_memory_that_lacks_little_is_told_and_asks_for_nothing():
          math.sqrt(2 * 8.0 * 1e-4 * (1 + math.log(0.9)))),
         (("servo_lag",), {}, 2.0 * 2e-3),
         (("servo_lag",), {"lag": "10 ms"}, 2.0 * 10e-3),
-        (("servo_lag",), {"fade": "7 mm/s"}, 7e-3),
-        ((), {"fade": 7e-3}, 7e-3),
+        (("servo_lag",), {"fade_speed": "7 mm/s"}, 7e-3),
+        ((), {"fade_speed": 7e-3}, 7e-3),
     ],
 )  # fmt: skip
 def test_the_fade_speed_of_a_model(effects, options, speed, tmp_path):
@@ -401,13 +401,13 @@ def test_a_guess_below_what_the_record_supports_fades(effects, loose, speed, tmp
 @pytest.mark.parametrize(
     ("options", "loose", "words"),
     [
-        ({}, (), 'down to v_f. To compensate less there, give fade="0.0025 m/s"'),
+        ({}, (), 'down to v_f. To compensate less there, give fade_speed="0.0025 m/s"'),
         (
             {},
             ("log_viscous.v_c",),
-            "which fades with its sign. A lower fade compensates more",
+            "which fades with its sign. A lower fade_speed compensates more",
         ),
-        ({"fade": 0.002}, (), "a guess without errors"),
+        ({"fade_speed": 0.002}, (), "a guess without errors"),
         ({"lag": 0.1}, (), "which fades with its sign"),
     ],
 )
@@ -510,7 +510,7 @@ def true_friction(v):
 
 def test_tracking_errors_drop_by_a_hundred(tmp_path):
     """The same axis with and without it, and with the static map alone."""
-    found = jf.feedforward(saved(tmp_path, "stribeck"), fade="2 mm/s")
+    found = jf.feedforward(saved(tmp_path, "stribeck"), fade_speed="2 mm/s")
     p = parameters(tmp_path / "loop.json")
 
     def feed(v, a):
@@ -556,7 +556,7 @@ def test_a_measured_velocity_needs_the_damping_that_is_told(times, steady, tmp_p
 
     Near rest, below what the record supports, friction may be flat: F = 10 at v > 0.
     """
-    found = jf.feedforward(saved(tmp_path, axis={"covariance": None}), fade="2 mm/s")
+    found = jf.feedforward(saved(tmp_path, axis={"covariance": None}), fade_speed="2 mm/s")
     limit = found.least_damping
     assert limit == pytest.approx(10 / 2e-3 + 30, rel=1e-4)  # (F_c tanh(v/v_f) + F_v v)' at 0
     # about a speed in the fade, with a constant push that balances it
@@ -584,12 +584,12 @@ def test_a_measured_velocity_needs_the_damping_that_is_told(times, steady, tmp_p
 def test_the_drives_own_damping_is_compared(drive, words, tmp_path):
     """The limit is F_c/v_f + F_v = 5030 N s/m; in volts both are a twentieth."""
     path = saved(tmp_path, axis={"drive": drive})
-    found = jf.feedforward(path, fade="2 mm/s")
+    found = jf.feedforward(path, fade_speed="2 mm/s")
     (told,) = (line for line in found.cautions if "measured velocity" in line)
     assert f"exceed 5030 N s/m {words}" in told
     own = drive and drive["k_v"]
     assert found.to_json()["of_a_measured_velocity"]["own_damping"] == own
-    volts = jf.feedforward(path, fade="2 mm/s", drive_gain="20 N/V")
+    volts = jf.feedforward(path, fade_speed="2 mm/s", drive_gain="20 N/V")
     assert volts.about.damping == (own and pytest.approx(own / 20))
 
 

@@ -53,7 +53,7 @@ def looped(run, rows):
     time, load, friction = (column[rows] for column in run)
     record = from_arrays(time, friction, load_point_displacement=load)
     offered = sorted(set(CATALOGUE) - {"second_state", "viscous"})
-    return jf.close_loop(record, stiffness=K, without=offered)
+    return jf.close_loop(record, stiffness=K, exclude=offered)
 
 
 def test_an_effect_is_claimed_by_its_rows(run):
@@ -97,7 +97,7 @@ def axis(speeds, back=None, strokes=3, length=0.05, others=()):
     record = axis_from_arrays(time, force, position=position)
     record = dataclasses.replace(record, others=others)
     offered = sorted(set(AXIS_CATALOGUE) - {"stribeck"})
-    return jf.close_axis_loop(record, without=offered)
+    return jf.close_axis_loop(record, exclude=offered)
 
 
 SPEEDS = (2e-3, 4e-3, 7e-3, 1.2e-2, 2e-2, 3.5e-2, 6e-2)

@@ -1093,9 +1093,9 @@ def test_the_verb(closed: dict[str, Any]) -> None:
         "steps": None,
         "events": None,
         "rows": None,
-        "with_": ("slip_trend", "gain"),
-        "without": ("thermal",),
-        "most": 2,
+        "include": ("slip_trend", "gain"),
+        "exclude": ("thermal",),
+        "max_effects": 2,
         "read": 91,
     }
     assert out.startswith("No effect is missing. ") and "max-effects2/loop.html" in out
@@ -1132,7 +1132,8 @@ def test_an_axis(closed: dict[str, Any], monkeypatch) -> None:
         "jaxfric axis a.csv --zero-order-hold --include cubic --max-effects 2 --cutoff '4 Hz'"
         in html
     )
-    assert closed["with_"] == ("cubic",) and closed["held"] is True and closed["most"] == 2
+    assert closed["include"] == ("cubic",) and closed["max_effects"] == 2
+    assert closed["zero_order_hold"] is True
     assert closed["preparation"].cutoff == 4.0 and closed["read"] == 90
 
 

@@ -86,7 +86,7 @@ def blind(request: Request):
 def offering(*ids: str) -> dict:
     """Arguments of a loop that offers some effects only."""
     left_out = [id for id in (*CATALOGUE, Quadratic.id) if id not in ids]
-    return {"own": [Quadratic], "without": left_out}
+    return {"own": [Quadratic], "exclude": left_out}
 
 
 def held_out(loop) -> float:
@@ -96,7 +96,7 @@ def held_out(loop) -> float:
 @pytest.fixture(scope="module")
 def second():
     record, stiffness, truth = blind(Request(SEED, ("second_state",), 1.0))
-    loop = close_loop(record, stiffness=stiffness, own=[Quadratic], without=["quadratic"])
+    loop = close_loop(record, stiffness=stiffness, own=[Quadratic], exclude=["quadratic"])
     return loop, truth
 
 
@@ -170,7 +170,7 @@ def test_gain_and_stiffness_are_one_without_mass(second):
 def test_nothing_is_found_where_nothing_is_missing():
     """Of the whole catalogue."""
     record, stiffness, truth = blind(Request(SEED + 1))
-    loop = close_loop(record, stiffness=stiffness, own=[Quadratic], without=["quadratic"])
+    loop = close_loop(record, stiffness=stiffness, own=[Quadratic], exclude=["quadratic"])
     nothing_was_found(loop, truth)
 
 
@@ -178,7 +178,7 @@ def test_nothing_is_found_where_nothing_is_missing():
 def test_a_trend_that_the_base_has_from_the_start_is_fitted_and_is_none():
     record, stiffness, truth = blind(Request(SEED + 1))
     few = offering("second_state", "viscous", "slip_trend")
-    loop = close_loop(record, stiffness=stiffness, with_="slip_trend", **few)
+    loop = close_loop(record, stiffness=stiffness, include="slip_trend", **few)
     nothing_was_found(loop, truth)
     assert "slip_trend" not in loop.alias_ids
     trend = loop.after.parameters["slip_trend.s"]
@@ -294,12 +294,12 @@ def steps_of(velocities, span=60.0) -> str:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"with_": ["viscos"]}, "effect 'viscos' does not exist; did you mean 'viscous'"),
-        ({"without": ["secondstate"]}, "did you mean 'second_state'"),
-        ({"with_": ["gain"], "without": ["gain"]}, r"gain cannot be both in the base"),
-        ({"with_": ["normal_stress"]}, "effect normal_stress needs a column normal_stress"),
-        ({"most": 9}, "most is 9; choose 0 to 8"),
-        ({"most": -1}, "most is -1"),
+        ({"include": ["viscos"]}, "effect 'viscos' does not exist; did you mean 'viscous'"),
+        ({"exclude": ["secondstate"]}, "did you mean 'second_state'"),
+        ({"include": ["gain"], "exclude": ["gain"]}, r"gain cannot be both in the base"),
+        ({"include": ["normal_stress"]}, "effect normal_stress needs a column normal_stress"),
+        ({"max_effects": 9}, "max_effects is 9; choose 0 to 8"),
+        ({"max_effects": -1}, "max_effects is -1"),
     ],
 )
 def test_what_is_asked_wrongly_is_refused_at_once(arguments, message):
@@ -313,11 +313,11 @@ def test_own_effects_may_be_left_out_and_asked_for_by_name():
             plain([UM, 10 * UM]),
             stiffness=1e3,
             own=[Quadratic],
-            with_=["quadratic"],
-            without=["quadratic"],
+            include=["quadratic"],
+            exclude=["quadratic"],
         )
     with pytest.raises(jf.InputError, match="effect 'quadratic' does not exist"):
-        close_loop(plain([UM, 10 * UM]), stiffness=1e3, with_=["quadratic"])
+        close_loop(plain([UM, 10 * UM]), stiffness=1e3, include=["quadratic"])
 
 
 def refused(record, velocities) -> str:
@@ -431,7 +431,7 @@ SLICE = study.selected(part="ci")
 def test_the_slice_of_the_blind_study(item):
     """Right group from rho 0.2 on; nothing wrong confirmed where there is little or nothing."""
     record, stiffness, truth = blind(item.tries[0])
-    loop = close_loop(record, stiffness=stiffness, own=[Quadratic], without=item.without)
+    loop = close_loop(record, stiffness=stiffness, own=[Quadratic], exclude=item.without)
     found = score.score(item.label, truth, loop.to_json(), {"without": item.without})
     assert loop.sigma / SIGMA == pytest.approx(1.0, abs=0.1)
     if found.kind in ("one", "two") and found.rho >= 0.2:
@@ -459,9 +459,9 @@ def test_a_run_closes_the_loop():
         stiffness=made.press.K,
         events=events,
         own=[Quadratic],
-        without=["quadratic"],
+        exclude=["quadratic"],
         rows=3000,
-        most=1,
+        max_effects=1,
     )
     assert loop.verdict == "no_missing_effect", loop.sentence
     for name in "AB":

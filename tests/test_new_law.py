@@ -261,7 +261,7 @@ def test_a_loop_finds_nothing_missing(plant, tmp_path):
     record, steps, _ = plant.record(seed=1)
     if plant.two:
         with pytest.raises(jf.InputError, match="ageing changes the evolution of a RateState"):
-            jf.close_loop(record, stiffness=K, law="own", steps=steps, with_=["ageing"])
+            jf.close_loop(record, stiffness=K, law="own", steps=steps, include=["ageing"])
     found = jf.close_loop(record, stiffness=K, law="own", steps=steps)
     assert found.verdict in ("no_missing_effect", "too_weak") and found.base_fit.law == "own"
     assert ("ageing" in {one.id for one in found.screened}) is not plant.two

@@ -3,6 +3,7 @@
 import importlib
 import importlib.util
 import inspect
+import operator
 import os
 import pkgutil
 import subprocess
@@ -328,6 +329,55 @@ def test_an_old_name_is_the_new_one_and_says_so(folder, old, now):
         assert getattr(package, old) is getattr(package, now)
     assert caught[0].filename == __file__
     assert old not in dir(package) and now in dir(package)
+
+
+OLD_ARGUMENTS = {
+    "close_loop": {"with_": "include", "without": "exclude", "most": "max_effects"},
+    "close_axis_loop": {
+        "with_": "include",
+        "without": "exclude",
+        "most": "max_effects",
+        "held": "zero_order_hold",
+    },
+    "close_steady_loop": {"with_": "include", "without": "exclude"},
+    "protocol.plan": {"with_": "include", "without": "exclude"},
+    "predict": {"free": "refit", "held": "zero_order_hold"},
+    "feedforward": {"fade": "fade_speed"},
+    "read_axis": {"flip": "flip_sign"},
+    "read_steady": {"flip": "flip_sign"},
+}
+
+
+@pytest.mark.parametrize(("path", "renamed"), OLD_ARGUMENTS.items())
+def test_an_old_argument_becomes_the_new_one(path, renamed):
+    """A call that goes no further than its new arguments: the old ones warn and arrive there."""
+    function = operator.attrgetter(path)(jaxfric)
+    names = inspect.signature(function).parameters
+    assert set(renamed.values()) <= set(names) and not set(renamed) & set(names)
+    taken = lazy.old_arguments(**renamed)(lambda **given: given)
+    for old, new in renamed.items():
+        with pytest.warns(DeprecationWarning, match=f"{old} of .* is now {new}") as caught:
+            assert taken(**{old: 3}) == {new: 3}
+        assert caught[0].filename == __file__
+        with (
+            pytest.warns(DeprecationWarning, match=f"{old} of {function.__name__}.* is now {new}"),
+            pytest.raises(TypeError, match="nobody"),
+        ):
+            function(**{old: 3}, nobody=1)
+        with pytest.raises(TypeError, match=f"got {new} and its old name {old}"):
+            taken(**{old: 3, new: 3})
+
+
+def test_an_axis_is_read_alike_with_an_old_argument(tmp_path):
+    path = tmp_path / "a.csv"
+    rows = [f"{k / 100},{(k - 20) ** 2},{k % 5 - 2}" for k in range(40)]
+    path.write_text("\n".join(["time [s],position [mm],motor_force [N]", *rows]))
+    with pytest.warns(DeprecationWarning, match="flip of read_axis.* is now flip_sign") as caught:
+        old = jaxfric.read_axis(path, flip="force")
+    assert caught[0].filename == __file__
+    new, plain = jaxfric.read_axis(path, flip_sign="force"), jaxfric.read_axis(path)
+    assert (old.motor_force == new.motor_force).all()
+    assert (old.motor_force == -plain.motor_force).all()
 
 
 def test_a_name_that_nobody_ever_had_is_none():

@@ -50,10 +50,10 @@ STIFFNESS = 4 * 0.004 / (20 * UM)
 TWO = ("ageing", "velocity_dependent_L")
 
 
-def planned(velocities: Iterable[float] = TWELVE, *, with_=(), without=(), changes=False, **own):
+def planned(velocities: Iterable[float] = TWELVE, *, include=(), exclude=(), changes=False, **own):
     asked = Planned(list(velocities), 150 * UM, STIFFNESS, NOISE, PLANT, rows=75)
     asked = dataclasses.replace(asked, **own)
-    return plan(asked, with_=with_, without=without, changes=changes)
+    return plan(asked, include=include, exclude=exclude, changes=changes)
 
 
 def fitted_twelve(**own):
@@ -341,7 +341,7 @@ def test_what_a_change_brings_is_not_held_out(velocities, dwell, repeat):
 
 def test_effects_may_be_declared_and_left_out():
     """An effect in the base is no longer asked for, and takes its alias with it."""
-    found = planned(with_=["slip_trend"], without=["gain", "run_in"]).design
+    found = planned(include=["slip_trend"], exclude=["gain", "run_in"]).design
     assert not {"slip_trend", "gain", "run_in"} & set(found.ids)
     drift = {s.id: s.amplitude for s in found.smallest}["time_drift"]
     alone = {s.id: s.amplitude for s in planned().design.smallest}["time_drift"]
@@ -780,7 +780,7 @@ def test_the_command(twelve, monkeypatch, tmp_path):
     assert asked["velocities"] == pytest.approx([1 * UM, 10 * UM, 3 * UM])
     assert (asked["slip_per_step"], asked["stiffness"]) == pytest.approx((150 * UM, 5e3))
     assert asked["slip_noise"] == pytest.approx(0.1 * UM)
-    assert asked["without"] == ("gain", "run_in")
+    assert asked["exclude"] == ("gain", "run_in")
     assert asked["parameters"] == pytest.approx(PLANT)
     (folder,) = (f for f in Path().iterdir() if f.name.startswith("protocol"))
     content = json.loads((folder / "protocol.json").read_text())

@@ -87,9 +87,9 @@ def slow_joint(folder, *, slipping=(0.03,), speeds=(0.1, 0.2, 0.35, 0.5), noise=
         written(folder, f"{speed:+.2f}.csv", (q, v + random.normal(0, noise, len(v))), force)
 
 
-def told(folder, with_=()):
+def told(folder, include=()):
     """The loop of the runs of a folder, and what steady.json holds."""
-    loop = jf.close_steady_loop(jf.read_steady(folder), with_=with_)
+    loop = jf.close_steady_loop(jf.read_steady(folder), include=include)
     return loop, json.loads(json.dumps(to_json(loop)))
 
 
@@ -197,7 +197,7 @@ def test_a_force_of_the_other_sign_is_refused(tmp_path):
     pushed(tmp_path / "runs", lambda v: -friction(v))
     with pytest.raises(jf.InputError, match="sign of the force reversed"):
         told(tmp_path / "runs")
-    curve = jf.read_steady(tmp_path / "runs", flip="force")
+    curve = jf.read_steady(tmp_path / "runs", flip_sign="force")
     assert jf.close_steady_loop(curve).final.values["F_c"] == pytest.approx(9, abs=0.1)
 
 
@@ -234,7 +234,7 @@ def test_a_stribeck_term_does_not_stand_for_a_curve_that_grows(tmp_path):
 def test_nothing_is_compensated_by_friction_that_is_none(changes, words, tmp_path):
     """Of a curve that an older version has saved."""
     pushed(tmp_path / "runs", lambda v: friction(v) + 3 * np.sign(v) * np.exp(-abs(v) / 0.2))
-    _, content = told(tmp_path / "runs", with_="stribeck")
+    _, content = told(tmp_path / "runs", include="stribeck")
     for name in ("withheld", "load"):
         content.pop(name, None)
     for name in ("fitted", "shared_error"):

@@ -458,8 +458,8 @@ def test_what_a_loop_of_a_study_is_asked(tmp_path, monkeypatch):
     assert names(found.verdict) == ["effects"] and names(found.first_effect) == ["gain"]
     assert [float(found[f"held_out_{when}"][0]) for when in ("before", "after")] == [4.0, 2.0]
     ((record, options),) = asked
-    assert options["stiffness"] == 1e7 and options["most"] == 2 and options["law"] == "slip"
-    assert (options["with_"], options["without"]) == ((), ("thermal",))
+    assert options["stiffness"] == 1e7 and options["max_effects"] == 2 and options["law"] == "slip"
+    assert (options["include"], options["exclude"]) == ((), ("thermal",))
     assert options["steps"].count("m/s") == 7 and record.friction_unit == "N"
     # steady at the same velocity before the first step and, but for exp(-5) of 9 N, at the end
     np.testing.assert_allclose(record.load_point_displacement[-1], 7 * 200e-6, rtol=0.01)

@@ -62,8 +62,8 @@ def _row(one, name: str, truth: dict, out: Path) -> dict:
             read(out / "records" / name / "record.csv"),
             stiffness=declared["stiffness [1/m]"],
             law=declared.get("law") or "slip",
-            with_=("stiffness",) if declared.get("stiffness known to [1]") else (),
-            without=tuple(id for id in one.item.without if id in CATALOGUE),
+            include=("stiffness",) if declared.get("stiffness known to [1]") else (),
+            exclude=tuple(id for id in one.item.without if id in CATALOGUE),
         ).to_json()
     except Exception as failure:
         error = f"{type(failure).__name__}: {failure}"

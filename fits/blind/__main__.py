@@ -76,8 +76,8 @@ def close(name: str, item: Item, out: Path) -> str:
         stiffness=declared["stiffness [1/m]"],
         law=declared.get("law") or "slip",
         # as a user says that the stiffness is not quite known
-        with_=("stiffness",) if declared.get("stiffness known to [1]") else (),
-        without=without,
+        include=("stiffness",) if declared.get("stiffness known to [1]") else (),
+        exclude=without,
     ).to_json()
     _write(out / "loops" / name / "loop.json", loop)
     return f"{loop['verdict']}: {'+'.join(loop['effects']) or '-'}"

@@ -71,7 +71,7 @@ def treat(job: tuple[Request, Path]) -> str:
         t, q, reference, force = blind.columns.values()
         record = axis_from_arrays(t, force, position=1e-6 * q, reference_position=1e-6 * reference)
         made = time.monotonic()
-        loop = close_axis_loop(record, held=True)
+        loop = close_axis_loop(record, zero_order_hold=True)
         row |= {
             "verdict": loop.verdict,
             "effects": list(loop.effects),

@@ -68,10 +68,10 @@ def axis(
         folder = choose_folder(output.folder, file.stem, file)
         result = close_axis_loop(
             record,
-            with_=declared,
-            without=excluded,
-            most=max_effects,
-            held=zero_order_hold or None,
+            include=declared,
+            exclude=excluded,
+            max_effects=max_effects,
+            zero_order_hold=zero_order_hold or None,
             preparation=_filtered(record, cutoff),
             progress=progress,
         )

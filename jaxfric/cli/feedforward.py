@@ -59,7 +59,7 @@ def feedforward(
             model,
             acceleration=how.acceleration,
             lag=how.lag,
-            fade=how.fade_speed,
+            fade_speed=how.fade_speed,
             drive_gain=how.drive_gain,
         )
         asked = [] if how.at is None else [found.at(v) for v in speeds(how.at, found.about.length)]

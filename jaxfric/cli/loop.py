@@ -76,9 +76,9 @@ def loop(
             steps=steps,
             events=found,
             rows=downsample_to,
-            with_=declared,
-            without=excluded,
-            most=max_effects,
+            include=declared,
+            exclude=excluded,
+            max_effects=max_effects,
             progress=progress,
         )
         content = save_loop(result, folder, progress)

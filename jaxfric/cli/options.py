@@ -190,7 +190,7 @@ class AxisOptions:
             position_gain=self.position_gain,
             velocity_gain=self.velocity_gain,
             rated_torque=self.rated_torque,
-            flip=self.flipped,
+            flip_sign=self.flipped,
             drop_bad=reading.drop_bad,
         )
         return reading.windowed(record)
@@ -204,7 +204,7 @@ class AxisOptions:
             columns=reading.roles(_AXIS_COLUMN),
             drive_gain=self.drive_gain,
             rated_torque=self.rated_torque,
-            flip=self.flipped,
+            flip_sign=self.flipped,
             drop_bad=reading.drop_bad,
             window=(reading.since, reading.until),
         )

@@ -53,8 +53,8 @@ def predict(
             measured,
             stiffness=stiffness,
             steps=steps,
-            free=None if refit is None else [name.strip() for name in refit.split(",") if name],
-            held=zero_order_hold or None,
+            refit=None if refit is None else [name.strip() for name in refit.split(",") if name],
+            zero_order_hold=zero_order_hold or None,
             progress=progress,
         )
         progress("drawing figures")

@@ -130,8 +130,8 @@ def protocol(
                 slip_noise=slip_noise,
                 noise_from=str(how.from_) if how.noise is None else "--noise",
             ),
-            with_=tuple(dict.fromkeys((*planned.effects, *declared))),
-            without=excluded,
+            include=tuple(dict.fromkeys((*planned.effects, *declared))),
+            exclude=excluded,
             progress=progress,
         )
         answer = Answer() if asked is None else answer_of(found, asked, base.parameters)

@@ -27,7 +27,7 @@ def close_steady(
     target = choose_folder(output.folder, input_name(folder), folder)
     with told() as progress:
         progress("fitting the curve of friction over velocity")
-        result = close_steady_loop(curve, with_=declared, without=excluded)
+        result = close_steady_loop(curve, include=declared, exclude=excluded)
         prepare_jax()
         progress("estimating the noise of the runs")
         noise = steady_noise(curve)

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import option
+from ..lazy import old_arguments
 from ..loop import Loop
 from ..loop.steady.loop import SteadyLoop
 from ..stability.claims import SURE
@@ -23,12 +24,13 @@ _SLOWEST = 0.05
 """Lowest nonzero speed of the table, in fade speeds."""
 
 
+@old_arguments(fade="fade_speed")
 def feedforward(
     model: str | Path | Loop | SteadyLoop,
     *,
     acceleration: float | str | None = None,
     lag: float | str | None = None,
-    fade: float | str | None = None,
+    fade_speed: float | str | None = None,
     drive_gain: str | None = None,
 ) -> Feedforward:
     """Compute the friction compensation of an axis or joint from the final model of its loop.
@@ -48,7 +50,7 @@ def feedforward(
         that of the record, if the file contains it.
     lag : time [s] by which the axis reverses later than its reference; default: that of the motor
         if the loop found a servo_lag.
-    fade : v_f [m/s or rad/s] instead of the derived one.
+    fade_speed : v_f [m/s or rad/s] instead of the derived one.
     drive_gain : force per signal of the drive, "35.15 N/V": the feedforward is then in V or A.
 
     Returns
@@ -71,7 +73,7 @@ def feedforward(
     unit = about.length
     turning = _positive(acceleration, f"{unit}/s^2", option("acceleration")) or about.acceleration
     late = _positive(lag, "s", option("lag")) or _servo_lag(about)
-    given = _positive(fade, f"{unit}/s", option("fade-speed"))
+    given = _positive(fade_speed, f"{unit}/s", option("fade-speed"))
     terms = terms_of(about)
     curve = FrictionCurve(about, terms.effects, about.middle)
     level = _sound_level(curve)

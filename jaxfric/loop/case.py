@@ -71,7 +71,7 @@ def offered(
             f" left out ({option('exclude')})"
         )
     if not 0 <= most <= MOST:
-        raise InputError(f"most is {most}; choose 0 to {MOST}")
+        raise InputError(f"{option('max-effects')} is {most}; choose 0 to {MOST}")
     return Offered(tuple(together.values()), tuple(with_), tuple(without), most)
 
 

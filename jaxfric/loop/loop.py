@@ -15,6 +15,7 @@ from ..fitting.padding import bucket
 from ..fitting.problem import Problem
 from ..fitting.stages import FELT
 from ..laws.registry import known_law
+from ..lazy import old_arguments
 from ..records import Record, VelocitySteps
 from ..records.differences import noise_from_differences
 from ..records.given import as_record
@@ -32,6 +33,7 @@ from .split import split
 from .subject import Subject
 
 
+@old_arguments(with_="include", without="exclude", most="max_effects")
 def close_loop(
     record: Record | str | Path,
     *,
@@ -39,10 +41,10 @@ def close_loop(
     law: str = "slip",
     steps: str | None = None,
     events: Sequence[Event] | None = None,
-    with_: str | Sequence[str] = (),
-    without: str | Sequence[str] = (),
+    include: str | Sequence[str] = (),
+    exclude: str | Sequence[str] = (),
     own: Sequence[type[AbstractEffect]] = (),
-    most: int = MOST,
+    max_effects: int = MOST,
     rows: int | None = None,
     progress: Callable[[str], None] = silent,
 ) -> Loop:
@@ -56,9 +58,9 @@ def close_loop(
         share all parameters except the level, which each stretch has for itself. `stiffness` may be
         stress per length, "0.16 MPa/um"; it scales with the normal stress of a stretch over that of
         the first.
-    with_ : ids of effects that belong to the base; without : ids of excluded effects.
+    include : ids of effects that belong to the base; exclude : ids of excluded effects.
     own : your own effects, in addition to the catalogue.
-    most : largest number of effects added, 0 to `case.MOST`.
+    max_effects : largest number of effects added, 0 to `case.MOST`.
     rows : as in `jaxfric.fit`: average neighbouring rows, to about so many.
     progress : callback for progress messages.
 
@@ -69,8 +71,9 @@ def close_loop(
 
     Raises
     ------
-    InputError : an unknown effect, or one in both `with_` and `without`; a record that is too short
-        or moves backwards; a run with fewer than three steps and holds; or as in `jaxfric.fit`.
+    InputError : an unknown effect, or one in both `include` and `exclude`; a record that is too
+        short or moves backwards; a run with fewer than three steps and holds; or as in
+        `jaxfric.fit`.
 
     Not supported: records with reversals, a base with mass; in runs, effects that need a column of
     slip or encoder (they are not offered), and a normal stress that changes within a step.
@@ -78,12 +81,12 @@ def close_loop(
     begun = time.monotonic()
     record = as_record(record)
     law = known_law(law)
-    asked = offered(CATALOGUE, own, ids_of(with_), ids_of(without), most, effect_of)
+    asked = offered(CATALOGUE, own, ids_of(include), ids_of(exclude), max_effects, effect_of)
     if events is not None:
         how = HowFitted(MachineStiffness.parse(stiffness, record.friction_unit), law)
         return run_loop(record, events, how, rows, asked, begun=begun, progress=progress)
     subject = _step_subject(record, stiffness, law, steps, rows, asked, progress)
-    return close(subject, most=most, begun=begun, progress=progress)
+    return close(subject, most=max_effects, begun=begun, progress=progress)
 
 
 def _step_subject(

@@ -331,9 +331,9 @@ class LoopOfRecord:
             stiffness=stiffness,
             law=self.record.law,
             steps=steps,
-            with_=self.declared,
-            without=self.excluded,
-            most=self.most,
+            include=self.declared,
+            exclude=self.excluded,
+            max_effects=self.most,
         )
         return {
             "verdict": self.verdicts.index(found.verdict),

@@ -6,6 +6,7 @@ from pathlib import Path
 from ..effects import ids_of
 from ..errors import InputError
 from ..fitting import Fit
+from ..lazy import old_arguments
 from ..loop import Loop
 from ..records import AxisRecord, Record, VelocitySteps
 from ..records.given import as_axis_record, as_record
@@ -16,14 +17,15 @@ from .result import Prediction
 from .slider import predict_slider
 
 
+@old_arguments(free="refit", held="zero_order_hold")
 def predict(
     model: str | Path | Fit | Loop,
     record: Record | AxisRecord | str | Path,
     *,
     stiffness: float | str | None = None,
     steps: VelocitySteps | str | None = None,
-    free: str | Sequence[str] | None = None,
-    held: bool | None = None,
+    refit: str | Sequence[str] | None = None,
+    zero_order_hold: bool | None = None,
     progress: Callable[[str], None] = silent,
 ) -> Prediction:
     """Predict another record with a model; test whether the error is consistent with noise.
@@ -47,9 +49,9 @@ def predict(
     stiffness : of the machine that made this record (sliders), in friction per metre or text with a
         unit; by default that of the model.
     steps : velocity steps of this record (sliders), as in `jaxfric.fit`.
-    free : names of the parameters to fit to this record; by default ("f0",) for a slider, none for
+    refit : names of the parameters to fit to this record; by default ("f0",) for a slider, none for
         an axis. Times of steps found in the load point are always fitted within their error.
-    held : for an axis, as in `jaxfric.close_axis_loop`.
+    zero_order_hold : for an axis, as in `jaxfric.close_axis_loop`.
 
     Returns
     -------
@@ -65,11 +67,11 @@ def predict(
     saved = load_model(model)
     record = _record_for(saved, record)
     if isinstance(record, AxisRecord):
-        unused = {"stiffness": stiffness, "steps": steps, "free": free}
+        unused = {"stiffness": stiffness, "steps": steps, "refit": refit}
         _refuse(saved.path, "an axis", unused)
-        return predict_axis(saved, record, held=held, progress=progress)
-    _refuse(saved.path, "a slider", {"held": held})
-    names = ("f0",) if free is None else ids_of(free)
+        return predict_axis(saved, record, held=zero_order_hold, progress=progress)
+    _refuse(saved.path, "a slider", {"zero_order_hold": zero_order_hold})
+    names = ("f0",) if refit is None else ids_of(refit)
     return predict_slider(
         saved, record, stiffness=stiffness, steps=steps, free=names, progress=progress
     )

@@ -195,7 +195,8 @@ def _descend(setting: _SliderSetting, z: np.ndarray, free: tuple[str, ...]) -> _
     problem, names = setting.problem, setting.problem.model.names()
     if unknown := [name for name in free if name not in names]:
         raise InputError(
-            f"free: {', '.join(unknown)} is no parameter of this model; they are {', '.join(names)}"
+            f"{option('refit')}: {', '.join(unknown)} is no parameter of this model; they are"
+            f" {', '.join(names)}"
         )
     shifts = range(len(names), len(z))
     index = np.asarray([*(names.index(name) for name in free), *shifts], int)

@@ -31,6 +31,7 @@ from ..fitting.problem import (
 )
 from ..fitting.result import critical_stiffness_of, tidy_unit
 from ..laws.registry import count_states, known_law, refuse_untaken, takes
+from ..lazy import old_arguments
 from ..loop.case import MOST, Case, Choice, offered
 from ..loop.engine import Engine
 from ..loop.nonlinear import friction_sensitivities
@@ -138,11 +139,12 @@ class _Setup:
         return self.planned.parameters
 
 
+@old_arguments(with_="include", without="exclude")
 def plan(
     asked: Planned,
     *,
-    with_: str | Sequence[str] = (),
-    without: str | Sequence[str] = (),
+    include: str | Sequence[str] = (),
+    exclude: str | Sequence[str] = (),
     own: Sequence[type[AbstractEffect]] = (),
     changes: bool = True,
     progress: Callable[[str], None] = silent,
@@ -159,7 +161,7 @@ def plan(
     Parameters
     ----------
     asked : the planned experiment.
-    with_ : ids of effects that the base has; without : ids of effects to exclude.
+    include : ids of effects that the base has; exclude : ids of effects to exclude.
     changes : also compute changes of the plan.
 
     Raises
@@ -177,12 +179,12 @@ def plan(
     _check(asked)
     values.setdefault("V0", velocities[0])
     asked = dataclasses.replace(asked, velocities=velocities, parameters=values)
-    with_, without = tuple(ids_of(with_)), tuple(ids_of(without))
-    effects = _effects(asked.law, with_, without, own)
+    include, exclude = tuple(ids_of(include)), tuple(ids_of(exclude))
+    effects = _effects(asked.law, include, exclude, own)
     first = _Variant("plan", "as planned", velocities, asked.slip_per_step, asked.slip_noise, None)
     variants = [first, *(_changes(first) if changes else ())]
     most = max(len(variant.velocities) for variant in variants)
-    setup = _Setup(asked, _model(asked, effects, with_), effects, with_, without, most)
+    setup = _Setup(asked, _model(asked, effects, include), effects, include, exclude, most)
     critical = _critical(setup)
     ratio = asked.stiffness / critical if critical > 0 else None
     _refuse_unstable(ratio, asked.stiffness, asked.friction_unit)
@@ -191,7 +193,7 @@ def plan(
         raise InputError(_slips_away(ratio))
     return Protocol(
         **vars(asked),
-        with_=with_,
+        with_=include,
         critical_stiffness=critical,
         ratio=ratio,
         design=design,

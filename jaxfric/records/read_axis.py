@@ -8,7 +8,8 @@ from typing import Literal
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, option
+from ..lazy import old_arguments
 from .axis_force import Forces, ToldOfDrive
 from .axis_record import AxisKind, AxisRecord, build
 from .columns import Found, Understood, fits, spelt, understand
@@ -24,9 +25,10 @@ _MOVES, _SAME = 0.05, 0.999
 """Another joint moves by at least the share `_MOVES` of this joint's range. Columns with a
 correlation above `_SAME` are two encoders of one joint."""
 FLIPS = {"force": _FORCE, "motion": _MOTION, "both": (*_MOTION, *_FORCE)}
-"""Columns that change their sign together, by the argument `flip`."""
+"""Columns that change their sign together, by the argument `flip_sign`."""
 
 
+@old_arguments(flip="flip_sign")
 def read_axis(
     path: str | Path,
     *,
@@ -35,7 +37,7 @@ def read_axis(
     position_gain: str | None = None,
     velocity_gain: str | None = None,
     rated_torque: str | None = None,
-    flip: bool | str = False,
+    flip_sign: bool | str = False,
     drop_bad: bool = False,
 ) -> AxisRecord:
     """Read time, motion and motor force of an axis, and turn them into SI.
@@ -56,7 +58,7 @@ def read_axis(
       (reference - position) - velocity): "160 1/s", and "240 V s/m" for a control signal or
       "8436 N s/m" for a motor force. With them, and a reference, the closed loop is simulated.
     - `rated_torque`: the torque of 100 %, "9.84 mN m"; without it the force stays in "%".
-    - `flip`: change the sign of the "force", of the "motion", or (True, "both") of both.
+    - `flip_sign`: change the sign of the "force", of the "motion", or (True, "both") of both.
     - `drop_bad`: leave out incomplete rows instead of refusing the file.
 
     **Returns:** an `AxisRecord`; its `provenance` lists assumptions and omitted rows.
@@ -66,7 +68,7 @@ def read_axis(
     """
     table = read_table(path)
     told = ToldOfDrive(drive_gain, position_gain, velocity_gain, rated_torque)
-    return _to_record(table, columns, told, "both" if flip is True else flip, drop_bad)
+    return _to_record(table, columns, told, "both" if flip_sign is True else flip_sign, drop_bad)
 
 
 def _to_record(
@@ -146,7 +148,7 @@ def _flip(values: dict[str, np.ndarray], which: str | Literal[False]) -> list[st
     if which is False:
         return []
     if which not in FLIPS:
-        raise InputError(f"flip is '{which}'; there are: {', '.join(FLIPS)}")
+        raise InputError(f"{option('flip-sign')} is '{which}'; there are: {', '.join(FLIPS)}")
     for role in FLIPS[which]:
         if role in values:
             values[role] = -values[role]

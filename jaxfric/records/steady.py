@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
+from ..lazy import old_arguments
 from .axis_record import AxisRecord
 from .formats import suffixes
 from .read_axis import read_axis
@@ -116,13 +117,14 @@ def force_covariance(error: np.ndarray, shared: np.ndarray | None) -> np.ndarray
     return np.diag(error**2 - np.sum(shared**2, axis=1)) + shared @ shared.T
 
 
+@old_arguments(flip="flip_sign")
 def read_steady(
     folder: str | Path,
     *,
     columns: Mapping[str, str] | None = None,
     drive_gain: str | None = None,
     rated_torque: str | None = None,
-    flip: bool | str = False,
+    flip_sign: bool | str = False,
     drop_bad: bool = False,
     window: tuple[Bound, Bound] = (None, None),
 ) -> SteadyCurve:
@@ -149,7 +151,7 @@ def read_steady(
         columns=columns,
         drive_gain=drive_gain,
         rated_torque=rated_torque,
-        flip=flip,
+        flip_sign=flip_sign,
         drop_bad=drop_bad,
     )
     records = _read_all(folder, one if window == (None, None) else lambda p: one(p).window(*window))

@@ -22,6 +22,7 @@ from ...fitting import Estimate
 from ...fitting.axis_preparation import Preparation
 from ...fitting.axis_problem import AxisProblem, make_problem
 from ...fitting.encompassing import EncompassingModel
+from ...lazy import old_arguments
 from ...records.axis_record import AxisRecord
 from ...records.axis_units import inertia_unit
 from ...records.differences import noise_from_differences
@@ -48,29 +49,30 @@ from .seen import doubts, follows, held_command, spring_of
 _LEAST_UNIT = 1e-3  # share of the range of force
 
 
+@old_arguments(with_="include", without="exclude", most="max_effects", held="zero_order_hold")
 def close_axis_loop(
     record: AxisRecord | str | Path,
     *,
-    with_: str | Sequence[str] = (),
-    without: str | Sequence[str] = (),
+    include: str | Sequence[str] = (),
+    exclude: str | Sequence[str] = (),
     own: Sequence[type[AbstractEffect]] = (),
-    most: int = MOST,
+    max_effects: int = MOST,
     preparation: Preparation | None = None,
     width: float | None = None,
-    held: bool | None = None,
+    zero_order_hold: bool | None = None,
     progress: Callable[[str], None] = silent,
 ) -> Loop:
     """Fit mass, Coulomb and viscous friction and an offset, then find the missing effects.
 
     Parameters
     ----------
-    with_, without, own, most, progress : as in `jaxfric.close_loop`, for the effects of an axis
-        (`AXIS_CATALOGUE`).
+    include, exclude, own, max_effects, progress : as in `jaxfric.close_loop`, for the effects of an
+        axis (`AXIS_CATALOGUE`).
     preparation : filter of the record; by default chosen as described in `reading`.
     width : of the smoothed sign of the velocity [m/s]; by default twice the noise of the velocity
         or a thousandth of the largest speed, whichever is larger.
 
-    held : zero-order hold: the force is a sampled command that the controller holds until the next
+    zero_order_hold : the force is a sampled command that the controller holds until the next
         row, so it acts half a row later; by default true if the record has a drive.
 
     Rows slower than two widths, reversals and their neighbours are excluded, since static friction
@@ -84,11 +86,13 @@ def close_axis_loop(
     Not supported: two axes, backlash, a varying payload.
     """
     begun = time.monotonic()
-    record, with_, without = as_axis_record(record), ids_of(with_), ids_of(without)
-    asked = offered(AXIS_CATALOGUE, own, with_, without, most, partial(effect_of, rig=AxisRig))
+    record, include, exclude = as_axis_record(record), ids_of(include), ids_of(exclude)
+    asked = offered(
+        AXIS_CATALOGUE, own, include, exclude, max_effects, partial(effect_of, rig=AxisRig)
+    )
     asked = _seen_by(record, asked)
     progress("preparing the record")
-    held = record.drive is not None if held is None else held
+    held = record.drive is not None if zero_order_hold is None else zero_order_hold
     reading = read_rows(record, preparation=preparation, width=width, held=held)
     for note in reading.notes:
         progress(note)

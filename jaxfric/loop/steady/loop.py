@@ -25,6 +25,7 @@ from ...fitting.noise.thresholds import CLEAR
 from ...gains.axis import axis_gains
 from ...gains.axis_result import AxisGains
 from ...gains.thresholds import SPEEDS
+from ...lazy import old_arguments
 from ...records.steady import SteadyCurve
 from ...stability.claims import SURE, Unseen, above_curve
 from ..curves import distinct
@@ -114,13 +115,14 @@ def shown_units(curve: SteadyCurve) -> tuple[str, str, float]:
     return curve.force_unit, speed, 1.0
 
 
+@old_arguments(with_="include", without="exclude")
 def close_steady_loop(
-    curve: SteadyCurve, *, with_: str | Sequence[str] = (), without: str | Sequence[str] = ()
+    curve: SteadyCurve, *, include: str | Sequence[str] = (), exclude: str | Sequence[str] = ()
 ) -> SteadyLoop:
     """Fit the curve, then add effects of `STEADY_EFFECTS` one by one.
 
-    `with_` belong to the base, `without` are not tried. An accepted effect lowers BIC by more than
-    10 and predicts held-out runs better (each with its neighbours in speed). Its friction is
+    `include` belong to the base, `exclude` are not tried. An accepted effect lowers BIC by more
+    than 10 and predicts held-out runs better (each with its neighbours in speed). Its friction is
     dissipative, and the runs determine its parameters. With fewer than 8 runs, or fewer than 3 in
     one direction, only the base is fitted.
 
@@ -129,8 +131,8 @@ def close_steady_loop(
     InputError : an unknown effect; fewer than 4 runs, one direction only, or fewer than 3 different
         speeds; friction against the sign of the motion.
     """
-    with_, without = ids_of(with_), ids_of(without)
-    unknown = sorted({*with_, *without} - set(STEADY_EFFECTS))
+    include, exclude = ids_of(include), ids_of(exclude)
+    unknown = sorted({*include, *exclude} - set(STEADY_EFFECTS))
     if unknown:
         raise InputError(
             f"effect '{unknown[0]}' is none of a steady curve; there are: "
@@ -138,14 +140,14 @@ def close_steady_loop(
         )
     used = _fitted(curve)
     speed = np.asarray(curve.speed)[used]
-    base = fit_model(curve, with_, used)
+    base = fit_model(curve, include, used)
     _refuse_reversed(curve, base, used)
     counted = bool(np.any(curve.slipping() & used))
     few = len(speed) < FEWEST or min(np.sum(speed > 0), np.sum(speed < 0)) < FEWEST_OF_EACH
     few = few or counted
     current, tried = base, [base]
     while not (few or curve.wanders):
-        missing = [e for e in STEADY_EFFECTS if e not in (*current.effects, *without)]
+        missing = [e for e in STEADY_EFFECTS if e not in (*current.effects, *exclude)]
         models = [fit_model(curve, (*current.effects, e), used) for e in missing]
         tried += models
         better = [m for m in models if _acceptable(current, m, curve)]
