@@ -179,8 +179,8 @@ def _headline(fits: Sequence[TabledFit]) -> list[str]:
         strong = sum(rate.lower > 0 for rate in rates)
         signs = {"weakening": weak, "strengthening": strong, "open": len(rates) - weak - strong}
         told = ", ".join(f"{count} {sign}" for sign, count in signs.items() if count)
-        ends = f"{values[0]:.3g} to {values[-1]:.3g}".replace("-", "−")
-        lines[0] += f": a - b {ends}, velocity dependence: {told}"
+        ends = " to ".join(dict.fromkeys(f"{value:.3g}" for value in (values[0], values[-1])))
+        lines[0] += f": a - b {ends.replace('-', '−')}, velocity dependence: {told}"
     short = short_names([one.name for one in fits])
     missed = [
         f"{short[one.name]} ({excess(one.fit):.2g})"
