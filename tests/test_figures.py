@@ -79,6 +79,14 @@ def test_an_axis_in_si_shows_the_prefix_of_its_unit(log, limits, label, shown) -
     }
 
 
+def test_a_logarithmic_axis_has_the_prefix_of_what_is_drawn() -> None:
+    """1 to 21 um/s: the margin of a linear axis would end at 1e-10 m/s."""
+    axes = new_figure(4, 3).subplots()
+    axes.plot([1.001e-6, 21e-6], [0, 1])
+    style.tidy(axes, x=("velocity", "m/s"), log="x")
+    assert axes.get_xlabel() == "velocity [µm/s]"
+
+
 def study_of(**outputs):
     """A study over stiffness and velocity, with its outputs as functions of both."""
     xarray = pytest.importorskip("xarray")

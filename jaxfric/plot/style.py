@@ -117,6 +117,8 @@ def tidy(
 
 def _name_in_si(axis: Axes, which: str, name: str, si: str, *, log: bool) -> None:
     """Name an axis, "x" or "y", that is drawn in SI, and show its numbers with a prefix."""
+    if log:  # first: the margin of a linear axis may end near 0
+        axis.set(**{f"{which}scale": "log"})
     side = axis.xaxis if which == "x" else axis.yaxis
     low, high = axis.get_xlim() if which == "x" else axis.get_ylim()
     about, log = max(-low, high), log or side.get_scale() == "log"
