@@ -1,4 +1,4 @@
-"""Friction laws, looked up by name or built from parameters; all verbs get their law here.
+"""Friction laws, looked up by name or built from parameters; all commands use this package.
 
 registry      name -> class, parameters, builder
 source        a law with samples of its uncertainty; a law from parameters given one by one

@@ -1,25 +1,28 @@
 """The friction law of a fitted result: a fit, a posterior or a loop.
 
-The law contains the friction effects: second_state, ageing, velocity_dependent_L,
-evolution_cutoff, viscous, stribeck, thermal, frictional_delay and others of the catalogue.
-It does not contain effects that depend on position, since they allow no steady sliding:
+The law contains the friction effects: second_state, ageing, velocity_dependent_L, evolution_cutoff,
+viscous, stribeck, thermal, frictional_delay and others of the catalogue. The law does not contain
+effects that depend on position, since such effects allow no steady sliding:
 
     slip_trend          s x
     run_in              d (1 - exp(-x/dc))
     position_periodic   a sin(2 pi x/lambda) + b cos(2 pi x/lambda)
 
-and, for an axis, gravity and position_dependence. Near a position x such an effect acts as a spring
-of stiffness f_x in parallel with k_p. It shifts every threshold of k_p by -f_x and changes nothing
-else. A warning of the law gives the lowest f_x. The law also omits normal_stress, which acts only
-while the normal force changes, and time_drift, which depends on the time of the record.
+and, for an axis, gravity and position_dependence. Near a position x, an effect that depends on
+position acts as a spring of stiffness f_x in parallel with k_p. The stiffness f_x of the effect
+only shifts every stability threshold of k_p by -f_x. A warning of the law gives the lowest
+stiffness f_x. The law omits normal_stress, because normal_stress acts only while the normal force
+changes. The law omits time_drift, because time_drift depends on the time of the record.
 
-Effects in other rooms belong to the apparatus, not to friction: stiffness and damping of the
-machine, lag of the drive, and lag, delay, drift and gain of the force sensor. They were fitted
-together with the law, so the law's parameters are already corrected for them.
+Effects of drive, machine and sensor belong to the apparatus, not to friction. Apparatus effects are
+machine stiffness, machine damping, drive lag, and the force sensor's lag, delay, drift and gain.
+The fit determines apparatus effects together with the law. So the parameters of the law are already
+corrected for the apparatus.
 
-For an axis the law is friction in one direction about a steady velocity, with its states: the
-`AxisLaw` from which the axis' own gains are computed. Without rate_and_state, axis friction has no
-memory in steady motion (a bristle stays bent), so no stiffness is critical; the law is refused.
+For an axis the law is an `AxisLaw`: friction and its states near a steady velocity, in one
+direction. The gains of an axis are computed from the same `AxisLaw`. Without rate_and_state, axis
+friction has no memory in steady motion, because a bristle stays bent. An axis without such memory
+has no critical stiffness, so its law is refused.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -65,8 +68,8 @@ _NO_WIDTH = 1e-6
 class FittedLaw:
     """Fitted parameters of a friction law, with errors and warnings.
 
-    SI, forces in `friction_unit`. Parameters of other rooms, fitted together with the law, may be
-    included.
+    SI, forces in `friction_unit`. A `FittedLaw` may include parameters of drive, machine and sensor
+    that were fitted together with the law.
     """
 
     where: str
@@ -123,18 +126,19 @@ def law_of(
     """Return the law in newtons or newton metres, with samples drawn from the parameter errors.
 
     A slip law whose only effect is a second state becomes a `RateState` with two states. With any
-    other friction effect it is an `ExtendedLaw`. The direct effect is the regularised one, so the
-    law is defined through rest. For an axis
+    other friction effect the result is an `ExtendedLaw`. The direct effect is regularised, so the
+    law is also defined at rest. For an axis
 
         f = F_v v + F_c + terms(v) + A ln(1 + v/v_c) + theta,
         theta' = (v/L)(-B ln(1 + v/v_c) - theta),   v > 0
 
-    If friction depends on direction (direction_asymmetry), the law is that of the direction with
-    less viscous friction, chosen for each sample separately.
+    If friction depends on direction (direction_asymmetry), the law describes the direction with
+    less viscous friction. The direction is chosen for each sample separately.
 
-    Free parameters are drawn from their covariance, those with a lower bound (A, L) in the
-    logarithm. If `fitted.draws` exist, whole draws are chosen without replacement, which keeps the
-    correlations. `warnings` lists those of `fitted`, then the effects that the law omits.
+    Free parameters are drawn from a normal distribution with their covariance. Parameters with a
+    lower bound (A, L) are drawn in the logarithm. If `fitted.draws` exist, each sample is one of
+    these draws, chosen without replacement. So the samples keep the correlations between
+    parameters. `warnings` lists the warnings of `fitted`, then the effects that the law omits.
 
     Parameters
     ----------
@@ -203,7 +207,8 @@ def in_law(effect: type[AbstractEffect]) -> bool:
 
 def left_out(fitted: FittedLaw, scale: float = 1.0) -> tuple[str, ...]:
     """Return one line for each effect that the law omits, with the reason. For an effect that acts
-    as a spring, the line gives its stiffness [N/m] and the advice; one force unit is `scale` N."""
+    as a spring, the line gives the spring stiffness [N/m] and advice. One unit of force in `fitted`
+    equals `scale` newtons."""
     lines = []
     moves, motion, later = "slider", "sliding", "; the law was fitted together with it"
     if fitted.is_axis:
@@ -359,7 +364,7 @@ def _columns(
 def draw_samples(
     mean: np.ndarray, covariance: np.ndarray, positive: np.ndarray, samples: int, seed: int
 ) -> np.ndarray:
-    """Draw parameters (samples, p) from a normal distribution; `positive` ones in the logarithm.
+    """Draw parameters (samples, p) from a normal (where `positive`, a log-normal) distribution.
 
     `mean` and `covariance` are in SI; the covariance may be singular.
     """

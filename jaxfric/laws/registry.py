@@ -1,13 +1,13 @@
 """All friction laws by name: their parameters and how to build them.
 
 An entry of `REGISTRY` is a law's class or, for a `RateState`, the evolution of its states. To add a
-law, write it in a file of `rig.friction` and enter it here. Fits, loops, gains, simulations,
-margins and studies then accept its name.
+law, write its class in a file of `rig.friction` and add an entry to `REGISTRY`. Fits, loops, gains,
+simulations, margins and studies then accept the name of the new law.
 
 Rate-and-state laws (`AbstractRateState`) have the parameters f0, A, B and L, B2 and L2, ..., V0 and
-slip_trend. Such a class takes these names and `direct` as keywords. Its class variable `number`
-gives a fixed number of states. Fits, loops and studies accept only these laws. Any other law has
-the parameters that its class declares.
+slip_trend. A subclass of `AbstractRateState` takes these parameter names and `direct` as keyword
+arguments. The class variable `number` of a law fixes its number of states. Fits, loops and studies
+accept only rate-and-state laws. Any other law has the parameters that its class declares.
 """
 
 import re
@@ -82,7 +82,7 @@ def known_law(name: object) -> str:
 
 
 def evolution_of(name: str) -> AbstractEvolution | None:
-    """The evolution of a `RateState`'s states; None for a law with a class of its own."""
+    """The evolution law of the states of a `RateState`; None for a law with its own class."""
     entry = REGISTRY[name]
     return entry if isinstance(entry, AbstractEvolution) else None
 

@@ -55,7 +55,7 @@ class LawSource:
     """Whether the absolute level of friction is known; False if f0 is assumed."""
 
     def unseen(self, velocities: Sequence[float] | np.ndarray) -> tuple[str, ...]:
-        """Warn if some `velocities` [m/s] lie outside the record's range by more than twofold."""
+        """Warn if some `velocities` [m/s] lie more than a factor of 2 outside the record's."""
         V = np.abs(np.asarray(velocities, float))
         V = V[V > 0]
         if self.seen is None or V.size == 0:
@@ -74,9 +74,10 @@ class LawSource:
 def law_from_parameters(kind: str, text: str) -> LawSource:
     """Build a law from its name and its parameters, "A=1 N, B=3 N, L=1 mm, V0=2 mm/s".
 
-    Rate-and-state laws need A, B, L (B2, L2, ... for more states) and V0. f0 matters only for a
-    start at rest (default 50 A, noted in `text`). Other laws need their own fields. For a joint
-    use rad and N m: "A=10 mN m, B=30 mN m, L=1 mrad, V0=2 mrad/s".
+    Rate-and-state laws need A, B, L (B2, L2, ... for more states) and V0. The steady friction f0
+    matters only for a start at rest; its default is 50 A, noted in `text`. Other laws need the
+    parameters that their class declares. For a joint use rad and N m:
+    "A=10 mN m, B=30 mN m, L=1 mrad, V0=2 mrad/s".
 
     Raises
     ------

@@ -1,10 +1,11 @@
-"""States of friction on an axis: its memory of the distance travelled.
+"""States of axis friction: the memory that friction has of the distance travelled.
 
 A state relaxes to a steady value while the axis moves in either direction, and is constant at rest:
 
     state' = (|v|/length) (steady(v) - state)
 
-Between two rows of a measured motion the solution is exact. An associative scan joins the rows.
+Between two rows of a measured motion the solution of this equation is exact. An associative scan
+joins the rows.
 """
 
 import abc
@@ -27,7 +28,7 @@ class AbstractAxisState(eqx.Module):
 
     @abc.abstractmethod
     def rate(self, state: Array, velocity: Array, *, shortest: ArrayLike = 0.0) -> Array:
-        """Time derivative of the state; its relaxation time is at least `shortest` [s]."""
+        """Time derivative of the state, with a relaxation time of at least `shortest` [s]."""
 
     @abc.abstractmethod
     def force(self, state: Array, sign: Array, velocity: Array) -> Array:
@@ -43,7 +44,7 @@ class AbstractAxisState(eqx.Module):
 
     @abc.abstractmethod
     def steepest(self, width: Array) -> Array:
-        """Bound on the force's slope near rest [F s/m] for a sign smoothed over `width`."""
+        """Upper bound of the slope dF/dv near rest [F s/m] for a sign smoothed over `width`."""
 
 
 class Bristle(AbstractAxisState):
@@ -51,8 +52,9 @@ class Bristle(AbstractAxisState):
 
         z' = q' - |q'| z/x_c,   force a (z/x_c - sgn q') + sigma_1 z'
 
-    The state is z/x_c. For a = F_c friction is Dahl's (1968), F_c z/x_c. With sigma_1 it is
-    LuGre's at a constant level (Canudas de Wit et al. 1995). With both 0 there is no presliding.
+    The state is z/x_c. For a = F_c this is the model of Dahl (1968), with friction F_c z/x_c. With
+    the damping sigma_1 this is the LuGre model at a constant friction level (Canudas de Wit et al.
+    1995). If a and sigma_1 are both 0, there is no presliding.
     """
 
     a: Float[Array, ""] = quantity("a", "F", "part of Coulomb friction that a bristle carries")
@@ -89,10 +91,10 @@ class AxisRateState(AbstractAxisState):
         force sgn(v) [A ln(1 + |v|/v_c) + theta]
         theta' = (|v|/L) (theta_ss - theta),   theta_ss = -B ln(1 + |v|/v_c)
 
-    theta [F] is the state. Far above v_c these are (3)-(5) of the 1994 note with V0 = v_c and
-    Coulomb friction for f0: the slip law of Ruina (1983, doi:10.1029/JB088iB12p10359). Below v_c
-    friction levels off, whereas ln(V/V0) diverges. theta evolves with slip in either direction and
-    keeps its value at rest.
+    theta [F] is the state. Far above the cut-off velocity v_c these equations are the slip law of
+    Ruina (1983, doi:10.1029/JB088iB12p10359). Equations (3)-(5) of the 1994 note state the slip
+    law; here V0 = v_c, and f0 is Coulomb friction. Below v_c friction levels off, whereas ln(V/V0)
+    diverges. The state theta evolves with slip in either direction and keeps its value at rest.
     """
 
     A: Float[Array, ""] = quantity("A", "F", "direct effect")
@@ -103,8 +105,9 @@ class AxisRateState(AbstractAxisState):
     def along(self, motion: MeasuredMotion) -> Float[Array, " N"]:
         """theta, at its steady value in the first row.
 
-        It is exact if velocity is linear in time between two rows, and theta_ss linear in distance
-        between two rows or between a row and the reversal.
+        The result is exact under two conditions. Velocity is linear in time between two rows. The
+        steady value theta_ss is linear in distance between two rows, or between a row and a
+        reversal.
         """
         v = motion.velocity
         last = jnp.concatenate([v[:1], v[:-1]])

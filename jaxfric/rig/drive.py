@@ -1,8 +1,8 @@
 """Drive: from the commanded motion to the motion of the load point.
 
-A drive computes how far the load point trails the command. The machine subtracts this distance
-from the commanded motion. So a drive adds no state to the solver, and a vanishing time constant
-is not stiff.
+A drive computes how far the load point trails the command. The machine subtracts this distance from
+the commanded motion. So a drive adds no state to the solver, and a time constant near zero does not
+make the equations stiff.
 """
 
 import abc
@@ -40,8 +40,8 @@ class IdealDrive(AbstractDrive):
 class FirstOrderDrive(AbstractDrive):
     """Finite bandwidth: tau dV_m/dt = V_cmd - V_m, solved in closed form for velocity steps.
 
-    A step of size dV at t_k adds tau dV (1 - exp(-(t - t_k)/tau)) to the lag. Before the first
-    step the load point moves steadily without lag.
+    A velocity step of size dV at time t_k adds tau dV (1 - exp(-(t - t_k)/tau)) to the lag
+    distance. Before the first step the load point moves steadily without lag.
     """
 
     tau: Float[Array, ""] = quantity(

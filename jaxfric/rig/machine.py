@@ -1,8 +1,8 @@
 """Machine: the connection between the load point and the sliding contact.
 
 A spring and a dashpot in parallel, or the equivalent PD gains of a controller, pull a mass.
-Stiffness is per unit of friction: N/m if friction is a force, 1/m if it is a coefficient
-(stiffness over normal force).
+Stiffness is in N/m if friction is a force. If friction is a coefficient, stiffness is divided by
+the normal force, in 1/m.
 """
 
 import equinox as eqx
@@ -12,7 +12,7 @@ from ..quantity import as_floats, quantity, refuse_outside
 
 
 class AbstractMachine(eqx.Module):
-    """Interface: a stiffness, and a damping that may be None (no dashpot)."""
+    """Interface of a machine: a stiffness, and a damping that is None without a dashpot."""
 
     stiffness: eqx.AbstractVar[Float[Array, ""]]
     damping: eqx.AbstractVar[Float[Array, ""] | None]
@@ -21,11 +21,12 @@ class AbstractMachine(eqx.Module):
 class QuasiStatic(AbstractMachine):
     """The limit of vanishing mass: friction balances spring and dashpot at every instant.
 
-    f(V, state) = K (x_m - x) + k_v (V_m - V). The law must be invertible in V.
+    f(V, state) = K (x_m - x) + k_v (V_m - V). The law must be invertible in the velocity V.
 
-    An optional small `mass` makes the velocity lag behind that of the balance (see
-    `simulation.ode`). With `first_order`, its inertia m dV/dt is instead subtracted from the pull,
-    with dV/dt from the massless balance: exact to first order in m, and cheaper.
+    An optional small `mass` makes the velocity lag behind the velocity of the force balance (see
+    `simulation.ode`). With `first_order`, the inertia m dV/dt is instead subtracted from the pull
+    of the spring. The acceleration dV/dt is then that of the massless balance, which is cheaper and
+    exact to first order in m.
     """
 
     stiffness: Float[Array, ""] = quantity("K", "F/m", "stiffness", lower=0.0)
@@ -51,8 +52,8 @@ class QuasiStatic(AbstractMachine):
 class Inertial(AbstractMachine):
     """m dV/dt = K (x_m - x) + k_v (V_m - V) - f(V, state).
 
-    The mass, like the stiffness, is per unit of friction: kg, or kg/N = s^2/m if friction is a
-    coefficient.
+    The mass is in kg. If friction is a coefficient, the mass is divided by the normal force: kg/N =
+    s^2/m.
     """
 
     mass: Float[Array, ""] = quantity("m", "F s^2/m", "mass", lower=0.0)

@@ -25,7 +25,8 @@ class NormalStress(eqx.Module):
     span : first and last time [s]; n is constant outside. The first cubic extends back to the
         first time.
 
-    Cubics, because a solver must stop at every corner of a piecewise linear function.
+    The function n(t) is made of cubics, because a solver must stop at every corner of a piecewise
+    linear function.
     """
 
     knots: Float[Array, " m"]
@@ -68,8 +69,8 @@ def recorded_stress(time: ArrayLike, stress: ArrayLike, *, knots: int = _KNOTS) 
     """Smooth a recorded normal stress: `time` from the start of the record [s], `stress` > 0.
 
     Neighbouring rows are averaged down to at most `knots` points. A cubic smoothing spline (SciPy's
-    `make_smoothing_spline`) fits them; generalised cross-validation chooses its smoothness. It is
-    divided by its value at the first row.
+    `make_smoothing_spline`) fits these points; generalised cross-validation chooses its smoothness.
+    The spline is divided by its value at the first row.
 
     Raises
     ------
@@ -106,8 +107,8 @@ def recorded_stress(time: ArrayLike, stress: ArrayLike, *, knots: int = _KNOTS) 
 def stress_of_levels(
     begins: Float[np.ndarray, " k"], ends: Float[np.ndarray, " k"], ratios: Float[np.ndarray, "k+1"]
 ) -> NormalStress:
-    """n(t) that rises from `ratios[i]` to `ratios[i + 1]` between `begins[i]` and `ends[i]` [s] by
-    a cubic with zero slope at both ends, and is constant otherwise."""
+    """Build n(t) that goes from `ratios[i]` to `ratios[i + 1]` between `begins[i]` and `ends[i]`
+    [s]. Each change is a cubic with zero slope at both ends; otherwise n(t) is constant."""
     knots, rows = [0.0], [(0.0, 0.0, 0.0, ratios[0])]
     for begin, end, low, high in zip(begins, ends, ratios[:-1], ratios[1:], strict=True):
         rise, last = (high - low), end - begin
@@ -120,8 +121,9 @@ def stress_of_levels(
 def moved_stress(time: ArrayLike, stress: ArrayLike) -> float:
     """Relative standard deviation of a recorded normal stress, without the noise of its gauge.
 
-    It is the root of the covariance of two smoothed histories, from the even and the odd rows. The
-    noise that remains after smoothing is independent in the two.
+    The result is the square root of the covariance of two smoothed histories. One history is of the
+    even rows, the other of the odd rows. The noise that remains after smoothing is independent in
+    the two histories.
     """
     t, s = np.asarray(time, float), np.asarray(stress, float)
     halves = [recorded_stress(t[k::2], s[k::2], knots=_OF_A_HALF) for k in (0, 1)]

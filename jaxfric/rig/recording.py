@@ -9,13 +9,14 @@ from .sensor import AbstractSensor
 
 
 class ImperfectSensor(AbstractSensor):
-    """Delay, then a first-order lag, then gain and drift; all zero is an ideal sensor.
+    """A sensor with a delay, then a first-order lag, then gain and drift; ideal with all zero.
 
         tau y' = f(t - d) - y,   recorded = (1 + g) y + r t
 
-    `ts` ascends from the start; before it friction is steady. Friction is linear between samples,
-    so the sampling interval must not exceed tau and d. A negative tau or d is unphysical; the
-    formula is continued to first order, so that a fit can cross 0.
+    The times `ts` ascend from the start of the record; before the start friction is steady.
+    Friction is linear between samples, so the sampling interval must not exceed tau and d. A
+    negative tau or d is unphysical; the formula is continued to first order, so that a fit can
+    cross 0.
     """
 
     tau: Float[Array, ""] = quantity("tau", "s", "time constant of the sensor", default=0.0)

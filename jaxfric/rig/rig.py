@@ -13,9 +13,9 @@ from .sensor import AbstractSensor, IdealSensor
 class Rig(eqx.Module):
     """The four rooms of a rig, through which a signal passes in one direction.
 
-    All forces are in one unit: newtons, or friction coefficient (see `quantity`).
-    `normal_stress` is the recorded normal stress relative to the start, n(t): the machine then
-    pulls against n f, and f is recorded. None: constant normal stress.
+    All forces are in one unit: newtons, or friction coefficient (see `quantity`). `normal_stress`
+    is n(t), the recorded normal stress relative to the start; None if it is constant. With n(t) the
+    machine pulls against n f, and the sensor records f.
     """
 
     machine: AbstractMachine

@@ -11,9 +11,9 @@ from .drive import AbstractDrive
 class LateSteps(AbstractDrive):
     """A drive that starts its k-th velocity `delays[k]` later, to first order in the delay.
 
-    From t_k on the load point trails by a further (V_k - V_(k-1)) delays[k]. The velocity itself
-    still changes at t_k, an error that lasts only for the delay. In return the model is
-    differentiable in the delay, which a shifted jump is not.
+    From the commanded time t_k on, the load point trails the command by a further (V_k - V_(k-1))
+    delays[k]. The velocity itself still changes at t_k; this error lasts only as long as the delay.
+    In return the model is differentiable in the delay; a shifted jump would not be.
     """
 
     drive: AbstractDrive
