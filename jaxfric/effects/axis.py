@@ -1,6 +1,6 @@
 """Effects of an axis beyond mass, Coulomb and viscous friction and an offset.
 
-They modify an `AxisRig`. As in `jaxfric.effects`, an effect at its null changes nothing.
+Axis effects modify an `AxisRig`. An effect at its null changes nothing.
 """
 
 from collections.abc import Mapping
@@ -143,11 +143,12 @@ class AxisStribeck(AbstractAxisTermEffect):
 class LogViscous(AbstractAxisEffect, AbstractAxisTerm):
     """+ c ln(1 + |v|/v_c) sgn v: friction that grows with speed, at a decreasing rate.
 
-    Well below v_c it is viscous, c v/v_c. Above v_c it grows by c per factor e in speed, as for a
-    shear-thinning lubricant. (Eyring 1936, doi:10.1063/1.1749836, has an asinh of the speed, also
-    linear and then logarithmic.) v_c is at least the width of the smoothed sign, below which
-    friction is not modelled. If all speeds are far above v_c, a change of v_c acts like Coulomb
-    friction; c is then determined although v_c is not.
+    Well below the speed v_c this friction is viscous, c v/v_c. Above v_c this friction grows by c
+    per factor e in speed, as for a shear-thinning lubricant. (The asinh of the speed in Eyring
+    1936, doi:10.1063/1.1749836, is also first linear and then logarithmic.) The speed v_c is at
+    least the width of the smoothed sign; below this width friction is not modelled. If all speeds
+    of a record are far above v_c, a change of v_c acts like Coulomb friction. Such a record
+    determines c but not v_c.
     """
 
     id: ClassVar[str] = "log_viscous"
@@ -181,8 +182,8 @@ class AxisPositionPeriodic(AbstractAxisTermEffect, AbstractPlaceEffect[AxisRig])
     """+ c cos(2 pi q/wavelength) + s sin(...): the pitch of a screw, the teeth of a belt, cogging.
 
     Wavelengths are searched from twice the travel down to the resolution of the decimated rows at
-    the median speed. At least 1.5 waves must fit in the travel: a shorter piece of a wave looks
-    like gravity, or like any smooth curve.
+    the median speed. At least 1.5 waves must fit in the travel. A shorter piece of a wave looks
+    like gravity or another smooth curve.
     """
 
     id: ClassVar[str] = "position_periodic"
@@ -302,12 +303,13 @@ class AxisTimeDrift(AbstractLinearAxisEffect, AbstractAxisTermEffect):
 
 class Presliding(AbstractAxisEffect):
     """+ a (z/x_c - sgn v) + sigma_1 z', z' = v - |v| z/x_c: after a reversal Coulomb friction
-    recovers over a distance. Dahl's bristle; with the damping, LuGre's.
+    recovers over a distance. This is Dahl's bristle; with the damping sigma_1 it is LuGre's.
 
-    The damping acts only while the bristle bends, at low speed within a few x_c of a reversal. So
-    sigma_1 times the speed of a stroke is not a force that occurs, and a record may determine the
-    bristle but not its damping. x_c must be short enough for friction to recover within half of
-    the travel. A noticeable negative damping is refused: it would feed energy into the motion.
+    The damping sigma_1 acts only while the bristle bends: at low speed, within a few lengths x_c of
+    a reversal. So a force of sigma_1 times the speed of a stroke never occurs. A record may
+    therefore determine the bristle but not the damping sigma_1. The length x_c must be short enough
+    for friction to recover within half of the travel. A noticeable negative damping is refused,
+    because it would feed energy into the motion.
     """
 
     id: ClassVar[str] = "presliding"
@@ -346,16 +348,18 @@ class Presliding(AbstractAxisEffect):
 class RateAndState(AbstractAxisEffect):
     """+ sgn(v) [A ln(1 + |v|/v_c) + theta], theta' = (|v|/L) (-B ln(1 + |v|/v_c) - theta).
 
-    Friction responds to a change of velocity at once by A and, over the slip length L, by -B (slip
-    law of Ruina 1983, doi:10.1029/JB088iB12p10359, constant below v_c). Physical if A > 0 and
-    B > 0. The direct effect is due to creep at the contacts; without it sliding is ill-posed
-    (Rice, Lapusta & Ranjith 2001, doi:10.1016/S0022-5096(01)00042-4). The state is the strength
-    that contacts gain with age and lose by slip (Dieterich 1979, doi:10.1029/JB084iB05p02161).
-    B < 0 describes a curved dependence on velocity, not such a memory.
+    If velocity rises by a factor e, friction changes by A at once and by -B over the slip length L.
+    This is the slip law of Ruina (1983, doi:10.1029/JB088iB12p10359), but friction levels off below
+    v_c. The effect is physical if A > 0 and B > 0. The direct effect is due to creep at the
+    contacts; without it sliding is ill-posed (Rice, Lapusta & Ranjith 2001,
+    doi:10.1016/S0022-5096(01)00042-4). The state is the strength that contacts gain with age and
+    lose by slip (Dieterich 1979, doi:10.1029/JB084iB05p02161). B < 0 describes a curved dependence
+    on velocity, not a memory of the contacts.
 
-    L is at least the distance between two rows where the axis is slowest. A shorter L leaves only
-    A - B and B L determined, and a fit drifts to A and B far above all friction. v_c is at least
-    the width of the smoothed sign, below which friction is not modelled.
+    The slip length L is at least the distance between two rows where the axis is slowest. With a
+    shorter L a record determines only A - B and B L. A fit with a shorter L drifts to values of A
+    and B far above all friction. The velocity v_c is at least the width of the smoothed sign; below
+    this width friction is not modelled.
     """
 
     id: ClassVar[str] = "rate_and_state"
@@ -430,7 +434,7 @@ class AxisSensorLag(AbstractLinearAxisEffect):
 
 
 class AxisSensorDelay(AbstractLinearAxisEffect):
-    """A recorded position delayed by d against the recorded force; d < 0: ahead of it."""
+    """A recorded position delayed by d against the recorded force; d < 0: ahead of the force."""
 
     id: ClassVar[str] = "sensor_delay"
     room: ClassVar[str] = "sensor"
@@ -451,7 +455,7 @@ class AxisSensorDelay(AbstractLinearAxisEffect):
 
 IN_TIME = frozenset(e.id for e in (AxisServoLag, AxisSensorLag, AxisSensorDelay))
 """Effects that shift force and motion in time against each other. To first order a record shows
-only their sum. Two of them with opposite signs smooth the encoder's error, which lowers the
-residual without any physical cause. So a model has at most one of them."""
+only the sum of such shifts. Two such effects with opposite signs smooth the encoder's error, which
+lowers the residual without any physical cause. So a model has at most one such effect."""
 AXIS_STEADY_CURVES = (Cubic.id, AxisStribeck.id, LogViscous.id)
 """Effects that add an odd function of velocity alone."""

@@ -1,6 +1,6 @@
 """The catalogue of effects of a slider's rig and of an axis.
 
-`register` adds an effect of your own for every rig to which it applies.
+`register` adds your own effect to the catalogue of every rig to which the effect applies.
 """
 
 from ..errors import InputError, did_you_mean

@@ -1,27 +1,30 @@
 """A delay of friction as an ordinary differential equation, no stiffer than sliding itself.
 
-The slip law with the velocity a time alpha ago is a delay equation. Here a rational filter of the
-present u = ln V/V0 approximates its past,
+The slip law with the velocity of a time alpha ago is a delay equation. Here a rational filter of
+the present value u = ln V/V0 approximates the past value,
 
     u(t - alpha) ~ u - alpha u' + (alpha^2/2) H(s) u'',   H(s) = (1 + n s)/(1 + b1 s + b2 s^2)
 
 With b1 = alpha/2, b2 = alpha^2/12, n = alpha/6 it is the [2/2] Pade approximant of exp(-alpha s).
-Its poles at 3.5/alpha are stiff for a small delay. So the poles are kept below 2/c, in units of
-V/L: L/V, a crossing, is the time in which the contact renews itself. With a = alpha V/L and
-nu = c/(1 + 2a/(3c)):
+The poles of the Pade approximant, at 3.5/alpha, are stiff for a small delay. So the filter has a
+time constant c that keeps its poles below 2/c. Times are in crossings here: in one crossing, L/V,
+the contact renews itself. With a = alpha V/L and nu = c/(1 + 2a/(3c)):
 
     b1 = a/2 + nu,   b2 = a^2/12 + a nu/3 + c^2/4,   n = a/6 + nu
 
-The first two orders in alpha stay exact, the third nearly so. The filter's states are
-y = u/(1 + b1 s + b2 s^2) and its rate z. With d = (u - y - b1 z)/b2, y'' = d and
+The filter is exact to second order in alpha, and nearly exact to third order. The filter's states
+are y = u/(1 + b1 s + b2 s^2) and its rate z. With d = (u - y - b1 z)/b2, y'' = d and
 
     u(t - alpha) ~ u - g u' + (a^2/2) [d - (n/b2) (z + b1 d)],   g = a c nu/(4 b2)
 
-u' is not computed: B V g u'/L = B g V'/L is part of theta', so theta - B g V/L is integrated.
+The derivative u' is not computed. B V g u'/L = B g V'/L is part of theta', so the solver integrates
+theta - B g V/L.
 
-The velocity that defines a crossing is a third state, V_p. With V itself, d would need u'; a
-constant would be stiff where the slider is slow. ln V_p follows the faster of slider and load point
-within c/2. L/V_p, a and the coefficients change with it, so the equations contain their rates.
+The velocity V_p that defines a crossing is a third state of the filter. With the slider's velocity
+V instead of V_p, d would need u'. A constant velocity instead of V_p would make the equations stiff
+where the slider is slow. The state ln V_p follows the faster of slider and load point within c/2
+crossings. L/V_p, a and the filter's coefficients change with V_p, so the equations contain their
+rates.
 """
 
 from typing import ClassVar, NamedTuple
@@ -143,8 +146,8 @@ def _log(ratio: Float[Array, ""]) -> Float[Array, ""]:
 class FrictionalDelay(AbstractHeavyEffect[Rig]):
     """theta_ss = -B ln(V(t - alpha)/V0), slip law.
 
-    A filter of the present replaces the history (see this module). Error relative to the effect,
-    compared with a solution by the method of steps (SciPy):
+    A filter of the present velocity replaces the history of velocity (see this module). The table
+    gives the error relative to the effect, compared with a solution by the method of steps (SciPy):
 
         alpha V/L     0.03   0.1    0.3    1      3       of the fastest velocity
         K L/A = 1     0.3 %  0.8 %  1.6 %  2.1 %  2.4 %
@@ -152,7 +155,7 @@ class FrictionalDelay(AbstractHeavyEffect[Rig]):
         K L/A = 6     1.4 %  3.7 %  5.6 %  5.4 %  13 %
         K L/A = 20    2.5 %  6.8 %  7.0 %  7.3 %  15 %
 
-    for velocity steps of up to a factor of ten.
+    The table holds for velocity steps of up to a factor of ten.
     """
 
     id: ClassVar[str] = "frictional_delay"

@@ -1,11 +1,12 @@
 """An effect: a modification of one room of a rig, with a null that changes nothing.
 
 An effect holds its parameters; without arguments it is at its null. `embed(rig)` returns the rig
-with the effect. At the null its predictions equal those of `rig`, to rounding. So a fit without
-the effect is a special case of the fit with it.
+with the effect. At the null, the rig with the effect predicts the same as `rig`, to rounding. So a
+fit without the effect is a special case of the fit with the effect.
 
 A parameter is an amplitude or a shape. An amplitude is unbounded and has the null 0. A shape (a
-length, a time, a velocity) has no influence while the amplitudes are 0; fits start it from a grid.
+length, a time, a velocity) has no influence while the amplitudes are 0. Fits start each shape from
+a grid of values.
 """
 
 import abc
@@ -62,11 +63,12 @@ Limit = Callable[[Any, RecordScales], Any]
 class AbstractEffect(eqx.Module, Generic[R]):
     """One effect of the catalogue.
 
-    `id` is its name in tables and files, `room` the room that it modifies. `equation` is one line,
-    `meaning` explains it in words. `confused_with` lists the ids of similar effects. `separated_by`
-    lists experiments that distinguish them, each a `RunChange` or a text. `rigs` are the kinds of
-    rig to which it applies, by default a slider's. The fields declared by `quantity(...)` are its
-    parameters, amplitudes first.
+    `id` is the name of the effect in tables and files, `room` the part of the rig that the effect
+    modifies. `equation` is one line, and `meaning` explains the equation in words. `confused_with`
+    lists the ids of similar effects. `separated_by` lists experiments that distinguish the effect
+    from similar effects, each a `RunChange` or a text. `rigs` are the kinds of rig to which the
+    effect applies, by default a slider's rig. The fields declared by `quantity(...)` are the
+    parameters of the effect, amplitudes first.
     """
 
     rigs: ClassVar[tuple[type[eqx.Module], ...]] = (Rig,)
@@ -114,7 +116,7 @@ class AbstractPlaceEffect(AbstractEffect[R]):
 
     @abc.abstractmethod
     def softest_spring(self) -> Float[Array, ""]:
-        """The lowest stiffness of that spring [F/m]; a negative one softens."""
+        """The lowest stiffness of the effect as a spring [F/m]; a negative stiffness softens."""
 
 
 class AbstractEvolutionEffect(AbstractLinearEffect[Rig]):
@@ -124,12 +126,13 @@ class AbstractEvolutionEffect(AbstractLinearEffect[Rig]):
 class AbstractHeavyEffect(AbstractLinearEffect[R]):
     """An effect that is costly to simulate, with a cheap first-order form at its null.
 
-    Most candidate models of a loop do not contain it, and need only its derivatives at the null.
+    Most candidate models of a loop do not contain the effect, and need only its derivatives at the
+    null.
     """
 
     @abc.abstractmethod
     def embed_first_order(self, rig: R) -> R:
-        """Return a rig that equals `embed`'s at the null, in value and first derivatives."""
+        """Return a rig that equals that of `embed` at the null, in value and first derivatives."""
 
 
 def parameters(effect: AbstractEffect | type[AbstractEffect]) -> dict[str, Quantity]:
@@ -138,7 +141,7 @@ def parameters(effect: AbstractEffect | type[AbstractEffect]) -> dict[str, Quant
 
 
 def separators(effect: AbstractEffect | type[AbstractEffect]) -> tuple[str, ...]:
-    """What would tell an effect from its likes; a class may state one as a plain text."""
+    """Experiments that distinguish an effect from similar ones; a class may state one as a text."""
     one = effect.separated_by
     return (one,) if isinstance(one, str) else tuple(one)
 
@@ -149,7 +152,7 @@ def beyond(effect: AbstractEffect, scales: RecordScales) -> tuple[str, ...]:
 
 
 def made(effect: type[E], values: Mapping[str, ArrayLike]) -> E:
-    """Build an effect from parameters by field name; the others are at their null."""
+    """Build an effect from parameters by field name; other parameters are at their null."""
     return effect(**values)
 
 
@@ -208,8 +211,8 @@ def evolution_of(law: ExtendedLaw) -> BlendedEvolution | None:
 def extended(rig: Rig) -> ExtendedLaw:
     """The rig's friction as an `ExtendedLaw` whose base can blend evolutions.
 
-    An ageing law becomes q = 1, any other q = 0, with the same equations. A rate-and-state law
-    with a class of its own is unchanged.
+    An ageing law becomes a blend with q = 1, any other law a blend with q = 0; the equations stay
+    the same. A rate-and-state law with its own class is unchanged.
     """
     law = rig.friction
     if isinstance(law, ExtendedLaw):

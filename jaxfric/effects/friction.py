@@ -175,7 +175,7 @@ class _StribeckTerm(AbstractStatelessTerm):
 
 
 class Stribeck(AbstractEffect[Rig]):
-    """f + fs exp(-(V/Vs)^d) with d between 0.3 and 4; 1 and 2 are usual."""
+    """f + fs exp(-(V/Vs)^d) with d between 0.3 and 4; d = 1 and d = 2 are usual."""
 
     id: ClassVar[str] = "stribeck"
     room: ClassVar[str] = "friction"
@@ -252,7 +252,7 @@ class RunIn(AbstractPlaceEffect[Rig], AbstractTermEffect, AbstractStatelessTerm)
         return self.d * -jnp.expm1(-jnp.maximum(at.slip, 0.0) / self.dc)
 
     def softest_spring(self) -> Float[Array, ""]:
-        """d/dc (at the start) if that softens, else 0 (the limit of large slip)."""
+        """The stiffness d/dc at the start if negative, else 0 (the limit of large slip)."""
         return jnp.minimum(self.d, 0.0) / self.dc
 
     def grid(self, scales: RecordScales) -> dict[str, tuple[float, ...]]:
@@ -302,8 +302,8 @@ class NormalStressState(AbstractLinearEffect[Rig], AbstractTermEffect):
     """dtheta/dt - alpha n'/n, n normal stress relative to the start (Linker, Dieterich 1992).
 
     The solver integrates theta + alpha ln n, so no derivative of the recorded n is needed. The
-    effect needs a rig with a `normal_stress`. In such a rig the machine pulls against n f, with or
-    without this effect.
+    effect needs a rig with a `normal_stress`. In a rig with a `normal_stress` the machine pulls
+    against n f, with or without this effect.
     """
 
     id: ClassVar[str] = "normal_stress"

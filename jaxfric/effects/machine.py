@@ -59,16 +59,17 @@ class Damping(AbstractLinearEffect[Rig]):
 class Inertia(AbstractHeavyEffect[Rig]):
     """m dV/dt = pull - friction, for a base without mass: the velocity lags the force balance.
 
-    See `simulation.ode`. Error relative to the effect, compared with a solution with mass (SciPy):
+    See `simulation.ode`. The table gives the error relative to the effect, compared with a solution
+    with mass (SciPy):
 
         sqrt(m/K) V/L   0.03    0.1     0.3     1       of the fastest velocity
         K L/A = 1       50 %    14 %    3 %     0.2 %
         K L/A = 3       7 %     0.9 %   0.1 %
         K L/A = 6               0.6 %   0.04 %          ringing
 
-    for velocity steps of up to a factor of ten. The error is large only where the mass hardly
-    matters. The first-order form may be wrong by half of the effect if the mass delays the velocity
-    by over a tenth of the spring's relaxation time.
+    The table holds for velocity steps of up to a factor of ten. The error is large only where the
+    mass hardly matters. The first-order form may be wrong by half of the effect for a larger mass.
+    Such a mass delays the velocity by more than a tenth of the spring's relaxation time.
     """
 
     id: ClassVar[str] = "inertia"

@@ -1,13 +1,14 @@
-"""Changes of a run of velocity steps that tell effects from one another, as codes.
+"""Codes of the changes to a run of velocity steps that distinguish one effect from another.
 
-An effect lists those that separate it from its likes in `separated_by`; `report.words` says them.
+`separated_by` of an effect lists the changes that distinguish it from similar effects.
+`report.words` puts the codes into words.
 """
 
 from enum import StrEnum
 
 
 class RunChange(StrEnum):
-    """A change of a run that a plan of velocity steps can have."""
+    """A change to a run that a plan of velocity steps can include."""
 
     DECADES = "three_velocities_over_two_decades"
     REPEAT = "first_velocity_repeated"

@@ -38,7 +38,7 @@ class Controller(NamedTuple):
     """h [s]."""
 
     def force(self, reference: Array, position: Array, before_last: Array) -> Array:
-        """F at a sample, from the position there and two samples earlier."""
+        """Force F at a sample, from the positions at that sample and two samples earlier."""
         velocity = (position - before_last) / (2 * self.interval)
         return self.K_d * (self.position_gain * (reference - position) - velocity)
 
@@ -76,10 +76,11 @@ def closed_loop(
 
     `disturbance` [F] is added to the controller's force from each sample on.
 
-    `first` are the first three positions: the axis starts at the first with their mean velocity.
-    Its friction starts at `states`, by default those at rest. `rig.width` smooths friction's kink
-    at rest. States relax in at least half a step, so that an explicit method stays stable. Lag and
-    delay of the rig are not simulated.
+    `first` holds the first three positions. The axis starts at the first position, with the mean
+    velocity over the three. The friction of the axis starts at `states`, by default the states at
+    rest. `rig.width` smooths the jump of friction at rest. States of friction relax in at least
+    half a step, so that an explicit method stays stable. Lag and delay of the rig are not
+    simulated.
     """
     h = controller.interval / substeps
     solver = diffrax.Tsit5(scan_kind="lax")  # forward mode needs "lax"

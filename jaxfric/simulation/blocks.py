@@ -25,8 +25,8 @@ def in_blocks(one: Callable[..., T], *rows: PyTree) -> T:
 
 
 def renewed(one: Callable[..., T], which: Bool[Array, " n"], old: T, *rows: PyTree) -> T:
-    """Replace `old` by `one(*row)` in the rows of `which`. A block is skipped if no member of a
-    batch has such rows in it."""
+    """Replace `old` by `one(*row)` in the rows of `which`. A block without such rows in any member
+    of a batch is skipped."""
 
     def new(which: Array, old: T, *rows: PyTree) -> T:
         return jax.tree.map(lambda a, b: _where(which, a, b), jax.vmap(one)(*rows), old)

@@ -39,8 +39,9 @@ def simulate_delay(
     """Simulate a slider with mass and a delay law at a constant command, after a disturbance.
 
     Before `ts[0]` the slider slides steadily at the commanded velocity V0, which defines the
-    history. `start` disturbs it at `ts[0]`. Works under jit and vmap; differentiable with respect
-    to every array of `rig` (the delay too), `velocity` and `start`.
+    history. `start` disturbs the steady sliding at `ts[0]`. The function works under jit and vmap.
+    It is differentiable with respect to every array of `rig` (the delay too), `velocity` and
+    `start`.
 
     Parameters
     ----------
@@ -51,20 +52,22 @@ def simulate_delay(
     start : velocity and elongation of the spring (a jump of the load point) at `ts[0]`.
     intervals : number of delays to simulate. Default: as many as `ts` spans. Required under
         `jax.jit`, `jax.vmap` or a derivative, where the values of `ts` are unknown.
-    rtol : error allowed in one step, relative to the deviation from steady sliding. The
-        simulation ends at a larger error; usually it is far smaller.
-    pieces : steps in one delay. 4 suffice for small oscillations with alpha sqrt(K/m) up to
-        20, and for large ones (V falls to near 0) up to 10. Above that raise it in proportion.
+    rtol : error allowed in one step, relative to the deviation from steady sliding. The simulation
+        ends at a larger error; usually the error is far smaller.
+    pieces : steps in one delay. 4 steps suffice for small oscillations with alpha sqrt(K/m) up to
+        20. For large oscillations (V falls to near 0) 4 steps suffice up to 10. Above these values
+        raise `pieces` in proportion.
     runaway : end the simulation when the slider moves `runaway` times faster than V0.
     adjoint : default `diffrax.ForwardMode()`. For reverse mode (`jax.grad`, `jax.vjp`) pass
         `diffrax.RecursiveCheckpointAdjoint()`.
 
     Returns
     -------
-    Trajectory without states: `state` has shape (n, 0). All values are finite; after `end` the
-    last ones are repeated. `result` is one of: `successful`; `came_to_rest`, as a delay law is
-    undefined at rest; `ran_away`; `too_few_intervals` for `ts`; `unresolved`, the motion is too
-    fast for `pieces` and `rtol`; `impossible`, invalid input under `jit` and `vmap`.
+    Trajectory without states: `state` has shape (n, 0). All values are finite;
+    after the time `end` the last values are repeated. `result` is one of: `successful`;
+    `came_to_rest`, as a delay law is undefined at rest; `ran_away`; `too_few_intervals` for `ts`;
+    `unresolved`, the motion is too fast for `pieces` and `rtol`; `impossible`, invalid input under
+    `jit` and `vmap`.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """A step of Tsit5, an explicit Runge-Kutta pair, with its interpolant as a quartic.
 
-A slider that is not stiff needs no Jacobian. The stages are unrolled, so that a batch computes
-each of them in a few loops over plain arrays.
+A slider that is not stiff needs no Jacobian. The stages are unrolled, so that a batch computes each
+stage in a few loops over plain arrays.
 
 Source: Tsitouras 2011 (doi:10.1016/j.camwa.2011.06.002), with the tableau of diffrax.
 """

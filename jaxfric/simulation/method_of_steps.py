@@ -1,11 +1,11 @@
 """The method of steps for a slider with mass and delayed friction.
 
-Derivatives jump at t0 + n alpha; between those times the motion is smooth, and the delayed
-velocity is known. The diffrax solver `MethodOfSteps` divides every delay into the same `pieces`
-and takes one step for each. In a step the motion is a polynomial that satisfies the equation at
-Radau's points (collocation). Its values there are the history of the step one delay later. So no
-interpolation error enters, and time measured in steps makes the delay an ordinary parameter. No
-step depends on an error estimate, so results vary smoothly.
+Derivatives jump at t0 + n alpha; between those times the motion is smooth, and the delayed velocity
+is known. The diffrax solver `MethodOfSteps` divides every delay into the same `pieces` and takes
+one step for each piece. In a step the motion is a polynomial that satisfies the equation at Radau's
+points (collocation). The values of the polynomial at Radau's points are the history of the step one
+delay later. So no interpolation error enters, and time measured in steps makes the delay an
+ordinary parameter. No step depends on an error estimate, so results vary smoothly.
 
 Unknowns are deviations from steady sliding at V0: v = V - V0 and p = sqrt(K/m) (x - x_s),
 both velocities of like size in an oscillation:
@@ -91,11 +91,11 @@ class Polynomial(diffrax.AbstractLocalInterpolation):
 class MethodOfSteps(diffrax.AbstractSolver):
     """A diffrax solver for `DelayEquation` (its `args`), `pieces` steps to a delay.
 
-    Unknowns: ((p, v), margin), where the margin is the least distance of V to the ends of
-    (0, runaway V0) at any point of the step. Collocation at Radau's points (Radau IIA): L-stable,
-    of order 2 _NODES - 1. The state handed on is v at the points of the last delay,
-    oldest step first. A step fails (`dt_min_reached`), and becomes a standstill, if Newton's
-    method does not converge or the last coefficients of its polynomial are not small.
+    Unknowns: ((p, v), margin), where the margin is the least distance of V to the ends of (0,
+    runaway V0) at any point of the step. Collocation at Radau's points (Radau IIA): L-stable, of
+    order 2 _NODES - 1. The state of the solver is v at the points of the last delay, oldest step
+    first. A step fails (`dt_min_reached`) if Newton's method does not converge. A step also fails
+    if the last coefficients of its polynomial are not small. A failed step becomes a standstill.
     """
 
     pieces: int
@@ -209,7 +209,7 @@ def _residual(
 
 
 def without_history(s: RealScalar, y: Unknowns, equation: DelayEquation) -> Unknowns:
-    """The vector field that diffrax requires, with steady history; `MethodOfSteps` has the real."""
+    """The vector field that diffrax requires, with steady history instead of the real one."""
     p, v = y[0]
     a = equation.duration() * equation.frequency()
     return jnp.stack([a * v, -a * p - equation.braking(v, jnp.zeros_like(v))]), jnp.zeros_like(v)

@@ -9,12 +9,13 @@ Unknowns, with F = `law.force_scale()` (for rate-and-state friction, A):
     w   = ln(V/V(0)), filtered twice      only where a small mass makes the velocity lag
 
 The solver integrates the elongation, not the slip: slip grows without limit and would lose
-significant digits. With mass, the friction force replaces the velocity as unknown and
-V = law.velocity(force, state): near sticking the velocity falls by many decades while the force
-changes little. Without an `AbstractInvertibleLaw` the velocity itself is the unknown.
-The reference is the steady friction at the motion's first velocity. Under a variable normal stress
-the spring balances n f, with f the coefficient. The command x_c enters through its velocity, the
-drive's lag through its displacement, so no derivative of the lag is needed.
+significant digits. With mass, the friction force replaces the velocity as unknown, and V =
+law.velocity(force, state). The reason is that near sticking the velocity falls by many decades
+while the force changes little. Without an `AbstractInvertibleLaw` the velocity itself is the
+unknown. The reference is the steady friction at the motion's first velocity. Under a variable
+normal stress n the spring balances n f, with f the friction coefficient. The command x_c enters
+through its velocity, and the drive's lag through its displacement. So no derivative of the lag is
+needed.
 """
 
 from typing import NamedTuple
@@ -154,7 +155,7 @@ class SliderEquation(eqx.Module):
         return Slider(law.force(V, state, at), V, slip, state), behind / time
 
     def is_late(self) -> bool:
-        """Whether the velocity lags behind that of the force balance, as with a small mass."""
+        """Whether the velocity lags behind the one of the force balance, as with a small mass."""
         machine = self.rig.machine
         if not isinstance(machine, QuasiStatic) or machine.mass is None:
             return False

@@ -1,4 +1,4 @@
-"""Radau IIA: L-stable collocation at points of a step, the last of which is its end.
+"""Radau IIA: L-stable collocation at points of a step; the last point is the end of the step.
 
 Source: Hairer and Wanner, Solving ODEs II, IV.5.
 """

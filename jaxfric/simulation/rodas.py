@@ -5,14 +5,15 @@ With J = df/dy and W = 1/(h gamma) - J at the start of a step, stages k_i solve 
     W k_i = f(t + c_i h, y + sum_j a_ij k_j) + (1/h) sum_j C_ij k_j + h d_i df/dt
     y(t + h) = y + sum_j a_8j k_j + k_8,   error estimate k_8
 
-so a step needs one Jacobian and no iteration. It is L-stable. In steady sliding the spring relaxes
-over A/K of slip, which bounds the steps of an explicit method; here accuracy alone bounds them. The
-interpolant is of order 4.
+So a step needs one Jacobian and no iteration. The method is L-stable. In steady sliding the spring
+relaxes over A/K of slip, which bounds the steps of an explicit method. Only accuracy bounds the
+steps of Rodas5P. The interpolant is of order 4.
 
 Some unknowns relax faster than the resolution of time, such as the friction of a slider that comes
-to rest within A/(m V). If they are nonlinear and far from their target, no step is short enough.
-Steps of a few roundings of time are therefore linearly implicit Euler steps, explicit ones for
-growing unknowns. They change no unknown by more than 1 and are always accepted.
+to rest within A/(m V). If such fast unknowns are nonlinear and far from their steady values, no
+step is short enough. Steps as short as a few rounding errors of time are therefore linearly
+implicit Euler steps. For growing unknowns the Euler steps are explicit. The Euler steps change no
+unknown by more than 1 and are always accepted.
 
 Source: Steinebach 2023 (doi:10.1007/s10543-023-00967-x), coefficients in the form of Hairer and
 Wanner, Solving ODEs II, IV.7.
@@ -166,7 +167,7 @@ def quartic(s: Array | float, y0: Array, y1: Array, k: Float[Array, "rows ..."])
 def through(
     shares: Sequence[float], y0: Float[Array, "s *n"], y1: Float[Array, "s *n"], *inside: Array
 ) -> Float[Array, "s rows *n"]:
-    """k of the polynomials through both ends of steps and the values `inside`, at `shares`."""
+    """Coefficients k of the polynomials through both ends of steps and `inside`, at `shares`."""
     weights = np.linalg.inv(np.vander(shares, increasing=True))
     beyond = [
         (y - (1 - s) * y0 - s * y1) / (s * (1 - s)) for y, s in zip(inside, shares, strict=True)
@@ -177,8 +178,8 @@ def through(
 class Rodas5P(diffrax.AbstractAdaptiveSolver):
     """Rodas5P (see the module) for an `ODETerm` of real unknowns.
 
-    Differentiating its steps needs second derivatives of the equation. `simulate` has its own rule
-    of differentiation, which needs only first ones.
+    Differentiating the steps of this solver needs second derivatives of the equation. `simulate`
+    has its own rule of differentiation, which needs only first derivatives.
     """
 
     term_structure: ClassVar = diffrax.AbstractTerm
@@ -273,7 +274,7 @@ def _stepped(
 
 
 def inverted(matrix: Float[Array, "n n"]) -> Float[Array, "n n"]:
-    """Invert a diagonally dominant matrix, such as that of an implicit method.
+    """Invert a diagonally dominant matrix, such as the matrix of an implicit method.
 
     Gauss-Jordan elimination without pivoting, vectorised over a batch; unrolled for a small matrix.
     LAPACK is avoided: a batch of its calls waits for XLA's threads, and two batches at once

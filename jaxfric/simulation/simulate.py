@@ -1,12 +1,13 @@
 """One entry point: `simulate(rig, motion, ts)`.
 
-By default `stepping` integrates the motion in segments: with Tsit5 for a slider without mass that
-is not stiff, else with `Rodas5P`. `tangents` computes derivatives of every order and mode from the
+By default `stepping` integrates the motion in segments. The method is Tsit5 for a massless slider
+that is not stiff, else `Rodas5P`. `tangents` computes derivatives of every order and mode from the
 accepted steps. With `at_steps`, or a given solver, controller or adjoint, `diffrax.diffeqsolve`
 integrates and differentiates.
 
-For stick-slip over many periods the steps themselves are better samples than given times
-(`at_steps`): they are dense where the slider slips, and need a tenth of an interpolant's memory.
+For stick-slip over many periods, the solver's own steps (`at_steps`) are better samples than given
+times. The steps are dense where the slider slips. Recording the steps needs a tenth of an
+interpolant's memory.
 """
 
 import math
@@ -53,17 +54,17 @@ def simulate(
 ) -> Trajectory:
     """Simulate a slider, by default from steady sliding at the motion's first velocity.
 
-    Equations: see `simulation.ode` and the laws. Works under `jit`, `vmap`, forward mode, reverse
-    mode and forward over reverse. Derivatives are exact to second order, with respect to every
-    array of `rig`, `motion`, `start` and `ts` except the times of the motion's jumps.
+    Equations: see `simulation.ode` and the laws. The function works under `jit`, `vmap`, forward
+    mode, reverse mode and forward over reverse. Derivatives are exact to second order, with respect
+    to every array of `rig`, `motion`, `start` and `ts` except the times of the motion's jumps.
 
     Parameters
     ----------
     rig, motion : the rig and its commanded motion.
-    ts : sample times [s], ascending, shape (n,); the simulation starts at `ts[0]`. Repeat
-        the last one to pad.
-    start : velocity, spring elongation and state at `ts[0]`, for those that differ from steady
-        sliding; see `simulation.start`.
+    ts : sample times [s], ascending, shape (n,); the simulation starts at `ts[0]`. Repeat the last
+        time to pad.
+    start : velocity, spring elongation and state at `ts[0]`, where they differ from steady sliding;
+        see `simulation.start`.
     at_steps : record at the solver's own steps between `ts[0]` and `ts[-1]` instead of at `ts`:
         all arrays get the length `max_steps` + 1, and the last row repeats to the end.
     rtol : error wanted, relative to the range over which each quantity moves. The result

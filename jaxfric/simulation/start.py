@@ -1,9 +1,9 @@
 """Starts of a simulation: steady sliding, or a perturbation of it.
 
 Unperturbed, the slider moves at the motion's first velocity V0 with the steady state, and the
-spring carries the steady friction. An `InitialState` replaces any of the three. The functions below
-build common ones: a disturbed velocity, a jump of the load point, a step of the command, and a
-stuck slider.
+spring carries the steady friction. An `InitialState` replaces any of velocity, state and spring
+force. The functions of this module build common initial states: a disturbed velocity, a jump of the
+load point, a step of the command, and a stuck slider.
 """
 
 import equinox as eqx
@@ -107,10 +107,10 @@ def rest_start(
 ) -> InitialState:
     """A slider at rest on an unloaded spring, whose load point starts to move at `velocity` [m/s].
 
-    The default state of rate-and-state friction is that of steady sliding at `velocity`. The
-    ageing law then heals at rest for `contact_time` [s], dTheta/dt = 1, to
-    theta = B ln(V0/V + V0 t/L) with the law's reference velocity V0; the slip law does not
-    change at rest. The default state of any other law is zero (bristles unbent).
+    The default state of rate-and-state friction is that of steady sliding at `velocity`. The ageing
+    law then heals at rest for `contact_time` [s], dTheta/dt = 1, to theta = B ln(V0/V + V0 t/L)
+    with the law's reference velocity V0. The state of the slip law does not change at rest. The
+    default state of any other law is zero (bristles unbent).
 
     Raises
     ------

@@ -1,15 +1,17 @@
 """Integrate a motion from its start to its sample times, in segments of a few steps.
 
-A segment takes up to `ROWS` steps, computes their derivatives (`tangents`), evaluates the
-interpolant at the sample times that it covers, and discards its steps. So memory scales with the
-samples, not the steps, and derivatives of any order and mode pass through a loop over segments:
+A segment takes up to `ROWS` steps and computes the derivatives of these steps (`tangents`). The
+segment then evaluates the interpolant at the sample times that it covers, and discards its steps.
+So memory scales with the number of samples, not of steps. Derivatives of any order and mode pass
+through a loop over segments:
 
     while a member of the batch goes on: segment(equation, point, samples) -> point, samples
 
-The loop, and each step in it, goes on while any member of a batch does. So its counters are the
-same for all members, and arrays are written in place. Without derivatives it is a `while_loop`.
-Reverse mode needs the number of iterations in advance: with derivatives it is a scan over all
-segments that `max_steps` allows, which skips those that no member needs.
+The loop, and each step in it, continues while any member of a batch continues. So the counters of
+the loop are the same for all members, and arrays are written in place. Without derivatives the loop
+is a `while_loop`. Reverse mode needs the number of iterations in advance. So with derivatives the
+loop is a scan over all segments that `max_steps` allows. The scan skips segments that no member
+needs.
 """
 
 from collections.abc import Callable
@@ -119,8 +121,9 @@ def observed(
 ) -> tuple[Underway, Seen]:
     """Integrate from `initial` at time 0 with a step ending at each of `stops`; store no step.
 
-    `observe(seen, before, after)` is called after every accepted step. It returns the new `seen`
-    and whether to stop. The last of the `stops` ends the motion. No derivatives.
+    `observe(seen, before, after)` is called after every accepted step. `observe` returns the new
+    `seen` and whether to stop. The last of the `stops` ends the motion. The result has no
+    derivatives.
     """
     equation, policy = constant(equation), _Policy(tolerance, how)
     last = stops[-1]

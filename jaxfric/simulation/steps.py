@@ -38,7 +38,7 @@ def padded_norm(y: PyTree) -> Float[Array, ""]:
     """sqrt(sum of squares/2): the rms of two components; components that are 0 add nothing.
 
     With the usual mean, an absent state would loosen the tolerance of the others. A model with an
-    effect at its null would then take other steps than the model without it.
+    effect at its null would then take other steps than the model without the effect.
     """
     flat, _ = ravel_pytree(y)
     square = jnp.sum(jnp.square(flat))

@@ -1,20 +1,21 @@
 """Derivatives of a simulated motion, for all steps of the solver at once.
 
-A solver must compute its steps one after the other. The derivative dy/dp of a known motion
-y' = f(t, y; p) need not: it solves the linear equation
+A solver must compute its steps one after the other. For a known motion y' = f(t, y; p) the
+derivative dy/dp solves the linear equation
 
     d(dy/dp)/dt = J(t) dy/dp + df/dp,   J = df/dy
 
-whose J and df/dp can be computed at all times in parallel, here at four points of every step. A
-step of dy/dp is Radau IIA of order 7, implicit and therefore stable. Only a product of small
-matrices per step remains sequential. Propagating tangents through the solver instead costs five
-times as much; an explicit solver may also be stable for the motion but not for its derivative.
+J and df/dp can be computed at all times in parallel, here at four points of every step. A step of
+dy/dp is Radau IIA of order 7, implicit and therefore stable. Only a product of small matrices per
+step remains sequential. Propagating tangents through the solver instead costs five times as much;
+an explicit solver may also be stable for the motion but not for its derivative.
 
-Between the steps the derivative is a quartic through these points. It does not resolve a feature
-shorter than a step that does not yet affect the motion, such as a ripple of amplitude 0.
+Within a step the derivative dy/dp is a quartic through its start and these four points. The quartic
+does not resolve a feature that is shorter than a step and does not yet affect the motion. An
+example of such a feature is a ripple of amplitude 0.
 
-The rule of differentiation calls the differentiable path again, so derivatives of any order
-follow. It uses only arrays of fixed length, so reverse mode works.
+The rule of differentiation calls the differentiable path again, so derivatives of any order follow.
+The rule uses only arrays of fixed length, so reverse mode works.
 """
 
 from collections.abc import Callable
@@ -58,7 +59,7 @@ Pieces = tuple[PyTree[Float[Array, "s ..."]], PyTree[Float[Array, "s ..."]], PyT
 def differentiable(equation: SliderEquation, begin: Unknowns, knots: Knots) -> Knots:
     """Attach to `knots` their derivatives in `equation` and `begin`, of any order and mode.
 
-    `knots` are the solution of `equation` from `begin`, and constant.
+    The given `knots` solve `equation` from `begin` and carry no derivatives.
     """
     y0, y1, k = _pieces(equation, begin, knots)
     return knots._replace(y0=y0, y1=y1, k=k)

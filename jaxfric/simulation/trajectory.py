@@ -12,7 +12,7 @@ from ..described import Described, Drawable, Gridded, Tabular
 
 
 class RESULTS(diffrax.RESULTS):  # ty: ignore[subclass-of-final-class]
-    """How a simulation ended; `successful` or the reason why not."""
+    """How a simulation ended: `successful`, or the reason for an early end."""
 
     successful = ""
     ran_away = (
@@ -46,8 +46,8 @@ class Trajectory(Described, Drawable, Gridded, Tabular, eqx.Module):
     """Motion and friction of the slider at the sample times.
 
     `force`, `recorded` and `state` are in the unit of friction (N, or 1 for a coefficient). All
-    values are finite for every `result`: after a failure at time `end` the last ones are repeated.
-    With `RESULTS.impossible` they are 0.
+    values are finite for every `result`: after a failure at time `end` the last values are
+    repeated. With `RESULTS.impossible` all values are 0.
     """
 
     time: Float[Array, " n"]
