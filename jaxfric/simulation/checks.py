@@ -23,7 +23,8 @@ def refuse_impossible(
     """Raise `InputError` in the name of the function `where` for invalid concrete values.
 
     Invalid values are a parameter of the rig out of bounds and a start that is not finite. `ts` is
-    invalid if it is not of one dimension, empty, not finite, descending, or before the motion begins.
+    invalid if it is not of one dimension, empty, not finite, descending, or before the motion
+    begins.
     """
     if jnp.ndim(ts) != 1 or jnp.size(ts) == 0:
         raise InputError(f"{where}: ts has shape {jnp.shape(ts)}; give one row of times, not empty")

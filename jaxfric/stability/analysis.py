@@ -1,7 +1,8 @@
 """The numbers behind the tables and figures of linear stability: curves, maps, loci.
 
-All functions take one law and arrays of velocities or gains; they are pure, jittable and vmapped.
-Forces are in newtons (or divided by the normal force); mass None is the quasi-static limit.
+All functions of this module take one law and arrays of velocities or gains. All are pure, jittable
+and vmapped. Forces are in newtons (or divided by the normal force); mass None is the quasi-static
+limit.
 """
 
 import dataclasses
@@ -142,7 +143,7 @@ def stability_map(
 ) -> Bool[Array, "v p"]:
     """Mask of stable steady sliding: rows are the values of k_v, columns those of k_p.
 
-    `delay` [s] is the controller's, `k_i` [force/(m s)] its integral gain."""
+    `delay` [s] is the delay of the controller, and `k_i` [force/(m s)] its integral gain."""
 
     def one(k_v: Float[Array, ""], k_p: Float[Array, ""]):
         return is_stable(_slider(friction, mass, k_p, k_v, delay, k_i))
@@ -161,8 +162,8 @@ def root_locus(
     late: float | None = None,
     k_i: float | None = None,
 ) -> Complex[Array, "p n"]:
-    """Poles of the slider [1/s] at every k_p [force/m]; for a delay law the rightmost ones, for a
-    controller with the delay `late` [s] those with Pade's approximant."""
+    """Poles of the slider [1/s] at every k_p [force/m]; for a delay law only the rightmost poles.
+    With a controller delay `late` [s], Pade's approximant replaces the delay."""
 
     def one(k_p: Float[Array, ""]):
         slider = _slider(friction, mass, k_p, damping, late, k_i)
@@ -189,7 +190,7 @@ def _slider(
 
 
 class Study(eqx.Module):
-    """Linear stability of one law over velocities, and in full at the hardest one."""
+    """Linear stability of one law over velocities, and in full at the hardest velocity."""
 
     law: Law
     points: SteadyPoint
@@ -261,9 +262,9 @@ def study(
 ) -> Study:
     """Compute the linear stability of a law at `velocities` [m/s]. SI units.
 
-    A regularised direct effect is replaced by ln(V/V0), equation (3). The two differ near rest,
-    and where steady friction is at most a few A. `delay` [s] is the delay of the controller with
-    the gains (k_p, k_v), and `k_i` [N/(m s)] its integral gain.
+    A regularised direct effect is replaced by ln(V/V0), equation (3). The regularised effect
+    differs from ln(V/V0) near rest, and where steady friction is at most a few A. `delay` [s] is
+    the delay of the controller with the gains (k_p, k_v), and `k_i` [N/(m s)] its integral gain.
 
     Raises
     ------

@@ -1,17 +1,19 @@
-"""The rule for which statements on stability measurements support.
+"""The rule that decides which statements on stability a measurement supports.
 
-A curve F(V) is fitted to steady runs or moving rows. It supports "any k_p > 0 is stable" between
-its lowest and highest speed if its least slope there exceeds two standard errors. It requires
-damping if the slope is below minus two standard errors. It supports no statement
+A curve F(V) is fitted to steady runs or moving rows. The curve supports "any k_p > 0 is stable" in
+its speed range if its least slope exceeds two standard errors. The curve requires damping if its
+least slope is below minus two standard errors. The curve supports no statement
 
 - if the slope is not determined,
 - if runs or rows at low speed lie above the curve: friction falls there, but the curve does not,
 - at speeds where the axis stuck, moved unevenly or was smoothed by a filter (`Unseen`).
 
-A rate-and-state law is stable at any stiffness if every B is determined and not negative, and
-A - sum B exceeds two standard errors. It has a critical stiffness if sum B - A does.
+A rate-and-state law is stable at any stiffness if every B is determined and not negative, and A -
+sum B exceeds two standard errors. A rate-and-state law has a critical stiffness if sum B - A
+exceeds two standard errors.
 
-Input are numbers, output is a `Claim`; forces in one unit (N, N m or 1), speeds in m/s or rad/s.
+The input is numbers, the output is a `Claim`. All forces are in one unit (N, N m or 1), and speeds
+are in m/s or rad/s.
 """
 
 import math
@@ -41,7 +43,7 @@ stiffness exists. open: no statement is supported."""
 
 @dataclass(frozen=True)
 class Above:
-    """Runs or rows at low speed that lie above a curve: there friction falls with speed."""
+    """Slow runs or rows above a fitted curve; at their speeds friction falls with speed."""
 
     number: int
     speed: float
@@ -64,7 +66,7 @@ class Unseen:
 
 @dataclass(frozen=True)
 class Curve:
-    """The slope of a fitted curve of friction against speed, and its range of validity."""
+    """The slope of a fitted curve of friction against speed, and the range of valid speeds."""
 
     slope: float
     """The least dF/d|V| from `slowest` to `fastest`."""
@@ -78,7 +80,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class Claim:
-    """The supported statement on stability, from which reports form all sentences."""
+    """The statement on stability that a measurement supports; reports put a `Claim` into words."""
 
     kind: Kind
     reasons: tuple[str, ...] = ()
@@ -160,12 +162,13 @@ def above_curve(
     speed : signed [n]. excess : sgn V (F - curve), so that both directions count alike [n].
     error : standard error of each [n], without the scatter between runs.
 
-    Outliers pull the fitted curve towards them. So, for the k slowest runs (of both directions
-    together and of each), the excess is fitted by a step for these runs plus changes of Coulomb
-    friction, viscous friction and offset. The scatter between runs, estimated from the residual,
-    adds to the step's standard error. The k with the largest ratio of step to error is returned,
-    but only if noise alone exceeds that ratio in at most 1 % of curves (Bonferroni over all k,
-    Gaussian errors). None otherwise, and for fewer than 6 runs.
+    Outliers pull the fitted curve towards themselves. So a fit describes the excess by a step for
+    the k slowest runs plus changes of Coulomb friction, viscous friction and offset. The k slowest
+    runs are those of both directions together, and those of each direction. The scatter between
+    runs, estimated from the residual, adds to the step's standard error. The function returns the k
+    with the largest ratio of step to error. The function returns None if noise alone exceeds this
+    ratio in more than 1 % of curves (Bonferroni over all k, Gaussian errors). The function also
+    returns None for fewer than 6 runs.
     """
     v, over, own = (np.asarray(x, float) for x in (speed, excess, error))
     if len(v) < _FEWEST:

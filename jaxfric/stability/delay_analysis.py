@@ -1,4 +1,4 @@
-"""Closed forms of a slider with a delay law, at the hardest velocity of a study or at all."""
+"""Closed forms of a slider with a delay law, at one velocity of a study or at all velocities."""
 
 import equinox as eqx
 import jax

@@ -1,7 +1,7 @@
-"""Searches along the imaginary axis, for loops that are not rational.
+"""Searches along the imaginary axis, for transfer functions that are not rational.
 
 Functions are evaluated on a logarithmic grid around the frequencies of the kernel and the plant.
-Features between two neighbouring points (about one per cent apart) are missed.
+The search misses features between two neighbouring frequencies, about one per cent apart.
 """
 
 from collections.abc import Callable
@@ -27,8 +27,8 @@ _ROUNDING = 1e-12
 def axis(slider: LinearSlider) -> Float[Array, " points"]:
     """Grid of frequencies around those of the kernel and the plant [rad/s].
 
-    The phase of a delay is linear in w. So a delay adds as many evenly spaced frequencies, up to
-    where the loop has fallen to about a tenth.
+    The phase of a delay is linear in w. So a delay adds as many evenly spaced frequencies to the
+    grid, up to where the loop gain has fallen to about a tenth.
     """
     kernel = slider.friction.kernel
     low, high = kernel.frequencies()
@@ -57,8 +57,8 @@ def crossings(
 ) -> tuple[Float[Array, " number"], Bool[Array, " number"]]:
     """The lowest zeros of `function` of frequency, and a mask of the rows that hold one.
 
-    If `wrapped`, the function is an angle, and +-pi counts as zero too. First and second
-    derivatives follow the implicit function theorem; higher ones are wrong.
+    If `wrapped`, the function is an angle, and angles of +-pi count as zeros too. First and second
+    derivatives follow the implicit function theorem; higher derivatives are wrong.
     """
     value = jax.lax.stop_gradient(jax.vmap(function)(grid))
     target = jnp.zeros_like(value)
@@ -142,7 +142,8 @@ def encirclements(slider: LinearSlider) -> Int[Array, ""]:
     """Number of unstable poles, from the phase of the characteristic function (Mikhailov).
 
     From w = 0 to infinity the phase changes by pi/2 times the order minus pi times the number of
-    unstable poles. Limits extend the grid: real at w = 0, and m s^2 or d s at infinity.
+    unstable poles. Known limits extend the grid: the function is real at w = 0, and m s^2 or d s at
+    infinity.
     """
     grid = axis(slider)
     value = jax.vmap(lambda w: slider.characteristic(1j * w))(grid)

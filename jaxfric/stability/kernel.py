@@ -4,8 +4,9 @@
     F(s) = f_v - G(s),   G(s) = int_0^inf g(t) exp(-s t) dt                        (12)
 
 V is the perturbation of velocity. Stability depends on a friction law only through f_v and g. A
-kernel has the unit force/m, its transform force s/m, like f_v. The transform of a law with states
-is rational; a `FunctionKernel` is any function of time, a delay an impulse.
+kernel has the unit force/m, its transform force s/m, like f_v. The kernel of a law with states has
+a rational transform. A `FunctionKernel` is any function of time, and the kernel of a delay is an
+impulse.
 """
 
 import abc
@@ -74,7 +75,8 @@ class StateSpaceKernel(AbstractKernel):
 class DelayKernel(AbstractKernel):
     """g(t) = k_f delta(t - alpha), G(s) = k_f exp(-alpha s).   (28)-(29)
 
-    G does not vanish at infinity, so the theorem does not hold: see `stability.delay`.
+    The transform G of a delay does not vanish at infinity, so the theorem of Rice and Ruina does
+    not hold: see `stability.delay`.
     """
 
     strength: Float[Array, ""] = quantity("k_f", "F s/m", "fall of steady friction with velocity")
@@ -90,9 +92,10 @@ class DelayKernel(AbstractKernel):
 class FunctionKernel(AbstractKernel):
     """A kernel given as a function g(t), which may jump at known times.
 
-    It is stored as sums of Legendre polynomials on panels of time, and is zero beyond the last.
-    Their transform is exact at every frequency (Filon's idea: the oscillating factor is integrated,
-    not sampled), so G vanishes at infinity as the theorem requires.
+    The kernel is stored as sums of Legendre polynomials on panels of time, and is zero beyond the
+    last panel. The transform of these polynomials is exact at every frequency (Filon's idea: the
+    oscillating factor is integrated, not sampled). So G vanishes at infinity, as the theorem
+    requires.
 
     Parameters
     ----------

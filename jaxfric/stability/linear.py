@@ -6,17 +6,18 @@
 
 A sampled controller has a delay T, which replaces k_v s + k_p by (k_v s + k_p) exp(-T s). The
 zero-order hold of one sample h delays by h/2, the computation by h, so T = 1.5 h
-(`sampling_delay`). Polynomials use Pade's approximant of order 4 for exp(-T s). Its phase error is
-3e-6 rad at w T = 1.6 and 8e-4 rad at w T = 3 (J. E. Marshall, Control of Time-Delay Systems, 1979).
+(`sampling_delay`). Polynomials use Pade's approximant of order 4 for exp(-T s). The approximant has
+a phase error of 3e-6 rad at w T = 1.6 and 8e-4 rad at w T = 3 (J. E. Marshall, Control of
+Time-Delay Systems, 1979).
 
 A PID controller, k_v s + k_p + k_i/s, raises the order of the characteristic equation by one:
 
     m s^3 + (k_v + f_v) s^2 + k_p s + k_i - s^2 G(s) = 0
 
 For a law with states, df = f_v dV + f_z dz + f_x dx and dz/dt = r_z dz + r_V dV. Automatic
-differentiation of the law's `force` and `rate` gives these coefficients. So the kernel is
-g(t) = -f_z exp(r_z t) r_V for any states. A slope f_x of friction with slip acts as a spring in
-parallel with k_p. A delay law defines its own kernel.
+differentiation of the law's `force` and `rate` gives the coefficients f_v, f_z, f_x, r_z and r_V.
+So the kernel is g(t) = -f_z exp(r_z t) r_V for any states. A slope f_x of friction with slip acts
+as a spring in parallel with k_p. A delay law defines its own kernel.
 """
 
 import math
@@ -256,7 +257,7 @@ def linearise(rig: Rig, velocity: ArrayLike | str) -> LinearSlider:
 def to_control(slider: LinearSlider):
     """Return the loop opened at the actuator as `control.TransferFunction`.
 
-    Needs python-control: `pip install "jaxfric[control]"`. `control.feedback` closes it.
+    Needs python-control: `pip install "jaxfric[control]"`. `control.feedback` closes the loop.
     """
     try:
         import control

@@ -1,8 +1,9 @@
 """The table of stability margins, one entry each.
 
-To add a margin, write its function and its entry. `margin`, `jaxfric stability`, requirements of
-`jaxfric gains`, the outputs of a study, figures and help texts then include it. Entries name their
-functions, so that importing this table does not load JAX and the command's help stays fast.
+To add a margin, write its function and its entry in the table. All users of the table then include
+the margin: `stability_margin`, `jaxfric stability`, requirements of `jaxfric gains`, outputs of a
+study, figures and help texts. Each entry only names its function. So importing the table does not
+load JAX, and the command's help stays fast.
 """
 
 import math
@@ -97,7 +98,7 @@ def known_margin(name: str) -> Margin:
 
 
 def meaningless(name: str, *, late: bool, integral: bool) -> str:
-    """Reason in words why a margin is undefined with such a controller, or empty."""
+    """Reason in words why a margin is undefined with the given controller, or empty."""
     one = MARGINS[name]
     if late and one.unless_late:
         return f"a controller delay: {one.unless_late}"
@@ -107,7 +108,7 @@ def meaningless(name: str, *, late: bool, integral: bool) -> str:
 
 
 def refuse_meaningless(names: Iterable[str], *, late: bool, integral: bool) -> None:
-    """Raise `InputError` for the first margin that is undefined with such a controller."""
+    """Raise `InputError` for the first margin that is undefined with the given controller."""
     for name in names:
         if reason := meaningless(name, late=late, integral=integral):
             raise InputError(

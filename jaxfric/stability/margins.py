@@ -1,28 +1,32 @@
 """Stability margins of a linearised slider, vmappable and differentiable; `MARGINS` lists them.
 
 L is the loop opened at the actuator, (k_v s + k_p)/(m s^2 + s F(s) + f_x), for a PID controller
-with k_p + k_i/s in place of k_p. It is evaluated from w = 0 to infinity, both included. If L never
-reaches -1 in the way that a margin considers, that margin is inf.
+with k_p + k_i/s in place of k_p. L(i w) is evaluated from w = 0 to infinity, both included. If L
+never reaches -1 in the way that a margin considers, that margin is inf.
 
-For an unstable slider every margin is beyond its limit. Decay and damping are negative. Stiffness
-is below 1 (as may be that of a stable slider, if (19) has several solutions). Modulus and phase are
-minus the distance, gain is 1 over the factor (0 if no factor reaches -1), delay is minus the
-smallest advance. All pass the limit, 0 or 1, continuously, with one exception: the delay margin
-jumps if a delay would stabilise the slider.
+For an unstable slider every margin is beyond its limit. The margins decay and damping are then
+negative. The stiffness margin is then below 1. (A stable slider may have a stiffness margin below 1
+too, if (19) has several solutions.) The margins modulus and phase of an unstable slider are minus
+the distance or angle of L from -1. The gain margin is 1 over the factor that moves L to -1, or 0 if no
+factor does. The delay margin is minus the smallest advance that moves L to -1. Every margin passes
+its limit, 0 or 1, continuously, with one exception. The delay margin jumps if a delay would
+stabilise the slider.
 
-A controller delay (`LinearSlider.delay`) is included in every margin but stiffness, which is then
-undefined: the theorem applies to springs. The delay margin is the additional delay allowed.
-Compared with a dense scan, margins are accurate to 1e-4 if the loop crosses at w T < 2.
+Every margin except stiffness includes a controller delay (`LinearSlider.delay`). The stiffness
+margin is undefined with a delay, because the theorem applies to springs. The delay margin is the
+delay allowed in addition to the controller delay T. Compared with a dense scan, margins are
+accurate to 1e-4 if L crosses at frequencies w < 2/T.
 
-Without mass and with k_v > |f_v|, |L| > 1 at the highest frequencies. Then no delay is stable and
-the delay margin is 0. A real actuator's mass removes this.
+Without mass and with k_v > |f_v|, |L| > 1 at the highest frequencies. Then any delay makes the
+slider unstable, and the delay margin is 0. The mass of a real actuator removes this effect.
 
-For rational kernels everything is exact, from roots of polynomials. For other kernels (a delay, a
+For rational kernels all margins are exact, from roots of polynomials. For other kernels (a delay, a
 function of time) a grid of frequencies is searched and refined. Poles of a delay law come from
-`stability.delay_roots` and need a mass; those of a function of time are not available.
+`stability.delay_roots` and need a mass. Poles are not available for a kernel given as a function of
+time.
 
-All need 64-bit numbers: squares of polynomials in SI units overflow single precision, and phase,
-delay and modulus would be silently wrong.
+All margins need 64-bit numbers. In single precision, squares of polynomials in SI units overflow,
+and the margins phase, delay and modulus would be silently wrong.
 """
 
 import functools
@@ -88,7 +92,7 @@ def available(slider: LinearSlider) -> tuple[str, ...]:
 
 
 def several(names: Iterable[str], slider: LinearSlider) -> dict[str, Float[Array, ""]]:
-    """Compute several margins by name, from one analysis; raises as `margin` does."""
+    """Compute several margins by name, from one analysis; raises as `stability_margin`."""
     analysis, asked = Analysis(slider), tuple(names)
     refuse_meaningless(asked, late=slider.delay is not None, integral=slider.integral is not None)
     return {name: pkgutil.resolve_name(MARGINS[name].function)(analysis) for name in asked}
@@ -194,7 +198,8 @@ def decay(of: Analysis) -> Float[Array, ""]:
 def damping(of: Analysis) -> Float[Array, ""]:
     """min over the poles of -Re s/|s|, the damping ratio.
 
-    A delay law has infinitely many poles, whose damping ratios approach 0: the rightmost counts.
+    A delay law has infinitely many poles, whose damping ratios approach 0: only the rightmost pole
+    counts.
     """
     return _least(damping_ratios(of))
 
@@ -217,9 +222,9 @@ def modulus(of: Analysis) -> Float[Array, ""]:
 def squared_distances(of: Analysis) -> Float[Array, " n"]:
     """|1 + L(i w)|^2 at every w that may be its minimum, w = 0 and infinity last.
 
-    |1 + L|^2 = 1 + Q/M with Q = |C|^2 + 2 Re(C conj W), M = |W|^2, L = C/W. At a minimum
-    Q' M = Q M', a polynomial in y = w^2. Every y > 0 gives an upper bound, so spurious roots are
-    harmless. inf in rows without a root.
+    |1 + L|^2 = 1 + Q/M with Q = |C|^2 + 2 Re(C conj W), M = |W|^2, L = C/W. At a minimum Q' M = Q
+    M', a polynomial in y = w^2. Every y > 0 gives an upper bound of the minimum, so spurious roots
+    are harmless. Rows without a root are inf.
     """
     if not isinstance(of.slider.friction.kernel, StateSpaceKernel):
         square = smallest(of.slider, lambda w: 1 + of.slider.loop(1j * w))

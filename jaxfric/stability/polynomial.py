@@ -30,11 +30,12 @@ _INFINITE = 1e150
 def roots(c: Float[Array, " n+1"]) -> Complex[Array, " n"]:
     """All roots of sum_k c[k] s^k; a root at infinity (c[n] = 0) is 1e150, not nan.
 
-    Up to degree 2 in closed form, above by the simultaneous iteration of Aberth and Ehrlich from
-    radii given by the Newton polygon (Bini 1996, doi:10.1007/BF02207694). It needs no matrix, so a
-    batch is one loop over plain arrays. Roots may differ from the middle one by factors up to
-    10^(140/n). Derivatives of any order by ds = -sum dc[k] s^k / p'(s); 0 at infinity. For nearly
-    double roots they are unreliable (0 if p'(s) is 0): see `simple_roots`.
+    Up to degree 2 the roots are closed forms. Above degree 2, the simultaneous iteration of Aberth
+    and Ehrlich starts from radii given by the Newton polygon (Bini 1996, doi:10.1007/BF02207694).
+    The iteration needs no matrix, so a batch is one loop over plain arrays. Roots may differ from
+    the root of middle size by factors up to 10^(140/n). Derivatives of any order follow from ds =
+    -sum dc[k] s^k / p'(s); at infinity they are 0. For nearly double roots the derivatives are
+    unreliable (0 if p'(s) is 0): see `simple_roots`.
     """
     n = c.shape[0] - 1
     if n == 0:
@@ -66,7 +67,7 @@ def simple_roots(c: Float[Array, " n+1"]) -> Complex[Array, " n"]:
 def double(c: Float[Array, " n+1"], s: Complex[Array, " n"]) -> Bool[Array, " n"]:
     """Which roots s of a polynomial are double to rounding, and so have no derivative.
 
-    A relative change of coefficients by 2e-14 makes such roots coincide.
+    A relative change of coefficients by 2e-14 makes two `double` roots coincide.
     """
     slope, curvature = derivative(c), derivative(derivative(c))
     terms = value(jnp.abs(c), jnp.abs(s))

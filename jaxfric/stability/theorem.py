@@ -3,10 +3,11 @@
     k_v + f_v = int g cos(w_n t) dt                                               (19)
     k(w_n) = m w_n^2 + w_n int g sin(w_n t) dt,   k_cr = max_n k(w_n)              (20)
 
-For k_p > k_cr steady sliding is asymptotically stable. Hypotheses, the first two of which the note
-does not state: g integrable and piecewise continuous (then G is bounded for Re s >= 0 and vanishes
-at infinity); f_v + k_v > 0 (else critical frequency and stiffness are infinite); (18),
-f_v + k_v < int g (else damping may suffice). `Theorem` records which of them hold.
+For k_p > k_cr steady sliding is asymptotically stable. The theorem has three hypotheses, of which
+the note states only the third. First, g is integrable and piecewise continuous; then G is bounded
+for Re s >= 0 and vanishes at infinity. Second, f_v + k_v > 0; otherwise critical frequency and
+stiffness are infinite. Third, f_v + k_v < int g, which is (18); otherwise damping may suffice.
+`Theorem` records which hypotheses hold.
 
 Sources: (18)-(20) of the 1994 note; Rice & Ruina (1983, doi:10.1115/1.3167042).
 """
@@ -109,9 +110,9 @@ def apply_theorem(slider: LinearSlider) -> Theorem:
 def critical_stiffness(law: AbstractRateState) -> Float[Array, ""]:
     """Critical stiffness of a massless, undamped slider: (25) with m = k_v = 0 [force/m].
 
-    One state: (B - A)/L. Other laws: (18)-(20) at V0; for several states the result does not depend
-    on velocity. Zero or negative: every positive stiffness is stable. Derivatives of any order are
-    exact.
+    For one state the critical stiffness is (B - A)/L. For other laws it follows from (18)-(20) at
+    V0; for several states the result does not depend on velocity. If the critical stiffness is zero
+    or negative, every positive stiffness is stable. Derivatives of any order are exact.
     """
     if isinstance(law, RateState) and law.B.shape[0] == 1:
         return (law.B[0] - law.A) / law.L[0]
@@ -143,9 +144,9 @@ def critical_points(
 ) -> tuple[Float[Array, " number"], Float[Array, " number"], Bool[Array, ""]]:
     """The `number` lowest w_n [rad/s] and k(w_n) [force/m] of (19)-(20), and whether these are all.
 
-    Padded with inf and -inf. For any kernel: searched on `points` frequencies, then refined with
-    transforms of the kernel. First and second derivatives follow the implicit function theorem; a
-    w_n at which Re G only touches f_v + k_v has none.
+    The arrays are padded with inf and -inf. For any kernel, the w_n are searched on `points`
+    frequencies, then refined with transforms of the kernel. First and second derivatives follow the
+    implicit function theorem. A w_n at which Re G only touches f_v + k_v has no derivatives.
     """
     low, high = jax.lax.stop_gradient(kernel.frequencies())
     grid = jnp.exp(jnp.linspace(jnp.log(low / _BEYOND), jnp.log(high * _BEYOND), points))

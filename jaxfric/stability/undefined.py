@@ -1,4 +1,4 @@
-"""Undefined derivatives are nan, only in the members of a batch concerned."""
+"""Make undefined derivatives nan, but only in the members of a batch that lack them."""
 
 from collections.abc import Callable
 
@@ -38,8 +38,9 @@ def root_without_derivative(
 ) -> Inexact[Array, " n"]:
     """Return the roots of an equation with nan derivatives `where`.
 
-    The given derivative may be 0 there, and `undefined` would keep the 0. So the derivative of the
-    equation at the root is added, which is 0 only for changes that do not move the root.
+    The given derivative may be 0 where it does not exist, and `undefined` would keep the 0. So the
+    function adds the derivative of the equation at the root. This derivative is 0 only for changes
+    that do not move the root.
     """
     fixed = jax.lax.stop_gradient(jnp.where(where, root, 0.0))
     moved = jnp.where(where, equation(fixed), 0.0)
