@@ -30,7 +30,7 @@ def c_code(
 ) -> str:
     """Return the source of NAME_friction(v) and NAME_feedforward(v, a), for -std=c99.
 
-    It includes only math.h. If friction depends on position, the function is
+    The source includes only math.h. If friction depends on position, the function is
     NAME_feedforward(q, v, a), and NAME_friction holds for the middle of the travel, without ripples
     and weight.
 

@@ -2,8 +2,8 @@
 
     F(v) = R(v) + s(v) G(v)
 
-s is the (smoothed) sign of v. R is continuous at v = 0; G, the level, is the part that changes sign
-with v. States of friction are steady. All numbers come from `AxisRig`, the fitted model.
+s is the (smoothed) sign of v. R is continuous at v = 0. The level G is the friction that changes
+sign with v. States of friction are steady. All numbers come from `AxisRig`, the fitted model.
 """
 
 from collections.abc import Sequence

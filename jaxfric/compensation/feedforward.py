@@ -39,17 +39,17 @@ def feedforward(
 
     q, v, a are position, velocity and acceleration of the reference. The terms are those of the
     effects found: direction_asymmetry, cubic, stribeck, log_viscous, gravity, position_dependence,
-    position_periodic, and rate_and_state in steady motion. It omits time_drift, the apparatus
-    (servo_lag, sensor_lag, sensor_delay) and presliding, which `left_out` lists. Errors follow from
-    the covariance of the fit. `jaxfric.compensation.fade` defines v_f.
+    position_periodic, and rate_and_state in steady motion. The feedforward omits time_drift,
+    presliding and the apparatus (servo_lag, sensor_lag, sensor_delay); `left_out` lists the omitted
+    effects. Errors follow from the covariance of the fit. `jaxfric.compensation.fade` defines v_f.
 
     Parameters
     ----------
     model : a loop.json or steady.json of `jaxfric axis`, or a `Loop` or `SteadyLoop`.
     acceleration : of the reference at reversals [m/s^2 or rad/s^2], or text with a unit; default:
-        that of the record, if the file contains it.
-    lag : time [s] by which the axis reverses later than its reference; default: that of the motor
-        if the loop found a servo_lag.
+        the acceleration of the record, if the file contains it.
+    lag : time [s] by which the axis reverses later than its reference; default: the motor's lag if
+        the loop found a servo_lag.
     fade_speed : v_f [m/s or rad/s] instead of the derived one.
     drive_gain : force per signal of the drive, "35.15 N/V": the feedforward is then in V or A.
 

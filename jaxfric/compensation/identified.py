@@ -1,8 +1,7 @@
 """The identified friction of an axis, as input of a compensation.
 
-From a loop.json of `jaxfric axis` it takes the model after the loop, its covariance and the range
-of its record. From a steady.json of `jaxfric axis` it takes the final curve, with the covariance of
-its runs.
+A loop.json of `jaxfric axis` gives the model after the loop, its covariance and the range of its
+record. A steady.json of `jaxfric axis` gives the final curve, with the covariance of the runs.
 """
 
 import dataclasses

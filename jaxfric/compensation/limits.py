@@ -1,4 +1,4 @@
-"""Texts on the range of validity of a feedforward's map, and on its use outside."""
+"""Texts on the valid speed range of a feedforward's map, and on its use outside this range."""
 
 from ..errors import option
 from .fade import WHOLE, Fade

@@ -3,7 +3,7 @@
     u = M a + R(q, v) + s(v) G(q, v)
 
 q, v, a are position, velocity and acceleration of the reference. A term has a plain text, a LaTeX
-and a C form; `formula` and `code` format the numbers in them.
+and a C form; `formula` and `code` format the numbers in these forms.
 """
 
 import math

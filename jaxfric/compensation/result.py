@@ -50,7 +50,7 @@ class Feedforward(Described, Drawable, Tabular):
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """The friction behind it, by direction, with the rows that support it."""
+        """The identified friction by direction, with the rows that support it."""
         return self.about.claims
 
     @property
@@ -70,7 +70,8 @@ class Feedforward(Described, Drawable, Tabular):
     def c(self, name: str = "axis", *, made_by: Sequence[str] = ()) -> str:
         """The source of `NAME_friction` and `NAME_feedforward` in C99, see `compensation.code`.
 
-        `made_by` are lines for its head. Raises `InputError` if `name` is not a C identifier.
+        `made_by` gives lines for the head comment of the source. Raises `InputError` if `name` is
+        not a C identifier.
         """
         notes = [f"left out: {line}" for line in self.left_out]
         notes += [f"WARNING: {line}" for line in self.warnings]
@@ -84,7 +85,8 @@ class Feedforward(Described, Drawable, Tabular):
     def at(self, velocity: float | str) -> FrictionAt:
         """Friction at a speed [m/s or rad/s], or a text as "50 mm/s", in both directions.
 
-        `supported` of the result tells whether the record supports it; if not, errors are nan.
+        `supported` of the result tells whether the record supports this speed; if not, errors are
+        nan.
 
         Raises
         ------
@@ -116,7 +118,7 @@ class Feedforward(Described, Drawable, Tabular):
 
     def to_json(self, asked: Sequence[FrictionAt] = ()) -> dict:
         """The content of `feedforward.json`, schema `schemas.FEEDFORWARD`; SI, null if unknown.
-        `asked` is the friction at requested speeds, its entry "at"."""
+        `asked` is the friction at requested speeds; it becomes the entry "at"."""
         about = self.about
         table = {
             "schema": FEEDFORWARD,
@@ -178,8 +180,8 @@ class Feedforward(Described, Drawable, Tabular):
         )
 
     def within(self, here: FrictionAt) -> str:
-        """A note in brackets if the misfit of the test block exceeds the errors of friction
-        `here`: these errors do not include the misfit."""
+        """A note in brackets if the misfit of the test block exceeds the errors of friction `here`.
+        The errors do not include the misfit."""
         if not self.missed > here.mean.std:
             return ""
         return (
@@ -189,8 +191,8 @@ class Feedforward(Described, Drawable, Tabular):
 
     @property
     def missed(self) -> float:
-        """Rms misfit of the test block beyond its noise [F]; 0 if noise explains the residual, or
-        if the file does not contain it."""
+        """Rms misfit of the test block beyond its noise [F]. The misfit is 0 if noise explains the
+        residual, or if the file does not contain the residual."""
         if self.about.left is None:
             return 0.0
         rms, noise = self.about.left

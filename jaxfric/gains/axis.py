@@ -2,10 +2,11 @@
 
 Friction without memory, F(V), is linearised about a steady velocity: f_v = dF/dV. Any k_p > 0 is
 stable at V if k_v + f_v(V) > 0; the worst velocity has the least f_v. `jaxfric.stability.claims`
-decides whether a measured curve supports this statement.
+decides whether a measured curve supports the statement "any k_p > 0 is stable".
 
-Friction with a memory over distance (rate-and-state) has two optima: damping that needs no
-stiffness, and stiffness above k_cr of (18)-(20) (for one state (25)) that needs no damping.
+Friction with a memory over distance (rate-and-state) has two optima. One is damping that needs no
+stiffness. The other is stiffness above k_cr that needs no damping, with k_cr from (18)-(20), or
+from (25) for one state.
 """
 
 from collections.abc import Callable
@@ -38,8 +39,8 @@ def axis_gains(
     `force` is the friction at a steady velocity, `error` the standard error of its slope there
     (None: a stated, exact law). `above` and `unseen` describe the record at low speed
     (`jaxfric.stability.claims`). Slopes are central differences on a logarithmic grid of 4001
-    speeds. For friction without memory; for an axis with states see `state_gains`. Compliance
-    between motor and load is not considered.
+    speeds. This function is for friction without memory; for an axis with states see `state_gains`.
+    Compliance between motor and load is not considered.
     """
     speed = np.geomspace(slowest, fastest, SLOPES)
     velocity = np.stack([speed, -speed])
@@ -58,12 +59,13 @@ def state_gains(
 ) -> AxisGains | None:
     """Optima of damping and of stiffness for speeds `slowest` to `fastest` [m/s], both directions.
 
-    `jaxfric.stability` linearises friction at `position` [m] about 501 speeds in each direction:
-    f_v and the memory G(s). Least damping: k_v > max_w Re G(i w) - f_v, for any k_p > 0. Critical
-    stiffness: (18)-(20) without added damping, with the axis' mass and an ideal drive.
+    `jaxfric.stability` linearises friction at `position` [m] about 501 speeds in each direction.
+    The result is f_v and the memory G(s). Least damping: k_v > max_w Re G(i w) - f_v, for any k_p >
+    0. Critical stiffness: (18)-(20) without added damping, with the axis' mass and an ideal drive.
 
-    None if friction has no memory about steady motion (as a bristle). Lags and sampling of the
-    drive, which demand larger gains, and dependence on position are not considered.
+    The function returns None if friction has no memory in steady motion, as for a bristle. Lags and
+    sampling of the drive demand larger gains, but are not considered. Dependence of friction on
+    position is not considered either.
     """
     speed = np.geomspace(slowest, fastest, SPEEDS)
     # a state with the same steady value at all speeds is no memory

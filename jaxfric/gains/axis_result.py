@@ -1,4 +1,4 @@
-"""Gains that an axis needs. `jaxfric.report.axis_gains_text` describes them in words."""
+"""Gains that an axis needs. `jaxfric.report.axis_gains_text` describes these gains in words."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -65,5 +65,5 @@ class AxisGains:
         return said("axis_gains_text.sentence", self, unit, velocity)
 
     def short(self, unit: Shown = SI, velocity: Shown = SPEED) -> str:
-        """Whether friction causes stick-slip, and which gains prevent it, in one sentence."""
+        """One sentence: whether friction causes stick-slip, and which gains prevent stick-slip."""
         return said("axis_gains_text.short", self, unit, velocity)

@@ -1,8 +1,8 @@
 """The smooth branches of a margin; all branches together are equivalent to the margin.
 
-A margin is a minimum over poles or frequencies, and its gradient jumps when the minimum moves from
-one of them to another. Optima often lie at such a point. Each branch is smooth, so there the
-optimum is the intersection of two smooth constraints.
+A margin is a minimum over poles or frequencies. The gradient of the margin jumps when the minimum
+moves from one pole or frequency to another. Optimal gains often lie at such a jump. Each branch is
+smooth, so an optimum at a jump is the intersection of two smooth constraints.
 """
 
 from collections.abc import Sequence
@@ -23,10 +23,10 @@ _DEGREE = 5
 def branches(
     name: str, slider: LinearSlider, required: ArrayLike, rate: ArrayLike
 ) -> Float[Array, " n"]:
-    """Constraints of the branches: 0 if a branch just meets `required`, negative if it misses it.
+    """Constraints of the branches: 0 if a branch just meets `required`, negative if it falls short.
 
-    inf for branches that do not exist. For other margins than decay, damping and modulus, or a
-    kernel that is not rational, the only entry is the margin itself. `rate` [1/s] is the scale of
+    Branches that do not exist are inf. Only decay, damping and modulus of a rational kernel have
+    branches. In all other cases the only entry is the margin itself. `rate` [1/s] is the scale of
     decay rates.
     """
     if isinstance(slider.friction.kernel, StateSpaceKernel):

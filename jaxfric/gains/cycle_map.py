@@ -1,8 +1,8 @@
 """Map of the gains at which the stick-slip cycle disappears (section I.A of the note).
 
 A slider that starts at rest either reaches steady motion or continues to stick-slip. At gains where
-it reaches steady motion, the cycle has disappeared, as far as a start at rest can show. This needs
-larger gains than linear stability.
+the slider reaches steady motion, the cycle has disappeared, as far as a start at rest can show. The
+cycle disappears at larger gains than linear stability needs.
 """
 
 import dataclasses
@@ -29,7 +29,7 @@ from .settle import PERIODS, STANDARD, Policy, end_state
 
 @dataclass(frozen=True, eq=False)
 class CycleMap:
-    """Ends of a slider that starts at rest, over gains: `ends` is (len(k_v), len(k_p)). SI."""
+    """Ends of a slider that starts at rest, over gains; `ends` is (len(k_v), len(k_p)). SI."""
 
     k_p: np.ndarray
     k_v: np.ndarray
@@ -41,8 +41,8 @@ class CycleMap:
 def cycle_map(gains: Gains, *, points: tuple[int, int] = (14, 10)) -> CycleMap:
     """Simulate the hardest scenario of `gains` from rest over a grid of (k_p, k_v).
 
-    The grid extends to 1.6 times the natural units of the gains (stiffness or damping alone), or
-    to 1.2 times the recommended gains if these are larger.
+    The grid extends to 1.6 times the natural units of the gains (stiffness or damping alone), or to
+    1.2 times the recommended gains if that is larger.
 
     Raises
     ------
@@ -82,8 +82,8 @@ def end_map(
     """End states from rest over arrays of gains k_p = `stiffness`, k_v = `damping`.
 
     A steady end means that the stick-slip cycle has disappeared, as far as a start at rest can
-    show: the first approach of section I.A. `stiffness`, `damping` and `horizon` [s] are
-    broadcast; the result has their shape. `rig` defines law, mass and drive.
+    show: the first approach of section I.A. `stiffness`, `damping` and `horizon` [s] are broadcast;
+    the result has the broadcast shape. `rig` defines law, mass and drive.
     """
     k_p, k_v, horizon = jnp.broadcast_arrays(
         *(jnp.asarray(x, jnp.result_type(float)) for x in (stiffness, damping, horizon))

@@ -33,7 +33,7 @@ class ENDS(eqx.Enumeration):
 
 
 class EndState(eqx.Module):
-    """How a motion ends; numbers describe its last part. All arrays of one shape.
+    """How a motion ends; the numbers describe its last part. All arrays have one shape.
 
     Undefined values are inf (`least_velocity`: -inf), not nan.
     """
@@ -141,9 +141,9 @@ def mean_and_spread(
     first, last : times of the first and last crossing [s].
     shortest, longest : times between a crossing and the next [s].
 
-    The spread is 0 if all cycles are equally long, or if there is only one. It is not a standard
-    error: it measures how much single cycles differ. Both are inf below two crossings. All arrays
-    of one shape.
+    The spread is 0 if all cycles are equally long, or if there is only one cycle. The spread is not
+    a standard error; it measures how much single cycles differ. Mean and spread are inf for fewer
+    than two crossings. All arrays have one shape.
     """
     cycles = jnp.maximum(count - 1, 1)
     mean, spread = (last - first) / cycles, 0.5 * (longest - shortest)

@@ -73,7 +73,7 @@ class GainTask(NamedTuple):
     region: Region
 
     def among(self, scenarios: Scenarios) -> "GainTask":
-        """The same task with other scenarios."""
+        """The same search for gains with other scenarios."""
         return self._replace(scenarios=scenarios)
 
     def slacks(self, gains: np.ndarray) -> Float[np.ndarray, "p n"]:
@@ -81,7 +81,7 @@ class GainTask(NamedTuple):
         return slacks(self.requirement, self.scenarios, self.region.unit, gains)
 
     def accepts(self, gains: np.ndarray) -> Bool[np.ndarray, " p"]:
-        """Which pairs of gains (rows) meet the requirement in every scenario."""
+        """Mask of the pairs of gains (rows) that meet the requirement in every scenario."""
         return np.min(self.slacks(gains), axis=1) >= 0
 
 
@@ -90,8 +90,8 @@ def lowest(
 ) -> Float[np.ndarray, " n"]:
     """Smallest k_p of `tried` that all scenarios accept for each `given` k_v; inf if there is none.
 
-    `tried` ascends. Bisection refines the first accepted value towards the one before it. With
-    `along` = 1 the roles are exchanged: `tried` is damping and `given` stiffness.
+    `tried` ascends. Bisection refines the first accepted value towards the value before. With
+    `along` = 1 the roles are exchanged: `tried` is damping and `given` is stiffness.
     """
 
     def accepted(tried: np.ndarray, given: np.ndarray) -> np.ndarray:
@@ -131,7 +131,7 @@ def alone(task: GainTask) -> list[Float[np.ndarray, " 2"]]:
 
 
 class Alone(NamedTuple):
-    """Whether stiffness alone or damping alone suffices: pairs (stiffness, damping), SI."""
+    """Whether stiffness alone or damping alone suffices, as pairs (stiffness, damping) in SI."""
 
     meets: tuple[bool, bool]
     """Whether stiffness alone, and whether damping alone, can meet the requirement."""
@@ -157,7 +157,8 @@ def largest_alone(task: GainTask) -> tuple[float, float]:
     """Largest k_p (with the least damping) and k_v (with the least stiffness) below which all gains
     meet the requirement: SI, 2 % accuracy, rounded down.
 
-    0 if the least gains do not meet it; inf if all tried ones do.
+    The result is 0 if the least gains do not meet the requirement, and inf if all tried gains meet
+    it.
     """
 
     def met(along: int, tried: np.ndarray) -> np.ndarray:
@@ -180,10 +181,10 @@ def largest_alone(task: GainTask) -> tuple[float, float]:
 def zoom(task: GainTask, start: Float[np.ndarray, " 2"]) -> Float[np.ndarray, " 2"]:
     """Find the least norm on the frontier near one of its points, by successively finer grids.
 
-    For optima at which the margin is not differentiable and `solve.optimum` does not converge. For
-    example, the phase margin of a massless slider jumps from -0.4 to inf when two crossings of
-    |L| = 1 merge and vanish. There the norm of `start` is up to 1.4e-4 too large (3 of 5 laws of
-    `fits.many_gains`).
+    This search is for optima at which the margin is not differentiable and `solve.optimum` does not
+    converge. For example, the phase margin of a massless slider jumps from -0.4 to inf when two
+    crossings of |L| = 1 merge and vanish. At such a jump the norm of `start` is up to 1.4e-4 too
+    large (3 of 5 laws of `fits.many_gains`).
     """
     best, region = start, task.region
     k_p = start[:1]

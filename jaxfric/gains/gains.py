@@ -51,35 +51,35 @@ def find_gains(
 
         minimise sqrt((k_p/s_p)^2 + (k_v/s_v)^2)
 
-    Scenarios are all combinations of velocity, mass and sample of the law. Velocities between
-    neighbouring ones are added where the requirement is just met. If there are two local optima,
+    Scenarios are all combinations of velocity, mass and sample of the law. Where the requirement is
+    just met, velocities between neighbouring velocities are added. If there are two local optima,
     both are reported: "stiff" (stiffness above the critical one) and "damped" (damping).
 
     Parameters
     ----------
-    law : one law; one with samples, as from `law_from_fit`; or a Fit, a Posterior or a Loop, of
-        which its law and 64 samples are used.
+    law : one law; a law with samples, as from `law_from_fit`; or a Fit, a Posterior or a Loop,
+        which gives its law and 64 samples.
     normal_force : [N] or "500 N", for a Fit, a Posterior or a Loop of a friction coefficient.
     velocity : [m/s], one or several, or text, "1..10 mm/s"; log-space a range.
     mass : [kg], one or several, or text, "1..3 kg"; None: that of the law's axis, or no mass. For
         a rotation use "1..5 rad/s" and "0.1 kg m^2"; k_p and k_v are then in N m/rad and
         N m s/rad.
     margin : required margins by name (`MARGINS` lists them with units), or text, "modulus=0.5";
-        modulus=0.5 is always added unless modulus is named; modulus=0 switches it off.
-    confidence : share of the samples of the law in which the requirement must hold; the
-        samples that demand the largest gains are dropped, up to the rest.
+        modulus=0.5 is always added unless modulus is named; modulus=0 removes the modulus margin.
+    confidence : share of the samples of the law in which the requirement must hold. The other
+        samples may be dropped, those that demand the largest gains first.
     scale : (s_p [N/m], s_v [N s/m]); None: the stiffness that stabilises without damping and the
         damping that stabilises at every stiffness, largest over the scenarios.
     lower, upper : limits of (k_p, k_v); k_p always has the lower limit 1e-9 times its natural
         unit, which means "any positive stiffness".
     sample_time : h [s] of the controller, which gives the delay 1.5 h: half a sample for the
-        zero-order hold and one for computing. Margins, search and certificate include it, the
-        simulations of `check_gains` do not. None: no delay.
+        zero-order hold and one for computing. Margins, search and certificate include this delay;
+        the simulations of `check_gains` do not. None: no delay.
     delay : instead, the total delay of the controller [s], if known.
     integral_gain : k_i [N/(m s)] of a controller force = k_p e + k_v de/dt + k_i int e dt, included
         in all margins; `stiffness` is then undefined. 0: no integral action.
     accuracy : largest distance from the target at which the slider may stop [m]: k_p is then at
-        least F_s/accuracy, F_s the static friction. None: any.
+        least F_s/accuracy, with F_s the static friction. None: any accuracy.
     progress : called with a text at every stage.
 
     Raises
@@ -297,9 +297,10 @@ def check_gains(
 ) -> Gains:
     """Check gains by nonlinear simulation in the `number` hardest scenarios; return a copy.
 
-    With `basin`, both gains are raised by one common factor, to 2 %, until velocity may jump up or
-    down by the factor `basin` in all of them; margins are then those of the raised gains. Gains
-    with integral action are simulated only at rest (`hunting`), with a warning.
+    With `basin`, both gains are raised by one common factor, accurate to 2 %. The factor is large
+    enough that velocity may jump up or down by the factor `basin` in every checked scenario.
+    Margins are then those of the raised gains. Gains with integral action are simulated only at
+    rest (`hunting`), with a warning.
 
     Raises
     ------

@@ -3,8 +3,9 @@
     m x'' = k_p e + k_v e' + k_i int e dt - f(x', z),   e = x_ref - x,   x_ref constant
 
 While the slider sticks off its target, the integral grows until the force exceeds static friction.
-If kinetic friction is lower, the slider slips past the target, sticks on the other side, and the
-cycle repeats. The simulated controller has no delay and no anti-windup limit.
+If kinetic friction is lower than static friction, the slider slips past the target and sticks on
+the other side. Then the cycle repeats. The simulated controller has no delay and no anti-windup
+limit.
 """
 
 from typing import NamedTuple

@@ -25,7 +25,7 @@ def implicit(
 ) -> Float[Array, " k"]:
     """Attach derivatives in theta to the root z of `equations(z, theta, known)`.
 
-    If they do not exist (not `exists`), they are arbitrary but not zero.
+    Where `exists` is False, the derivatives are arbitrary but not zero.
     """
     return _derivative(equations, 0, z, theta, known, exists)
 

@@ -1,4 +1,4 @@
-"""The KKT equations of the gains of least norm, and the derivatives that follow from them.
+"""The KKT equations of the gains of least norm, and derivatives from the KKT equations.
 
 y = sum_i l_i dc_i/dy,   c_i(y) = 0 and l_i >= 0 for at most two active constraints i
 """
@@ -18,7 +18,7 @@ from .thresholds import FEASIBLE, POSITIVE, ZERO
 
 
 class DERIVATIVE(eqx.Enumeration):
-    """Whether the gains have derivatives; if not, these are nan."""
+    """Whether the gains have derivatives; missing derivatives are nan."""
 
     exists = ""
     no_optimum = "There is no optimum: see `result`."

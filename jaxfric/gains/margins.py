@@ -1,6 +1,6 @@
 """Margins and slacks for many pairs of gains and scenarios, through compiled functions.
 
-Pairs are cut into tiles of one fixed size, so that only one shape is compiled: compilation takes
+Pairs are cut into tiles of one fixed size, so that only one shape is compiled. Compilation takes
 longer than any evaluation.
 """
 

@@ -3,8 +3,9 @@
     minimise |y|,  y = (k_p/s_p, k_v/s_v),  subject to  every branch of every margin in every
     scenario reaching its requirement, and lower <= (k_p, k_v) <= upper
 
-The feasible set is not convex: stiffness above critical stabilises a slider with little damping,
-and enough damping stabilises it at almost any stiffness. So there are two stages of fixed shapes:
+The feasible set is not convex. Stiffness above critical stabilises a slider with little damping,
+and enough damping stabilises a slider at almost any stiffness. So the search has two stages of
+fixed shapes:
 
 1. the least feasible radius along 16 rays of k_v/k_p, for the few most demanding scenarios, gives
    two starts: one with more stiffness and one with more damping than the natural units;
@@ -65,9 +66,9 @@ class GAINS(eqx.Enumeration):
 
 
 class MinimumGains(eqx.Module):
-    """Gains of least norm, both local optima, and their active scenarios.
+    """Gains of least norm, both local optima, and the active scenarios.
 
-    nan if there are no gains (`result` infeasible or impossible).
+    All gains are nan if no gains exist (`result` infeasible or impossible).
     """
 
     k_p: Float[Array, ""]
@@ -113,16 +114,17 @@ def minimum_gains(
         minimise sqrt((k_p/s_p)^2 + (k_v/s_v)^2)
         subject to margin_j(k_p, k_v; scenario i) >= required_j for all i and j
 
-    Works under jit and vmap. Derivatives exist to second order, in both modes, for the arrays of
-    the law, velocity, mass, delay, required values, scale and limits. `find_gains`
-    also adds velocities, drops samples and certifies its result by a dense grid. A batch takes as
-    long as its slowest member: for many laws `jax.lax.map` with a `batch_size` of some hundreds is
+    The function works under jit and vmap. Derivatives exist to second order, in both modes, for the
+    arrays of the law, velocity, mass, delay, required values, scale and limits. `find_gains` also
+    adds velocities, drops samples and certifies its result by a dense grid. A batch takes as long
+    as its slowest member: for many laws `jax.lax.map` with a `batch_size` of some hundreds is
     faster than one `jax.vmap`.
 
-    Both optima are local. The margin is not differentiable at a double pole of damping, or where a
-    phase margin jumps as two crossings of |L| = 1 vanish: `result` is then not_converged and all
-    derivatives are nan. They are nan whenever `derivative` is not `exists`, and from third order
-    on. If two scenarios tie in defining a natural unit, the derivative is the mean of theirs.
+    Both optima are local. The damping margin is not differentiable at a double pole. The phase
+    margin is not differentiable where it jumps because two crossings of |L| = 1 vanish. In both
+    cases `result` is not_converged and all derivatives are nan. Derivatives are nan whenever
+    `derivative` is not `exists`, and from third order on. If two scenarios tie in defining a
+    natural unit, the derivative is the mean of the two scenarios' derivatives.
 
     Parameters
     ----------
@@ -130,7 +132,7 @@ def minimum_gains(
     velocity : [m/s], shape (n,), one for each scenario, or a scalar for all.
     mass : [kg], shape (n,) or a scalar; None without mass.
     requirement : margins by name and their least values, e.g. {"stiffness": 1.5}; modulus=0.5 is
-        added unless modulus is named; modulus=0 switches it off.
+        added unless modulus is named; modulus=0 removes the modulus margin.
     sample : shape (n,), the index into the law of each scenario.
     scale : (s_p [N/m], s_v [N s/m]); None: the natural units of `find_gains`, which depend on the
         law, the velocities and the masses.

@@ -1,4 +1,4 @@
-"""Natural units of the gains: the stiffness and the damping at which they become relevant."""
+"""Natural units of the gains: the stiffness and the damping that matter for stability."""
 
 from typing import NamedTuple
 
@@ -27,7 +27,7 @@ class NaturalSizes(NamedTuple):
 
 
 def sizes(friction: LinearFriction, mass: Float[Array, " n"] | None) -> NaturalSizes:
-    """The sizes of each scenario; `friction` has a leading axis; `mass` [kg] or None."""
+    """The natural sizes of each scenario; `friction` has a leading axis; `mass` [kg] or None."""
 
     def one(friction: LinearFriction, mass: Array) -> NaturalSizes:
         low, high = friction.kernel.frequencies()
@@ -42,8 +42,8 @@ def sizes(friction: LinearFriction, mass: Float[Array, " n"] | None) -> NaturalS
 def natural_units(of: NaturalSizes) -> Float[Array, " 2"]:
     """(K0, C0): the stiffness that stabilises without damping, the damping that needs no stiffness.
 
-    The largest over the scenarios. If none is needed, or no stiffness suffices, they are the
-    stiffness and damping at which the gains become relevant.
+    K0 and C0 are the largest values over the scenarios. If no gain is needed, or no stiffness
+    suffices, K0 and C0 are the stiffness and damping at which the gains become relevant.
     """
     need = jnp.max(of.fall - of.slope)
     C0 = jnp.where(need > 0, need, jnp.max(jnp.abs(of.slope) + jnp.abs(of.fall)))

@@ -2,8 +2,9 @@
 
     minimise |y|^2/2   subject to   c_k(y) >= 0
 
-With two unknowns at most two constraints are active. So a step needs no solver: it enumerates the
-points at which none, one or two linearised constraints are active, and takes the best feasible one.
+With two unknowns at most two constraints are active. So a step needs no solver. A step enumerates
+the points at which none, one or two linearised constraints are active, and takes the best feasible
+point.
 
     none: d = -y;   one: along the line c_k + g_k d = 0 by Newton's method;   two: the intersection
 """
@@ -34,12 +35,12 @@ def sqp_step(
 ) -> NewtonStep:
     """Step from `y` to the least norm under the linearised constraints.
 
-    c, g, H are their values, gradients and second derivatives at y. The curvature
-    L = I - sum l_k d^2c_k/dy^2 of the Lagrangian uses the multipliers of the step without
-    curvature. A candidate with a negative multiplier is not a minimum; it is accepted only as an
-    intermediate step. Beyond `radius`, where the linearisation is inaccurate, only the nearest
-    candidate counts, if there is none within. If the constraints are contradictory, the candidate
-    that violates them least is chosen.
+    c, g, H are values, gradients and second derivatives of the constraints at y. The curvature L =
+    I - sum l_k d^2c_k/dy^2 of the Lagrangian uses the multipliers of the step without curvature. A
+    candidate with a negative multiplier is not a minimum; it is accepted only as an intermediate
+    step. Beyond `radius` the linearisation is inaccurate. If no candidate lies within `radius`,
+    only the nearest candidate counts. If the constraints are contradictory, the candidate with the
+    least violation is chosen.
     """
     size = jnp.linalg.norm(g, axis=1)
     some = size > 0

@@ -71,10 +71,10 @@ class Requirement(eqx.Module):
 
     @staticmethod
     def with_default(margins: Mapping[str, float | Array]) -> "Requirement":
-        """Add modulus=0.5 to the margins unless modulus is named; modulus=0 switches it off.
+        """Add modulus=0.5 to the margins unless modulus is named; modulus=0 removes that margin.
 
-        Other margins alone can be met by a loop without robustness: a delay margin of 1 ms with a
-        gain margin of only 1.0003.
+        A loop without robustness can meet other margins alone. For example, a loop with a delay
+        margin of 1 ms can have a gain margin of only 1.0003.
         """
         name, _, least = DEFAULT.partition("=")
         if name not in margins:
@@ -85,8 +85,9 @@ class Requirement(eqx.Module):
     def slack(self, slider: LinearSlider, unit: Float[Array, " 2"]) -> Float[Array, ""]:
         """Least relative excess of the margins over their requirements.
 
-        Zero at the requirement, negative if it is missed, at most 9. `unit` are the natural units
-        of (k_p, k_v). For stiffness see `constraints`.
+        The slack is zero at the requirement, negative if a requirement is missed, and at most 9.
+        `unit` holds the natural units of (k_p, k_v). For the slack of the stiffness margin see
+        `constraints`.
         """
         values = several([name for name in self.names if name != "stiffness"], slider)
         slacks = [
@@ -100,10 +101,11 @@ class Requirement(eqx.Module):
     def constraints(self, slider: LinearSlider, unit: Float[Array, " 2"]) -> Float[Array, " n"]:
         """Smooth functions that are all nonnegative exactly if the margins are met (`branches`).
 
-        Most are branches of `slack`. The margin of stiffness has one entry for each critical
-        frequency, (k_p + f_x - required stiffness)/`unit[0]`. A further entry is the theorem's
-        hypothesis f_v + k_v > 0, over `unit[1]`: the only condition for friction without memory.
-        For a delay law, to which the theorem does not apply, it is f_v + k_v > |k_f|.
+        Most constraints are branches of `slack`. The stiffness margin has one entry for each
+        critical frequency, (k_p + f_x - required stiffness)/`unit[0]`. A further entry is the
+        theorem's hypothesis f_v + k_v > 0, over `unit[1]`. This hypothesis is the only condition
+        for friction without memory. The theorem does not apply to a delay law, for which the
+        condition is f_v + k_v > |k_f|.
         """
         found = []
         for name, required in zip(self.names, self.values, strict=True):
@@ -125,7 +127,7 @@ def refuse_controller(
 ) -> None:
     """Raise `InputError` for a controller incompatible with the law or a required margin.
 
-    `told` names the argument by which its delay was given."""
+    `told` names the argument that gave the controller's delay."""
     late, integrates = delay is not None, integral is not None
     if late and mass is None:
         raise InputError(f"{told} needs a mass: without mass no controller delay is stable")

@@ -21,7 +21,7 @@ NOTHING = 1e-7
 
 @dataclass(frozen=True)
 class LocalOptimum:
-    """A local optimum: "stiff" (k_p above critical) or "damped" (k_v nearly enough alone)."""
+    """A local optimum: "stiff" (k_p above critical) or "damped" (k_v almost suffices alone)."""
 
     name: str
     kp: float
@@ -65,7 +65,7 @@ class Certificate:
 class Gains(Described, Drawable, Tabular):
     """Minimum-norm PD gains, in SI; `kp` and `kv` are the recommended ones.
 
-    Units below are linear; for a rotation `unit` converts them.
+    The units of the fields are linear; for a rotation `unit` converts units.
     """
 
     kp: float
@@ -116,7 +116,7 @@ class Gains(Described, Drawable, Tabular):
 
     @property
     def smallest_kp(self) -> str:
-        """Words for k_p at its lower limit; with a controller delay a large k_p is unstable."""
+        """Words for k_p at its lower limit. With a controller delay a large k_p is unstable."""
         return "any k_p > 0" if self.delay is None else "any small k_p"
 
     @property
@@ -126,8 +126,8 @@ class Gains(Described, Drawable, Tabular):
 
     @property
     def dead_band(self) -> float | None:
-        """F_s/k_p [m]: the slider stops anywhere within this distance of the target. None if
-        friction at rest is unknown, k_p means any stiffness, or with integral action."""
+        """F_s/k_p [m]: the slider stops anywhere within this distance of the target. The value is
+        None if friction at rest is unknown, if k_p means any stiffness, or with integral action."""
         if self.rest_friction is None or self.any_stiffness or self.integral is not None:
             return None
         return self.rest_friction / self.kp
@@ -144,10 +144,10 @@ class Gains(Described, Drawable, Tabular):
 
     @property
     def unsafe(self) -> tuple[str, ...]:
-        """Reasons in words not to use these gains; empty if there are none known.
+        """Reasons in words not to use these gains; empty if no reason is known.
 
-        They are: a simulated start escapes; or no controller delay was given, and the delay margin
-        is below the delay of any real controller.
+        One reason is that a simulated start escapes. Another is that no controller delay was given,
+        and the delay margin is below the delay of any real controller.
         """
         why = []
         if self.simulation is not None and self.simulation.escaped:

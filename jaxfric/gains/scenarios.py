@@ -107,7 +107,7 @@ class Scenarios:
         return replace(self, **jax.tree.map(lambda leaf: leaf[rows], self._rows))
 
     def at_velocities(self, index: ArrayLike, velocity: np.ndarray) -> "Scenarios":
-        """Copy the scenarios at `index` with other velocities."""
+        """Copy the scenarios at `index` with the given velocities."""
         of = self.take(np.broadcast_to(np.asarray(index), velocity.shape))
         return Scenarios.at(self.laws, velocity, of.mass, of.sample, self.delay, self.integral)
 

@@ -1,6 +1,7 @@
 """The search for gains of least norm: starts along rays, then sequential quadratic programming.
 
-Gains are y = (k_p/s_p, k_v/s_v) here. `minimum` states the problem and the reason for two stages.
+Gains in this module are y = (k_p/s_p, k_v/s_v). `minimum` states the problem and the reason for two
+stages.
 """
 
 from collections.abc import Callable
@@ -83,7 +84,7 @@ class Near(NamedTuple):
 
 
 class Steps(NamedTuple):
-    """The end of some steps, with its active constraints."""
+    """The end of some steps of the search, with the active constraints at the end."""
 
     y: Float[Array, " 2"]
     size: Float[Array, ""]
@@ -202,7 +203,7 @@ def _descend(problem: GainProblem, start: Float[Array, " 2"]) -> tuple[Steps, Fl
 
 @eqx.filter_jit
 def steps(few: GainProblem, index: Int[Array, " k"], y: Float[Array, " 2"], size: Array) -> Steps:
-    """Take some steps under a few scenarios; `index` are theirs, and duplicates count once."""
+    """Take some steps under a few scenarios, by `index`; a repeated index counts once."""
     low, high = few.lower / few.scale, few.upper / few.scale
 
     def step(y: Array, size: Array) -> Steps:

@@ -78,10 +78,10 @@ def gain_schedule(
 ) -> Schedule:
     """Compute minimum-norm gains at set points between two velocities [m/s]; check the chain.
 
-    Set points start a factor `ratio` apart. The gains of each have the required margins half-way to
-    its neighbours, in every sample of the law and for every mass. If a step to a neighbour is
-    outside the basin, a set point is inserted, until steps are smaller than `finest`. Simulations
-    use the law's estimate and the largest mass.
+    Set points start a factor `ratio` apart. The gains of each set point have the required margins
+    half-way to the neighbouring set points, in every sample of the law and for every mass. If a
+    step to a neighbour is outside the basin, a set point is inserted between the two, until steps
+    are smaller than `finest`. Simulations use the law's estimate and the largest mass.
 
     `law` is as in `find_gains`; for a friction coefficient pass `law_from_fit(fit,
     normal_force=500)`.

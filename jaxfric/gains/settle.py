@@ -53,11 +53,11 @@ def end_state(
     horizon : time to settle [s]. 20 to 50 periods 2 pi/w_cr of the linear theory suffice for the
         tests here. A stick-slip period is 2 (f_static - f_sliding)/(K V), often longer; with
         fewer than two cycles the end is `unresolved`.
-    decay : rate of the slowest linear mode [1/s], if known. A positive one stretches the horizon
+    decay : rate of the slowest linear mode [1/s], if known. A positive rate stretches the horizon
         to 8/decay, at most tenfold; a decay half as fast then counts as steady.
 
-    The time in which the load point compensates the start's elongation is added to the horizon.
-    Jittable and vmappable; raises nothing for valid arguments.
+    The time in which the load point compensates the start's elongation is added to the horizon. The
+    function is jittable and vmappable, and raises nothing for valid arguments.
     """
     return end_and_share(rig, velocity, start, horizon=horizon, decay=decay, policy=policy)[0]
 

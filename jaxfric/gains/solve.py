@@ -2,16 +2,17 @@
 
     minimise sqrt((k_p/s_p)^2 + (k_v/s_v)^2), with every required margin in every scenario
 
-The feasible set is not convex: with little k_v stiffness above critical stabilises, with enough
-k_v damping does at almost any stiffness, and both have a local optimum. Only a few of thousands of
-scenarios are active, so the search carries only those (an exchange method):
+The feasible set is not convex. With little k_v, stiffness above critical stabilises; with enough
+k_v, damping stabilises at almost any stiffness. Both cases have a local optimum. Only a few of
+thousands of scenarios are active, so the search carries only the active scenarios (an exchange
+method):
 
 1. the frontier of feasible gains for the carried scenarios gives every local minimum (`frontier`);
 2. the steps of `minimum_gains` refine each, under the worst of all scenarios (`search`);
 3. all scenarios are checked there. The worst violated ones are added, and velocities between those
    of the set where the requirement is just met; then repeat from 1.
 
-A solution for some scenarios that violates none of the others is the solution for all.
+A solution for some scenarios that violates no other scenario is the solution for all scenarios.
 """
 
 from typing import NamedTuple
@@ -56,7 +57,7 @@ class Infeasible(NamedTuple):
 
     @property
     def text(self) -> str:
-        """Sentences on the missed requirement, its scenario, and the remedy."""
+        """Sentences on the missed requirement, the scenario that misses it, and the remedy."""
         return said("gains_text.infeasible", self)
 
 
@@ -95,8 +96,8 @@ def make_region(
 ) -> Region:
     """Build a region from scales and limits in SI; None means the default.
 
-    Scales default to the natural units. The lower limit of k_p is at least 1e-9 K0, which means
-    any positive stiffness.
+    Scales default to the natural units (K0, C0). The lower limit of k_p is at least 1e-9 K0, which
+    means any positive stiffness.
     """
     unit = np.asarray(natural_units(sizes_of(scenarios)))
     chosen = np.asarray([u if s is None else s for s, u in zip(scale, unit, strict=True)], float)
@@ -109,7 +110,7 @@ def make_region(
 
 
 def solve(task: GainTask) -> Optima | Infeasible:
-    """Find all local optima over all scenarios, with a certificate; `Infeasible` if there are none.
+    """Find all local optima over all scenarios, with a certificate; `Infeasible` without one.
 
     Raises
     ------

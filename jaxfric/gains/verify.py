@@ -47,7 +47,7 @@ class CheckedStart:
 
 @dataclass(frozen=True)
 class CheckReport:
-    """Numbers of ends over all simulated starts, and the size of the basin."""
+    """Counts of each kind of end over all simulated starts, and the size of the basin."""
 
     checked: int
     steady: int
@@ -78,8 +78,8 @@ def verify(
 ) -> CheckReport:
     """Simulate every scenario with gains (k_p, k_v), from all `STARTS` and for the basin.
 
-    Pass a few scenarios, not thousands (`choose`). `largest` is the largest factor tried for the
-    basin.
+    Pass a few scenarios, selected by `choose`, not thousands. `largest` is the largest factor tried
+    for the basin.
     """
     rows: list[CheckedStart] = []
     if starts:
@@ -117,9 +117,10 @@ class JumpSizes(NamedTuple):
 
 
 def jump_sizes(scenarios: Scenarios, gains: np.ndarray, *, largest: float = 10.0) -> JumpSizes:
-    """Largest velocity jumps to that of each scenario, by two rounds of `_POINTS` factors.
+    """Largest velocity jumps to the velocity of each scenario, by two rounds of `_POINTS` factors.
 
-    A failure between two neighbouring factors of the first round that both settle is missed.
+    The search misses a failure between two neighbouring factors of the first round that both
+    settle.
     """
     number = len(scenarios)
     low, high = np.zeros((2, number)), np.full((2, number), np.inf)
@@ -192,10 +193,10 @@ def standard_starts(rig: Rig, V: Float[Array, ""]) -> list[InitialState]:
     """The first four of `STARTS`, all moving: velocity 50 % higher or lower, and the load point
     F/K ahead or behind, with F the law's `force_scale`.
 
-    With mass, a velocity start also lengthens (shortens) the spring by 1 % of F/K. A light slider
-    loses its velocity perturbation before it moves, and would stay on an unstable steady motion
-    forever. Without mass and dashpot the load point's jump multiplies a rate-and-state slider's
-    velocity by e.
+    With mass, a velocity start also lengthens (shortens) the spring by 1 % of F/K. Otherwise a
+    light slider would lose its velocity perturbation before it moves, and would stay on an unstable
+    steady motion forever. Without mass and dashpot the load point's jump multiplies a
+    rate-and-state slider's velocity by e.
     """
     jump = rig.friction.force_scale() / rig.machine.stiffness
     return [

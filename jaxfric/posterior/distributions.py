@@ -5,9 +5,10 @@
         uniform one;
     density of y:   log p(x(y)) + log |dx/dy|.
 
-A flat prior is flat in y, not in x. It is improper, and its maximum is that of the likelihood.
-Densities are those of the natural value x in SI. A normal prior is truncated at the bounds of its
-parameter without renormalisation; a constant factor does not affect the posterior.
+A flat prior is flat in the variable y, not in the parameter x. A flat prior is improper; with flat
+priors the posterior has the maximum of the likelihood. Densities are those of the natural value x
+in SI. A normal prior is truncated at the bounds of its parameter without renormalisation; a
+constant factor does not affect the posterior.
 """
 
 import abc
@@ -27,7 +28,7 @@ _ROOT_TWO_PI = math.sqrt(2 * math.pi)
 
 
 class AbstractPrior(eqx.Module):
-    """The prior of one parameter; its variable in a fit is `about.to_free(x, scale)`."""
+    """The prior of one parameter x, whose variable in a fit is `about.to_free(x, scale)`."""
 
     about: eqx.AbstractVar[Quantity]
     scale: eqx.AbstractVar[Number]
@@ -60,7 +61,7 @@ class AbstractPrior(eqx.Module):
 
     @abc.abstractmethod
     def text(self, unit: float = 1.0) -> str:
-        """The prior in words, its numbers in a unit of size `unit` [SI]."""
+        """The prior in words, with numbers in a unit of size `unit` [SI]."""
 
 
 class FlatPrior(AbstractPrior):

@@ -1,4 +1,4 @@
-"""A posterior as ArviZ InferenceData, and as the netCDF file of it.
+"""A posterior as ArviZ InferenceData, and as a netCDF file.
 
 Groups: `posterior` (every parameter and A_minus_B in the units of the record, with `unit`, `map`,
 `prior`, `laplace_mean` and `laplace_std` as attributes; `step_shift`, fitted shifts of step times
@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 def imported_arviz(tries: int = 3) -> "ModuleType":
     """Import ArviZ without its FutureWarning.
 
-    On import ArviZ writes the date of that warning into its cache folder. If two processes do so
-    at once, one of them misses its file; it tries again.
+    On import ArviZ writes the date of that warning into its cache folder. If two processes write
+    this date at once, one process misses its file. That process imports ArviZ again.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def diagnosed(names: Sequence[str], draws: Draws) -> dict[str, Chains]:
 
 
 def inference_data(posterior: Posterior) -> "InferenceData":
-    """The posterior as ArviZ InferenceData; draws are by NUTS or the Laplace approximation."""
+    """The posterior as ArviZ InferenceData; draws come from NUTS or the Laplace approximation."""
     arviz, fit, draws = imported_arviz(), posterior.fit, posterior.draws
     values = posterior.laplace.draws[None] if draws is None else draws.values
     columns = {

@@ -2,10 +2,10 @@
 
     y ~ N(y_MAP, H^-1),   H = J^T J + diag(-d^2 log prior/dy^2)
 
-J^T J is the Gauss-Newton curvature, as in the fit's own errors. It omits the residual times the
-second derivative of the simulation, which averages out for noise. Negative curvatures of the prior
-(a normal prior of a logarithm, far below its mean) count as 0. Draws are made in the variables y,
-so they respect the bounds of every parameter.
+J^T J is the Gauss-Newton curvature, as in the fit's own errors. The Gauss-Newton curvature omits
+the residual times the second derivative of the simulation; this product averages out for noise.
+Negative curvatures of the prior (a normal prior of a logarithm, far below its mean) count as 0.
+Draws are made in the variables y, so they respect the bounds of every parameter.
 """
 
 from collections.abc import Callable
@@ -53,7 +53,7 @@ def root_of(at: Point) -> np.ndarray:
 
 
 def laplace(target: Target, start: np.ndarray) -> Laplace:
-    """Climb from `start` (variables y) to a maximum; return it with the normal law about it.
+    """Climb from `start` (variables y) to a maximum; return the normal distribution about it.
 
     The trust-region Newton method works in units of the standard errors at the start.
     """

@@ -39,8 +39,8 @@ def find_posterior(
     ----------
     fit : of `jaxfric.fit`, in this process (a fit.json does not contain the record).
     priors : by name, {"A": {"normal": [0.006, 0.001]}, "L": {"lognormal": [20, 0.5], "unit":
-        "um"}}, see `posterior.priors`, or their TOML file. Parameters without prior are flat (in
-        ln A, ln L, ln K, f0 and B); None: all are flat.
+        "um"}}, see `posterior.priors`, or their TOML file. Parameters without a prior are flat (in
+        ln A, ln L, ln K, f0 and B). None: all are flat.
     draws : per chain, by NUTS; None: no draws. Needs `pip install "jaxfric[posterior]"`.
     chains, seed : number of chains, at least 2, and random seed.
     noise : known noise in units of the fit's `solved.problem.noise_scale`; default: the noise
@@ -49,7 +49,7 @@ def find_posterior(
 
     Returns
     -------
-    Posterior. Check its `converged` and `warnings`.
+    Posterior. Check `converged` and `warnings` of the posterior.
 
     Raises
     ------
@@ -92,7 +92,7 @@ def refuse_few(draws: int, chains: int) -> None:
 def target_of(
     fit: Fit, priors: Mapping[str, object] | str | Path, *, noise: Noise | None = None
 ) -> tuple[Target, np.ndarray]:
-    """Return the log posterior of a fit, and start variables for its maximisation."""
+    """Return the log posterior of a fit, and variables at which its maximisation starts."""
     if not fit.converged or fit.solved is None:
         why = fit.result if not fit.converged else "it is read from a file; fit the record again"
         raise InputError(f"this fit has no posterior: {why}")

@@ -72,8 +72,8 @@ def priors_of(
     given : by name, `{"normal": [0.006, 0.001]}` or with a `"unit"`, as in the file.
     friction_unit : "1" or "N", unit of the record's friction.
     where : the file, for messages.
-    scale : of the unbounded variable of a parameter, as in `Problem.coordinates`; None: 1, to
-        check the priors only.
+    scale : of the unbounded variable of a parameter, as in `Problem.coordinates`; None: 1, to check
+        the priors only.
 
     Raises
     ------

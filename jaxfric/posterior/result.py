@@ -1,4 +1,4 @@
-"""The result of a posterior: its maximum, its Laplace approximation, and optional draws."""
+"""The result of a posterior: maximum, Laplace approximation, and optional draws."""
 
 import json
 from collections.abc import Sequence
@@ -57,8 +57,8 @@ class Chains(NamedTuple):
 class Posterior(Described, Drawable, Drawn, Tabular):
     """The posterior of a fit's parameters under priors. SI.
 
-    The noise is fixed at the fit's estimate (`posterior.target`). If `converged` is False the
-    posterior claims nothing, and `warnings` give the reasons.
+    The noise is fixed at the fit's estimate (`posterior.target`). If `converged` is False, the
+    posterior is unreliable, and `warnings` give the reasons.
     """
 
     fit: Fit
@@ -78,7 +78,7 @@ class Posterior(Described, Drawable, Drawn, Tabular):
 
     @property
     def found(self) -> bool:
-        """Whether there is anything to show; False if the maximum is unreliable."""
+        """Whether the posterior has results to show; False if the maximum is unreliable."""
         return self.converged or self.draws is not None
 
     @property
@@ -94,11 +94,11 @@ class Posterior(Described, Drawable, Drawn, Tabular):
         return "fit" if same else "whitened fit"
 
     def fitted(self) -> dict[str, Fitted]:
-        """`A_minus_B` and every parameter of the fit without priors, with the same weighting."""
+        """`A_minus_B` and every parameter of the whitened fit without priors."""
         return self.ordinary() if self.whitened is None else self.whitened
 
     def ordinary(self) -> dict[str, Fitted]:
-        """`A_minus_B` and every parameter of `fit` itself, with its own weighting."""
+        """`A_minus_B` and every parameter of `fit` itself, with the weighting of `fit`."""
         own = {DIFFERENCE: self.fit.A_minus_B, **self.fit.parameters}
         return {
             n: Fitted(own[n].value, own[n].std, own[n].determined)
@@ -106,8 +106,8 @@ class Posterior(Described, Drawable, Drawn, Tabular):
         }
 
     def reweighted(self) -> tuple[str, ...]:
-        """Names for which `fit` and the whitened fit differ by more than the larger of their
-        errors. The cause is the weighting, not the priors."""
+        """Names of parameters for which `fit` and the whitened fit differ by more than the larger
+        of the two errors. The cause of this difference is the weighting, not the priors."""
         pairs = zip(self.fitted().items(), self.ordinary().values(), strict=True)
         return tuple(
             name
@@ -139,8 +139,8 @@ class Posterior(Described, Drawable, Drawn, Tabular):
         return {name: np.ravel(column) for name, column in self.named(values).items()}
 
     def law_entry(self) -> dict[str, object]:
-        """The entry "friction_law" of its file (`saved.entry`): the law of the fit at the maximum,
-        with the covariance of the draws."""
+        """The entry "friction_law" of the posterior's file (`saved.entry`): the law of the fit at
+        the maximum, with the covariance of the draws."""
         entry, method = law_entry(self.fit.to_json()), LAPLACE if self.draws is None else NUTS
         drawn, maximum = self.drawn(), {law_name(n): x for n, x in self.maximum().items()}
         amplitudes = [maximum[name] for name in numbered_names(self.fit.model.states)[0::2]]
@@ -162,7 +162,7 @@ class Posterior(Described, Drawable, Drawn, Tabular):
         return [*(f"the fit warned: {line}" for line in self.fit.warnings), *self.warnings]
 
     def attributes(self) -> dict[str, object]:
-        """Metadata for its file; lists and tables as JSON, velocities and stiffness in SI."""
+        """Metadata for the file; lists and tables are JSON, velocities and stiffness SI."""
         fit = self.fit
         noise = {"sigma": fit.noise.sigma, **fit.noise.to_json()}
         return {
@@ -197,7 +197,7 @@ def spread(values: np.ndarray) -> Spread:
 
 
 def doubts(chains: dict[str, Chains], diverging: int) -> tuple[str, ...]:
-    """Reasons why draws are unreliable, a sentence each; empty for reliable ones."""
+    """Reasons why draws are unreliable, one sentence each; empty for reliable draws."""
     if not chains:
         return ()
     rhat = max(chains, key=lambda name: _worst(chains[name].rhat, 1))

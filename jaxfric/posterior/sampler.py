@@ -1,10 +1,11 @@
 """Draws of a log posterior by NUTS, the no-U-turn sampler of Hoffman & Gelman (2014, JMLR 15, 1593)
 in the form of blackjax.
 
-Chains move in units of the Laplace approximation, y = y_MAP + R u. There the posterior is roughly
-standard normal, so the mass matrix is the identity and only the step size is adapted. Chains run
-one after another: in parallel all would wait for the longest tree and the slowest simulation, which
-takes longer on few cores. Each chain starts at a draw of the Laplace approximation.
+Chains move in units of the Laplace approximation, y = y_MAP + R u. In these units the posterior is
+roughly standard normal, so the mass matrix is the identity. Only the step size is adapted. Chains
+run one after another. In parallel all chains would wait for the longest tree and the slowest
+simulation, which takes longer on few cores. Each chain starts at a draw of the Laplace
+approximation.
 """
 
 import importlib.metadata

@@ -2,16 +2,17 @@
 
     log p(y | record) = -|r(z(y))|^2/2 + sum_i [log p_i(x_i(y_i)) + log |dx_i/dy_i|] + constant
 
-r is the residual that `jaxfric.fit` minimises with its weighting "whitened": uncorrelated and of
-unit variance under the noise that the fit found. The noise is fixed at that estimate; its
-uncertainty is not included. An "ordinary" fit estimates the same noise but weights all rows
-equally. So its values may differ from the maximum here by more than an error, for any priors; a
-posterior is therefore compared with the whitened fit. Outliers are excluded as in the fit. y holds
-one variable for each parameter (`distributions`), then the fitted shifts of step times in units of
-their errors. The prior N(0, 1) of the shifts is part of r; padding shifts are fixed at 0.
+r is the residual that `jaxfric.fit` minimises with its weighting "whitened". Under the noise that
+the fit found, r is uncorrelated and has unit variance. The noise is fixed at the estimate of the
+fit; the uncertainty of the noise is not included. An "ordinary" fit estimates the same noise but
+weights all rows equally. So the values of an ordinary fit may differ from the maximum of the
+posterior by more than an error, for any priors. A posterior is therefore compared with the whitened
+fit. Outliers are excluded as in the fit. y holds one variable for each parameter (`distributions`),
+then the fitted shifts of step times in units of their errors. The prior N(0, 1) of the shifts is
+part of r; padding shifts are fixed at 0.
 
-A failed simulation counts as a large finite misfit with zero gradient. The derivative is computed
-in forward mode, one solve with all tangents: the gradient is -r^T J.
+A failed simulation counts as a large finite misfit with zero gradient. One solve in forward mode
+computes the derivatives J with all tangents. The gradient of the log likelihood is -r^T J.
 """
 
 import dataclasses
@@ -52,7 +53,7 @@ class Target(eqx.Module):
         return jnp.concatenate([own[:p], y[p:], own[padding:]])
 
     def log_prior(self, y: Float[Array, " q"]) -> Float[Array, ""]:
-        """Log density of the priors, Jacobians included; that of the shifts is part of r."""
+        """Log density of the priors, Jacobians included; the prior of the shifts is part of r."""
         return jnp.sum(jnp.stack([p.log_density(y[i]) for i, p in enumerate(self.priors)]))
 
     def start(self, z: np.ndarray) -> np.ndarray:

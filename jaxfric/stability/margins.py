@@ -7,9 +7,9 @@ never reaches -1 in the way that a margin considers, that margin is inf.
 For an unstable slider every margin is beyond its limit. The margins decay and damping are then
 negative. The stiffness margin is then below 1. (A stable slider may have a stiffness margin below 1
 too, if (19) has several solutions.) The margins modulus and phase of an unstable slider are minus
-the distance or angle of L from -1. The gain margin is 1 over the factor that moves L to -1, or 0 if no
-factor does. The delay margin is minus the smallest advance that moves L to -1. Every margin passes
-its limit, 0 or 1, continuously, with one exception. The delay margin jumps if a delay would
+the distance or angle of L from -1. The gain margin is 1 over the factor that moves L to -1, or 0 if
+no factor does. The delay margin is minus the smallest advance that moves L to -1. Every margin
+passes its limit, 0 or 1, continuously, with one exception. The delay margin jumps if a delay would
 stabilise the slider.
 
 Every margin except stiffness includes a controller delay (`LinearSlider.delay`). The stiffness
