@@ -1,4 +1,4 @@
-"""The fade speed: below it, a compensation of friction should fade.
+"""The fade speed, below which a compensation of friction should fade.
 
 Axis friction jumps by twice its level when the velocity changes sign. A feedforward with such a
 jump is early: the axis reverses later than its reference, and friction recovers over a distance.
@@ -18,7 +18,7 @@ scale, the extrapolation is unreliable and must fade, without reducing the suppo
 v_1 is a quarter of the lowest supported speed, at which s = 0.999.
 
 alpha is the acceleration of the reference at the reversal. The reference has the speed sqrt(2 alpha
-x) a distance x after the reversal, and alpha t a time t after it.
+x) a distance x after the reversal, and the speed alpha t a time t after the reversal.
 
 x is the distance within which friction is far from its steady value. The deficit D right after a
 reversal decays as exp(-x/l). For a bristle that carries the part a of the level G, D = 2 a and l =

@@ -96,8 +96,9 @@ class Feedforward(Described, Drawable, Tabular):
         return friction_at(self.curve, self.fade.speed, speed)
 
     def columns(self) -> dict[str, np.ndarray]:
-        """The table by column: velocity, force, its standard error and 95 % band (nan outside the
-        supported speeds), and its basis, "record" or "guess"; units in the names."""
+        """The table by column: velocity, force, standard error and 95 % band of the force, and its
+        basis. Errors are nan outside the supported speeds; the basis is "record" or "guess". Column
+        names contain the units."""
         force, std = self.table.force, self.table.std
         unit, speed = self.about.force_unit, f"{self.about.length}/s"
         return {

@@ -31,8 +31,8 @@ class ForceAt(NamedTuple):
 class FrictionAt(NamedTuple):
     """Friction of the map at one speed. SI; forces in the unit of the feedforward.
 
-    Friction is defined as in the table and in NAME_friction in C. It holds in the middle of the
-    travel, without ripples and weight, and with the faded sign.
+    Friction is defined as in the table and in NAME_friction in C. The values hold in the middle
+    of the travel, without ripples and weight, and with the faded sign.
     """
 
     speed: float

@@ -5,10 +5,10 @@ the present value u = ln V/V0 approximates the past value,
 
     u(t - alpha) ~ u - alpha u' + (alpha^2/2) H(s) u'',   H(s) = (1 + n s)/(1 + b1 s + b2 s^2)
 
-With b1 = alpha/2, b2 = alpha^2/12, n = alpha/6 it is the [2/2] Pade approximant of exp(-alpha s).
-The poles of the Pade approximant, at 3.5/alpha, are stiff for a small delay. So the filter has a
-time constant c that keeps its poles below 2/c. Times are in crossings here: in one crossing, L/V,
-the contact renews itself. With a = alpha V/L and nu = c/(1 + 2a/(3c)):
+With b1 = alpha/2, b2 = alpha^2/12, n = alpha/6 the filter is the [2/2] Pade approximant of
+exp(-alpha s). The poles of the Pade approximant, at 3.5/alpha, are stiff for a small delay. So the
+filter has a time constant c that keeps its poles below 2/c. Times are in crossings here: in one
+crossing, L/V, the contact renews itself. With a = alpha V/L and nu = c/(1 + 2a/(3c)):
 
     b1 = a/2 + nu,   b2 = a^2/12 + a nu/3 + c^2/4,   n = a/6 + nu
 

@@ -1,4 +1,4 @@
-"""Effects in the machine: deviations from the declared one."""
+"""Effects in the machine: deviations from the declared machine."""
 
 from typing import ClassVar
 

@@ -36,9 +36,9 @@ def axis_gains(
 ) -> AxisGains:
     """Compute the least damping for speeds `slowest` to `fastest` [m/s] in both directions.
 
-    `force` is the friction at a steady velocity, `error` the standard error of its slope there
-    (None: a stated, exact law). `above` and `unseen` describe the record at low speed
-    (`jaxfric.stability.claims`). Slopes are central differences on a logarithmic grid of 4001
+    `force` is the friction at a steady velocity, `error` the standard error of the friction's slope
+    at that velocity (None: a stated, exact law). `above` and `unseen` describe the record at low
+    speed (`jaxfric.stability.claims`). Slopes are central differences on a logarithmic grid of 4001
     speeds. This function is for friction without memory; for an axis with states see `state_gains`.
     Compliance between motor and load is not considered.
     """

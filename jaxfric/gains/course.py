@@ -126,8 +126,8 @@ class Course:
 def rig_of(
     law: Law, mass: float | None, k_p: float, k_v: float, velocities: Sequence[float]
 ) -> tuple[Rig, float | None]:
-    """Build the rig; return it and the width [m/s] of the smoothed sign, if the law has none and it
-    is derived from the commanded `velocities`.
+    """Build the rig; return the rig and the width [m/s] of the smoothed sign. The width is
+    None unless a Stribeck law without a width gets one from the commanded `velocities`.
 
     Raises `InputError` for a law without direct effect and without mass.
     """
@@ -158,8 +158,8 @@ def course_of(
 ) -> Course:
     """Simulate for the given duration, or with increasing durations until the end is classified.
 
-    A motion begins in steady sliding, or `at_rest`. At a constant velocity a `jump` [m] of the
-    load point disturbs it, by default a small one.
+    A motion begins in steady sliding, or `at_rest`. At a constant velocity a `jump` [m] of the load
+    point disturbs the motion; the default jump is small.
 
     Raises `InputError` for a delay law from rest or under steps.
     """

@@ -53,7 +53,8 @@ def find_gains(
 
     Scenarios are all combinations of velocity, mass and sample of the law. Where the requirement is
     just met, velocities between neighbouring velocities are added. If there are two local optima,
-    both are reported: "stiff" (stiffness above the critical one) and "damped" (damping).
+    both are reported: "stiff" (k_p above the critical stiffness) and "damped" (k_v almost suffices
+    alone).
 
     Parameters
     ----------

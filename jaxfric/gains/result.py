@@ -43,7 +43,7 @@ class LocalOptimum:
 
 @dataclass(frozen=True)
 class WorstCase:
-    """A margin at the recommended gains in the scenario where it is least."""
+    """A margin at the recommended gains, in the scenario with the least margin."""
 
     value: float
     unit: str
@@ -63,7 +63,7 @@ class Certificate:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Gains(Described, Drawable, Tabular):
-    """Minimum-norm PD gains, in SI; `kp` and `kv` are the recommended ones.
+    """Minimum-norm PD gains, in SI; `kp` and `kv` are the recommended gains.
 
     The units of the fields are linear; for a rotation `unit` converts units.
     """

@@ -1,8 +1,8 @@
 """Gains along a velocity profile: a chain of set points whose basins intersect.
 
 Section I.A of the 1994 note: set points with intersecting basins of attraction extend an analysis
-of steady sliding to motion that never sticks. Here the basin of a set point is the range of
-velocities from which the simulated slider settles at it (`verify.jump_sizes`). The chain is
+of steady sliding to motion that never sticks. The basin of a set point is the range of velocities
+from which the simulated slider settles at the set point (`verify.jump_sizes`). The chain is
 complete if every step from one set point to the next, up and down, is inside a basin.
 """
 

@@ -1,7 +1,8 @@
 """One simulation from an `InitialState`, and how it ends: steady, limit cycle or escape.
 
-Massless sliders may escape in finite time. A slider with mass can only stick-slip, unless its law
-lets it accelerate forever. For sticking the law needs a `RegularisedEffect` (`regularised`).
+Massless sliders may escape in finite time. A slider with mass cannot escape, but only stick-slip,
+unless its law lets the slider accelerate forever. For sticking the law needs a `RegularisedEffect`
+(`regularised`).
 """
 
 import equinox as eqx

@@ -9,8 +9,9 @@ method):
 
 1. the frontier of feasible gains for the carried scenarios gives every local minimum (`frontier`);
 2. the steps of `minimum_gains` refine each, under the worst of all scenarios (`search`);
-3. all scenarios are checked there. The worst violated ones are added, and velocities between those
-   of the set where the requirement is just met; then repeat from 1.
+3. all scenarios are checked there. The worst violated scenarios are added to the carried ones.
+   Velocities between those of the carried scenarios are added where the requirement is just met.
+   Then repeat from 1.
 
 A solution for some scenarios that violates no other scenario is the solution for all scenarios.
 """

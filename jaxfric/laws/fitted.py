@@ -20,7 +20,7 @@ The fit determines apparatus effects together with the law. So the parameters of
 corrected for the apparatus.
 
 For an axis the law is an `AxisLaw`: friction and its states near a steady velocity, in one
-direction. The gains of an axis are computed from the same `AxisLaw`. Without rate_and_state, axis
+direction. The gains of an axis are computed from an `AxisLaw` too. Without rate_and_state, axis
 friction has no memory in steady motion, because a bristle stays bent. An axis without such memory
 has no critical stiffness, so its law is refused.
 """
@@ -200,7 +200,7 @@ def force_of_unit(unit: str, normal_force: float | None, where: str) -> float:
 
 
 def in_law(effect: type[AbstractEffect]) -> bool:
-    """Whether the law contains an effect: it belongs to friction and acts in steady motion."""
+    """Whether the law contains an effect: the effect is of friction and acts in steady motion."""
     place = issubclass(effect, AbstractPlaceEffect)
     return effect.room == "friction" and not place and effect.id not in _WHILE
 

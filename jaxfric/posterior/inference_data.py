@@ -3,9 +3,9 @@
 Groups: `posterior` (every parameter and A_minus_B in the units of the record, with `unit`, `map`,
 `prior`, `laplace_mean` and `laplace_std` as attributes; `step_shift`, fitted shifts of step times
 [s]), `sample_stats` (of NUTS), `observed_data` (friction) and `constant_data` (time, weight: 0 for
-an excluded row). Attributes of `posterior` describe its origin. Without NUTS the group `posterior`
-holds draws of the Laplace approximation, as `method` records. The likelihood of every row at every
-draw is omitted: 4000 draws of 2000 rows are 64 MB.
+an excluded row). Attributes of `posterior` describe the origin of the posterior. Without NUTS the
+group `posterior` holds draws of the Laplace approximation, as `method` records. The likelihood of
+every row at every draw is omitted: 4000 draws of 2000 rows are 64 MB.
 """
 
 import os

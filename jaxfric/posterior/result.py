@@ -94,7 +94,7 @@ class Posterior(Described, Drawable, Drawn, Tabular):
         return "fit" if same else "whitened fit"
 
     def fitted(self) -> dict[str, Fitted]:
-        """`A_minus_B` and every parameter of the whitened fit without priors."""
+        """`A_minus_B` and every parameter of the fit without priors, weighted as the posterior."""
         return self.ordinary() if self.whitened is None else self.whitened
 
     def ordinary(self) -> dict[str, Fitted]:

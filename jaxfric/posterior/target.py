@@ -1,4 +1,4 @@
-"""The log posterior of a fit: its likelihood and the priors of its parameters.
+"""The log posterior of a fit: the likelihood and the priors of the fit's parameters.
 
     log p(y | record) = -|r(z(y))|^2/2 + sum_i [log p_i(x_i(y_i)) + log |dx_i/dy_i|] + constant
 

@@ -1,4 +1,4 @@
-"""The friction of an axis as a law, about steady motion in one direction."""
+"""The friction of an axis as a law, near steady motion in one direction."""
 
 import equinox as eqx
 import jax.numpy as jnp

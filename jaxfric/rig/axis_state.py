@@ -52,9 +52,9 @@ class Bristle(AbstractAxisState):
 
         z' = q' - |q'| z/x_c,   force a (z/x_c - sgn q') + sigma_1 z'
 
-    The state is z/x_c. For a = F_c this is the model of Dahl (1968), with friction F_c z/x_c. With
-    the damping sigma_1 this is the LuGre model at a constant friction level (Canudas de Wit et al.
-    1995). If a and sigma_1 are both 0, there is no presliding.
+    The state is z/x_c. For a = F_c the bristle is the model of Dahl (1968), with friction F_c
+    z/x_c. With the damping sigma_1 the bristle is the LuGre model at a constant friction level
+    (Canudas de Wit et al. 1995). If a and sigma_1 are both 0, there is no presliding.
     """
 
     a: Float[Array, ""] = quantity("a", "F", "part of Coulomb friction that a bristle carries")

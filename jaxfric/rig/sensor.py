@@ -1,4 +1,4 @@
-"""Sensor: from the true friction force to the recorded one."""
+"""Sensor: from the true friction force to the recorded force."""
 
 import abc
 

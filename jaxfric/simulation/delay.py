@@ -40,8 +40,8 @@ def simulate_delay(
 
     Before `ts[0]` the slider slides steadily at the commanded velocity V0, which defines the
     history. `start` disturbs the steady sliding at `ts[0]`. The function works under jit and vmap.
-    It is differentiable with respect to every array of `rig` (the delay too), `velocity` and
-    `start`.
+    The result is differentiable with respect to every array of `rig` (the delay too), `velocity`
+    and `start`.
 
     Parameters
     ----------

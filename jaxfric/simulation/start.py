@@ -41,7 +41,7 @@ def law_with_states(rig: Rig) -> AbstractLaw:
 
 
 class InitialState(eqx.Module):
-    """Initial state of a simulation; None means that of steady sliding.
+    """Initial state of a simulation; None means the value of steady sliding.
 
     velocity : velocity of the slider [m/s]; only with mass. It must be positive with a
         logarithmic direct effect, whose force is singular at 0.

@@ -157,7 +157,7 @@ def held_with_trend(claim: Claim, with_trend: Sequence[float] | None) -> Claim:
 def above_curve(
     speed: ArrayLike, excess: ArrayLike, error: ArrayLike, *, fewest: int = 1
 ) -> Above | None:
-    """Find the slowest runs (or bins of rows) whose friction lies above a curve fitted to all.
+    """Find the slowest runs (or bins of rows) whose friction lies above a curve fitted to all runs.
 
     speed : signed [n]. excess : sgn V (F - curve), so that both directions count alike [n].
     error : standard error of each [n], without the scatter between runs.

@@ -1,13 +1,14 @@
 """Stability of a slider with the delay law: crossings, stable intervals, unstable roots, charts.
 
-The delay law of Hess and Soom (6) depends on the velocity `alpha` seconds ago. Linearised it is
-f_v = 0 and G(s) = k_f exp(-alpha s), equations (26)-(29), where -k_f is the slope of the steady
+The delay law of Hess and Soom (6) depends on the velocity `alpha` seconds ago. The linearised law
+is f_v = 0 and G(s) = k_f exp(-alpha s), equations (26)-(29). Here -k_f is the slope of the steady
 friction-velocity curve. The characteristic equation of the slider is
 
     m s^2 + k_v s + k_p - k_f s exp(-alpha s) = 0.
 
-On s = i w it gives (19) and (20) as k_v = k_f cos(alpha w) and k_p = m w^2 + k_f w sin(alpha w),
-which is (31). With beta = arccos(k_v / k_f) and r = sqrt(k_f^2 - k_v^2), ALL solutions are
+On s = i w the characteristic equation gives (19) and (20) as k_v = k_f cos(alpha w) and k_p = m w^2
++ k_f w sin(alpha w), which is (31). With beta = arccos(k_v / k_f) and r = sqrt(k_f^2 - k_v^2), ALL
+solutions are
 
     w_n+ = (beta + 2 n pi)/alpha, n = 0, 1, 2, ...   k_n+ = m w^2 + r w   two roots become stable
     w_n- = (2 n pi - beta)/alpha, n = 1, 2, 3, ...   k_n- = m w^2 - r w   two roots become unstable
@@ -93,12 +94,13 @@ def stable_intervals(
 ) -> tuple[Float[Array, " number"], Float[Array, " number"]]:
     """The first `number` open intervals of k_p > 0 [N/m] in which steady sliding is stable.
 
-    For k_f > |k_v| they are (k_n+, k_{n+1}-), n = 0, 1, ...; see `stable_stiffness_exists`. For k_f
-    < -|k_v| they are (0, k_1-), then (k_n+, k_{n+2}-). With k_v >= |k_f| the only interval is (0,
-    inf); with k_v <= -|k_f| no interval exists. An interval that does not exist is (inf, inf). With
-    k_f < 0 the first interval may be the only missing one. Otherwise all intervals are missing, or
-    all after the first. Returns (lower, upper), each of shape (number,), from scalars;
-    differentiable. At k_v = |k_f| exactly, isolated values of k_p are marginal.
+    For k_f > |k_v| the intervals are (k_n+, k_{n+1}-), n = 0, 1, ...; see
+    `stable_stiffness_exists`. For k_f < -|k_v| the intervals are (0, k_1-), then (k_n+, k_{n+2}-).
+    With k_v >= |k_f| the only interval is (0, inf); with k_v <= -|k_f| no interval exists. An
+    interval that does not exist is (inf, inf). With k_f < 0 the first interval may be the only
+    missing one. Otherwise all intervals are missing, or all after the first. Returns (lower,
+    upper), each of shape (number,), from scalars; differentiable. At k_v = |k_f| exactly, isolated
+    values of k_p are marginal.
     """
     found = crossings(mass, k_v, k_f, alpha, number=number)
     k_v, k_f = jnp.asarray(k_v), jnp.asarray(k_f)
@@ -140,9 +142,9 @@ def unstable_roots(
 ) -> Int[Array, "*s"]:
     """Number of roots with positive real part.
 
-    For k_p > 0 it is NU = NU_0 - 2 #{n: k_n+ < k_p} + 2 #{n: k_n- < k_p} with NU_0 = 2 if k_v <
-    k_f, else 0. The crossings n are counted in closed form, from the frequencies at which each
-    branch reaches k_p. So there is no limit on k_p. Elementwise, all signs of k_p (a root at
+    For k_p > 0 the number is NU = NU_0 - 2 #{n: k_n+ < k_p} + 2 #{n: k_n- < k_p} with NU_0 = 2 if
+    k_v < k_f, else 0. The crossings n are counted in closed form, from the frequencies at which
+    each branch reaches k_p. So there is no limit on k_p. Elementwise, all signs of k_p (a root at
     exactly zero, as at k_p = 0, is not counted).
     """
     mass, k_p, k_v, k_f, alpha = (jnp.asarray(x) for x in (mass, k_p, k_v, k_f, alpha))

@@ -25,7 +25,7 @@ _ROUNDING = 1e-12
 
 
 def axis(slider: LinearSlider) -> Float[Array, " points"]:
-    """Grid of frequencies around those of the kernel and the plant [rad/s].
+    """Grid of frequencies around the frequencies of the kernel and the plant [rad/s].
 
     The phase of a delay is linear in w. So a delay adds as many evenly spaced frequencies to the
     grid, up to where the loop gain has fallen to about a tenth.

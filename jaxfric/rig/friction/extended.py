@@ -2,20 +2,20 @@
 
     f = f_base(V, theta, x, t) + sum_i f_i(V, z_i, x, t)
 
-A term adds a force and may have states of its own. With all amplitudes zero the law equals its
-base to rounding, so fits with and without a term are comparable.
+A term adds a force to the base law and may have its own states. With all amplitudes zero the
+extended law equals its base to rounding, so fits with and without a term are comparable.
 
 A term may also change the evolution of the states. If theta' contains the rate of a known function
 h(V, n), the solver integrates theta - h. The term adds h as a force, and `shift` adds h to theta in
 the evolution, so h is never differentiated.
 
-In steady sliding at V all rates vanish. A term's states then follow from V alone. If the term
-couples, they follow from V and the total friction force f, which contains them; an example is
-frictional heat. However many terms couple, f is the only unknown,
+In steady sliding at V all rates vanish. A term's states then follow from V alone. If a term
+couples, its states follow from V and the total friction force f, which contains the term's force.
+Frictional heat is such a term. However many terms couple, the total force f is the only unknown,
 
     f = F(V, z(V, f))
 
-and Newton's method finds it. If no term couples, nothing has to be solved.
+and Newton's method finds f. If no term couples, nothing has to be solved.
 """
 
 import abc
@@ -68,12 +68,12 @@ class AbstractTerm(eqx.Module):
 
     @abc.abstractmethod
     def rate(self, at: Contact, force: Scalar) -> States:
-        """Time derivative of its states; `force` is the total friction force."""
+        """Time derivative of the term's states; `force` is the total friction force."""
 
     @abc.abstractmethod
     def steady_state(self, V: Scalar, base: AbstractRateState, force: Scalar) -> States:
-        """States of the term in steady sliding at `V`, where `rate` vanishes; `force` is the total
-        friction force, 0 if the term does not couple."""
+        """States of the term in steady sliding at `V`, where `rate` vanishes. `force` is the total
+        friction force, or 0 if the term does not couple."""
 
     @abc.abstractmethod
     def shift(self, at: Contact) -> Scalar | None:
@@ -102,7 +102,7 @@ class AbstractStatelessTerm(AbstractTerm):
 
 
 class ExtendedLaw(AbstractInvertibleLaw):
-    """A base law and its terms; the states are the base's, then those of the terms in order."""
+    """A base law and its terms; the states are those of the base, then of the terms in order."""
 
     base: AbstractRateState
     terms: tuple[AbstractTerm, ...] = ()

@@ -1,8 +1,8 @@
 """The interface of every friction law, and the conditions that friction may depend on.
 
-In the time domain a law is `force(V, state, at)` and `rate(V, state, at)`. Its frequency domain
-form, an instantaneous term and a memory kernel at a steady velocity, follows by automatic
-differentiation, so laws do not define it.
+In the time domain a law is `force(V, state, at)` and `rate(V, state, at)`. In the frequency domain
+a law is an instantaneous term and a memory kernel at a steady velocity. Automatic differentiation
+gives both, so laws do not define the frequency domain form.
 """
 
 import abc
@@ -26,8 +26,8 @@ States = Float[Array, " n"]
 class Conditions(NamedTuple):
     """Slip [m] and time [s] since the start.
 
-    `stress` is the normal stress relative to the start, n; None: constant.
-    `load_velocity` [m/s] is that of the load point; None: equal to the slider's (steady sliding).
+    `stress` is the normal stress relative to the start, n; None: constant. `load_velocity` [m/s] is
+    the velocity of the load point; None: equal to the slider's (steady sliding).
     """
 
     slip: Float[Array, ""]
@@ -39,8 +39,8 @@ class Conditions(NamedTuple):
 class AbstractLaw(eqx.Module):
     """A friction law with a vector of state variables.
 
-    Forces are in newtons, or dimensionless (friction coefficient): the equations are the same.
-    The whole rig must use one of the two. Velocity V in m/s, time in s.
+    Forces are in newtons, or dimensionless (friction coefficient): the equations are the same. The
+    whole rig must use either newtons or friction coefficients. Velocity V in m/s, time in s.
     """
 
     @abc.abstractmethod
@@ -63,8 +63,9 @@ class AbstractLaw(eqx.Module):
 class AbstractInvertibleLaw(AbstractLaw):
     """A law whose force rises with velocity at fixed state, so that it can be inverted.
 
-    This direct effect makes a massless slider's velocity a function of the force on it. It also
-    keeps a slider with mass well-conditioned.
+    The rise with velocity (direct effect) makes a massless slider's velocity a function of the
+    force on the slider. The direct effect also keeps the equations of a slider with mass
+    well-conditioned.
     """
 
     @abc.abstractmethod

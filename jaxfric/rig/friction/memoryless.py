@@ -2,9 +2,9 @@
 
     f = [c0 + c1 |V| + c2 exp(-(|V|/c3)^c4)] sgn V                                  (1)
 
-The curve falls where sliding speed lets a lubricant carry load (the Stribeck effect) and
-rises again with viscous drag. Two laws share it: `GeneralStribeck`, with the exponent c4 as
-a parameter, and `GaussianStribeck`, equation (14), which is the same with c4 = 2.
+The curve falls where sliding speed lets a lubricant carry load (the Stribeck effect) and rises
+again with viscous drag. Two laws share the curve (1). `GeneralStribeck` has the exponent c4 as a
+parameter. `GaussianStribeck`, equation (14), is the curve with c4 = 2.
 
 Sources: equations (1) and (13)-(17) of the 1994 note on PD control and stick-slip; the
 curve in this form after Armstrong-Helouvry, Dupont & Canudas de Wit (1994,
@@ -26,9 +26,9 @@ class AbstractStribeck(AbstractLaw):
     """Steady curve (1) as a law with no states (state arrays have shape (0,)).
 
     With `width` None the sign is exact: f(0) = 0, and f(+-0) = +-(c0 + c2). With a `width` w the
-    sign is tanh(V/w), continuous through rest and reversal, and exact to rounding for
-    |V| > 20 w. Near rest friction then has the slope (c0 + c2)/w, so a stuck slider creeps.
-    Choose w far below c3 and below every velocity of interest.
+    sign is tanh(V/w), continuous through rest and reversal, and exact to rounding for |V| > 20 w.
+    Near rest friction then has the slope (c0 + c2)/w, so a stuck slider creeps. Choose the width w
+    far below c3 and below every velocity of interest.
     """
 
     c0: eqx.AbstractVar[Float[Array, ""]]
@@ -44,8 +44,8 @@ class AbstractStribeck(AbstractLaw):
     def force(self, V: Scalar, state: States, at: Conditions) -> Scalar:
         """Friction force (1) [F] at velocity `V` [m/s].
 
-        Derivatives are finite everywhere. At V = 0 with the exact sign they are 0, unlike the
-        one-sided derivatives.
+        Derivatives are finite everywhere. At V = 0 with the exact sign the derivatives are 0,
+        unlike the one-sided derivatives.
         """
         del state, at
         speed = jnp.abs(V)
@@ -95,8 +95,8 @@ class GeneralStribeck(AbstractStribeck):
 class GaussianStribeck(AbstractStribeck):
     """Memoryless example (14): c0 + c1 V + c2 exp(-(V/c3)^2) for V > 0.
 
-    It is (1) with c4 = 2 and the same c0..c3. For V < 0 it is continued as an odd function:
-    [c0 + c1 |V| + c2 exp(-(V/c3)^2)] sgn V.
+    The law is (1) with c4 = 2 and the same c0..c3. For V < 0 the force is continued as an odd
+    function: [c0 + c1 |V| + c2 exp(-(V/c3)^2)] sgn V.
     """
 
     c0: Float[Array, ""] = quantity("c0", "F", "Coulomb friction", lower=0.0, closed=True)

@@ -1,8 +1,8 @@
 """Friction before gross sliding: the contact bends like bristles, then slides.
 
-Dahl's law is the counterexample of the 1994 note on PD control and stick-slip: its memory acts
-at reversals only. Its steady curve is flat, and linearised about steady sliding it has no memory.
-So friction alone causes no stick-slip in this law.
+Dahl's law is the counterexample of the 1994 note on PD control and stick-slip: its memory acts at
+reversals only. The steady curve of Dahl's law is flat. Linearised about steady sliding, Dahl's law
+has no memory. So friction alone causes no stick-slip in Dahl's law.
 
 Source: Dahl (1976, doi:10.2514/3.61511); Walrath (1984, Automatica 20, 717-727).
 """
@@ -21,10 +21,11 @@ class Dahl(AbstractLaw):
     dz/dt = sigma V (1 - z/f_c sgn V)^gamma
 
     The steady curve is f_c sgn V + viscous V. For gamma = 1 the bristle force approaches f_c
-    exponentially over the distance f_c/sigma; for gamma > 1 more slowly; for gamma < 1 within a
-    finite distance. If |z| exceeds f_c (by rounding, or at the start), the power acts on the
-    magnitude and the sign is kept, so that z returns to f_c. Within 1e-12 f_c of full sliding
-    the power is continued linearly: for gamma < 1 its slope would be infinite.
+    exponentially over the distance f_c/sigma. For gamma > 1 the bristle force approaches f_c more
+    slowly, for gamma < 1 within a finite distance. If |z| exceeds f_c (by rounding, or at the
+    start), z returns to f_c. The power then acts on the magnitude of 1 - z/f_c sgn V and keeps the
+    sign. Within 1e-12 f_c of full sliding the power is continued linearly, because for gamma < 1
+    its slope would be infinite.
 
     About steady sliding at V > 0: f_v = `viscous`, and the memory kernel is zero.
     """

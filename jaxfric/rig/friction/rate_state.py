@@ -2,8 +2,8 @@
 
     f = f0 + A ln(V/V0) + sum_i theta_i                                            (3)
 
-Each state theta_i has an amplitude B_i and a slip length L_i and relaxes to
--B_i ln(V/V0), so that the steady force is f0 + (A - sum B_i) ln(V/V0)   (5).
+Each state theta_i has an amplitude B_i and a slip length L_i, and relaxes to -B_i ln(V/V0). So the
+steady force is f0 + (A - sum B_i) ln(V/V0) (5).
 
 Sources: equations (3)-(5) of the 1994 note on PD control and stick-slip, after Ruina
 (1983, doi:10.1029/JB088iB12p10359); ageing after Dieterich (1979, doi:10.1029/JB084iB05p02161);
@@ -50,8 +50,8 @@ class SlipEvolution(AbstractEvolution):
 class AgeingEvolution(AbstractEvolution):
     """Dieterich's ageing law: dtheta/dt = (B V0/L) (exp(-theta/B) - V/V0); heals at rest.
 
-    With theta = B ln(V0 Theta/L) this is dTheta/dt = 1 - V Theta/L. At B = 0 the rate is set to
-    its limit 0, which avoids 0/0.
+    With theta = B ln(V0 Theta/L) the ageing law is dTheta/dt = 1 - V Theta/L. At B = 0 the rate is
+    set to its limit 0, which avoids 0/0.
     """
 
     def rate(self, r: Scalar, theta: States, B: States, L: States, V0: Scalar) -> States:
@@ -64,7 +64,7 @@ class AgeingEvolution(AbstractEvolution):
 
 
 class AbstractDirectEffect(eqx.Module):
-    """The instantaneous response to velocity, and its inverse.
+    """The instantaneous response of friction to velocity, and its inverse.
 
     `rest` is f0 plus all parts independent of velocity (states, slip, time).
     """
@@ -98,9 +98,9 @@ class LogarithmicEffect(AbstractDirectEffect):
 class RegularisedEffect(AbstractDirectEffect):
     """A asinh(V/(2 V0) exp(rest/A)): finite at rest and odd in V, for sticking and reversal.
 
-    For V > 0 it exceeds `rest + A ln(V/V0)` by -A ln(1 - e^-2z) with z = asinh(...), about
-    A exp(-2 rest/A - 2 ln(V/V0)): less than 1e-15 A for rest/A > 20 at V = V0. `rest` should be
-    positive, as it is the friction level near V0.
+    For V > 0 the regularised force exceeds `rest + A ln(V/V0)` by -A ln(1 - e^-2z) with z =
+    asinh(...). The excess is about A exp(-2 rest/A - 2 ln(V/V0)), which is less than 1e-15 A for
+    rest/A > 20 at V = V0. `rest` should be positive, as it is the friction level near V0.
     """
 
     def force(self, V: Scalar, rest: Scalar, A: Scalar, V0: Scalar) -> Scalar:
@@ -132,8 +132,8 @@ class RegularisedEffect(AbstractDirectEffect):
 class AbstractRateState(AbstractInvertibleLaw):
     """Friction with a direct effect and states, each with an amplitude B_i and a slip length L_i.
 
-    In steady sliding theta_i = -B_i ln(V/V0), so the steady curve has the slope A - sum B_i over
-    ln V, however the states relax. `rate` defines how they relax.
+    In steady sliding theta_i = -B_i ln(V/V0). So the steady curve has the slope A - sum B_i over ln
+    V, however the states relax. `rate` defines how the states relax.
     """
 
     f0: eqx.AbstractVar[Float[Array, ""]]
@@ -152,7 +152,7 @@ class RateState(AbstractRateState):
     ----------
     f0 : friction at the reference velocity when sliding steadily.
     A : direct effect.
-    B : evolution effects, shape (n,); a negative one strengthens with slip.
+    B : evolution effects, shape (n,); a negative B strengthens with slip.
     L : slip lengths [m], shape (n,).
     V0 : reference velocity [m/s].
     evolution : `SlipEvolution()` or `AgeingEvolution()`.

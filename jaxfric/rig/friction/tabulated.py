@@ -2,14 +2,14 @@
 
     F(V) = F_i + (V - v_i) (F_{i+1} - F_i)/(v_{i+1} - v_i)      between the rows i and i + 1
 
-The slope at a speed is that between its two neighbouring rows, without smoothing, so it includes
-the scatter of the rows. A table has no memory. If a memory of length L is assumed, friction follows
-the curve over that distance,
+The slope at a speed is the slope between the two neighbouring rows. There is no smoothing, so the
+slope includes the scatter of the rows. A table has no memory. If a memory of length L is assumed,
+friction follows the curve over the distance L,
 
     f = z,   dz/dt = |V|/L (F(V) - z),
 
 without a direct effect: f_v = 0 and G(s) = -F' V/(L s + V), so stiffness can stabilise if k_v > 0.
-A steady curve does not show the direct effect; with one, smaller gains would suffice.
+A steady curve does not show the direct effect; with a direct effect, smaller gains would suffice.
 """
 
 import jax.numpy as jnp
@@ -54,7 +54,7 @@ class TabulatedFriction(AbstractLaw):
         self.speed, self.friction, self.L = as_floats(v), as_floats(F), as_floats(L)
 
     def curve(self, V: Scalar) -> Scalar:
-        """F(V) of the table [F]; at a row its slope is the lower of the two adjacent ones."""
+        """F(V) of the table [F]; at a row, the slope is the lower of the two adjacent slopes."""
         size = jnp.abs(V)
         slopes = jnp.diff(self.friction) / jnp.diff(self.speed)
         last = self.speed.shape[0] - 2
@@ -78,6 +78,6 @@ class TabulatedFriction(AbstractLaw):
         return jnp.zeros((0,)) if self.L is None else jnp.reshape(self.curve(V), (1,))
 
     def force_scale(self) -> Scalar:
-        """The range of the table, or its largest friction if the range is 0."""
+        """The range of friction in the table, or the largest friction if the range is 0."""
         change = jnp.max(self.friction) - jnp.min(self.friction)
         return jnp.where(change > 0, change, jnp.max(jnp.abs(self.friction)))
