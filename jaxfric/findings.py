@@ -1,7 +1,7 @@
 """Statements of results as data: a code, values, and the rows of the record that support them.
 
-A claim holds for the speeds and directions of its rows. A record without these rows does not
-support the claim.
+A claim holds only for the speeds and directions of the rows that support it. A record without such
+rows does not support the claim.
 """
 
 import typing
@@ -27,7 +27,7 @@ class Severity(StrEnum):
 
 
 class WarningCode(StrEnum):
-    """Codes of warnings; their words may be any."""
+    """Codes of warnings. The text of a warning may change, its code stays."""
 
     MISFIT = "misfit"
     """A fit leaves far more than the scatter of neighbouring rows; values: times, of each fit."""
@@ -75,7 +75,7 @@ class WarningCode(StrEnum):
 
 
 class Warned(str):
-    """A warning in words, with its code and the values that it tells."""
+    """A warning as text, with its code and the values in the text."""
 
     code: WarningCode | None
     values: Mapping[str, object]
@@ -91,7 +91,7 @@ class Warned(str):
 
 
 def coded(warnings: Iterable[str]) -> list[dict[str, object]]:
-    """The code and the values of each warning, for a file; None for one that has no code."""
+    """Code and values of each warning, for a file; None for a warning without a code."""
     return [
         {"code": getattr(one, "code", None), "values": dict(getattr(one, "values", {}))}
         for one in warnings
@@ -114,8 +114,10 @@ class Finding:
     """Mask of the rows of the record that support it (n)."""
 
     def to_json(self, velocity: np.ndarray) -> dict[str, object]:
-        """Code, severity and values; rows as ranges [first, last + 1]; directions and speeds of
-        these rows. `velocity` is that of every row of the record (n)."""
+        """The finding as JSON: code, severity and values; its rows as ranges [first, last + 1]; the
+        directions and speeds of its rows. `velocity` (n) is the velocity of every row of the
+        record.
+        """
         return {
             "code": self.code.value,
             "severity": self.severity.value,
@@ -177,9 +179,10 @@ def deciding_rows(
     the model without the claim, by its parameters [sigma] (n, p). used : mask of used rows (n).
     least : the reduction of the misfit that a claim needs.
 
-    On fewer rows the model without the claim is refitted, which absorbs part of d. The remaining
-    difference decides: min_b sum (d - J b)^2. The rows with its largest terms are removed, one
-    twentieth at a time, until the sum is at most `least`.
+    The model without the claim is refitted to fewer rows, which absorbs part of the difference d.
+    The difference that remains between the two models is min_b sum (d - J b)^2. The rows with the
+    largest terms of this sum are removed, one twentieth at a time, until the sum is at most
+    `least`.
     """
     kept = used & np.isfinite(difference)
     while kept.any():

@@ -1,8 +1,9 @@
 """The least-squares problem of a record of a slider or an axis.
 
-Parameters form one vector of unbounded variables: the logarithms of positive quantities, and signed
-quantities divided by a typical size of the record. The unit of a quantity selects this size.
-Residuals are (predicted - recorded)/noise_scale. Excluded rows have weight 0.
+The parameters of a model form one vector of unbounded variables. A positive quantity enters by its
+logarithm, a signed quantity divided by a typical size of the record. The unit of a quantity selects
+its typical size. Residuals are (predicted - recorded)/noise_scale. Excluded rows of the record have
+weight 0.
 """
 
 import abc
@@ -30,7 +31,7 @@ _MASS_SHARE = 1e-4  # typical mass: this times force duration/velocity
 class ParametricModel(Protocol):
     """The fitted model: names of its parameters and their quantities.
 
-    It is hashable, because each model is compiled separately.
+    A model is hashable, because JAX compiles the functions of each model separately.
     """
 
     def names(self) -> tuple[str, ...]:
@@ -54,10 +55,10 @@ class Sizes(NamedTuple):
 
 
 class Coordinates(NamedTuple):
-    """Maps p natural parameter values [SI] to p + `shifts` unbounded variables, and back.
+    """Maps p natural parameter values [SI] to p + `shifts` unbounded variables, and back again.
 
-    The last `shifts` variables shift step times. NumPy arrays give NumPy arrays. Leading axes are
-    batch axes.
+    The last `shifts` variables shift the times of velocity steps. The result is a NumPy array if
+    the input is one. Leading axes of an array are batch axes.
     """
 
     quantities: tuple[Quantity, ...]
@@ -84,8 +85,9 @@ class Coordinates(NamedTuple):
             return of.stack(self.natural(self._columns(z)), axis=-1)
 
     def slopes(self, z: N) -> N:
-        """Derivative (*s, p) of every natural value with respect to its variable in z
-        (*s, p + shifts)."""
+        """Derivative (*s, p) of every natural value by its own unbounded variable in z (*s, p +
+        shifts).
+        """
         pairs = zip(self.quantities, self.scales, self._columns(z), strict=True)
         of: Any = array_module(z)
         with np.errstate(over="ignore"):
@@ -96,7 +98,7 @@ class Coordinates(NamedTuple):
 
 
 class AbstractProblem(eqx.Module):
-    """A record and a model of it. `friction` is the fitted signal; for an axis, its motor force."""
+    """A record and a model of it. The fitted signal is `friction`, for an axis the motor force."""
 
     time: eqx.AbstractVar[Float[Array, " n"]]
     friction: eqx.AbstractVar[Float[Array, " n"]]
@@ -118,7 +120,7 @@ class AbstractProblem(eqx.Module):
 
     @abc.abstractmethod
     def residual(self, z: Float[Array, " q"]) -> Float[Array, " r"]:
-        """(predicted - recorded)/noise_scale, 0 where weight is 0; then channels and shifts."""
+        """(predicted - recorded)/noise_scale, 0 for rows of weight 0; then channels and shifts."""
 
     @abc.abstractmethod
     def possible(self, z: Float[Array, " q"] | np.ndarray) -> bool:
@@ -134,15 +136,16 @@ class AbstractProblem(eqx.Module):
 
     @abc.abstractmethod
     def late_steps(self) -> tuple[np.ndarray, np.ndarray]:
-        """Step time [s] of every shift, and the displacement [m] by which a shift of 1 delays the
-        load point."""
+        """Time [s] of every velocity step whose time is fitted. Also the displacement [m] by which
+        a shift of 1 in this time delays the load point.
+        """
 
     @abc.abstractmethod
     def begun(self, z: np.ndarray) -> np.ndarray:
         """A safe start of a fit near `z`."""
 
     def on_host(self) -> Self:
-        """A copy with NumPy arrays: a few numbers are then computed without a compilation."""
+        """A copy with NumPy arrays, to compute a few numbers without a compilation."""
         known = isinstance(self.time, np.ndarray)
         return self if known else jax.tree.map(np.asarray, self)
 
@@ -152,7 +155,7 @@ class AbstractProblem(eqx.Module):
 
     @property
     def coordinates(self) -> "Coordinates":
-        """The map between natural parameter values and unbounded variables."""
+        """The map between natural parameter values [SI] and unbounded variables."""
         leaves = jax.tree.leaves(self)
         known = not any(isinstance(leaf, Tracer) for leaf in leaves)
         sizes = self.on_host().sizes if known else self.sizes  # on_host: no compilation

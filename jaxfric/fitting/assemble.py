@@ -40,7 +40,7 @@ so many rows."""
 
 
 def correlation_of(covariance: np.ndarray) -> np.ndarray:
-    """Correlations, shape (p, p); NaN for a parameter whose error is 0 or not finite."""
+    """Correlations of parameters (p, p); NaN for a parameter whose error is 0 or not finite."""
     deviations = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     known = (deviations > 0) & np.isfinite(deviations)
     units = np.where(known, deviations, 1.0)
@@ -56,7 +56,8 @@ def assemble(
     profile: Callable[[str], None] | None,
 ) -> Fit:
     """The `Fit` of a solution. `sign` is -1 if friction was negated for the fit. `profile` is the
-    progress callback of profile likelihoods; None: none are computed."""
+    progress callback of profile likelihoods; with None no profile is computed.
+    """
     problem, solution, noise, glitches, written = solved
     assert isinstance(problem.model, Model)
     failed = solution.cost >= FAILED_MISFIT**2
@@ -253,7 +254,7 @@ def _warn(fit: Fit, moved: list[tuple[int, float]], *, wanders: bool) -> Fit:
 
 
 def edge_warnings(K: float, critical: float) -> list[str]:
-    """Warnings if K is below or near the critical stiffness; none if that is not positive."""
+    """Warnings if K is below or near the critical stiffness; none if no positive one exists."""
     if not critical > 0 or NEAR_EDGE * critical <= K:
         return []
     ratio = f"K/K_cr = {K / critical:.2f}"

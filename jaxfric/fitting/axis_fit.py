@@ -1,8 +1,9 @@
 """Two fits of an axis: inverse dynamics (filtered least squares) and closed-loop output error.
 
-Inverse dynamics compares forces for the measured motion. It is fast, but noise of the motion biases
-it. Output error simulates axis and controller from the reference alone and compares positions. A
-wrong friction law then appears as a position error.
+Inverse dynamics compares the predicted motor force for the measured motion with the recorded force.
+This fit is fast, but noise of the measured motion biases its parameters. The output-error fit
+simulates axis and controller from the reference alone and compares positions. In an output-error
+fit a wrong friction law appears as a position error.
 """
 
 import dataclasses
@@ -34,7 +35,7 @@ _AT_ONCE = 8  # columns of a Jacobian per call
 
 @dataclass(frozen=True, eq=False, repr=False)
 class AxisFit(Described, Tabular):
-    """Parameters of an axis and how well they explain a record."""
+    """Parameters of an axis, and how well these parameters explain a record."""
 
     method: str
     """ "inverse dynamics" or "closed-loop output error"."""
@@ -55,8 +56,9 @@ class AxisFit(Described, Tabular):
 def inverse_dynamics(problem: AxisProblem, z: np.ndarray, free: np.ndarray) -> AxisFit:
     """Ordinary least squares of the prepared force over the rows of non-zero weight.
 
-    `relative_error` refers to the recorded force of these rows, as usual in robotics. `free` holds
-    the indices of the fitted parameters, `z` their starting values and the fixed values.
+    `relative_error` is the residual over the recorded force of the fitted rows, as usual in
+    robotics. `free` holds the indices of the fitted parameters. `z` holds the starting values of
+    fitted parameters and the values of fixed ones.
     """
     found = _solve(lambda z, index: _force_error(problem, z, index), z, free)
     used = np.asarray(problem.weight) > 0
@@ -70,8 +72,9 @@ def output_error(
 ) -> AxisFit | None:
     """Fit the simulated position by least squares; None without a controller or a mass.
 
-    Every tenth sample is compared. The controller is that of `closed_loop`; the recorded
-    disturbance is added to its force. Lags and delays of the force are not simulated.
+    The fit compares every tenth sample of the position. The simulated controller is that of
+    `closed_loop`; the recorded disturbance is added to its force. Lags and delays of the motor
+    force are not simulated.
     """
     drive, reference = record.drive, record.reference_position
     if drive is None or reference is None or record.position is None:

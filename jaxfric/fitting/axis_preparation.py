@@ -1,14 +1,16 @@
 """Preparation of an axis record: filtered motion, fewer rows to compare.
 
 The position passes a zero-phase low-pass (Butterworth, 4th order, forwards and backwards) and
-central differences. If rows are long, 20 to 39 samples of the motion are kept per row. They hold
-the whole passband, and more samples would only cost time. Recorded and predicted forces are then
-reduced to rows in the same way, by one of
+central differences. A row replaces several samples. If rows are long, 20 to 39 samples of the
+filtered motion are kept per row. These samples represent the whole passband, so more samples would
+only cost time. Recorded and predicted forces are then reduced to rows in the same way, by one of
 
-- `Means`: means of consecutive samples. White noise stays white, so the loop uses these rows.
+- `Means`: means of consecutive samples. White noise stays white in such means, so the loop uses
+  them.
 - the low-pass of longer rows: zero phase, magnitude 1/sqrt(1 + (f/f_N)^8), f_N half the row rate.
-  Passed and aliased power add up to 1 within 5 %, so that white noise stays white. It removes most
-  of the force at frequencies that the low-pass of the position, at 2 f_N, removes.
+  The passed and the aliased power of this low-pass add up to 1 within 5 %, so white noise stays
+  white. This low-pass removes most of the force above 2 f_N, where the low-pass of the position
+  removes motion.
 - `Decimator`: zero-phase low-pass (Chebyshev, 8th order, forwards and backwards), then sampling,
   as usual in robotics; published errors refer to these rows.
 """
@@ -55,10 +57,11 @@ class Preparation(NamedTuple):
 def usual(interval: float, cutoff: float | None = None) -> Preparation:
     """Default preparation: cutoff at a tenth of the sampling rate, ten samples per row.
 
-    Records slower than 200 Hz keep all rows, with a cutoff at a fifth of the rate. A given
-    `cutoff` [Hz] above half the default keeps the length of rows: short rows are worth more than
-    the motion that it removes. Below, a row lasts 1/cutoff (fast records). All forces are then
-    low-passed at half the cutoff, as the motion lacks higher frequencies.
+    Records sampled more slowly than 200 Hz keep all rows, with a cutoff at a fifth of the sampling
+    rate. A given `cutoff` [Hz] above half of the default does not change the length of rows. Short
+    rows are then worth more than the motion that the low-pass removes. With a `cutoff` below half
+    of the default, a row of a fast record lasts 1/cutoff. All forces are then low-passed at half
+    the cutoff, because the filtered motion lacks higher frequencies.
     """
     rate = 1 / interval
     share, rows = _CUTOFF_SHARE, round(1 / _CUTOFF_SHARE)
@@ -129,7 +132,8 @@ def shifted(
     late: Float[Array, ""],
 ) -> Float[Array, " N"]:
     """signal + lag signal', advanced by `lead`, delayed by `late` (first-order lag); to second
-    order in the times. Differences telescope in `Means`, so a jump of the signal does no harm.
+    order in the times. In the sum over the samples of a row differences cancel, so a jump of the
+    signal does no harm.
     """
     slope = jnp.asarray(jnp.gradient(signal)) / interval
     bend = jnp.asarray(jnp.gradient(slope)) / interval
@@ -180,9 +184,10 @@ class Prepared(NamedTuple):
 
 
 def acceleration_noise(prepared: Prepared) -> float:
-    """Standard deviation of the error of a row's acceleration, from the motion's white error.
+    """Standard deviation of a row's acceleration error, from white noise of the recorded motion.
 
-    White noise passes the low-pass (both ways), the central differences and the row filter.
+    White noise of the motion passes the low-pass (both ways), the central differences and the row
+    filter.
     """
     h, every = prepared.interval, prepared.preparation.decimation
     f = np.linspace(0, 0.5 / h, _BINS + 1)[1:]
@@ -206,8 +211,9 @@ def prepare(
 ) -> Prepared:
     """Filter and pad a record; all SI. Position or velocity may be missing.
 
-    Uneven sampling is interpolated to its median interval. With a zero-order hold (`held`) the
-    force acts half a sample late: `force` is then the mean of two neighbouring samples.
+    An unevenly sampled record is interpolated to its median sampling interval. With a zero-order
+    hold (`held`) the recorded force acts half a sample late. `force` is then the mean of two
+    neighbouring samples.
 
     Raises
     ------

@@ -1,7 +1,8 @@
 """The least-squares problem of an axis record by inverse dynamics: motor force from motion.
 
-Residual of every decimated row: (predicted - recorded force)/noise scale. `jaxfric.loop` fits it
-through the interface `AbstractProblem`: one vector of unbounded variables, rows with weights.
+The residual of every decimated row is (predicted - recorded force)/noise scale. `jaxfric.loop` fits
+an axis through the interface `AbstractProblem`: one vector of unbounded variables, rows with
+weights.
 """
 
 from collections.abc import Sequence
@@ -66,7 +67,7 @@ class AxisProblem(AbstractProblem):
     def possible(self, z: Float[Array, " p"] | np.ndarray) -> bool:
         """Whether friction dissipates at the recorded speeds: F_c and (F(v) - F(-v))/2 >= 0.
 
-        Negative values count as zero within `NEGLIGIBLE` of the force.
+        Negative friction below the share `NEGLIGIBLE` of the force counts as zero.
         """
         rig, at = self.rig(jnp.asarray(z)), jnp.mean(self.motion.position)
         v = self.typical.velocity * jnp.geomspace(SLOWEST, 1.0, _SPEEDS)
@@ -74,11 +75,11 @@ class AxisProblem(AbstractProblem):
         return bool(least >= -NEGLIGIBLE * self.sizes.force)
 
     def plain(self) -> "AxisProblem":
-        """Itself: its residuals are in units of `noise_scale`, not whitened."""
+        """The problem itself: its residuals are in units of `noise_scale`, not whitened."""
         return self
 
     def heavier(self, factor: int) -> "AxisProblem":
-        """Itself: inverse dynamics takes no steps."""
+        """The problem itself: inverse dynamics takes no solver steps."""
         return self
 
     def late_steps(self) -> tuple[np.ndarray, np.ndarray]:
@@ -88,8 +89,9 @@ class AxisProblem(AbstractProblem):
     def begun(self, z: np.ndarray) -> np.ndarray:
         """`z` with a mass that is not negligible.
 
-        A base model that lacks a spring or gravity drives the mass towards zero. There the force
-        does not depend on the logarithm of the mass, so a later fit could not recover it.
+        The fit of a base model that lacks a spring or gravity drives the mass towards zero. Near
+        zero mass the force does not depend on the logarithm of the mass, so a later fit could not
+        recover the mass.
         """
         z, i = np.array(z), self.model.names().index("M")
         about = self.on_host()
@@ -99,8 +101,9 @@ class AxisProblem(AbstractProblem):
         return z
 
     def predict(self, z: Float[Array, " p"] | Sequence[Array]) -> Float[Array, " n"]:
-        """Motor force at the decimated rows. A derivative by one parameter is cheaper if `z` is a
-        sequence of scalars: JAX then skips the other parameters."""
+        """Motor force at the decimated rows. If `z` is a sequence of scalars, JAX computes the
+        derivative by one parameter without the other parameters, which is cheaper.
+        """
         rig = self.rig(z)
         force = shifted(
             rig.force(self.motion), self.interval, lag=rig.lag, lead=rig.delay, late=rig.late
@@ -121,7 +124,7 @@ def make_problem(
     width: float,
     noise_scale: float,
 ) -> AxisProblem:
-    """The problem of a prepared record with the given weights of rows (0 or 1)."""
+    """The least-squares problem of a prepared record with the given weights of rows (0 or 1)."""
     motion, used = prepared.motion, weight > 0
     v = np.asarray(prepared.means(motion.velocity))[used]
     sizes = Sizes(
@@ -159,7 +162,7 @@ def make_problem(
 def shape_columns(
     problem: AxisProblem, zs: Float[Array, "c p"], amplitudes: tuple[int, ...]
 ) -> Float[Array, "n k"]:
-    """Derivatives of the prediction by some amplitudes, for every point in `zs`, in noise units."""
+    """Derivatives of the predicted force by some amplitudes at every point `zs`, in noise units."""
 
     def one(z):
         def push(i):

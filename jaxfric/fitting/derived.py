@@ -1,12 +1,14 @@
 """Quantities derived from a fit, with errors: A-B and the critical stiffness.
 
-A minus the sum of all B (a - b) is the slope of steady friction over ln V. It is linear in the
-parameters: its variance is w^T C w, with C the covariance of the fit and w = 1 for A, -1 for every
-B. Correlated errors of A and B cancel.
+A minus the sum of all B (a - b) is the slope of steady friction over ln V. This difference is
+linear in the parameters. Its variance is w^T C w, with C the covariance of the fit and w = 1 for A,
+-1 for every B. Correlated errors of A and B cancel in A - B.
 
-The critical stiffness, (B - A)/L for one state, is not linear. Its 95 % interval lies between the
-2.5 and 97.5 percentiles of samples from the covariance. Positive parameters (A, L) are sampled in
-their logarithms, like their own intervals. Neither interval is profiled.
+The critical stiffness, (B - A)/L for one state, is not linear in the parameters. The 95 % interval
+of the critical stiffness lies between the 2.5 and 97.5 percentiles of samples from the covariance.
+Positive parameters (A, L) are sampled in their logarithms, in which their own intervals are
+computed too. Neither the interval of A - B nor that of the critical stiffness is a
+profile-likelihood interval.
 """
 
 import dataclasses
@@ -32,7 +34,7 @@ SAMPLES = 4096
 
 
 class Estimated(Protocol):
-    """A result that has estimates with a covariance: a `Fit`, or a model of a loop."""
+    """A result with parameter estimates and their covariance: a `Fit`, or a model of a loop."""
 
     @property
     def parameters(self) -> Mapping[str, Estimate]: ...
@@ -43,7 +45,7 @@ class Estimated(Protocol):
 
 
 def amplitudes(fit: Estimated) -> list[str]:
-    """Names of A and all B, also those of effects ("second_state.B2"); empty without an A."""
+    """Names of A and all B, with the B of effects ("second_state.B2"); empty without an A."""
     letters = {n: n.rpartition(".")[2].rstrip("0123456789") for n in fit.parameters}
     names = [n for n, letter in letters.items() if letter in ("A", "B")]
     return names if any(letters[n] == "A" for n in names) else []
@@ -63,11 +65,11 @@ def difference(fit: Estimated) -> tuple[float, float]:
 
 
 def rate_dependence(fit: Estimated, span: float = 0.0) -> Estimate:
-    """A minus all B as an `Estimate`, in the unit of friction; its interval is +-1.96 errors.
+    """A minus all B as an `Estimate`, in the unit of friction; interval: +-1.96 standard errors.
 
-    It is determined if A and all B are, or if half its interval is less than the `span` of friction
-    in the record. Steady levels before and after a step can fix A-B even if the peak between them
-    is not resolved.
+    A - B is determined if A and all B are determined, or if half of its interval is less than the
+    `span` of friction in the record. The steady friction before and after a velocity step can fix A
+    - B even if the friction peak of the step is not resolved.
     """
     names = amplitudes(fit)
     value, std = difference(fit)
@@ -85,13 +87,14 @@ def rate_dependence(fit: Estimated, span: float = 0.0) -> Estimate:
 
 
 def critical_stiffness_of(law: AbstractRateState) -> float:
-    """Critical stiffness without mass and damping [friction/m]: equation (25) of the theory for a
-    `RateState`, (18)-(20) at V0 for another law."""
+    """Critical stiffness without mass and damping [friction/m]. A `RateState` law uses equation
+    (25) of the theory, another law equations (18)-(20) at V0.
+    """
     return float(_critical(law))
 
 
 def critical_stiffness_at(model: Model, values: Mapping[str, float]) -> float:
-    """Critical stiffness of a model [friction/m] with natural (SI) parameter values by name."""
+    """Critical stiffness of a model [friction/m] at the parameter values (SI), given by name."""
     if model.states == 1 and evolution_of(model.law) is not None:  # nothing to compile
         return float((values["B"] - values["A"]) / values["L"])
     own = np.asarray([values[name] for name in model.names()])
@@ -137,7 +140,7 @@ def samples_of(fit: Estimated, names: tuple[str, ...], number: int = SAMPLES) ->
 
 @dataclasses.dataclass(frozen=True)
 class Critical:
-    """The critical stiffness of a fit, and the ratio of the stiffness to it. SI."""
+    """The critical stiffness of a fit, and the ratio of loading to critical stiffness. SI."""
 
     stiffness: Estimate
     """K_cr [friction/m]; if 0 or less, steady sliding is stable at any stiffness."""
@@ -148,7 +151,8 @@ class Critical:
 def critical_of(fit: Estimated, model: Model, value: float, *, known: bool) -> Critical:
     """The critical stiffness `value` of a fit of `model`, with intervals.
 
-    `known`: all parameters in it are determined; otherwise the results are undetermined too.
+    `known`: all parameters of the critical stiffness are determined; otherwise the results are
+    undetermined too.
     """
     K, V0 = fit.parameters["K"], fit.parameters["V0"].value
     unit, ratio = K.unit, K.value / value if value > 0 else np.inf

@@ -1,10 +1,11 @@
 """Test for a drift of friction before the first velocity step that the fitted model lacks.
 
-Before the first step sliding is steady, so friction of the model changes by its slip trend alone.
-The rows are cut into eight blocks of equal size. A line through the block means of the residual
-over load-point displacement gives the missing drift. Its error follows from the scatter of the
-means about the line, which accounts for noise correlated within a block. The p-value is that of
-Student's t with six degrees of freedom.
+Before the first velocity step sliding is steady, so modelled friction changes by the slip trend
+alone. The rows before the first step are cut into eight blocks of equal size. A line through the
+block means of the residual over load-point displacement gives the missing drift. The standard error
+of the drift follows from the scatter of the block means about the line. This error accounts for
+noise that is correlated within a block. The p-value of the drift is that of Student's t with six
+degrees of freedom.
 """
 
 import math
@@ -26,7 +27,7 @@ _RARE, _CONTRADICTED = 1e-3, 1e-2
 
 
 class Drift(NamedTuple):
-    """Recorded minus modelled change of friction with load-point displacement before the step."""
+    """Recorded minus modelled change of friction with displacement before the first step."""
 
     slope: float
     """[F/m]."""
@@ -37,8 +38,9 @@ class Drift(NamedTuple):
 
 
 def drift_before(fit: Fit) -> Drift | None:
-    """The drift that a fit lacks before its first velocity step; None if there are too few rows, no
-    step, or no motion before it."""
+    """The drift of friction that a fit lacks before the first velocity step. None without a step,
+    without motion before the first step, or with too few rows.
+    """
     times, velocities = fit.steps.times, fit.steps.velocities
     moving = velocities[velocities != 0]
     if len(times) < 2 or velocities[0] == 0 or len(moving) < 2:
@@ -62,7 +64,7 @@ def drift_before(fit: Fit) -> Drift | None:
 
 
 def chance(slope: float, error: float, freedom: int) -> float:
-    """p-value of a slope under the hypothesis of no slope: Student's t, two-sided."""
+    """Two-sided p-value of a slope under the hypothesis of no slope, by Student's t."""
     from scipy.special import stdtr
 
     return 2 * float(stdtr(freedom, -abs(slope) / error)) if error > 0 else 1.0
@@ -94,8 +96,9 @@ def drift_warning(fit: Fit) -> tuple[str, ...]:
 
 
 def of_drift(values: Mapping[str, typing.Any], asking: str) -> Warned:
-    """The warning of a drift; `values` are slope, error, shift and the slip trend that was fitted
-    (None: none was), in the unit of friction and per m; `asking` is the option that fits one."""
+    """The warning about a drift. `values` are slope, error, shift and the fitted slip trend (None:
+    not fitted), in the unit of friction and per m. `asking` is the option that fits a slip trend.
+    """
     unit = "" if values["unit"] == "1" else f" {read_as(values['unit'])}"
     slope, trend = values["slope"], values["trend"]
     error = f"± {1e-3 * values['error']:.1g}{unit} per mm"

@@ -1,7 +1,7 @@
 """The encompassing model of all candidates: a base model that contains every effect at its null.
 
-One compilation of its residual and Jacobian serves every candidate, because a candidate only
-chooses which parameters are free.
+One compilation of the residual and its Jacobian serves every candidate model, because a candidate
+only chooses which parameters are free.
 """
 
 import math
@@ -20,7 +20,7 @@ R = TypeVar("R")
 
 
 class EncompassingModel(NamedTuple):
-    """A base model and effects; parameter "viscous.c" is field c of the effect viscous."""
+    """A base model and effects. The parameter "viscous.c" is field c of the effect `viscous`."""
 
     base: ParametricModel
     effects: tuple[type[AbstractEffect], ...]
@@ -28,7 +28,7 @@ class EncompassingModel(NamedTuple):
     """Ids of heavy effects that are expanded to first order; valid only at their null."""
 
     def names(self) -> tuple[str, ...]:
-        """The base's names, then those of the effects in order."""
+        """Parameter names of the base, then those of the effects in order."""
         return (*self.base.names(), *(name for e in self.effects for name in names_of(e)))
 
     def quantity(self, name: str) -> Quantity:
@@ -47,7 +47,7 @@ class EncompassingModel(NamedTuple):
         return self.embed(self.base.rig(values[:n], V0, stiffness), values[n:])
 
     def embed(self, rig: R, values: Sequence[Array] | Float[Array, " e"]) -> R:
-        """A rig with every effect embedded; `values` are those of the effects alone."""
+        """A rig with every effect embedded; `values` holds the parameters of the effects alone."""
         n = 0
         for effect in self.effects:
             fields = list(parameters(effect))
@@ -61,7 +61,7 @@ class EncompassingModel(NamedTuple):
         return rig
 
     def nulls(self) -> list[float]:
-        """Values of the effects' parameters at their null."""
+        """Values of the effects' parameters at which the effects change nothing."""
         return [float(getattr(null(e), name)) for e in self.effects for name in parameters(e)]
 
     def columns(self, ids: tuple[str, ...]) -> list[int]:
@@ -70,7 +70,7 @@ class EncompassingModel(NamedTuple):
         return [i for i, name in enumerate(self.names()) if name in wanted]
 
     def amplitudes(self, id: str) -> list[int]:
-        """Indices of the amplitudes of one effect: its parameters without a lower bound."""
+        """Indices of the amplitudes of one effect: the parameters without a lower bound."""
         return [
             i
             for i in self.columns((id,))

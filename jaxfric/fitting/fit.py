@@ -1,9 +1,11 @@
 """`fit(record, stiffness=...)`: rate-and-state parameters of a velocity-step record.
 
-Weights: "ordinary" least squares minimises the plain sum of squares, as published fits do.
-"whitened" weights by the estimated noise, which is more precise if noise is correlated. Errors of
-both account for correlated noise. Detected step times are fitted too if their errors exceed the
-noise. With `rows` the record is averaged; time falls in proportion, errors use the new noise.
+`weighting="ordinary"` minimises the plain sum of squares, as published fits do.
+`weighting="whitened"` weights the residual by the estimated noise, which is more precise if noise
+is correlated. The standard errors of both weightings account for correlated noise. Detected step
+times are fitted too if their errors change friction by more than the noise allows. With `rows` the
+record is averaged first. A fit of averaged rows is faster in proportion, and its errors use the
+noise of the averages.
 """
 
 import dataclasses
@@ -79,8 +81,8 @@ def fit(
 ) -> Fit:
     """Fit f0, A, B_i, L_i (and K, and a slip trend) to a record of velocity steps.
 
-    The slider starts in steady sliding at the first velocity. A spring pulls it; it has no mass
-    (`rig.QuasiStatic`) or a given mass (`rig.Inertial`):
+    The slider starts in steady sliding at the first velocity. A spring pulls the slider, which has
+    no mass (`rig.QuasiStatic`) or a given mass (`rig.Inertial`):
     f = f0 + A ln(V/V0) + sum_i theta_i (+ s x), K (x_m - x) = f - f_start (+ m dV/dt).
 
     Parameters
@@ -172,8 +174,10 @@ def finished(
     whitened: bool = False,
     profile: Callable[[str], None] | None = None,
 ) -> Fit:
-    """The `Fit` of a solution and the noise of its residual. This noise refines the solution: no
-    outliers, balanced weights on step times, and whitened residuals if `whitened`."""
+    """The `Fit` of a solution and the noise of its residual. The estimated noise refines the
+    solution: outliers are excluded, the weights on step times balanced, and residuals whitened if
+    `whitened`.
+    """
     written = recorded_steps(task.record.friction)
     found = _noise(problem, solution, written)
     solved, found = _without_glitches(problem, solution, found, task.steps, written)
@@ -217,7 +221,7 @@ def require_float64() -> None:
 
 
 def few_rows(record: Record, rows: int, steps: VelocitySteps) -> tuple[Record, tuple[str, ...]]:
-    """The record averaged over neighbouring rows, and a warning if this flattens its peaks."""
+    """The record averaged over neighbouring rows, and a warning if averaging flattens peaks."""
     few = thinned(record, rows, steps)
     lost = blur(few, noise_from_differences(few.friction)) if few is not record else 0.0
     if lost < _BLUR:
@@ -237,7 +241,7 @@ def wanted_model(law: str, states: int, fit_stiffness: bool, slip_trend: bool) -
 
 
 def steps_of(record: Record, steps: VelocitySteps | str | None) -> VelocitySteps:
-    """The velocity steps to fit: as given, or detected in the load-point motion.
+    """The velocity steps to fit: the given steps, or steps detected in the load-point motion.
 
     Raises `InputError` if there is no step, or if the record is no step test.
     """
@@ -266,11 +270,11 @@ def steps_of(record: Record, steps: VelocitySteps | str | None) -> VelocitySteps
 
 
 def forward_steps(record: Record, steps: VelocitySteps) -> tuple[VelocitySteps, float]:
-    """Steps that begin forwards, and the sign (1 or -1) that friction must be multiplied by.
+    """Velocity steps that begin forwards, and the factor (1 or -1) of friction for these steps.
 
-    Steps that begin backwards are mirrored. Friction is mirrored too if it is negative there: it is
-    then a force that follows the motion, not an always positive coefficient. Raises `InputError`
-    if friction is negative while the load point moves forwards.
+    Velocity steps that begin backwards are mirrored. Friction is mirrored too if it is negative in
+    backward motion. Such friction is a force that follows the motion, not an always positive
+    coefficient. Raises `InputError` if friction is negative while the load point moves forwards.
     """
     until = steps.times[1] if len(steps) > 1 else np.inf
     begin = float(np.mean(record.friction[record.relative_time < until]))

@@ -1,14 +1,16 @@
 """The least stiffness that the rows of a record allow.
 
-The spring balances the friction of a massless slider: K (x_m - x) = f - f_start. While the slider
-does not move backwards, friction rises by at most K times the path of the load point:
+The spring of stiffness K balances the friction of a massless slider: K (x_m - x) = f - f_start.
+While the slider does not move backwards, friction rises by at most K times the path of the load
+point:
 
     K >= (f_2 - f_1)/(x_m2 - x_m1)
 
-A step to a higher speed shows it best: friction rises by the direct effect while the spring
-stretches. The bound uses half of that rise, which noise blurs least, and ignores single outliers.
-There is an upper bound too: a much stiffer spring would have shown this rise one row earlier. Until
-half of the direct effect the slider moves with at most V/r^(1/2), for a step by the factor r to V.
+A step to a higher speed shows this bound best: friction rises by the direct effect while the spring
+stretches. The bound uses half of the rise of friction, which noise blurs least, and ignores single
+outliers. The record also gives an upper bound: a much stiffer spring would show the rise of
+friction one row earlier. For a step by the factor r to V the slider moves with at most V/r^(1/2),
+until friction has risen by half of the direct effect.
 """
 
 from typing import NamedTuple
@@ -34,7 +36,7 @@ step by a factor of 2 needs some 3 times the path of the bare spring for its hal
 
 
 class Loading(NamedTuple):
-    """A rise of friction within a path of the load point [m] after the step at `time` [s]."""
+    """A rise of friction within a load-point path [m], after the velocity step at `time` [s]."""
 
     time: float
     rise: float
@@ -45,12 +47,12 @@ class Loading(NamedTuple):
 
     @property
     def stiffness(self) -> float:
-        """The least stiffness that allows this rise [friction/m]."""
+        """The least stiffness that allows the recorded rise of friction [friction/m]."""
         return self.rise / self.path
 
 
 def steepest_loading(record: Record, sign: float, steps: VelocitySteps) -> Loading | None:
-    """The rise that needs the stiffest spring; None if no step shows a rise.
+    """The rise of friction that needs the stiffest spring; None if no velocity step shows a rise.
 
     `steps` begin forwards (`fit.forward_steps`), and `sign` is the sign of friction for them.
     """
@@ -88,7 +90,7 @@ def _held(rise: np.ndarray) -> np.ndarray:
 
 
 def refuse_contradicted(loading: Loading | None, K: float, friction_unit: str) -> None:
-    """Raise `InputError` for a stiffness far below the bound from the rows."""
+    """Raise `InputError` for a stated stiffness far below the least one that the rows allow."""
     if loading is not None and loading.stiffness > _IMPOSSIBLE * K:
         raise InputError(
             f"stiffness is {_number(K, friction_unit)}, and the rows contradict it:"
@@ -97,7 +99,7 @@ def refuse_contradicted(loading: Loading | None, K: float, friction_unit: str) -
 
 
 def doubts(loading: Loading | None, K: float, friction_unit: str) -> tuple[str, ...]:
-    """A warning for a stiffness below the bound from the rows, or far above the observed one."""
+    """A warning for a stiffness below the least possible one, or far above the observed one."""
     if loading is None:
         return ()
     if _STIFF * loading.earlier < K:

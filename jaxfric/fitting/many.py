@@ -1,12 +1,12 @@
 """`fit_many(records, stiffness=...)`: many records of velocity steps by a few compiled calls.
 
 Records are padded to a few sizes. Records of one size are fitted in batches: starting values from a
-coarse grid, then one descent by `minimise`. The cost is one simulation with all tangents per
-evaluated point. The rest (averages, errors, warnings) is computed record by record.
+coarse grid, then one descent by `minimise`. An evaluated point of a descent costs one simulation
+with all tangents. Averages, errors and warnings are computed record by record.
 
-A batch lasts as long as its slowest member. So a descent is cut after a few points, and unfinished
-records continue in new batches. A second and third descent, from other starting values, are made
-only for records that are not yet fitted to their noise.
+A batch takes as long as its slowest record. So a descent is stopped after a few points, and
+unfinished records continue in new batches. Only records whose misfit still exceeds their noise get
+a second and third descent, from other starting values.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -72,8 +72,8 @@ def fit_many(
 ) -> list[Fit]:
     """Fit f0, A, B_i, L_i (and K, and a slip trend) to each of many records of velocity steps.
 
-    Model and result equal those of `jaxfric.fit` within a thousandth of the errors. Only
-    `jaxfric.fit` has `weighting`, `profile`, `rows` and `start`.
+    Parameters agree with those of `jaxfric.fit` within a thousandth of their standard errors. Only
+    `jaxfric.fit` has the options `weighting`, `profile`, `rows` and `start`.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ def fit_tasks(
     noise: str = "estimated",
     progress: Callable[[str], None] = silent,
 ) -> list[Fit]:
-    """`fit_many` for tasks made by `task_of`; tasks with the same model share batches."""
+    """Fit many tasks, each made by `task_of`. Tasks with the same model share batches."""
     # records that turn back need the regularised law, which is another model
     models: dict[Model, list[int]] = {task.model: [] for task in tasks}
     for i, task in enumerate(tasks):
@@ -148,7 +148,7 @@ def fit_what_can_be(
     reference_velocity: float | str | None,
     progress: Callable[[str], None],
 ) -> list[Fit | str]:
-    """`fit_many` with stiffness, mass and law per record; a refused record gives the reason."""
+    """Fit many records, each with its own stiffness, mass and law; refused ones give the reason."""
     require_float64()
     ends: list[Fit | str] = [""] * len(records)
     tasks: dict[int, FitTask] = {}

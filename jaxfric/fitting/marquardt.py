@@ -8,8 +8,9 @@ from scipy.optimize import least_squares
 
 
 class Descent(NamedTuple):
-    """End of a descent: the point, residual and Jacobian there, whether the solver reports
-    convergence, and the number of evaluated points."""
+    """End of a descent: the last point with its residual and Jacobian. Also whether the solver
+    reports convergence, and the number of evaluated points.
+    """
 
     y: np.ndarray
     residual: np.ndarray
@@ -29,8 +30,9 @@ def levenberg_marquardt(
 ) -> Descent:
     """Descend from `start` to a least-squares point.
 
-    `both` gives residual (r,) and Jacobian (r, p) at a point (p,). It is called once per point, for
-    at most `most` points; not at `start` if both are `known` there.
+    `both` gives residual (r,) and Jacobian (r, p) at a point (p,). `both` is called once per point,
+    for at most `most` points. `known` holds residual and Jacobian at `start`, if they are already
+    computed.
     """
     last = {} if known is None else {start.tobytes(): known}
 

@@ -1,26 +1,28 @@
 """`minimise(residual, z0, args)`: least squares that JAX compiles, batches and differentiates.
 
-It minimises |r(z, p)|^2 over z by the Levenberg-Marquardt method of optimistix. One evaluation
-gives the residual r (n,) and its Jacobian J (n, q) together, in forward mode. The method needs
-nothing else, so a fit costs one simulation with all tangents per evaluated point.
+`minimise` finds the z with the least |r(z, p)|^2, by the Levenberg-Marquardt method of optimistix.
+One evaluation gives the residual r (n,) and its Jacobian J (n, q) together, in forward mode. The
+method needs only residual and Jacobian, so a fit costs one simulation with all tangents per
+evaluated point.
 
 A descent ends when the next Gauss-Newton step d = -(J^T J)^-1 J^T r is small:
 
     |J d| <= rtol |r|/sqrt(n) + atol.
 
-If r is noise, |r|/sqrt(n) is its standard deviation. |J d| over this is the length of d in standard
-errors of the parameters, so rtol = 1e-3 ends within a thousandth of an error. The test
-does not depend on the units of z and r. A trial whose residual is not finite, or is huge (a slider
-that ran away), is rejected, and the next step is shorter. If only ever shorter steps are accepted,
-the descent ends within 30 rtol.
+If the residual r is noise, |r|/sqrt(n) is the standard deviation of the noise. |J d| over this
+standard deviation is the length of the step d in standard errors of the parameters. So with rtol =
+1e-3 a descent ends within a thousandth of a standard error. This test of convergence does not
+depend on the units of z and r. A trial whose residual is not finite, or is huge (a slider that ran
+away), is rejected. The step after a rejected trial is shorter. If only ever shorter steps are
+accepted, the descent ends within 30 rtol.
 
 Derivatives of the minimum z*(p) come from F(z, p) = J^T r = 0 (the implicit function theorem):
 
     dz*/dp = -F_z^-1 F_p,   F_z = J^T J + sum_i r_i d^2 r_i/dz^2.
 
 F_z is the true Hessian, not the J^T J of Gauss and Newton, so the derivative is exact even if the
-residual is large. The descent itself is not differentiated. Second derivatives differentiate this
-rule again, which needs third derivatives of r by z.
+residual is large. The descent itself is not differentiated. Second derivatives of the minimum
+differentiate the rule for dz*/dp again, which needs third derivatives of r by z.
 """
 
 from collections.abc import Callable
@@ -54,8 +56,9 @@ _DAMPING = 1e-3
 
 
 class Minimum(NamedTuple):
-    """End of a descent. All entries except `result` and `evaluations` have derivatives by
-    `args`."""
+    """End of a descent. All fields of the result except `result` and `evaluations` have derivatives
+    by `args`.
+    """
 
     value: Float[Array, " q"]
     """z*."""
@@ -87,8 +90,8 @@ def minimise(
 ) -> Minimum:
     """Minimise |residual(z, args)|^2 from `z0`; see the module for the method.
 
-    It works under `jax.jit`, `jax.vmap`, `jax.jacfwd` and `jax.grad`. Under `vmap` the descent
-    lasts as long as that of the slowest member. If the Hessian is singular, derivatives use its
+    `minimise` works under `jax.jit`, `jax.vmap`, `jax.jacfwd` and `jax.grad`. Under `vmap` all
+    descents take as long as the slowest one. If the Hessian is singular, derivatives use its
     pseudo-inverse.
 
     Parameters
@@ -132,8 +135,9 @@ def minimise(
 def residual_with_jacobian(
     residual: Residual, z: Float[Array, " q"], args: PyTree
 ) -> tuple[Float[Array, " n"], Float[Array, "n q"]]:
-    """r and J at `z` from one evaluation with all tangents; entries of J that are not finite are
-    set to 0."""
+    """Residual r and Jacobian J at `z`, from one evaluation with all tangents. Entries of J that
+    are not finite are set to 0.
+    """
 
     def push(tangent: Array) -> tuple[Array, Array]:
         return jax.jvp(lambda z: residual(z, args), (z,), (tangent,))
@@ -210,7 +214,7 @@ class _Damped(optx.AbstractDescent):
     """
 
     def init(self, y: Float[Array, " q"], f_info_struct: PyTree) -> PyTree:
-        """Nothing is known before the first evaluation."""
+        """State of the method before the first evaluation of the residual."""
         q, n = y.shape[0], f_info_struct.residual.shape[0]
         return jnp.zeros(n, y.dtype), jnp.zeros((n, q), y.dtype)
 
@@ -221,7 +225,7 @@ class _Damped(optx.AbstractDescent):
     def step(
         self, step_size: Float[Array, ""], state: tuple[Array, Array]
     ) -> tuple[Float[Array, " q"], optx.RESULTS]:
-        """The step from there, with l = `_DAMPING`/`step_size`."""
+        """The step from the last accepted point, with the damping l = `_DAMPING`/`step_size`."""
         left, jacobian = state
         unit, size = _unit_columns(jacobian)
         damped = unit.T @ unit + _DAMPING / step_size * jnp.eye(unit.shape[1])

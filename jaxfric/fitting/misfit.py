@@ -18,23 +18,24 @@ COLUMN = (
 
 
 def excess(fit: Fit) -> float:
-    """Root mean square of the residual over the scatter of neighbouring rows of the record."""
+    """rms of the residual, divided by the scatter of neighbouring rows of the record."""
     return fit.rms / scatter(fit)
 
 
 def scatter(fit: Fit) -> float:
-    """Standard deviation of the noise by the scatter of neighbouring rows [friction]."""
+    """Standard deviation of the noise from the scatter of neighbouring rows [friction]."""
     return noise_from_differences(fit.record.friction)
 
 
 def misfit_warning(fit: Fit) -> tuple[str, ...]:
-    """Warning if the residual is far above the scatter of neighbouring rows: possible causes, and
-    the command that distinguishes them."""
+    """Warning if the residual is far above the scatter of neighbouring rows. The warning names
+    possible causes, and the command that distinguishes these causes.
+    """
     return (_warning((fit,)),) if fit.converged and excess(fit) >= EXCESS else ()
 
 
 def misfit_warning_of(fits: Sequence[Fit]) -> tuple[str, ...]:
-    """One warning for all `fits` (of one kind of model) that have this warning."""
+    """One common misfit warning for all `fits` (of one kind of model) that have one."""
     left = [fit for fit in fits if any(is_of(text, WarningCode.MISFIT) for text in fit.warnings)]
     return (_warning(left),) if left else ()
 

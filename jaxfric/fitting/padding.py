@@ -1,4 +1,4 @@
-"""Arrays of few shapes, so that few are compiled: padding, and removal of rows of weight 0."""
+"""Padding of arrays, and removal of rows of weight 0, so that JAX compiles few array shapes."""
 
 import numpy as np
 from jaxtyping import Array, Float
@@ -29,7 +29,7 @@ WIDE = 48
 
 
 def padded_columns(columns: np.ndarray, *, size: int = 8) -> Float[np.ndarray, "n m"]:
-    """Pad with zero columns to a multiple of `size`, so that few shapes are compiled."""
+    """Pad with zero columns to a multiple of `size`, so that JAX compiles few array shapes."""
     more = -columns.shape[1] % size
     return columns if not more else np.pad(columns, ((0, 0), (0, more)))
 
@@ -44,7 +44,8 @@ def counted_rows(
     padded to a bucket size.
 
     Correlation decays with the distance that a clock covers in either direction, so a clock that
-    turns back is replaced by its path. The result is that of skipping the rows, and costs less.
+    turns back is replaced by its path. Removing rows of weight 0 gives the same noise as skipping
+    them, and costs less.
     """
     clock, weight, columns, scale = (np.asarray(x) for x in (clock, weight, columns, scale))
     on = np.flatnonzero(weight > 0)

@@ -2,8 +2,8 @@
 
 A fit can end far outside the range of the record: a slip length longer than the total slip,
 amplitudes that cancel each other, a stiffness so low that the whole load-point path has no effect.
-There the misfit valley is curved and the linearised error is meaningless. A parameter outside these
-bounds is therefore reported as undetermined.
+At such parameters the valley of the misfit is curved and the linearised error is meaningless. A
+parameter outside the following bounds is therefore reported as undetermined.
 
     L   between 1/100 of the least slip from row to row and the slip of the whole record
     A, |B|   up to 30 times the range of friction per e-fold of the largest change of velocity
@@ -22,7 +22,7 @@ _LEAST_L, _MOST_FORCE, _MOST_OFFSET = 0.01, 30.0, 10.0
 def bounds_of(
     name: str, time: np.ndarray, friction: np.ndarray, steps: VelocitySteps, noise: float
 ) -> tuple[float, float] | None:
-    """Least and largest plausible value [SI] of a parameter; None if the record sets no bounds.
+    """Least and largest plausible value of a parameter [SI]; None if the record sets no bounds.
 
     `time` [s] from the first row, `friction` with the sign of the fit; `noise` is the scatter of
     neighbouring rows [force].

@@ -1,12 +1,13 @@
 """The least-squares problem of a velocity-step record: parameters <-> rig <-> residual.
 
-Parameters are kept in one vector of unbounded variables: positive quantities by their
-logarithm, signed ones in units of a force typical of the record. Records are padded to a few
-sizes, with zero weight, so that another record does not compile again.
+Parameters form one vector of unbounded variables: positive quantities by their logarithm, signed
+ones in units of a force typical of the record. Records are padded with rows of zero weight to a few
+sizes, so that JAX need not compile again for another record.
 
-Step times detected in a noisy displacement are uncertain. With a stiff spring a time error of a
-hundredth of a second is a misfit. Where this matters, step times are parameters too, in units of
-their standard error, each constrained by one more residual.
+Times of velocity steps are uncertain if they are detected in a noisy displacement. With a stiff
+spring an error of a hundredth of a second in a step time causes a misfit. If this error matters,
+step times are parameters too, in units of their standard error. One more residual constrains each
+of these step times.
 """
 
 import dataclasses
@@ -54,7 +55,7 @@ def quantity_of(name: str) -> Quantity:
 
 
 class RigModel(ParametricModel, Protocol):
-    """The model fitted to a slider's record: parameters, and the rig that they define."""
+    """The model fitted to a slider's record: parameters, and the rig with these parameters."""
 
     def rig(
         self, values: Float[Array, " p"], V0: Float[Array, ""], stiffness: Float[Array, ""]
@@ -81,7 +82,7 @@ class Model(NamedTuple):
         return (*names, *(f"level{k + 2}" for k in range(self.levels)))
 
     def quantity(self, name: str) -> Quantity:
-        """Symbol, unit and bounds of a parameter, see `quantity_of`."""
+        """Symbol, unit and bounds of a parameter, as from `quantity_of`."""
         return quantity_of(name)
 
     def rig(
@@ -99,9 +100,9 @@ class Channel(eqx.Module):
     """A second recorded quantity: "slip" of the slider or measured position of the "load_point",
     minus the commanded position [m].
 
-    Errors of the steps accumulate in a position, but cancel in its difference from the recorded
-    command. The noise is white. The zero is unknown, so only deviations from the mean with weights
-    `anchor` count.
+    Errors of step times accumulate in a position, but cancel in the difference between this
+    position and the recorded command. The noise of a channel is white. The zero of a channel is
+    unknown, so only deviations from its mean with weights `anchor` count.
     """
 
     values: Float[Array, " n"]
@@ -111,7 +112,7 @@ class Channel(eqx.Module):
 
 
 class Problem(AbstractProblem):
-    """A padded record, its motion and a `Model`. All arrays SI; time starts at 0."""
+    """A padded record with its motion and a `Model`. All arrays are in SI; time starts at 0."""
 
     time: Float[Array, " n"]
     friction: Float[Array, " n"]
@@ -156,15 +157,16 @@ class Problem(AbstractProblem):
         return self.motion.times + self._delays(z)
 
     def late_steps(self) -> tuple[np.ndarray, np.ndarray]:
-        """Step time [s] of every shift, and the displacement [m] by which a shift of 1 delays the
-        load point."""
+        """Time [s] of every velocity step whose time is fitted. Also the displacement [m] by which
+        a shift of 1 in this time delays the load point.
+        """
         here = self.on_host()
         V, shifted = here.motion.velocities, here.shifted
         trails = (V[shifted] - V[shifted - 1]) * here.shift_scale
         return np.asarray(here.motion.times[shifted]), np.asarray(trails)
 
     def begun(self, z: np.ndarray) -> np.ndarray:
-        """`z` itself."""
+        """The start `z` itself."""
         return z
 
     def _delays(self, z: Float[Array, " q"]) -> Float[Array, " m"]:
@@ -192,8 +194,9 @@ class Problem(AbstractProblem):
     def damped(self, strength: float) -> "Problem":
         """A copy of this problem with an additional dashpot that stops a runaway.
 
-        At the largest commanded speed its force is `strength` times the force scale: small in
-        steady motion, dominant at 1/strength times that speed.
+        At the largest commanded speed the force of the dashpot is `strength` times the force scale.
+        This force is small in steady motion, but dominant at 1/strength times the largest commanded
+        speed.
         """
         here = self.on_host()
         dashpot = jax.device_put(strength * here.force_scale / here.motion.largest_speed())
@@ -204,7 +207,7 @@ class Problem(AbstractProblem):
         return dataclasses.replace(self, max_steps=factor * self.max_steps)
 
     def possible(self, z: Float[Array, " q"] | np.ndarray) -> bool:
-        """Whether the total friction is physically possible: for a slider always."""
+        """Whether the total friction is physically possible; always true for a slider."""
         return True
 
     def whitened(self, noise: Noise) -> "Problem":
@@ -216,7 +219,7 @@ class Problem(AbstractProblem):
         return dataclasses.replace(self, noise=None, hold=_ones(self.hold))
 
     def holding(self, hold: np.ndarray) -> "Problem":
-        """A copy with other weights `hold` on the shifts of the step times."""
+        """A copy with other weights `hold` on the shifts of step times."""
         return dataclasses.replace(self, hold=jax.device_put(hold))
 
     def predict(
@@ -256,10 +259,10 @@ class Problem(AbstractProblem):
         return slip - (jax.vmap(self.motion.displacement)(self.time) - late)
 
     def residual(self, z: Float[Array, " q"]) -> Float[Array, " r"]:
-        """(predicted - recorded)/noise_scale, then the same for every channel with its own noise,
+        """(predicted - recorded)/noise_scale of friction, then of every channel with its own noise,
         then `hold` times the shifts of the step times.
 
-        It is 0 on padding, and `FAILED_MISFIT` for a failed trial.
+        The residual is 0 on padding, and `FAILED_MISFIT` for a failed simulation.
         """
         predicted, seen, ok = self.predict(z)
         residual = (predicted - self.friction) / self.noise_scale
@@ -297,8 +300,10 @@ def step_times_at(problem: Problem, z: Float[Array | np.ndarray, " q"]) -> Float
 
 
 class ProblemSizes(NamedTuple):
-    """Reference velocity [m/s]; stiffness [F/m]; noise [F], the unit of residuals; force [F], the
-    unit of unbounded signed parameters; mass [F s^2/m], None if negligible."""
+    """Scales of a problem; F is the unit of friction. Reference velocity [m/s]; stiffness [F/m];
+    noise [F], the unit of residuals; force [F], the unit of unbounded signed parameters; mass [F
+    s^2/m], None if negligible.
+    """
 
     V0: float
     stiffness: float
@@ -308,7 +313,7 @@ class ProblemSizes(NamedTuple):
 
 
 def clock_of(time: np.ndarray, steps: VelocitySteps) -> np.ndarray:
-    """Coordinates in which noise may be correlated (n, 3): time [s], load-point path [m], rows."""
+    """Coordinates of correlated noise (n, 3): time [s], load-point path [m], row number."""
     path = np.cumsum(np.abs(np.diff(steps.displacement(time), prepend=0.0)))
     return np.stack([time, path, np.arange(len(time))], axis=1)
 
@@ -325,8 +330,8 @@ def make_problem(
 ) -> Problem:
     """Pad a record (time from 0 [s], friction) to a bucket size and attach the scales.
 
-    `shifted` holds the indices of the steps whose times are parameters; `steps` must then
-    have `time_errors`. With `on_host` arrays stay in NumPy, for problems that are sent to the
+    `shifted` holds the indices of the velocity steps whose times are parameters; `steps` must then
+    have `time_errors`. With `on_host` all arrays stay in NumPy, for problems that are sent to the
     device in batches.
     """
     n, clock = len(time), clock_of(time, steps)
@@ -369,10 +374,10 @@ def make_problem(
 
 
 def most_steps(velocities: int) -> int:
-    """Most solver steps of a simulation with so many velocities.
+    """Largest number of solver steps for a simulation with this number of velocities.
 
-    A tenfold step of the slip law takes 100 at 8 times the critical stiffness, 180 at 3 times, 300
-    at 2 times. So 256 per velocity are allowed, at least 4096. The limit is a power of two, because
-    each value is compiled.
+    A tenfold velocity step of the slip law takes 100 solver steps at 8 times the critical
+    stiffness, 180 at 3 times, 300 at 2 times. So 256 solver steps per velocity are allowed, at
+    least 4096. The limit is a power of two, because JAX compiles anew for each limit.
     """
     return max(4096, 1 << (256 * velocities - 1).bit_length())

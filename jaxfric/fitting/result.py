@@ -33,7 +33,7 @@ from .trend import shift_with_trend
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Fit(Described, Drawable, Gridded, Tabular):
-    """A fitted record. Parameters in SI; friction quantities in the record's unit (1 or N)."""
+    """A fitted record. Parameters are in SI, friction quantities in the record's unit (1 or N)."""
 
     record: Record
     steps: VelocitySteps
@@ -61,7 +61,7 @@ class Fit(Described, Drawable, Gridded, Tabular):
 
     @property
     def residual(self) -> np.ndarray:
-        """Record minus fit."""
+        """Recorded minus fitted friction."""
         return self.record.friction - self.predicted
 
     @property
@@ -89,8 +89,9 @@ class Fit(Described, Drawable, Gridded, Tabular):
 
     @property
     def A_minus_B(self) -> Estimate:
-        """A minus all B (a - b), the rate dependence of steady friction, with its error; in the
-        unit of friction. Negative values are velocity weakening."""
+        """A minus all B (a - b), the rate dependence of steady friction, with its standard error,
+        in the unit of friction. A negative A - B is velocity weakening.
+        """
         found = rate_dependence(self, float(np.ptp(self.record.friction)))
         return found if self.converged else replace(found, determined=False)
 
@@ -111,7 +112,8 @@ class Fit(Described, Drawable, Gridded, Tabular):
     @functools.cached_property
     def with_trend(self) -> tuple[float, float] | None:
         """A minus all B and its standard error if a slip trend were fitted too, to first order.
-        None if the fit has a slip trend or did not converge."""
+        None if the fit already has a slip trend or did not converge.
+        """
         if self.solved is None or not self.converged or self.model.slip_trend:
             return None
         way = self.steps.displacement(self.record.relative_time)
@@ -119,8 +121,9 @@ class Fit(Described, Drawable, Gridded, Tabular):
         return difference(self)[0] + moved, error
 
     def stability(self) -> Claim:
-        """The stability claim from A and all B (and L, for a critical stiffness), made only if
-        a fitted slip trend would not change it."""
+        """The stability claim from A and all B (and L, for a critical stiffness). The claim is made
+        only if a fitted slip trend would not change it.
+        """
         return held_with_trend(self.claim(), self.with_trend)
 
     @functools.cached_property
@@ -158,7 +161,7 @@ def tidy_unit(unit: str) -> str:
 
 
 def display_unit(name: str, fit: Fit) -> str:
-    """The unit in which a parameter is shown: the record's own for lengths and velocities."""
+    """The unit in which a parameter is shown; the record's own unit for lengths and velocities."""
     friction = fit.record.friction_unit
     length = fit.record.units.get("load_point_displacement", "um")
     length = "um" if length.startswith("micro") else length

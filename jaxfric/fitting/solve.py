@@ -1,9 +1,9 @@
 """The best of several descents: `minimise` from one start after the other.
 
 One compiled function has three uses: a descent, an evaluation at one point (a descent of one step),
-and a descent along a profile, with some parameters fixed. Descents of one record are not batched:
-the first often reaches the noise, and then no other is made. On a step of 500 rows a descent takes
-5 ms; MINPACK takes 8 ms, because it returns to Python at every point.
+and a descent along a profile, with some parameters fixed. Descents of one record are not batched,
+because the first descent often reaches the noise and no other is needed. On a velocity step of 500
+rows a descent takes 5 ms. MINPACK takes 8 ms, because it returns to Python at every point.
 """
 
 import time
@@ -29,7 +29,8 @@ _DASHPOTS = (1e-2, 2e-3, 4e-4, 8e-5, 1.6e-5, 3e-6, 6e-7)  # strengths, see `Prob
 
 class Solution(NamedTuple):
     """End of a descent: parameters, residual, Jacobian, convergence and number of evaluated points.
-    Under tracing all fields are JAX arrays."""
+    While JAX traces, all fields of a solution are JAX arrays.
+    """
 
     z: Float[Array, " q"]
     residual: Float[np.ndarray, " r"]
@@ -44,8 +45,9 @@ class Solution(NamedTuple):
 def descent(
     problem: Problem, z: Float[Array, " q"], free: Bool[Array, " q"], most: Int[Array, ""]
 ) -> Solution:
-    """One descent of at most `most` points from `z` over the parameters that are `free`; columns of
-    the Jacobian are 0 for the others."""
+    """One descent of at most `most` points from `z` over the `free` parameters. Columns of the
+    Jacobian are 0 for fixed parameters.
+    """
     found = minimise(_held, z, (problem, z, free), max_steps=most)
     there: Any = jnp.where(free, found.value, z)
     left: tuple[Any, ...] = (found.residual, found.jacobian, found.converged, found.evaluations)
@@ -61,7 +63,7 @@ def _held(z: Float[Array, " q"], args: tuple[Problem, Array, Array]) -> Float[Ar
 def descend(
     problem: Problem, z: np.ndarray, free: np.ndarray | None = None, *, most: int = _TRIALS[1]
 ) -> Solution:
-    """`descent` with NumPy arrays; `free` holds indices, None: all parameters."""
+    """A descent with NumPy arrays; `free` holds the indices of free parameters, None: all."""
     which = np.ones(len(z), bool)
     if free is not None:
         which = np.isin(np.arange(len(z)), free)
@@ -96,7 +98,7 @@ def solve(
     """Minimise the sum of squared residuals from up to `refine` of the `starts`, best first.
 
     No further start is tried once a descent reaches the noise. `progress` receives the number of
-    the descent and the time of the previous one.
+    the descent and the duration of the previous one.
     """
     samples = float(np.sum(np.asarray(problem.weight) > 0))
     most, few = min(refine, len(starts)), f"{_TRIALS[0]} to {_TRIALS[1]} trials"

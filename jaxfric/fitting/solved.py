@@ -11,8 +11,9 @@ from .solve import Solution
 
 
 class Solved(NamedTuple):
-    """A problem, its solution, the noise of the residual [noise scales], excluded outliers, and the
-    quantisation step of friction (0: none is detected)."""
+    """A problem, its solution, the noise of the residual [noise scales], the excluded outliers, and
+    the quantisation step of friction (0: none detected).
+    """
 
     problem: Problem
     solution: Solution
@@ -21,8 +22,9 @@ class Solved(NamedTuple):
     written: float
 
     def gradient(self, weights: Mapping[str, int]) -> np.ndarray:
-        """Gradient (q,) of a weighted sum of natural parameters by the unbounded variables; 0 for
-        the shifts of step times."""
+        """Gradient (q,) of a weighted sum of natural parameters by the unbounded variables. The
+        gradient is 0 by the shifts of step times.
+        """
         names, z = self.problem.model.names(), np.asarray(self.solution.z)
         slopes = self.problem.coordinates.slopes(z)[: len(names)]
         own = [weights.get(name, 0) for name in names] * slopes

@@ -1,7 +1,7 @@
-"""The problems of a fit: one state first, whose motion then gives starts for more states.
+"""The two stages of a fit: a model of one state, whose motion gives starts for more states.
 
-`fit` solves them record by record, `fit_many` for many records at once. A law other than a
-`RateState` has no separate states: its search begins with one state of the slip law.
+`fit` solves both stages record by record, `fit_many` for many records at once. A law other than a
+`RateState` has no separate states, so its search begins with one state of the slip law.
 """
 
 from typing import NamedTuple
@@ -20,8 +20,10 @@ FELT = 0.25
 
 
 class FitTask(NamedTuple):
-    """A record, steps that begin forwards and the sign of friction for them, the model, the
-    stiffness (None: unknown), the reference velocity [m/s] and the mass (None: negligible)."""
+    """The input of a fit: a record, velocity steps that begin forwards, and the sign of friction
+    for these steps. Then the model, stiffness (None: unknown), reference velocity [m/s] and mass
+    (None: negligible).
+    """
 
     record: Record
     steps: VelocitySteps
@@ -48,10 +50,11 @@ def prepare(
     force_scale: float | None = None,
     on_host: bool = False,
 ) -> Problem:
-    """The least-squares problem of a record that moves forwards at first; `on_host` as in
+    """The least-squares problem of a record that first moves forwards; `on_host` as in
     `make_problem`.
 
-    A step time is a parameter if its error changes friction by more than `FELT` of the noise.
+    The time of a velocity step is a parameter if its error changes friction by more than `FELT`
+    times the noise.
     """
     friction = sign * record.friction
     noise_scale = max(noise_from_differences(friction), least_noise(recorded_steps(friction)))
@@ -77,7 +80,7 @@ def _felt(steps: VelocitySteps, stiffness: float, noise: float) -> np.ndarray | 
 
 
 class Begun(NamedTuple):
-    """A least-squares problem, and starts of its descents (s, p) [SI], best first."""
+    """A least-squares problem, and starting points of its descents (s, p) [SI], best first."""
 
     problem: Problem
     starts: np.ndarray
@@ -90,8 +93,9 @@ def one_state_model(task: FitTask) -> Model:
 
 
 def first_stage(task: FitTask, starts: np.ndarray, *, on_host: bool = False) -> Begun:
-    """The problem with one state, scaled by the first of its `starts`; `on_host` as in
-    `make_problem`."""
+    """The least-squares problem with one state, scaled by the first of its `starts`; `on_host` as
+    in `make_problem`.
+    """
     model = one_state_model(task)
     K = float(starts[0, model.names().index("K")]) if task.stiffness is None else task.stiffness
     problem = prepare(
@@ -109,8 +113,9 @@ def first_stage(task: FitTask, starts: np.ndarray, *, on_host: bool = False) -> 
 
 
 def averaged(task: FitTask) -> Averaged:
-    """Means of the record over intervals that have rows. The second stage evaluates the motion at
-    their mean times."""
+    """Means of the record over intervals that contain rows. The second stage evaluates the motion
+    at the mean times of these intervals.
+    """
     data = average(task.record.relative_time, task.sign * task.record.friction, task.steps)
     return Averaged(*(x[data.rows > 0] for x in data))
 
@@ -123,8 +128,10 @@ def second_stage(
     moved: tuple[np.ndarray, np.ndarray],
     number: int = 5,
 ) -> Begun:
-    """The problem with all states, started from the one-state fit `z` of the `first` problem.
-    `moved` holds its velocity and slip at the times of the `averaged` `data`."""
+    """The least-squares problem with all states, started from the one-state fit `z` of the `first`
+    problem. `moved` holds velocity and slip of the one-state fit at the times of the `averaged`
+    `data`.
+    """
     values = first.coordinates.from_free(np.asarray(z))
     K = float(first.stiffness)
     if task.model.fit_stiffness:

@@ -1,23 +1,24 @@
 """Starting values from the data, without a guess of the user.
 
-One state. The record is averaged over intervals that are short after a step and grow with the time
-since. On these intervals sliders are simulated for a whole grid of (A, B, L) at once (and K if it
-is free). Implicit Euler steps are coarse but finite for any parameters. The range of A comes from
-the jumps, that of B from the steady levels, that of L from the resolved and the total slip. f0 (and
-a slip trend) follow by linear least squares. The best few distinct members are the starts.
+Starts for one state. The record is averaged over intervals that are short after a velocity step and
+grow with the time since the step. Over these intervals sliders are simulated for a whole grid of
+(A, B, L) at once (and K if K is free). Implicit Euler steps are coarse but finite for any
+parameters. The range of A comes from the jumps of friction. The range of B comes from the steady
+levels, the range of L from the resolved and the total slip. f0 (and a slip trend) follow by linear
+least squares. The best few distinct points of the grid are the starts.
 
 `held` advances a state over an interval at constant velocity. A law other than a `RateState` has no
-separate states: its search begins like that of the slip law.
+separate states, so its search begins like that of the slip law.
 
-More states. Once a one-state fit gives the slider's velocity without the record's noise, the
-evolution is driven by known velocity: theta = B h, where h, the state of B = 1, is
+Starts for more states. A one-state fit gives the slider's velocity without the noise of the record.
+This known velocity drives the evolution of the states: theta = B h, where h, the state of B = 1, is
 
     slip     dh/dx = -(h + ln(V/V0))/L
     ageing   h = ln(V0 Theta/L),   dTheta/dt = 1 - V Theta/L
 
-so f = f0 + A ln(V/V0) + sum_i B_i h_i (+ s x) is linear in all but the L_i, which are scanned.
-(A velocity from the record itself would bias the regression: noise in the regressors favours a fast
-state of negative B.)
+so f = f0 + A ln(V/V0) + sum_i B_i h_i (+ s x) is linear in all but the L_i, which are scanned. A
+velocity from the record itself would bias the regression: noise in the regressors favours a fast
+state of negative B.
 """
 
 from typing import Any, NamedTuple
@@ -61,7 +62,7 @@ COARSE = Fineness(48, tuple(np.geomspace(0.7, 5.0, 5)), (-0.5, 0.0, 0.7), 8, 5)
 
 
 class Averaged(NamedTuple):
-    """Means over intervals: end of the interval [s], mean time [s], friction, rows in it."""
+    """Means over intervals: end [s], mean time [s], friction and number of rows of each."""
 
     end: np.ndarray
     time: np.ndarray
@@ -72,7 +73,7 @@ class Averaged(NamedTuple):
 def average(
     t: np.ndarray, f: np.ndarray, steps: VelocitySteps, *, intervals: int = FINE.intervals
 ) -> Averaged:
-    """Average a record over intervals that begin at every step and grow geometrically."""
+    """Average a record over intervals that begin at every velocity step and grow geometrically."""
     edges = [np.zeros(1)]
     times = steps.times[steps.times < t[-1]]
     per_segment = max(16, intervals // len(times))
@@ -102,7 +103,7 @@ def seek(
     stiffness: float | None,
     fineness: Fineness = FINE,
 ) -> "Sought":
-    """Input of the search for one-state starts of a record, as NumPy arrays."""
+    """The input of the search for one-state starts of a record, as NumPy arrays."""
     t, f, steps = _before_reversal(t, f, steps)
     data = average(t, f, steps, intervals=fineness.intervals)
     grid = _grid(data, steps, stiffness, fineness)
@@ -134,7 +135,8 @@ def one_state_starts(
 ) -> np.ndarray:
     """The best `number` one-state starts, rows in the order of `model.names()` for one state.
 
-    With `stiffness` None, K is scanned from 0.8 to 20 times the steepest loading rate.
+    With `stiffness` None, the stiffness K is scanned from 0.8 to 20 times the steepest loading
+    rate.
     """
     sought = seek(t, f, steps, V0=V0, stiffness=stiffness)
     members, intervals, reference, begin = jax.device_put(sought)
@@ -221,7 +223,7 @@ def _steepest_loading(data: Averaged, steps: VelocitySteps, travel: float) -> fl
 
 
 class Members(NamedTuple):
-    """Parameters of the trial sliders ("members"), SI; one entry each."""
+    """Parameters of the trial sliders ("members") in SI, one entry for each slider."""
 
     A: Float[Array, " m"]
     B: Float[Array, " m"]
@@ -230,8 +232,9 @@ class Members(NamedTuple):
 
 
 class Intervals(NamedTuple):
-    """The record by intervals: length [s], load point [m] at the end, its mean velocity [m/s], mean
-    friction, number of rows. Length 0: padding."""
+    """The record by intervals: duration [s], load point [m] at the end, mean velocity of the load
+    point [m/s], mean friction, number of rows. Intervals of duration 0 are padding.
+    """
 
     length: Float[Array, " n"]
     load: Float[Array, " n"]
@@ -241,8 +244,9 @@ class Intervals(NamedTuple):
 
 
 class Sought(NamedTuple):
-    """Trial sliders, a record by intervals, reference and first velocity [m/s]. A batch of records
-    has a leading axis."""
+    """Trial sliders, a record by intervals, reference velocity and first velocity [m/s]. The arrays
+    of a batch of records have a leading axis.
+    """
 
     members: Members
     intervals: Intervals
@@ -252,12 +256,12 @@ class Sought(NamedTuple):
     def best(
         self, linear: np.ndarray, misfit: np.ndarray, model: Model, number: int
     ) -> Float[np.ndarray, "s p"]:
-        """The `number` best distinct members, first the minimum of each valley along L; rows in the
-        order of `model.names()`.
+        """The `number` best distinct trial sliders, first the minimum of each valley along L. Rows
+        are in the order of `model.names()`.
 
-        `linear` (m, 2) and `misfit` (m,) are those of `grid_misfit`. A slow drift of a record makes
-        a second valley, at long L, next to that of the evolution after the steps. The coarse grid
-        does not show which one is deeper.
+        `linear` (m, 2) and `misfit` (m,) are from `grid_misfit`. If friction drifts slowly, the
+        misfit has a second valley at long L, next to the valley of the evolution after velocity
+        steps. The coarse grid does not show which of the two valleys is deeper.
         """
         grid = np.stack(self.members, axis=1)
         misfit = np.where(np.isfinite(misfit), misfit, np.inf)
@@ -284,7 +288,7 @@ def _valleys(L: np.ndarray, misfit: np.ndarray) -> list[int]:
 
 
 def first_evolution(law: str) -> AbstractEvolution:
-    """Evolution for the search of starting values: that of the law, else that of the slip law."""
+    """State evolution for the search of starting values: the law's own, else the slip law's."""
     return evolution_of(law) or SlipEvolution()
 
 
@@ -296,14 +300,15 @@ def held(
     V0: Float[Array, ""],
     time: Float[Array, ""],
 ) -> Float[Array, " m"]:
-    """States, one per member, after `time` [s] at the constant velocities exp(u) V0.
+    """States, one per trial slider, after `time` [s] at the constant velocities exp(u) V0.
 
-    Exact for the slip and ageing laws: theta relaxes to -B ln(V/V0) over L, Theta to L/V. Other
-    laws use an exponential step,
+    The result is exact for the slip law, where theta relaxes to -B ln(V/V0) over L. The result is
+    exact for the ageing law too, where Theta relaxes to L/V. Other laws use an exponential step,
 
         theta + t (1 - exp(-z))/z dtheta/dt,   z = -t d(dtheta/dt)/dtheta,
 
-    which is exact if the rate is linear in theta, and accurate enough for starting values.
+    which is exact if the rate dtheta/dt is linear in theta, and accurate enough for starting
+    values.
     """
     r = jnp.exp(u)
     if isinstance(evolution, SlipEvolution):
@@ -335,10 +340,10 @@ def grid_misfit(
     evolution: AbstractEvolution,
     trend: bool,
 ) -> tuple[Float[Array, "m 2"], Float[Array, " m"]]:
-    """Misfit of every member after linear least squares for f0 (and the trend).
+    """Misfit of every trial slider after linear least squares for f0 (and the slip trend).
 
-    Implicit Euler in ln V advances the slider, `held` its state. Trapezoidal means of successive
-    values are compared with the interval means of the record.
+    Implicit Euler in ln V advances the slider, `held` the state of the slider. Means of successive
+    simulated values (trapezoidal rule) are compared with the interval means of the record.
     """
     A, B, _, K = members
     u0 = jnp.log(jnp.abs(first_velocity) / V0)
@@ -397,8 +402,9 @@ def _linear_part(
 
 
 class OneStateMotion(NamedTuple):
-    """Slider motion from a one-state fit: times [s], friction, velocity, slip, and square roots of
-    the numbers of rows."""
+    """Slider motion from a one-state fit: times [s], friction, velocity and slip. Also the square
+    roots of the numbers of averaged rows.
+    """
 
     time: np.ndarray
     friction: np.ndarray
@@ -412,7 +418,7 @@ def more_state_starts(
 ) -> np.ndarray:
     """Starts for two or more states from the velocity and slip of a one-state fit.
 
-    Empty (no rows) if the velocity is not positive throughout, or no regression has A > 0.
+    The result has no rows if the velocity is not positive throughout, or no regression has A > 0.
     """
     time, friction, velocity, slip, weight = seen
     if not (np.isfinite(slip).all() and np.isfinite(velocity).all() and (velocity > 0).all()):

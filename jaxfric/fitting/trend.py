@@ -1,9 +1,9 @@
 """Change of A-B if a slip trend that the model lacks were fitted too.
 
-A step test determines A-B from the levels before and after the step, but a slip trend changes
-levels too. To first order a fit with a trend s x is the least-squares solution with columns [J, x]:
-J is the Jacobian of the fit, x the load-point displacement. The error of A-B follows from the same
-columns and the noise of the fit.
+A velocity step determines A - B from steady friction before and after the step, but a slip trend
+changes steady friction too. To first order a fit with a slip trend s x is the least-squares
+solution with columns [J, x]. J is the Jacobian of the fit, x the load-point displacement. The
+standard error of A - B follows from the columns [J, x] and the noise of the fit.
 """
 
 from collections.abc import Mapping
@@ -19,7 +19,8 @@ def shift_with_trend(
     solved: Solved, weights: Mapping[str, int], way: np.ndarray
 ) -> tuple[float, float]:
     """Change of a weighted sum of parameters if a trend over the displacement `way` (n) is fitted
-    too, and the standard error of the sum in that fit [unit of friction]."""
+    too. Also the standard error of the weighted sum in the fit with a trend [unit of friction].
+    """
     problem, solution = solved.problem, solved.solution
     n, jacobian = len(problem.time), np.asarray(solution.jacobian)
     column, counted = np.zeros((len(jacobian), 1)), np.asarray(problem.weight)

@@ -1,4 +1,4 @@
-"""Parameters that a user types."""
+"""Parameters that a user types, as text."""
 
 from collections.abc import Sequence
 
@@ -16,11 +16,10 @@ def typed_parameters(
     names: Sequence[str] = ("f0", "A", "B", "L", "K", "slip_trend"),
     example: str = "A=0.01, L=20 um",
 ) -> dict[str, float]:
-    """Parameters (SI) by name, of "A=0.01, B=0.012, L=20 um"; `what` they are of, and an `example`
-    of them, are what messages say.
+    """Parameters (SI) by name, from text such as "A=0.01, B=0.012, L=20 um". Messages name `what`
+    the parameters describe and show an `example`.
 
-    Raises `InputError` for text that is not of this form, or whose units are not those of the
-    parameters.
+    Raises `InputError` for text of another form, or for a unit that does not fit its parameter.
     """
     found: dict[str, float] = {}
     for name, value in read_pairs(text, what, f"'{example}'").items():

@@ -1,15 +1,16 @@
 """Parameter errors under coloured noise: covariance, intervals, and determined parameters.
 
-Ordinary least squares minimises r^T r, so under noise of covariance Sigma its parameters have the
-covariance G J^T Sigma J G, G = (J^T J)^-1 (the sandwich form; White 1980,
-doi:10.2307/1912934). If the residual was whitened first, the Jacobian is W J and the covariance
-is (J^T W^T W J)^-1. The shift of a step time has unit variance in both cases, and its residual
-is `hold` times the shift.
+Ordinary least squares minimises r^T r for a residual r with Jacobian J. Under noise of covariance
+Sigma the parameters then have the covariance G J^T Sigma J G, G = (J^T J)^-1 (the sandwich form;
+White 1980, doi:10.2307/1912934). If the residual was whitened by W, the Jacobian is W J and the
+covariance of the parameters is (J^T W^T W J)^-1. The shift of a step time has unit variance with
+and without whitening, and its residual is `hold` times the shift.
 
-Intervals are computed in the unbounded variables, so those of positive quantities are
-multiplicative. A profile-likelihood interval ends where the misfit, minimised over all other
-parameters, has risen by q^2 C_ii/G_ii, q = `QUANTILE`. The ratio makes curvature and covariance
-agree (Chandler & Bate 2007, doi:10.1093/biomet/asm015).
+Intervals are computed in the unbounded variables, so intervals of positive quantities are
+multiplicative. A profile-likelihood interval of parameter i ends where the misfit, minimised over
+all other parameters, has risen by q^2 C_ii/G_ii. Here C is the covariance of the parameters and q =
+`QUANTILE`. The ratio C_ii/G_ii makes curvature and covariance agree (Chandler & Bate 2007,
+doi:10.1093/biomet/asm015).
 """
 
 from statistics import NormalDist
@@ -33,21 +34,21 @@ _PROFILE_POINTS = (0.7, 1.4, 2.0, 2.8, 4.0, 6.0)
 
 
 def normal_inverse(jacobian: Float[Array, "n p"] | np.ndarray) -> np.ndarray:
-    """(J^T J)^-1, by scaled eigenvectors; very large along directions in the null space of J."""
+    """(J^T J)^-1 by scaled eigenvectors; very large along directions in the null space of J."""
     root = inverse_root(jacobian)
     return root @ root.T
 
 
 def inverse_root(jacobian: Float[Array, "n p"] | np.ndarray) -> np.ndarray:
-    """R with R R^T = (J^T J)^-1; its columns are independent errors of the parameters."""
+    """R with R R^T = (J^T J)^-1; the columns of R are independent errors of the parameters."""
     return _root(jacobian)[0]
 
 
 def spread_of(jacobian: Float[Array, "n p"] | np.ndarray, middle: np.ndarray) -> np.ndarray:
     """G middle G, G = (J^T J)^-1: the covariance of the parameters if that of J^T r is `middle`.
 
-    Along a direction in the null space of J, J^T r is 0 whatever the parameters are. Such a
-    direction keeps the very large error that G has there, instead of an error of 0.
+    Along a direction in the null space of J, J^T r is 0 for any parameters. Parameters along such a
+    direction keep the very large error from G, instead of an error of 0.
     """
     root, blind = _root(jacobian)
     inside = root.T @ middle @ root
@@ -72,14 +73,15 @@ def _root(jacobian: Float[Array, "n p"] | np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def data_part(problem: Problem, solution: Solution):
-    """Residual and Jacobian of the record alone, without the residuals of the step times."""
+    """Residual and Jacobian of the record alone, without the residuals of step times."""
     n = problem.time.shape[0]
     return np.asarray(solution.residual)[:n], np.asarray(solution.jacobian)[:n]
 
 
 def covariance(problem: Problem, jacobian: np.ndarray, noise: Noise) -> np.ndarray:
-    """Covariance (q, q) of the unbounded variables from the `jacobian` (r, q) of all residuals; the
-    last variables are the shifts of step times."""
+    """Covariance (q, q) of the unbounded variables from the `jacobian` (r, q) of all residuals. The
+    last variables are the shifts of step times.
+    """
     if problem.noise is not None:
         return normal_inverse(jacobian)
     middle = np.array(sandwich(problem.clock, jacobian[: len(problem.time)], noise))
@@ -91,8 +93,8 @@ def covariance(problem: Problem, jacobian: np.ndarray, noise: Noise) -> np.ndarr
 def fair_hold(problem: Problem, solution: Solution, noise: Noise) -> np.ndarray:
     """Weights on the shifts of step times that balance them with a record of coloured noise.
 
-    Ordinary least squares treats all rows as independent and overstates the record's precision. The
-    factor is the ratio of the true to the nominal variance of a shift.
+    Ordinary least squares treats all rows as independent and so overstates the precision of the
+    record. The weights are multiplied by the ratio of the true to the nominal variance of a shift.
     """
     _, jacobian = data_part(problem, solution)
     inverse = normal_inverse(jacobian)
@@ -104,9 +106,10 @@ def fair_hold(problem: Problem, solution: Solution, noise: Noise) -> np.ndarray:
 def determined(problem: AbstractProblem, std: np.ndarray, span: float) -> list[bool]:
     """Whether the record determines each parameter, given the errors of the unbounded variables.
 
-    A positive parameter is determined if its 95 % interval is shorter than a decade; a signed one
-    if half its interval is less than the `span` of friction in the record. An error of 0 means
-    undetermined, because no record determines a parameter exactly.
+    A positive parameter is determined if its 95 % interval is shorter than a decade. A signed
+    parameter is determined if half of its interval is less than the `span` of friction in the
+    record. A parameter with an error of 0 is undetermined, because no record determines a parameter
+    exactly.
     """
     signed = span / float(problem.sizes.force)
     limits = [

@@ -1,6 +1,6 @@
-"""A record of a slider, a run or an axis, prepared for the loop. It is immutable.
+"""An immutable record of a slider, a run or an axis, prepared for the loop.
 
-A `Case` holds the fitted problem; a `subject.Subject` adds the functions that results need.
+A `Case` holds the least-squares problem; a `subject.Subject` adds the functions that results need.
 """
 
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -33,7 +33,7 @@ class Offered(NamedTuple):
     def seen_by(
         self, channels: Collection[str], refusal: Callable[[type[AbstractEffect]], str]
     ) -> "Offered":
-        """The offer without the effects that need a channel other than these.
+        """The offered effects without those that need a channel other than the given ones.
 
         Raises
         ------
@@ -54,7 +54,7 @@ def offered(
     most: int,
     effect_of: Callable[[str], type[AbstractEffect]],
 ) -> Offered:
-    """The `Offered` effects of a loop: those of a catalogue and the user's own.
+    """The effects that a loop may add: those of a catalogue and the user's own.
 
     Raises
     ------
@@ -76,7 +76,7 @@ def offered(
 
 
 class Choice(NamedTuple):
-    """Ids of the effects that a model may have."""
+    """Ids of the effects that a model in the loop may have."""
 
     always: tuple[str, ...] = ()
     """Effects of the base."""
@@ -103,7 +103,7 @@ _ALL, _USUAL = Choice(), NoiseBounds()
 
 
 class Column(NamedTuple):
-    """One shape of one effect: shape parameters by index in z, and indices of its amplitudes."""
+    """One shape of one effect: shape parameters by index in z, and indices of the amplitudes."""
 
     id: str
     shape: dict[int, float]
@@ -113,7 +113,7 @@ class Column(NamedTuple):
 
 
 class Sensitivities(NamedTuple):
-    """Sensitivities of effects at every one of their shapes; places count from 0."""
+    """Sensitivities of effects at every shape of the effects; places count from 0."""
 
     columns: tuple[Column, ...]
     matrix: np.ndarray
@@ -123,7 +123,7 @@ class Sensitivities(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Case(Generic[P]):
-    """A least-squares problem with all effects in it, and the use of its rows."""
+    """A least-squares problem that contains all effects, and the use of each row."""
 
     problem: P
     """Its model is an `EncompassingModel`."""

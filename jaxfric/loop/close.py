@@ -1,4 +1,4 @@
-"""The loop itself: base fit, search, residual structure, verdict; for a slider and an axis."""
+"""The steps of the loop: base fit, search, residual structure, verdict; for slider and axis."""
 
 import dataclasses
 import time
@@ -96,7 +96,7 @@ def close(subject: Subject[P], *, most: int, begun: float, progress: Callable[[s
 
 
 def declared(subject: Subject[P]) -> np.ndarray:
-    """Parameters of the base with its declared effects; each effect starts at its best shape."""
+    """Starting parameters of the base with its declared effects, each at its best shape."""
     case, z = subject.case, subject.start
     if not case.choice.always:
         return z
@@ -158,7 +158,7 @@ def _moved(before: Score, after: Score) -> tuple[Move, ...]:
 
 
 def moves_far(move: Move) -> bool:
-    """Whether a parameter moves by more than `MANY` of its standard errors before the move."""
+    """Whether a parameter moves by more than `MANY` times its standard error before the move."""
     error = move.before.std
     return error > 0 and abs(move.after.value - move.before.value) > MANY * error
 

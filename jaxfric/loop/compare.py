@@ -4,15 +4,15 @@ Every law is fitted with one state and with two. The fits are ranked by
 
     BIC = -2 ln L + p ln n,
 
-L is the maximum likelihood of the residual over the p parameters of the law and those of the noise;
-n is the number of independent rows. Each law has its own noise, but all have the same parts of
-noise: those of the law with the lowest BIC. White noise would count correlated rows many
-times, and some law would always win by hundreds. The correlation length of the noise is at most a
-tenth of a velocity step (ten rows in steps of fewer than a hundred), so that noise cannot replace
-a law.
+L is the maximum likelihood of the residual over the p parameters of the law and the parameters of
+the noise. n is the number of independent rows. Each law has its own noise, but the noise of all
+laws has the same parts: those of the law with the lowest BIC. White noise would count correlated
+rows many times, so that some law would always win by hundreds. The correlation length of the noise
+is at most a tenth of a velocity step (ten rows in steps of fewer than a hundred), so that noise
+cannot replace a law.
 
-With three velocity steps or more, each law is also fitted without about a third of them
-(`loop.split`) and predicts these.
+With three velocity steps or more, each law is also fitted without about a third of the steps
+(`loop.split`). Each law then predicts the steps that its fit left out.
 
 Texts for users are made in `report.comparison`.
 
@@ -67,9 +67,9 @@ _TRIALS, _TOLERANCE = 60, 1e-6  # of a descent
 class LawScore:
     """The score of one law with a number of states. `bic` is None if it could not be fitted.
 
-    A fit that did not converge (`fit.converged`), as with a second state that the record does not
-    show, may have the BIC of its last point. That supports no claim. It only shows whether fewer
-    states suffice for the law.
+    A fit that did not converge (`fit.converged`) may have the BIC of its last point. A second state
+    that the record does not show can cause such a fit. The BIC of such a fit supports no claim; it
+    only shows whether fewer states suffice for the law.
     """
 
     fit: Fit
@@ -95,20 +95,20 @@ class LawScore:
 
     @property
     def settled(self) -> bool:
-        """Whether its BIC can be compared with that of others."""
+        """Whether the BIC of this score can be compared with that of other scores."""
         return self.bic is not None and self.fit.converged
 
     @property
     def determined(self) -> bool:
-        """Whether its fit converged and the record fixes its parameters."""
+        """Whether the fit of the law converged and the record fixes the parameters."""
         return self.fit.converged and all(e.determined for e in self.fit.parameters.values())
 
     def over(self, other: "LawScore") -> float:
-        """BIC minus that of another score; infinite if either has none."""
+        """BIC of this score minus that of another score; infinite if either has no BIC."""
         return np.inf if self.bic is None or other.bic is None else self.bic - other.bic
 
     def predicts_better(self, other: "LawScore") -> bool:
-        """Whether it predicts the held-out steps decidedly better than another."""
+        """Whether this law predicts the held-out steps decidedly better than another."""
         own, others = self.held_out_deviance, other.held_out_deviance
         return own is not None and others is not None and others - own > ACCEPT
 
@@ -136,7 +136,7 @@ class LawComparison(Described, Worded, Drawable, Tabular):
         return tuple(sorted((s for s in self.scores if s.settled), key=lambda s: s.bic or 0.0))
 
     def above(self, score: LawScore) -> float | None:
-        """BIC minus the lowest BIC; None for a fit that did not converge."""
+        """BIC of a score minus the lowest BIC; None for a fit that did not converge."""
         return score.over(self.ranked[0]) if score.settled else None
 
     def best_of(self, law: str) -> LawScore:
@@ -147,7 +147,7 @@ class LawComparison(Described, Worded, Drawable, Tabular):
     def of_laws(self) -> tuple[LawScore, ...]:
         """One score per law, best law first, with as many states as the record supports.
 
-        A further state must lower BIC by more than `ACCEPT`.
+        A further state of a law must lower BIC by more than `ACCEPT`.
         """
         simplest: dict[str, LawScore] = {}
         for score in self.ranked:
@@ -159,9 +159,11 @@ class LawComparison(Described, Worded, Drawable, Tabular):
 
     @property
     def rivals(self) -> tuple[LawScore, ...]:
-        """Scores of other laws that remain possible. Their BIC is within `ACCEPT` of the best, or
-        they predict the held-out steps better, or they could not be compared: the fit did not
-        converge at a BIC within `ACCEPT`, with states that the law needs."""
+        """Scores of other laws that remain possible. A law remains possible if its BIC is within
+        `ACCEPT` of the best, or if it predicts the held-out steps better. A law also remains
+        possible if its fit, with states that the law needs, did not converge at a BIC within
+        `ACCEPT`.
+        """
         if not self.of_laws:
             return ()
         best, (first, *others) = self.ranked[0], self.of_laws
@@ -176,7 +178,7 @@ class LawComparison(Described, Worded, Drawable, Tabular):
 
     @property
     def supported(self) -> LawScore | None:
-        """The law that the record supports; None if it does not decide."""
+        """The law that the record supports; None if the record does not decide."""
         return None if self.rivals or len(self.of_laws) < 2 else self.of_laws[0]
 
     @property
@@ -192,7 +194,7 @@ class LawComparison(Described, Worded, Drawable, Tabular):
         return not score.determined and any(s.over(score) <= ACCEPT for s in fewer)
 
     def drifts(self, score: LawScore) -> bool:
-        """Whether the length L of a further state exceeds the displacement of the record."""
+        """Whether the slip length L of a further state exceeds the displacement of the record."""
         way = float(np.ptp(self.record.moved()))
         lengths = [e.value for name, e in score.fit.parameters.items() if name[0] == "L"]
         return score.states > 1 and max(lengths, default=0.0) > way
@@ -315,7 +317,7 @@ def held_out_blocks(record: Record, steps: VelocitySteps) -> Blocks:
 
 
 class Rival(NamedTuple):
-    """A law with the parameters and the noise for the comparison."""
+    """A law with its parameters and its noise for the comparison."""
 
     fit: Fit
     problem: Problem
@@ -332,7 +334,7 @@ class Rival(NamedTuple):
 
     @property
     def words(self) -> str:
-        """The law with its states, for progress messages."""
+        """The law with its number of states, as text for progress messages."""
         return _words(self.fit.law, self.fit.model.states)
 
     @property
@@ -348,19 +350,20 @@ class Rival(NamedTuple):
         return float(np.clip(np.sum(white**2) * float(noise.sigma) ** 2, 2.0, self.rows))
 
     def bic(self, rows: float, more: int = 0) -> float:
-        """BIC for a number of independent rows, with `more` parameters besides those of the law."""
+        """BIC for a number of independent rows, with `more` parameters in addition to the law's."""
         p = len(self.fit.free)
         deviance = np.sum(np.square(self.z[p:])) - 2 * self.noise.value
         return float(deviance + (p + more) * np.log(rows))
 
     @property
     def cost(self) -> float:
-        """BIC that counts the parameters of the noise too, and every row."""
+        """BIC that counts every row, and the parameters of the noise in addition to the law's."""
         return self.bic(self.rows, self.noise.family.parameters)
 
     def under(self, family: Family, starts: Sequence[np.ndarray]) -> "Rival":
-        """The law with the maximum-likelihood parameters and noise of a family, optimised in turn;
-        `starts` of the noise as `Found.theta`."""
+        """The law with its likeliest parameters and the likeliest noise of a family, optimised in
+        turn. `starts` are those of the noise, as `Found.theta`.
+        """
 
         def profiled(z: np.ndarray, starts: Sequence[np.ndarray]) -> FoundNoise:
             left = _left(self.problem, z, self.longest)
@@ -377,9 +380,10 @@ class Rival(NamedTuple):
         return best
 
     def held_out(self, noise: Noise, blocks: Blocks) -> tuple[float, float]:
-        """Prediction of the held-out steps: rms error, and -2 ln p of these rows up to a constant
-        of the record. Step times are from the fit of the whole record, as they do not depend on
-        the law."""
+        """Prediction of the held-out steps: rms error, and -2 ln p of the held-out rows up to a
+        constant of the record. The times of velocity steps are from the fit of the whole record,
+        since step times do not depend on the law.
+        """
         problem, p = self.problem, len(self.fit.free)
         held = np.array(problem.weight)
         held[: len(blocks.train)] *= ~blocks.train
@@ -440,11 +444,11 @@ def _rivals(record: Record, fits: Sequence[Fit]) -> list[Rival]:
 
 
 def likeliest(rivals: Sequence[Rival], progress: Callable[[str], None] = silent) -> list[Rival]:
-    """Every law with its likeliest noise, with the same parts of noise for all: of the families
-    found for single laws, the one under which some law has the lowest `cost`.
+    """Every law with its likeliest noise, where all laws have the same parts of noise. Each law
+    finds a family of noise; the chosen one gives some law the lowest `cost`.
 
-    The search for one law alone may miss the best family. A family found for another law may then
-    be likelier for both.
+    The noise search of one law may miss its best family. A family found for another law may then be
+    likelier for both laws.
     """
     tried = []
     for family in dict.fromkeys(one.noise.family for one in rivals):

@@ -1,12 +1,12 @@
 """Steady-state curves of other shapes in place of the fitted one, to first order about the fit.
 
 Another curve replaces the steady curve that the fit added, together with the steady curve of the
-base (f0, A and B of a slider). If it fits, it changes friction along the motion little. So the
-change passes through the linearised dynamics, and the other parameters follow linearly: one
-least-squares problem per shape, under the noise of the fit. BIC is computed as for any candidate,
-with its own noise.
+base (f0, A and B of a slider). A curve that fits changes friction along the motion only little. So
+the change of friction passes through the linearised dynamics, and the other parameters follow
+linearly. Each shape is one least-squares problem under the noise of the fit. The BIC of a shape is
+computed with the noise of that shape, as for any candidate model.
 
-Other shapes: polynomials in ln V, and broken lines in ln V with a value for every velocity.
+The other shapes are polynomials in ln V, and broken lines in ln V with a value for every velocity.
 """
 
 from collections.abc import Callable, Sequence
@@ -28,7 +28,7 @@ _FREE = "a value for every velocity"
 
 
 class CurveRig(NamedTuple):
-    """The steady curves of a kind of rig; speeds in m/s or rad/s, positive."""
+    """The steady curves of a kind of rig, over positive speeds in m/s or rad/s."""
 
     effects: tuple[str, ...]
     """Effects of the fit that are steady curves."""
@@ -54,7 +54,7 @@ class CurveRig(NamedTuple):
 
 
 def curve_family(engine: Engine, final: Candidate, rig: CurveRig) -> CurveFamily | None:
-    """Other shapes in place of the steady curves of a fit; None if the fit has no such curves."""
+    """Other shapes in place of the steady curves of a fit; None without such a curve."""
     if not rig.effects or final.failed:
         return None
     speeds = distinct(rig.speeds)
@@ -175,8 +175,9 @@ def _sorted_out(grid, named, found, speeds, error) -> tuple[tuple, tuple]:
 def deciding(
     grid: np.ndarray, levels: np.ndarray, speeds: np.ndarray, error: float
 ) -> tuple[Decisive, ...]:
-    """Velocities at which curves differ most. Each gap between recorded speeds, and the ranges
-    beyond them, gives its best velocity if curves differ by more than 3 errors; the three clearest.
+    """At most three velocities at which curves differ most. Each gap between recorded speeds, and
+    the range on either side of all recorded speeds, gives one velocity. At such a velocity curves
+    differ by more than 3 standard errors.
 
     grid : speeds (m,). levels : friction of every curve there (c, m). speeds : recorded speeds,
     ascending. error : standard error of the mean of one more step.
@@ -189,8 +190,9 @@ def deciding(
 
 
 def step_error(engine: Engine, final: Candidate) -> float:
-    """Standard error of the mean of a motion segment, in the unit of friction: from the effective
-    number of independent train rows, divided equally among the segments."""
+    """Standard error of mean friction in a motion segment, in the unit of friction. The effective
+    number of independent train rows is divided equally among the segments.
+    """
     rows = engine.blocks.train
     segments = len(np.unique(engine.blocks.step[rows]))
     ones = engine.whiten(np.ones((len(engine.weight), 1)) * engine.weight[:, None], final.noise)

@@ -1,8 +1,9 @@
-"""A case with its noise model: all that a fit of a candidate needs. It is immutable.
+"""A case with its noise model: the immutable input of every candidate's fit.
 
-Noise is estimated with every candidate: noise from a fit that lacks an effect would absorb the
-effect. Its parts are identified once, from the residual of the base without smooth columns
-(`learn.learn_noise`). Their sizes, correlation lengths and periods are estimated per candidate.
+Noise is estimated with every candidate model, because noise from a fit that lacks an effect would
+absorb the effect. The parts of the noise are identified once, from the residual of the base after
+projecting out smooth columns (`learn.learn_noise`). Sizes, correlation lengths and periods of these
+parts are estimated for each candidate.
 """
 
 import dataclasses
@@ -54,7 +55,7 @@ _PACKAGE = __name__.partition(".")[0] + "."
 
 
 class NoiseState(NamedTuple):
-    """The noise model of a record. Arrays of rows have the padding of the problem."""
+    """The noise model of a record. Arrays over rows have the padding of the problem."""
 
     blocks: Blocks
     """Blocks without outliers."""
@@ -80,7 +81,7 @@ class NoiseState(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Engine(Generic[P]):
-    """Fits of one record; only train rows count."""
+    """Fits of one record, in which only train rows count."""
 
     case: Case[P]
     noise: NoiseState
@@ -89,7 +90,7 @@ class Engine(Generic[P]):
 
     @classmethod
     def of(cls, case: Case[P]) -> Self:
-        """The engine of a case before its noise is estimated."""
+        """The engine of a case whose noise is not yet estimated."""
         problem, blocks, bounds = case.problem, case.blocks, case.bounds
         rows = len(blocks.train)
         clock = np.asarray(problem.clock)
@@ -114,12 +115,12 @@ class Engine(Generic[P]):
 
     @property
     def model(self) -> EncompassingModel:
-        """The base with all effects."""
+        """The base model with all effects."""
         return self.case.model
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Names of the parameters; shifts of step times, the last of z, have none."""
+        """Names of the parameters; the last entries of z, shifts of step times, have no names."""
         return self.model.names()
 
     @cached_property
@@ -134,12 +135,12 @@ class Engine(Generic[P]):
 
     @property
     def always(self) -> tuple[str, ...]:
-        """Ids of the effects of the base."""
+        """Ids of the effects that belong to the base."""
         return self.case.choice.always
 
     @property
     def offered(self) -> tuple[type[AbstractEffect], ...]:
-        """The effects that are not excluded."""
+        """The effects that the user has not excluded."""
         return tuple(e for e in self.model.effects if e.id not in self.case.choice.without)
 
     def addable(self, effects: tuple[str, ...]) -> tuple[type[AbstractEffect], ...]:
@@ -149,7 +150,7 @@ class Engine(Generic[P]):
         return tuple(e for e in absent if self.apart((*effects, e.id)))
 
     def apart(self, effects: tuple[str, ...]) -> bool:
-        """Whether no two effects are in one group of `Choice.one_of`; those of the base may be."""
+        """Whether no two effects, except those of the base, are in one group of `Choice.one_of`."""
         groups = self.case.choice.one_of
         together = [group & {*self.always, *effects} for group in groups]
         return all(len(own) < 2 or own <= set(self.always) for own in together)
@@ -165,8 +166,9 @@ class Engine(Generic[P]):
         return dict(zip(self.names, natural.tolist(), strict=True))
 
     def law(self, id: str, z: np.ndarray) -> np.ndarray | None:
-        """`z` with the amplitudes of an effect that turn the base into another known law; None if
-        the effect has no such law."""
+        """`z` with the amplitudes of an effect that turn the base into another known law. None if
+        the effect turns the base into no known law.
+        """
         (effect,) = (e for e in self.model.effects if e.id == id)
         if not effect.law:
             return None
@@ -179,8 +181,8 @@ class Engine(Generic[P]):
     def moderate(self, z: np.ndarray, start: np.ndarray) -> bool:
         """Whether no positive parameter of the base changes by more than a factor of ten.
 
-        A first-order start that does so is useless. Two sensitivities are then nearly parallel, as
-        for a second state with the length of the first, and their amplitudes diverge.
+        A first-order start with a larger change is useless. In such a start two sensitivities are
+        nearly parallel, as for a second state with the length of the first, and amplitudes diverge.
         """
         positive = [i for i in self.base if np.isfinite(self.model.quantity(self.names[i]).lower)]
         return bool(np.all(np.abs(start - z)[positive] < np.log(10)))
@@ -228,7 +230,7 @@ class Engine(Generic[P]):
         return self.padded(self.blocks.train | self.blocks.select)
 
     def padded(self, rows: np.ndarray) -> np.ndarray:
-        """A mask of the rows of the record as weights of all rows of the problem (N,)."""
+        """A mask of the record's rows, as weights of all rows of the problem with padding (N,)."""
         return np.pad(rows.astype(float), (0, len(self.noise.clock) - len(rows)))
 
     @cached_property
@@ -240,7 +242,7 @@ class Engine(Generic[P]):
 
     @property
     def unit(self) -> float:
-        """Unit of residuals [unit of friction]."""
+        """The unit of residuals, in the unit of friction."""
         return float(self.case.problem.noise_scale)
 
     @cached_property
@@ -252,13 +254,13 @@ class Engine(Generic[P]):
     def each(self) -> Callable[..., list]:
         """Maps over candidates, on all cores.
 
-        With a user's effects it runs serially: such an effect may call batched LAPACK, and two such
-        calls in parallel deadlock.
+        With a user's own effects candidates run serially: such an effect may call batched LAPACK,
+        and two parallel calls of batched LAPACK deadlock.
         """
         return each_of(self.model)
 
     def evaluate(self, z: np.ndarray, index: np.ndarray | None = None) -> Rows:
-        """Residual (noise units) and its Jacobian by the parameters of `index` (default all)."""
+        """Residual (noise units) and its Jacobian by the parameters `index` (default: all)."""
         index = np.arange(len(z)) if index is None else index
         n, problem = len(self.weight), self.problem
         residual, jacobian = self.evaluator(z, index)
@@ -284,15 +286,16 @@ class Engine(Generic[P]):
         columns: np.ndarray,
         near: tuple[np.ndarray, ...] = (),
     ) -> FoundNoise:
-        """Noise of the train block, with the directions of `columns` projected out. If its parts
-        are known, only their values are estimated, with `near` as additional starts."""
+        """Noise of the train block, with the directions of `columns` projected out. If the parts of
+        the noise are known, only their values are estimated, with `near` as additional starts.
+        """
         if self.noise.family is None:
             return self.noise_afresh(residual, columns)
         starts = (*self.noise.noises, *near)
         return self.noise_of_family(residual, columns, self.noise.family, starts)
 
     def noise_afresh(self, residual: np.ndarray, columns: np.ndarray) -> FoundNoise:
-        """The noise with the likeliest parts, whatever is known."""
+        """The noise with the likeliest parts, even if the parts are already known."""
         rows = self._noise_rows(residual, columns)
         return estimate_noise(rows, either_sign=self.case.bounds.either_sign, least=self._least)
 
@@ -314,7 +317,7 @@ class Engine(Generic[P]):
         )
 
     def limits(self) -> Limits:
-        """Shortest and longest correlation length of the search on each clock."""
+        """Shortest and longest correlation length of the noise search on each clock."""
         return limits_of(self.noise.clock, self.weight, self.noise.longest)
 
     def trial_noises(self) -> Noises:
@@ -325,8 +328,9 @@ class Engine(Generic[P]):
     def whiten(
         self, columns: np.ndarray, noise: Noise, weight: np.ndarray | None = None
     ) -> np.ndarray:
-        """Columns whitened by the noise, over the rows with `weight` (default: train); 0 in other
-        rows."""
+        """Columns whitened by the noise over the rows with `weight` (default: train rows). The
+        result is 0 in other rows.
+        """
         known = self.weight if weight is None else weight
         return whitened(self.noise.clock, known, columns, noise)
 
@@ -351,13 +355,14 @@ class Engine(Generic[P]):
 
 def longest_of_steps(clock: np.ndarray, steps: int) -> np.ndarray:
     """Longest correlation length of the noise on every clock, (k,): a tenth of the mean length of a
-    velocity step, at least ten rows. `clock` (n, k) has the record's rows."""
+    velocity step, but at least ten rows. `clock` (n, k) has the record's rows.
+    """
     rows = np.median(np.diff(clock, axis=0), axis=0)
     return np.maximum(LEAST_MEMORY * rows, longest_memory(clock) / steps)
 
 
 def each_of(model: EncompassingModel) -> Callable[..., list]:
-    """See `Engine.each`."""
+    """Map over candidates, as described in `Engine.each`."""
     own = [e for e in model.effects if not e.__module__.startswith(_PACKAGE)]
     return one_by_one if own else side_by_side
 

@@ -21,14 +21,15 @@ def estimates(
     friction_unit: str,
     rivals: Sequence[Candidate] | None = None,
 ) -> tuple[dict[str, Estimate], tuple[str, ...], np.ndarray]:
-    """Parameters by name (SI), names of the free ones, and their covariance.
+    """Parameters by name (SI), names of the free parameters, and the covariance of these.
 
-    By least squares under the candidate's own noise; intervals in the unbounded variables. With
-    `rivals` (fits that are about as good) errors include the differences between these models. They
-    are also multiplied by one factor if velocity steps disagree on the base's parameters by more
-    than the noise allows: the ratio of Birge 1932 (doi:10.1103/PhysRev.40.207), from the median
-    over parameters of `between_steps`, as one step alone may fix a parameter. Steps disagree if the
-    noise changes along the record, or if a small effect is missed.
+    The estimates are by least squares under the candidate's own noise; intervals are in the
+    unbounded variables. With `rivals` (fits that are about as good) errors include the differences
+    between these models. Errors are multiplied by one factor if velocity steps disagree on the
+    base's parameters by more than the noise allows. This factor is the ratio of Birge 1932
+    (doi:10.1103/PhysRev.40.207). The factor uses the median over parameters of `between_steps`,
+    because one step alone may fix a parameter. Steps disagree if the noise changes along the
+    record, or if a small effect is missed.
     """
     z = candidate.z
     index = engine.free(candidate.effects)
@@ -83,13 +84,14 @@ def between_steps(
     """Jackknife variance of the parameters: leave out each velocity step of a record in turn.
 
     Residual r, Jacobian J and additional rows E are in units of the noise; `step` numbers the step
-    of every row. To first order a fit without step c moves by
+    of every row. To first order the parameters of a fit without step c move by
 
         d_c = -(N - N_c)^-1 J_c^T r_c,   N = J^T J + E^T E,
 
-    and for G steps the variance is (G - 1)/G sum_c (d_c - mean)^2, whatever the noise is. A step is
-    not left out if the errors of the parameters `own` would more than double without it (median):
-    no other step has the same information. The result is 0 if fewer than three can be left out.
+    and for G steps the variance is (G - 1)/G sum_c (d_c - mean)^2, for any noise. A step is not
+    left out if the errors of the parameters `own` would more than double without the step (median):
+    no other step has the same information. The result is 0 if fewer than three steps can be left
+    out.
 
     Source: the jackknife of MacKinnon & White 1985 (doi:10.1016/0304-4076(85)90158-7), here by
     step, within which rows are correlated.
@@ -110,13 +112,13 @@ def disagreement(
 ) -> Float[np.ndarray, "m m"]:
     """Covariance between fits of different models, of parameters with indices `index` in z.
 
-    It is the part of a parameter's covariance that comes from the uncertainty of the model,
+    Uncertainty about the model adds this part to the covariance of the parameters,
 
         sum_c w_c (z_c - z)(z_c - z)^T,   w_c = exp(-BIC_c/2) / sum exp(-BIC/2)
 
-    to be added to the covariance of the fit. Parameters that only one fit has contribute 0. So does
-    f0: an effect that adds steady friction, such as heating, changes the meaning of f0, so values
-    of different models are not comparable.
+    to be added to the covariance of the fit. A parameter that only one fit has contributes 0. f0
+    contributes 0 too: an effect that adds steady friction, such as heating, changes the meaning of
+    f0. So values of f0 in different models are not comparable.
 
     Source: Buckland, Burnham & Augustin 1997 (doi:10.2307/2533961) for errors that include the
     choice of a model.

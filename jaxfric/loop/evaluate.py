@@ -27,10 +27,10 @@ _KEPT = 32 * 2**20
 
 
 class Rows(NamedTuple):
-    """Residual and Jacobian at some parameters.
+    """Residual and Jacobian of all rows at some parameters.
 
-    `residual` and `jacobian` have all rows of the record and its padding, whatever their block. The
-    extra rows have unit variance: other channels in the train block, shifts of step times.
+    `residual` and `jacobian` have all rows of the record and its padding, in any block. The extra
+    rows, of unit variance, are other channels in the train block and shifts of step times.
     """
 
     residual: np.ndarray
@@ -40,7 +40,7 @@ class Rows(NamedTuple):
 
     @property
     def failed(self) -> bool:
-        """Whether the simulation failed at these parameters, or its derivatives did."""
+        """Whether the simulation or its derivatives failed at these parameters."""
         reached = bool(np.all(np.abs(self.residual) < FAILED_MISFIT))
         return not (reached and bool(np.all(np.isfinite(self.jacobian))))
 
@@ -48,7 +48,7 @@ class Rows(NamedTuple):
 class Evaluator(Generic[P]):
     """Residual and Jacobian of a problem over all rows, with a cache of the latest results.
 
-    `shifts` are the indices of the shifts of step times in z; `each` maps over parts in parallel.
+    `shifts` are the indices of the shifts of step times in z; `each` maps a function in parallel.
     """
 
     def __init__(self, problem: P, shifts: np.ndarray, each: Callable[..., list]):
@@ -65,9 +65,10 @@ class Evaluator(Generic[P]):
         self._lock = threading.Lock()
 
     def simulated(self, z: np.ndarray, problem: P) -> P:
-        """The problem to simulate at `z`: heavy effects at their null become first-order ones.
+        """The problem to simulate at `z`: first-order effects replace costly effects at their null.
 
-        That is another compilation, but it pays because most candidates lack the heavy effects.
+        The replaced problem needs another compilation, which pays because most candidates lack
+        costly effects.
         """
         lighter = tuple(id for id, own in self._heavy.items() if not np.any(np.asarray(z)[own]))
         if len(lighter) < len(self._heavy):

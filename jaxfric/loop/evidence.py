@@ -1,8 +1,8 @@
 """Likelihoods of many linear candidates at once, each with its own best noise.
 
-Columns are whitened under every noise model of a grid, and only their products are stored. The
-likelihood of any choice of columns is then a small linear problem. So the noise is profiled for
-each of hundreds of candidates at the cost of one.
+Columns are whitened under every noise model of a grid, and only the products of columns are stored.
+The likelihood of any choice of columns is then a small linear problem. So the noise is profiled for
+each of hundreds of candidates at the cost of one candidate.
 """
 
 from typing import NamedTuple
@@ -20,7 +20,7 @@ _PASSES = 4
 
 
 class Evidence(NamedTuple):
-    """Products of whitened columns: column 0 is the residual, the last one is constant."""
+    """Products of whitened columns: column 0 is the residual, the last column is constant."""
 
     products: np.ndarray
     """Products for every noise of the grid, shape (g, m, m), in units of sigma = 1."""
@@ -34,8 +34,9 @@ class Evidence(NamedTuple):
     def deviance(self, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """-2 ln L of several choices of columns, profiled over sigma, coefficients and noise.
 
-        `columns` has shape (c, p); -1 stands for none. Returns the deviances (c,), the indices of
-        the best noises (c,), and the coefficients (c, p) of the columns in the residual.
+        `columns` (c, p) holds indices of columns; -1 stands for no column. Returns the deviances
+        (c,), the indices of the best noises (c,), and the coefficients (c, p) of the columns in the
+        residual.
         """
         used = columns >= 0
         at = np.where(used, columns, 0)
@@ -87,7 +88,7 @@ def evidence(
 ) -> Evidence:
     """Products of the residual and some columns (rows of zero weight are skipped).
 
-    The `extra` rows (residual, columns) are data of unit variance, uncorrelated with the others.
+    The `extra` rows (residual, columns) are data of unit variance, uncorrelated with other rows.
     All `noises` have the same `scale` of rows.
     """
     n, m = columns.shape

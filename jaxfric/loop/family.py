@@ -1,9 +1,9 @@
 """A family of steady-state curves of velocity, if a record does not determine the curve's shape.
 
-Steady friction f_ss(V) is measured at the velocities of a record; between them only transients
-contain information. A curve with as many parameters as velocities fits any values, and a curve of
-another shape may fit as well. Then a steady curve is certainly missing, but the record does not
-determine which one.
+A record measures steady friction f_ss(V) at its own velocities; between these velocities only
+transients contain information. A curve with as many parameters as velocities fits any values, and a
+curve of another shape may fit as well. If several curves fit, a steady curve is certainly missing,
+but the record does not determine which curve.
 """
 
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from .thresholds import ACCEPT
 
 
 class OtherShape(NamedTuple):
-    """A curve of another shape, fitted in place of the named one."""
+    """A curve of another shape, fitted in place of the curve that the loop named."""
 
     shape: str
     """The shape as text."""
@@ -22,7 +22,7 @@ class OtherShape(NamedTuple):
 
 
 class Decisive(NamedTuple):
-    """A velocity at which the fitting curves differ."""
+    """A velocity at which curves that fit equally well differ."""
 
     velocity: float
     """The velocity [m/s], or [rad/s]."""
@@ -31,7 +31,7 @@ class Decisive(NamedTuple):
 
 
 class CurveFamily(NamedTuple):
-    """The effects of a fit that are steady curves of velocity, and alternative shapes."""
+    """The effects of a fit that are steady curves of velocity, and curves of other shapes."""
 
     effects: tuple[str, ...]
     """Ids of the effects of the fit that are steady curves."""
@@ -47,7 +47,7 @@ class CurveFamily(NamedTuple):
 
     @property
     def fitting(self) -> tuple[str, ...]:
-        """Other shapes that fit as well."""
+        """Curves of other shapes that fit as well."""
         return tuple(o.shape for o in self.others if o.worse < ACCEPT)
 
     @property

@@ -51,9 +51,9 @@ class LoopCode(StrEnum):
 def effect_findings(
     engine: "Engine", search: "Search", verdict: str, used: np.ndarray
 ) -> list[Finding]:
-    """A finding for each effect of a model, with the rows that decide for it; `used` (n) is a mask.
+    """A finding for each effect of a model, with the rows that decide for it; mask `used` (n).
 
-    Severity: claim if the verdict is "effects", else open.
+    The severity of the finding is "claim" if the verdict is "effects", else "open".
     """
     severity = Severity.CLAIM if verdict == "effects" else Severity.OPEN
     found, final, n = [], search.final, len(used)
@@ -83,9 +83,10 @@ def claims_of_friction(
     velocity: np.ndarray,
     used: np.ndarray,
 ) -> list[Finding]:
-    """Findings of friction in each of the `ways` (direction, sign, slowest and fastest speed). One
-    of stability between the speeds `ends` follows unless `kind` is "open". Each rests on the rows
-    `used` (n) whose `velocity` (n) is in its range."""
+    """Findings of friction in each of the `ways` (direction, sign, slowest and fastest speed). A
+    finding of stability between the speeds `ends` follows unless `kind` is "open". Each finding
+    rests on the rows `used` (n) whose `velocity` (n) is in its range.
+    """
     speed = np.abs(velocity)
 
     def claim(code: LoopCode, told: dict, ends: tuple[float, float], of: np.ndarray) -> Finding:
@@ -110,7 +111,8 @@ def left_over(
     least: float,
 ) -> list[Finding]:
     """Findings against a model: residual structure (p below `least`), and blocks with a larger
-    error than noise explains; `errors` are (block, error, most) in sigma."""
+    error than noise explains. `errors` are (block, error, largest error from noise) in sigma.
+    """
     found = []
     structure = {name: p for name, p in tests.items() if p < least}
     if structure:

@@ -1,5 +1,6 @@
-"""Noise floor of a record: the noise without smooth columns, and the largest error of every block
-that this noise alone explains."""
+"""Noise floor of a record: the noise after projecting out smooth columns along the record. Also the
+largest error of every block that this noise alone explains.
+"""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -15,7 +16,7 @@ from .thresholds import ASKED, HELD_OUT, SEEN, SIGNIFICANT, TRAIN_FLOOR
 
 
 class Floor(NamedTuple):
-    """The noise without smooth columns."""
+    """The noise of a record after projecting out smooth columns."""
 
     found: Found
     sigma: float
@@ -26,14 +27,15 @@ class Floor(NamedTuple):
     """Largest rms of every block over sigma that noise alone explains."""
 
     def level(self, block: str) -> float:
-        """Standard deviation on a block, in the unit of friction."""
+        """Standard deviation of the noise on a block, in the unit of friction."""
         return self.sigma if block == "train" else self.later
 
 
 def noise_floor(engine: Engine, current: Candidate) -> Floor:
     """Noise after projecting out base, effects, and smooth bumps along the record and each step.
 
-    Its parts are estimated anew: structure in the residual of the base may have looked like one.
+    The parts of the noise are estimated anew, because structure in the residual of the base may
+    have looked like a part of noise.
     """
     rows = engine.evaluate(current.z, engine.free(current.effects))
     columns = np.concatenate([rows.jacobian, engine.smooth], axis=1)
@@ -82,8 +84,9 @@ def _level(
 
 
 def largest_rms(chance: float) -> float:
-    """rms over sigma that noise exceeds with probability `SIGNIFICANT`/`ASKED` (Bonferroni);
-    `chance` is the relative standard error of the rms of noise."""
+    """The rms over sigma that noise exceeds with probability `SIGNIFICANT`/`ASKED` (Bonferroni).
+    `chance` is the relative standard error of the rms of noise.
+    """
     from scipy.special import ndtri  # scipy.stats takes half a second to import
 
     return 1 - float(ndtri(SIGNIFICANT / ASKED)) * chance

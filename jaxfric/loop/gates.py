@@ -1,8 +1,8 @@
-"""The rules by which a search refuses a model, in order; each is a pure function of a `Trial`.
+"""The rules by which a search refuses a model, in order. Each rule is a function of a `Trial`.
 
-A gate returns a `Refusal`: its code with the value and the threshold, or with the parameters
-concerned. `refusal.SOURCES` gives the source of each rule. `loop.json` lists the refusal of every
-tried model.
+A gate (one such rule) returns a `Refusal`: a code with the value and the threshold, or with the
+parameters concerned. `refusal.SOURCES` gives the source of each rule. `loop.json` lists the refusal
+of every tried model.
 """
 
 import math
@@ -42,34 +42,34 @@ class Trial(NamedTuple):
 
     @property
     def gain(self) -> float:
-        """Reduction of BIC."""
+        """Reduction of BIC from the current model to this trial."""
         return self.current.bic - self.candidate.bic
 
 
 def converged(trial: Trial) -> Refusal | None:
-    """The fit ended with a motion that can be simulated."""
+    """The fit of the trial ended with a motion that can be simulated."""
     return Refusal(Fault.FAILED) if trial.candidate.failed else None
 
 
 def possible(trial: Trial) -> Refusal | None:
-    """Its parameters are physically possible."""
+    """The parameters of the trial are physically possible."""
     return None if trial.candidate.physical else Refusal(Fault.IMPOSSIBLE)
 
 
 def evidence(trial: Trial) -> Refusal | None:
-    """BIC falls by more than `ACCEPT`."""
+    """BIC falls by more than `ACCEPT` with this trial."""
     enough = trial.gain > ACCEPT
     return None if enough else Refusal(Fault.WEAK, value=trial.gain, threshold=ACCEPT)
 
 
 def fixed(trial: Trial) -> Refusal | None:
-    """The record determines the parameters of its effects, see `not_fixed`."""
+    """The record determines the parameters of the trial's effects, see `not_fixed`."""
     names = not_fixed(trial.engine, trial.candidate, trial.scales)
     return Refusal(Fault.NOT_FIXED, names) if names else None
 
 
 def takes_nothing(trial: Trial) -> Refusal | None:
-    """The effect does not take over parameters of the base, see `taken`."""
+    """The added effect does not take over parameters of the base, see `taken`."""
     moves = what_it_takes(trial.engine, trial.without, trial.candidate)
     return Refusal(Fault.TAKES, tuple(m.name for m in moves), moves) if moves else None
 
@@ -84,7 +84,7 @@ IN_PLACE: tuple[Gate, ...] = (fixed, takes_nothing)
 
 
 def refusal_of(trial: Trial, gates: Sequence[Gate] | None = None) -> Refusal | None:
-    """The first refusal of some gates, by default all; None if the model may be accepted."""
+    """The first refusal of the gates, by default all; None if the model may be accepted."""
     asked = GATES if gates is None else gates
     return next((why for gate in asked if (why := gate(trial)) is not None), None)
 
@@ -93,7 +93,7 @@ def refusal_of(trial: Trial, gates: Sequence[Gate] | None = None) -> Refusal | N
 
 
 class Part(NamedTuple):
-    """A parameter of an effect, its value (SI) and its relative error."""
+    """A parameter of an effect, with value (SI) and relative error."""
 
     name: str
     unit: str
@@ -107,11 +107,12 @@ def not_fixed(engine: Engine, candidate: Candidate, scales: RecordScales) -> tup
     """Names of the parameters of a candidate's effects that the record does not determine.
 
     An amplitude is undetermined if it does not exceed its standard error, or if it alone would
-    change friction by more than the largest recorded friction. A shape is undetermined if its error
-    is as large as its value, or if it lies outside the range of the record: a length beyond twice
-    the path, a time beyond twice the duration, a velocity far from all recorded ones, or beyond the
-    effect's own limits. Pure shape parameters, such as a bounded exponent, need not be determined:
-    they are fixed when the errors of the others are computed.
+    change friction by more than the largest recorded friction. A shape parameter is undetermined if
+    its error is as large as its value, or if it lies outside the range of the record. Outside the
+    range are a length beyond twice the path, a time beyond twice the duration, and a velocity far
+    from all recorded ones. The effect's own limits count too. Pure shape parameters, such as a
+    bounded exponent, need not be determined: their values are held fixed when the errors of other
+    parameters are computed.
     """
     own = engine.model.columns(candidate.effects)
     shapes = [i for i in own if _is_shape_only(engine, i)]
@@ -139,9 +140,10 @@ def not_fixed(engine: Engine, candidate: Candidate, scales: RecordScales) -> tup
 
 
 def loose(parts: list[Part], force: float, scales: RecordScales) -> tuple[str, ...]:
-    """Names of the undetermined parameters of one effect; `force`: the largest recorded force.
+    """Names of the undetermined parameters of one effect. `force` is the largest recorded force.
 
-    Of several amplitudes (a sine and a cosine) only the largest over its error must be determined.
+    If an effect has several amplitudes (a sine and a cosine), only the one largest over its error
+    must be determined.
     """
     amplitudes = [p for p in parts if p.amplitude]
     found = [p.name for p in parts if not _possible(p, force, scales)]
@@ -187,8 +189,9 @@ _WHOLE = ("M", "F_c")
 
 
 def what_it_takes(engine: Engine, without: Candidate, candidate: Candidate) -> tuple[Move, ...]:
-    """The parameters of the base that an effect of a candidate takes over; `without` is the fit
-    without that effect."""
+    """The parameters of the base that an effect of a candidate takes over. `without` is the fit
+    without that effect.
+    """
     new = [e for e in engine.model.effects if e.id in {*candidate.effects} - {*without.effects}]
     of_place = any(issubclass(effect, AbstractPlaceEffect) for effect in new)
     before, after = (estimates(engine, c, "F")[0] for c in (without, candidate))
@@ -198,14 +201,15 @@ def what_it_takes(engine: Engine, without: Candidate, candidate: Candidate) -> t
 def taken(
     before: Mapping[str, Estimate], after: Mapping[str, Estimate], *, of_place: bool = False
 ) -> tuple[Move, ...]:
-    """The parameters of the base that are known `before` an effect is added, but not `after`.
+    """The parameters of the base that are determined `before` an effect is added, but not `after`.
 
-    A rate-and-state term with a long L mimics inertia, a presliding spring Coulomb friction,
-    heating a weakening evolution. A wrong effect may fit as well as the right one, but the base
-    reveals it. A parameter with a known sign, determined without the effect, counts as taken over
-    if it changes sign or is lost in its error. Mass and Coulomb friction of an axis may not fall
-    below a third either. Exception (`of_place`): an effect of position may take over mass and
-    Coulomb friction, because accelerations replace a missing weight.
+    A rate-and-state term with a long L mimics inertia. A presliding spring mimics Coulomb friction,
+    and heating mimics a weakening evolution. A wrong effect may fit as well as the right one, but a
+    wrong effect changes parameters of the base. Take a parameter of known sign that is determined
+    without the effect. The effect takes this parameter over if the sign changes or the value falls
+    below its error. Mass and Coulomb friction of an axis are also taken over if they fall below a
+    third. Exception (`of_place`): an effect of position may take over mass and Coulomb friction,
+    because in its absence accelerations replace the missing weight.
     """
     both = [Move(n, before[n], after[n]) for n in _ONE_SIGN if n in before and n in after]
     return tuple(m for m in both if _is_taken(*m) and not (of_place and m.name in _WHOLE))

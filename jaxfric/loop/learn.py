@@ -1,7 +1,8 @@
-"""Estimates the noise model of a record: hum, outliers, parts, and pace and scale of steps.
+"""Estimates the noise model of a record: hum, outliers, correlated parts, pace and scale of steps.
 
-It uses the residual of the base without smooth columns, because structure along the record is not
-noise. Every function returns a new engine with another noise model.
+The noise is that of the base's residual after projecting out smooth columns, because structure
+along the record is not noise. Every function of this module returns a new engine with another noise
+model.
 """
 
 import numpy as np
@@ -27,8 +28,9 @@ from .split import NAMES
 
 
 def seek_parts(engine: Engine, z: np.ndarray) -> Engine:
-    """The engine with the parts of noise in the residual of the base at `z`: provisional, for fits
-    before `learn_noise`."""
+    """The engine with provisional parts of noise, from the residual of the base at `z`. Fits before
+    `learn_noise` use these parts.
+    """
     rows = engine.evaluate(z, engine.free(()))
     if rows.failed:
         return engine
@@ -37,12 +39,12 @@ def seek_parts(engine: Engine, z: np.ndarray) -> Engine:
 
 
 def learn_noise(engine: Engine, base: Candidate) -> tuple[Engine, Candidate]:
-    """The engine with the noise model from a fit of the base, and that fit under this noise.
+    """The engine with the noise model from a fit of the base, and the fit under this noise.
 
-    All later candidates have the same parts of noise; their sizes, correlation lengths and periods
-    are estimated anew. Velocity steps get their own pace or scale if this lowers the BIC. Outliers
-    are excluded from all blocks and hum is subtracted from the record. After either, the base is
-    refitted and its noise estimated anew.
+    All later candidates have the same parts of noise; sizes, correlation lengths and periods of
+    these parts are estimated anew. Velocity steps get their own pace or scale of noise if this
+    lowers the BIC. Outliers are excluded from all blocks, and hum is subtracted from the record. If
+    outliers or hum are found, the base is refitted and its noise estimated anew.
     """
     if engine.case.bounds.by_step:
         quiet = _without_hum(engine, base)

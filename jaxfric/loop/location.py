@@ -1,12 +1,13 @@
 """Locates the residual structure of a base model, without a catalogue of effects.
 
 Bumps of friction over one variable pass through the linearised slider and are fitted together with
-the base: slip, velocity, state, time, time or slip since the step, wavelength. Friction differs
-along the variable whose bumps explain most of the structure. Each variable is fitted alone,
-so these shares overlap. `further` shares add up: the best variable comes first, the others have the
-share that they explain beyond it. Profiles and their errors exclude the part that parameters of the
-base absorb. Structure that the bumps do not explain counts as noise, in the errors and in p. The
-p-values include the uncertainty of the noise (`ratio`).
+the base. The variables are slip, velocity, state, time, time or slip since the velocity step, and
+wavelength. Friction differs along the variable whose bumps explain most of the structure. Each
+variable is fitted alone, so the shares of structure that variables explain overlap. The `further`
+shares add up: the best variable comes first, and each later variable has the share that it explains
+beyond the earlier ones. Profiles and their errors exclude the part that parameters of the base
+absorb. Structure that the bumps do not explain counts as noise, in the errors and in the p-values.
+The p-values include the uncertainty of the noise (`ratio`).
 """
 
 import dataclasses
@@ -36,7 +37,7 @@ _COARSE, _FINE, _WAVES = 8, 16, 117
 
 
 class Bumps(NamedTuple):
-    """Bumps over one variable, and the response of the prediction to each, in noise units."""
+    """Bumps of friction over one variable, and the response to each bump in noise units."""
 
     variable: str
     unit: str
@@ -45,16 +46,16 @@ class Bumps(NamedTuple):
 
     @property
     def pairs(self) -> bool:
-        """Whether each centre is a wavelength, with a sine and a cosine."""
+        """Whether each centre of a bump is a wavelength, with a sine and a cosine."""
         return self.columns.shape[1] == 2 * len(self.centres)
 
     def groups(self) -> list[np.ndarray]:
-        """Groups of columns that are fitted together: all bumps, or the pair of each wavelength."""
+        """Groups of columns that are fitted together: all bumps, or the two of one wavelength."""
         return np.split(self.columns, len(self.centres), axis=1) if self.pairs else [self.columns]
 
 
 class Asked(NamedTuple):
-    """Part of a residual that the bumps of one variable explain."""
+    """The part of a residual that the bumps of one variable explain."""
 
     profile: LocationProfile
     """The profile, without its p-value."""
@@ -67,7 +68,7 @@ class Asked(NamedTuple):
 
 
 class Left(NamedTuple):
-    """Structure in a residual."""
+    """The structure in a residual."""
 
     location: tuple[LocationProfile, ...]
     """Profiles, the variable that explains most first."""
@@ -78,7 +79,7 @@ class Left(NamedTuple):
 def locate(engine: Engine, base: Candidate, found: Found, bumps: Sequence[Bumps]) -> Left:
     """Profiles of missing friction over every variable, and their p-values under noise alone.
 
-    `found` is the noise without smooth columns.
+    `found` is the noise after projecting out smooth columns.
     """
     rows = engine.evaluate(base.z, engine.free(base.effects))
     train = engine.weight[:, None]
@@ -128,9 +129,10 @@ def further_shares(
 ) -> list[float]:
     """Share of the structure that each variable explains beyond the variables before it.
 
-    Forward selection: first the variable that explains most, then the one that explains most of the
-    rest, while this is significant. Shares are at least 0 and add up to at most 1; no variable
-    explains the rest. All are nan if there is no significant structure (`share_of`).
+    Forward selection takes first the variable that explains most structure, then the one that
+    explains most of the remaining structure, while this is significant. Shares are at least 0 and
+    add up to at most 1; no variable explains the rest. All shares are nan without significant
+    structure (`share_of`).
 
     Parameters
     ----------
@@ -177,8 +179,9 @@ def _best_group(
 def share_of(gain: float, degrees: int, whole: tuple[float, float]) -> float:
     """Share of the structure that columns with `degrees` of freedom explain, from their `gain`.
 
-    `whole` is the sum of squares in units of the noise, and its degrees of freedom. The excess of
-    the former is structure; the result is nan if this excess is not significant.
+    `whole` is the sum of squares in units of the noise, and its degrees of freedom. The sum of
+    squares beyond its degrees of freedom is structure. The result is nan if this excess is not
+    significant.
     """
     squares, rows = whole
     if chi_square_tail(squares, int(rows)) > SIGNIFICANT:
@@ -289,7 +292,8 @@ def _spread(x: np.ndarray, number: int) -> np.ndarray:
 
 
 def hats(x: np.ndarray, centres: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Centres, and a hat function of x (n,) for each: 1 at its centre, 0 at the neighbours; the
-    outer ones continue with 1."""
+    """Centres, and a hat function of x (n,) for each centre. A hat is 1 at its centre and 0 at the
+    neighbouring centres; the two outer hats continue with 1.
+    """
     columns = [np.interp(x, centres, row) for row in np.eye(len(centres))]
     return centres, np.stack(columns, axis=1)

@@ -66,8 +66,9 @@ def close_loop(
 
     Returns
     -------
-    Loop. The verdict is a value: once the base fit converges, the record raises no exception. In a
-    run, `level2`, `level3`, ... are the friction of later stretches minus that of the first.
+    Loop. The verdict is a value: once the base fit converges, no record raises an exception. In a
+    run, `level2`, `level3`, ... are the friction of later stretches minus the friction of the
+    first.
 
     Raises
     ------

@@ -23,7 +23,7 @@ def friction_sensitivities(
     missing: Sequence[type[AbstractEffect]],
     scales: RecordScales,
 ) -> Sensitivities:
-    """Sensitivities of the missing effects that have shapes and are friction terms."""
+    """Sensitivities of the missing effects that are friction terms with shape parameters."""
     problem = engine.evaluator.simulated(z, engine.problem)
     rig = rig_at(problem, z)
     response = linear_response(problem, jax.device_put(z))
@@ -47,7 +47,7 @@ def friction_sensitivities(
 def columns_of(
     engine: Engine, id: str, shapes: Sequence[Mapping[str, float]], place: int
 ) -> list[Column]:
-    """The columns of all shapes of an effect, one after the other from `place`."""
+    """The columns of all shapes of an effect, one after the other from index `place` on."""
     amplitudes = tuple(engine.model.amplitudes(id))
     found, own = [], [engine.names.index(f"{id}.{n}") for n in shapes[0]]
     for shape in shapes:
@@ -123,7 +123,7 @@ def _terms(
 
 
 def respond(response: Response, forces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Response of friction and slip to many forces, in passes of one compiled width."""
+    """Response of friction and slip to many forces, computed in passes of one compiled width."""
     parts = []
     for begin in range(0, forces.shape[1], WIDE):
         part = forces[:, begin : begin + WIDE]

@@ -2,9 +2,11 @@
 
     LR = 2 (max ln L with the columns of a question - max ln L without them)
 
-Both maxima are over the parameters of the fit and over sizes and correlation lengths of the noise.
-Noise fitted to a residual with structure absorbs this structure. Noise fitted without the tested
-directions hardly determines the noise in them. The ratio decides between the two descriptions.
+A question asks whether certain columns explain structure in a residual. Both maxima are over the
+parameters of the fit and over sizes and correlation lengths of the noise. Noise fitted to a
+residual with structure absorbs this structure. If the tested directions are left out of the noise
+fit, the fit hardly determines the noise in these directions. The likelihood ratio LR decides
+between the two descriptions.
 
 If the record is short compared with the correlation length, LR exceeds its chi-square distribution.
 So LR is divided by its mean over its degrees of freedom in simulated records of the estimated noise
@@ -31,7 +33,7 @@ _SIZES, _MEMORIES = (-1.0, 0.0, 1.0), (-0.5, 0.0, 0.5)  # log offsets of the noi
 
 
 class Question(NamedTuple):
-    """Possible structure in a residual: any combination of some columns."""
+    """Possible structure in a residual, as any combination of some columns."""
 
     name: str
     columns: np.ndarray
@@ -43,10 +45,10 @@ class Question(NamedTuple):
 def chances(
     engine: Engine, rows: Rows, found: Found, questions: Sequence[Question]
 ) -> dict[str, float]:
-    """p-value of every question for the residual of the train block, under noise alone.
+    """p-value of every question about the residual of the train block, under noise alone.
 
-    `rows` are those of the model, whose parameters are free in every maximum; `found` is the noise
-    without smooth columns.
+    `rows` are the rows of the model; its parameters are free in every maximum. `found` is the noise
+    after projecting out smooth columns.
     """
     weight = engine.weight[:, None]
     jacobian = rows.jacobian * weight

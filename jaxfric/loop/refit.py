@@ -1,7 +1,7 @@
-"""Joint fits of the base and some effects: candidates, each with its score.
+"""Joint fits of the base and some effects. Each such fit is a candidate with a score.
 
-All parameters of a candidate are free together. Its noise is profiled before and after a descent,
-so that BIC is at the likeliest parameters and noise alike.
+All parameters of a candidate are free together. The noise of a candidate is profiled before and
+after a descent. So BIC is at the likeliest parameters and at the likeliest noise.
 """
 
 from typing import NamedTuple
@@ -45,9 +45,10 @@ def refit(
 ) -> Candidate:
     """The joint fit of base and effects from the start `z`, with all their parameters free.
 
-    The descent ends at a relative change of 1e-4 of the sum of squares: 0.1 of BIC for a thousand
-    rows, more in longer records. Most candidates are wrong and converge slowly in flat valleys.
-    `exact`: 1e-6, well within the parameters' errors.
+    The descent ends when the sum of squares changes by less than 1e-4 of itself. This tolerance is
+    0.1 of BIC for a thousand rows, and more in longer records. A finer one does not pay, because
+    most candidates are wrong and converge slowly in flat valleys. With `exact` the tolerance is
+    1e-6, well within the parameters' errors.
     """
     index, z, near = engine.free(effects), engine.problem.begun(z), ()
     rows, train = engine.evaluate(z, index), engine.weight[:, None]
@@ -92,7 +93,7 @@ def candidate_at(
     rows: Rows,
     near: tuple[np.ndarray, ...] = (),
 ) -> Candidate:
-    """The scores of a fit; `near` are additional starting values of its noise."""
+    """The candidate of a fit with its scores; `near` are further starting values of the noise."""
     score, noise = np.inf, engine.noise.alone
     if not rows.failed:
         score, noise = bic(engine, rows, len(engine.free(effects)), near)
@@ -110,8 +111,8 @@ def bic(
 ) -> tuple[float, Noise]:
     """-2 ln L + p ln n_eff at the likeliest noise; n_eff is the effective number of rows.
 
-    The deviance of predicting the validation block is added, which penalises overfitting of the
-    train block. `near` are additional starting values of the noise.
+    The deviance of predicting the validation block is added to BIC, which penalises overfitting of
+    the train block. `near` are additional starting values of the noise.
     """
     residual, ones = rows.residual * engine.weight, np.ones((len(engine.weight), 1))
     found = engine.noise_of(residual, 0 * ones, near).noise

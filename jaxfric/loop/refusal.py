@@ -1,6 +1,7 @@
-"""Why a search refuses a model: a code, with the value and the threshold that decided.
+"""Why a search refuses a model: a code, with the value and the threshold that decide.
 
-The rules are in `gates`, texts in `report.verdict_text`; `SOURCES` gives the source of each rule.
+The rules of refusal are in `gates`, their texts in `report.verdict_text`. `SOURCES` gives the
+source of each rule.
 """
 
 from collections.abc import Mapping
@@ -39,7 +40,7 @@ class Move(NamedTuple):
 
 
 class Refusal(NamedTuple):
-    """A fault of a model, with the evidence for it."""
+    """A fault of a model, with the evidence for this fault."""
 
     code: Fault
     parameters: tuple[str, ...] = ()

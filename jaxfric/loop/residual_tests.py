@@ -1,37 +1,39 @@
 """Tests whether the residual depends on drive, slip, velocity or time since a step.
 
 Noise may be correlated over short distances, with a bounded correlation length. Correlation of
-neighbouring rows concerns the recorder and is not tested. The tests are likelihood ratios
-(`ratio`): do hat functions along the record or since the steps, or bumps of friction over one
-variable (`location`), make the residual likelier than noise alone?
+neighbouring rows comes from the recorder and is not tested. The tests are likelihood ratios
+(`ratio`) of hat functions along the record or since velocity steps, and of bumps of friction over
+one variable (`location`). Each test asks whether these functions make the residual likelier than
+noise alone.
 
 The verdict also tests the sizes of the train error and of the held-out error. All p-values are
-corrected together: under noise alone the smallest falls below p in a share p of records.
+corrected together: under noise alone the smallest p-value falls below p in a share p of records.
 """
 
 import math
 
 
 def asked(tests: dict[str, float]) -> int:
-    """Number of tests of one verdict: the residual tests, and the sizes of two errors."""
+    """Number of tests of one verdict: residual tests, and tests of the sizes of two errors."""
     return len(tests) + 2
 
 
 def structure(chances: dict[str, float]) -> dict[str, float]:
-    """p-values of likelihood ratios (`ratio.chances`) with Holm's correction; small values mean
-    structure."""
+    """p-values of likelihood ratios (`ratio.chances`) with Holm's correction. Small p-values mean
+    structure.
+    """
     return holm(chances, asked(chances))
 
 
 def p_text(p: float) -> str:
-    """A p-value as text: "p = 0.03", a tiny one as a bound."""
+    """A p-value as text: "p = 0.03". A tiny p-value is given as an upper bound."""
     if not math.isfinite(p):
         return "p unknown"
     return "p < 1e-12" if p < 1e-12 else f"p = {p:.2g}"
 
 
 def holm(raw: dict[str, float], asked: int) -> dict[str, float]:
-    """Holm's correction of the given p-values, out of `asked` tests in total."""
+    """Holm's correction of the given p-values, for `asked` tests in total."""
     corrected, least = {}, 0.0
     for i, name in enumerate(sorted(raw, key=lambda n: raw[n])):
         least = max(least, min(1.0, (asked - i) * raw[name]))

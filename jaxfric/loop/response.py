@@ -1,9 +1,10 @@
 """The linear response of the record to a small additional friction force g(t).
 
 The slider is linearised along its own motion, y' = A(t) y + b(t) g(t). The response to any number
-of forces then needs no further solution of the equation of motion. It serves to rank many shapes of
-an effect, and to locate missing friction in slip, velocity, state or time without a catalogue.
-Midpoint rule on the sampling times of the record, halved.
+of forces then needs no further solution of the equation of motion. This linear response serves to
+rank many shapes of an effect, and to locate missing friction in slip, velocity, state or time
+without a catalogue. The linear equation is solved by the midpoint rule on half the sampling
+intervals of the record.
 """
 
 from typing import ClassVar
@@ -175,7 +176,7 @@ def linear_response(problem: Problem, z: Float[Array, " q"]) -> Response:
 
 @traced
 def term_forces(response: Response, terms: AbstractTerm) -> Float[Array, "k+1 q"]:
-    """Forces of a batch of terms along the unchanged motion."""
+    """Forces of a batch of friction terms along the unchanged motion of the slider."""
     return jax.vmap(lambda term: _term_force(response, term), out_axes=1)(terms)
 
 

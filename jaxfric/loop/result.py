@@ -1,4 +1,4 @@
-"""Result of closing the loop: verdict, fits before and after, and all tried models."""
+"""The result of the loop: verdict, fits before and after, and all tried models."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -47,14 +47,14 @@ class Score:
     def A_minus_B(self) -> Estimate | None:
         """A minus all B (a - b), including a second state, with its error; None without an A.
 
-        Effects that depend on velocity alone (viscous, a Stribeck curve) are not included.
+        A - B leaves out effects that depend on velocity alone (viscous, a Stribeck curve).
         """
         return rate_dependence(self) if amplitudes(self) else None
 
 
 @dataclass(frozen=True)
 class CandidateScore:
-    """One fitted model. A `delta_bic` below 0 is better than the base."""
+    """One fitted model. A model with `delta_bic` below 0 is better than the base."""
 
     effects: tuple[str, ...]
     delta_bic: float
@@ -71,7 +71,7 @@ class CandidateScore:
 
 @dataclass(frozen=True)
 class ScreenedEffect:
-    """An effect screened against the base, to first order, at its best shape."""
+    """An effect at its best shape, compared with the base to first order."""
 
     id: str
     delta_bic: float
@@ -82,8 +82,8 @@ class ScreenedEffect:
 class LocationProfile:
     """Missing friction as a function of one variable: amplitudes of bumps in the friction law.
 
-    The bumps pass through the dynamics before the comparison with the residual. So this shows where
-    friction differs, not where the record differs.
+    The bumps pass through the dynamics before the comparison with the residual. So the profile
+    shows where friction differs, not where the record differs.
     """
 
     variable: str
@@ -112,7 +112,7 @@ class RunBase:
 
     @property
     def law(self) -> str:
-        """The name of the law."""
+        """The name of the friction law."""
         return self.fit.law
 
     def values(self) -> dict[str, float]:
@@ -130,11 +130,11 @@ class RunDetails:
     """Empty: a run has no claims besides the effects."""
 
     def tables(self) -> list:
-        """A row for every stretch, as a table of a report."""
+        """A table of a report, with a row for every stretch."""
         return said("loop_text.stretches", self)
 
     def to_json(self) -> dict:
-        """The stretches, as an entry of `loop.json`."""
+        """The stretches of a run, as an entry of `loop.json`."""
         return said("loop_json.run", self)
 
 
@@ -200,7 +200,7 @@ class Loop(Described, Drawable, Gridded, Tabular):
 
     @property
     def words(self):
-        """Terms for reports and figures of this kind of rig, a `report.rig_words.LoopWords`."""
+        """Terms for reports and figures of this kind of rig, as a `report.rig_words.LoopWords`."""
         return said("rig_words.of", self)
 
     @property
@@ -210,7 +210,7 @@ class Loop(Described, Drawable, Gridded, Tabular):
         return "rad" if rotary else "m"
 
     def shifts(self) -> dict[str, float]:
-        """Shift of every parameter of the base, in standard errors of the fit after."""
+        """Shift of every base parameter by the added effects, in errors of the fit after."""
         moved = {}
         for name, before in self.before.parameters.items():
             after = self.after.parameters[name]
@@ -220,14 +220,16 @@ class Loop(Described, Drawable, Gridded, Tabular):
 
     @property
     def supported(self) -> Score:
-        """The model to use: `after`, but `before` where the verdict is "outside_catalogue" and the
-        added effects predict the test block worse than the base model does."""
+        """The model to use, in general `after`. It is `before` if the verdict is
+        "outside_catalogue" and the added effects predict the test block worse than the base model.
+        """
         worse = self.test_error(self.after) > self.test_error(self.before)
         return self.before if self.verdict == "outside_catalogue" and worse else self.after
 
     def test_error(self, score: Score) -> float:
-        """rms of the test block in units of its noise. Neither a fit nor the choice of a model used
-        these rows."""
+        """rms error of the test block in units of its noise. Neither a fit nor the choice of a
+        model used the rows of the test block.
+        """
         return score.rms["report"] / self.sigma_of(self.blocks.report)
 
     def row_sigma(self) -> np.ndarray:
@@ -237,7 +239,7 @@ class Loop(Described, Drawable, Gridded, Tabular):
         return np.where(held & known, self.sigma_held_out, self.sigma)
 
     def sigma_of(self, rows: np.ndarray) -> float:
-        """rms of the noise of some rows (a mask): the unit of their error."""
+        """rms of the noise in some rows (a mask), as the unit of the error in these rows."""
         return float(np.sqrt(np.mean(self.row_sigma()[rows] ** 2))) if rows.any() else self.sigma
 
     def ranked(self) -> list[CandidateScore]:
@@ -253,14 +255,15 @@ class Loop(Described, Drawable, Gridded, Tabular):
         return list(once.values())
 
     def gain(self) -> float | None:
-        """Fall of BIC by the accepted model; None if it is not among the candidates."""
+        """Fall of BIC from the base to the accepted model; None if no candidate is this model."""
         model = frozenset(self.after.effects)
         own = (0.0 - c.delta_bic for c in self.ranked() if frozenset(c.effects) == model)
         return next(own, None)
 
     def unfixed(self) -> list[Unfixed]:
-        """Models that are likelier than the accepted one, but whose parameters the record does not
-        determine; likeliest first."""
+        """Models that are likelier than the accepted model, but whose parameters the record does
+        not determine; likeliest first.
+        """
         known = (c for c in self.ranked() if c.converged and c.physical)
         models = ((c, 0.0 - c.delta_bic) for c in known)
         return unfixed(models, self.gain() or 0.0)

@@ -1,4 +1,4 @@
-"""Rivals: fits with other effects that are about as good as the model."""
+"""Rivals of a model: fits with other effects that are about as good."""
 
 from .refit import Candidate
 from .refusal import Fault, takes
@@ -7,7 +7,7 @@ from .thresholds import ACCEPT
 
 
 def rival_fits(search: Search, id: str) -> dict[str, Candidate]:
-    """For each effect that fits about as well in place of `id`, its best fit; best first."""
+    """The best fit of each effect that fits about as well in place of effect `id`; best first."""
     kept = {e for e in search.final.effects if e != id}
     found: dict[str, Candidate] = {}
     for c in sorted(search.tried, key=lambda c: c.bic):
@@ -20,9 +20,10 @@ def rival_fits(search: Search, id: str) -> dict[str, Candidate]:
 
 
 def near_fits(search: Search) -> list[Candidate]:
-    """The best fit of every other tried set of effects, unless a gate other than weak evidence or
-    undetermined parameters refused it. The true model may be among these, so standard errors
-    include their differences."""
+    """The best fit of every other tried set of effects. Left out are sets that a gate refused,
+    except for weak evidence or undetermined parameters. The true model may be among these fits, so
+    standard errors include the differences between them.
+    """
     found: dict[frozenset[str], Candidate] = {}
     for c in sorted(search.tried, key=lambda c: c.bic):
         why = None if c.rejection is None else c.rejection.code

@@ -1,8 +1,9 @@
-"""The loop over a whole run: find what the model of all its steps and holds lacks.
+"""The loop over a whole run: find the effects that the model of all steps and holds lacks.
 
 The steps and holds of a run form one motion (`runs.joined`) with common A, B, L and effects. Each
 stretch between changes of normal stress, unloadings or pauses has its own friction level. Whole
-steps and holds are held out; a second search, with others held out, follows if no effect is named.
+steps and holds are held out. If no effect is named, a second search holds out other steps and
+holds.
 """
 
 import dataclasses
@@ -48,7 +49,7 @@ def run_loop(
     begun: float,
     progress: Callable[[str], None],
 ) -> Loop:
-    """The loop over a run (`asked_twice`); `how` has the machine's stiffness and the law.
+    """The loop over a run, as `asked_twice`; `how` holds the machine's stiffness and the law.
 
     Raises
     ------
@@ -92,13 +93,14 @@ def asked_twice(
     *,
     progress: Callable[[str], None],
 ) -> Loop:
-    """The result of a search. If it names no effect, a second search holds out other steps and
-    holds (`again`; None: there are too few).
+    """The result of a search. If the search names no effect, a second search (`again`) holds out
+    other steps and holds. `again` is None if a run has too few of them.
 
-    The information may be in a few steps. If these are held out, no effect is supported, or one
-    that does not predict them. The second result counts if it names an effect, leaves no structure,
-    and is significant for two searches. If both have the same effects, the structure after the
-    first counts too. If the second search fails or is interrupted, the first result stands.
+    A few steps may hold all information about an effect. If these steps are held out, the search
+    supports no effect, or an effect that does not predict these steps. The second result counts if
+    it names an effect, leaves no structure, and is significant for two searches. If both searches
+    have the same effects, the structure after the first search counts too. If the second search
+    fails or is interrupted, the first result stands.
     """
     found = search(blocks)
     other = None if found.verdict in _NAMED else again()

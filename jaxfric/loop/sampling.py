@@ -1,9 +1,9 @@
 """Adds times between the rows at which the sensor of a loop's problem samples friction.
 
-A sensor interpolates friction linearly between times, and a lag shorter than the row interval needs
-the slope at the row. After a velocity step friction bends within the slip A/K, which a machine may
-cross within one row. Without intermediate times a sensor lag was identified as a lag of the drive,
-because the drive is part of the motion and exact.
+The simulated sensor interpolates friction linearly between times, and a lag shorter than the row
+interval needs the slope of friction at the row. After a velocity step friction bends within the
+slip A/K, which a machine may cross within one row. Without intermediate times the loop identified a
+sensor lag as a lag of the drive, which is simulated exactly as part of the motion.
 """
 
 import dataclasses
@@ -25,8 +25,9 @@ def seen_between(
 ) -> Problem:
     """A copy of the problem whose sensor also samples friction before the coarsest rows.
 
-    `bend` and `length` [m] are A/K and L. The coarsest rows are the `number` rows soon after a step
-    with the most slip since the previous row; the default depends on the problem's size only.
+    `bend` and `length` [m] are A/K and L. The coarsest rows are the `number` rows soon after a
+    velocity step with the most slip since the previous row. The default of `number` depends on the
+    problem's size only.
     """
     time = np.asarray(problem.time)
     back = np.diff(time, prepend=time[0])

@@ -1,8 +1,8 @@
-"""Screens all effects and shapes, to first order, for those that would explain a residual.
+"""Screens all effects and their shapes, to first order, for those that would explain a residual.
 
-One Jacobian at the null of all effects holds the sensitivities of effects without shapes.
-`Case.shapes` gives those of every shape of the others. For each, the likelihood is profiled over
-the base's parameters, the amplitudes and the noise.
+One Jacobian at the null of all effects holds the sensitivities of effects without shape parameters.
+For effects with shapes, `Case.shapes` gives the sensitivities of every shape. The likelihood of
+each effect and shape is profiled over the base's parameters, the amplitudes and the noise.
 """
 
 import itertools
@@ -26,7 +26,7 @@ _KEPT = 8
 
 
 class Screened(NamedTuple):
-    """The best shape of one effect, to first order."""
+    """The best shape of one effect, from a fit to first order."""
 
     id: str
     delta_bic: float
@@ -36,7 +36,7 @@ class Screened(NamedTuple):
 
 
 class Screening(NamedTuple):
-    """Residual, sensitivities of the fitted parameters, then those of all effects and shapes."""
+    """Residual, and sensitivities of the fitted parameters and of all effects and shapes."""
 
     rows: Rows
     matrix: np.ndarray
@@ -49,8 +49,9 @@ class Screening(NamedTuple):
 def sensitivities(
     engine: Engine, current: Candidate, scales: RecordScales, *, addable: bool = False
 ) -> Screening:
-    """Sensitivities at a fit, in all rows: of all effects, or with `addable` only of those that can
-    be added to the fit."""
+    """Sensitivities of all effects at a fit, in all rows. With `addable` only effects that can be
+    added to the fit have sensitivities.
+    """
     free = engine.free(current.effects)
     present = (*engine.always, *current.effects)
     missing = [e for e in engine.offered if e.id not in present]
@@ -149,11 +150,11 @@ def _start(z: np.ndarray, free: np.ndarray, column: Column, weights: np.ndarray)
 
 
 def aliases(engine: Engine, current: Candidate, scales: RecordScales) -> tuple[tuple, np.ndarray]:
-    """Ids, and |cosine| between their sensitivities orthogonal to those of the fitted parameters.
+    """Pairs of effect ids, and the |cosine| between the two sensitivities of each pair.
 
-    The noise is that of the fit. For effects with several amplitudes the largest cosine of any
-    combination counts, for effects with shapes that of the closest shape. Effects in the fit have
-    their fitted shape.
+    Sensitivities are orthogonal to those of the fitted parameters, under the noise of the fit. For
+    effects with several amplitudes the largest cosine of any combination counts. For effects with
+    shapes the cosine of the closest shape counts. Effects in the fit have their fitted shape.
     """
 
     def seen(gone: str) -> tuple[Screening, np.ndarray] | None:
@@ -211,10 +212,11 @@ def alias_cosines(
     white: np.ndarray,
     absent: Mapping[str, tuple[Screening, np.ndarray]],
 ) -> tuple[tuple[str, ...], np.ndarray]:
-    """Ids, and |cosines| between the whitened sensitivities of every two effects, shape (e, e).
+    """Effect ids, and the |cosine| between the whitened sensitivities of every two effects (e, e).
 
-    Sensitivities are projected orthogonal to the base. The cosine is that of the least principal
-    angle, and the largest over all shapes. `absent` has the sensitivities without an effect.
+    Sensitivities are projected orthogonal to the base. The cosine of two effects is that of the
+    least principal angle, and the largest over all shapes. `absent` has the sensitivities at the
+    fit without an effect.
     """
     free = list(engine.free(current.effects))
     parts: dict[str, list[np.ndarray]] = {}
@@ -258,7 +260,7 @@ def _beyond(columns: np.ndarray, basis: np.ndarray) -> np.ndarray:
 
 
 def orthonormal(columns: np.ndarray) -> np.ndarray:
-    """An orthonormal basis of the columns."""
+    """An orthonormal basis of the space of the columns."""
     if not columns.shape[1]:
         return columns
     size = np.linalg.norm(columns, axis=0)

@@ -1,8 +1,9 @@
 """The search for missing effects: forward selection, backward elimination, swaps.
 
 1. Fit the base and its noise. 2. Screen all effects to first order. 3. Refit the most promising
-jointly. 4. Accept the best that no gate refuses. 5. Repeat while there is one; then drop needless
-effects, and try to replace each by its aliases. Each step returns a new `Search`.
+effects jointly with the base. 4. Accept the best model that no gate refuses. 5. Repeat from 2 until
+every model is refused; then drop needless effects, and try to replace each effect by its aliases.
+Each step of the search returns a new `Search`.
 """
 
 from collections.abc import Callable, Sequence
@@ -44,11 +45,11 @@ class Search(NamedTuple):
     """|cosines| between the sensitivities of effects `ids` at the model, see `screen.aliases`."""
 
     def trying(self, candidate: Candidate) -> Self:
-        """The search with one more candidate."""
+        """The search with one more tried candidate."""
         return self._replace(tried=(*self.tried, candidate))
 
     def taking(self, candidate: Candidate) -> Self:
-        """The search with another model."""
+        """The search with another accepted model."""
         accepted = (*self.accepted, candidate.effects)
         return self._replace(final=candidate, accepted=accepted)
 
@@ -58,7 +59,7 @@ class Search(NamedTuple):
         return min(known, key=lambda c: c.bic, default=None)
 
     def without(self, gone: set[str], candidate: Candidate) -> tuple[Self, Candidate]:
-        """A candidate without some of its effects: the best tried one, else a new fit."""
+        """A candidate without some of its effects: the best tried fit, else a new fit."""
         rest = tuple(e for e in candidate.effects if e not in gone)
         known = self.best_of(rest)
         if known is not None:
@@ -85,8 +86,9 @@ def search(
     most: int,
     progress: Callable[[str], None],
 ) -> Search:
-    """Find the effects that the base model lacks. `start`: starting parameters of the base, as a
-    vector of the encompassing model."""
+    """Find the effects that the base model lacks. `start` has the starting parameters of the base,
+    as a vector of the encompassing model.
+    """
     progress("base fit of the train block")
     engine = seek_parts(engine, start)
     engine, base = learn_noise(engine, refit(engine, (), start, exact=True))
@@ -202,14 +204,15 @@ def _at_null(engine: Engine, z: np.ndarray, ids: set[str]) -> np.ndarray:
 def refit_safely(
     engine: Engine, effects: tuple[str, ...], one: Screened, current: Candidate
 ) -> Candidate:
-    """Refit from the first-order start. While that fails, start from a part of the effect, and last
-    from the fit of the law that the effect turns the base into (`AbstractEffect.law`).
+    """Refit from the first-order start. If this start fails, start from smaller and smaller parts
+    of the effect. The last start is the fit of the law that the effect turns the base into
+    (`AbstractEffect.law`).
 
     `current` is a fit without the effect. If two sensitivities are nearly parallel, first-order
-    amplitudes are opposite and a hundred times too large, as for a second state with the length of
-    the first. A fit also failed if it is less likely on the train rows than `current`, because the
-    effect at its null is as likely. A good fit that predicts the validation rows badly has not
-    failed: a nearer start ends in the same place.
+    amplitudes are opposite and a hundred times too large. A second state with the length of the
+    first is an example. A fit counts as failed, too, if it is less likely on the train rows than
+    `current`, because the effect at its null is as likely as `current`. A good fit that predicts
+    the validation rows badly has not failed: a nearer start ends at the same parameters.
     """
     own = engine.model.columns((one.id,))
 

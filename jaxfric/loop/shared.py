@@ -1,10 +1,11 @@
-"""Derivatives by the times of many velocity steps, several step times per direction.
+"""Derivatives of a record by the times of many velocity steps, several step times at once.
 
-Delaying a step changes friction from that step until the slider has slipped a few L. So steps far
-from each other can be delayed together: the change between one of them and the next belongs to the
-first. One change is permanent: the load point trails by dV dt, which matters if friction depends on
-slip. It is the same for all steps, so it is taken from the first step, delayed alone. The rows
-before the next step of the group show whether anything else remains.
+Delaying a velocity step changes friction from that step until the slider has slipped a few L. So a
+group of steps far from each other can be delayed together. The change of friction between one step
+of a group and the next step of the group belongs to the first of the two. One change is permanent:
+the load point trails by dV dt, which matters if friction depends on slip. This permanent change is
+the same for all steps, so it is taken from the first step, delayed alone. The rows before the next
+step of a group show whether any other change remains.
 
 Source: Curtis, Powell and Reid, On the estimation of sparse Jacobian matrices, J. Inst. Maths
 Applics 13 (1974).
@@ -20,13 +21,13 @@ _FORGOTTEN = 0.01  # largest remaining share of a response
 
 
 class SharedShifts:
-    """The shifts of step times that are parameters: the first alone, and groups of the others, each
-    of every `_GROUPS`-th step.
+    """The shifts of step times that are parameters: the first shift alone, and the other shifts in
+    groups. Each group has every `_GROUPS`-th step.
 
-    `shifts` are their indices in the parameters and `begins` the times of their steps, both
-    ascending. `trails` is the displacement by which a shift of 1 delays the load point. `time` is
-    that of the rows of one channel. The residual has all `channels` in turn, then one row for each
-    shift.
+    `shifts` are the indices of these shifts in the parameters and `begins` the times of the delayed
+    steps, both ascending. `trails` is the displacement by which a shift of 1 delays the load point.
+    `time` is the time of the rows of one channel. The residual has all `channels` in turn, then one
+    row for each shift.
     """
 
     def __init__(
@@ -44,8 +45,9 @@ class SharedShifts:
         self._group = np.where(order == 0, 0, 1 + (order - 1) % _GROUPS)
 
     def directions(self, index: Int[np.ndarray, " m"], size: int) -> Float[np.ndarray, "d q"]:
-        """Directions of differentiation for the parameters of `index`, out of `size`: first those
-        that are not shifts, one by one, then the first shift, then the groups."""
+        """Directions of differentiation for the parameters `index`, out of `size` parameters: first
+        those that are not shifts, one by one, then the first shift, then the groups.
+        """
         alone = index[~np.isin(index, self.shifts)]
         found = np.zeros((len(alone) + 1 + _GROUPS, size))
         found[np.arange(len(alone)), alone] = 1.0
@@ -55,8 +57,9 @@ class SharedShifts:
     def jacobian(
         self, along: Float[np.ndarray, "r d"], index: Int[np.ndarray, " m"], size: int
     ) -> Float[np.ndarray, "r m"] | None:
-        """The Jacobian by `index` from the derivatives along its `directions`; None if the response
-        to a step has not decayed before the next step of its group."""
+        """The Jacobian by the parameters `index` from the derivatives along the `directions`. None
+        if the response to a step has not decayed before the next step of its group.
+        """
         is_shift = np.isin(index, self.shifts)
         alone = len(index) - int(is_shift.sum())
         found = np.zeros((len(along), len(index)))

@@ -56,10 +56,11 @@ def slider_subject(
 ) -> Subject[Problem]:
     """The subject of a slider's record and its base fit.
 
-    `found_steps` are the steps detected in the load point, `fitted_times` their fitted times [s].
-    `levels` is the friction of later stretches minus that of the first. `changed` adds further
-    properties of the record to the problem. `shown` are record and base for reports, `thinning`
-    warnings about averaging; `details` makes further results from the score after.
+    `found_steps` are the velocity steps detected in the load point, `fitted_times` the fitted times
+    of these steps [s]. `levels` is the friction of later stretches of a run minus that of the first
+    stretch. `changed` adds further properties of the record to the problem. `shown` holds record
+    and base for reports, `thinning` the warnings about averaging. `details` makes further results
+    from the score after.
     """
     known, more, shown = base_fit.parameters, dict(levels or {}), shown or (record, base_fit)
     problem, felt = _problem_of(record, base_fit, found_steps, blocks, asked.effects, len(more))
@@ -94,7 +95,7 @@ def slider_subject(
 
 
 def edge_of(base_fit: Fit) -> float | None:
-    """K/K_cr of the base fit; None if the record determines no critical stiffness."""
+    """Loading stiffness over critical stiffness, K/K_cr, of the base fit; None if undetermined."""
     if base_fit.claim().kind != "critical":
         return None
     return base_fit.values()["K"] / base_fit.critical_stiffness()
@@ -103,7 +104,7 @@ def edge_of(base_fit: Fit) -> float | None:
 def slider_warnings(
     engine: Engine[Problem], found: Search, base_fit: Fit, edge: float | None
 ) -> list[str]:
-    """Warnings of the base fit, except those on noise or missing effects, and those of the loop."""
+    """Warnings of the loop, and warnings of the base fit except on noise or missing effects."""
     warnings = repeated(base_fit.warnings)
     if edge is not None and edge < NEAR_EDGE:
         warnings.append(
@@ -143,7 +144,7 @@ def _start_of(
 
 
 def scales_of(record: Record, steps: VelocitySteps, slip_length: float) -> RecordScales:
-    """Scales of a record with these steps; `slip_length` is L [m]."""
+    """Scales of a record with these velocity steps; `slip_length` is L [m]."""
     time = record.relative_time
     inside = np.clip(np.append(steps.times, time[-1]), 0, time[-1])
     ends = np.asarray(steps.displacement(inside))
@@ -161,8 +162,9 @@ def scales_of(record: Record, steps: VelocitySteps, slip_length: float) -> Recor
 
 
 def with_channels(record: Record, law: str, asked: Offered, *, stress: bool) -> Offered:
-    """The offer without the effects that the law does not allow, or that need a column that the
-    record lacks."""
+    """The offered effects without those that the law does not allow, or that need a column that the
+    record lacks.
+    """
     refuse_untaken(law, (e for e in asked.effects if e.id in asked.with_))
     taken = asked._replace(effects=tuple(e for e in asked.effects if takes(law, e)))
     columns = {name for name in record.columns if name != "normal_stress" or stress}
@@ -260,8 +262,10 @@ def _finer(engine: Engine[Problem], base: Candidate) -> float:
 
 
 def repeated(warnings: Sequence[str]) -> list[str]:
-    """The warnings of a fit that a loop repeats, with the loop's option. Warnings about the noise
-    and about a large or wandering residual are dropped, since the loop searches for the cause."""
+    """The warnings of a fit that the loop repeats, with the name of the loop's option. Warnings
+    about noise and about a large or wandering residual are dropped, since the loop searches for
+    their cause.
+    """
     asked = (WarningCode.MISFIT, WarningCode.WANDERS, WarningCode.GLITCHES, WarningCode.COARSE)
     kept = [text for text in warnings if not any(is_of(text, code) for code in asked)]
     own = option("include", "slip_trend")

@@ -1,4 +1,4 @@
-"""Steady curves of a slider's friction, and their response in its linearised motion."""
+"""Steady curves of a slider's friction, and the response to them in the linearised motion."""
 
 import jax
 import jax.numpy as jnp
@@ -24,7 +24,7 @@ _LATE = "evolution_cutoff"
 def slider_curves(engine: Engine[Problem], final: Candidate, velocities: np.ndarray) -> CurveRig:
     """The steady curves of a fit, at the `velocities` [m/s] of the steps.
 
-    A curve of another shape acts as those of the fit: at once, like A ln V, or over the slip
+    A curve of another shape acts like the curves of the fit: at once, like A ln V, or over the slip
     length, like -B ln V.
     """
     effects = tuple(id for id in final.effects if id in STEADY_CURVES)
@@ -81,8 +81,9 @@ def _sent(
 
 
 def followed(response: Response, curves: np.ndarray) -> np.ndarray:
-    """The state h that relaxes to curves (k+1, c) over the slip length: h' = (V/L) (curve - h),
-    starting in steady sliding."""
+    """The state h that relaxes to curves (k+1, c) over the slip length L: h' = (V/L) (curve - h).
+    The slider starts in steady sliding.
+    """
     law = response.rig.friction
     assert isinstance(law, ExtendedLaw)
     evolution = evolution_of(law)

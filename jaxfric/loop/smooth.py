@@ -1,4 +1,4 @@
-"""Smooth columns along a record: noise is estimated after projecting them out."""
+"""Smooth functions along a record ("smooth columns"), projected out before noise is estimated."""
 
 import numpy as np
 
@@ -7,8 +7,10 @@ ALONG, _SINCE = 24, 8
 
 
 def smooth_columns(path: np.ndarray, step: np.ndarray, size: int) -> np.ndarray:
-    """Hat functions of the path of the whole record, and of the path since a step (all steps share
-    a column). `path` (n,), `step` (n,) of each row; the result has `size` rows, padded with 0."""
+    """Hat functions of the path of the whole record, and of the path since a velocity step (all
+    steps share a column). Every row has a `path` (n,) and a `step` (n,). The result has `size`
+    rows, padded with 0.
+    """
     share = (path - path[0]) / max(float(path[-1] - path[0]), 1e-300)
     columns = [_hat(share, k, ALONG) for k in range(ALONG)]
     since = np.zeros(len(path))

@@ -1,8 +1,8 @@
 """Blocks of a record: train ("train"), validation ("select") and test ("report").
 
-The train block is fitted, the validation block may refuse a model, the test block is scored once.
-Blocks are whole velocity steps: neighbouring samples share noise and structure, so single held-out
-samples would test nothing.
+The model is fitted to the train block, the validation block may refuse a model, and the test block
+is scored once. Blocks consist of whole velocity steps, because neighbouring samples share noise and
+structure. Single held-out samples would test nothing.
 """
 
 import itertools
@@ -38,13 +38,13 @@ class Blocks(NamedTuple):
 def split(time: np.ndarray, steps: VelocitySteps) -> Blocks:
     """Blocks of a record with rows at `time` (from 0) [s].
 
-    With three steps or more, about the last sixth of the steps is the test block, and as many
-    before it are the validation block. If there are enough steps, the first at the fastest and the
-    first at the slowest velocity train. With two steps, the second is the test block and the last
-    quarter of the first, by displacement, the validation block. Of a single step, the rows before
-    it and its transient (the first 60 %) train; the halves of its tail are validation and test
-    block. A hold and the step after it count as one step; of three or more, the longest hold
-    trains.
+    With three velocity steps or more, about the last sixth of the steps is the test block. As many
+    steps before the test block are the validation block. If there are enough steps, the first step
+    at the fastest and the first at the slowest velocity train. With two steps, the second step is
+    the test block, and the last quarter of the first step, by displacement, is the validation
+    block. With a single step, the rows before the step and its transient (the first 60 %) train;
+    the two halves of the remaining rows are validation and test block. A hold and the step after
+    the hold count as one step. Of three holds or more, the longest hold trains.
 
     Raises
     ------
@@ -73,7 +73,7 @@ def split(time: np.ndarray, steps: VelocitySteps) -> Blocks:
 
 
 def trained_steps(speeds: Sequence[float] | np.ndarray) -> np.ndarray:
-    """Mask of the velocities of a record whose rows mostly train, according to `split` (n,)."""
+    """Mask (n,) of the velocities of a record whose rows mostly train, according to `split`."""
     number = np.arange(len(speeds))
     last = len(speeds) - 1
     if last < 3:
@@ -84,14 +84,15 @@ def trained_steps(speeds: Sequence[float] | np.ndarray) -> np.ndarray:
 def followed(
     speeds: Sequence[float], new: Sequence[float], after: Sequence[float]
 ) -> tuple[float, ...]:
-    """The velocities with `new` ones appended, and then `after`, repeated until all new ones train:
-    held-out velocities cannot support an effect."""
+    """The velocities with the `new` velocities appended. The velocities `after` follow, again and
+    again, until all new velocities train: held-out velocities cannot support an effect.
+    """
     place = slice(len(speeds), len(speeds) + len(new))
     return grown((*speeds, *new), after, lambda found: bool(np.all(trained_steps(found)[place])))
 
 
 def repeated(speeds: Sequence[float]) -> tuple[float, ...]:
-    """The velocities with the first one repeated so that it trains; unchanged if it already is."""
+    """The velocities, with the first one repeated at the end if it does not yet train."""
     if comes_back(speeds):
         return tuple(speeds)
     first, *others = speeds
@@ -120,12 +121,12 @@ def grown(
 def split_units(
     time: np.ndarray, phase: np.ndarray, unit: np.ndarray, velocity: np.ndarray, path: str
 ) -> Blocks:
-    """Blocks of a run: `time` [s] and `phase` of every row (n,), `unit` and velocity [m/s] of every
-    phase (p,). A unit is a step or hold; -1 is sliding before the first one.
+    """Blocks of a run. Every row (n,) has a `time` [s] and a `phase`, every phase (p,) a `unit` and
+    a velocity [m/s]. A unit is a step or hold; unit -1 is sliding before the first step or hold.
 
-    As in `split`, about the last sixth of the units is the test block, and as many before it the
-    validation block. Sliding before a step or hold belongs to the previous unit. The longest hold
-    trains, because friction laws differ most in long holds.
+    As in `split`, about the last sixth of the units is the test block, and as many units before the
+    test block are the validation block. Sliding before a step or hold belongs to the previous unit.
+    The longest hold trains, because friction laws differ most in long holds.
 
     Raises
     ------
@@ -146,9 +147,10 @@ def split_units(
 def split_again(
     time: np.ndarray, phase: np.ndarray, unit: np.ndarray, velocity: np.ndarray, before: Blocks
 ) -> Blocks | None:
-    """Blocks that hold out other units than `before`, if possible as many; the rest trains.
+    """Blocks that hold out other units than `before`, if possible as many. All other units train.
 
-    Arguments as in `split_units`. None if fewer than two units remain, or too few rows.
+    Arguments are as in `split_units`. The result is None if fewer than two units remain, or too few
+    rows.
     """
     known = np.unique(unit[phase[before.select | before.report]])
     within = np.setdiff1d(_within(*_of_units(time, phase, unit, velocity)), known)

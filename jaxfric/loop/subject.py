@@ -23,7 +23,7 @@ from .search import Search
 
 
 class ScoredRows(NamedTuple):
-    """Rows over which the errors of a model are reported, by velocity or by stroke."""
+    """Rows over which reports give the errors of a model, by velocity or by stroke."""
 
     used: np.ndarray
     """Mask of the used rows."""
@@ -39,7 +39,8 @@ class ScoredRows(NamedTuple):
 class Subject(Generic[P]):
     """A case with the functions that the loop and its results need for this kind of record.
 
-    They are called with the engine after the noise estimate, which excludes outliers.
+    The functions of a subject are called with the engine after the noise estimate, which excludes
+    outliers.
     """
 
     case: Case[P]

@@ -1,4 +1,4 @@
-"""Thresholds of the loop, each with its source; tables and figures mark some of them."""
+"""Thresholds of the loop, each with its source. Tables and figures mark some of the thresholds."""
 
 ACCEPT = 10.0
 """Reduction of BIC that accepts an effect, or rules out a curve of another shape.

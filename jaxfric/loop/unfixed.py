@@ -1,6 +1,7 @@
-"""Models that are likelier than the accepted one, but whose parameters a record leaves open.
+"""Models likelier than the accepted model, but with parameters that a record leaves open.
 
-If there are any, the missing effect may be in the catalogue, but the record does not determine it.
+If such models exist, the missing effect may be in the catalogue, but the record does not determine
+which effect is missing.
 """
 
 from collections.abc import Iterable, Sequence
@@ -14,7 +15,7 @@ _OPEN = (Fault.NOT_FIXED, Fault.TAKES)
 
 
 class Unfixed(NamedTuple):
-    """A refused model; `lower` is the BIC of the accepted model minus its own."""
+    """A refused model; `lower` is the BIC of the accepted model minus that of the refused one."""
 
     effects: tuple[str, ...]
     lower: float
@@ -33,12 +34,13 @@ class _Refused(Protocol):
 
 
 def unfixed(models: Iterable[tuple[_Refused, float]], taken: float) -> list[Unfixed]:
-    """The likeliest models refused as undetermined, or for taking over parameters of the base, if
-    their BIC is lower by more than `ACCEPT`.
+    """The likeliest models that were refused as undetermined, or for taking over parameters of the
+    base. Their BIC is below that of the accepted model by more than `ACCEPT`.
 
-    `models` are the tried ones with their reductions of BIC; `taken` is that of the accepted model.
-    At most three that are about as good, best first. Models that contain another one of these are
-    omitted, since their additional effects are undetermined.
+    `models` are the tried models with their reductions of BIC; `taken` is the reduction by the
+    accepted model. The result has at most three models that are about as good, best first. A model
+    that contains another model of the result is omitted, since its additional effects are
+    undetermined.
     """
     found: dict[frozenset[str], Unfixed] = {}
     for model, gain in models:

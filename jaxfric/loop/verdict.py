@@ -1,4 +1,4 @@
-"""From a search and the residual of its model to a verdict: one table, and the reasons."""
+"""The verdict of a search and the residual of its model, from one table, with the reasons."""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -22,7 +22,7 @@ from .unfixed import Unfixed, unfixed
 
 
 class Facts(NamedTuple):
-    """The facts that determine a verdict."""
+    """The facts about a search that determine its verdict."""
 
     named: bool = False
     """The search accepted effects."""
@@ -56,7 +56,7 @@ def verdict_of(facts: Facts) -> str:
 
 
 class Told(NamedTuple):
-    """Values for the sentence of a verdict; errors are those of the test block, in sigma."""
+    """Values for the sentence of a verdict; errors are those of the test block in sigma."""
 
     effects: tuple[str, ...]
     before: float
@@ -76,7 +76,7 @@ class Told(NamedTuple):
 
     @property
     def helped(self) -> bool:
-        """Whether the test error falls, as shown with two decimals."""
+        """Whether the test error falls when it is rounded to two decimals."""
         return round(self.after, 2) < round(self.before, 2)
 
 
@@ -106,8 +106,10 @@ class Conclusion(NamedTuple):
 
 
 def withheld_by(search: Search, edge: float | None) -> Finding | None:
-    """Why no claim may be made about missing effects: the base runs away, or its K/K_cr, `edge`, is
-    so near 1 that a small misfit of the law looks like a large effect."""
+    """The reason why no claim about missing effects may be made. Either the base fit runs away, or
+    `edge` is so near 1 that a small misfit of the law looks like a large effect. `edge` is K/K_cr
+    of the base fit, the ratio of loading to critical stiffness.
+    """
     train = search.engine.blocks.train
     if edge is not None and (search.base.failed or edge < EDGE):
         return Finding(LoopCode.EDGE, Severity.WITHHELD, {"ratio": edge}, train)
@@ -143,9 +145,10 @@ def conclude(
     moved: Sequence[Move] = (),
     withheld: Finding | None = None,
 ) -> Conclusion:
-    """The conclusion. `edge`: K/K_cr of the base fit. `location`: profiles of missing friction.
-    `curve`: other shapes of the steady curve. `moved`: headline parameters that move by many
-    standard errors. `withheld`: the reason for making no claim."""
+    """The conclusion of a search. `edge`: K/K_cr of the base fit. `location`: profiles of missing
+    friction. `curve`: other shapes of the steady curve. `moved`: headline parameters that move by
+    many standard errors. `withheld`: the reason for making no claim.
+    """
     engine, final = search.engine, search.final
     why = withheld or withheld_by(search, edge)
     if why is not None:

@@ -1,11 +1,12 @@
 """The noise of a record: its model, its estimate, and disturbances that are not row noise.
 
-- `parts`, `model`: white noise and a sum of correlated parts, each over a clock of its own.
+- `parts`, `model`: white noise and a sum of correlated parts, each with a clock of its own.
 - `filter`, `covariance`, `likelihood`: one Kalman filter for any number of parts; errors and
   effective numbers of rows; restricted likelihoods of many noises at once.
 - `search`, `spectrum`: which parts a residual has; a fast test for whiteness.
-- `by_step`, `hum`, `glitches`, `quantisation`: scale and pace (correlation length in rows) of a
-  velocity step, lines of constant frequency, outliers, quantisation of a recorder.
+- `by_step`: scale of the noise, and its correlation length in rows ("pace"), in every velocity
+  step.
+- `hum`, `glitches`, `quantisation`: lines of constant frequency, outliers, steps of a recorder.
 - `estimate`: the noise of a result, as JSON and as text.
 """
 

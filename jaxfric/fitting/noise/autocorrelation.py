@@ -14,7 +14,7 @@ BAND = 1.96
 
 
 def clocks(time: np.ndarray, path: np.ndarray, pace: np.ndarray | None = None) -> np.ndarray:
-    """Clocks at every row (n, 4): time, load-point path, rows, and rows over the row's `pace`."""
+    """Clocks at every row (n, 4): time, load-point path, row number, and rows over the `pace`."""
     moved = np.cumsum(np.abs(np.diff(path, prepend=path[:1])))
     own = np.zeros(len(time)) if pace is None else np.cumsum(1 / pace)
     return np.stack([time, moved, np.arange(float(len(time))), own], axis=1)
@@ -32,11 +32,11 @@ class Autocorrelation(NamedTuple):
     """Standard error of `value` under the noise model."""
 
     def beyond(self) -> list[tuple[float, float, bool]]:
-        """Ranges of distances at which the noise model contradicts the record: first and last
-        distance, and whether rows are more correlated than in the model.
+        """Ranges of distances between rows at which the noise model contradicts the record. Each
+        range has a first and last distance, and whether rows are more correlated than in the model.
 
-        The whole range is outside the 95 % band. At one distance or more the deviation is
-        significant after Bonferroni correction for all distances.
+        All distances of such a range are outside the 95 % band of the noise model. At one distance
+        or more the deviation is significant after Bonferroni correction for all distances.
         """
         z = (self.value - self.model) / self.error
         rare = -ndtri(0.5 * _CHANCE / max(len(z), 1))
@@ -59,8 +59,8 @@ def autocorrelation(
     """Autocorrelation of a residual (nan: no value), at geometrically spaced distances.
 
     `part` (n,) numbers the disconnected parts of a record, such as runs; rows of a part are
-    consecutive. The mean of each part is subtracted, and pairs of rows are within one part. Without
-    `part` the record is one part.
+    consecutive. The mean of each part is subtracted. Only rows of the same part form pairs. Without
+    `part` the whole record is one part.
     """
     known = np.isfinite(residual)
     part = np.zeros(len(residual), int) if part is None else part
@@ -92,7 +92,7 @@ def _of_mean(rho: np.ndarray, n: int) -> float:
 
 def bartlett(rho: np.ndarray, lag: np.ndarray, count: np.ndarray) -> np.ndarray:
     """Standard error of a measured autocorrelation at distances `lag`, each from `count` pairs of
-    rows. `rho` is the autocorrelation of the noise at 0, 1, 2, ... rows.
+    rows. `rho` is the autocorrelation of the noise at distances of 0, 1, 2, ... rows.
 
     var r_k = (1/n) sum_m (rho_m^2 + rho_(m+k) rho_(m-k) - 4 rho_k rho_m rho_(m-k)
     + 2 rho_m^2 rho_k^2) over all whole m (Bartlett 1946, doi:10.2307/2983611).

@@ -1,8 +1,9 @@
 """Noise whose size or pace (correlation length in rows) differs between velocity steps.
 
-Recorder settings may change with velocity. Neighbouring rows are then almost independent at one
-velocity and almost equal at another. Size and pace are estimated from the residual without smooth
-columns. The likelihood decides whether they are needed (`loop.learn.learn_noise`).
+The settings of a recorder may change with velocity. Neighbouring rows are then almost independent
+at one velocity and almost equal at another. Size and pace of a step are estimated from the
+residual, after projecting out smooth functions along the record. A likelihood decides whether steps
+need a size or pace of their own (`loop.learn.learn_noise`).
 """
 
 import numpy as np
@@ -13,10 +14,11 @@ from .filter import taken_out
 
 
 def scale_of_steps(white: np.ndarray, step: np.ndarray, train: np.ndarray) -> np.ndarray:
-    """rms of the innovations in the velocity step of every row (n,), relative to the train rows.
+    """rms of the whitened residual in each row's velocity step (n,), relative to the train rows.
 
     `white`: whitened residual and smooth columns (n, 1 + m); `step`: velocity step of each row.
-    Held-out steps have values of their own. The mean square over the `train` rows is 1.
+    Held-out velocity steps have scales of their own. The mean square of the scale over the `train`
+    rows is 1.
     """
     left, free = taken_out(white)
     squares, degrees = (np.bincount(step, x) for x in (left**2, free))
@@ -46,8 +48,9 @@ def pace_of(likeness: np.ndarray) -> np.ndarray:
 def gain_of_pace(likeness: np.ndarray, explained: np.ndarray, step: np.ndarray) -> float:
     """Approximate rise of 2 ln L if each step has its own pace: sum of n (z - mean z)^2 over steps.
 
-    z is Fisher's z of the observed `likeness` (steps,) minus that of the correlation `explained` by
-    the noise ((n,), of every row and the next). Its variance in a step of n rows is 1/n.
+    z is Fisher's z of the observed `likeness` (steps,) minus Fisher's z of the `explained`
+    correlation. `explained` (n,) is the correlation of every row and the next under the noise
+    model. The variance of z in a step of n rows is 1/n.
     """
     count = np.bincount(step[:-1], minlength=len(likeness))
     mean = np.bincount(step[:-1], explained[:-1], len(likeness)) / np.maximum(count, 1)
@@ -56,7 +59,8 @@ def gain_of_pace(likeness: np.ndarray, explained: np.ndarray, step: np.ndarray) 
 
 
 def own_clock(pace: np.ndarray, step: np.ndarray, rows: np.ndarray, size: int) -> np.ndarray:
-    """A clock that advances by 1/pace per row of the clock `rows` (n,), padded to `size` rows with
-    its last value."""
+    """A clock that advances by 1/pace per row of the clock `rows` (n,). The clock is padded to
+    `size` rows with its last value.
+    """
     moved = np.cumsum(np.diff(rows, prepend=rows[0]) / pace[step])
     return filled(moved, size)

@@ -1,4 +1,4 @@
-"""Products with the covariance of a noise, without its matrix: errors, effective rows."""
+"""Products with the covariance of a noise, without its matrix, for errors and effective rows."""
 
 import itertools
 import math
@@ -30,7 +30,7 @@ def _terms(clock: Float[Numbers, "n *k"], noise: Noise) -> _Terms:
 def sandwich(
     clock: Float[Numbers, "n *k"], jacobian: Float[Numbers, "n p"], noise: Noise
 ) -> Float[Numbers, "p p"]:
-    """J^T Sigma J for the noise covariance Sigma, in one pass; in NumPy if it is white."""
+    """J^T Sigma J for the noise covariance Sigma, in one pass; in NumPy for white noise."""
     if not noise.parts:
         scaled = np.reshape(noise.sigma * noise.scale, (-1, 1)) * np.asarray(jacobian)
         return scaled.T @ scaled
@@ -48,7 +48,7 @@ def _sandwich(
 
 @traced
 def neighbours(clock: Float[Numbers, "n *k"], noise: Noise) -> Float[Array, " n"]:
-    """Correlation of the noise of every row with the next row; of the last row with itself."""
+    """Correlation of the noise in every row with that in the next row; 1 for the last row."""
     return sum((x * jnp.exp(-d) for x, d in _terms(clock, noise)), jnp.zeros(len(clock))).real
 
 
@@ -72,8 +72,9 @@ def _correlated(columns: Float[Numbers, "n p"], terms: _Terms) -> Float[Array, "
 def rms_error(clock: Float[Numbers, "n *k"], used: ArrayLike, noise: Noise) -> float:
     """Relative standard error of the rms of noise over the `used` rows (a mask or 0 and 1).
 
-    sqrt(sum_ij (s_i s_j rho_ij)^2/2)/sum_i s_i^2, rho the correlation and s the scale of rows:
-    correlated rows count less, and so do rows with a smaller scale than others.
+    The error is sqrt(sum_ij (s_i s_j rho_ij)^2/2)/sum_i s_i^2, with the correlation rho and the
+    scale s of rows. Correlated rows count less in this error, and so do rows with a smaller scale
+    than others.
     """
     sizes = np.asarray(used, float) * np.asarray(noise.scale) ** 2
     return math.sqrt(0.5 * float(_squares(clock, sizes, noise))) / max(float(sizes.sum()), 1e-300)

@@ -1,4 +1,4 @@
-"""The noise of a result: its size, its correlated parts, and the limits of the search."""
+"""The noise of a result: size, correlated parts, and the limits of the noise search."""
 
 import dataclasses
 import math
@@ -26,7 +26,7 @@ EXPONENTIAL = -1.0
 
 @dataclass(frozen=True)
 class NoisePart:
-    """A correlated part of a noise (see `noise`)."""
+    """One correlated part of a noise (see `noise`)."""
 
     share: float
     """Share of the variance; negative if neighbouring rows are anticorrelated."""
@@ -49,7 +49,7 @@ class NoisePart:
         return self.beta > const.SWING_SEEN**2
 
     def correlation(self, apart: np.ndarray) -> np.ndarray:
-        """Correlation of rows at the distances `apart` (n,) on its clock."""
+        """Correlation of rows at the distances `apart` (n,) on the clock of this part."""
         one = np.ones(1)
         own = (
             Resonator(one, one, self.beta * one)
@@ -86,8 +86,9 @@ def _plain(size: float) -> str:
 
 @dataclass(frozen=True)
 class NoiseEstimate:
-    """Noise of the residual: standard deviation (unit of friction) and its correlated parts, the
-    larger first; the rest is white."""
+    """Noise of the residual: standard deviation (unit of friction) and correlated parts, the larger
+    first. The rest of the variance is white.
+    """
 
     sigma: float
     parts: tuple[NoisePart, ...] = ()
@@ -108,18 +109,19 @@ class NoiseEstimate:
 
     @property
     def correlated_share(self) -> float:
-        """Share of the variance that is correlated."""
+        """Share of the noise variance that is correlated between rows."""
         return sum(part.share for part in self.parts)
 
     @property
     def written(self) -> bool:
-        """Whether quantisation is most of the white part."""
+        """Whether quantisation explains most of the white part of the noise."""
         white = self.sigma**2 * (1 - self.correlated_share)
         return least_noise(self.steps) ** 2 > const.MOST_OF_WHITE * white
 
     def resolved(self, apart: np.ndarray) -> "NoiseEstimate":
-        """The noise as the rows resolve it. `apart` (k,) is the distance of close neighbours on
-        every clock; a part with little correlation over this distance counts as white."""
+        """The noise as far as the sampling resolves it. `apart` (k,) is the distance of close rows
+        on every clock. A part with little correlation over this distance counts as white.
+        """
         parts = tuple(
             part
             for part in self.parts
@@ -154,19 +156,19 @@ class NoiseEstimate:
         return dataclasses.replace(part, memory=middle * part.memory)
 
     def bound(self) -> str:
-        """The longest correlation length of the search as text; empty if it is unknown."""
+        """The longest correlation length of the noise search, as text; empty if unknown."""
         pairs = zip(self.clocks[:3], self.longest, strict=False)
         return " or ".join(NoisePart(1.0, over, most).text() for over, most in pairs)
 
     def correlation(self, apart: np.ndarray) -> np.ndarray:
-        """Correlation (n,) of different rows at distances `apart` (n, k) on the record's clocks."""
+        """Correlation (n,) of two rows at distances `apart` (n, k) on the record's clocks."""
         total = np.zeros(len(apart))
         for part in self.parts:
             total += part.share * part.correlation(apart[:, self.clocks.index(part.over)])
         return total
 
     def to_json(self) -> dict:
-        """The estimate as JSON values, null if infinite; correlation lengths in SI or rows."""
+        """The noise as JSON values, null for infinite ones; correlation lengths in SI or rows."""
         return {
             "correlated_share": self.correlated_share if math.isfinite(self.sigma) else None,
             "parts": [
@@ -200,8 +202,8 @@ def noise_estimate(
 ) -> NoiseEstimate:
     """The `NoiseEstimate` of a `noise` in units of `scale`.
 
-    `longest`: longest correlation length of the search on every clock. `by_step`: pace and scale of
-    every velocity step if they differ. Other arguments are fields of `NoiseEstimate`.
+    `longest`: longest correlation length of the noise search on every clock. `by_step`: pace and
+    scale of every velocity step, if steps differ. Other arguments are fields of `NoiseEstimate`.
     """
     parts = []
     for part in noise.parts:

@@ -1,12 +1,12 @@
-"""The Kalman filter of a noise of any number of parts: it whitens many columns in one pass.
+"""The Kalman filter of a noise with any number of parts, which whitens many columns in one pass.
 
-Its time is linear in the number of rows. Rows may be uneven, and excluded rows are skipped. There
-are few states, so loops over them are unrolled to scalar operations: products of small matrices in
-every row would take longer.
+The time of the filter is linear in the number of rows. Rows may be unevenly sampled, and excluded
+rows are skipped. A noise has few states, so loops over states are unrolled to scalar operations.
+Products of small matrices in every row would take longer.
 
-tinygp's quasi-separable kernels solve the same equations, but with one coordinate for all terms.
-Separate clocks, a negative part, skipped rows and the restricted likelihood of many columns would
-still have to be written around them.
+The quasi-separable kernels of tinygp solve the same equations, but with one coordinate for all
+terms. tinygp lacks separate clocks, a part of negative variance, skipped rows, and the restricted
+likelihood of many columns.
 """
 
 from collections.abc import Iterable, Sequence
@@ -28,7 +28,7 @@ _Terms = list[list[tuple[int, Array]]]
 
 
 class Moves(NamedTuple):
-    """Change of the states of every part from one row to the next."""
+    """Change of the states of every noise part from one row to the next."""
 
     turn: tuple[Matrix, ...]
     """Transitions, entries (*g, n)."""
@@ -37,21 +37,22 @@ class Moves(NamedTuple):
 
 
 def moves_of(parts: Sequence[AbstractPart], away: Float[Numbers, "n k"]) -> Moves:
-    """The moves of the parts of one noise or many, over the distances `away` on the clocks."""
+    """Changes of the states of all noise parts over the distances `away` on the clocks."""
     turn = tuple(part.transition(away) for part in parts)
     return Moves(turn, tuple(p.gained(f) for p, f in zip(parts, turn, strict=True)))
 
 
 class Carried(NamedTuple):
-    """The filter's state between rows: means of all noise states for every column, and their
-    covariance (lower triangle), which all columns share."""
+    """The filter's state between rows: the mean of every noise state for every column. All columns
+    share the covariance of the states (lower triangle).
+    """
 
     mean: list[Float[Array, " m"]]
     spread: list[list[Float[Array, ""]]]
 
 
 def at_first_row(parts: Sequence[AbstractPart], columns: Float[Numbers, "n m"]) -> Carried:
-    """The filter's state before the first row of some columns."""
+    """The filter's state before the first row of the columns."""
     own = [jnp.asarray(part.share * v) for part in parts for v in part.variances()]
     none = jnp.zeros(())
     spread = [[own[i] if i == j else none for j in range(i + 1)] for i in range(len(own))]
@@ -67,8 +68,8 @@ def filtered(
     *,
     backwards: bool = False,
 ) -> tuple[Carried, tuple[Float[Array, "n m"], Float[Array, " n"]]]:
-    """Innovations of columns of scale 1 (`backwards`: columns from innovations), and the logarithm
-    of the inverse innovation variance of each row, (n,).
+    """Whitened columns (innovations) of columns of scale 1, and the log of the inverse innovation
+    variance of each row, (n,). With `backwards` the columns are computed from their innovations.
 
     Rows not `used` are skipped; `white` is the share of white noise. The filter continues from the
     state `begun` and returns its last state.
@@ -158,7 +159,7 @@ def innovations(
     columns: Float[Numbers, "n m"],
     noise: Noise,
 ) -> tuple[Float[Array, "n m"], Float[Array, ""]]:
-    """Columns whitened as by `whiten` for sigma = 1, and the log-determinant of that covariance."""
+    """Columns whitened for sigma = 1, and the log-determinant of the noise covariance."""
     scale, used = jnp.broadcast_to(noise.scale, weight.shape), weight > 0
     moves, begun = moves_of(noise.parts, distances(clock)), at_first_row(noise.parts, columns)
     _, (found, log_inverse) = filtered(used, columns / scale[:, None], noise.white, moves, begun)
@@ -172,7 +173,7 @@ def whiten(
     columns: Float[Numbers, "n m"],
     noise: Noise,
 ) -> Float[Array, "n m"]:
-    """The columns in units of the noise and uncorrelated: W c with W^T W = inverse covariance.
+    """Columns c whitened to W c: uncorrelated, in units of the noise; W^T W = inverse covariance.
 
     Rows of zero weight are skipped and return 0.
     """
@@ -201,7 +202,7 @@ def coloured(
 class Whitening(NamedTuple):
     """The filter of `whiten` with precomputed gains, which depend on noise and clocks alone.
 
-    For a fixed noise it whitens many columns in a small part of the time.
+    For a fixed noise a `Whitening` takes a small part of the time that `whiten` takes.
     """
 
     gain: list[Float[Array, " n"]]
@@ -263,7 +264,7 @@ def innovations_of(
 def whitened(
     clock: Float[Numbers, "n *k"], weight: Float[Numbers, " n"], columns: np.ndarray, noise: Noise
 ) -> np.ndarray:
-    """The columns (n, m) in units of the noise and uncorrelated, as by `whiten`."""
+    """The columns (n, m) whitened as by `whiten`: uncorrelated and in units of the noise."""
     if noise.is_white:  # nothing to filter
         size = np.broadcast_to(noise.sigma * np.asarray(noise.scale), len(columns))
         return columns * (np.asarray(weight) > 0)[:, None] / size[:, None]
@@ -277,8 +278,9 @@ def whitened(
 
 
 def taken_out(columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The first column projected orthogonal to the others, and the share of each row's variance
-    that remains."""
+    """The first column projected orthogonal to the other columns, and the share of each row's
+    variance that the projection leaves.
+    """
     size = np.linalg.norm(columns, axis=0)
     basis = np.linalg.qr(columns[:, 1:][:, size[1:] > 0] / size[1:][size[1:] > 0])[0]
     left = columns[:, 0] - basis @ (basis.T @ columns[:, 0])

@@ -1,19 +1,21 @@
 """Glitches of a recorder: outliers of one to three neighbouring rows.
 
 Every row is predicted from the rows before it and from the rows after it, with the estimated noise
-(one Kalman pass each way). A run of up to three rows is a glitch if two errors exceed a limit with
-the same sign: that of its first row, predicted from before, and that of its last row, predicted
-from after. None of the three rows on either side may exceed six tenths of the limit. A step of
-friction does not qualify: its first row deviates from before, but the row before it deviates from
-after with opposite sign. Nor do longer events, or peaks that rise and fall smoothly.
+(one Kalman pass each way). Take a run of one to three rows: the first row is predicted from the
+rows before it, the last row from the rows after it. The run is a glitch if both prediction errors
+exceed a limit with the same sign. None of the three rows on either side of the run may exceed six
+tenths of this limit. A step of friction is no glitch, because the row before the step deviates from
+the rows after it, with opposite sign. Longer events, and peaks that rise and fall smoothly, are no
+glitches either.
 
-Noise alone exceeds the limit once in a hundred records of this length. The limit is in units of the
-median error of the same velocity step: noise differs between steps, and a median, unlike a standard
-deviation, is robust. Noise need not be normal, so the limit is that of Student's t. Its degrees of
-freedom follow from the body of the prediction errors: the median and the 93rd percentile, which a
-hundredth of outliers and their neighbours hardly change. Heavy tails raise the limit, and almost no
-row is excluded. Rows next to a velocity step are spared: friction is steep there, and a model may
-lack an effect.
+Noise alone exceeds the limit once in a hundred records of the same length. The limit is in units of
+the median prediction error of the same velocity step. The noise differs between velocity steps, and
+a median, unlike a standard deviation, is robust. The limit is that of Student's t, because noise
+need not be normally distributed. The degrees of freedom of Student's t follow from the median and
+the 93rd percentile of the prediction errors. Outliers in one percent of the rows hardly change
+these two percentiles. If the noise has heavy tails, the limit is higher, and almost no row is
+excluded. Rows next to a velocity step are never glitches: friction is steep after a step, and a
+model may lack an effect.
 
 Source: Chang, Tiao & Chen 1988 (doi:10.1080/00401706.1988.10488367) for single outliers and level
 shifts by predictions. Not supported: glitches at more than a hundredth of the rows, or longer than
@@ -59,8 +61,10 @@ NO_GLITCHES = Glitches()
 
 
 def beside_steps(step: np.ndarray) -> np.ndarray:
-    """Mask (n,) of rows near a change of `step`: three rows before it, since its time may be wrong.
-    After it, a tenth of the shorter of the two steps, but five to ten rows."""
+    """Mask (n,) of rows near a change of `step`: three rows before the change, since its time may
+    be wrong. After the change, as many rows as a tenth of the shorter of the two steps, but five to
+    ten.
+    """
     near = np.zeros(len(step), bool)
     edges = np.flatnonzero(np.diff(step)) + 1
     ends = np.concatenate([[0], edges, [len(step)]])
@@ -73,11 +77,11 @@ def beside_steps(step: np.ndarray) -> np.ndarray:
 def prediction_errors(
     clock: Numbers, weight: Numbers, columns: np.ndarray, noise: Noise
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Errors of predicting every row from the rows before it, and from those after it, in standard
-    deviations; each (n,).
+    """Errors of predicting every row from the rows before it, and from the rows after it, both in
+    standard deviations (n,).
 
-    Column 0 of `columns` (n, m) is the residual. The others are directions that a model may still
-    fit, and are projected out. Rows of `weight` 0 are skipped and return 0.
+    Column 0 of `columns` (n, m) is the residual. The other columns are directions that a model may
+    still fit; they are projected out. Rows of `weight` 0 are skipped and return 0.
     """
     found = []
     for turn in (slice(None), slice(None, None, -1)):
@@ -92,8 +96,10 @@ def prediction_errors(
 def in_sizes_of_steps(
     ahead: np.ndarray, back: np.ndarray, step: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Prediction errors (n,) both ways over their median in the same step, scaled to unit variance
-    for a normal law. The median of a step with few rows is shrunk towards that of all steps."""
+    """Prediction errors (n,) both ways over their median in the same velocity step, scaled to unit
+    variance for normal noise. The median of a step with few rows is shrunk towards the median of
+    all steps.
+    """
     size, every = np.ones(len(step)), np.concatenate([ahead, back])
     whole = float(np.median(np.abs(every)))
     for own in (step == k for k in np.unique(step)):
@@ -110,8 +116,8 @@ def standing_out(
 ) -> tuple[np.ndarray, float]:
     """Mask (n,) of the glitches from prediction errors both ways, and the limit of the errors.
 
-    The limit is in standard deviations of a normal law with the same median error. Rows in the mask
-    `spared` are never glitches.
+    The limit is in standard deviations of a normal distribution with the same median error. Rows in
+    the mask `spared` are never glitches.
     """
     n = len(ahead)
     from scipy.special import stdtrit
@@ -164,11 +170,11 @@ def find_glitches(
     before: Glitches = NO_GLITCHES,
     least: float = 1.0,
 ) -> Glitches:
-    """The glitches among n rows, including those known `before`, whose weight is 0.
+    """The glitches among n rows, including the glitches known `before`, whose weight is 0.
 
     `columns` as in `prediction_errors`; `step` (n,) is the velocity step of every row. Deviations
-    below `least` (in the unit of the residual) do not count, which excludes rounding errors. If
-    more than a hundredth of the rows would be glitches, no new ones are added.
+    below `least` (in the unit of the residual) do not count, so rounding errors are no glitches. If
+    more than a hundredth of the rows would be glitches, no new glitch is added.
     """
     rows, known = np.flatnonzero(np.asarray(weight) > 0), list(before.rows)
     if len(rows) < const.ROWS_FOR_GLITCHES:

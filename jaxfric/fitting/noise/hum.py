@@ -1,16 +1,18 @@
 """Hum: lines of constant frequency, such as the mains, in the residual of a record.
 
-The frequency of a wave along the path is proportional to velocity; that of hum is constant. So the
-residual is cut into pieces of constant velocity. Each piece has a periodogram over the surrounding
-noise (a cosine series of its logarithm), and the pieces are added at equal frequency. A line is hum
-if it is significant in the sum over pieces,
+The frequency of a wave along the path is proportional to velocity; the frequency of hum is
+constant. So the residual is cut into pieces of constant velocity. The periodogram of each piece is
+divided by that of the surrounding noise (a cosine series of its logarithm). The periodograms of all
+pieces are added at equal frequency. A spectral line is hum if it is significant in the sum over
+pieces,
 
     P = sum_i |sum_j r_j exp(2 pi i f t_j)|^2/(n_i S_i(f)),   under noise alone Gamma(pieces, 1).
 
-It must persist through both halves of a piece (ringing after a step does not). It must also be
-significant at two velocities, and no wave along the path may explain as much. A line at one
-velocity only may be a wave or hum; it counts as hum at a frequency of the mains. Every piece has
-its own amplitude and phase, by least squares. Unresolved frequencies are not searched.
+Hum must persist through both halves of a piece, unlike ringing after a velocity step. Hum must also
+be significant at two velocities, and no wave along the path may explain as much. A line at a single
+velocity may be a wave or hum; only at a frequency of the mains does it count as hum. Every piece
+has its own amplitude and phase of the hum, by least squares. Frequencies that the sampling does not
+resolve are not searched.
 
 Source: Lomb 1976 (doi:10.1007/BF00648343) and Scargle 1982 (doi:10.1086/160554) for uneven rows.
 Here rows are binned into cells of a quarter of their interval, which costs at most 5 % of P.
@@ -26,7 +28,7 @@ from .filter import taken_out
 
 
 class Hum(NamedTuple):
-    """A line of constant frequency."""
+    """A spectral line of constant frequency."""
 
     frequency: float
     """[Hz]"""
@@ -36,7 +38,7 @@ class Hum(NamedTuple):
     """Its rms in every velocity step [unit of friction]; 0 if the rows do not resolve it."""
 
     def scaled(self, unit: float) -> "Hum":
-        """The line with its sizes in another unit."""
+        """The hum with its amplitudes in another unit."""
         return self._replace(sizes=tuple(unit * size for size in self.sizes))
 
     def to_json(self) -> dict:
@@ -44,7 +46,7 @@ class Hum(NamedTuple):
         return {"frequency": self.frequency, "std": self.error, "rms_by_step": list(self.sizes)}
 
     def text(self) -> str:
-        """The line as text: "hum at 100.0 Hz", with its error if that is 0.1 Hz or more."""
+        """The hum as text: "hum at 100.0 Hz", with the error of the frequency from 0.1 Hz on."""
         known = f"{self.frequency:.1f}" + (f" ± {self.error:.1f}" if self.error >= 0.1 else "")
         return f"hum at {known} Hz"
 
@@ -62,7 +64,7 @@ class _Piece(NamedTuple):
 
     @property
     def width(self) -> float:
-        """Resolution in frequency [Hz]."""
+        """Resolution of this piece in frequency [Hz]."""
         return 1 / float(np.ptp(self.time))
 
     def resolves(self, f: float) -> bool:
@@ -70,16 +72,16 @@ class _Piece(NamedTuple):
         return bool(self.frequency[0] <= f <= self.frequency[-1])
 
     def at(self, f: np.ndarray) -> np.ndarray:
-        """The power at some frequencies, 0 outside the searched range."""
+        """The power of this piece at some frequencies, 0 outside the searched range."""
         return np.interp(f, self.frequency, self.power, left=0.0, right=0.0)
 
     def near(self, f: float) -> float:
-        """The largest power within half the resolution."""
+        """The largest power within half the resolution of some frequencies."""
         here = np.abs(self.frequency - f) <= 0.5 * self.width
         return float(np.max(self.power, where=here, initial=0.0))
 
     def exact(self, left: np.ndarray, f: np.ndarray, part: slice = slice(None)) -> np.ndarray:
-        """The power at some frequencies, by least squares over a part of the rows."""
+        """The power of this piece at some frequencies, by least squares over a part of the rows."""
         time, values = self.time[part], left[self.rows[part]]
         angle = 2 * np.pi * np.outer(f, time - time[0])
         c, s = np.cos(angle), np.sin(angle)
@@ -103,10 +105,10 @@ def find_hum(
     on: Bool[np.ndarray, " n"],
     columns: Float[np.ndarray, "n m"],
 ) -> tuple[tuple[Hum, ...], Float[np.ndarray, " n"]]:
-    """The hum in a residual, in its unit, and its contribution to every row.
+    """The hum in a residual, in the unit of the residual, and the contribution of hum to every row.
 
-    Column 0 of `columns` is the residual; the others are directions that a model may still fit.
-    `step` is the velocity step of each row; rows not `on` are skipped.
+    Column 0 of `columns` is the residual; the other columns are directions that a model may still
+    fit. `step` is the velocity step of each row; rows outside the mask `on` are skipped.
     """
     wave, used = np.zeros(len(time)), np.flatnonzero(on)
     left = np.zeros(len(time))

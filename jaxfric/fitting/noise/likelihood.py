@@ -1,7 +1,8 @@
 """Restricted likelihoods of many noises of a residual at once.
 
-The likelihood is restricted (REML): a fit removes the directions of its parameters from the
-residual. Without this correction a long correlation is underestimated. sigma is profiled out.
+The likelihood is restricted (REML), because a fit removes the directions of its parameters from the
+residual. An unrestricted likelihood would underestimate long correlation lengths. The standard
+deviation sigma of the noise is profiled out.
 
 Source: Harville 1977 (doi:10.1080/01621459.1977.10480998) for the restricted likelihood.
 """
@@ -26,7 +27,7 @@ def products(
     scale: Float[Numbers, " *n"],
     noises: Noises,
 ) -> tuple[Float[Array, "g m m"], Float[Array, " g"]]:
-    """Products of the columns whitened by every noise of sigma 1, and log-determinants."""
+    """Products of columns whitened by every noise of sigma 1, and log-determinants."""
     scale, used = jnp.broadcast_to(scale, weight.shape), weight > 0
     each = const.BLOCK if len(weight) % const.BLOCK == 0 else len(weight)
     rows = (distances(clock), used, columns / scale[:, None])

@@ -1,12 +1,13 @@
-"""The noise of a record: white, and a sum of correlated parts, each over a clock of its own.
+"""The noise of a record: white noise and a sum of correlated parts, each over a clock of its own.
 
     r_i = s_i (e_i + sum_k a_k,i),   var e = sigma^2 (1 - sum_k c_k)
     cov a_k,i, a_k,j = sigma^2 c_k rho_k(d_k)
 
-s is the scale of a row, c_k the share of a part, rho_k its correlation and d_k the distance of two
-rows in its correlation lengths (`parts`). Clocks are time (amplifier, servo), the load-point path
-(roughness, gouge: ten times as fast at ten times the velocity) and samples (a recorder whose filter
-follows its rate). They are the columns of an array (n, k); a single clock may be (n,).
+s is the scale of a row. c_k is the variance share of part k, rho_k its correlation, and d_k the
+distance of two rows in its correlation lengths (`parts`). A clock is a coordinate over which noise
+is correlated. Noise of an amplifier or servo is correlated over time, noise of roughness or gouge
+over the load-point path. Noise of a recorder whose filter follows its sampling rate is correlated
+over samples. Clocks are the columns of an array (n, k); a single clock may be (n,).
 
 `search` estimates a noise.
 """
@@ -22,7 +23,7 @@ from .parts import AbstractPart, Exponential
 
 
 class Noise(NamedTuple):
-    """Standard deviation of a row of scale 1, and the correlated parts."""
+    """A noise: its standard deviation in a row of scale 1, and its correlated parts."""
 
     sigma: Float[Numbers, ""]
     parts: tuple[AbstractPart, ...]
@@ -37,7 +38,7 @@ class Noise(NamedTuple):
 
     @property
     def is_white(self) -> bool:
-        """Whether all shares are 0."""
+        """Whether no part of the noise is correlated."""
         return not any(np.any(np.asarray(part.share)) for part in self.parts)
 
 
@@ -50,7 +51,7 @@ class Noises(NamedTuple):
 
 
 def white_of(parts: tuple[AbstractPart, ...]) -> Float[Numbers, "*g"]:
-    """White share of the variance: 1 minus the shares of the parts."""
+    """Share of the noise variance that is white: 1 minus the shares of the correlated parts."""
     return 1.0 - sum((part.share for part in parts), np.zeros(()))
 
 
@@ -60,8 +61,8 @@ def noise_of(
     memory: ArrayLike = 1.0,
     log_likelihood: ArrayLike = 0.0,
 ) -> Noise:
-    """White noise and an exponential part with this `share`. `memory`: its correlation length on
-    every clock, infinite on clocks that it does not use.
+    """White noise plus an exponential part with this `share` of the variance. `memory` is the
+    correlation length of that part on every clock, infinite on clocks that the part does not use.
 
     Shapes: `memory` (k,) or (), all others ().
     """

@@ -1,15 +1,16 @@
-"""Parts of a noise: each is a process of few states, correlated over one clock of the record.
+"""Parts of a noise. Each part is a process of few states, correlated over one clock of the record.
 
     exponential   rho(d) = exp(-d)
     resonator     rho(d) = exp(-d) (cos w d + sin(w d)/w),   w^2 = beta
 
-d is the distance of two rows on the clocks times the rates of the part. An exponential is an
-Ornstein-Uhlenbeck process. A resonator is a damped oscillator driven by white noise, b'' + 2 b' +
-(1 + beta) b, with smooth paths: an amplifier's filter (beta <= 0: real roots) or an oscillating
-servo (beta > 0). An alternating part is an exponential of negative variance: neighbouring rows are
-anticorrelated, as in the noise of a differentiated position.
+rho is the correlation of two rows, and d their distance on the clocks times the rates of the part.
+An exponential part is an Ornstein-Uhlenbeck process. A resonator is a damped oscillator driven by
+white noise, b'' + 2 b' + (1 + beta) b, with smooth paths. A resonator describes an amplifier's
+filter (beta <= 0: real roots) or an oscillating servo (beta > 0). An alternating part is an
+exponential of negative variance. Neighbouring rows of an alternating part are anticorrelated, as in
+the noise of a differentiated position.
 
-To add a part, write a class here and add it to `KINDS`.
+To add a kind of noise part, write a class in this module and add the class to `KINDS`.
 
 Sources: Foreman-Mackey et al. 2017 (doi:10.3847/1538-3881/aa9332) for such terms in linear time;
 Kelly et al. 2014 (doi:10.1088/0004-637X/788/1/33) for filters of white noise at uneven sampling.
@@ -43,7 +44,7 @@ class Limits(NamedTuple):
 
 
 class Term(NamedTuple):
-    """The kind of a part and the index of its clock."""
+    """The kind of a noise part, and the index of the clock over which the part is correlated."""
 
     kind: "type[AbstractPart]"
     clock: int
@@ -52,8 +53,8 @@ class Term(NamedTuple):
 class AbstractPart(eqx.Module):
     """A correlated part of a noise, or the parts of `g` noises of one kind.
 
-    Its first state adds to a row. The process is stationary, and its states at one row are
-    independent of each other.
+    The first state of a part adds to the noise of a row. The process of a part is stationary, and
+    the states of a part at one row are independent of each other.
     """
 
     share: eqx.AbstractVar[Float[Numbers, "*g"]]
@@ -69,7 +70,7 @@ class AbstractPart(eqx.Module):
 
     @abc.abstractmethod
     def variances(self) -> tuple[Array | float, ...]:
-        """Variance (*g) of every state, in units of that of the first."""
+        """Variance (*g) of every state, in units of the variance of the first state."""
 
     @abc.abstractmethod
     def transition(self, away: Float[Numbers, "n k"]) -> Matrix:
@@ -77,26 +78,26 @@ class AbstractPart(eqx.Module):
 
     @abc.abstractmethod
     def exponentials(self) -> tuple[tuple[Array | complex, Array | complex], ...]:
-        """rho as a sum of size exp(-rate d): sizes and rates (*g), which may be complex."""
+        """Sizes and rates (*g) of rho as a sum of size exp(-rate d); both may be complex."""
 
     @abc.abstractmethod
     def longest(self) -> np.ndarray:
-        """The longest correlation length, in units of 1 over the rate."""
+        """The longest correlation length of the part, in units of 1 over its rate."""
 
     @classmethod
     @abc.abstractmethod
     def at(cls, theta: Float[np.ndarray, "g q"], limits: Limits, clock: int) -> "AbstractPart":
-        """Parts from parameters; their `share` is the variance over that of the white noise."""
+        """Parts from parameters; `share` is the variance of a part over that of white noise."""
 
     @classmethod
     @abc.abstractmethod
     def starts(cls, memories: Sequence[float]) -> list[tuple[float, ...]]:
-        """Starting values of the other parameters, for given logarithms of correlation lengths."""
+        """Starting values of all parameters but size, for given ln(correlation length)."""
 
     @classmethod
     @abc.abstractmethod
     def bounds(cls, low: float, high: float) -> list[tuple[float, float]]:
-        """Bounds of the parameters; `low` and `high` are those of ln(correlation length)."""
+        """Bounds of the parameters; `low` and `high` are the bounds of ln(correlation length)."""
 
     @classmethod
     @abc.abstractmethod
@@ -106,7 +107,7 @@ class AbstractPart(eqx.Module):
 
     @classmethod
     def over(cls, clock: int) -> Term:
-        """This kind over a clock."""
+        """This kind of part over one clock."""
         return Term(cls, clock)
 
     def forgotten(self, away: Float[Numbers, "n k"]) -> Float[Array, "*g n"]:
@@ -114,8 +115,9 @@ class AbstractPart(eqx.Module):
         return jnp.einsum("nk,...k->...n", away, self.rates)
 
     def gained(self, turn: Matrix) -> Matrix:
-        """Process-noise covariance of a `transition`, lower triangle: it replaces the covariance
-        that the states lose, because they are stationary."""
+        """Process-noise covariance of a `transition`, lower triangle. The process noise replaces
+        the covariance that the states lose, because the process is stationary.
+        """
         share = jnp.asarray(self.share)[..., None]
         own = [share * jnp.asarray(v)[..., None] for v in self.variances()]
 
@@ -181,14 +183,15 @@ class Exponential(AbstractExponential):
 
     @classmethod
     def at(cls, theta: Float[np.ndarray, "g 2"], limits: Limits, clock: int) -> "Exponential":
-        """From ln of the variance over the white one and ln of the correlation length."""
+        """Parts from ln of the variance over the white one, and ln of the correlation length."""
         size, memory = np.exp(theta).T
         return cls(size, rates_of(memory, clock, len(limits.gaps)))
 
 
 class Alternating(AbstractExponential):
-    """An exponential of negative variance, for evenly sampled rows. Only the search uses this
-    class; its parts are `Exponential`, which needs no further compilation."""
+    """An exponential of negative variance, for evenly sampled rows. Only the noise search uses this
+    class. The search returns parts of class `Exponential`, which needs no further compilation.
+    """
 
     share: Float[Numbers, "*g"]
     rates: Float[Numbers, "*g k"]
@@ -202,23 +205,25 @@ class Alternating(AbstractExponential):
 
     @classmethod
     def at(cls, theta: Float[np.ndarray, "g 2"], limits: Limits, clock: int) -> Exponential:
-        """From ln of the variance over the remaining distance to its limit, and ln of the
-        correlation length."""
+        """Parts from two parameters: ln of the variance over the remaining distance to its limit,
+        and ln of the correlation length.
+        """
         size, memory = np.exp(theta).T
         most = limit_of_negative(np.exp(-limits.gaps[clock] / memory))
         return Exponential(-most * size / (1 + size), rates_of(memory, clock, len(limits.gaps)))
 
 
 def limit_of_negative(keep: np.ndarray) -> np.ndarray:
-    """Limit of -variance of an exponential, over the white variance, for a non-negative spectrum.
+    """Largest -variance/(white variance) of an exponential with a non-negative total spectrum.
 
-    The spectrum is least at zero frequency. `keep` is the correlation of neighbouring rows.
+    The total spectrum of the noise is least at zero frequency. `keep` is the correlation of
+    neighbouring rows.
     """
     return const.ALTERNATING * (1 - keep) / (1 + keep)
 
 
 class Resonator(AbstractPart):
-    """A damped oscillator driven by white noise. Its states are b and db/dd."""
+    """A damped oscillator driven by white noise. The two states are b and db/dd."""
 
     share: Float[Numbers, "*g"]
     rates: Float[Numbers, "*g k"]
@@ -233,13 +238,14 @@ class Resonator(AbstractPart):
         return jnp.sqrt(jnp.clip(-jnp.asarray(self.beta), const.CRITICAL**2, 1.0))
 
     def variances(self) -> tuple[float, Array]:
-        """Of b and of its slope, 1 + beta."""
+        """Variances of b, 1, and of its slope, 1 + beta."""
         beta = jnp.asarray(self.beta)
         return 1.0, 1 + jnp.where(beta > 0, beta, -(self._damped() ** 2))
 
     def transition(self, away: Float[Numbers, "n k"]) -> Matrix:
-        """From the solution of its equation. Sines take half the time of a filter, so they are
-        computed once, and only if some part oscillates."""
+        """Transition matrix from the solution of the oscillator's equation. Sines take half the
+        time of a filter, so sines are computed once, and only if some part oscillates.
+        """
         d = self.forgotten(away)
         beta, s = jnp.asarray(self.beta)[..., None], self._damped()[..., None]
         w = jnp.sqrt(jnp.maximum(beta, const.CRITICAL**2))
@@ -255,7 +261,7 @@ class Resonator(AbstractPart):
         return (c + q, q), (-self.variances()[1][..., None] * q, c - q)
 
     def exponentials(self) -> tuple[tuple[Array, Array], ...]:
-        """Its two roots: 1 +- s, s^2 = -beta."""
+        """Sizes and rates of the two roots of the oscillator: 1 +- s, s^2 = -beta."""
         near = self.beta + const.CRITICAL**2 * (self.beta**2 < const.CRITICAL**4)
         s = (-near + 0j) ** 0.5
         return (0.5 * (1 + 1 / s), 1 - s), (0.5 * (1 - 1 / s), 1 + s)
@@ -268,7 +274,7 @@ class Resonator(AbstractPart):
 
     @classmethod
     def starts(cls, memories: Sequence[float]) -> list[tuple[float, ...]]:
-        """Correlation lengths with natural frequencies for some shapes, ln(1 + beta)/2."""
+        """Starting correlation lengths, each with a few natural frequencies ln(1 + beta)/2."""
         return [(m, s - m) for s in const.SHAPES for m in memories]
 
     @classmethod
@@ -280,8 +286,10 @@ class Resonator(AbstractPart):
 
     @classmethod
     def at(cls, theta: Float[np.ndarray, "g 3"], limits: Limits, clock: int) -> "Resonator":
-        """From ln of the variance over the white one, of the longest correlation length, and of the
-        natural frequency sqrt(1 + beta)/memory. A period has at least four rows."""
+        """Parts from three logarithms: of the variance over the white variance, the longest
+        correlation length, and the natural frequency sqrt(1 + beta)/memory. A period of a resonator
+        has at least four rows.
+        """
         size, memory = np.exp(theta[:, :2]).T
         fastest = (0.5 * np.pi * memory / limits.gaps[clock]) ** 2
         shape = np.clip(theta[:, 2] + theta[:, 1], *const.SHAPE_ENDS)
@@ -290,7 +298,7 @@ class Resonator(AbstractPart):
         return cls(size, rates_of(shorter, clock, len(limits.gaps)), beta)
 
     def longest(self) -> np.ndarray:
-        """1/(1 - s), that of the slower root."""
+        """1/(1 - s), the correlation length of the slower root."""
         return 1 / (1 - np.sqrt(np.maximum(-np.asarray(self.beta), 0.0)))
 
 

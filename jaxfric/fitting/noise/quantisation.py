@@ -1,10 +1,10 @@
-"""Quantisation: the steps of a recorder, and the lower bound of white noise that they imply.
+"""Quantisation: the steps of a recorder, and the lower bound of white noise from these steps.
 
-Rounding to steps of q makes errors of up to q/2, q/sqrt(12) rms (Bennett 1948,
-doi:10.1002/j.1538-7305.1948.tb01340.x). These errors are independent from row to row if noise or
-signal changes by about a step. Then the white part of the noise has a variance of at least q^2/12,
-even if the likelihood prefers less. If the rest of the noise is much smaller than a step, the
-errors are not independent and the rows form a staircase.
+A recorder that rounds to steps of q makes errors of up to q/2, q/sqrt(12) rms (Bennett 1948,
+doi:10.1002/j.1538-7305.1948.tb01340.x). Rounding errors are independent from row to row if noise or
+signal changes by about a step. With independent rounding errors the white part of the noise has a
+variance of at least q^2/12, even if the likelihood prefers less. If the rest of the noise is much
+smaller than a step, rounding errors are not independent and the rows form a staircase.
 """
 
 import math
@@ -16,10 +16,10 @@ from . import thresholds as const
 
 
 def recorded_steps(values: np.ndarray) -> float:
-    """The step q of which all differences of n recorded values are multiples; 0 if there is none.
+    """The step q that divides all differences of n recorded values; 0 without such a step.
 
     q is the smallest difference of two values. Means of rounded rows have smaller steps, and a
-    quotient of two columns has none.
+    quotient of two columns has no step.
     """
     x = np.unique(np.asarray(values, float))
     if len(x) < 3 or len(x) > const.DISTINCT * len(values):

@@ -1,12 +1,14 @@
-"""Estimates the noise of a residual by restricted likelihood: white, with a few correlated parts.
+"""Estimates the noise of a residual by restricted likelihood: white, plus a few correlated parts.
 
-A `Family` lists the parts and their clocks. Damped Newton steps find its parameters (logarithms);
-the derivatives are finite differences between noises that are whitened in one pass (`likelihood`).
+A `Family` lists the parts of a noise and their clocks. Damped Newton steps find the parameters of a
+family (logarithms). The derivatives are finite differences of the likelihood between noises that
+are evaluated in one pass (`likelihood`).
 
 `estimate_noise` starts from white noise and adds a part if this lowers the BIC. `profile_noise`
-keeps the parts and estimates their sizes anew. If the spectrum of a residual is far from justifying
-a part, the noise is white without a search (`spectrum`). In a very long record the parts are
-searched in a few stretches and their sizes in more; sigma and the likelihood use all rows.
+keeps the parts and estimates their sizes anew. If the spectrum of a residual clearly needs no
+correlated part, the noise is white without a search (`spectrum`). In a very long record the search
+for parts uses a few stretches of rows, and the estimate of their sizes more stretches. The standard
+deviation sigma and the likelihood use all rows.
 """
 
 import itertools
@@ -27,20 +29,22 @@ from .spectrum import gains_of_parts, spectrum
 
 
 class Family(NamedTuple):
-    """The parts of a noise; none: it is white."""
+    """The parts of a noise and their clocks; a family without parts is white noise."""
 
     terms: tuple[Term, ...] = ()
 
     @property
     def parameters(self) -> int:
-        """Number of parameters without sigma."""
+        """Number of parameters of the family, without sigma."""
         return sum(term.kind.parameters for term in self.terms)
 
     def joined(
         self, term: Term, theta: np.ndarray, new: Sequence[Sequence[float]]
     ) -> tuple["Family", np.ndarray]:
-        """The family with one more part, and its parameters (g, q): those of `theta` and `new`
-        (g, p) of the part. Parts with few parameters come first, so few orders are compiled."""
+        """The family with one more part, and the parameters (g, q) of the new family. They are
+        `theta` of this family and `new` (g, p) of the part. Parts with few parameters come first,
+        so few orders are compiled.
+        """
         at = sum(kind.parameters < term.kind.parameters for kind, _ in self.terms)
         terms = self.terms[:at], self.terms[at:]
         place = Family(terms[0]).parameters
@@ -48,12 +52,12 @@ class Family(NamedTuple):
         return Family((*terms[0], term, *terms[1])), both
 
     def split(self, theta: Float[np.ndarray, "*g q"]) -> list[Float[np.ndarray, "*g p"]]:
-        """The parameters of every part."""
+        """The parameters of every part of the family."""
         ends = np.cumsum([term.kind.parameters for term in self.terms])[:-1]
         return np.split(theta, ends, axis=-1) if self.terms else []
 
     def bounds(self, limits: Limits) -> tuple[np.ndarray, np.ndarray]:
-        """Least and largest parameters, (q,) each."""
+        """Least and largest parameters of the family, (q,) each."""
         ends = [
             end
             for kind, k in self.terms
@@ -68,9 +72,9 @@ Values = tuple[Float[np.ndarray, " g"], Float[np.ndarray, " g"]]
 
 
 class NoiseRows(NamedTuple):
-    """The input of a noise estimate. Column 0 is the residual, the others are the Jacobian.
+    """The input of a noise estimate. Column 0 is the residual, the other columns are the Jacobian.
 
-    Skipped rows and zero columns may be absent; `every` is the scale of all rows.
+    Skipped rows and zero columns may be left out; `every` is the scale of all rows.
     """
 
     clock: Float[np.ndarray, "n k"]
@@ -87,15 +91,15 @@ class NoiseRows(NamedTuple):
         return 0.5 * float(np.log(self.rows))
 
     def values(self, family: Family, theta: Float[np.ndarray, "g q"]) -> Values:
-        """Restricted log-likelihoods of noises of a family, and their sigmas."""
+        """Restricted log-likelihoods of noises of a family, and the sigma of each."""
         return self.values_of_all({family: theta})[0]
 
     def values_of_all(self, thetas: Mapping[Family, Float[np.ndarray, "g q"]]) -> list[Values]:
-        """`values` for noises of many families."""
+        """Restricted log-likelihoods and sigmas, as `values`, for noises of many families."""
         return self.values_of([noises_at(f, theta, self.limits) for f, theta in thetas.items()])
 
     def values_of(self, every: Sequence[Noises]) -> list[Values]:
-        """`values` for several sets of noises, each with its own kinds of parts."""
+        """Restricted log-likelihoods and sigmas for sets of noises with different parts."""
         passes = [list(self._passes(noises)) for noises in every]
         found = iter(side_by_side(self._values, itertools.chain(*passes)))
         values = []
@@ -150,7 +154,7 @@ def longest_memory(clock: Float[Numbers, "n *k"]) -> np.ndarray:
 
 
 def limits_of(clock: Numbers, weight: Numbers, longest: ArrayLike | None = None) -> Limits:
-    """Limits: half the median gap of weighted rows, and `longest`, by default half the record."""
+    """Limits of correlation lengths: half the median row gap, and `longest` or half the record."""
     times = np.asarray(clock)
     times = times.reshape(len(times), -1)
     on = np.asarray(weight) > 0
@@ -172,8 +176,8 @@ def noise_rows(
 ) -> NoiseRows:
     """The input of a noise estimate: a residual (n,) with the Jacobian of its fit (n, p).
 
-    `clock` is (n, k) or (n,), `weight` (n,) is 0 for skipped rows. On each clock correlation
-    lengths range from half the median gap of rows to `longest`, by default half the record.
+    `clock` is (n, k) or (n,), `weight` (n,) is 0 for skipped rows. On each clock the search covers
+    correlation lengths from half the median gap of rows to `longest`, by default half the record.
     """
     clock, weight, jacobian = (np.asarray(x) for x in (clock, weight, jacobian))
     clock = clock[:, None] if clock.ndim == 1 else clock
@@ -221,10 +225,11 @@ def noises_around(
     alike: bool = False,
     white: bool = True,
 ) -> Noises:
-    """Noises of a family around and between some `thetas`; `white` adds white noise.
+    """Noises of a family around and between some parameters `thetas`; `white` adds white noise.
 
-    `sizes` and `memories` are offsets of logarithms from points between the first and last theta.
-    Offsets of correlation lengths are equal for all parts; those of sizes are if `alike`.
+    `sizes` and `memories` are offsets of ln(size) and ln(correlation length) from points between
+    the first and last theta. Offsets of correlation lengths are equal for all parts. With `alike`
+    offsets of sizes are equal for all parts too.
     """
     first, last, number = thetas[0], thetas[-1], len(family.terms)
     each = zip(*[sizes] * number, strict=True) if alike else itertools.product(sizes, repeat=number)
@@ -261,8 +266,8 @@ def estimate_noise(
     """Restricted maximum-likelihood noise of a residual with its Jacobian (`noise_rows`).
 
     With `either_sign` negative correlation is allowed (even sampling). `least` is the smallest
-    standard deviation of the white part, as from quantisation. If `like` is given and not white,
-    its parts are kept, and only their sizes are estimated.
+    standard deviation of the white part, for example from quantisation. If a noise `like` is given
+    and not white, the parts of `like` are kept, and only their sizes are estimated.
     """
     part, larger = stretches(record, const.SOUGHT), stretches(record, const.SIZED)
     if like is None or not like.family.parameters:
@@ -288,8 +293,8 @@ def profile_noise(
 def not_below(record: NoiseRows, found: Found, least: float) -> Found:
     """The noise with its white standard deviation raised to `least` if it is smaller.
 
-    The correlated parts lose this variance in proportion. If they have less, the total variance
-    grows. The likelihood is that of the returned noise.
+    The correlated parts lose the added white variance in proportion. If correlated parts have less
+    variance than is added, the total variance grows. The likelihood is that of the returned noise.
     """
     sigma, share = float(found.noise.sigma), 1 - float(found.noise.white)
     if sigma**2 * (1 - share) >= least**2:
@@ -332,7 +337,7 @@ def _with_parts(record: NoiseRows, *, either_sign: bool) -> Found:
 
 
 def seems_white(record: NoiseRows, *, either_sign: bool) -> bool:
-    """Whether, by the residual's spectrum, no part comes near to lowering the BIC."""
+    """Whether the residual's spectrum shows that no correlated part nearly lowers the BIC."""
     scale = np.broadcast_to(record.scale, record.weight.shape)
     seen = spectrum(record.clock, record.weight, record.columns / scale[:, None])
     if seen is None:

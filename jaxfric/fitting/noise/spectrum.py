@@ -1,23 +1,23 @@
 """Test from the spectrum whether a residual is white, in a millisecond.
 
-The search whitens a record under hundreds of noises; this test avoids most of that for white noise.
-Over a piece of a record in which all clocks advance evenly, every part is stationary from row to
-row, whatever its clock. The Fourier coefficients of the piece are then nearly independent. Let s_j
-be the variance of coefficient j, with a total (white and correlated) of 1. Up to a constant, the
-restricted likelihood is
+The noise search whitens a record under hundreds of noises; the spectral test spares white noise
+most of these. In a piece of a record all clocks advance evenly, so every noise part is stationary
+from row to row. The Fourier coefficients of such a piece are nearly independent. Let s_j be the
+variance of Fourier coefficient j, for a noise of total variance 1. Up to a constant, the restricted
+likelihood is
 
     -2 log L = N log(sum_j I_j/s_j / N) + sum_j (1 - h_j) log s_j,   N = sum_j (1 - h_j)
 
 I is the periodogram of the residual. h_j is the share of coefficient j that the fit absorbs, from
-an orthonormal basis of the Jacobian. Neighbouring coefficients are summed over bands that a part
-cannot resolve. Sampled at even distances d, the exponential has the spectrum
+an orthonormal basis of the Jacobian. Neighbouring Fourier coefficients are summed over bands in
+which no part changes noticeably. Sampled at even distances d, an exponential part has the spectrum
 
     S(w) = (1 - r^2)/(1 - 2 r cos w + r^2),   r = exp(-d)
 
 and other parts are sums of such spectra, with complex r.
 
-Only a rough bound is needed, so edges of pieces and uneven rows within them are neglected. There is
-no result if the rows are too uneven for pieces.
+The test needs only a rough bound, so edges of pieces and uneven rows within a piece are neglected.
+The test gives no result if the rows are too uneven for pieces.
 
 Source: Whittle 1953 (doi:10.1007/BF02590998) for the likelihood of a spectrum.
 """
@@ -50,9 +50,9 @@ class Spectrum(NamedTuple):
 def spectrum(
     clock: Float[Numbers, "n k"], weight: Float[Numbers, " n"], columns: Float[Numbers, "n m"]
 ) -> Spectrum | None:
-    """The spectrum of the residual (column 0), corrected for the Jacobian (the other columns).
+    """The spectrum of the residual (column 0), corrected for the Jacobian (other columns).
 
-    None if the rows do not form pieces of at least `PIECE` rows with even clocks.
+    The result is None if the rows do not form pieces of at least `PIECE` rows with even clocks.
     """
     on = np.asarray(weight) > 0
     clock, columns = np.asarray(clock)[on], np.asarray(columns)[on]
@@ -70,7 +70,7 @@ def spectrum(
 def gains_of_parts(
     seen: Spectrum, limits: Limits, *, either_sign: bool = False
 ) -> dict[type[AbstractPart], float]:
-    """Rise of 2 log L above that of white noise by the likeliest part of every kind."""
+    """Rise of 2 log L from white noise to the likeliest additional part, for every kind of part."""
     clocks = np.flatnonzero(limits.longest > limits.shortest)
     kinds = [kind for kind in KINDS if kind.joins((), either_sign=either_sign)]
     return {

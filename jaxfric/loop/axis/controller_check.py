@@ -1,8 +1,8 @@
 """Check whether the recorded force comes from the stated controller.
 
-The stated law, u_k = g_tau k_v (k_p (r_k - q_k) - (q_k - q_(k-2))/(2 h)), of the measured signals
-is compared with the recorded force. If they differ, something acts that the closed loop lacks: an
-unrecorded disturbance, other gains, a saturated drive.
+The stated control law, u_k = g_tau k_v (k_p (r_k - q_k) - (q_k - q_(k-2))/(2 h)), is evaluated for
+the measured signals. Its force is compared with the recorded force. If the two forces differ, the
+closed loop is incomplete: an unrecorded disturbance, other gains, or a saturated drive.
 """
 
 import numpy as np
@@ -19,7 +19,7 @@ _TOGETHER = 0.05
 
 
 def stated_force(record: AxisRecord) -> np.ndarray | None:
-    """Force of the stated control law for the measured signals; None if it is unknown."""
+    """Force of the stated control law for the measured signals; None without a stated law."""
     drive, reference, position = record.drive, record.reference_position, record.position
     if drive is None or reference is None or position is None:
         return None
@@ -32,7 +32,7 @@ def stated_force(record: AxisRecord) -> np.ndarray | None:
 
 
 def disagreement(record: AxisRecord, *, held: bool) -> str | None:
-    """A warning if recorded and stated force disagree; None: they agree, or none is stated.
+    """A warning if recorded and stated force disagree; None if they agree or no force is stated.
 
     held : the recorded force includes the disturbance, which is then added to the stated force.
     """
@@ -65,7 +65,7 @@ def disagreement(record: AxisRecord, *, held: bool) -> str | None:
 
 
 def stretches(rows: np.ndarray, time: np.ndarray) -> str:
-    """The times of some rows as text: the longest stretch, and the number of further ones."""
+    """The times of some rows as text: the longest stretch, and the number of further stretches."""
     gap = max(_TOGETHER / float(np.median(np.diff(time))), 1.0)
     parts = np.split(rows, np.flatnonzero(np.diff(rows) > gap) + 1)
     longest = max(parts, key=len)

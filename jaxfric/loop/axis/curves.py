@@ -19,8 +19,9 @@ def axis_curves(
     engine: Engine[AxisProblem], final: Candidate, rows: AxisRows, unit: str
 ) -> CurveRig:
     """The steady curves of a fit that change sign with velocity, over the speeds of train and
-    validation rows; `unit` is that of the position. Below the slowest speed curves are constant,
-    as these rows are not used."""
+    validation rows. `unit` is the unit of the position. Below the slowest of these speeds the
+    curves are constant, because slower rows are not used.
+    """
     problem = engine.problem
     known = engine.blocks.train | engine.blocks.select
     speed = np.abs(rows.velocity[known])

@@ -1,4 +1,4 @@
-"""The axis part of a result: both fits of each model, and the gains."""
+"""The axis part of a loop's result: inverse dynamics and output error of each model, and gains."""
 
 import dataclasses
 from collections.abc import Callable, Mapping
@@ -32,8 +32,9 @@ from .seen import Seen, seen
 
 
 def as_published(problem: AxisProblem, prepared: Prepared, rows: AxisRows) -> AxisProblem:
-    """The problem as in published fits of an axis: all rows that are not stuck, usual filter, no
-    hold of the force."""
+    """The least-squares problem as in published fits of an axis: all rows that are not stuck, the
+    usual filter, and no zero-order hold of the force.
+    """
     weight = np.zeros(len(prepared.time))
     weight[: prepared.rows] = prepared.inside[: prepared.rows] & ~rows.stuck
     return dataclasses.replace(
@@ -68,9 +69,11 @@ def details_of(
     missed: float,
     progress: Callable[[str], None],
 ) -> AxisDetails:
-    """Both fits of the base and of the final model, over all rows; gains; and claims on friction
-    and stability that the rows `counted` support. `told` are the final parameters of the loop, for
-    comparison with the fits; `missed` is the test error beyond its noise [F]."""
+    """Inverse dynamics and output error of the base and of the final model, over all rows. Also the
+    gains, and the claims on friction and stability that the rows `counted` support. `told` are the
+    final parameters of the loop, for comparison with the fits. `missed` is the test error beyond
+    its noise [F].
+    """
     record, reading, directions, spring, withheld, others = known
     problem = engine.case.problem
     prepared, rows = reading.prepared, reading.rows
@@ -123,10 +126,10 @@ def details_of(
 
 
 def turning_acceleration(rows: AxisRows, acceleration: np.ndarray) -> float:
-    """Median over strokes of the largest acceleration (of n or more rows) [m/s^2].
+    """Median over strokes of the largest `acceleration` [m/s^2]; the array has n or more rows.
 
-    Strokes of constant acceleration, and sines, reverse with this acceleration; strokes that begin
-    and end softly reverse with less.
+    Strokes of constant acceleration, and sines, reverse with this largest acceleration. Strokes
+    that begin and end softly reverse with a smaller acceleration.
     """
     size = np.abs(acceleration[: len(rows.time)])
     largest = [float(np.max(size[rows.segment == k])) for k in np.unique(rows.segment)]

@@ -1,7 +1,8 @@
-"""The range of speeds in each direction of an axis: claims on friction hold in this range.
+"""The range of speeds in each direction of an axis, in which claims on friction hold.
 
-With one speed per direction, v+ and v-, a record has two numbers only: the forces F_0 + F_c +
-F_v v+ and F_0 - F_c - F_v v-. They determine neither the three parameters nor the slope over speed.
+With one speed per direction, v+ and v-, a record determines two forces only: F_0 + F_c + F_v v+ and
+F_0 - F_c - F_v v-. These two forces determine neither the three parameters F_0, F_c and F_v nor the
+slope of friction over speed.
 """
 
 from collections.abc import Sequence
@@ -17,7 +18,7 @@ ONE_SPEED = "each direction was driven at one speed"
 
 
 class Driven(NamedTuple):
-    """One direction of a record. `slowest` to `fastest` contains nine in ten of the used rows."""
+    """One direction of a record. Nine in ten used rows lie between `slowest` and `fastest`."""
 
     direction: str
     """"forwards" or "backwards"."""
@@ -47,8 +48,8 @@ def driven(
 ) -> tuple[Driven, ...]:
     """The directions with at least 20 used rows.
 
-    For every row (n): whether it is `used`, its velocity, the index of its motion segment, and the
-    motor force.
+    The arguments have one value for every row (n): whether the row is `used`, its velocity, the
+    index of its motion segment, and its motor force.
     """
     found, speed = [], np.abs(velocity)
     for direction, sign in ((FORWARDS, 1.0), (BACKWARDS, -1.0)):

@@ -1,5 +1,4 @@
-"""Claims on an axis besides its effects: friction and stability. Each names the rows that support
-it."""
+"""Claims on the friction and the stability of an axis, each with the rows that support it."""
 
 from collections.abc import Sequence
 
@@ -12,10 +11,11 @@ from .result import AxisDetails, AxisRows
 def axis_claims(
     rows: AxisRows, directions: Sequence[Driven], details: AxisDetails
 ) -> tuple[Finding, ...]:
-    """Friction in each direction over its supported speeds, and the stability from its slope.
+    """Claims on friction in each direction over the supported speeds, and on stability.
 
-    Empty if a reason against the fitted friction concerns all speeds. Exception: friction of
-    directions driven at one speed each is claimed, because it is measured, not fitted.
+    No claim is made if a reason against the fitted friction concerns all speeds. Exception: if each
+    direction was driven at one speed, its friction is claimed, because that friction is measured,
+    not fitted.
     """
     curve, single = details.gains.curve, at_one_speed(directions)
     if details.withheld or curve is None or (details.doubted() and not single):

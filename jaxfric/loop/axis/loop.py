@@ -1,6 +1,6 @@
 """`close_axis_loop(record)`: find what Coulomb and viscous friction lack on an axis.
 
-Inverse dynamics: the motor force for the measured motion is compared with the recorded force.
+By inverse dynamics the motor force for the measured motion is compared with the recorded force.
 Search, evidence, tests and verdict are those of `jaxfric.loop`.
 """
 
@@ -75,8 +75,8 @@ def close_axis_loop(
     zero_order_hold : the force is a sampled command that the controller holds until the next
         row, so it acts half a row later; by default true if the record has a drive.
 
-    Rows slower than two widths, reversals and their neighbours are excluded, since static friction
-    equals any applied force. Whole motion segments are held out.
+    Rows slower than twice `width`, reversals and neighbouring rows are excluded, since static
+    friction equals any applied force. Whole motion segments are held out.
 
     Raises
     ------
@@ -114,11 +114,11 @@ def _seen_by(record: AxisRecord, asked: Offered) -> Offered:
 def axis_subject(
     record: AxisRecord, reading: Reading, asked: Offered, *, held: bool
 ) -> Subject[AxisProblem]:
-    """The subject of an axis record with prepared rows; `held`: the force is a command with
-    zero-order hold.
+    """The `Subject` of an axis record with prepared rows. `held`: the recorded force is a command
+    with zero-order hold.
 
-    Effects that shift force against motion in time form one group. Effects that the record cannot
-    show are not offered unless requested.
+    Effects that shift force against motion in time form one group, of which a model has at most
+    one. Effects that the record cannot show are tried only on request.
     """
     prepared, rows = reading.prepared, reading.rows
     weight = np.zeros(len(prepared.time))
@@ -236,8 +236,9 @@ def _start(problem: AxisProblem, blocks: Blocks) -> np.ndarray:
 
 
 def unit_of_residuals(force: np.ndarray) -> float:
-    """Unit of residuals: about the noise. It has a lower bound, because a commanded force has no
-    noise, and a bad fit would then count as a failed simulation."""
+    """Unit of residuals: about the noise. The unit has a lower bound for a commanded force without
+    noise: otherwise a bad fit would count as a failed simulation.
+    """
     return max(noise_from_differences(force), _LEAST_UNIT * float(np.ptp(force)))
 
 

@@ -1,4 +1,4 @@
-"""Columns of missing friction of an axis: shapes of effects, and hat functions of variables."""
+"""Responses of an axis to missing friction: shapes of effects, hat functions of variables."""
 
 from collections.abc import Sequence
 
@@ -24,7 +24,7 @@ def axis_sensitivities(
     missing: Sequence[type[AbstractEffect]],
     scales: RecordScales,
 ) -> Sensitivities:
-    """Sensitivities of the missing effects that have shapes: derivatives at every shape."""
+    """Sensitivities of the missing effects with shape parameters: derivatives at every shape."""
     problem = engine.problem
     columns: list[Column] = []
     blocks, place = [np.zeros((len(engine.weight), 0))], 0
@@ -46,7 +46,7 @@ def axis_sensitivities(
 
 
 def friction_bumps(engine: Engine[AxisProblem], rows: AxisRows, *, unit: str = "m") -> list[Bumps]:
-    """Hats over position, velocity, time, distance since reversal; waves; `unit` of lengths."""
+    """Waves, and hat functions of position, velocity, time and distance since reversal."""
     since = rows.path.copy()
     for k in np.unique(rows.segment):
         here = rows.segment == k

@@ -1,12 +1,13 @@
 """Turns an axis record into rows of the loop: low-pass, sign, disturbance, threshold.
 
 The cutoff of the position's low-pass also sets the number of rows. Encoder noise, differentiated
-twice and times the mass, is noise of the predicted force. The cutoff is the highest at which this
-has less than half the variance of the noise of the recorded force. A higher one would hide
-friction, a lower one loses motion and rows. The force noise is the scatter from row to row of the
-base law's residual, at its minimum over cutoffs: high cutoffs add encoder noise, low structure.
-If too few rows are faster than the velocity noise for a split, lower cutoffs, then a lower
-threshold, then shorter rows are tried.
+twice and times the mass, is noise of the predicted force. The chosen cutoff is the highest at which
+this noise has less than half the variance of the recorded force's noise. A higher cutoff would hide
+friction in encoder noise, a lower cutoff would lose motion and rows. The noise of the recorded
+force is the scatter from row to row of the base law's residual, at its minimum over cutoffs. High
+cutoffs add encoder noise to this scatter, low cutoffs add structure. If too few rows for a split
+are faster than the velocity noise, lower cutoffs, then a lower threshold, then shorter rows are
+tried.
 """
 
 from typing import NamedTuple
@@ -51,7 +52,7 @@ class Reading(NamedTuple):
 def read_rows(
     record: AxisRecord, *, preparation: Preparation | None, width: float | None, held: bool
 ) -> Reading:
-    """The rows of a record, with notes on the choices of the preparation.
+    """The rows of an axis record for the loop, with notes on the choices of the preparation.
 
     Raises
     ------

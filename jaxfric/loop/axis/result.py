@@ -20,7 +20,7 @@ from .driven import Driven
 
 @dataclass(frozen=True, eq=False)
 class AxisRows:
-    """Decimated rows of a record (n); `used`, `stuck`: masks; `width` of the smoothed sign."""
+    """Decimated rows of a record (n); masks `used` and `stuck`; `width` of the smoothed sign."""
 
     time: np.ndarray
     position: np.ndarray
@@ -32,14 +32,14 @@ class AxisRows:
     width: float
 
     def steps(self) -> VelocitySteps:
-        """Begin and mean velocity of every motion segment."""
+        """Begin [s] and mean velocity of every motion segment."""
         count = int(self.segment.max()) + 1
         first = [int(np.argmax(self.segment == k)) for k in range(count)]
         mean = [float(np.mean(self.velocity[self.segment == k])) for k in range(count)]
         return VelocitySteps(self.time[first] - self.time[0], np.asarray(mean))
 
     def warnings(self, unit: str) -> tuple[str, ...]:
-        """Warnings about the preparation; `unit` is that of the position."""
+        """Warnings about the preparation of rows; `unit` is the unit of the position."""
         share, slowest = float(np.mean(self.stuck)), f"{2 * self.width:.2g} {unit}/s"
         if share > 0.5:
             text = f"{100 * share:.0f} % of the rows are slower than {slowest} and do not count"
@@ -96,7 +96,7 @@ class AxisBase:
 
 
 class Spring(NamedTuple):
-    """An axis that never slid: its force is that of a spring (presliding or a flexure)."""
+    """The spring (presliding or a flexure) that explains the force of an axis that never slid."""
 
     stiffness: float
     """[F/m or F/rad]"""
@@ -150,20 +150,22 @@ class AxisDetails:
         return said("axis_loop_text.short", self)
 
     def found(self) -> str:
-        """Known results, as text, if one speed per direction leaves the friction parameters open or
-        the force is feedback; '' otherwise."""
+        """Results that hold, as text, although one speed per direction leaves the friction
+        parameters open or the force is feedback; '' otherwise.
+        """
         return said("axis_loop_text.found", self)
 
     def doubt(self) -> str:
-        """Mass and friction for which least squares over all rows differs from the loop by more
-        than the errors and a factor of 1.5, as text; '' if none."""
+        """Mass and friction parameters, as text, for which least squares over all rows differs from
+        the loop by more than the errors and a factor of 1.5; '' if none.
+        """
         return said("axis_loop_text.doubt", self)
 
     def doubted(self) -> bool:
-        """Whether a reason against the fitted slope concerns all speeds."""
+        """Whether a reason against the fitted slope of friction concerns all speeds."""
         curve = self.gains.curve
         return curve is not None and any(np.isinf(one.speed) for one in curve.unseen)
 
     def to_json(self) -> dict:
-        """The entry "axis" of `loop.json`: preparation, gains and fits; `drive` is in force."""
+        """The entry "axis" of `loop.json`: preparation, gains, fits; `drive` in force units."""
         return said("loop_json.axis", self)

@@ -2,8 +2,8 @@
 
     F = M a + F_v v + F_c tanh(v/w) + F_0 (+ further columns)
 
-over the used rows. It shows whether the force has the sign of the motion, and whether the recorded
-force already includes a disturbance.
+over the used rows. This rough fit shows whether the force has the sign of the motion, and whether
+the recorded force already includes a disturbance.
 """
 
 from collections.abc import Sequence
@@ -41,7 +41,7 @@ class Rough(NamedTuple):
 def rough_fit(
     prepared: Prepared, used: np.ndarray, width: float, *, more: Sequence[np.ndarray] = ()
 ) -> Rough:
-    """Least-squares fit to the rows `used` (mask of the real rows); `more` are further columns."""
+    """Least-squares fit of the base law to the rows `used` (mask); `more` are further columns."""
     motion, at_rows = prepared.motion, prepared.forces
     n = prepared.rows
     v = np.asarray(at_rows(motion.velocity))[:n]
@@ -74,8 +74,8 @@ def refuse_reversed(rough: Rough, work: float, path: str, force_unit: str, mass_
     """Raise `InputError` if friction would be negative: force and motion have opposite signs.
 
     Friction dissipates, so `work`, the mean of F v over the rows [F m/s], is positive for motion
-    back and forth. Negative work and significantly negative friction mean a wrong sign. If the mass
-    is negative too, it is the sign of the force.
+    back and forth. Negative work and significantly negative friction mean that force or motion has
+    a wrong sign. If the mass is negative too, the force has the wrong sign.
     """
     if work >= 0 or rough.dissipation > -CLEAR * rough.its_error:
         return
@@ -98,8 +98,8 @@ def refuse_reversed(rough: Rough, work: float, path: str, force_unit: str, mass_
 def unexplained_rows(prepared: Prepared, used: np.ndarray, width: float) -> np.ndarray:
     """Mask of rows at which the force is far from the base law of all other rows.
 
-    Far: by more than half the standard deviation of the force, and by ten scatters. Friction does
-    not deviate that much.
+    The mask holds rows whose force deviates by more than half the standard deviation of the force,
+    and by more than ten times the scatter. Friction does not deviate so much from the base law.
     """
     keep, found = used.copy(), np.zeros(len(used), bool)
     for _ in range(_TRIMS):
@@ -115,10 +115,11 @@ def unexplained_rows(prepared: Prepared, used: np.ndarray, width: float) -> np.n
 
 
 def holds_already(coefficient: float, error: float) -> bool | None:
-    """Whether the recorded force includes a disturbance d, from c in the fit F = ... + c d.
+    """Whether the recorded force F includes a disturbance d, from c in the fit F = ... + c d.
 
-    F + d acts on the axis, so c is -1 if the record has F alone, and 0 if it has both. None if c is
-    near neither: the motion does not respond to d.
+    Motor force plus disturbance act on the axis. So c is -1 if the recorded force is the motor
+    force alone, and 0 if it includes d. The result is None if c is near neither value, because the
+    motion then does not respond to d.
     """
     if error > _HALF / CLEAR or not abs(abs(coefficient + _HALF) - _HALF) <= _NEAR_ENOUGH:
         return None

@@ -17,9 +17,10 @@ _STUCK = 0.05  # [s] shortest stop
 def rows_of(
     prepared: Prepared, width: float | None, *, unit: str = "m", share: float = 1.0
 ) -> AxisRows:
-    """The decimated rows of a record, the mask of used ones, and their motion segments.
+    """The decimated rows of a record, the mask of used rows, and the motion segments.
 
-    `unit` is that of the position, for messages; a default width is reduced by the factor `share`.
+    `unit` is the unit of the position, for messages. A default width of the smoothed sign is
+    multiplied by the factor `share`.
     """
     n, motion = prepared.rows, prepared.motion
     velocity, position, path = (
@@ -69,7 +70,7 @@ def _long(slow: np.ndarray, rows: int) -> np.ndarray:
 
 
 def scales_of(rows: AxisRows, prepared: Prepared, blocks: Blocks) -> RecordScales:
-    """Lengths, velocities and times of the train rows, for starting values of shapes."""
+    """Lengths, velocities and times of the train rows, as starting values of effects' shapes."""
     speed = np.abs(rows.velocity[blocks.train])
     moving = speed[speed > 2 * rows.width]
     interval = float(prepared.time[1] - prepared.time[0])

@@ -1,8 +1,9 @@
-"""Speeds at which an axis record supports the fitted steady friction, and reasons against others.
+"""Speeds at which an axis record supports the fitted steady friction; reasons at other speeds.
 
-The rule itself is in `jaxfric.stability.claims`. This module computes its input: the standard error
-of the fitted slope, and rows at low speed that lie above the fit. It also finds speeds at which the
-axis stopped in mid-stroke or the low-pass removed stairs of its motion.
+The rule for claims is in `jaxfric.stability.claims`. This module computes the input of the rule:
+the standard error of the fitted slope of friction, and rows at low speed that lie above the fit.
+This module also finds speeds at which the axis stopped in mid-stroke or the low-pass removed stairs
+of the motion.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -37,8 +38,9 @@ over its deviation, below which it is zero."""
 
 
 class Seen(NamedTuple):
-    """Support of the fitted slope of friction over the speeds `slowest` to `fastest`: its standard
-    `error` by speed, rows `above` the fit, and `unseen` speeds with reasons."""
+    """Support of the fitted slope of friction over the speeds `slowest` to `fastest`: standard
+    `error` of the slope by speed, rows `above` the fit, and `unseen` speeds with reasons.
+    """
 
     slowest: float
     fastest: float
@@ -56,9 +58,10 @@ def seen(
     directions: Sequence[Driven],
     withheld: str,
 ) -> Seen:
-    """Support of the slope in the final fit of a `search`; `unit` is that of the position, for
-    texts. No speed is supported that only one of the `directions` has, and none at all if the
-    verdict is `withheld` (a reason, as text)."""
+    """Support of the slope of friction in the final fit of a `search`; `unit` of the position, for
+    texts. A speed in only one of the `directions` is not supported. No speed is supported if the
+    verdict is `withheld` (a reason, as text).
+    """
     found = search.final
     speed = np.abs(rows.velocity[rows.used])
     ways = [speed[np.sign(rows.velocity[rows.used]) == one.sign] for one in directions] or [speed]
@@ -88,7 +91,7 @@ def seen(
 def slowest_told(
     speed: np.ndarray, width: float, unit: str, unseen: Sequence[float]
 ) -> tuple[float, str]:
-    """The lowest supported speed of the slope of friction, and the reason for it as text.
+    """The lowest speed at which the slope of friction is supported, and the reason as text.
 
     speed : of the used rows. width : of the smoothed sign of the velocity. unseen : speeds up to
     which the record shows no steady motion.
@@ -113,8 +116,9 @@ def slowest_told(
 def doubts(
     engine: Engine[AxisProblem], search: Search, rows: AxisRows, withheld: str = ""
 ) -> list[str]:
-    """Reasons why the final fit of a search does not describe friction, as text; `withheld`, if not
-    empty, is the first."""
+    """Reasons why the final fit of a search does not describe friction, as text. `withheld`, if not
+    empty, is the first reason.
+    """
     why, found = [withheld] if withheld else [], search.final
     if not engine.problem.possible(jnp.asarray(found.z)):
         why.append("the fitted friction would drive the axis, so that the model is wrong")
@@ -136,9 +140,9 @@ def doubts(
 def follows(problem: AxisProblem, rows: AxisRows, rotary: bool) -> float | None:
     """Delay of the force behind the position [s] if the force depends on position alone; else None.
 
-    A force that moves the axis accelerates its mass and overcomes friction. A controller that
-    carries a weight only responds to the position. None if the position up to 0.2 s before leaves
-    more than a twentieth of the force unexplained (inertia and friction).
+    A force that moves the axis accelerates its mass and overcomes friction. The force of a
+    controller that only carries a weight just responds to the position. The result is None if the
+    position, delayed by up to 0.2 s, leaves more than a twentieth of the force unexplained.
     """
     here, n = rows.used, len(rows.time)
     force = np.asarray(problem.friction)[:n][here]
@@ -163,10 +167,10 @@ def follows(problem: AxisProblem, rows: AxisRows, rotary: bool) -> float | None:
 def spring_of(problem: AxisProblem, rows: AxisRows) -> Spring | None:
     """The spring of an axis that never slid; None if it slides.
 
-    The force of such an axis is a line over position within a fifth of its standard deviation, and
-    the residual starts anew at a reversal: just after it, the residual against the motion is less
-    than 0.6 of its mean. This ratio is 1 for Coulomb friction, 0.64 for viscous friction along a
-    sine, and at most 0.4 for a bristle that bends within the stroke.
+    The force of an axis that never slid is a line over position, within a fifth of the force's
+    standard deviation. Also, just after a reversal the residual against the motion is less than 0.6
+    of its mean. This ratio of residuals is 1 for Coulomb friction and 0.64 for viscous friction
+    along a sine. The ratio is at most 0.4 for a bristle that bends within the stroke.
     """
     force = np.asarray(problem.friction)[: len(rows.time)]
     line = np.stack([np.ones_like(rows.position), rows.position - rows.position.mean()], axis=1)
@@ -195,7 +199,7 @@ def spring_of(problem: AxisProblem, rows: AxisRows) -> Spring | None:
 
 
 def held_command(values: Mapping[str, float], effects: Sequence[str], interval: float) -> list[str]:
-    """A hint if an identified lag is that of a zero-order hold: half a row of `interval` [s].
+    """A hint if an identified lag equals that of a zero-order hold, half of the row `interval` [s].
 
     values : of all parameters, by name. effects : those of the final model.
     """
@@ -213,7 +217,7 @@ def held_command(values: Mapping[str, float], effects: Sequence[str], interval: 
 def slope_error(
     engine: Engine[AxisProblem], found: Candidate, position: float
 ) -> Callable[[float], float]:
-    """Function of velocity: standard error of dF/dv of the fitted steady friction."""
+    """The standard error of dF/dv of the fitted steady friction, as a function of velocity."""
     problem = engine.problem
     index = engine.free(found.effects)
     rows = engine.evaluate(found.z, index)

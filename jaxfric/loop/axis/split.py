@@ -1,7 +1,7 @@
 """Motion segments of an axis record, and their train, validation and test blocks.
 
-A segment is a piece of motion in one direction between two stops or reversals. Neighbouring
-samples share noise and structure, so whole segments are held out, never samples.
+A motion segment is a piece of motion in one direction between two stops or reversals. Neighbouring
+samples share noise and structure, so whole segments are held out, never single samples.
 """
 
 import numpy as np
@@ -16,7 +16,7 @@ from ..thresholds import FEWEST_ROWS, FEWEST_STROKES, SHARE
 def segments(slow: np.ndarray) -> np.ndarray:
     """Index of the motion segment of each row; `slow` marks rows that stop or turn.
 
-    These rows belong to the segment before them.
+    Rows that stop or turn belong to the segment before them.
     """
     begins = ~slow & np.concatenate([[False], slow[:-1]])
     begins[: int(np.argmax(~slow)) + 1] = False  # the first motion is segment 0
@@ -24,10 +24,10 @@ def segments(slow: np.ndarray) -> np.ndarray:
 
 
 def split(segment: np.ndarray, used: np.ndarray, velocity: np.ndarray, path: str) -> Blocks:
-    """Blocks of whole segments. The last sixth of the rows is the test block, the sixth before it
-    the validation block; the rest trains.
+    """Blocks of whole motion segments. The last sixth of the rows is the test block, the sixth
+    before the test block is the validation block. All other rows train.
 
-    The fastest segment of each direction always trains. The slowest one that has enough rows trains
+    The fastest segment of each direction always trains. The slowest segment with enough rows trains
     too, if the other blocks remain long enough. `used` marks the used rows, `path` names the record
     in messages.
 

@@ -1,1 +1,1 @@
-"""The loop on a curve of steady friction, with one mean per run."""
+"""The loop on a curve of steady friction over speed, with one mean friction per run."""

@@ -5,10 +5,10 @@
          + fs exp(-(|v|/vs)^n) sgn v, fs > 0, n = 1 or 2     stribeck
          + c v^3                             cubic
 
-Every run is weighted by the error of its mean. Runs also differ by a spread tau beyond these
-errors; it is estimated with each candidate, like the noise of a loop. Runs that stick and slip have
-no steady friction. They are reported, and fitted only if the others are too few for a line in each
-direction.
+Every run is weighted by the standard error of its mean force. Runs also differ by a spread tau
+beyond these errors. This spread is estimated with each candidate model, like the noise of a loop.
+Runs that stick and slip have no steady friction. Such runs are reported, and fitted only if other
+runs are too few for a line in each direction.
 """
 
 from collections.abc import Sequence
@@ -74,7 +74,7 @@ class SteadyLoop(Described, Drawable, Tabular):
 
     @property
     def found(self) -> str:
-        """The verdict from the fitted runs alone."""
+        """The verdict from the fitted runs alone, without regard to stick-slip."""
         if self.curve.wanders:
             return "ambiguous"
         if not self.tested:
@@ -87,12 +87,12 @@ class SteadyLoop(Described, Drawable, Tabular):
 
     @property
     def added(self) -> tuple[str, ...]:
-        """The effects beyond those of the base."""
+        """The effects of the final model beyond those of the base."""
         return tuple(e for e in self.final.effects if e not in self.base.effects)
 
     @property
     def lower(self) -> float:
-        """BIC of the final model minus that of the best other one."""
+        """BIC of the final model minus the BIC of the best other model."""
         others = (self.final.bic - m.bic for m in self.candidates if m is not self.final)
         return max(others, default=0.0)
 
@@ -103,12 +103,12 @@ class SteadyLoop(Described, Drawable, Tabular):
 
     @property
     def withheld(self) -> tuple[str, ...]:
-        """The `doubts` as text."""
+        """The `doubts` about the fit as text."""
         return said("steady_verdict_text.withheld", self)
 
 
 def shown_units(curve: SteadyCurve) -> tuple[str, str, float]:
-    """Units of force and speed for display, and the force unit in SI."""
+    """Units of force and speed for display, and the force unit in SI units."""
     speed = "rad/s" if curve.coordinate == "rotary" else "m/s"
     if curve.force_unit != "%" and np.max(np.abs(curve.force)) < 0.1:
         return f"m{curve.force_unit}", speed, 1e-3
@@ -121,10 +121,11 @@ def close_steady_loop(
 ) -> SteadyLoop:
     """Fit the curve, then add effects of `STEADY_EFFECTS` one by one.
 
-    `include` belong to the base, `exclude` are not tried. An accepted effect lowers BIC by more
-    than 10 and predicts held-out runs better (each with its neighbours in speed). Its friction is
-    dissipative, and the runs determine its parameters. With fewer than 8 runs, or fewer than 3 in
-    one direction, only the base is fitted.
+    The effects `include` belong to the base, the effects `exclude` are not tried. An accepted
+    effect lowers BIC by more than 10 and predicts held-out runs better (each held out with its
+    neighbours in speed). The friction of an accepted effect is dissipative, and the runs determine
+    its parameters. With fewer than 8 runs, or fewer than 3 in one direction, only the base is
+    fitted.
 
     Raises
     ------
@@ -199,8 +200,10 @@ def _refuse_reversed(curve: SteadyCurve, base: SteadyModel, used: np.ndarray) ->
 def driving(
     curve: SteadyCurve, model: SteadyModel, sure: float = SURE
 ) -> tuple[float | None, float, float] | None:
-    """Most negative friction of a model, if negative by more than `sure` standard errors: the speed
-    (None: Coulomb friction), the friction and its error. None if friction dissipates."""
+    """Most negative friction of a model, if negative by more than `sure` standard errors. The
+    result has the speed (None: Coulomb friction), the friction and its standard error. The result
+    is None if friction dissipates.
+    """
     size = np.abs(curve.speed)
     speed = np.geomspace(size.min(), size.max(), SPEEDS)
     force, std = model.friction(speed)
@@ -215,9 +218,9 @@ def driving(
 
 
 def steady_gains(loop: SteadyLoop) -> AxisGains:
-    """The smallest sufficient damping over the speeds of steady runs, and its stability claim.
+    """The smallest damping that suffices at all speeds of steady runs, and the stability claim.
 
-    Runs that moved unevenly are fitted, but no claim is made at their speeds or below.
+    Runs that moved unevenly are fitted, but no claim is made at or below the speeds of such runs.
     """
     curve, model = loop.curve, loop.final
     speed = np.abs(curve.speed)

@@ -1,7 +1,7 @@
-"""One model of the friction of steady speeds, and its fit by generalised least squares.
+"""One model of friction at steady speeds, and its fit by generalised least squares.
 
-The covariance of the runs is V = C + tau^2 I: C is that of their means, tau an additional spread.
-In the frame of the eigenvectors of C, V is diagonal for every tau.
+The covariance of the runs is V = C + tau^2 I. C is the covariance of the mean forces of runs, tau
+an additional spread of runs. In the frame of the eigenvectors of C, V is diagonal for every tau.
 """
 
 from collections.abc import Mapping, Sequence
@@ -40,7 +40,7 @@ class SteadyModel:
     nan if the model cannot be fitted without three runs."""
 
     def force(self, speed: np.ndarray) -> np.ndarray:
-        """Force at any speed."""
+        """Force of the model at any speed."""
         values = np.asarray([self.values[name] for name in _names(self.effects)])
         return _matrix(np.asarray(speed, float), self.effects, self.shape) @ values
 
@@ -55,11 +55,11 @@ class SteadyModel:
 
     @property
     def shape(self) -> "_Shape":
-        """vs and n of the Stribeck term, if there is one."""
+        """Stribeck velocity vs and exponent n of the Stribeck term, if the model has this term."""
         return (self.values["vs"], self.values["n"]) if "stribeck" in self.effects else None
 
     def slope_error(self, speed: float) -> float:
-        """Standard error of dF/dv at a speed; n of a Stribeck term is treated as known."""
+        """Standard error of dF/dv at a speed; the exponent n of a Stribeck term counts as known."""
         near = speed * np.array([1 - _NEAR, 1 + _NEAR])
         rows = _jacobian(near, self.effects, self.shape, self.values.get("fs", 0.0))
         gradient = (rows[1] - rows[0]) / (near[1] - near[0])
@@ -119,7 +119,7 @@ def fit_model(
     """The likeliest model of a curve with `effects` of `steady.STEADY_EFFECTS`.
 
     used : mask of the fitted runs; None: all. Values and errors are from the restricted likelihood,
-    which accounts for the fitted parameters; BIC is from the likelihood.
+    which accounts for the fitted parameters. BIC is from the unrestricted likelihood.
     """
     here = np.ones(len(curve), bool) if used is None else used
     speed, force = np.asarray(curve.speed)[here], np.asarray(curve.force)[here]
@@ -158,7 +158,7 @@ def curve_covariance(
     """Names and covariance (p, p) of the parameters of a curve with `values` (SI), from its runs.
 
     speed, error, shared : of the runs [n], as in `SteadyCurve`. spread : tau, the spread of runs
-    beyond their errors. n of a Stribeck term is treated as known.
+    beyond their errors. The exponent n of a Stribeck term counts as known.
     """
     covariance = force_covariance(np.asarray(error), shared)
     return _parameter_covariance(speed, covariance, spread, effects, values)

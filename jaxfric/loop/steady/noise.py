@@ -1,15 +1,16 @@
 """The noise of runs at steady speeds: the residual of the rows of each run about its mean.
 
-Every run has its own scale, the standard deviation of its rows. All runs share one noise of the
-family of `fitting.noise`. Its clocks are time, path (mean speed times time) and rows; runs at
-different speeds and sampling rates determine which clock it uses. On every clock the runs are
-placed so far apart that they are uncorrelated. The restricted likelihood removes the mean of each
-run; otherwise a long correlation would be underestimated. Runs that stick and slip are excluded if
-there are others.
+Every run has its own noise scale, the standard deviation of the rows of the run. All runs share one
+noise of the family of `fitting.noise`. The clocks of this noise are time, path (mean speed times
+time) and rows. Runs at different speeds and sampling rates determine over which clock the noise is
+correlated. On every clock the runs are placed so far apart that different runs are uncorrelated.
+The restricted likelihood removes the mean of each run; otherwise a long correlation would be
+underestimated. Runs that stick and slip are excluded if other runs exist.
 
-A rotary axis often has noise that oscillates once per turn. A search part by part from white noise
-misses it, because the correlation of neighbouring rows is fitted first. So it is an additional
-start for a rotary axis. Not supported: several oscillations per turn, which two parts cannot model.
+A rotary axis often has noise that oscillates once per turn. A noise search part by part from white
+noise misses this oscillation, because the correlation of neighbouring rows is fitted first. So for
+a rotary axis the search has an additional start with one oscillation per turn. Not supported:
+several oscillations per turn, which two noise parts cannot model.
 """
 
 import math
@@ -54,7 +55,7 @@ correlation length over the longest one, and logarithms of the other part's leng
 
 @dataclass(frozen=True, eq=False)
 class SteadyNoise:
-    """The noise of the rows of R runs about their means; arrays are read-only.
+    """The noise of the rows of R runs about the mean of each run; arrays are read-only.
 
     - `estimate`: `sigma` [unit of force] is the standard deviation in a run of scale 1; `scale` of
       every run [R] has a mean square of 1 over all runs (0 if a force never changes).
