@@ -1,4 +1,4 @@
-"""Read measured records, and find the velocity steps in them. Nothing here needs JAX."""
+"""Read measured records and find their velocity steps. This package does not need JAX."""
 
 from .axis_record import AxisRecord, Drive, axis_from_arrays
 from .formats import read_table

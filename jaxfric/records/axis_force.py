@@ -1,4 +1,4 @@
-"""The motor force of an axis, from a recorded force, control signal, current, or per cent."""
+"""Compute the motor force of an axis from a force, control signal, current or percentage."""
 
 from typing import NamedTuple
 
@@ -15,7 +15,7 @@ _LENGTHS = {"linear": "m", "rotary": "rad"}
 
 
 class ToldOfDrive(NamedTuple):
-    """The user's arguments about the drive, as texts, or None. See `read_axis`."""
+    """The user's arguments about the drive, each a text or None, as in `read_axis`."""
 
     drive_gain: str | None = None
     position_gain: str | None = None
@@ -24,7 +24,7 @@ class ToldOfDrive(NamedTuple):
 
 
 class Forces:
-    """Converts signals, currents and per cent to forces; changes `found.values`."""
+    """Convert signals, currents and percentages to motor forces, in place in `found.values`."""
 
     def __init__(self, found: Understood, told: ToldOfDrive):
         self.found, self.told = found, told
@@ -93,7 +93,7 @@ class Forces:
         )
 
     def in_unit(self) -> str:
-        """Return the unit of the force; with a rated torque convert per cent to torque."""
+        """Return the unit of the motor force; a rated torque converts percentages to torques."""
         rated_torque = self.told.rated_torque
         force_in_per_cent = self._unit("motor_force") == "%"
         if rated_torque is None:

@@ -1,4 +1,4 @@
-"""A measured record of a servo axis: time, motor force, motion. All in SI."""
+"""A measured record of a servo axis: time, motor force and motion, in SI units."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -44,7 +44,7 @@ class Drive:
       where the signal is a current).
     - `position_gain`, kp [1/s]; `velocity_gain`, kv [V s/m] ([V s/rad]).
 
-    None: not known.
+    A gain that is not known is None.
     """
 
     gain: float | None = None
@@ -85,12 +85,13 @@ class AxisRecord(Described, Drawable, Gridded, Tabular):
     - `position` [m or rad], `velocity` [m/s or rad/s]: at least one of them.
     - `reference_position` [m or rad] where the file has it.
     - `disturbance_force`, in `force_unit`: force added to the controller's output at the motor
-      (pulses, an excitation), if the file has it. Its sign is that of the motor force. The file
-      does not tell whether the recorded motor force already contains it.
+      (pulses, an excitation), if the file has it. The disturbance has the sign convention of the
+      motor force. The file does not tell whether the recorded motor force already contains the
+      disturbance.
     - `coordinate`: "linear" (m, N) or "rotary" (rad, N m).
-    - `drive`: the gains of the controller, where they are known.
+    - `drive`: the known gains of the controller.
     - `units`: the unit of each role in the file.
-    - `others`: columns of the file with the motion of other joints that also move.
+    - `others`: columns of the file with the motion of other joints, if these joints also move.
     """
 
     time: np.ndarray
@@ -127,7 +128,8 @@ class AxisRecord(Described, Drawable, Gridded, Tabular):
     def window(self, start: Bound = None, stop: Bound = None) -> "AxisRecord":
         """Return the rows from `start` to `stop` as a new record, whose time starts at `start`.
 
-        Both are seconds since the first row, or text, "12 s". None: no bound.
+        `start` and `stop` are seconds since the first row, or texts such as "12 s"; None sets no
+        bound.
 
         Raises `InputError` if fewer than 20 rows remain, and for a bound outside the record.
         """
@@ -147,7 +149,7 @@ def axis_from_arrays(
     force_unit: str | None = None,
     drive: Drive | None = None,
 ) -> AxisRecord:
-    """Make a record from arrays in SI; they must pass the same checks as a file.
+    """Make a record of an axis from arrays in SI; the arrays must pass the checks of a file.
 
     **Arguments:** `coordinate` is "linear" (m, N) or "rotary" (rad, N m); `force_unit` that of
     the coordinate, or "%".
@@ -190,7 +192,7 @@ def build(
     rows: FileRows,
     drop_bad: bool,
 ) -> AxisRecord:
-    """Check the rows, drop equal time stamps (and bad rows if `drop_bad`), and freeze."""
+    """Check the rows, drop repeated times (and bad rows if `drop_bad`), and freeze the arrays."""
     if "position" not in columns and "velocity" not in columns:
         raise InputError(f"{origin.path}: an axis needs its position or its velocity")
     columns, keep, dropped = whole_rows(columns, origin.path, rows, drop_bad)

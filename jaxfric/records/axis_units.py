@@ -12,12 +12,12 @@ FORCE_UNITS = {"linear": "N", "rotary": "N m"}
 
 
 def inertia_unit(force: str, length: str) -> str:
-    """Return the unit of mass for forces in `force`, also "%", and lengths in "m" or "rad"."""
+    """Return the unit of mass for a unit of force, also "%", and a length in "m" or "rad"."""
     return {"N": "kg", "N m": "kg m^2"}.get(force, f"{force} s^2/{length}")
 
 
 def si_units(coordinate: str) -> dict[str, str]:
-    """SI unit of every role on a "linear" or "rotary" axis."""
+    """Return the SI unit of every role on a "linear" or "rotary" axis."""
     rotary = coordinate == "rotary"
     return {
         name: role.turning if rotary and role.turning else role.unit
@@ -26,7 +26,7 @@ def si_units(coordinate: str) -> dict[str, str]:
 
 
 def shown_units(coordinate: str, force_unit: str) -> dict[str, str]:
-    """Unit in which each column of a record is shown."""
+    """Return the unit in which each column of a record is shown."""
     rotary = coordinate == "rotary"
     found = {
         name: AXIS.roles[name].shown(rotary=rotary)
@@ -50,7 +50,7 @@ def spelling(unit: str) -> str:
 def quantity_of(text: str, si_unit: str, what: str) -> float:
     """Return the positive value in SI of a text such as "9.84 mNm" or "35.15 N/V"."""
     number, _, unit = text.strip().partition(" ")
-    spelt = unit if si_unit == "1/s" else spelling(unit)  # for a gain in 1/s, 1/min is no rotation
+    spelt = unit if si_unit == "1/s" else spelling(unit)  # in a gain 1/min is no rotation
     value = parse_quantity(f"{number} {spelt}" if unit else spelling(text), si_unit, what)
     if not value > 0:
         raise InputError(f"{what}: '{text}' is not positive")
@@ -60,7 +60,7 @@ def quantity_of(text: str, si_unit: str, what: str) -> float:
 def coordinate_of(path: str, si: Mapping[str, str], written: Mapping[str, str]) -> str:
     """Return "linear" or "rotary" from the units of motion and force, which must agree.
 
-    **Arguments:** by role, `si` the SI unit of a column and `written` the unit in the file.
+    **Arguments:** `si` maps roles to the SI units of columns, `written` to the units in the file.
     """
     kinds: dict[str, str] = {}
     for role, unit in si.items():

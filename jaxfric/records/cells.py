@@ -52,7 +52,7 @@ class Writing:
             return None
 
     def plain(self, rows: list[str]) -> list[str]:
-        """Return the rows as NumPy reads them: decimal points, and no delimiter at the end."""
+        """Return the rows in NumPy's style: with decimal points, without a delimiter at the end."""
         if self.decimal_comma:
             rows = [row.replace(",", ".") for row in rows]
         return (

@@ -53,10 +53,10 @@ class Understood(NamedTuple):
 def understand(
     table: Table, columns: Mapping[str, str] | None, schema: Schema, settle: Settle
 ) -> Understood:
-    """Find the columns of all roles of `schema`, and turn them into SI.
+    """Find the columns of all roles of `schema`, and convert these columns to SI.
 
-    **Arguments:** `columns` maps roles to names of columns, `NAME` or `NAME [unit]`. `none` means
-    that no column has the role. `time` may map to a sampling rate or interval, and
+    **Arguments:** `columns` maps roles to names of columns, `NAME` or `NAME [unit]`. The name
+    `none` means that no column has the role. `time` may map to a sampling rate or interval, and
     `load_point_velocity` to a constant speed.
 
     Raises `InputError` as `assign` does, and for columns of different length.
@@ -68,7 +68,7 @@ def understand(
     rows = _rows(table, uses)
     filled = filled_rows(table.blank, (use.column for use in uses.values()), len(rows.lines))
     empty = len(rows.lines) - (filled.stop - filled.start)
-    with np.errstate(all="ignore"):  # a later check refuses overflows and gives their row
+    with np.errstate(all="ignore"):  # a later check refuses overflows and names the row
         values = {
             role: scale(table.columns[use.column][filled], use.size) for role, use in uses.items()
         }

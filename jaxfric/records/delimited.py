@@ -1,7 +1,7 @@
-"""Delimited text with a header line: commas, semicolons, tabs or blanks.
+"""Read text with a header line, delimited by commas, semicolons, tabs or blanks.
 
 The header is the last line of words before the numbers, with or without a leading `#`. A line of
-units may follow it. The reader accepts a byte-order mark, CRLF, blank lines, comment lines,
+units may follow the header. The reader accepts a byte-order mark, CRLF, blank lines, comment lines,
 delimiters at the end of lines, empty columns, decimal commas, Fortran's exponents and clock times.
 """
 

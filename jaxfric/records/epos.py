@@ -1,4 +1,4 @@
-"""Exports of EPOS Studio and the like: a block of `key:;value`, names, units, then numbers.
+"""Read exports of EPOS Studio: a block of `key:;value`, names, units, then numbers.
 
     Sampling period:;51.200
     ;Velocity actual value averaged;Torque actual value averaged
@@ -37,7 +37,7 @@ def is_epos(data: bytes, path: str = "") -> bool:
 
 
 def parse(data: bytes, path: str) -> Table:
-    """Read names, units and columns of an export; `lines` are counted from the top of the file."""
+    """Read names, units and columns of an export; line numbers count from the top of the file."""
     lines = _lines(delimited.decode(data))
     head, body = _header(lines)
     if body + 1 >= len(lines):

@@ -9,9 +9,10 @@ from .table import Table
 class Format(NamedTuple):
     """A file format: `knows` recognises its files, and `parse` reads one as a `Table`.
 
-    Both take the contents of a file and its path, for messages and suffixes. `parse` raises
-    `InputError` for damaged contents. `suffixes`, ".csv", select files in a folder of runs. `raw`
-    returns the columns exactly as written, for a reduction; None: `parse` does that already.
+    `knows` and `parse` take the contents of a file, and its path for messages and the suffix.
+    `parse` raises `InputError` for damaged contents. `suffixes` such as ".csv" select the files in
+    a folder of runs. `raw` returns the columns exactly as written, for a reduction script. `raw` is
+    None if `parse` already does so.
     """
 
     name: str

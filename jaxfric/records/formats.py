@@ -1,7 +1,8 @@
-"""The formats of records, and a function that opens a file in any of them.
+"""List the formats of records, and open a file in any of these formats.
 
-A format is one module of this folder with a `FORMAT` that is listed in `FORMATS`. Sliders, axes and
-folders of runs can then be read from it. `register` adds a format from outside of the package.
+A format is one module of this folder with a `FORMAT` that is listed in `FORMATS`. Records of
+sliders, records of axes and folders of runs can be read in every listed format. `register` adds a
+format from outside of the package.
 """
 
 import difflib
@@ -30,10 +31,11 @@ def suffixes() -> tuple[str, ...]:
 
 def read_table(path: str | Path, *, raw: bool = False) -> Table:
     """Read delimited text (comma, semicolon, tab, blanks), an export of EPOS Studio, a JSON log,
-    a MATLAB file or xlook's binary format. `raw` keeps it exactly as written, for a reduction.
+    a MATLAB file or xlook's binary format. `raw` keeps the columns exactly as written, for a
+    reduction script.
 
-    Raises `InputError` for a path that is missing, a directory or empty, and for a file in none of
-    these formats or without a header.
+    Raises `InputError` for a missing path, a directory, an empty file, a file in none of these
+    formats, and a file without a header.
     """
     path = Path(path)
     data = _load(path)

@@ -1,4 +1,4 @@
-"""Arguments that accept a record or the path of one."""
+"""Accept a record, or the path of a record, as an argument."""
 
 from pathlib import Path
 
@@ -14,7 +14,7 @@ def as_record(given: object) -> Record:
 
     Raises
     ------
-    InputError : anything else; as in `read`.
+    InputError : `given` is neither a record nor a path; a file that `read` refuses.
     """
     if isinstance(given, str | Path):
         return read(given)
@@ -33,7 +33,7 @@ def as_axis_record(given: object) -> AxisRecord:
 
     Raises
     ------
-    InputError : anything else; as in `read_axis`.
+    InputError : `given` is neither a record nor a path; a file that `read_axis` refuses.
     """
     if isinstance(given, str | Path):
         return read_axis(given)

@@ -26,11 +26,11 @@ def is_counts(line: str) -> bool:
 def read_header(
     above: list[str], rows: list[str], writing: Writing
 ) -> tuple[list[str], list[str | None], str]:
-    """Return names ("" for none) and units from the lines above the numbers, and a doubt or "".
+    """Return names ("" for none), units and a doubt ("" for none) from the lines above the numbers.
 
     Without names, or with a wrong number of names, the columns are called #1, #2 and so on. The
-    doubt gives the reason. R and xlook write a first column without a name that counts the rows; it
-    is called row.
+    doubt gives the reason for such names. R and xlook write a first column that counts the rows and
+    has no name; this column is called `row`.
     """
     written = [line for line in above if line.strip().strip("#").strip(" \t;,\"'")]
     written = [line for line in written if not is_counts(line)]

@@ -17,8 +17,9 @@ _MANY = 0.3
 def held_for(values: np.ndarray) -> int:
     """Return the number of rows that repeat each measured value; 1 if every row is measured.
 
-    In 98 % of the cases a value changes no sooner than after that number of rows. A slow axis also
-    keeps the same encoder count for many rows, but then changes by one count, not by several.
+    Repeats are found only if at least 98 % of the values last for at least about that number of
+    rows. A slow axis also keeps the same encoder count for many rows, but then changes by one
+    count, not by several.
     """
     changed = np.flatnonzero(np.diff(values)) + 1
     if len(changed) < _FEWEST:
@@ -41,10 +42,10 @@ def columns_renewed(
 ) -> tuple[dict[str, np.ndarray], np.ndarray | None, str]:
     """Return one row for each measured value of the motion: columns, row numbers, and a note.
 
-    Without repeated values the columns are unchanged and the row numbers None. Between distant
-    changes the measured value was the same; rows are kept there too. Other repeating columns give
-    their value in the middle of a repeat, which was measured nearest in time. Columns with a new
-    value in each row give their mean around the kept row.
+    Without repeated values the columns are unchanged and the row numbers None. If consecutive
+    measurements were equal, one row is kept for each of these measurements. Another repeating
+    column gives its value in the middle of a repeat, the value measured nearest in time. A column
+    with a new value in each row gives its mean around the kept row.
     """
     role = "position" if "position" in columns else "velocity"
     rows, n = held_for(columns[role]), len(columns[role])

@@ -2,8 +2,8 @@
 
 If the sampling rate changes with the velocity, slowly sampled segments have few rows. In a run of
 hours a hold of minutes may contain none of the candidate rows of `find_lines`. So lines are found
-in every block of one sampling interval, then again within every line found. Last, all joints are
-tested together on all rows.
+first in every block of one sampling interval, then again within each of these lines. Finally all
+joints are tested together on all rows.
 """
 
 from dataclasses import dataclass
@@ -53,9 +53,9 @@ def fit_broken_line(
 ) -> BrokenLine:
     """Fit a piecewise linear function to values (n,) over time [s], with the supported joints.
 
-    `felt_by` is friction, which must respond at weaker joints; None: only strong joints count.
-    Standard errors include the correlation of the residual. They assume that the load point moves
-    at constant velocity between joints.
+    `felt_by` is friction: a weak joint counts only if friction responds to it. Without `felt_by`
+    only strong joints count. Standard errors include the correlation of the residual. The errors
+    assume that the load point moves at constant velocity between joints.
     """
     time, values, felt = _without_gaps(time, values, values if felt_by is None else felt_by)
     kept, first, doubtful = [], [], []

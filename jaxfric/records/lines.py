@@ -26,16 +26,16 @@ class Lines:
     """Sum of squared residuals."""
 
     def meet(self) -> np.ndarray:
-        """Return the times at which neighbouring lines meet; not finite for parallel lines."""
+        """Return the times at which neighbouring lines meet; parallel lines give no finite time."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return -np.diff(self.offset) / np.diff(self.slope)
 
 
 class Sums:
-    """Prefix sums of t, y, tt, ty, yy, which give the line through any rows i..j-1.
+    """Prefix sums of t, y, t^2, t y and y^2; they give the line through any rows i..j-1.
 
-    For precision the overall trend is subtracted first; slopes are relative to `trend`. `floor` is
-    a length far below the recorder's resolution, used instead of zero.
+    For precision the overall trend is subtracted first; slopes are relative to `trend`. `floor`, a
+    length far below the recorder's resolution, is used instead of zero.
     """
 
     def __init__(self, t: np.ndarray, y: np.ndarray):
@@ -60,11 +60,12 @@ class Sums:
         return Lines(n, slope, offset, mean_time, spread, squares)
 
     def squares(self, of: np.ndarray) -> np.ndarray:
-        """Return the residual sums of squares (m, m) of lines up to each row of `of` (axis 0) from
-        each earlier one (axis 1); other entries are infinite.
+        """Return residual sums of squares (m, m) of the lines that end at each row of `of` (axis 0)
+        and begin at each earlier row (axis 1); other entries are infinite.
 
-        Their relative error is at most `_ENOUGH`. Double precision is many times as fast as the
-        extended precision of `lines`, which is used only where doubles may lose more than that.
+        The relative error of the sums is at most `_ENOUGH`. Sums are computed in double precision,
+        many times as fast as the extended precision of `lines`. Extended precision is used only
+        where doubles may lose more than `_ENOUGH`.
         """
         sums, places = self._sums[:, of].astype(np.float64), np.arange(len(of))
         x, r = np.sqrt(sums[2]), np.sqrt(sums[4])
@@ -92,7 +93,7 @@ class Sums:
     def misfit(
         self, first: np.ndarray, end: np.ndarray, slope: np.ndarray, offset: np.ndarray
     ) -> np.ndarray:
-        """Return the sums of squares of the rows first..end-1 about given lines; 0 for no rows."""
+        """Return the sums of squares of the rows first..end-1 about given lines; no rows give 0."""
         own = self.lines(first, end)
         tilt = own.slope - slope
         shift = own.offset - offset + tilt * own.mean_time

@@ -3,7 +3,8 @@
     {"mass": 0.49, "kp": 100, "entries": [{"timestamp": 0.0035, "position": -0.003}, ...]}
     {"t": [0.0, 0.1, 0.2], "x": [0.0, 0.001, 0.003]}
 
-or one record in each line. True is 1; other values than numbers give an empty cell.
+A file may also have one record in each line. True counts as 1; a value that is no number gives an
+empty cell.
 """
 
 import json
@@ -28,7 +29,7 @@ def is_log(data: bytes, path: str) -> bool:
 
 
 def parse(data: bytes, path: str) -> Table:
-    """Read the columns of a log; `lines` number its records from 1. JSON gives no units."""
+    """Read the columns of a log; its records are numbered from 1. JSON gives no units."""
     columns, about = _columns(_loaded(data))
     if len(columns) < 2:
         raise InputError(

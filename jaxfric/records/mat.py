@@ -1,8 +1,9 @@
 """Read numeric vectors of MATLAB files, version 5 to 7, and the files of the EMPS benchmark.
 
-A file is a header of 128 bytes and elements: a tag (type, size), then a body. An array is an
-element whose parts are elements: flags, dimensions, name, values. Values have the smallest type
-that holds them. SciPy's reader trusts the tags, so that some damaged files crash the process.
+A MATLAB file is a header of 128 bytes, then elements; an element is a tag (type, size), then a
+body. An array is an element whose parts are elements: flags, dimensions, name, values. The values
+of an array have the smallest type that holds them all. SciPy's reader trusts the tags, so that some
+damaged files crash the process.
 """
 
 import struct
@@ -31,7 +32,7 @@ _EMPS_ROLES = {
     "control_signal": "vir",
 }
 _EMPS_GAINS = {"gtau": "gain", "kp": "position_gain", "kv": "velocity_gain"}
-# In the benchmark's second file. Despite the name they are volts: vir minus the stated controller
+# Pulses in the benchmark's second file. Despite the name the unit is V: vir minus the controller
 # output is 1.014 times the pulses, within 0.1 % of the largest.
 _EMPS_PULSES = "pulses_N"
 

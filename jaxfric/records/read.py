@@ -29,11 +29,11 @@ def read(
     **Arguments:**
 
     - `path`: delimited text with a header such as
-      `time [s],load_point_displacement [um],friction [1],normal_stress [MPa]`, in any order;
-      usual headers of laboratories (`Time(s)`, `Displ(microns)`), decimal commas and clock times
-      are understood. Or an xlook file, binary or text. Or a MATLAB file, whose vectors have names
-      but no units. Friction is computed from shear and normal stress if there is no friction
-      column; both may be forces.
+      `time [s],load_point_displacement [um],friction [1],normal_stress [MPa]`, in any order. Usual
+      headers of laboratories (`Time(s)`, `Displ(microns)`), decimal commas and clock times are
+      understood. The file may also be an xlook file, binary or text, or a MATLAB file, whose
+      vectors have names but no units. Without a friction column, friction is computed from shear
+      and normal stress; both stresses may be recorded as forces.
     - `columns`: names of columns for roles that the header does not identify, such as
       `{"friction": "mu_corrected"}`. `NAME [unit]` sets the unit, which may have a factor:
       `{"load_point_displacement": "Vert_Disp [0.0764 um]"}`. `#3` is the third column, also in a
@@ -66,7 +66,7 @@ def to_record(
         normal = values["normal_stress"]
         values["friction"] = _quotient(table, found.uses, stress, normal, found.rows.lines)
         units["friction"] = "1"
-        if of_forces:  # without the area they give no stress
+        if of_forces:  # forces give no stress without the area
             del values["normal_stress"], units["normal_stress"]
     else:
         friction_unit = found.uses["friction"].si_unit

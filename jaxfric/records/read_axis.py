@@ -40,7 +40,7 @@ def read_axis(
     flip_sign: bool | str = False,
     drop_bad: bool = False,
 ) -> AxisRecord:
-    """Read time, motion and motor force of an axis, and turn them into SI.
+    """Read time, motion and motor force of an axis, and convert these columns to SI.
 
     **Arguments:**
 
@@ -56,15 +56,15 @@ def read_axis(
     - `drive_gain`: motor force per control signal, "35.15 N/V" ("0.05 N m/A" for a current).
     - `position_gain`, `velocity_gain`: kp [1/s] and kv of cascaded control, force = kv (kp
       (reference - position) - velocity): "160 1/s", and "240 V s/m" for a control signal or
-      "8436 N s/m" for a motor force. With them, and a reference, the closed loop is simulated.
+      "8436 N s/m" for a motor force. With both gains and a reference, the closed loop is simulated.
     - `rated_torque`: the torque of 100 %, "9.84 mN m"; without it the force stays in "%".
     - `flip_sign`: change the sign of the "force", of the "motion", or (True, "both") of both.
     - `drop_bad`: leave out incomplete rows instead of refusing the file.
 
     **Returns:** an `AxisRecord`; its `provenance` lists assumptions and omitted rows.
 
-    Raises `InputError` for a file that cannot be read as such a record, a control signal without
-    its gain, and a gain or rated torque that no column needs.
+    Raises `InputError` for a file that cannot be read as a record of an axis, a control signal
+    without its gain, and a gain or rated torque that no column needs.
     """
     table = read_table(path)
     told = ToldOfDrive(drive_gain, position_gain, velocity_gain, rated_torque)
@@ -81,7 +81,7 @@ def _to_record(
     table, signs = with_signs(table)
     found = understand(table, columns, AXIS, _not_needed)
     forces = Forces(found, told)
-    with np.errstate(all="ignore"):  # a later check refuses overflows and gives their row
+    with np.errstate(all="ignore"):  # a later check refuses overflows and names the row
         drive, notes = forces.from_signal()
         drive = forces.controlled(drive)
         force_unit = forces.in_unit()

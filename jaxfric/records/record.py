@@ -1,4 +1,4 @@
-"""A measured record of a slider: time, motion of the load point, friction. All in SI."""
+"""A measured record of a slider: time, motion of the load point and friction, in SI units."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -24,10 +24,7 @@ EMPTY_ROWS = "empty at the start or end"
 
 @dataclass(frozen=True)
 class Provenance:
-    """Origin of a record, and the rows that were left out.
-
-    `dropped` counts these rows by reason.
-    """
+    """Origin of a record, and the rows that were left out; `dropped` counts these rows by reason."""
 
     path: str = ""
     sha256: str = ""
@@ -44,7 +41,7 @@ class Provenance:
     """Line number of every row in the file; None if the rows are not those of a file."""
 
     def to_json(self, rows: int) -> dict[str, object]:
-        """The entry "record" of a file: where the record is from, and its `rows` in use."""
+        """Return the entry "record" of a result file: origin, and number of used `rows`."""
         return {"path": self.path, "sha256": self.sha256, "rows": rows}
 
 
@@ -121,8 +118,8 @@ class Record(Described, Drawable, Gridded, Tabular):
     def window(self, start: Bound = None, stop: Bound = None) -> "Record":
         """Return the rows from `start` to `stop` as a new record, whose time starts at `start`.
 
-        Both are seconds since the first row, or text: a time, "120 s", or the displacement of the
-        load point since the first row, "9500 um". None: no bound.
+        `start` and `stop` are seconds since the first row, or texts; None sets no bound. A text is
+        a time, "120 s", or a displacement of the load point since the first row, "9500 um".
 
         Raises `InputError` if fewer than 20 rows remain, and for a bound that is neither a time nor
         a length, or lies outside the record.
@@ -175,7 +172,7 @@ def from_arrays(
     load_point_encoder: ArrayLike | None = None,
     friction_unit: str = "1",
 ) -> Record:
-    """Make a record from arrays in SI; they must pass the same checks as a file.
+    """Make a record of a slider from arrays in SI; the arrays must pass the checks of a file.
 
     Raises `InputError` for columns of unequal length, values that are not finite, a time
     that goes back, fewer than 20 rows, and a missing load point.
@@ -205,7 +202,7 @@ def build(
     rows: FileRows,
     drop_bad: bool,
 ) -> Record:
-    """Check the rows, drop equal time stamps (and bad rows if `drop_bad`), and freeze.
+    """Check the rows, drop repeated times (and bad rows if `drop_bad`), and freeze the arrays.
 
     `origin` counts the rows that were dropped earlier.
     """

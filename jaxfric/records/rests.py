@@ -2,8 +2,9 @@
 
 The velocity is averaged over blocks that are long enough to make noise small compared with the
 speed. The noise is estimated from second differences of neighbouring means, which cancel slow
-changes. A mean is at rest below the rest level: three standard deviations of noise, or half a
-quantisation step. It moves above three times that level.
+changes. The rest level is three standard deviations of noise, or half a quantisation step. A block
+is at rest if its mean is below the rest level; it moves if its mean is above three times this
+level.
 """
 
 from typing import NamedTuple
@@ -50,11 +51,11 @@ class Rests(NamedTuple):
 def rests(
     velocity: np.ndarray, force: np.ndarray, reference: np.ndarray | None = None
 ) -> Rests | None:
-    """Return the stick-slip of a run; None if it moves evenly or noise hides its motion.
+    """Return the stick-slip of a run; None if the axis moves evenly or noise hides its motion.
 
     velocity, force : of every row (n). reference : the commanded velocity (n), or None.
-    A drive that stops on purpose is not stick-slip. Then the reference rests too, or the force
-    falls during rest; in stick-slip it rises.
+    A drive that stops on purpose is not stick-slip: its reference rests too, or the force falls
+    during rest. In stick-slip the force rises during rest.
     """
     width = _resolved(velocity)
     if width is None:

@@ -1,8 +1,8 @@
 """The roles of columns of a record: one schema for sliders, one for servo axes.
 
 A role has a name, the SI units of its column, an example of a unit for messages, and the names that
-laboratories and drives use. `columns` uses them to find the columns of a file, in the same way for
-both rigs. To add a name of a column, add it to its role here.
+laboratories and drives use. `columns` finds the columns of a file by these names, in the same way
+for sliders and axes. To support another column name, add the name to its role in this module.
 """
 
 import re
@@ -18,10 +18,10 @@ NO_COLUMN = "none"
 class Role(NamedTuple):
     """A role that a column of a record can have.
 
-    `unit` is its SI unit, `turning` that of a rotation ('' for none); `others` are further allowed
-    units. `example` is a common spelling of a unit. `aliases` are other names of the role, folded,
-    the most certain first. A record needs one column for every word in `need`; roles with the same
-    word replace each other.
+    `unit` is the SI unit of the role, `turning` its SI unit on a rotary axis ('' for none);
+    `others` are further allowed units. `example` is a common spelling of a unit. `aliases` are
+    other names of the role, folded, the most certain first. `need` is a word: a record needs one
+    column for every word, from any role with this word.
     """
 
     name: str
@@ -38,12 +38,12 @@ class Role(NamedTuple):
         return (self.unit, *filter(None, [self.turning]), *self.others)
 
     def shown(self, *, rotary: bool = False) -> str:
-        """Return an example of a unit for messages."""
+        """Return an example of the role's unit for messages."""
         return self.turning.replace("*", " ") if rotary and self.turning else self.example
 
 
 class Schema:
-    """The roles of one kind of rig, by their names; `suffixes` are units at the end of names."""
+    """The roles of one kind of rig by name; `suffixes` are units that may end a column's name."""
 
     def __init__(self, roles: tuple[Role, ...], suffixes: Mapping[str, str]):
         self.roles = {role.name: role for role in roles}
@@ -55,7 +55,7 @@ class Schema:
         }
 
     def role_of(self, name: str) -> tuple[str, int] | None:
-        """Return the role of a column's name and the name's rank (0: the role's own), or None."""
+        """Return the role of a column's name and the name's rank (0: the role's name), or None."""
         return self._ranks.get(folded(name))
 
     def split(self, cell: str) -> tuple[str, str | None]:

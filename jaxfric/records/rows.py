@@ -48,7 +48,7 @@ class FileRows:
         return _WORD.match(found) is not None
 
     def place(self, index: int, role: str = "") -> str:
-        """Return number and text of a row for a message; `role` is that of the column."""
+        """Return number and text of a row for a message; `role` is the role of the column."""
         line = int(self.lines[index])
         found = self.text(line).strip() if self.text else ""
         shown = found if len(found) <= 60 else found[:57] + "..."
@@ -62,10 +62,10 @@ def whole_rows(
 ) -> tuple[dict[str, np.ndarray], np.ndarray, dict[str, int]]:
     """Return the columns without tiny values, a mask of rows to keep, and counts of dropped rows.
 
-    Rows that repeat a time are dropped. Incomplete rows, and rows that go back in time, are dropped
-    with `drop_bad`, else refused.
+    Rows that repeat a time are dropped. Bad rows, which are incomplete or go back in time, are
+    dropped with `drop_bad`, else refused.
 
-    Raises `InputError` for columns of different length, and for rows that would have to be dropped.
+    Raises `InputError` for columns of different length, and for bad rows without `drop_bad`.
     """
     if len({len(values) for values in columns.values()}) > 1:
         sizes = ", ".join(f"{role} {len(values)}" for role, values in columns.items())
@@ -124,7 +124,7 @@ def _refuse_second_head(time: np.ndarray, bad: np.ndarray, path: str, rows: File
     for a, b in edges.tolist():
         if a == 0 or b == len(bad) or not all(rows.is_words(i) for i in range(a, b)[:_GOES_ON]):
             continue
-        rated = b - a > 1 and np.isfinite(time[a:b]).all()  # times from a rate have no gap there
+        rated = b - a > 1 and np.isfinite(time[a:b]).all()  # times from a rate have no gap
         if time[b] < time[a - 1] or rated:
             heads.append(a)
     if not heads:

@@ -1,9 +1,10 @@
-"""Motion of a record's load point: its position without encoder faults, and its velocity steps.
+"""Find the motion of a record's load point: position without encoder faults, velocity steps.
 
 When an encoder is reset or wraps, its position jumps by far more than the load point moves between
-neighbouring rows. Friction does not respond, as it would to a real motion through the spring. The
-jump is subtracted (`without_resets`). Motion that the encoder missed while the recorder paused is
-added, if the velocities before and after are equal and friction does not respond.
+neighbouring rows. Friction does not respond to such a jump; through the spring it would respond to
+a real motion. `without_resets` subtracts the jump. Motion that the encoder missed during a pause of
+the recorder is added, if the velocities before and after the pause are equal and friction does not
+respond.
 """
 
 from dataclasses import dataclass
@@ -38,7 +39,7 @@ class Reset:
     """Duration of a pause in which the encoder did not count [s]; 0 for other jumps."""
 
     def told(self) -> str:
-        """Return a sentence on the reset."""
+        """Return a sentence on the reset of the encoder."""
         if self.paused:
             return (
                 f"{format_si(-self.size, 'm', 'um', 3)} are not counted in {self.paused:.3g} s"
@@ -80,10 +81,10 @@ def without_resets(
 ) -> tuple[np.ndarray, tuple[Reset, ...]]:
     """Return the position [m] without encoder jumps, and the jumps.
 
-    The size of a jump is the move beyond that at the velocity before or after it.
+    The size of a jump is the recorded move minus the move at the velocity before or after the jump.
 
-    Limitation: resets are not found if the load point moves by more than a fifth of the jump from
-    row to row.
+    Limitation: a jump is not found if the load point moves by more than a fifth of its size between
+    neighbouring rows.
     """
     from scipy.ndimage import median_filter
 

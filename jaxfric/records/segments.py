@@ -1,23 +1,24 @@
 """Piecewise linear fits to noisy samples: the number of lines, and their rows.
 
 The displacement of a load point that moves in velocity steps is continuous and piecewise
-linear. The fit never differences the samples:
+linear. The fit never uses differences of samples:
 
 1. Candidate rows are spread evenly over rows, over time and over travel, so that slowly
    sampled segments and short fast segments both get candidates.
 2. Dynamic programming places separate lines between candidates at the least sum of
    squares plus a penalty per line. The penalty is small, so that this stage finds too many.
-3. A joint is where two neighbouring lines meet, and rows belong to the line on their side of
-   it. Repeated, this is least squares for a continuous piecewise linear function if each joint
-   falls between its own two groups of rows (Hudson 1966, J. Am. Stat. Assoc. 61, 1097-1129).
+3. Every joint moves to where its two lines meet, and each row goes to the line on its side of the
+   joint. If each joint falls between its own two groups of rows, repeating this step gives the
+   least-squares fit of a continuous piecewise linear function (Hudson 1966, J. Am. Stat. Assoc. 61,
+   1097-1129).
 4. The weakest joints are removed in batches, until all remaining joints pass the tests of
    `_scores`. The misfit of a removed joint (ripple, drift, a glitch) increases the scatter that
    the other joints are compared with, so that noise does not support further joints. A joint is
-   tested with its whole lines and with the rows near it; the better result counts. A run-in
-   (loading, a slow ramp, moves by hand) fits no line, and its large scatter would remove the
-   steps after it one by one.
+   tested with its two whole lines and with the rows near the joint; the better result counts. A
+   run-in (loading, a slow ramp, moves by hand) fits no line. In tests with whole lines, the scatter
+   of a run-in would remove the steps after the run-in one by one.
 
-Prefix sums make the cost of a step independent of the number of rows.
+With prefix sums the cost of fitting a line does not depend on its number of rows.
 """
 
 import numpy as np
@@ -67,8 +68,9 @@ def find_lines(
     """Fit as many straight lines as the data support.
 
     **Arguments:** `t` [s], increasing; `y` [m]; `least_change`: least change of slope at a joint,
-    over the larger of the two slopes; `passes`: largest number of fits, each without the
-    isolated glitches of the previous one; `height`: least height of a joint over the scatter.
+    divided by the larger of its two slopes; `passes`: largest number of fits, each without the
+    isolated glitches of the previous fit; `height`: least height of a joint, divided by the
+    scatter.
 
     **Returns:** the sums of the used rows (all except isolated glitches), and the first row of
     every line followed by the number of rows.
@@ -216,7 +218,7 @@ def settle(sums: Sums, rows: np.ndarray, rounds: int) -> np.ndarray:
         low, high = rows[:-2] + MIN_ROWS, rows[2:] - MIN_ROWS
         valid = np.isfinite(joints) & (inside >= low) & (inside <= high)
         moved[1:-1] = np.where(valid, inside, rows[1:-1])
-        # joints that came too close keep their old rows
+        # joints that came too close to each other keep their old rows
         while (np.diff(moved) < MIN_ROWS).any() and not np.array_equal(moved, rows):
             close = np.diff(moved) < MIN_ROWS
             back = np.concatenate([[False], close]) | np.concatenate([close, [False]])

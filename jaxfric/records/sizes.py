@@ -13,7 +13,7 @@ class Size:
     """Limits in SI of the largest and smallest magnitude of a column.
 
     The lower limit is for the range of the values or, with `changes` False, for the largest
-    magnitude. 0 is always allowed here; other checks refuse it if needed.
+    magnitude. A value of 0 always passes; other checks refuse 0 if needed.
     """
 
     unit: str

@@ -18,13 +18,14 @@ _ADVANCE = ("load_point_displacement", "load_point_encoder", "slip")
 
 
 def standing_out(role: str, values: np.ndarray) -> np.ndarray:
-    """Return a mask (n,) of the cells of a column that are far from both neighbours.
+    """Return a mask (n,) of the cells of a column that are far from both neighbouring cells.
 
-    The distance of a cell is that from the interval between its neighbours (for the first and last
-    the two next to it). It is compared with the other cells without the m = max(3, n/100) farthest
-    ones of either side. If more than m cells would be outliers, none is: the column is like that.
+    The distance of a cell is measured from the interval between its neighbours. The first and the
+    last cell use the two cells next to them. This distance is compared with the distances of other
+    cells, without the m = max(3, n/100) farthest cells on either side. If more than m cells would
+    be outliers, no cell is an outlier: large jumps are usual in this column.
 
-    Limitation: two neighbouring wrong cells, or smaller errors, are not found.
+    Limitation: two wrong cells next to each other, and small errors, are not found.
     """
     x = np.asarray(values, float)
     if role == "time" or len(x) < 4:

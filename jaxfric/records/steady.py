@@ -58,14 +58,14 @@ class SteadyCurve:
     - `samples`: number of used rows; `outliers`: number of excluded outliers (None: not known);
       `effective`: number of independent samples (`effective_samples` of the force).
     - `error`: standard error of `force`, sqrt(std^2 / effective + the part of `shared`); `shared`
-      [R, p]: the part from p independent errors of the load, which all runs share.
+      [R, p]: the part from p independent errors of the load, which are common to all runs.
     - `names`: paths of the runs below the folder; `uneven`: runs that moved unevenly, or whose
       speed is recorded too coarsely to decide; `stuck`: slower runs that were excluded because they
       stood still, turned back or were not steady; `stick_slip`: runs with stick-slip at one
       commanded speed, which count as uneven and are averaged over whole cycles.
     - `load`: force that depends on the position, subtracted from `force` and `rows`; None if none
       is found, or without positions.
-    - `rows`: the rows of every run that its means use (empty: not kept).
+    - `rows`: for every run, the rows that its means use (empty: not kept).
     - `coordinate` and `units` as for `AxisRecord`; `provenance.notes`: excluded runs and rows, with
       the reasons.
     """
@@ -100,8 +100,8 @@ class SteadyCurve:
 
     @property
     def wanders(self) -> bool:
-        """Whether the force drifts so slowly that errors of means are not known: half of the runs
-        without constant force have fewer than 10 independent samples."""
+        """Whether the force drifts so slowly that the errors of its means are not known: half of
+        the runs whose force is not constant have fewer than 10 independent samples."""
         noisy = self.std > _CONSTANT * np.max(np.abs(self.force))
         return bool(noisy.any() and np.median(self.effective[noisy]) < _FEWEST_SAMPLES)
 
@@ -111,7 +111,7 @@ class SteadyCurve:
 
 
 def force_covariance(error: np.ndarray, shared: np.ndarray | None) -> np.ndarray:
-    """Return the covariance (R, R) of errors (R,), with a part `shared` (R, p) of p common ones."""
+    """Return the covariance (R, R) from errors (R,) that include p `shared` errors (R, p)."""
     if shared is None:
         return np.diag(error**2)
     return np.diag(error**2 - np.sum(shared**2, axis=1)) + shared @ shared.T
@@ -130,20 +130,20 @@ def read_steady(
 ) -> SteadyCurve:
     """Read a folder of runs at steady speeds, at any depth, as one friction-velocity curve.
 
-    If positions are recorded, a force that depends on them and is equal in both directions (`Load`:
-    the weight of a joint, a spring) is subtracted, with a note. Outliers (`outliers`) are excluded
-    from the means, with a note. Runs with stick-slip (`rests`) are averaged over whole cycles. A
-    run is steady if the mean speeds of its ten parts differ from its mean by less than 10 % (or by
-    noise alone). Rows of a start-up or a stop are excluded by their speed. Runs that are not
-    steady, stand still, or have no determined direction are excluded with a note. The speed is the
-    recorded velocity, else the derivative of the position.
+    If positions are recorded, the `Load` is subtracted, with a note. The `Load` is a force that
+    depends on position and is equal in both directions: the weight of a joint, a spring. Outliers
+    (`outliers`) are excluded from the means, with a note. Runs with stick-slip (`rests`) are
+    averaged over whole cycles. A run is steady if the mean speeds of its ten parts differ from its
+    overall mean by less than 10 % (or by noise alone). Rows of a start-up or a stop are excluded by
+    their speed. Runs that are not steady, stand still, or have no determined direction are excluded
+    with a note. The speed is the recorded velocity, else the derivative of the position.
 
     **Arguments:** as for `read_axis`. `window` is a time interval since each run's first row
-    (seconds, or "0.6 s"; None: no bound); only its rows are used. It removes a start-up that shows
-    in the force but not in the speed.
+    (seconds, or "0.6 s"; None: no bound). Only rows in the window are used. A window removes a
+    start-up that shows in the force but not in the speed.
 
     Raises `InputError` for a path that is no folder, unreadable files, runs in different units, and
-    fewer than 4 steady runs.
+    folders with fewer than 4 steady runs.
     """
     folder = Path(folder)
     one = functools.partial(

@@ -2,11 +2,12 @@
 
     F = f(run) + w(q) + sgn v u(q) + r sgn v t
 
-Every run has its own level f, so that only changes within a run determine w and u. w is equal in
-both directions, half their sum at one position q. u is friction that depends on the position, half
-their difference. r is friction that changes with time. For a joint w is a sin q + b cos q, for a
-linear axis k q; u has the same form. The mean over the travel is subtracted from each column, so
-that the mean load stays in the offset of the curve.
+F is the force, q the position, v the velocity and t the time. Every run has its own level f, so
+that only changes within a run determine w and u. The load w is equal in both directions: half the
+sum of the forces of both directions at q. The term u is friction that depends on position: half the
+difference of these forces. The term with r is friction that changes with time. For a joint w is a
+sin q + b cos q, for a linear axis k q; u has the same form. The mean over the travel is subtracted
+from each column of the fit, so that the mean load stays in the offset of the curve.
 """
 
 import dataclasses
@@ -36,9 +37,11 @@ class Load:
 
     - `effect`: "gravity", a sin q + b cos q of a joint, or "position_dependence", k q of a linear
       axis.
-    - `names`, `values` and `covariance` of its parameters. They include friction that depends on
-      the position if found: m of a linear axis, a_friction sin q + b_friction cos q of a joint.
-    - `centre`: mean of every column over the travel, which the offset of the curve contains.
+    - `names`, `values` and `covariance` of its parameters. Further parameters, if found, are of
+      friction that depends on position: m of a linear axis, a_friction sin q + b_friction cos q of
+      a joint.
+    - `centre`: mean over the travel of every column of the fit; the load of this mean stays in the
+      offset of the curve.
     """
 
     effect: str
@@ -53,17 +56,17 @@ class Load:
         return np.sqrt(np.diag(self.covariance))
 
     def root(self) -> np.ndarray:
-        """R (p, p) with R R' = `covariance`."""
+        """Matrix root R (p, p) of the covariance: R R^T = `covariance`."""
         variance, vectors = np.linalg.eigh(self.covariance)
         return vectors * np.sqrt(np.maximum(variance, 0.0))
 
     @property
     def both_ways(self) -> int:
-        """Number of parameters of the force equal in both directions; they come first."""
+        """Number of parameters, the first in `names`, of the force equal in both directions."""
         return len(_NAMES["rotary" if self.effect == "gravity" else "linear"])
 
     def size(self) -> tuple[float, float]:
-        """Return the amplitude of the force equal in both directions, and its standard error."""
+        """Return amplitude and standard error of the force that is equal in both directions."""
         p = self.both_ways
         found = float(np.linalg.norm(self.values[:p]))
         along = self.values[:p] / found
@@ -98,8 +101,8 @@ def load_of(runs: Sequence[Run], coordinate: str) -> Load | None:
 
 
 def without_load(load: Load, run: Run, coordinate: str) -> tuple[Run, np.ndarray]:
-    """Return a run without the load, with new means and errors, and minus the derivative (p,) of
-    its mean force by the parameters of the load."""
+    """Return a run without the load, with new means and errors, and the derivative (p,) of its mean
+    force by the load's parameters, times -1."""
     assert run.rows is not None and run.rows.position is not None
     columns = _columns(run.rows.position, coordinate) - load.centre
     if len(load.names) > columns.shape[1]:
@@ -137,7 +140,7 @@ def _regressed(columns: list[np.ndarray], forces: list[np.ndarray]) -> _Regresse
     force = np.concatenate([f - f.mean() for f in forces])
     sizes = [len(f) for f in forces]
     ends = np.cumsum(sizes)[:-1]
-    least = (1e-12 * float(np.ptp(force))) ** 2 + 1e-300  # for a force without noise
+    least = (1e-12 * float(np.ptp(force))) ** 2 + 1e-300  # not 0 for a force without noise
     size = np.sqrt(np.sum(matrix**2, axis=0))
     size = np.where(size > 0, size, 1.0)
     values, normal, samples = np.zeros(len(size)), np.eye(len(size)), 0.0

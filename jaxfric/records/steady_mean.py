@@ -19,13 +19,14 @@ _SHARE = 0.01
 def outliers(values: ArrayLike) -> np.ndarray:
     """Return a mask (n,) of the outliers, which lie more than 6 scales from the median.
 
-    With m = max(3, n/100), the scale is the largest of three: the (n - m)-th smallest distance from
-    the median and the median distance, each divided by its value for Gaussian noise of scale 1, and
-    the smallest step between values (of a constant its size/6). So Gaussian noise, a ripple, or
-    stick-slip with more than m far samples lose no sample. A sample that is kept moves the mean by
-    at most 6 scales/n. More than m wrong cells can remain.
+    The scale is the largest of three values, with m = max(3, n/100). Two are the (n - m)-th
+    smallest distance from the median, and the median distance, each divided by its value for
+    Gaussian noise of scale 1. The third is the smallest step between values (for a constant, its
+    magnitude/6). So no sample is excluded from Gaussian noise, a ripple, or stick-slip with more
+    than m far samples. A kept sample moves the mean by at most 6 scales/n. More than m wrong cells
+    can remain.
 
-    Fewer than 10 samples have no outliers. Limitation: errors in many rows are not found.
+    Fewer than 10 samples have no outliers. Limitation: errors in more than m rows are not found.
     """
     x = np.asarray(values, np.float64)
     n = len(x)

@@ -1,4 +1,4 @@
-"""One run at a steady speed: its steady rows, and the means over them."""
+"""Find the steady rows of a run at one speed, and the means over these rows."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -82,7 +82,7 @@ class _Rows:
 
 
 def steady_run(name: str, record: AxisRecord) -> Run:
-    """Return the means of a run, or the reason why it is refused."""
+    """Return the means of a run, or the reason why the run is refused."""
     whole = _rows(record)
     if not np.any(whole.speed):
         return Run(name, refused="the axis stands still")

@@ -114,19 +114,19 @@ def find_steps(
     """Find the velocity steps of a load point in its measured displacement.
 
     A continuous piecewise linear function is fitted to the displacement, which is never
-    differenced. A step must change the velocity by 7 % of the larger one. Its height,
-    |v2 - v1| T1 T2 / (T1 + T2) for velocities that last T1 and T2, must be 25 times the scatter
-    about the line; a third of that is enough if `friction` responds. Ripple, drift and isolated
-    glitches give no steps. Sampling may be uneven, and change with the velocity; noise may be
-    correlated. A velocity is a hold, exactly 0, if it moves the load point by less than twice the
-    scatter.
+    differenced. A step must change the velocity by 7 % of the larger velocity. The height of a step
+    is |v2 - v1| T1 T2 / (T1 + T2) for velocities v1 and v2 that last T1 and T2. The height must be
+    25 times the scatter about the line, or a third of this if `friction` responds. Ripple, drift
+    and isolated glitches give no steps. Sampling may be uneven, and change with the velocity; noise
+    may be correlated. A velocity counts as a hold, exactly 0, if the load point moves by less than
+    twice the scatter.
 
     **Arguments:** `time` [s], increasing; `displacement` [m], at least 20 rows; `friction` of the
     same rows in any unit, or None.
 
     **Returns:** steps with standard errors; a single velocity if there is no step.
 
-    Raises `InputError` for arrays of different length or with values that are not finite.
+    Raises `InputError` for arrays of different length and for values that are not finite.
     Limitations: a ramp of the velocity gives a few steps; steps closer than 5 rows are missed.
     """
     t, y = np.asarray(time, np.float64), np.asarray(displacement, np.float64)
@@ -175,7 +175,8 @@ def _velocity(text: str, what: str) -> float:
 def speeds_without_steps(record: Record, steps: VelocitySteps) -> str | None:
     """Return a warning if the speed of the load point changes without a step, else None.
 
-    Speeds are means over 20 parts with equally many rows; 10 % at either extreme are ignored.
+    Speeds are means over 20 parts with equally many rows. The slowest and the fastest 10 % of the
+    speeds are ignored.
     """
     if len(steps) > 1:
         return None

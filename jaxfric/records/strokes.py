@@ -26,7 +26,7 @@ _MOST_STEPS = 8.5
 
 @dataclass(frozen=True, eq=False)
 class Strokes:
-    """One entry for each stroke, in SI: m or rad.
+    """The strokes of an axis: arrays with one entry for each stroke, in SI (m or rad).
 
     - `start`, `stop`: time since the first row [s], without the rest at either end.
     - `travel`: signed; `speed`: mean, signed; `fastest`: the largest magnitude.

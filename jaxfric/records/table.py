@@ -22,7 +22,7 @@ class Table:
     with a wrong number of cells, `blank` (rows x columns) empty cells (None: there are none). Only
     columns of MATLAB files may differ in length.
 
-    The reader of a format fills these; `read_table` adds `path`, `sha256` and `format`.
+    The reader of a format fills these fields; `read_table` adds `path`, `sha256` and `format`.
     """
 
     names: tuple[str, ...]
@@ -63,8 +63,8 @@ def filled_rows(blank: np.ndarray | None, used: Iterable[int], count: int) -> sl
     """Return the rows without the few at the start and end in which a used column is empty.
 
     Recorders start before their sensors. Columns computed from neighbouring rows (a speed, a
-    smoothed force) lack the first and last rows. If many rows are empty they stay; a later check
-    refuses them.
+    smoothed force) lack the first and last rows. Many empty rows stay; a later check refuses a
+    column with many empty rows.
     """
     most = max(_FEW, int(_FEW_SHARE * count))
     if blank is None:
@@ -81,7 +81,7 @@ def with_stated(table: Table, columns: Mapping[str, str]) -> tuple[Table, dict[s
 
     `time` may be a sampling rate or interval, "1 kHz" or "1 ms": t_i = i/rate.
     `load_point_velocity` may be a constant speed, "10 um/s". A column with the same name takes
-    precedence. `columns` is returned too, with the new columns.
+    precedence. The function also returns `columns`, with the names of the new columns.
 
     Raises `InputError` for a value in another unit, and a rate that is not positive.
     """

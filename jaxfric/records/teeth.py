@@ -72,7 +72,7 @@ def turns(values: np.ndarray, least: float) -> np.ndarray:
 
 
 def turns_from_foot(values: np.ndarray, least: float) -> np.ndarray:
-    """Return the `turns` from the first minimum on."""
+    """Return the rows of alternating minima and maxima (`turns`) from the first minimum on."""
     rows = turns(values, least)
     return rows[1:] if len(rows) > 1 and values[rows[0]] > values[rows[1]] else rows
 
@@ -80,10 +80,11 @@ def turns_from_foot(values: np.ndarray, least: float) -> np.ndarray:
 def find_teeth(time: np.ndarray, friction: np.ndarray) -> list[Teeth]:
     """Find intervals of stick-slip in rows at one velocity: four or more consecutive teeth.
 
-    A tooth is a rise and a drop of similar height; the drop is three times as fast (after the first
-    tooth more than twice). Correlated noise falls as fast as it rises. A rise compensates the drop
-    before it. If friction still rises from tip to tip by half of a drop or more, the teeth are
-    noise on the flank of a larger tooth. Then, or if no tooth is found, larger teeth are searched.
+    A tooth is a rise and a drop of similar height; the drop is at least three times as fast as the
+    rise (after the first tooth more than twice). Correlated noise falls as fast as it rises. In
+    stick-slip a rise compensates the drop before it. If friction still rises from tip to tip by
+    half of a drop or more, the teeth are noise on the flank of a larger tooth. In this case, or if
+    no tooth is found, the search continues with larger teeth.
     """
     if len(time) < 4 * _TEETH:
         return []
@@ -209,7 +210,8 @@ class Dip(NamedTuple):
 def find_dips(friction: np.ndarray) -> list[Dip]:
     """Find dips in which friction falls towards zero and returns, with rows on both flanks.
 
-    A recorder of |F|/N shows such a V where the load point reverses. A lost cell has no flanks.
+    A recorder of |F|/N shows a V-shaped dip where the load point reverses. A lost cell is no dip,
+    because it has no rows on its flanks.
     """
     size = np.abs(friction)
     level = float(np.median(size))

@@ -2,10 +2,11 @@
 
 The time of a fit is proportional to the number of rows, and recorders often write more rows than
 friction needs. In means over k rows white noise falls by sqrt(k); noise that is correlated over
-more than k rows does not change. A fit estimates both from the means, so that its errors stay
-correct. No mean spans a velocity step; the last rows before a step, fewer than k, are dropped. The
-first row is kept, because times count from it. Averaging flattens a peak by 1/24 of its second
-difference; `blur` compares this with the noise of the means.
+more than k rows does not change. A fit estimates both kinds of noise from the means, so that the
+errors of its parameters stay correct. No mean spans a velocity step; the last rows before a step,
+fewer than k, are dropped. The first row is kept, because times count from the first row. Averaging
+flattens a peak by 1/24 of its second difference; `blur` compares this flattening with the noise of
+the means.
 """
 
 import typing
@@ -34,7 +35,7 @@ def thinned(record: Record, rows: int, steps: VelocitySteps) -> Record:
     """Return the record reduced to about `rows` block means, none of which spans a step.
 
     A record with at most `rows` rows is returned unchanged. The provenance gets a note. Raises
-    `InputError` for `rows` below 100, and if fewer than 20 would remain.
+    `InputError` for `rows` below 100, and if fewer than 20 rows would remain.
     """
     refuse_few_means(rows)
     size = int(np.ceil(len(record) / rows))
@@ -67,7 +68,7 @@ def blur(record: Record, noise: float) -> float:
 
 
 def blur_warning(rows: int, lost: float) -> Warned:
-    """Return the warning that `rows` rows a mean flatten the peaks by `lost` times the noise."""
+    """Return a warning: means over `rows` rows flatten peaks by `lost` times the noise."""
     return Warned(
         _flattened(str(rows), f"{lost:.2g}"), WarningCode.FLATTENED, {"rows": rows, "times": lost}
     )

@@ -14,9 +14,9 @@ WITHIN_A_TURN = "is given within one turn"
 def unwound(angle: np.ndarray) -> tuple[np.ndarray, int]:
     """Unwrap an angle [rad] recorded modulo one turn; return it and the number of jumps.
 
-    Such an angle stays within one turn, and rows differ either by almost a turn or by less than a
-    quarter. Other angles are returned unchanged: a jump by half a turn is a wrong cell, or a motion
-    too fast for its sampling.
+    An angle is unwrapped if it stays within one turn, and neighbouring rows differ either by almost
+    a turn or by less than a quarter turn. Other angles are returned unchanged: a jump by half a
+    turn is a wrong cell, or a motion too fast for its sampling.
     """
     step = np.diff(angle) / TURN
     jumps = np.abs(step) > 1 - _CLOSE
@@ -29,7 +29,7 @@ def unwound(angle: np.ndarray) -> tuple[np.ndarray, int]:
 
 
 def in_turn_with(angle: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Shift an angle [rad] by whole turns to bring it nearest to another one."""
+    """Shift an angle [rad] by whole turns to bring it nearest to another angle."""
     return angle - TURN * np.round(np.median(angle - other) / TURN)
 
 

@@ -15,10 +15,10 @@ def bounds(
     """Return start and end of a window as times since the first row [s].
 
     A displacement, in either direction, is converted to the time at which `moved` [m] first reaches
-    it. `moved` is None for an axis, which moves back and forth and accepts only times.
+    it. An axis moves back and forth: its `moved` is None, and only times are accepted.
 
-    Raises `InputError` for text that is neither a time nor a length, a length for an axis or one
-    that is not reached, and an end that is not after the start.
+    Raises `InputError` for text that is neither a time nor a length, a length for an axis, a length
+    that the load point does not reach, and an end that is not after the start.
     """
     relative = time - time[0]
     low = _seconds(relative, moved, start, option("from"), path, 0.0)

@@ -47,8 +47,8 @@ def parse(data: bytes, path: str) -> Table:
     """Read names, units and columns of an xlook file.
 
     In a raw file the `Time` column does not increase: it holds the sampling period in counts of
-    0.1 ms (the reduction logs of such runs divide it by 10000 and sum it). It is replaced by the
-    elapsed time; the period [s] becomes an additional column.
+    0.1 ms (the reduction logs of such runs divide this column by 10000 and sum it). The reader
+    replaces this column by the elapsed time; the period [s] becomes an additional column.
     """
     table = raw(data, path)
     names, units, columns = list(table.names), list(table.units), list(table.columns)
