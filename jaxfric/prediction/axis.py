@@ -4,7 +4,8 @@
     closed loop:       q of model and controller, from the reference alone, against the encoder
 
 No parameter is fitted to the record. A disturbance acts together with the motor force. The recorded
-force may contain it already; the alternative that the model predicts better is used.
+force may already contain the disturbance. Of these two alternatives, the one that the model
+predicts better is used.
 """
 
 import dataclasses
@@ -62,7 +63,7 @@ def predict_axis(
     held: bool | None,
     progress: Callable[[str], None],
 ) -> Prediction:
-    """Compare an axis's model with a record, as `jaxfric.predict` describes."""
+    """Compare the model of an axis with a record, as `jaxfric.predict` describes."""
     _refuse_other(saved, record)
     progress("preparing the record")
     setting = _setting(saved, record, held)

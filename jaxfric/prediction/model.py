@@ -28,12 +28,12 @@ class SavedModel(NamedTuple):
 
     @property
     def is_axis(self) -> bool:
-        """Whether it is the model of a servo axis."""
+        """Whether the model is that of a servo axis."""
         return self.content["law"] == "coulomb_viscous"
 
     @property
     def is_loop(self) -> bool:
-        """Whether it comes from a loop, with a model before and one after it."""
+        """Whether the model comes from a loop, which has a model before and after the search."""
         return self.content["schema"] == LOOP
 
     def tables(self) -> dict[str, Content]:
@@ -44,11 +44,11 @@ class SavedModel(NamedTuple):
         return {name: self.content[name] for name in names}
 
     def values(self, name: str) -> dict[str, float]:
-        """Return the parameters (SI) of one of its models."""
+        """Return the parameters (SI) of the model with this name in `tables`."""
         return values_of(self.tables()[name])
 
     def effects(self) -> tuple[str, ...]:
-        """Return the ids of all effects of its models, found ones and those of the base."""
+        """Return the ids of all effects of the models: effects found, and effects of the base."""
         names = [name for table in self.tables().values() for name in table["parameters"]]
         return tuple(dict.fromkeys(name.split(".")[0] for name in names if "." in name))
 
@@ -59,7 +59,7 @@ class SavedModel(NamedTuple):
         return (*own_warnings(self.content), *([line] if loose else []))
 
     def undetermined(self) -> list[str]:
-        """Return the parameters that its own record did not determine."""
+        """Return the parameters that the model's own record did not determine."""
         last = list(self.tables().values())[-1]["parameters"]
         return [name for name, item in last.items() if not item.get("determined", True)]
 
@@ -76,7 +76,7 @@ def load_model(model: object) -> SavedModel:
 
     Raises
     ------
-    InputError : no such file, a damaged one, one of another schema; a fit that did not converge.
+    InputError : a missing or damaged file, a file of another schema; a fit that did not converge.
     """
     if not isinstance(model, Saved):
         raise InputError(

@@ -36,18 +36,18 @@ def predict(
     and the disturbance).
 
     The residual is compared with two others: the scatter of neighbouring rows, which is the noise
-    of this record, and the residual of the same model refitted to this record. If the refit is
-    better, the parameters have changed. If the refit also exceeds the noise, the model lacks an
-    effect here, or the noise is correlated.
+    of this record, and the residual of the same model refitted to this record. If the residual of
+    the refit is clearly smaller, the parameters have changed. If the residual of the refit exceeds
+    the noise, the model lacks an effect for this record, or the noise is correlated.
 
     Parameters
     ----------
-    model : path of a fit.json or loop.json, or a `Fit` or `Loop`. Of a loop the models before and
-        after it are compared.
-    record : as read by `jaxfric.read` or, for the model of an axis, `jaxfric.read_axis`; or its
-        path.
+    model : path of a fit.json or loop.json, or a `Fit` or `Loop`. Of a loop, the models before and
+        after the search are compared.
+    record : as read by `jaxfric.read` or, for the model of an axis, `jaxfric.read_axis`; or the
+        path of a record.
     stiffness : of the machine that made this record (sliders), in friction per metre or text with a
-        unit; by default that of the model.
+        unit; by default the stiffness of the model.
     steps : velocity steps of this record (sliders), as in `jaxfric.fit`.
     refit : names of the parameters to fit to this record; by default ("f0",) for a slider, none for
         an axis. Times of steps found in the load point are always fitted within their error.

@@ -1,4 +1,4 @@
-"""The result of a prediction: the error of a saved model on a record, and its cause."""
+"""The result of a prediction: the error of a saved model on a record, and the error's cause."""
 
 import math
 from dataclasses import dataclass
@@ -45,7 +45,7 @@ class Shift:
 
     @property
     def in_sigma(self) -> float:
-        """The difference in standard errors."""
+        """Value in the refit minus value in the model, in standard errors."""
         return (self.here - self.model) / self.error if self.error > 0 else math.nan
 
 
@@ -92,7 +92,8 @@ class Prediction(Described, Drawable, Gridded, Tabular):
 
     def shares(self) -> dict[str, float]:
         """Return shares of the mean square residual: removable by a refit ("parameters"), misfit of
-        the refit beyond noise ("model"), and scatter of neighbouring rows. Their sum is 1."""
+        the refit beyond noise ("model"), and scatter of neighbouring rows. The sum of these shares
+        is 1."""
         whole = self.rms**2
         best = min(self.refit_rms**2, whole)
         noise = min(self.sigma**2, best)

@@ -2,8 +2,9 @@
 
     f(t) of the model, in steady sliding at the first velocity, compared with recorded friction
 
-Only f0 is fitted to the record, because it depends on the surface and on the zero of the load cell,
-and the times of velocity steps within their error. All other parameters are those of the model.
+f0 is fitted to the record, because f0 depends on the surface and on the zero of the load cell. The
+times of velocity steps are fitted to the record within their error. All other parameters are those
+of the model.
 """
 
 import dataclasses
@@ -68,7 +69,7 @@ def predict_slider(
     free: Sequence[str],
     progress: Callable[[str], None],
 ) -> Prediction:
-    """Compare a slider's model with a record, as `jaxfric.predict` describes."""
+    """Compare the model of a slider with a record, as `jaxfric.predict` describes."""
     require_float64()
     _refuse_other(saved, record)
     setting = _setting(saved, record, stiffness, steps)
@@ -202,7 +203,7 @@ def _descend(setting: _SliderSetting, z: np.ndarray, free: tuple[str, ...]) -> _
     index = np.asarray([*(names.index(name) for name in free), *shifts], int)
     if len(index):
         z = np.asarray(descend(problem, z, index, most=_TRIALS).z)
-    _, residual, jacobian, *_ = known_at(problem, z)  # also by the fixed parameters
+    _, residual, jacobian, *_ = known_at(problem, z)  # derivatives also by the fixed parameters
     rows = residual[: len(setting.record)]
     error = np.where(np.abs(rows) >= FAILED_MISFIT, np.nan, rows) * float(problem.noise_scale)
     values = dict(zip(names, problem.coordinates.from_free(np.asarray(z)).tolist(), strict=True))

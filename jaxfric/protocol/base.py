@@ -29,8 +29,8 @@ class Base(NamedTuple):
     noise: float | None = None
 
     def without(self, asked: Sequence[str], typed: Sequence[str]) -> "Base":
-        """Return the base without the `asked` effects of its file: the question is whether the plan
-        can detect them. Effects that the user has `typed` stay."""
+        """Return the base without the `asked` effects of its file, so that the plan tells whether
+        it can detect these effects. Effects that the user has `typed` stay."""
         gone = {id for id in asked if id in self.effects and id not in typed}
         kept = {name: x for name, x in self.parameters.items() if name.split(".")[0] not in gone}
         effects = tuple(id for id in self.effects if id not in gone)
@@ -50,7 +50,7 @@ def base_of_text(text: str = TYPICAL, friction_unit: str = "1", law: str = "slip
 def base_of_file(path: Path) -> Base:
     """Read the base from a fit.json, or from the fit after the loop of a loop.json.
 
-    Raises `InputError` for a file that is neither, and for that of an axis.
+    Raises `InputError` for a file of another kind, and for the file of an axis.
     """
     _, content = read_saved(path, FIT, LOOP)
     fitted = law_in(path, content)
@@ -71,9 +71,9 @@ def base_of_file(path: Path) -> Base:
 def named_pair(
     ids: tuple[str, str], law: str, with_: Sequence[str], without: Sequence[str]
 ) -> tuple[str, str]:
-    """Return the pair with the ids of a plan; the name of the base's law means the base.
+    """Return the pair of effects with the ids of a plan; the name of the base's law means the base.
 
-    Raises `InputError` for an effect of the base, and for one that the plan does not know.
+    Raises `InputError` for an effect of the base, and for an effect that the plan does not know.
     """
     effects = {id: effect for id, effect in CATALOGUE.items() if effect.channel is None}
     known = [id for id, effect in effects.items() if id not in without and takes(law, effect)]

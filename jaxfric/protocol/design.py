@@ -73,7 +73,7 @@ class Design:
     """Prediction of the base at these times, without noise."""
 
     def pairs(self) -> tuple[tuple[str, str, float], ...]:
-        """Return indistinguishable pairs with their cosine, the most similar first."""
+        """Return indistinguishable pairs of effects with their cosine, the most similar first."""
         found = [
             (self.ids[j], self.ids[i], float(self.cosines[i, j]))
             for i in range(len(self.ids))
@@ -83,7 +83,7 @@ class Design:
         return tuple(sorted(found, key=lambda pair: -pair[2]))
 
     def groups(self) -> tuple[tuple[str, ...], ...]:
-        """Return groups of effects linked by such pairs, the largest first."""
+        """Return groups of effects linked by indistinguishable pairs, the largest group first."""
         group = {id: {id} for id in self.ids}
         for a, b, _ in self.pairs():
             joined = group[a] | group[b]
@@ -94,7 +94,7 @@ class Design:
         return tuple(sorted(ordered, key=lambda g: -len(g)))
 
     def pair(self, a: str, b: str) -> Pair:
-        """Return whether two of `ids`, or one of them and `BASE`, are distinguished."""
+        """Return whether the plan distinguishes two of `ids`, or one of `ids` and `BASE`."""
         seen = {s.id: s.amplitude for s in self.smallest}
         effects = [id for id in (a, b) if id != BASE]
         known = {id: x for id in effects if (x := seen[id]) is not None}
@@ -115,7 +115,7 @@ class Design:
 
     def from_all(self, id: str) -> tuple[str, float | None]:
         """Among effects distinguishable from `id`, return the one that needs the largest amplitude
-        of `id`, and that amplitude; None if there is none."""
+        of `id`, and that amplitude; None without such an effect."""
         seen = {s.id: s.amplitude for s in self.smallest}
         own, size = self.ids.index(id), seen[id]
         like = [c if k != own and c <= ALIAS else -1.0 for k, c in enumerate(self.cosines[own])]
@@ -128,7 +128,7 @@ class Design:
         self, pair: Pair, known: Mapping[str, float]
     ) -> tuple[tuple[Smallest, float], ...]:
         """Return effects of a distinguished pair whose size in `known` (by name) is below the
-        required one, with that size. SI."""
+        required size, with the required size. SI."""
         out = []
         for s in self.smallest:
             found = [known.get(f"{s.id}.{name}") for name in s.names]
@@ -144,7 +144,7 @@ class Design:
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """A change of the plan, and its design; `design` is None if the slider runs away. SI.
+    """A change of the plan, and the `design` of the changed plan; None if the slider runs away. SI.
 
     The changed plan has these velocities, slip and channels; the noise of a missing channel is
     None.
@@ -208,13 +208,13 @@ class Protocol(Described, Drawable, Tabular):
         return () if after is None else tuple(pair for pair in pairs if pair not in after)
 
     def no_shorter(self) -> tuple[Change, ...]:
-        """Return the changes that are not shorter in time. The best detectable lengths and times
-        shrink with a plan, so that a shorter plan looks better than it is."""
+        """Return the changes that are not shorter in time. In a shorter plan the best detectable
+        lengths and times shrink, so that the plan looks better than it is."""
         return tuple(c for c in self.changes if c.duration > 0.99 * self.duration)
 
     def recommended(self) -> Change | None:
-        """Return the first change with the fewest indistinguishable pairs, without shorter ones;
-        None if none has fewer than the plan."""
+        """Of the changes that are not shorter, return the first with the fewest indistinguishable
+        pairs; None if no change has fewer such pairs than the plan."""
         possible = [c for c in self.no_shorter() if c.design is not None]
         best = min(possible, key=_remaining, default=None)
         if best is None or _remaining(best) >= len(self.design.pairs()):

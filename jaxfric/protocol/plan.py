@@ -1,11 +1,12 @@
 """Plan an experiment: which effects can a sequence of velocity steps distinguish?
 
-The sensitivity of the record to every effect is computed at the null, along the motion of the base
-with guessed or previously fitted parameters. The part that the base's own parameters can absorb is
-projected out. To first order in the effects, the cosine of two remaining sensitivities shows
-whether the effects look alike, and their length how large each must be to be detected. No data are
-needed. The same is computed for several changes of the plan. All variants have arrays of one size,
-so that they compile once; an absent channel is present with very large noise.
+The sensitivity of the record to every effect is computed at zero amplitude, along the motion of the
+base with guessed or previously fitted parameters. The part of a sensitivity that the base's own
+parameters can absorb is projected out. To first order in the effects, the cosine of two remaining
+sensitivities shows whether the effects look alike. The length of a sensitivity shows how large its
+effect must be to be detected. No data are needed. Cosines and lengths are also computed for several
+changes of the plan. All variants have arrays of one size, so that JAX compiles once. A channel that
+is not recorded is present with very large noise.
 """
 
 import dataclasses
@@ -149,7 +150,7 @@ def plan(
     changes: bool = True,
     progress: Callable[[str], None] = silent,
 ) -> Protocol:
-    """Predict which effects a sequence of velocity steps can distinguish, and what improves it. SI.
+    """Predict which effects a sequence of velocity steps distinguishes, and how to improve it. SI.
 
     Let s_i be the sensitivity of the record to the amplitudes of effect i, in units of the noise
     and with the base's sensitivities projected out. The cosine of two effects is
@@ -166,12 +167,13 @@ def plan(
 
     Raises
     ------
-    InputError : fewer than two different velocities, one not positive; a parameter missing or out
-        of bounds; an unknown effect; a slider that runs away, in steady motion or at a step.
+    InputError : fewer than two different velocities, a velocity that is not positive; a parameter
+        missing or out of bounds; an unknown effect; a slider that runs away, in steady motion or at
+        a step.
 
-    Only samples of the train block count, which `jaxfric.loop` would fit (`loop.split`). Not
-    covered: holds, reversals, correlated noise, uncertain step times, and effects so large that
-    they are nonlinear.
+    Only samples of the train block count, which `jaxfric.loop` would fit (`loop.split`). The
+    prediction does not cover holds, reversals, correlated noise, uncertain step times, or effects
+    so large that they are nonlinear.
     """
     begun = time.monotonic()
     velocities, values = tuple(map(float, asked.velocities)), dict(asked.parameters)

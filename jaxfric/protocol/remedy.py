@@ -9,7 +9,7 @@ from .design import Change, Design, Pair, Protocol
 
 @dataclass(frozen=True, eq=False)
 class Remedy:
-    """A change, and the answer of the changed plan on the pair."""
+    """A change of a plan, and the answer of the changed plan on a pair of effects."""
 
     change: Change
     pair: Pair
@@ -19,7 +19,7 @@ class Remedy:
     """A change that is also enough and takes less time, but needs another channel."""
 
     def to_json(self) -> dict[str, object]:
-        """Return the change and its answer as JSON values."""
+        """Return the change, and the changed plan's answer, as JSON values."""
         return self.change.planned() | {"enough": self.enough, "answer": self.pair.to_json()}
 
 
@@ -33,11 +33,11 @@ class Answer(NamedTuple):
 
     @property
     def change(self) -> Change | None:
-        """The reported change."""
+        """The reported change of the plan."""
         return self.less if self.better is None else self.better.change
 
     def to_json(self, command: str) -> dict[str, object]:
-        """Return the part of protocol.json; `command` plans the change."""
+        """Return the answer's part of protocol.json; the text `command` plans the change."""
         if self.pair is None:
             return {}
         line = {"command": command or None}
@@ -57,8 +57,9 @@ def remedy(plan: Protocol, ids: tuple[str, str], known: Mapping[str, float]) -> 
     """Return the cheapest change that distinguishes two effects, of sizes `known` by name (SI).
 
     Shorter changes are excluded (`Protocol.no_shorter`). An additional channel needs another
-    instrument, so that changes without one come first, then the shortest. If no change is enough,
-    the nearest one is returned. None if the plan needs no change, or if none helps.
+    instrument, so that changes without an additional channel come first; among these, the shortest
+    comes first. If no change is enough, the nearest change is returned. The result is None if the
+    plan needs no change, or if no change helps.
     """
     possible = [(c, c.design) for c in plan.no_shorter() if c.design is not None]
     lacks = {c.key: _lack(design, ids, known) for c, design in possible}
@@ -76,8 +77,9 @@ def remedy(plan: Protocol, ids: tuple[str, str], known: Mapping[str, float]) -> 
 def shorter(plan: Protocol, ids: tuple[str, str], known: Mapping[str, float]) -> Change | None:
     """Return the shortest change that still distinguishes two effects in less time, or None.
 
-    It needs no other channel, distinguishes them at about the same sizes, and is as good for all
-    other effects. None too for a plan that does not distinguish them.
+    The change needs no other channel, distinguishes both effects at about the same sizes, and is as
+    good for all other effects. The result is also None if the plan does not distinguish the two
+    effects.
     """
     if _lack(plan.design, ids, known) != _NOTHING:
         return None

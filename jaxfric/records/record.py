@@ -24,7 +24,7 @@ EMPTY_ROWS = "empty at the start or end"
 
 @dataclass(frozen=True)
 class Provenance:
-    """Origin of a record, and the rows that were left out; `dropped` counts these rows by reason."""
+    """Origin of a record, and its omitted rows; `dropped` counts the omitted rows by reason."""
 
     path: str = ""
     sha256: str = ""

@@ -1,5 +1,5 @@
-"""Cautions about the record of a run: gaps of the clock, motion back and forth, and friction that
-falls to zero where the load point may have reversed unnoticed."""
+"""Warn of doubtful parts in the record of a run: gaps of the clock, motion back and forth, and
+friction that falls to zero where the load point may have reversed unnoticed."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""The content of run.json: a whole run, for programs."""
+"""Make the content of run.json, which describes a whole run for programs."""
 
 from dataclasses import asdict
 
@@ -11,7 +11,7 @@ from .table import claimed
 
 
 def content(run: RunFit, others: Findings) -> dict[str, object]:
-    """Return the content of run.json, SI."""
+    """Return the content of run.json, in SI units."""
     origin, shared = run.record.provenance, share(run.steps)
     return {
         "schema": RUN,

@@ -3,13 +3,15 @@
 In every interval of saw teeth at one velocity the drop, the period and the loading rate are
 measured (`stick_slip`). The mean rises of all intervals are fitted together under the slip and the
 ageing law (`rise_fit`). B - A follows from the decrease of the drop with ln V, K from the slope of
-a rise, and L from the creep before its tip. A law is preferred if its misfit is much smaller.
+a rise, and L from the creep before the tip of a rise. A law is preferred if its misfit is much
+smaller than that of the other law.
 
 No parameters are reported if the law does not describe the rises, or if inertia matters during
-creep: T V of the order of L, where T is the period of free oscillation of the slider.
+creep: T V of the order of L, where T is the period of free oscillation of the slider and V the
+velocity of the load point.
 
-Not validated: T V above L/10, stiffness above half of the critical one, fewer than 60 rows for each
-tooth, and normal stresses that differ between intervals.
+Results are not validated for T V above L/10, stiffness above half of the critical one, fewer than
+60 rows for each tooth, and normal stresses that differ between intervals.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -46,8 +48,9 @@ _NAMES = ("A", "B", "A-B", "L", "K")
 
 @dataclass(frozen=True, eq=False)
 class StickSlip:
-    """The intervals of stick-slip of a run, and their `fits` by law; `law` is the preferred one
-    (None: neither). Laws in `doubts`, with the reason, report no parameters."""
+    """The intervals of stick-slip of a run, and their `fits` by law; `law` is the preferred law
+    (None: no preference). `doubts` gives, by law, the reason why the law's parameters are not
+    reported."""
 
     stretches: tuple[Rises, ...]
     fits: Mapping[str, RiseFit]
@@ -63,14 +66,14 @@ class StickSlip:
 
     @property
     def units(self) -> dict[str, tuple[str, float]]:
-        """Printed unit of A, B, A-B, L and K, and its number in one SI unit."""
+        """Printed units of A, B, A-B, L and K, and how many printed units make one SI unit."""
         force = self.unit == "N"
         amplitude = ("N", 1.0) if force else ("", 1.0)
         own = {name: amplitude for name in _NAMES}
         return own | {"L": ("um", 1e6), "K": ("N/um" if force else "1/um", 1e-6)}
 
     def claimed(self, law: str) -> dict[str, tuple[float, float]]:
-        """Return the determined values and standard errors under a law (SI), by name."""
+        """Return values and errors (SI), by name, of the parameters that a law determines."""
         if law not in self.fits or self.doubts.get(law):
             return {}
         fit = self.fits[law]
@@ -152,9 +155,9 @@ def disagreement(
 ) -> str | None:
     """Return a sentence if the given stiffness is not that of the teeth, else None.
 
-    If the teeth determine no stiffness, the given one is only refused if it is below the slope of
-    the rises: friction cannot rise faster than K. `stress` is the normal stress [Pa] of teeth
-    without one.
+    If the teeth determine no stiffness, the given stiffness is refused only if it is below the
+    slope of the rises: friction cannot rise faster than K. `stress` is the normal stress [Pa] of
+    teeth whose record has no normal stress.
     """
     if found is None or given is None or not found.fits:
         return None

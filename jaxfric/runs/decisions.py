@@ -1,4 +1,4 @@
-"""The events of a run as a file that the user can edit and pass to the next run."""
+"""Write the events of a run to a file that the user can edit, and read such a file."""
 
 import json
 import tomllib
@@ -52,9 +52,9 @@ def decisions_text(events: tuple[Event, ...], name: str, file: str = "events.tom
 
 
 def read_decisions(file: str | Path, end: float) -> tuple[Event, ...]:
-    """Read the events of such a file, for a run of `end` [s].
+    """Read the events of a run that lasts until `end` [s] from a file by `decisions_text`.
 
-    Raises `InputError` for another file; the message names the entry and what to write.
+    Raises `InputError` for a file of another form; the message names the entry and what to write.
     """
     file = Path(file)
     try:

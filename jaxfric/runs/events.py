@@ -1,22 +1,23 @@
 """The events of a run: velocity steps, changes of normal stress, holds, reloads, stick-slip.
 
-The load point's velocity changes at joints (`records.run_motion`), the normal stress at changes of
-its own (`stress`), and friction shows saw teeth and glitches (`teeth`). Each of these is an event
+`records.run_motion` finds the joints, at which the velocity of the load point changes. `stress`
+finds changes of the normal stress, `teeth` the saw teeth and glitches of friction. Every event is
 of one kind:
 
-    step        from one forward velocity to another, during steady sliding
+    step        the velocity changes to another forward velocity, during steady sliding
     stress      the normal stress changes, alone or so near to a velocity step that no window of
                 constant stress remains around the step
     hold        the load point stops
-    reload      it moves on after a hold or after unloading, or faster during loading
-    unload      it moves back
-    stick_slip  friction has saw teeth, or a velocity step lies in or next to them
-    glitch      of the recorder: outlier rows, a jump of the encoder
+    reload      the load point moves on after a hold or unloading, or moves faster during loading
+    unload      the load point moves back
+    stick_slip  friction has saw teeth, or a velocity step lies in or next to saw teeth
+    glitch      the recorder has a fault: outlier rows, a jump of the encoder
 
-A step is not fitted if friction still rises before it: sliding was not steady. Other steps are
-fitted in a window without other events. It begins in the middle of the velocity before or, if that
-is later, half the distance after the step ahead of it. It ends with the velocity after. Every event
-has a line with the reason, which the user can edit.
+A step is not fitted if friction still rises before the step: sliding was not steady. Other steps
+are fitted in a window without other events. The window begins in the middle of the phase before the
+step, or later: the load point moves at most half as far before the step as after it. The window
+ends with the phase after the step. Every event is written as a line with its reason; the user can
+edit this line.
 """
 
 import math
@@ -62,8 +63,8 @@ class Event:
 
     `before` and `after` are velocities of the load point [m/s]. A step to be fitted has a window
     from `start` to `stop` [s]; `time_error` is the standard error of its time. `why` gives the
-    reason in words; `fitted`: whether it is to be fitted. `steady` is False if friction still rises
-    before a step.
+    reason in words; `fitted`: whether the event is to be fitted. `steady` is False if friction
+    still rises before a step.
     """
 
     kind: str
@@ -79,7 +80,7 @@ class Event:
     steady: bool = True
 
     def told(self) -> str:
-        """Return the event as one line."""
+        """Return the event as one line of text."""
         words = f"{self.time:.6g} s: {self.kind}"
         if self.before != self.after:
             change = (format_si(v, "m/s", "um/s", 4) for v in (self.before, self.after))
@@ -91,8 +92,8 @@ def mean_velocity(event: Event) -> float:
     """Return the geometric mean of the speeds before and after a velocity step [m/s].
 
     The change of steady-state friction over ln(after/before) is the mean of A - B between the two
-    velocities. If A - B is linear in ln V, this is its value at the geometric mean, for steps up
-    and down.
+    velocities. If A - B is linear in ln V, this mean is the value of A - B at the geometric mean
+    velocity, for steps up and down.
     """
     return math.sqrt(abs(event.before * event.after))
 
@@ -121,10 +122,10 @@ class _Phase(NamedTuple):
 def find_events(record: Record, *, stiffness: MachineStiffness | None = None) -> Happenings:
     """Find the events of a run, as this module describes.
 
-    **Arguments:** `record`; `stiffness` or None: with it steady sliding is better separated from
+    **Arguments:** `record`; `stiffness` or None: a stiffness separates steady sliding better from
     loading.
 
-    Not validated: runs that reverse during shear (cycles), and angles.
+    The search is not validated for runs that reverse during shear (cycles), and for angles.
     """
     motion = run_motion(record)
     t = record.relative_time
@@ -361,6 +362,6 @@ def _windowed(record: Record, event: Event, events: Sequence[Event]) -> Event:
 
 
 def end_of(event: Event) -> float:
-    """Return the end of an event [s]: only stick-slip and a change of stress last."""
+    """Return the end of an event [s]: only stick-slip and changes of stress last for a time."""
     lasts = event.kind == "stick_slip" or (event.kind == "stress" and event.before == event.after)
     return event.stop if lasts else event.time

@@ -24,8 +24,8 @@ from .table import Cell, claimed
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """Stress steps, ramps, stick-slip (None: it has none), holds and warnings of a run. `left_out`
-    are holds that are not fitted; `unit` is that of friction, "1" or "N"."""
+    """Stress steps, ramps, stick-slip (None: not found), holds and warnings of a run. `left_out`
+    are holds that are not fitted; `unit` is the unit of friction, "1" or "N"."""
 
     stress_steps: tuple[FittedStress, ...] = ()
     ramps: tuple[Ramp, ...] = ()
@@ -36,7 +36,7 @@ class Findings:
     unit: str = "1"
 
     def tables(self) -> dict[str, list[dict[str, Cell]]]:
-        """Return rows of the CSV files by name, only for results that the run has."""
+        """Return the rows of every CSV file, by file name, only for results that the run has."""
         found = {
             "holds.csv": of_holds.rows(self.holds, self.unit, self.left_out),
             "stress_steps.csv": of_stress.rows(self.stress_steps),
@@ -47,7 +47,7 @@ class Findings:
         return {name: rows for name, rows in found.items() if rows}
 
     def to_json(self) -> dict[str, object]:
-        """Return entries of `run.json`, SI."""
+        """Return the entries of `run.json` for these results, in SI units."""
         stiffness = ramp_stiffness(self.ramps)
         return {
             "holds": [_hold(hold) for hold in self.holds],
@@ -61,7 +61,7 @@ class Findings:
         }
 
     def told(self) -> list[str]:
-        """Return lines for a terminal."""
+        """Return these results as lines for a terminal."""
         return [
             *of_holds.told(self.holds, self.unit, self.left_out),
             *of_stress.told(self.stress_steps),

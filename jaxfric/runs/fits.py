@@ -26,7 +26,7 @@ from .stiffness import MachineStiffness
 
 @dataclass(frozen=True, eq=False)
 class StepFit:
-    """An event of a run with its fit, or None and the reason `failed`.
+    """An event of a run with its `fit`; without a fit, `failed` gives the reason.
 
     `position` is the displacement of the load point since the run's first row [m].
     """
@@ -67,7 +67,7 @@ def decided_events(
 
 
 def window_of(record: Record, event: Event) -> tuple[Record, VelocitySteps]:
-    """Return the rows of an event's window, with time from 0, and its one velocity step.
+    """Return the rows of an event's window, with time from 0, and the event's velocity step.
 
     Raises `InputError` for a window of fewer than 20 rows.
     """
@@ -93,7 +93,7 @@ def contradictions(record: Record, events: Sequence[Event]) -> list[str]:
 
 
 def by_step(said: Iterable[tuple[int, str]]) -> list[str]:
-    """Merge texts about steps, (number, text), to a line for each text with all its numbers."""
+    """Merge pairs (step number, text): one line for each text, with all its step numbers."""
     told: dict[str, list[int]] = {}
     for number, text in said:
         told.setdefault(text, []).append(number)
@@ -120,7 +120,7 @@ class HowFitted:
         refuse_few_means(self.rows)
 
     def fit(self, part: Record, steps: VelocitySteps, normal_stress: float | None) -> Fit:
-        """Fit some rows with given steps under a normal stress [Pa]; raises as `fit` does."""
+        """Fit some rows with given steps under a normal stress [Pa]; raises like `jaxfric.fit`."""
         return fit(
             part,
             stiffness=None if self.stiffness is None else self.stiffness.at(normal_stress),
@@ -149,11 +149,11 @@ def fit_run(
     """Fit all events of a run that are marked for fitting.
 
     A window with more rows than `how` allows is reduced by block averaging. A step that cannot be
-    fitted is kept with the reason, and the run goes on.
+    fitted is kept with the reason, and the other steps are fitted.
 
     A run may have no steps if it has holds, stick-slip or ramps.
 
-    Raises `InputError` if there is nothing to fit, and as `jaxfric.fit` does if no step can be
+    Raises `InputError` if there is nothing to fit, and the error of `jaxfric.fit` if no step can be
     fitted.
     """
     chosen = [event for event in events if event.fitted]

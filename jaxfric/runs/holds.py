@@ -1,13 +1,13 @@
 """Slide-hold-slide tests: frictional healing during holds, and the law that describes it.
 
 During a hold of duration t_h after sliding at velocity V, friction creeps down from its steady
-level. The reload passes a peak above this level; the difference is the healing. Under the ageing
-law in a stiff machine healing grows with B ln t_h (Dieterich 1972, J. Geophys. Res. 77, 3690-3697).
-Under the slip law the contact does not age at rest in a stiff machine. To compare the laws, A, B
-and L are fitted to all of slide, hold and slide under either law, with the machine's stiffness. The
-criterion is the likelihood of the residual, with noise estimated for each law (`fitting.noise`).
-Consecutive holds share A, B and L; with separate parameters for each hold the wrong law could
-imitate each of them.
+level. After the reload friction passes a peak above the steady level; healing is the height of this
+peak. Under the ageing law in a stiff machine healing grows with B ln t_h (Dieterich 1972, J.
+Geophys. Res. 77, 3690-3697). Under the slip law the contact does not age at rest in a stiff
+machine. To compare the laws, A, B and L are fitted to each sequence of slide, hold and slide, once
+under each law, with the machine's stiffness. The criterion is the likelihood of the residual, with
+noise estimated for each law (`fitting.noise`). Consecutive holds share A, B and L; with separate
+parameters for each hold the wrong law could imitate every hold.
 """
 
 from collections.abc import Callable, Sequence
@@ -52,11 +52,12 @@ has up to 4 in measured noise."""
 class Hold:
     """A hold of `lasts` [s] at `time` [s], from and to sliding at `velocity` [m/s].
 
-    `creep` is the decrease of friction during the hold (None: not recorded), `healing` the peak
-    above the level before it, with its standard `error`. `fits` are the converged fits by law, to
-    all holds with the same number `group`. `preference` is ln L of the slip law minus that of the
-    ageing law; None without both fits. `missing` is unrecorded motion of the load point [m]
-    (`missing_motion`): then the hold was shorter, and neither law is tested.
+    `creep` is the decrease of friction during the hold (None: not recorded), `healing` the height
+    of the peak after the hold above the level before the hold, with standard `error`. `fits` are
+    the converged fits by law, to all holds with the same number `group`. `preference` is the
+    log-likelihood ln L of the slip law minus ln L of the ageing law; None without both fits.
+    `missing` is unrecorded motion of the load point [m] (`missing_motion`). With missing motion the
+    hold was shorter than recorded, and neither law is tested.
     """
 
     time: float
@@ -149,7 +150,7 @@ def fit_holds(
         first = group[0].window.event
         progress(f"holds {number} of {len(groups)}, from {first.time:.6g} s")
         made = _fitted_together(record, group, how, out[-1].group + 1 if out else 1)
-        if made[0].preference is None and len(group) > 1:  # each by itself
+        if made[0].preference is None and len(group) > 1:  # fit each hold by itself
             made = [
                 replace(hold, preference=None)
                 for k, one in enumerate(group)
@@ -182,12 +183,12 @@ def missing_motion(
     Friction cannot rise by more than K u, the load of the spring. A larger rise shows motion
     without rows, or motion that an encoder reset hides. The result is 0 if the excess is within
     noise (with at least the `spread` of sliding before the hold), if a stiffness up to twice as
-    large would explain it, and without a displacement.
+    large would explain the excess, and if the record has no displacement.
     """
     u = part.load_point_displacement
     if u is None or not stiffness:
         return 0.0
-    on = max(int(np.searchsorted(part.relative_time, hold)) - _PEAK, 0)  # it may have no rows
+    on = max(int(np.searchsorted(part.relative_time, hold)) - _PEAK, 0)  # the hold may have no rows
     f, pulled = part.friction[on:], stiffness * u[on:]
     rest = f - pulled
     lowest = np.minimum.accumulate(rest)
@@ -312,8 +313,8 @@ def why_no_law(hold: Hold) -> str:
 
 
 def preferred(holds: Sequence[Hold]) -> tuple[str | None, float]:
-    """Return the law that all compared holds prefer together (None: neither), and ln L of slip
-    minus that of ageing."""
+    """Return the law that all compared holds prefer together (None: no law), and ln L of the slip
+    law minus ln L of the ageing law."""
     holds = [hold for hold in holds if not why_no_law(hold)]
     groups = {hold.group: hold.preference for hold in holds}
     total = float(sum(value for value in groups.values() if value is not None))
@@ -325,8 +326,8 @@ def preferred(holds: Sequence[Hold]) -> tuple[str | None, float]:
 def rows(
     holds: Sequence[Hold], unit: str = "1", others: Sequence[LeftOut] = ()
 ) -> list[dict[str, Cell]]:
-    """Return a row for every hold, with units in the names, then the `others`, which were not
-    fitted; unknown values are None. `unit` is that of friction, "1" or "N"."""
+    """Return a row for every hold, with units in the names, then a row for each of the `others`,
+    which were not fitted; unknown values are None. `unit` is the unit of friction, "1" or "N"."""
     out: list[dict[str, Cell]] = []
     force = " [N]" if unit == "N" else ""
     for number, hold in enumerate(holds, 1):
@@ -362,8 +363,8 @@ def rows(
 
 
 def told(holds: Sequence[Hold], unit: str = "1", others: Sequence[LeftOut] = ()) -> list[str]:
-    """Return lines on the holds of a run and the `others`, which were not fitted; `unit` is that of
-    friction, "1" or "N"."""
+    """Return lines on the holds of a run and on the `others`, which were not fitted; `unit` is the
+    unit of friction, "1" or "N"."""
     force = " N" if unit == "N" else ""
     lines = [
         f"hold of {'at most ' if hold.missing else ''}{hold.lasts:.4g} s at {hold.time:.6g} s:"
@@ -412,9 +413,9 @@ def _parameters_told(holds: Sequence[Hold], law: str, force: str) -> list[str]:
 
 
 def warnings_of(holds: Sequence[Hold]) -> list[str]:
-    """Return the warnings of the holds' fits, each with the times of its holds. They are of the
-    preferred law, or of both laws if none is preferred. Holds that are not used to compare the laws
-    give none."""
+    """Return the warnings of the holds' fits, each with the times of its holds. The warnings are
+    those under the preferred law, or under both laws if no law is preferred. Holds that are not
+    used to compare the laws give no warnings."""
     law, _ = preferred(holds)
     told: dict[str, list[str]] = {}
     for hold in (hold for hold in holds if not why_no_law(hold)):

@@ -2,10 +2,11 @@
 
 No model describes the time between windows: changes of normal stress, unloading, pauses of the
 recorder. Adjacent windows form one stretch. A later phase at another velocity, before friction is
-steady, belongs to it too: the fit of a single step must omit this phase, the joined motion need
-not. Before each later stretch the joined motion slides at the stretch's first velocity, as far as
-the real load point moved and at least as far as in a typical phase. So every stretch begins in
-steady sliding. Slip continues as in the run; time does so only within a stretch.
+steady, also belongs to the stretch. The fit of a single step must omit this phase; the joined
+motion need not. Before each later stretch the joined motion slides at the first velocity of this
+stretch. The joined motion slides as far as the real load point moved, and at least as far as in a
+typical phase. So every stretch begins in steady sliding. Slip continues as in the run; time
+continues only within a stretch.
 """
 
 from collections.abc import Sequence
@@ -36,9 +37,9 @@ _CHANGED = 0.1
 class Phase(NamedTuple):
     """Rows at one velocity [m/s] of the load point.
 
-    `time` is its start [s of the run], `joined` its start in the joined motion; `stretch` and
-    `unit` count from 0. A unit has the phases of one step, or of a hold and its reload; -1: the
-    sliding at the start of a stretch.
+    `time` is the start of the phase [s of the run], `joined` its start in the joined motion;
+    `stretch` and `unit` count from 0. A unit has the phases of one step, or of a hold and its
+    reload; unit -1 is the sliding at the start of a stretch.
     """
 
     time: float
@@ -79,14 +80,14 @@ class Joined:
         return np.array([phase.stretch for phase in self.phases])[self.phase]
 
     def steps(self, *, fine: bool = False) -> VelocitySteps:
-        """Return the joined motion; `fine`: also with the solver's stops between stretches."""
+        """Return the joined motion's steps; `fine` adds the solver's stops between stretches."""
         entries = [(p.joined, p.velocity, p.error) for p in self.phases]
         firsts = [p for p in self.phases if p.unit < 0][1:]
         for begin, first in zip(self.begins, firsts, strict=True):
             shares = np.append(0.0, _KNOTS) if fine else np.zeros(1)
             times = begin + shares * (first.joined - begin)
             entries += [(float(t), first.velocity, 0.0) for t in times]
-            if not fine:  # not a step: the velocity does not change there
+            if not fine:  # a stop is not a step: the velocity does not change
                 entries.remove((first.joined, first.velocity, first.error))
         times, velocities, errors = np.array(sorted(entries)).T
         return VelocitySteps(times, velocities, time_errors=errors)
@@ -97,7 +98,7 @@ class Joined:
         return VelocitySteps(times, np.array([p.velocity for p in self.phases]))
 
     def stress(self) -> NormalStress | None:
-        """Return normal stress over that of the first stretch; None if constant or unknown."""
+        """Return normal stress over its value in the first stretch; None if constant or unknown."""
         levels = [s.normal_stress for s in self.stretches]
         if any(level is None for level in levels) or self.record.friction_unit != "1":
             return None

@@ -1,25 +1,26 @@
 """Common parameters of the steps of a run, and their dependence on velocity, path and stress.
 
 Every step has estimates y = (A, B_1, .., ln L_1, ..) with a covariance C that includes the noise
-of its rows. If the steps share one y, the most likely is
+of its rows. If the steps share one y, the most likely y is
 
     y = S sum_i C_i^-1 y_i,   S = (sum_i C_i^-1)^-1,
     Q = sum_i (y_i - y)^T C_i^-1 (y_i - y),
 
-and Q is distributed as chi-square with p (n - 1) degrees of freedom (Cochran 1954, Biometrics 10,
-101-129): the likelihood ratio of shared against separate, to second order about each step's fit.
-f0 and a trend with slip are separate for each step.
+Q is the likelihood-ratio statistic of shared against separate parameters, to second order about
+each step's fit. For n steps with p parameters, Q is distributed as chi-square with p (n - 1)
+degrees of freedom (Cochran 1954, Biometrics 10, 101-129). f0 and a trend with slip are separate for
+each step.
 
 A weighted line through the n steps (`weighted`) tests whether a quantity depends on velocity
-(`mean_velocity` of a step), displacement or normal stress. The error of its slope is that of the
-fits, or larger by the scatter of the steps about the line. Few steps determine this scatter poorly,
-so p-values are those of Student's t with n - 2 degrees of freedom, times the number of tests
-(Bonferroni). For 5 steps t = 7 is p = .005, and .05 among 9 tests. Steps may differ by far more
-than the errors of their fits without a significant line.
+(`mean_velocity` of a step), displacement or normal stress. The error of the line's slope follows
+from the errors of the fits, or is larger if the steps scatter more about the line. Few steps
+determine this scatter poorly, so p-values are those of Student's t with n - 2 degrees of freedom,
+times the number of tests (Bonferroni). For 5 steps, t = 7 gives p = .006, or .05 after correction
+for 9 tests. Steps may differ by far more than the errors of their fits without a significant line.
 
-Friction that changes with slip biases A-B. Each fit gives A-B with a trend over slip too, and its
-shift in errors, d_i/s_i. If sum_i (d_i/s_i)^2, chi-square with n degrees of freedom, is
-significant, the lines of A-B use the estimates with a trend.
+Friction that changes with slip biases A-B. Every step is also fitted with a trend over slip, which
+shifts its A-B by d_i; s_i is the standard error of this shift. If sum_i (d_i/s_i)^2, chi-square
+with n degrees of freedom, is significant, the lines of A-B use the estimates with a trend.
 """
 
 from collections.abc import Sequence
@@ -49,7 +50,7 @@ _DECADES = 0.2
 @dataclass(frozen=True, eq=False)
 class Shared:
     """Common parameters of all steps: natural `values` and standard `errors` by name (SI), and the
-    p-value of the test that the steps share them."""
+    p-value of the test that the steps share these parameters."""
 
     values: dict[str, float]
     errors: dict[str, float]
@@ -134,7 +135,7 @@ def vector_of(fit: Fit) -> tuple[np.ndarray, np.ndarray]:
 
 
 def share(steps: Sequence[StepFit]) -> Shared | None:
-    """Return the common parameters; None if fewer than two steps determine theirs."""
+    """Return the common parameters; None if fewer than two steps determine these."""
     from scipy.special import chdtrc
 
     known = [step for step in steps if is_known(step)]
@@ -229,7 +230,7 @@ def _has(step: StepFit, quantity: str) -> bool:
 
 def trend_chance(steps: Sequence[StepFit]) -> float:
     """Return the p-value of the shift of A-B if a trend of friction over slip is fitted too; 1 if
-    it is unknown for a step, or if the fits already have a trend."""
+    the shift is unknown for a step, or if the fits already have a trend."""
     from scipy.special import chdtrc
 
     fits = [step.fit for step in _asked(steps, "A-B") if step.fit is not None]

@@ -29,7 +29,7 @@ def joints_of(events: Sequence[Event]) -> list[Event]:
 
 def why_left_out(hold: Event, back: Event | None) -> str:
     """Return the reason why a hold is not between sliding at about one velocity, or ''; `back` is
-    the next joint."""
+    the joint after the hold."""
     if not hold.before:
         return "the load point does not slide before it"
     if back is None:

@@ -1,20 +1,22 @@
 """The stiffness of machine and specimen, from ramps during which the slider sticks.
 
 When the load point moves back, or moves on after a hold or after unloading, friction is so far
-below sliding friction that the slider does not slip. At 10 % below, which is 5 A or more for most
-rocks, it slips at less than 1 % of the load point's velocity. Shear stress then changes by k per
-metre of the load point: k = cov(time, stress)/cov(time, position). The noise of both channels does
-not bias this (Wald 1940, Ann. Math. Stat. 11, 284-300, on lines with errors in both). Without a
-normal stress the result is K of friction.
+below sliding friction that the slider does not slip. At 10 % below sliding friction, which is 5 A
+or more for most rocks, the slider slips at less than 1 % of the load point's velocity. Shear stress
+then changes by the stiffness k per metre of the load point: k = cov(time, stress)/cov(time,
+position). The noise of both channels does not bias this k (Wald 1940, Ann. Math. Stat. 11, 284-300,
+on lines with errors in both). Without a normal stress the result is the stiffness K of friction.
 
 A ramp is used if its parts (sixths, with enough rows) have similar slopes; two halves would also
-agree for an S-shaped ramp. Otherwise its first half is tested, and so on: unloading is softer at
-low load, and at the end of a reload the slider begins to slip. If the second half is stiffer than
-the first, the press was not yet in contact, and the ramp is not used. The first loading of a press
-is not used either, because it seats and crushes the specimen, nor is a velocity directly after
-another forward one. Ramps need no fit, so that `--stiffness ramps` and the report of a run give the
-same value. The error of a ramp includes the scatter of its blocks, and half the deviation of its
-worst part. A press may be stiffer for the small changes after a velocity step than along a ramp.
+agree for an S-shaped ramp. Otherwise the first half of the ramp is tested, then the first half of
+this half, and so on. Such ramps occur because unloading is softer at low load, and because the
+slider begins to slip at the end of a reload. If the second half is stiffer than the first, the
+press was not yet in contact, and the ramp is not used. The first loading of a press is not used
+either, because this loading seats and crushes the specimen. A phase of motion directly after
+another forward phase is not used, either. Ramps need no fit, so that `--stiffness ramps` and the
+report of a run give the same value. The error of a ramp includes the scatter of its blocks, and
+half the deviation of its worst part. A press may be stiffer for the small changes after a velocity
+step than along a ramp.
 """
 
 from collections.abc import Sequence
@@ -53,7 +55,7 @@ class Ramp:
     """A ramp from `start` to `stop` [s] that begins with an `unload` or a `reload` (`kind`).
 
     `slope` and its standard `error`: k [Pa/m] of shear stress if `of_stress`, else K of friction
-    [friction/m]; None if it cannot be used, with the reason `why`.
+    [friction/m]; None if the ramp cannot be used, with the reason `why`.
     """
 
     kind: str
@@ -77,7 +79,7 @@ class RampStiffness:
     of_stress: bool
 
     def machine(self) -> MachineStiffness:
-        """Return it as a stiffness for the fits of steps."""
+        """Return the value as a machine stiffness for the fits of steps."""
         return MachineStiffness(self.value, self.of_stress)
 
     def told(self) -> str:
@@ -96,9 +98,9 @@ class _RampRows(NamedTuple):
 def find_ramps(record: Record, events: Sequence[Event]) -> tuple[Ramp, ...]:
     """Find the ramps of a run; its record must have no encoder resets.
 
-    The result does not depend on whether `events` were found with a stiffness. A velocity directly
-    after another one, called a step or a reload, starts at the level of the rows before it and
-    gives no ramp.
+    The result does not depend on whether `events` were found with a stiffness. A phase of motion
+    directly after another phase, called a step or a reload, starts at the level of the rows before
+    the phase and gives no ramp.
     """
     t = record.relative_time
     joints = [e for e in events if e.before != e.after or e.kind == "stress"]
@@ -197,8 +199,8 @@ def _slope(rows: _RampRows) -> tuple[float, float]:
 
 
 def ramp_stiffness(ramps: Sequence[Ramp]) -> RampStiffness | None:
-    """Return the weighted mean of all ramps; its error includes their scatter (Birge 1932, Phys.
-    Rev. 40, 207-227). None if no ramp has a slope."""
+    """Return the weighted mean of all ramps; the error of the mean includes the scatter of the
+    ramps (Birge 1932, Phys. Rev. 40, 207-227). None if no ramp has a slope."""
     known = [(r.slope, r.error) for r in ramps if r.slope is not None and r.error is not None]
     if not known:
         return None
@@ -232,11 +234,11 @@ def _none(ramps: Sequence[Ramp]) -> str:
 def disagreement(
     found: RampStiffness | None, given: MachineStiffness | None, stresses: Sequence[float]
 ) -> str | None:
-    """Return a sentence if the given stiffness is not that of the ramps, else None.
+    """Return a sentence if the given stiffness differs from that of the ramps, else None.
 
     `stresses` are the normal stresses [Pa] of the steps. If one stiffness is of stress and the
-    other of friction, they are compared at each of these; the sentence is about the largest
-    difference.
+    other of friction, both are compared at each of these normal stresses; the sentence is about the
+    largest difference.
     """
     if found is None or given is None:
         return None

@@ -1,11 +1,12 @@
 """A, B, L and K of a run with stick-slip, from the rises of its teeth (`rise_model`).
 
-Least squares fit the mean rises of all intervals together, each with its own foot. Weights are the
-scatter of an interval's teeth in each part of the rise, and the resolution of the rows. Errors use
-the full covariance of the teeth, in which all parts of a rise vary together (sandwich: Huber 1967,
-Proc. 5th Berkeley Symp. 1, 221-233). They are widened if the misfit of the means is larger, and by
-Student's t for the number of teeth. The duration of a slip is that of the drops or, if the rows do
-not resolve them, is known to a factor `_VAGUE`.
+Least squares fit the mean rises of all intervals together, each rise with its own foot. Weights
+follow from the scatter of an interval's teeth in each part of the rise, and from the resolution of
+the rows. Errors use the full covariance of the teeth, in which all parts of a rise vary together
+(sandwich: Huber 1967, Proc. 5th Berkeley Symp. 1, 221-233). The errors are widened if the misfit of
+the means is larger than this scatter, and by Student's t for the number of teeth. The duration of a
+slip is that of the drops. If the rows do not resolve the drops, the duration is known to a factor
+`_VAGUE`.
 """
 
 from collections.abc import Sequence
@@ -40,11 +41,11 @@ _V0 = 1e-6
 
 @dataclass(frozen=True)
 class RiseFit:
-    """Fit of the rises of a run under one law; K is that under the normal stress `stress` [Pa].
+    """Fit of the rises of a run under one law; K holds under the normal stress `stress` [Pa].
 
     `values` and `errors` by name: f0 at 1 um/s, A, B, A-B, L [m], K [1/m] (for a force N and N/m,
-    except L), softness K L/(B-A). `period` [s] is that of free oscillation. `misfit`: rms residual
-    of the means, over a drop; `chi2` has `freedom` degrees of freedom.
+    except L), softness K L/(B-A). `period` [s] is the period of free oscillation. `misfit`: rms
+    residual of the means, divided by a drop; `chi2` has `freedom` degrees of freedom.
     """
 
     law: str
@@ -98,7 +99,7 @@ def _means(found: Sequence[Rises]) -> _Means:
         slope, foot = straight(rise)
         drop = float(rise[-1] - foot)
         each = np.column_stack([one.means, drop * one.lasts / lasts])
-        # tip and foot lie anywhere between two rows; for teeth of one duration at the same place
+        # tip and foot lie anywhere between two rows, at one place in all teeth of equal duration
         alike = np.std(one.lasts) < _ALIKE * one.row
         between = slope * one.row / lasts / np.sqrt(12 * (1 if alike else one.count))
         ones, along = np.ones(len(MIDDLE) + 1), np.append(MIDDLE, 0.0)

@@ -2,8 +2,8 @@
 
 During stick the spring is loaded at the rate K V, and near the peak the slider begins to creep. The
 rises of friction from foot to tip, at several velocities, determine K, A, B and L (`rise_model`).
-Every rise is divided into parts of time, and friction is averaged over each part. These means do
-not depend on the sampling rate, unlike extremes of noise. A drop is the difference between the
+Every rise is divided into parts of time, and friction is averaged over each part. The means over
+parts do not depend on the sampling rate; extremes of noise do. A drop is the difference between the
 highest and the lowest row.
 """
 
@@ -50,8 +50,8 @@ _RESOLVED = 3.0
 class Rises:
     """The teeth of an interval from `start` to `stop` [s] at the load point's `velocity` [m/s].
 
-    `means` (teeth, parts): friction in the parts of a rise (`EDGES`); `lasts` (teeth,): its
-    duration [s]; `drops`, `periods` (teeth,): drop of friction, time between drops [s]; `row` the
+    `means` (teeth, parts): friction in the parts of a rise (`EDGES`); `lasts` (teeth,): duration of
+    the rise [s]; `drops`, `periods` (teeth,): drop of friction, time between drops [s]; `row` the
     time between rows [s]; `fall` the duration [s] of a linear drop. `why` is the reason if the
     interval cannot be used.
     """
@@ -75,7 +75,7 @@ class Rises:
 
     @property
     def loading(self) -> np.ndarray:
-        """Slope of friction over load-point motion during stick [1/m] (teeth,)."""
+        """Slope of friction over load-point motion during stick [1/m], for each tooth (teeth,)."""
         return straight(self.means.T)[0] / (self.lasts * self.velocity)
 
     @property
@@ -85,19 +85,19 @@ class Rises:
 
     @property
     def swing(self) -> float:
-        """Period of oscillation [s] from the slip; if not `resolved`, at most what rows resolve."""
+        """Period of oscillation [s] from the duration of a slip; a bound if not `resolved`."""
         return 2 * max((_HIGH - _LOW) * self.fall, self.row) / _COSINE
 
     @property
     def averaged(self) -> float:
-        """Amount by which rows reduce a drop if they are running means over its duration: half of
-        the rise during this time at the tip, and half at the foot."""
+        """Amount by which rows reduce a drop if rows are running means over the drop's duration:
+        half of the rise during this time at the tip, and half at the foot."""
         return float(self.loading.mean()) * self.velocity * self.fall if self.resolved else 0.0
 
 
 def straight(rises: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return slope over the duration and foot of the line through the first parts (parts,) of a
-    rise, or of several (parts, n)."""
+    """Return slope (rise per duration) and foot of the line through the first parts of one rise
+    (parts,), or of several rises (parts, n)."""
     slope, foot = np.polyfit(MIDDLE[:_STRAIGHT], rises[:_STRAIGHT], 1)
     return slope, foot
 

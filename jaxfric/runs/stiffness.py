@@ -1,7 +1,7 @@
 """The stiffness of a machine, at any normal stress.
 
-A press has one stiffness k [Pa/m] of shear stress. In friction it is K = k/normal stress, so that a
-run at several normal stresses has one k and several K.
+A press has one stiffness k [Pa/m] of shear stress. In friction the stiffness is K = k/normal
+stress, so that a run at several normal stresses has one k and several K.
 """
 
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ def departure(given: float, found: float, error: float) -> str | None:
 
 @dataclass(frozen=True)
 class MachineStiffness:
-    """`value` [friction/m], or, with `of_stress`, [Pa/m] of shear stress at any normal stress."""
+    """Stiffness `value` [friction/m]; if `of_stress`, [Pa/m] at any normal stress."""
 
     value: float
     of_stress: bool = False

@@ -2,8 +2,8 @@
 
 The recorded stress, without isolated rows, is approximated by a polyline within a tolerance (Ramer,
 1972, Comput. Graph. Image Process. 1, 244-256; Douglas & Peucker, 1973, Cartographica 10, 112-122).
-Segments steeper than a servo's drift are changes. Adjacent segments form one change; so do the
-strokes of one move of the press, including its overshoot.
+Segments steeper than a servo's drift are changes. Adjacent steep segments form one change. The
+strokes of one move of the press, with the overshoot, form one change, too.
 """
 
 from typing import NamedTuple
@@ -37,7 +37,7 @@ class StressChange(NamedTuple):
 
 
 def find_stress_changes(time: np.ndarray, stress: np.ndarray | None) -> list[StressChange]:
-    """Return changes of 1 % or more, faster than 1 % a minute; `time` [s] starts at 0."""
+    """Return stress changes of 1 % or more, faster than 1 % a minute; `time` [s] starts at 0."""
     from scipy.ndimage import median_filter  # imported late: fits do not need it
 
     if stress is None or np.ptp(stress) == 0:
@@ -98,7 +98,7 @@ def _goes_on(first: StressChange, then: StressChange) -> bool:
 
 
 def polyline(x: np.ndarray, y: np.ndarray, tolerance: float) -> np.ndarray:
-    """Return rows, with the first and last, whose chords stay within `tolerance` of y(x)."""
+    """Return rows (first and last included) whose chords stay within `tolerance` of y(x)."""
     kept = np.zeros(len(x), bool)
     kept[[0, -1]] = True
     parts = [(0, len(x) - 1)]

@@ -1,8 +1,8 @@
 """The fit of one step of the normal stress: priors, rows, and least squares in units of the noise.
 
-The fit minimises |W r(z)|^2 + (z - z_0)^T P (z - z_0). W whitens by the noise in the residual of a
-first fit. P is the inverse prior covariance of A, B, L, K and the ramp. Errors are those of
-(J^T W^T W J + P)^-1.
+The fit minimises |W r(z)|^2 + (z - z_0)^T P (z - z_0). r is the residual of the parameters z, and
+z_0 the prior mean. W whitens r by the noise in the residual of a first fit. P is the inverse prior
+covariance of A, B, L, K and the ramp. Errors follow from the covariance (J^T W^T W J + P)^-1.
 """
 
 from collections.abc import Sequence
@@ -43,7 +43,7 @@ _ODD = 16.27
 
 
 class Prior(NamedTuple):
-    """Prior of ln A, B and ln L: mean, covariance, and the numbers of the steps that give it."""
+    """Prior of ln A, B and ln L: mean, covariance, and the numbers of the steps that it is from."""
 
     mean: np.ndarray
     covariance: np.ndarray
@@ -51,9 +51,9 @@ class Prior(NamedTuple):
 
 
 class StressFit(NamedTuple):
-    """Parameters (SI) by name with standard errors, whether the search converged, the factor that
-    widened the prior's errors, rms of the residual, noise of neighbours, and predicted friction
-    with and without alpha."""
+    """Parameters (SI) by name with standard errors, and whether the search converged. Further: the
+    factor that widened the prior's errors, rms of the residual, noise of neighbouring rows, and
+    predicted friction with and without alpha."""
 
     values: dict[str, float]
     errors: dict[str, float]
@@ -68,9 +68,9 @@ class StressFit(NamedTuple):
 def prior_of(steps: Sequence[StepFit], time: float) -> Prior | None:
     """Return the prior of A, B and L from the velocity steps nearest to a time [s], or None.
 
-    It is their weighted mean. If they scatter by more than their errors, with a reduced chi-square
-    c above 1, the covariance is that of a single step: c n times that of the mean (Birge 1932,
-    Phys. Rev. 40, 207-227).
+    The prior mean is the weighted mean of n steps. If the steps scatter by more than their errors,
+    with a reduced chi-square c above 1, the prior covariance is that of a single step: c n times
+    that of the mean (Birge 1932, Phys. Rev. 40, 207-227).
     """
     known = [s for s in steps if is_known(s) and s.fit and len(names_of(s.fit)) == len("ABL")]
     near = sorted(known, key=lambda s: abs(s.event.time - time))[:_NEIGHBOURS]

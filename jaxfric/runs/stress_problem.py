@@ -6,8 +6,9 @@ stress changes to sigma_2, piecewise linearly. With n = sigma/sigma_1 and fricti
     n f = f_1 + K (V t - x),    f = f0 + A ln(dx/dt/V) + theta (+ s x),
     dtheta/dt = g(theta, dx/dt) - alpha n'/n,
 
-with g of the slip or the ageing law. K [1/m] is that under sigma_1; the balance of n f implies
-K sigma_1/sigma at other normal stresses. V is the reference velocity, so that theta starts at 0.
+with g of the slip or the ageing law. K [1/m] is the stiffness under sigma_1; the balance of n f
+implies the stiffness K sigma_1/sigma at other normal stresses. V is the reference velocity, so that
+theta starts at 0.
 
 Source: Linker & Dieterich 1992, J. Geophys. Res. 97, 4923-4940, whose Theta is theta here.
 """
@@ -40,9 +41,9 @@ CORNERS = 32
 class StressRows(NamedTuple):
     """Rows around a change of the normal stress, time from 0 [s]; rows of weight 0 are not used.
 
-    The stress is constant before the first corner [s] and after the last. `ratios` are stresses at
-    the corners (at most `CORNERS`) over the initial one. `unsure` is the covariance of `late` and
-    `longer`.
+    The stress is constant before the first corner [s] and after the last. `ratios` are the stresses
+    at the corners (at most `CORNERS`), divided by the initial stress. `unsure` is the covariance of
+    `late` and `longer`.
     """
 
     time: np.ndarray
@@ -54,7 +55,7 @@ class StressRows(NamedTuple):
 
 
 class StressStep(eqx.Module):
-    """The rows around a step of the normal stress, and the stress; SI, time from 0."""
+    """The rows around a step of the normal stress, and this stress; SI, time from 0."""
 
     time: Float[Array, " n"]
     friction: Float[Array, " n"]
@@ -136,7 +137,7 @@ def predicted(problem: StressStep, z: Float[Array, " p"]) -> Float[Array, " n"]:
 def make_stress_step(
     rows: StressRows, *, velocity: float, noise: float, sizes: np.ndarray, law: str
 ) -> StressStep:
-    """Return the problem of these rows, padded so that few lengths are compiled."""
+    """Return the problem of these rows, padded so that JAX compiles few array lengths."""
     n, put = len(rows.time), jax.device_put
     size = bucket(n)
     clock = np.stack([rows.time, velocity * rows.time, np.arange(n, dtype=float)], axis=1)

@@ -1,8 +1,8 @@
 """The change of the recorded normal stress between two levels, as a polyline with errors.
 
-With many rows during the change, their means are the corners. With few rows, the change is assumed
-linear; least squares give its start and its end, each of which lies between two known rows.
-Friction responds to a change of stress within a row, so that half a row matters.
+If the change has many rows, means of these rows are the corners. If the change has few rows, it is
+assumed linear. Least squares then give start and end of the change, each between two known rows.
+Friction responds to a change of stress within a row, so that an error of half a row matters.
 """
 
 from typing import NamedTuple
@@ -26,8 +26,8 @@ _ONE = (1 / 3, 0.24)
 
 
 class StressRamp(NamedTuple):
-    """Corners of the stress [s], stresses there over the initial one, and the covariance of the
-    start [s] and of the logarithm of the duration (as in `stress_problem`)."""
+    """Times of the corners [s], stresses at the corners over the initial stress, and the covariance
+    of the start [s] and of the logarithm of the duration (as in `stress_problem`)."""
 
     corners: np.ndarray
     ratios: np.ndarray

@@ -1,10 +1,11 @@
 """Steps of the normal stress while a run slides steadily: the alpha of Linker and Dieterich.
 
-If the normal stress changes from s1 to s2 before the slider slips L, theta falls at once by alpha
-ln(s2/s1), and friction returns to its level over a slip L (Linker & Dieterich 1992, J. Geophys.
-Res. 97, 4923-4940). The fit estimates alpha, f0, A, B, L and K (`stress_fit`). A single step hardly
-determines A, B and L separately; their prior, with errors, comes from the nearest velocity steps.
-The prior of K has an error of 10 %; the loading after a step determines K within 0.1 %.
+If the normal stress changes from s1 to s2 before the slider slips L, the state theta falls at once
+by alpha ln(s2/s1). Friction then returns to its level over a slip L (Linker & Dieterich 1992, J.
+Geophys. Res. 97, 4923-4940). The fit estimates alpha, f0, A, B, L and K (`stress_fit`). A single
+step hardly determines A, B and L separately; the prior of A, B and L comes from the nearest
+velocity steps, with errors. The prior of K has an error of 10 %; the loading after a step
+determines K within 0.1 %.
 
 No alpha is reported if another event is superposed, if the slider slips several L during the
 change, or if the residual is not noise.
@@ -76,8 +77,8 @@ def fit_stress_steps(
     *,
     progress: Callable[[str], None] = silent,
 ) -> tuple[FittedStress, ...]:
-    """Fit every step of the normal stress of a run (`fits.RunFit`); a failed one has a reason.
-    Records without a normal stress, or of a force, have no such steps."""
+    """Fit every step of the normal stress of a run (`fits.RunFit`); a failed step has a reason.
+    Records without a normal stress, or of a force, have no stress steps."""
     if record.normal_stress is None or record.friction_unit != "1":
         return ()
     changes = find_stress_changes(record.relative_time, record.normal_stress)

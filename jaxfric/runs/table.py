@@ -82,8 +82,8 @@ def fit_cells(fit: Fit) -> dict[str, Cell]:
 
 
 def claimed(fit: Fit) -> dict[str, object]:
-    """Return a fit as JSON without undetermined numbers, and without any number if it did not
-    converge. `Fit.to_json` keeps them. Other commands read the law from a separate file."""
+    """Return a fit as JSON without undetermined numbers, and without any number if the fit did not
+    converge. `Fit.to_json` keeps all numbers. Other commands read the law from a separate file."""
     content = fit.to_json()
     del content["friction_law"]
     for estimate in (content["A_minus_B"], *content["parameters"].values()):
@@ -104,7 +104,7 @@ def _unit(kind: str, force: bool) -> str:
 
 
 def short(value: float, digits: int = 7) -> float:
-    """Round a value to this number of significant digits."""
+    """Round a value to `digits` significant digits."""
     return float(f"{value:.{digits}g}")
 
 
@@ -159,8 +159,8 @@ def _pair(name: str, estimate: Estimate, scale: float = 1.0) -> dict[str, Cell]:
 
 
 def misses(step: StepFit) -> bool:
-    """Whether the parameters of a step's fit may be wrong: it misses a part of its record, or its
-    slip trend contradicts the rows before the step."""
+    """Whether the parameters of a step's fit may be wrong: the fit misses a part of its record, or
+    its slip trend contradicts the rows before the step."""
     fit = step.fit
     if fit is None or not fit.converged:
         return False
@@ -168,7 +168,7 @@ def misses(step: StepFit) -> bool:
 
 
 def headline(run: RunFit) -> str:
-    """Return a line on the number of fitted steps, and of fits with a star."""
+    """Return a line on the number of fitted steps, and of fits with a star (`misses`)."""
     fitted = [step for step in run.steps if step.fit is not None and step.fit.converged]
     words = f"{len(fitted)} of {len(run.steps)} velocity steps fitted"
     if not (missed := sum(map(misses, fitted))):
@@ -180,8 +180,8 @@ def headline(run: RunFit) -> str:
 def ask_on(run: RunFit) -> str:
     """Return advice for steps whose fits miss a part of the record; '' without such steps.
 
-    For fits without a slip trend the advice is such a trend, which is often mistaken for evolution;
-    for others, the search for another effect.
+    For fits without a slip trend the advice is to fit one, because a trend is often mistaken for
+    evolution. For other fits the advice is to search for another effect.
     """
     fits = {step.number: step.fit for step in run.steps if step.fit and misses(step)}
     if not fits:

@@ -86,8 +86,8 @@ def drift_warning_of(fits: Sequence[Fit]) -> tuple[str, ...]:
 
 
 def warnings_of(run: RunFit, how: HowFitted, *, told: bool = False) -> list[str]:
-    """Return the warnings of a run's fits, each with the numbers of its steps. If `told`, warnings
-    of steps that contradict the record were printed before and are left out."""
+    """Return the warnings of a run's fits, each with the numbers of its steps. `told` leaves out
+    warnings of steps that contradict the record, which were printed before."""
     fits = [(step.number, step.fit) for step in run.steps if step.fit is not None]
     missed = [(n, fit) for n, fit in fits if missed_warning(fit)]
     said = [(n, text) for text in missed_warning_of([fit for _, fit in missed]) for n, _ in missed]

@@ -12,7 +12,7 @@ _SURE = 1e-12
 
 
 class WeightedLine(NamedTuple):
-    """y = level + slope (x - centre), and the standard `error` of its slope."""
+    """The line y = level + slope (x - centre), with the standard `error` of its slope."""
 
     slope: float
     error: float
@@ -20,7 +20,7 @@ class WeightedLine(NamedTuple):
     level: float
 
     def at(self, x: np.ndarray) -> np.ndarray:
-        """Return the line at x."""
+        """Return y of the line at x."""
         return self.level + self.slope * (x - self.centre)
 
 

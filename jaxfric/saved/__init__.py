@@ -1,4 +1,4 @@
-"""Read and check results in files of any verb, and read their friction law.
+"""Read and check the result files of all commands, and read the friction law of a result.
 
 files           the JSON of a fit, a loop or a steady curve
 upgrade         conversion of files of earlier versions to the current form

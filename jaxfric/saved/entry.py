@@ -1,20 +1,20 @@
-"""The entry "friction_law" of a result's file: the parameters of its law, equal for all results.
+"""The entry "friction_law" of a result file: the parameters of a law, in one form for all results.
 
     name            a rate-and-state law of the registry, or "coulomb_viscous" of an axis
     states          number of states of the law without effects; 0 for an axis
     friction_unit   "1" for a friction coefficient, "N", "N m" or "%"; parameters are SI with it
     coordinate      "linear" or "rotary"
     origin          the source of the law, in words
-    effects         ids of the effects found, and of those of the base
+    effects         ids of the effects found, and of the effects of the base
     parameters      by name {value, unit, determined}: f0, A, B, L, B2, ..., V0 of a slider, M, F_v,
                     F_c, F_0 of an axis, and effect.parameter
-    free            names of the parameters with an error, in the order of
-    covariance      (p, p)
+    free            names of the p parameters with an error
+    covariance      (p, p), in the order of `free`
     velocity        slowest and fastest velocity of the record [m/s], or null
     width, reach    of an axis' record [m/s], [m]
     warnings        lines to read before using the law
 
-Files of older versions have this information in other entries, from which it is made here.
+For files of older versions, this module makes the entry from other entries of the file.
 """
 
 import math
@@ -86,7 +86,7 @@ def law_in(path: Path, content: Mapping) -> FittedLaw:
 
 
 def read_entry(path: Path, entry: object, schema: str) -> FittedLaw:
-    """Check the entry of a file with a `schema`, and return its law.
+    """Check the entry of a file with a `schema`, and return the law of the entry.
 
     Raises
     ------
@@ -142,7 +142,7 @@ def _is_size(number: object) -> bool:
 def law_entry(content: Mapping) -> dict[str, Any]:
     """Make the entry of a fit.json or loop.json from its other entries, `content`.
 
-    Raises KeyError, TypeError, ValueError or AttributeError if those are damaged.
+    Raises KeyError, TypeError, ValueError or AttributeError if these entries are damaged.
     """
     fit, law = content["schema"] == FIT, content["law"]
     axis, table = law == LAW, _table(content)
@@ -191,18 +191,18 @@ def _table(content: Mapping) -> Mapping:
 
 
 def law_name(name: str) -> str:
-    """Return the name of a parameter here: a slip trend of the base is named as an effect."""
+    """Return a parameter's name in the entry: a slip trend of the base is named as an effect."""
     return "slip_trend.s" if name == "slip_trend" else name
 
 
 def seen_velocities(velocities: Sequence[float]) -> list[float] | None:
-    """Return the slowest and fastest velocity [m/s] of a record, without rest; None without any."""
+    """Return the slowest and fastest velocity [m/s] of a record except 0; None if all are 0."""
     sizes = [abs(v) for v in velocities if v != 0]
     return [min(sizes), max(sizes)] if sizes else None
 
 
 def open_words(what: str, claim: Claim, of: str) -> list[str]:
-    """Warn if a result, `what`, supports no claim on stability; results are then for its `of`."""
+    """Warn if a result (`what`) supports no claim on stability, but only on its `of`."""
     if claim.kind != "open":
         return []
     return [
@@ -238,7 +238,7 @@ def _claim(about: Mapping) -> list[str]:
 
 
 def verdict_words(content: Mapping) -> list[str]:
-    """Warn if the verdict of a loop.json says that its model does not describe the record."""
+    """Warn if, by the verdict of a loop.json, the loop's model does not describe the record."""
     if content["verdict"] in CERTAIN:
         return []
     sentence = str(content.get("sentence") or "").strip().rstrip(".")

@@ -28,8 +28,8 @@ Saved = SavedResult | str | Path
 def read_saved(source: Saved, *schemas: str) -> tuple[Path, dict]:
     """Return path and content of a file with one of the `schemas`.
 
-    For a result object return a name for messages, and the content that its file would have. Files
-    of earlier versions are converted to the current form.
+    For a result object, the function returns a name for messages, and the content that a file of
+    the result would have. Files of earlier versions are converted to the current form.
 
     Raises
     ------
@@ -93,8 +93,8 @@ def is_lines(warnings: object) -> bool:
 def own_warnings(content: Mapping) -> tuple[str, ...]:
     """Return the warnings in a fit.json or loop.json, each marked as from the file.
 
-    They hold for all results from its parameters, so that every verb prints them. A fit.json
-    without the entry `converged` is used, with a warning.
+    The warnings hold for all results from the file's parameters, so that every command prints the
+    warnings. A fit.json without the entry `converged` is used, with a warning.
     """
     verb = "fit" if content["schema"] == FIT else "loop"
     lines = [" ".join(line.split()) for line in content.get("warnings", [])]

@@ -1,4 +1,4 @@
-"""The friction law of a result object, or of a file that another verb wrote."""
+"""Read the friction law of a result object, or of a file that another command wrote."""
 
 from pathlib import Path
 
@@ -28,16 +28,16 @@ def law_from_fit(
     """Return the law of a fit, a posterior or a loop in newtons, with samples of its uncertainty.
 
     Samples are drawn from the covariance of a fit or a loop, or taken from the draws of a
-    posterior. The direct effect is the regularised one. `warnings` has the warnings of the result,
-    and effects that the law omits.
+    posterior. The law has the regularised direct effect. Its `warnings` are the warnings of the
+    result, and a warning of effects that the law omits.
 
     Parameters
     ----------
     source : a Fit, a Posterior or a Loop, or the path of a fit.json, posterior.nc or loop.json, or
         of a table of friction against speed (`law_from_table`), which has no samples.
-    normal_force : [N] or "500 N"; required for a friction coefficient, which it multiplies, and
-        refused for a force.
-    samples : number of samples in addition to the estimate. seed : of the samples.
+    normal_force : [N] or "500 N"; required for a friction coefficient, which is multiplied by this
+        force, and refused for a law of a force.
+    samples : number of samples in addition to the estimate. seed : seed of the random samples.
     memory : for a table, the memory distance of friction, "1 mm" (`law_from_table`).
 
     Raises
@@ -74,7 +74,7 @@ def law_from_fit(
 def law_source(law: LawSource | Law | Result, normal_force: float | str | None) -> LawSource:
     """Return a law with its samples, from a law or from any source of `law_from_fit`.
 
-    Raises `InputError` as `law_from_fit`, and for a normal force with a law in newtons.
+    Raises `InputError` as `law_from_fit` does, and for a normal force with a law in newtons.
     """
     if not isinstance(law, LawSource | AbstractLaw | AbstractDelayLaw):
         return law_from_fit(law, normal_force=normal_force)

@@ -1,6 +1,6 @@
 """Read a law from a Posterior, or from the netCDF that `jaxfric fit --prior` wrote.
 
-h5py alone reads the file, which is HDF5; ArviZ is not needed.
+The file is HDF5: h5py reads it, and ArviZ is not needed.
 """
 
 import contextlib

@@ -1,4 +1,4 @@
-"""The friction law of a table of steady-state friction against speed, common in reports."""
+"""Make a friction law from a table of steady-state friction against speed, as reports have."""
 
 from pathlib import Path
 

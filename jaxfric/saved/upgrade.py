@@ -1,9 +1,10 @@
 """Convert files of earlier versions to the current form; all renamed keys are listed here.
 
 Changes from version 1 to 2 (a fit, a loop or steady curves): some keys have other names.
-`delta_bic` is negative if a model is better than the base; it was positive. A given parameter has
-no std and no interval; its std was 0. The support of a finding has keys; in a fit and in steady
-curves it was a list. Files before version 2 may have old ids of effects.
+`delta_bic` is negative if a model is better than the base; in version 1 it was positive. A given
+parameter has no std and no interval; in version 1 its std was 0. The support of a finding has keys;
+in version 1 of a fit and of steady curves it was a list. Files before version 2 may have old ids of
+effects.
 """
 
 from collections.abc import Mapping
@@ -47,7 +48,7 @@ def upgraded(content: Any) -> Any:
     table = {**_now(content, _KEYS), "schema": _NOW[known]}
     if "supported" not in table and _worse(table):
         table["supported"] = "before"
-        table.pop("friction_law", None)  # of the model after; made anew from the one before
+        table.pop("friction_law", None)  # made anew from the model before
     return table
 
 
