@@ -1,4 +1,4 @@
-"""Test a saved model on a record that it was not fitted to."""
+"""Test a saved model on a record that the model was not fitted to."""
 
 from .predict import predict as predict
 from .result import Comparison as Comparison

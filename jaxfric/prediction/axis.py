@@ -4,8 +4,8 @@
     closed loop:       q of model and controller, from the reference alone, against the encoder
 
 No parameter is fitted to the record. A disturbance acts together with the motor force. The recorded
-force may already contain the disturbance. Of these two alternatives, the one that the model
-predicts better is used.
+force may already contain the disturbance. The force is predicted with and without the disturbance,
+and the better prediction is used.
 """
 
 import dataclasses

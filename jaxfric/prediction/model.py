@@ -21,7 +21,7 @@ Content = Mapping[str, Any]
 
 
 class SavedModel(NamedTuple):
-    """A model and its origin."""
+    """A saved model, and the path or name of the result that the model is from."""
 
     path: Path
     content: Content

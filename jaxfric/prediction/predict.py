@@ -1,4 +1,4 @@
-"""`predict(model, record)`: test a saved model on a record that it was not fitted to."""
+"""`predict(model, record)`: test a saved model on a record that the model was not fitted to."""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -31,14 +31,14 @@ def predict(
     """Predict another record with a model; test whether the error is consistent with noise.
 
     A slider's friction is simulated from the motion of its load point. An axis is compared by
-    inverse dynamics (motor force from motion) and, where its record has a reference and the gains
-    of the controller, by the simulated closed loop (position and motor force from the reference
-    and the disturbance).
+    inverse dynamics (motor force from motion). If the axis's record has a reference and the gains
+    of the controller, the simulated closed loop is compared, too (position and motor force from the
+    reference and the disturbance).
 
-    The residual is compared with two others: the scatter of neighbouring rows, which is the noise
-    of this record, and the residual of the same model refitted to this record. If the residual of
-    the refit is clearly smaller, the parameters have changed. If the residual of the refit exceeds
-    the noise, the model lacks an effect for this record, or the noise is correlated.
+    The residual is compared with two other quantities: the scatter of neighbouring rows, which is
+    the noise of this record, and the residual of the same model refitted to this record. If the
+    residual of the refit is clearly smaller, the parameters have changed. If the residual of the
+    refit exceeds the noise, the model lacks an effect for this record, or the noise is correlated.
 
     Parameters
     ----------

@@ -30,7 +30,7 @@ class Base(NamedTuple):
 
     def without(self, asked: Sequence[str], typed: Sequence[str]) -> "Base":
         """Return the base without the `asked` effects of its file, so that the plan tells whether
-        it can detect these effects. Effects that the user has `typed` stay."""
+        the experiment can detect these effects. Effects that the user has `typed` stay."""
         gone = {id for id in asked if id in self.effects and id not in typed}
         kept = {name: x for name, x in self.parameters.items() if name.split(".")[0] not in gone}
         effects = tuple(id for id in self.effects if id not in gone)

@@ -209,7 +209,7 @@ class Protocol(Described, Drawable, Tabular):
 
     def no_shorter(self) -> tuple[Change, ...]:
         """Return the changes that are not shorter in time. In a shorter plan the best detectable
-        lengths and times shrink, so that the plan looks better than it is."""
+        lengths and times shrink, so that a shorter plan looks better than it is."""
         return tuple(c for c in self.changes if c.duration > 0.99 * self.duration)
 
     def recommended(self) -> Change | None:

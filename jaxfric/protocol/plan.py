@@ -155,9 +155,9 @@ def plan(
     Let s_i be the sensitivity of the record to the amplitudes of effect i, in units of the noise
     and with the base's sensitivities projected out. The cosine of two effects is
     s_i.s_j/(|s_i||s_j|), maximised over amplitudes and shapes. The likelihood ratio of an amplitude
-    a in a record is (a |s_i| + z)^2 with z standard normal. An effect is detected if this exceeds
-    10 + p ln n, with p parameters and n samples. The smallest a is detected in 19 of 20 records:
-    a |s_i| = sqrt(10 + p ln n) + 1.645.
+    a in a record is (a |s_i| + z)^2 with z standard normal. An effect with p parameters is detected
+    if its likelihood ratio exceeds 10 + p ln n for n samples. The smallest a is detected in 19 of
+    20 records: a |s_i| = sqrt(10 + p ln n) + 1.645.
 
     Parameters
     ----------

@@ -57,9 +57,9 @@ def remedy(plan: Protocol, ids: tuple[str, str], known: Mapping[str, float]) -> 
     """Return the cheapest change that distinguishes two effects, of sizes `known` by name (SI).
 
     Shorter changes are excluded (`Protocol.no_shorter`). An additional channel needs another
-    instrument, so that changes without an additional channel come first; among these, the shortest
-    comes first. If no change is enough, the nearest change is returned. The result is None if the
-    plan needs no change, or if no change helps.
+    instrument, so that changes without an additional channel come first, in order of duration. If
+    no change is enough, the nearest change is returned. The result is None if the plan needs no
+    change, or if no change helps.
     """
     possible = [(c, c.design) for c in plan.no_shorter() if c.design is not None]
     lacks = {c.key: _lack(design, ids, known) for c, design in possible}

@@ -151,8 +151,8 @@ def axis_from_arrays(
 ) -> AxisRecord:
     """Make a record of an axis from arrays in SI; the arrays must pass the checks of a file.
 
-    **Arguments:** `coordinate` is "linear" (m, N) or "rotary" (rad, N m); `force_unit` that of
-    the coordinate, or "%".
+    **Arguments:** `coordinate` is "linear" (m, N) or "rotary" (rad, N m); `force_unit` is "N"
+    (linear), "N m" (rotary) or "%".
 
     If the motion was written more often than measured, one row of each measured value is kept.
 

@@ -1,4 +1,4 @@
-"""Refuse files of other programs that are not tables, and name their format."""
+"""Refuse files of other programs that are not tables; the error names the file's format."""
 
 from pathlib import Path
 

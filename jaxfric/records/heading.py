@@ -29,8 +29,8 @@ def read_header(
     """Return names ("" for none), units and a doubt ("" for none) from the lines above the numbers.
 
     Without names, or with a wrong number of names, the columns are called #1, #2 and so on. The
-    doubt gives the reason for such names. R and xlook write a first column that counts the rows and
-    has no name; this column is called `row`.
+    doubt gives the reason for names such as #1. R and xlook write a first column that counts the
+    rows and has no name; this column is called `row`.
     """
     written = [line for line in above if line.strip().strip("#").strip(" \t;,\"'")]
     written = [line for line in written if not is_counts(line)]

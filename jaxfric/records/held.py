@@ -17,9 +17,9 @@ _MANY = 0.3
 def held_for(values: np.ndarray) -> int:
     """Return the number of rows that repeat each measured value; 1 if every row is measured.
 
-    Repeats are found only if at least 98 % of the values last for at least about that number of
-    rows. A slow axis also keeps the same encoder count for many rows, but then changes by one
-    count, not by several.
+    Repeats are found only if at least 98 % of the values last for about this number of rows or
+    more. A slow axis also keeps the same encoder count for many rows. But its count changes by one,
+    not by several, and such a record has no repeats.
     """
     changed = np.flatnonzero(np.diff(values)) + 1
     if len(changed) < _FEWEST:
@@ -45,7 +45,7 @@ def columns_renewed(
     Without repeated values the columns are unchanged and the row numbers None. If consecutive
     measurements were equal, one row is kept for each of these measurements. Another repeating
     column gives its value in the middle of a repeat, the value measured nearest in time. A column
-    with a new value in each row gives its mean around the kept row.
+    with a new value in each row gives the mean of its values around the kept row.
     """
     role = "position" if "position" in columns else "velocity"
     rows, n = held_for(columns[role]), len(columns[role])

@@ -2,7 +2,7 @@
 
 If the sampling rate changes with the velocity, slowly sampled segments have few rows. In a run of
 hours a hold of minutes may contain none of the candidate rows of `find_lines`. So lines are found
-first in every block of one sampling interval, then again within each of these lines. Finally all
+first in every block of one sampling interval, then again within every line found. Finally all
 joints are tested together on all rows.
 """
 
@@ -155,7 +155,7 @@ def _is_felt(t: np.ndarray, friction: np.ndarray, at: float, reach: float) -> bo
 def blocks(time: np.ndarray) -> np.ndarray:
     """Return the first rows of blocks with one sampling interval each, then the number of rows.
 
-    A block of fewer than 100 rows joins the previous one.
+    A block of fewer than 100 rows joins the previous block.
     """
     from scipy.ndimage import median_filter  # imported late: most records are read without SciPy
 

@@ -2,8 +2,8 @@
 
 A MATLAB file is a header of 128 bytes, then elements; an element is a tag (type, size), then a
 body. An array is an element whose parts are elements: flags, dimensions, name, values. The values
-of an array have the smallest type that holds them all. SciPy's reader trusts the tags, so that some
-damaged files crash the process.
+of an array have the smallest type that holds all values. SciPy's reader trusts the tags, so that
+some damaged files crash the process.
 """
 
 import struct
@@ -49,7 +49,7 @@ def is_mat(data: bytes, path: str = "") -> bool:
 def parse(data: bytes, path: str) -> Table:
     """Read the numeric vectors of a MATLAB file, row or column, as columns without units.
 
-    Raises `InputError` for versions 4 and 7.3, a damaged file, and one without a numeric vector.
+    Raises `InputError` for versions 4 and 7.3, a damaged file, and a file without a numeric vector.
     """
     if data.startswith((b"MATLAB 7.3", _HDF5)):
         raise InputError(

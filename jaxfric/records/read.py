@@ -24,7 +24,7 @@ def read(
     drop_bad: bool = False,
     reduce: str | Path | None = None,
 ) -> Record:
-    """Read a record of time, load-point motion and friction, and turn it into SI.
+    """Read a record of time, load-point motion and friction, and convert the record to SI.
 
     **Arguments:**
 

@@ -244,7 +244,7 @@ def _without(
 
 
 def vector(values: ArrayLike, role: str) -> np.ndarray:
-    """Return the values as a one-dimensional array; `role` names them in an error."""
+    """Return the values as a one-dimensional array; errors name the values by `role`."""
     try:
         found = np.array(values, dtype=np.float64)
     except (TypeError, ValueError):

@@ -1,10 +1,10 @@
 """Find the motion of a record's load point: position without encoder faults, velocity steps.
 
 When an encoder is reset or wraps, its position jumps by far more than the load point moves between
-neighbouring rows. Friction does not respond to such a jump; through the spring it would respond to
-a real motion. `without_resets` subtracts the jump. Motion that the encoder missed during a pause of
-the recorder is added, if the velocities before and after the pause are equal and friction does not
-respond.
+neighbouring rows. Friction does not respond to a jump of the encoder; a real motion would change
+friction through the spring. `without_resets` subtracts the jump. Motion that the encoder missed
+during a pause of the recorder is added. The conditions are equal velocities before and after the
+pause, and no response of friction.
 """
 
 from dataclasses import dataclass
@@ -59,7 +59,7 @@ class RunMotion:
 
 
 def run_motion(record: Record) -> RunMotion:
-    """Return the motion of a record's load point, as this module describes.
+    """Return the motion of a record's load point, without jumps of the encoder.
 
     Time counts from the first row. Without a displacement the velocity is integrated.
     """
@@ -83,8 +83,8 @@ def without_resets(
 
     The size of a jump is the recorded move minus the move at the velocity before or after the jump.
 
-    Limitation: a jump is not found if the load point moves by more than a fifth of its size between
-    neighbouring rows.
+    Limitation: a jump is not found if the load point moves between neighbouring rows by more than a
+    fifth of the jump.
     """
     from scipy.ndimage import median_filter
 

@@ -6,10 +6,11 @@ linear. The fit never uses differences of samples:
 1. Candidate rows are spread evenly over rows, over time and over travel, so that slowly
    sampled segments and short fast segments both get candidates.
 2. Dynamic programming places separate lines between candidates at the least sum of
-   squares plus a penalty per line. The penalty is small, so that this stage finds too many.
-3. Every joint moves to where its two lines meet, and each row goes to the line on its side of the
-   joint. If each joint falls between its own two groups of rows, repeating this step gives the
-   least-squares fit of a continuous piecewise linear function (Hudson 1966, J. Am. Stat. Assoc. 61,
+   squares plus a penalty per line. The penalty is small, so that dynamic programming finds too many
+   lines.
+3. Every joint moves to where its two lines meet, and each row goes to the line on the row's side of
+   the joint. Repeated moves give the least-squares fit of a continuous piecewise linear function,
+   if each joint falls between its own two groups of rows (Hudson 1966, J. Am. Stat. Assoc. 61,
    1097-1129).
 4. The weakest joints are removed in batches, until all remaining joints pass the tests of
    `_scores`. The misfit of a removed joint (ripple, drift, a glitch) increases the scatter that
@@ -207,7 +208,7 @@ def _local_variance(
 
 
 def settle(sums: Sums, rows: np.ndarray, rounds: int) -> np.ndarray:
-    """Move every joint to where its two lines meet, until no joint moves (Hudson)."""
+    """Move every joint to the point where its two lines meet, until no joint moves (Hudson)."""
     for _ in range(rounds):
         first, end = _beside(sums.t, rows)
         before, after = sums.lines(first, rows[1:-1]), sums.lines(rows[1:-1], end)

@@ -21,9 +21,9 @@ def standing_out(role: str, values: np.ndarray) -> np.ndarray:
     """Return a mask (n,) of the cells of a column that are far from both neighbouring cells.
 
     The distance of a cell is measured from the interval between its neighbours. The first and the
-    last cell use the two cells next to them. This distance is compared with the distances of other
-    cells, without the m = max(3, n/100) farthest cells on either side. If more than m cells would
-    be outliers, no cell is an outlier: large jumps are usual in this column.
+    last cell use the two cells next to them. The distance of a cell is compared with the distances
+    of other cells, without the m = max(3, n/100) farthest cells on either side. If more than m
+    cells would be outliers, no cell is an outlier: large jumps are usual in this column.
 
     Limitation: two wrong cells next to each other, and small errors, are not found.
     """

@@ -135,8 +135,9 @@ def read_steady(
     (`outliers`) are excluded from the means, with a note. Runs with stick-slip (`rests`) are
     averaged over whole cycles. A run is steady if the mean speeds of its ten parts differ from its
     overall mean by less than 10 % (or by noise alone). Rows of a start-up or a stop are excluded by
-    their speed. Runs that are not steady, stand still, or have no determined direction are excluded
-    with a note. The speed is the recorded velocity, else the derivative of the position.
+    the speed of these rows. Runs that are not steady, stand still, or have no determined direction
+    are excluded with a note. The speed is the recorded velocity, else the derivative of the
+    position.
 
     **Arguments:** as for `read_axis`. `window` is a time interval since each run's first row
     (seconds, or "0.6 s"; None: no bound). Only rows in the window are used. A window removes a

@@ -3,11 +3,12 @@
     F = f(run) + w(q) + sgn v u(q) + r sgn v t
 
 F is the force, q the position, v the velocity and t the time. Every run has its own level f, so
-that only changes within a run determine w and u. The load w is equal in both directions: half the
-sum of the forces of both directions at q. The term u is friction that depends on position: half the
-difference of these forces. The term with r is friction that changes with time. For a joint w is a
-sin q + b cos q, for a linear axis k q; u has the same form. The mean over the travel is subtracted
-from each column of the fit, so that the mean load stays in the offset of the curve.
+that only changes of the force within a run determine w and u. The load w is equal in both
+directions: half the sum of the forces of both directions at q. The term u is friction that depends
+on position: half the difference of the forces of both directions at q. The term with r is friction
+that changes with time. For a joint w is a sin q + b cos q, for a linear axis k q; u has the same
+form. The mean over the travel is subtracted from each column of the fit, so that the mean load
+stays in the offset of the curve.
 """
 
 import dataclasses
@@ -37,9 +38,9 @@ class Load:
 
     - `effect`: "gravity", a sin q + b cos q of a joint, or "position_dependence", k q of a linear
       axis.
-    - `names`, `values` and `covariance` of its parameters. Further parameters, if found, are of
-      friction that depends on position: m of a linear axis, a_friction sin q + b_friction cos q of
-      a joint.
+    - `names`, `values` and `covariance` of the parameters of the force. Further parameters, if
+      found, are of friction that depends on position: m of a linear axis, a_friction sin q +
+      b_friction cos q of a joint.
     - `centre`: mean over the travel of every column of the fit; the load of this mean stays in the
       offset of the curve.
     """

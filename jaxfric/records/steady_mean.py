@@ -19,12 +19,12 @@ _SHARE = 0.01
 def outliers(values: ArrayLike) -> np.ndarray:
     """Return a mask (n,) of the outliers, which lie more than 6 scales from the median.
 
-    The scale is the largest of three values, with m = max(3, n/100). Two are the (n - m)-th
+    The scale is the largest of three values, with m = max(3, n/100). Two values are the (n - m)-th
     smallest distance from the median, and the median distance, each divided by its value for
-    Gaussian noise of scale 1. The third is the smallest step between values (for a constant, its
-    magnitude/6). So no sample is excluded from Gaussian noise, a ripple, or stick-slip with more
-    than m far samples. A kept sample moves the mean by at most 6 scales/n. More than m wrong cells
-    can remain.
+    Gaussian noise of scale 1. The third value is the smallest step between samples (for a constant,
+    its magnitude/6). So no sample is excluded from Gaussian noise, a ripple, or stick-slip with
+    more than m far samples. A kept sample moves the mean by at most 6 scales/n. More than m wrong
+    cells can remain.
 
     Fewer than 10 samples have no outliers. Limitation: errors in more than m rows are not found.
     """
@@ -44,14 +44,14 @@ def outliers(values: ArrayLike) -> np.ndarray:
 
 
 def effective_samples(values: ArrayLike) -> float:
-    """Return the number of independent samples of n correlated ones, n / (2 tau), in 1..n.
+    """Return the number of independent samples among n correlated samples, n / (2 tau), in 1..n.
 
     tau = 1/2 + sum of the autocorrelation over the lags 1..W is the integrated autocorrelation
     time, W the first lag with W >= 5 tau(W) (automatic windowing: A. Sokal, Monte Carlo Methods in
-    Statistical Mechanics, 1996, sec. 3). Subtracting the mean lowers the autocovariances by its
-    variance, which is added again (U. Wolff, Comput. Phys. Commun. 156 (2004) 143, sec. 3.3).
-    A fast ripple may end the window before slow changes appear. So n = var(x) / var(mean) is also
-    computed with means of 5 rows, and the smaller number is returned.
+    Statistical Mechanics, 1996, sec. 3). Subtracting the mean lowers the autocovariances by the
+    variance of the mean; this variance is added again (U. Wolff, Comput. Phys. Commun. 156 (2004)
+    143, sec. 3.3). A fast ripple may end the window before slow changes appear. So n = var(x) /
+    var(mean) is also computed with means of 5 rows, and the smaller number is returned.
 
     A constant counts as 1 sample. Limitation: in runs shorter than about 50 tau, tau is
     underestimated.

@@ -26,7 +26,7 @@ _UNEVEN = 0.25
 
 
 class SteadyRows(NamedTuple):
-    """The rows of a run that its means use; arrays (n,), read-only."""
+    """The rows of a run that the run's means use; arrays (n,), read-only."""
 
     number: np.ndarray
     """Indices of the rows in the record, from 0."""
@@ -40,7 +40,7 @@ class SteadyRows(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """Means over the steady part of a run, or the reason why it is refused."""
+    """Means over the steady part of a run, or the reason why the run is refused."""
 
     name: str
     speed: float = 0.0
@@ -75,7 +75,7 @@ class _Rows:
     """Position of the rows; None if not recorded."""
 
     def part(self, rows: slice | np.ndarray) -> "_Rows":
-        """Return a slice or selection of these rows."""
+        """Return a slice or selection of the rows of the run."""
         position = None if self.position is None else self.position[rows]
         time, speed, force = self.time[rows], self.speed[rows], self.force[rows]
         return _Rows(self.number[rows], time, speed, force, position)
@@ -244,7 +244,7 @@ def _step(speed: np.ndarray) -> float:
 
 
 def steady_rows(speed: np.ndarray) -> tuple[int, int]:
-    """Return the first row of the steady part of a run, and the row after its last.
+    """Return the first row of the steady part of a run, and the row after the last steady row.
 
     Means of 5 rows are compared with the median of the means in the middle half. A start-up ends
     with the first three consecutive means within six times their scatter (at least 5 % of the

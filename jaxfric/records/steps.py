@@ -96,7 +96,7 @@ class VelocitySteps:
         )
 
     def velocity(self, time: ArrayLike) -> np.ndarray:
-        """Return the velocity [m/s] at times [s]; at a step the velocity after it."""
+        """Return the velocity [m/s] at times [s]; at a step, the velocity after the step."""
         index = np.searchsorted(self.times, np.asarray(time), side="right") - 1
         return self.velocities[np.maximum(index, 0)]
 
@@ -116,10 +116,10 @@ def find_steps(
     A continuous piecewise linear function is fitted to the displacement, which is never
     differenced. A step must change the velocity by 7 % of the larger velocity. The height of a step
     is |v2 - v1| T1 T2 / (T1 + T2) for velocities v1 and v2 that last T1 and T2. The height must be
-    25 times the scatter about the line, or a third of this if `friction` responds. Ripple, drift
-    and isolated glitches give no steps. Sampling may be uneven, and change with the velocity; noise
-    may be correlated. A velocity counts as a hold, exactly 0, if the load point moves by less than
-    twice the scatter.
+    25 times the scatter about the line, or about 8 times the scatter if `friction` responds to the
+    step. Ripple, drift and isolated glitches give no steps. Sampling may be uneven, and change with
+    the velocity; noise may be correlated. A velocity counts as a hold, exactly 0, if the load point
+    moves by less than twice the scatter.
 
     **Arguments:** `time` [s], increasing; `displacement` [m], at least 20 rows; `friction` of the
     same rows in any unit, or None.

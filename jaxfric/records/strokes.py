@@ -1,4 +1,4 @@
-"""The strokes of an axis, from one reversal or rest to the next, and its encoder resolution."""
+"""The strokes of an axis, from one reversal or rest to the next, and the encoder's resolution."""
 
 from dataclasses import dataclass
 from itertools import pairwise

@@ -1,4 +1,4 @@
-"""A table as a file holds it: names, units as written, and numbers, without roles."""
+"""The table of a file: names of columns, units as written, and numbers; no roles are assigned."""
 
 import re
 from collections.abc import Callable, Iterable, Mapping

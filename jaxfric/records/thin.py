@@ -62,7 +62,7 @@ def thinned(record: Record, rows: int, steps: VelocitySteps) -> Record:
 
 
 def blur(record: Record, noise: float) -> float:
-    """Return the largest flattening of peaks in a record of means, over its `noise`."""
+    """Return the largest flattening of peaks in a record of means, divided by the `noise`."""
     second = np.abs(np.diff(record.friction, 2))
     return float(np.quantile(second, 1 - 3 / max(len(second), 6))) / 24 / noise
 
@@ -82,7 +82,7 @@ def _flattened(rows: str, lost: str) -> str:
 
 
 def blur_warning_of(warnings: Sequence[str]) -> tuple[str, ...]:
-    """Merge the warnings from `blur_warning` into one; () if there are none."""
+    """Merge the warnings from `blur_warning` into one warning; () without warnings."""
     found = [
         w.values for w in warnings if isinstance(w, Warned) and w.code is WarningCode.FLATTENED
     ]

@@ -12,7 +12,7 @@ WITHIN_A_TURN = "is given within one turn"
 
 
 def unwound(angle: np.ndarray) -> tuple[np.ndarray, int]:
-    """Unwrap an angle [rad] recorded modulo one turn; return it and the number of jumps.
+    """Unwrap an angle [rad] recorded modulo one turn; return the angle and the number of jumps.
 
     An angle is unwrapped if it stays within one turn, and neighbouring rows differ either by almost
     a turn or by less than a quarter turn. Other angles are returned unchanged: a jump by half a

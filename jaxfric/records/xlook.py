@@ -2,9 +2,9 @@
 
 Header: 20 bytes name, four 4-byte integers (rows, columns, sweep, date). Then slots of 84 bytes,
 each for a column: name (13), unit (13), gain (4), comment (50), rows (4). Old files have 16 slots,
-newer ones 32, as the size of the file shows. The name of an unused column is `no_val`. Data: one
-column after the other, single or double precision, in the byte order of the machine that wrote
-them.
+newer files 32; the size of the file shows which. The name of an unused column is `no_val`. Data:
+one column after the other, single or double precision, in the byte order of the machine that wrote
+the file.
 """
 
 import struct
@@ -48,7 +48,7 @@ def parse(data: bytes, path: str) -> Table:
 
     In a raw file the `Time` column does not increase: it holds the sampling period in counts of
     0.1 ms (the reduction logs of such runs divide this column by 10000 and sum it). The reader
-    replaces this column by the elapsed time; the period [s] becomes an additional column.
+    replaces the `Time` column by the elapsed time; the period [s] becomes an additional column.
     """
     table = raw(data, path)
     names, units, columns = list(table.names), list(table.units), list(table.columns)

@@ -1,4 +1,4 @@
-"""A whole run of a press: its events, its velocity steps, and their fits."""
+"""Analyse a whole run of a press: its events, its velocity steps, and the fits of the steps."""
 
 from .events import KINDS as KINDS
 from .events import Event as Event

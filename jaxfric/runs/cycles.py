@@ -90,7 +90,7 @@ def fit_stick_slip(
     *,
     progress: Callable[[str], None] = silent,
 ) -> StickSlip | None:
-    """Fit the stick-slip of a run; None if it has none."""
+    """Fit the stick-slip of a run; None for a run without stick-slip."""
     stretches = find_rises(record, events)
     if not stretches:
         return None
@@ -190,7 +190,7 @@ def _loading(found: StickSlip, stress: float | None) -> tuple[float, float]:
 
 def rows(found: StickSlip | None) -> list[dict[str, Cell]]:
     """Return a row for every interval of stick-slip, with units in the names: means and standard
-    deviations over its teeth."""
+    deviations over the teeth of the interval."""
     out: list[dict[str, Cell]] = []
     if found is None:
         return out

@@ -22,7 +22,7 @@ _KNOWN = {*_NEEDED, "fit", "from", "to", "time_error", "normal_stress", "steady"
 
 
 def decisions_text(events: tuple[Event, ...], name: str, file: str = "events.toml") -> str:
-    """Return the events as TOML, with a header that explains how to edit them."""
+    """Return the events as TOML, with a header that explains how to edit the events."""
     parts = [_HEAD.format(name=name, file=file, kinds=", ".join(KINDS))]
     for event in events:
         seconds = lambda value: f'"{value:.12g} s"'  # noqa: E731

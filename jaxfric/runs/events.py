@@ -14,10 +14,10 @@ of one kind:
     glitch      the recorder has a fault: outlier rows, a jump of the encoder
 
 A step is not fitted if friction still rises before the step: sliding was not steady. Other steps
-are fitted in a window without other events. The window begins in the middle of the phase before the
-step, or later: the load point moves at most half as far before the step as after it. The window
-ends with the phase after the step. Every event is written as a line with its reason; the user can
-edit this line.
+are fitted in a window without other events. The window of a step begins in the middle of the phase
+before the step, or later. In the window the load point moves at most half as far before the step as
+after the step. The window ends with the phase after the step. Every event is written as a line with
+its reason; the user can edit this line.
 """
 
 import math
@@ -62,8 +62,8 @@ class Event:
     """An event of a run at `time` [s since the first row].
 
     `before` and `after` are velocities of the load point [m/s]. A step to be fitted has a window
-    from `start` to `stop` [s]; `time_error` is the standard error of its time. `why` gives the
-    reason in words; `fitted`: whether the event is to be fitted. `steady` is False if friction
+    from `start` to `stop` [s]; `time_error` is the standard error of the step's time. `why` gives
+    the reason in words; `fitted`: whether the event is to be fitted. `steady` is False if friction
     still rises before a step.
     """
 
@@ -120,7 +120,7 @@ class _Phase(NamedTuple):
 
 
 def find_events(record: Record, *, stiffness: MachineStiffness | None = None) -> Happenings:
-    """Find the events of a run, as this module describes.
+    """Find the events of a run: steps, changes of stress, holds, reloads, stick-slip, glitches.
 
     **Arguments:** `record`; `stiffness` or None: a stiffness separates steady sliding better from
     loading.

@@ -48,7 +48,7 @@ class RunFit(Described, Drawable, Tabular):
 
 
 def without_resets_of(record: Record, position: np.ndarray) -> Record:
-    """Return the record with this load-point position [m] instead of the recorded one."""
+    """Return the record with this load-point position [m] instead of the recorded position."""
     return replace(record, load_point_displacement=frozen(position), load_point_velocity=None)
 
 
@@ -105,7 +105,7 @@ class HowFitted:
     """Options of the fit of every step of a run: those of `jaxfric.fit`, and the largest number of
     `rows` in a window.
 
-    Raises `InputError` for an unknown law, and too few rows.
+    Raises `InputError` for an unknown law, and for too few rows.
     """
 
     stiffness: MachineStiffness | None = None

@@ -1,13 +1,13 @@
 """Slide-hold-slide tests: frictional healing during holds, and the law that describes it.
 
-During a hold of duration t_h after sliding at velocity V, friction creeps down from its steady
-level. After the reload friction passes a peak above the steady level; healing is the height of this
-peak. Under the ageing law in a stiff machine healing grows with B ln t_h (Dieterich 1972, J.
-Geophys. Res. 77, 3690-3697). Under the slip law the contact does not age at rest in a stiff
-machine. To compare the laws, A, B and L are fitted to each sequence of slide, hold and slide, once
-under each law, with the machine's stiffness. The criterion is the likelihood of the residual, with
-noise estimated for each law (`fitting.noise`). Consecutive holds share A, B and L; with separate
-parameters for each hold the wrong law could imitate every hold.
+During a hold of duration t_h after sliding at velocity V, friction creeps down from the steady
+level of sliding. After the reload friction passes a peak above the steady level; healing is the
+height of this peak. Under the ageing law in a stiff machine healing grows with B ln t_h (Dieterich
+1972, J. Geophys. Res. 77, 3690-3697). Under the slip law the contact does not age at rest in a
+stiff machine. To compare the laws, A, B and L are fitted to each sequence of slide, hold and slide,
+once under each law, with the machine's stiffness. The criterion is the likelihood of the residual,
+with noise estimated for each law (`fitting.noise`). Consecutive holds share A, B and L; with
+separate parameters for each hold the wrong law could imitate every hold.
 """
 
 from collections.abc import Callable, Sequence
@@ -117,7 +117,7 @@ def not_fitted(events: Sequence[Event], holds: Sequence[Hold]) -> list[LeftOut]:
 
 
 def follows(last: HoldWindow, window: HoldWindow) -> bool:
-    """Whether a hold directly follows another one at the same velocity."""
+    """Whether a hold directly follows another hold at the same velocity."""
     ratio = window.event.before / last.event.before
     return window.event.time == last.stop and 1 / SAME < ratio < SAME
 

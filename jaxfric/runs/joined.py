@@ -1,12 +1,12 @@
-"""A run as one motion: the windows of its steps and holds, one after the other.
+"""Join the windows of a run's steps and holds, one after the other, to one motion.
 
 No model describes the time between windows: changes of normal stress, unloading, pauses of the
 recorder. Adjacent windows form one stretch. A later phase at another velocity, before friction is
 steady, also belongs to the stretch. The fit of a single step must omit this phase; the joined
-motion need not. Before each later stretch the joined motion slides at the first velocity of this
-stretch. The joined motion slides as far as the real load point moved, and at least as far as in a
-typical phase. So every stretch begins in steady sliding. Slip continues as in the run; time
-continues only within a stretch.
+motion need not. Before each later stretch the joined motion slides at the stretch's first velocity.
+This sliding is as long as the real motion of the load point, and at least as long as a typical
+phase. So every stretch begins in steady sliding. Slip continues as in the run; time continues only
+within a stretch.
 """
 
 from collections.abc import Sequence
@@ -60,7 +60,7 @@ class Stretch(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Joined:
-    """A run's windows as one record and one motion, as this module describes.
+    """The windows of a run's steps and holds as one record and one motion.
 
     `record` has the time of the joined motion, `rows` the same rows with the time of the run.
     """
@@ -93,7 +93,7 @@ class Joined:
         return VelocitySteps(times, velocities, time_errors=errors)
 
     def shown_steps(self) -> VelocitySteps:
-        """Return the phases in the time of the run, from its first used row."""
+        """Return the phases in the time of the run, from the first used row on."""
         times = np.array([p.time for p in self.phases]) - self.phases[0].time
         return VelocitySteps(times, np.array([p.velocity for p in self.phases]))
 

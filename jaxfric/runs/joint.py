@@ -14,9 +14,10 @@ each step.
 A weighted line through the n steps (`weighted`) tests whether a quantity depends on velocity
 (`mean_velocity` of a step), displacement or normal stress. The error of the line's slope follows
 from the errors of the fits, or is larger if the steps scatter more about the line. Few steps
-determine this scatter poorly, so p-values are those of Student's t with n - 2 degrees of freedom,
-times the number of tests (Bonferroni). For 5 steps, t = 7 gives p = .006, or .05 after correction
-for 9 tests. Steps may differ by far more than the errors of their fits without a significant line.
+determine their scatter poorly, so p-values are from Student's t with n - 2 degrees of freedom. They
+are multiplied by the number of tests (Bonferroni). For 5 steps, t = 7 gives p = .006, or .05 after
+correction for 9 tests. Steps may differ by far more than the errors of their fits without a
+significant line.
 
 Friction that changes with slip biases A-B. Every step is also fitted with a trend over slip, which
 shifts its A-B by d_i; s_i is the standard error of this shift. If sum_i (d_i/s_i)^2, chi-square
@@ -135,7 +136,7 @@ def vector_of(fit: Fit) -> tuple[np.ndarray, np.ndarray]:
 
 
 def share(steps: Sequence[StepFit]) -> Shared | None:
-    """Return the common parameters; None if fewer than two steps determine these."""
+    """Return the common parameters; None if fewer than two steps determine their parameters."""
     from scipy.special import chdtrc
 
     known = [step for step in steps if is_known(step)]

@@ -4,19 +4,18 @@ When the load point moves back, or moves on after a hold or after unloading, fri
 below sliding friction that the slider does not slip. At 10 % below sliding friction, which is 5 A
 or more for most rocks, the slider slips at less than 1 % of the load point's velocity. Shear stress
 then changes by the stiffness k per metre of the load point: k = cov(time, stress)/cov(time,
-position). The noise of both channels does not bias this k (Wald 1940, Ann. Math. Stat. 11, 284-300,
-on lines with errors in both). Without a normal stress the result is the stiffness K of friction.
+position). The noise of both channels does not bias k (Wald 1940, Ann. Math. Stat. 11, 284-300, on
+lines with errors in both). Without a normal stress the result is the stiffness K of friction.
 
 A ramp is used if its parts (sixths, with enough rows) have similar slopes; two halves would also
-agree for an S-shaped ramp. Otherwise the first half of the ramp is tested, then the first half of
-this half, and so on. Such ramps occur because unloading is softer at low load, and because the
-slider begins to slip at the end of a reload. If the second half is stiffer than the first, the
-press was not yet in contact, and the ramp is not used. The first loading of a press is not used
-either, because this loading seats and crushes the specimen. A phase of motion directly after
-another forward phase is not used, either. Ramps need no fit, so that `--stiffness ramps` and the
-report of a run give the same value. The error of a ramp includes the scatter of its blocks, and
-half the deviation of its worst part. A press may be stiffer for the small changes after a velocity
-step than along a ramp.
+agree for an S-shaped ramp. Otherwise the first half of the ramp is tested, then the first quarter,
+and so on. Slopes differ because unloading is softer at low load, and because the slider begins to
+slip at the end of a reload. If the second half is stiffer than the first, the press was not yet in
+contact, and the ramp is not used. The first loading of a press is not used either, because this
+loading seats and crushes the specimen. A phase of motion directly after another forward phase is
+not used, either. Ramps need no fit, so that `--stiffness ramps` and the report of a run give the
+same value. The error of a ramp includes the scatter of its blocks, and half the deviation of its
+worst part. A press may be stiffer for the small changes after a velocity step than along a ramp.
 """
 
 from collections.abc import Sequence
@@ -96,11 +95,11 @@ class _RampRows(NamedTuple):
 
 
 def find_ramps(record: Record, events: Sequence[Event]) -> tuple[Ramp, ...]:
-    """Find the ramps of a run; its record must have no encoder resets.
+    """Find the ramps of a run, whose record must have no encoder resets.
 
     The result does not depend on whether `events` were found with a stiffness. A phase of motion
-    directly after another phase, called a step or a reload, starts at the level of the rows before
-    the phase and gives no ramp.
+    directly after another phase, called a step or a reload, gives no ramp. Its friction starts at
+    the level of the rows before.
     """
     t = record.relative_time
     joints = [e for e in events if e.before != e.after or e.kind == "stress"]
@@ -237,8 +236,8 @@ def disagreement(
     """Return a sentence if the given stiffness differs from that of the ramps, else None.
 
     `stresses` are the normal stresses [Pa] of the steps. If one stiffness is of stress and the
-    other of friction, both are compared at each of these normal stresses; the sentence is about the
-    largest difference.
+    other of friction, both are compared at each normal stress in `stresses`; the sentence is about
+    the largest difference.
     """
     if found is None or given is None:
         return None

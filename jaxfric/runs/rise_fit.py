@@ -4,9 +4,9 @@ Least squares fit the mean rises of all intervals together, each rise with its o
 follow from the scatter of an interval's teeth in each part of the rise, and from the resolution of
 the rows. Errors use the full covariance of the teeth, in which all parts of a rise vary together
 (sandwich: Huber 1967, Proc. 5th Berkeley Symp. 1, 221-233). The errors are widened if the misfit of
-the means is larger than this scatter, and by Student's t for the number of teeth. The duration of a
-slip is that of the drops. If the rows do not resolve the drops, the duration is known to a factor
-`_VAGUE`.
+the means is larger than the scatter of teeth, and by Student's t for the number of teeth. The
+duration of a slip is the duration of the drops. If the rows do not resolve the drops, the duration
+is known to a factor `_VAGUE`.
 """
 
 from collections.abc import Sequence

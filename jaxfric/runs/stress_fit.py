@@ -43,7 +43,7 @@ _ODD = 16.27
 
 
 class Prior(NamedTuple):
-    """Prior of ln A, B and ln L: mean, covariance, and the numbers of the steps that it is from."""
+    """Prior of ln A, B and ln L: mean, covariance, and the numbers of the steps it comes from."""
 
     mean: np.ndarray
     covariance: np.ndarray
@@ -70,7 +70,7 @@ def prior_of(steps: Sequence[StepFit], time: float) -> Prior | None:
 
     The prior mean is the weighted mean of n steps. If the steps scatter by more than their errors,
     with a reduced chi-square c above 1, the prior covariance is that of a single step: c n times
-    that of the mean (Birge 1932, Phys. Rev. 40, 207-227).
+    the covariance of the mean (Birge 1932, Phys. Rev. 40, 207-227).
     """
     known = [s for s in steps if is_known(s) and s.fit and len(names_of(s.fit)) == len("ABL")]
     near = sorted(known, key=lambda s: abs(s.event.time - time))[:_NEIGHBOURS]
@@ -111,7 +111,7 @@ def fit_stress(
     stiffness_given: bool,
     slip_trend: bool,
 ) -> StressFit:
-    """Fit alpha, f0, A, B, L, K and the delay of the stress, as this module describes."""
+    """Fit alpha, f0, A, B, L, K and the delay of the stress by penalised least squares."""
     noise = noise_from_differences(rows.friction[rows.weight > 0])
     sizes = dict.fromkeys(NAMES, 1.0)
     sizes |= {"f0": _FRICTION, "B": _FRICTION, "alpha": _ALPHA, "slip_trend": _TREND}

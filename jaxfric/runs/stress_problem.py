@@ -1,7 +1,8 @@
 """The least-squares problem of one step of the normal stress while the load point moves steadily.
 
-A slider without mass on a spring slides steadily at V under a normal stress sigma_1. Then the
-stress changes to sigma_2, piecewise linearly. With n = sigma/sigma_1 and friction f = tau/sigma
+A slider without mass on a spring slides steadily at V under a normal stress sigma_1. After this
+sliding the normal stress changes to sigma_2, piecewise linearly. With n = sigma/sigma_1 and
+friction f = tau/sigma
 
     n f = f_1 + K (V t - x),    f = f0 + A ln(dx/dt/V) + theta (+ s x),
     dtheta/dt = g(theta, dx/dt) - alpha n'/n,
@@ -96,7 +97,8 @@ class StressStep(eqx.Module):
         return out.recorded, out.result == RESULTS.successful
 
     def residual(self, z: Float[Array, " p"]) -> Float[Array, " n"]:
-        """Return (predicted - recorded)/noise, 0 without weight; `FAILED_MISFIT` if it fails."""
+        """Return (predicted - recorded)/noise, 0 without weight; `FAILED_MISFIT` if the solver
+        fails."""
         seen, succeeded = self.predict(z)
         off = (seen - self.friction) / self.noise
         return jnp.where(succeeded & jnp.isfinite(off), off, FAILED_MISFIT) * self.weight

@@ -1,8 +1,8 @@
 """The change of the recorded normal stress between two levels, as a polyline with errors.
 
-If the change has many rows, means of these rows are the corners. If the change has few rows, it is
-assumed linear. Least squares then give start and end of the change, each between two known rows.
-Friction responds to a change of stress within a row, so that an error of half a row matters.
+A change of stress with many rows has means of these rows as corners. A change with few rows is
+assumed linear; least squares give its start and its end, each between two known rows. Friction
+responds to a change of stress within a row, so that an error of half a row matters.
 """
 
 from typing import NamedTuple

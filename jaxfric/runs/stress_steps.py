@@ -1,9 +1,9 @@
 """Steps of the normal stress while a run slides steadily: the alpha of Linker and Dieterich.
 
 If the normal stress changes from s1 to s2 before the slider slips L, the state theta falls at once
-by alpha ln(s2/s1). Friction then returns to its level over a slip L (Linker & Dieterich 1992, J.
-Geophys. Res. 97, 4923-4940). The fit estimates alpha, f0, A, B, L and K (`stress_fit`). A single
-step hardly determines A, B and L separately; the prior of A, B and L comes from the nearest
+by alpha ln(s2/s1). After this fall friction returns to its level over a slip L (Linker & Dieterich
+1992, J. Geophys. Res. 97, 4923-4940). The fit estimates alpha, f0, A, B, L and K (`stress_fit`). A
+single step hardly determines A, B and L separately; the prior of A, B and L comes from the nearest
 velocity steps, with errors. The prior of K has an error of 10 %; the loading after a step
 determines K within 0.1 %.
 
@@ -47,9 +47,9 @@ _ROUGH = 3.0
 class FittedStress:
     """A step of the normal stress from `before` to `after` [Pa] at `time`, in `lasts` [s].
 
-    `alpha` and its standard `error`; None if not reported, with the reason `why`. `velocity` is
-    that of the load point [m/s]. `fit` is the fit, `prior` the numbers of the velocity steps that
-    give the prior of A, B and L, `rows` the fitted rows; None without a fit.
+    `alpha` and its standard `error`; None if not reported, with the reason `why`. `velocity` is the
+    velocity of the load point [m/s]. `fit` is the fit, `prior` the numbers of the velocity steps
+    that give the prior of A, B and L, `rows` the fitted rows; None without a fit.
     """
 
     time: float

@@ -114,7 +114,7 @@ def amount(difference: float) -> str:
 
 
 def csv_text(table: Sequence[Mapping[str, Cell]]) -> str:
-    """Return rows as CSV; columns are in the order of their first occurrence."""
+    """Return rows as CSV; columns are in the order in which the rows first name them."""
     columns = list(dict.fromkeys(name for row in table for name in row))
     out = io.StringIO()
     writer = csv.DictWriter(out, columns, restval="", lineterminator="\n")
@@ -126,8 +126,8 @@ def csv_text(table: Sequence[Mapping[str, Cell]]) -> str:
 def xlook_rows(run: RunFit) -> list[dict[str, Cell]]:
     """Return rows with the column names of xlook's fits; Dc in um, lin_term in 1/um, wc 0.
 
-    wc is xlook's weight control: rows are not weighted here. Undetermined values are None, blank
-    cells, as in `rows`.
+    wc is xlook's weight control, and these fits do not weight rows. Undetermined values are None,
+    blank cells, as in `rows`.
     """
     out: list[dict[str, Cell]] = []
     for step in run.steps:

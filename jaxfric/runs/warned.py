@@ -19,8 +19,8 @@ _MEAN = 5
 
 
 def stands_out(fit: Fit) -> tuple[float, float]:
-    """Return the largest mean residual over neighbouring rows, and its time after the last velocity
-    step [s]. Outliers are excluded."""
+    """Return the largest mean residual over neighbouring rows, and the time of this mean after the
+    last velocity step [s]. Outliers are excluded."""
     rows = np.delete(np.arange(len(fit.residual)), list(fit.noise.glitches.rows))
     means = np.convolve(fit.residual[rows], np.full(_MEAN, 1 / _MEAN), mode="valid")
     k = int(np.argmax(np.abs(means)))
@@ -41,7 +41,7 @@ def missed_warning(fit: Fit) -> tuple[str, ...]:
 
 
 def missed_warning_of(fits: Sequence[Fit]) -> tuple[str, ...]:
-    """Return one warning for all `fits`, of one kind of model, that miss a part of their record."""
+    """Return one warning for all `fits` (of one kind of model) that miss a part of the record."""
     if len(fits) < 2:
         return tuple(text for fit in fits for text in missed_warning(fit))
     return (
@@ -65,7 +65,7 @@ def _trend_taken(fits: Sequence[Fit]) -> str:
 
 
 def drift_warning_of(fits: Sequence[Fit]) -> tuple[str, ...]:
-    """Return one warning of drifts for all `fits`, of one kind of model, that have one."""
+    """Return one warning of drifts for all `fits` (of one kind of model) that have a drift."""
     found = [(fit, drift) for fit in fits if (drift := told_drift(fit)) is not None]
     if len(found) < 2:
         return tuple(text for fit, _ in found for text in drift_warning(fit))

@@ -1,4 +1,4 @@
-"""A weighted straight line, whose error includes the scatter about it.
+"""Fit a weighted straight line; the error of its slope includes the scatter about the line.
 
 If points scatter by more than their errors, the error of the slope is multiplied by the square root
 of the reduced chi-square (Birge 1932, Phys. Rev. 40, 207-227).

@@ -54,7 +54,7 @@ _KEYS = (
 
 
 def fitted_law(source: Saved, *schemas: str) -> FittedLaw:
-    """Return the law of a Fit or a Loop, or of its file with one of the `schemas`.
+    """Return the law of a Fit or a Loop, or of a result file with one of the `schemas`.
 
     Raises
     ------
@@ -65,7 +65,7 @@ def fitted_law(source: Saved, *schemas: str) -> FittedLaw:
 
 
 def law_in(path: Path, content: Mapping) -> FittedLaw:
-    """Return the law of a file with this content.
+    """Return the law of a result file with this content.
 
     Raises
     ------
@@ -140,7 +140,7 @@ def _is_size(number: object) -> bool:
 
 
 def law_entry(content: Mapping) -> dict[str, Any]:
-    """Make the entry of a fit.json or loop.json from its other entries, `content`.
+    """Make the entry "friction_law" of a fit.json or loop.json from its other entries, `content`.
 
     Raises KeyError, TypeError, ValueError or AttributeError if these entries are damaged.
     """

@@ -93,7 +93,7 @@ def is_lines(warnings: object) -> bool:
 def own_warnings(content: Mapping) -> tuple[str, ...]:
     """Return the warnings in a fit.json or loop.json, each marked as from the file.
 
-    The warnings hold for all results from the file's parameters, so that every command prints the
+    The warnings hold for all results from the file's parameters, so that every command prints these
     warnings. A fit.json without the entry `converged` is used, with a warning.
     """
     verb = "fit" if content["schema"] == FIT else "loop"

@@ -25,7 +25,7 @@ def law_from_fit(
     seed: int = 0,
     memory: str | None = None,
 ) -> LawSource:
-    """Return the law of a fit, a posterior or a loop in newtons, with samples of its uncertainty.
+    """Return the law of a fit, posterior or loop in newtons, with samples of the law's uncertainty.
 
     Samples are drawn from the covariance of a fit or a loop, or taken from the draws of a
     posterior. The law has the regularised direct effect. Its `warnings` are the warnings of the

@@ -50,7 +50,7 @@ Posterior = PosteriorResult | str | Path
 
 
 def posterior_law(source: Posterior) -> FittedLaw:
-    """Return the law at the maximum of a posterior, with its draws.
+    """Return the law at the maximum of a posterior, with the draws of the posterior.
 
     Raises
     ------
