@@ -1,7 +1,7 @@
 """Figures, from result objects only.
 
-`draw_...` writes the figure of a result to files, as the command does; a result's own `.plot()`
-gives the figure itself. The names below are loaded when they are first used.
+`draw_...` writes the figure of a result to files, as the command does. The method `.plot()` of a
+result returns the figure itself. The names below are loaded when they are first used.
 """
 
 from typing import TYPE_CHECKING

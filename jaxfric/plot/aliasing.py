@@ -1,4 +1,4 @@
-"""The figure of how alike two effects look in a record, or in one that is planned."""
+"""The figure of how similar any two effects are in a record, or in a planned run."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,14 +20,14 @@ def save_aliasing(
     ids: Sequence[str], cosines: np.ndarray, folder: Path, *, added: Sequence[str] = (),
     what: str = "this record",
 ) -> list[str]:  # fmt: skip
-    """Draw |cosine| between effects, as `what` shows them; the names of the files written."""
+    """Draw |cosine| between effects, as `what` shows them; return the names of the files."""
     return style.save(aliasing_figure(ids, cosines, added=added, what=what), folder, "aliasing")
 
 
 def aliasing_figure(
     ids: Sequence[str], cosines: np.ndarray, *, added: Sequence[str] = (), what: str = "this record"
 ) -> Figure:
-    """Figure of the |cosine| between effects, as `what` shows them; those `added` are marked."""
+    """Figure of the |cosine| between effects, as `what` shows them; marks `added` effects."""
     cosines, number = np.asarray(cosines, float), len(ids)
     below = np.tri(number, k=-1, dtype=bool)
     width = min(max(style.SINGLE, 1.4 + _CELL * number), style.DOUBLE)

@@ -23,10 +23,10 @@ def draw_axis_record(record: AxisRecord, strokes: Strokes, path: str | Path) -> 
 
 
 def axis_record_figure(record: AxisRecord, strokes: Strokes) -> Figure:
-    """Figure of a record and its strokes, which are shaded.
+    """Figure of an axis record, with its strokes shaded.
 
-    Panels over time: motor force, with the disturbance where there is one; position and reference;
-    the distance from the reference; the speed. Below them force against speed.
+    Panels over time: motor force, with the disturbance if there is one; position and reference; the
+    position error; the speed. The last panel shows force against speed.
     """
     units = shown_units(record.coordinate, record.force_unit)
     place = style.along(None, record.relative_time)
@@ -70,8 +70,10 @@ def axis_record_figure(record: AxisRecord, strokes: Strokes) -> Figure:
 
 
 def ordinary(values: np.ndarray) -> tuple[tuple[float, float], int]:
-    """Limits that a few wild rows do not decide, and how many are beyond: none where all rows keep
-    within four times the range of 99 % of them."""
+    """Axis limits that few outliers do not affect, and the number of values beyond the limits.
+
+    No value is beyond if all lie within four times the range of 99 % of the values.
+    """
     low, high = (float(x) for x in np.quantile(values, [0.005, 0.995]))
     limits = low - (high - low), high + (high - low)
     if np.ptp(values) <= 4 * (high - low):

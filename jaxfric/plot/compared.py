@@ -1,4 +1,4 @@
-"""The figure of a comparison of laws: the record with each law's friction, and what each leaves."""
+"""The figure of a comparison of laws: record, friction of each law, and residual of each law."""
 
 from pathlib import Path
 
@@ -18,7 +18,7 @@ def draw_comparison(found: LawComparison, *paths: str | Path) -> None:
 
 
 def comparison_figure(found: LawComparison) -> Figure:
-    """The figure."""
+    """Figure of a comparison of laws."""
     scores = [score for score in found.scores if score.bic is not None]
     record, place = found.record, style.along(found.steps, found.record.relative_time)
     figure, (top, *below) = style.panels([1.9, *[0.85] * len(scores)])

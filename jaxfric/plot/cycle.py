@@ -1,4 +1,4 @@
-"""Figures of a simulated motion: in time, and in the plane of friction and velocity."""
+"""Figures of a simulated motion: over time, and in the plane of friction and velocity."""
 
 from collections.abc import Callable
 from pathlib import Path

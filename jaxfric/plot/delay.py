@@ -30,7 +30,7 @@ FIGURES: tuple[str, ...] = ("delay_chart",)
 
 
 def draw_delay(found: Study, folder: Path) -> list[str]:
-    """Write the charts over (k_p, k_v) and over (k_p, alpha); the names written."""
+    """Write the charts over (k_p, k_v) and over (k_p, alpha); return the names of the files."""
     mass, damping, strength, delay = (jnp.asarray(x, float) for x in delay_numbers(found))
     own, law = float(found.here.slope), float(delay)  # the law's own f_v adds to k_v
     enough = abs(float(strength)) - own

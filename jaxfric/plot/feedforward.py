@@ -1,4 +1,4 @@
-"""The figure of a feedforward: the map of friction with its band, and where its sign fades."""
+"""The figure of a feedforward: friction against speed with its band, and the fade speed."""
 
 from pathlib import Path
 
@@ -21,12 +21,12 @@ _THIN = 0.006
 
 
 def draw_feedforward(found: Feedforward, folder: Path) -> list[str]:
-    """Write `feedforward` to `folder` as PNG and SVG; the names written."""
+    """Write `feedforward` to `folder` as PNG and SVG; return the names of the files."""
     return style.save(feedforward_figure(found), folder, "feedforward")
 
 
 def feedforward_figure(found: Feedforward) -> Figure:
-    """Figure of a feedforward: the map over all speeds, and near the reversal."""
+    """Figure of a feedforward: friction at all speeds, and close to zero speed."""
     figure, (left, right) = style.side_by_side(2, height=2.8)
     fastest = found.about.fastest
     near = min(max(_NEAR * found.fade.speed, 1e-3 * fastest), fastest)

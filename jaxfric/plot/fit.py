@@ -27,7 +27,7 @@ def draw_fit(fit: Fit, *paths: str | Path) -> None:
 
 
 def fit_figure(fit: Fit) -> Figure:
-    """Figure of a fit and its record, the residual, and its autocorrelation, with words beside."""
+    """Figure of a fit: record and model, residual and its autocorrelation, parameters as text."""
     figure, (top, middle, bottom) = style.panels([2.1, 1.1, 1.1], last_alone=True)
     record, place = fit.record, style.along(fit.steps, fit.record.relative_time)
     style.samples(top, place.x, record.friction)

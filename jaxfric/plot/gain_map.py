@@ -1,4 +1,4 @@
-"""The map of all gains under a recommendation: what every scenario accepts, and the optima."""
+"""The map of gains for a recommendation: the gains that every scenario accepts, and the optima."""
 
 from collections.abc import Callable
 
@@ -25,8 +25,8 @@ _MEANS = {"stiff": "stiffness", "damped": "damping"}
 def draw_gain_map(axis: Axes, result: Gains) -> list:
     """Draw the gains that all scenarios accept, the limits of the linear theory, and the optima.
 
-    Only those scenarios count that are the worst at some gains of a coarser grid, or at an optimum:
-    a few of thousands. Returns what a legend explains beside the labels of the panel.
+    Only scenarios that are the worst at some gains of a coarser grid, or at an optimum, are
+    evaluated: a few of thousands. Returns further artists for the legend.
     """
     k_cr_at, needed = _boundary(result.scenarios)
     k_p, k_v = _map_axes(result, k_cr_at, needed)

@@ -1,4 +1,4 @@
-"""Figures of recommended gains: where they lie among all gains, and how much they leave."""
+"""Figures of recommended gains: their place among all gains, and their margins."""
 
 from pathlib import Path
 
@@ -36,7 +36,7 @@ _ENDS = {
 
 
 def draw_gains(result: Gains, folder: str | Path) -> list[str]:
-    """Write gains.png and gains.svg to `folder`; the names written."""
+    """Write gains.png and gains.svg to `folder`; return the names of the files."""
     return style.save(gains_figure(result), Path(folder), "gains")
 
 

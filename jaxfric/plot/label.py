@@ -4,7 +4,7 @@ from pathlib import Path
 
 
 def printable(path: str) -> str:
-    """The name of a file, with a question mark for what is no character."""
+    """The name of a file, with a question mark for each byte that is not a character."""
     name = Path(path).name.encode("utf-8", errors="replace").decode("utf-8")
     return "".join(c if c.isprintable() else "?" for c in name)
 

@@ -1,4 +1,4 @@
-"""Figures of where structure sits: shares that add up, and the profile over every variable."""
+"""Figures of the variables that the residual follows: their shares, and a profile over each."""
 
 import textwrap
 from collections.abc import Sequence
@@ -35,8 +35,10 @@ _VARIABLES = {
 
 
 def location_figure(loop: Loop) -> Figure:
-    """One sentence, and bars of what each variable carries of the missing friction; with the rest
-    they make 100 %."""
+    """A sentence, and one bar for the share of missing friction that each variable explains.
+
+    The bars and the unexplained rest add up to 100 %.
+    """
     shares = added_shares(loop.location)
     sentence, *_ = shares_told(loop.location, loop.base_fit.steps.velocities)
     words = textwrap.fill(sentence, style.letters(style.DOUBLE, style.TITLE))
@@ -65,7 +67,7 @@ def _bars(axis: Axes, shares: Sequence[tuple[str | None, float]]) -> None:
 
 
 def profiles_figure(loop: Loop) -> Figure:
-    """A panel for every variable: missing friction over it, as bumps that act in the law."""
+    """A panel for each variable: the missing friction over it, as a sum of bumps in the law."""
     figure, panels = style.side_by_side(len(loop.location), height=1.75)
     for axis, profile in zip(panels, loop.location, strict=False):
         _profile(axis, profile, loop, readable(loop)[0])

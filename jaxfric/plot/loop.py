@@ -262,5 +262,5 @@ FIGURES: tuple[str, ...] = tuple(DRAWERS)
 
 
 def draw_loop(loop: Loop, folder: str | Path) -> list[str]:
-    """Write the figures of `DRAWERS` to `folder` as PNG and SVG; the names written."""
+    """Write the figures of `DRAWERS` to `folder` as PNG and SVG; return the names of the files."""
     return [name for draw in DRAWERS.values() for name in draw(loop, Path(folder))]

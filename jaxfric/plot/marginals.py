@@ -1,4 +1,4 @@
-"""Curves of a study: every output over every parameter, whatever the others are."""
+"""Curves of a study: each output over each parameter, for all values of the other parameters."""
 
 import textwrap
 from collections.abc import Mapping, Sequence
@@ -46,12 +46,13 @@ class _Band(NamedTuple):
 
 
 def draw_marginals(found: "Dataset", outputs: Sequence[str], coded: Sequence[str]) -> Figure | None:
-    """Every output over every parameter: the median and the range of nine in ten, or shares.
+    """Draw each output over each parameter: the median and a range of 90 %, or shares.
 
-    Outputs `coded` are codes, whose shares are drawn. All panels of an output share one scale. An
-    output that has no number anywhere has no panel; the title names it. Of more than `_MANY` panels
-    those that do not move are left out, and of those that move all but the `_PANELS` that move
-    most; the title names what is left out. None where no parameter varies, or nothing has a number.
+    Outputs in `coded` are codes; their shares are drawn. All panels of an output share one scale.
+    An output without any number has no panel. If there are more than `_MANY` panels, only those are
+    drawn whose output changes with the parameter: the `_PANELS` with the largest change. The title
+    names all outputs and parameters that are left out. Returns None if no parameter varies, or no
+    output has a number.
     """
     members, columns = _thinned(found)
     values = {name: np.asarray(found[name].isel(members).values).ravel() for name in outputs}

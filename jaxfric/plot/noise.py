@@ -1,4 +1,4 @@
-"""The autocorrelation of a residual as a panel, and marks of rows that are passed over."""
+"""Panels of the autocorrelation of a residual, and marks of excluded rows."""
 
 from collections.abc import Sequence
 
@@ -21,9 +21,12 @@ def draw_autocorrelation(
     model: bool = True,
     part: np.ndarray | None = None,
 ) -> None:
-    """Measured autocorrelation and, with `model`, that of the noise with the band of what such a
-    record shows of it; without, the band of white noise. Labels say where it is left. `part` as of
-    `autocorrelation`."""
+    """Draw the measured autocorrelation and a 95 % band.
+
+    With `model` the band is that of the noise model in a record like this, and the model is drawn
+    too. Without, it is the band of white noise. Labels state where the autocorrelation leaves the
+    band. `part`: as for `autocorrelation`.
+    """
     found = autocorrelation(clock, residual, noise if model else NoiseEstimate(noise.sigma), part)
     lag, value, modelled, error = found
     band = "the noise model" if model else "white noise"
@@ -41,7 +44,7 @@ def draw_autocorrelation(
 
 
 def beyond_text(ranges: Sequence[tuple[float, float, bool]]) -> str:
-    """Sentence on the distances at which the noise model fails, or nothing."""
+    """Sentence on the distances at which the noise model fails; '' if there are none."""
     if not ranges:
         return ""
     from ..loop.family import listed  # the loop takes a third of a second to import
@@ -60,7 +63,7 @@ def beyond_text(ranges: Sequence[tuple[float, float, bool]]) -> str:
 
 
 def mark_glitches(axis: Axes, along: np.ndarray, glitches: Glitches) -> None:
-    """Crosses at the upper edge of a panel over the rows that are passed over, if there are any."""
+    """Mark excluded rows by crosses at the upper edge of a panel."""
     if count := len(glitches.rows):
         x, label = along[list(glitches.rows)], f"{count} row{'s' if count > 1 else ''} passed over"
         above = axis.get_xaxis_transform()

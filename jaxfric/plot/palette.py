@@ -1,8 +1,8 @@
-"""Colours of all figures: every one is named here, and which of them one figure shows together.
+"""Colours of all figures: the name of each colour, and the colours that one figure shows together.
 
-Colours of one figure are told apart by readers with protanopia, deuteranopia or tritanopia too:
-`tests/test_colours.py` simulates what they see of every pair in `TOGETHER` (Machado et al. 2009,
-doi:10.1109/TVCG.2009.113). A colour that is new goes into the group of its figure.
+Readers with protanopia, deuteranopia or tritanopia can distinguish the colours of one figure, too.
+`tests/test_colours.py` simulates how such readers see each pair in `TOGETHER` (Machado et al. 2009,
+doi:10.1109/TVCG.2009.113). Add a new colour to the group of its figure.
 """
 
 BLUE, ORANGE, GREY, BLACK = "#1f4e79", "#c8501e", "0.55", "0.15"

@@ -1,4 +1,4 @@
-"""The figure of a posterior: every parameter, and every pair of them."""
+"""The figure of a posterior: every parameter, and every pair of parameters."""
 
 from pathlib import Path
 

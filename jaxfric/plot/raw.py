@@ -1,4 +1,4 @@
-"""Columns as a recorder wrote them, by row: what the rows of a reduction script are counted in."""
+"""Columns of a file by row number, because reduction scripts count rows."""
 
 from pathlib import Path
 

@@ -19,10 +19,11 @@ def draw_record(record: Record, steps: VelocitySteps | None, path: str | Path) -
 
 
 def record_figure(record: Record, steps: VelocitySteps | None) -> Figure:
-    """Figure of a record: friction; the load point, less its steps where there are some; velocity.
+    """Figure of a record: friction; displacement and velocity of the load point.
 
-    It is drawn over the displacement of the steps where that always advances, else over time.
-    `steps` may be None: then only what was measured is drawn.
+    The horizontal axis is the displacement of the load point if it always advances, else time. With
+    `steps`, the commanded displacement is subtracted from the measured one. With `steps` None only
+    the measured values are drawn.
     """
     place = style.along(steps, record.relative_time)
     recorded = record.load_point_displacement is not None

@@ -44,8 +44,10 @@ _NUMBER = 0.014
 
 
 def draw_events(record: Record, events: Sequence[Event], *paths: str | Path) -> None:
-    """Write the figure of the events to `paths`: friction, speed of the load point and normal
-    stress against the displacement of the load point."""
+    """Write the figure of the events to `paths`.
+
+    Friction, load-point speed and normal stress are drawn against the load-point displacement.
+    """
     figure, axes = style.panels([2.0, 1.0, *([] if record.normal_stress is None else [1.0])])
     x = record.moved() - record.moved()[0]
     style.samples(axes[0], x, record.friction)
@@ -140,8 +142,11 @@ def draw_rates(run: RunFit, *paths: str | Path) -> None:
 
 
 def rates_figure(run: RunFit) -> Figure:
-    """Figure of A-B of all steps that determine it against velocity, displacement and normal
-    stress; hollow are those whose fit misses a part of its record."""
+    """Figure of A-B of the steps against velocity, displacement and normal stress.
+
+    Only steps that determine A-B are drawn. Hollow points mark a fit that misses a part of its
+    record.
+    """
     found = [s for s in run.steps if s.fit and s.fit.converged and s.fit.A_minus_B.determined]
     pairs = np.array([difference(step.fit) for step in found if step.fit is not None])
     missed = np.array([misses(step) for step in found], bool)

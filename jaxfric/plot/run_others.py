@@ -1,4 +1,4 @@
-"""The figures of a run beside its velocity steps: steps of the normal stress, and stick-slip."""
+"""Figures of further events of a run: steps of the normal stress, and stick-slip."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,8 +18,11 @@ _HEIGHT = 1.9
 
 
 def draw_stress_steps(found: Sequence[FittedStress], *paths: str | Path) -> None:
-    """Write friction about every fitted step of the normal stress, the fit, and the same for an
-    alpha of 0, against the load point from the step on."""
+    """Write friction around each fitted step of the normal stress, with two models.
+
+    The models are the fit, and the same model with alpha = 0. Friction is drawn against the
+    load-point displacement since the step.
+    """
     shown = [one for one in found if one.fit is not None and one.rows is not None]
     figure, axes = style.side_by_side(len(shown), height=_HEIGHT)
     for axis, one in zip(axes, shown, strict=False):
@@ -40,8 +43,10 @@ def draw_stress_steps(found: Sequence[FittedStress], *paths: str | Path) -> None
 
 
 def draw_stick_slip(found: StickSlip, *paths: str | Path) -> None:
-    """Write how far the slider creeps between two slips at every velocity, x - (f - f_1)/K, with
-    the laws that were fitted, and the drop against velocity."""
+    """Write the creep between two slips, x - (f - f_1)/K, at every velocity.
+
+    The fitted laws, and the friction drop against velocity, are drawn too.
+    """
     figure, (*axes, drops) = style.side_by_side(len(found.used) + 1, height=_HEIGHT)
     for place, (one, axis) in enumerate(zip(found.used, axes, strict=True)):
         _draw_creep(axis, found, one, place)

@@ -34,7 +34,7 @@ class Side(NamedTuple):
 
 
 def side_of(found: "Dataset", name: str) -> Side:
-    """A parameter of a study, a dimension or a sampled column, as an axis."""
+    """A parameter of a study, as an axis; it is a dimension or a sampled column."""
     about = found[name]
     values = np.asarray(about.values, float)
     unit = about.attrs.get("units", "1")
@@ -45,9 +45,9 @@ def side_of(found: "Dataset", name: str) -> Side:
 
 
 def by_factors(values: np.ndarray) -> bool:
-    """Whether listed values differ by factors rather than by steps: 1, 3, 10 and not 1, 2, 3.
+    """Whether listed values grow by factors rather than by equal steps: 1, 3, 10, not 1, 2, 3.
 
-    They are positive, reach over a factor of `_FAR`, and their logarithms lie more evenly.
+    Such values are positive, span more than a factor of `_FAR`, and have more even logarithms.
     """
     listed = np.unique(values)
     if len(listed) < 2 or listed[0] <= 0 or listed[-1] < _FAR * listed[0]:

@@ -40,8 +40,10 @@ FIGURES: tuple[str, ...] = ("friction", "gain_map", "velocity", "root_locus")
 
 
 def drawers(found: Study) -> dict[str, Callable[[Study, Path], list[str]]]:
-    """Functions that write each figure of a study to a folder and return the names written, by the
-    name of the figure."""
+    """Functions that each write one figure of a study to a folder, by the name of the figure.
+
+    Each returns the names of the written files.
+    """
     maps = {} if found.delayed else {"gain_map": _map_figure, "velocity": _sweep_figure}
     return style.drawers({"friction": _friction_figure, **maps, "root_locus": _locus_figure})
 
@@ -58,7 +60,10 @@ def _friction_figure(found: Study) -> Figure:
 def draw_curve(
     axis: Axes, law: Law, velocities: np.ndarray, *, coordinate: Coordinate = "linear"
 ) -> None:
-    """Steady friction against velocity (Fig. 1b): falling part marked, operating range shaded."""
+    """Steady friction against velocity (Fig. 1b), with the velocity-weakening part marked.
+
+    The operating range of velocities is shaded.
+    """
     low, high = float(np.min(velocities)), float(np.max(velocities))
     V = np.geomspace(*_curve_range(law, low, high), _CURVE)
     points = steady_points(logarithmic(law), V)
@@ -102,7 +107,7 @@ def _curve_range(law: Law, low: float, high: float) -> tuple[float, float]:
 
 
 def draw_boundaries(axis: Axes, k_v: np.ndarray, k_cr: np.ndarray, needed: float) -> None:
-    """The curve k_cr(k_v), and the damping above which any stiffness will do."""
+    """The curve k_cr(k_v), and the damping above which every stiffness is stable."""
     inside = np.isfinite(k_cr) & (k_cr > 0) & (k_v < needed)
     if inside.any():
         x, y = np.append(k_cr[inside], 0.0), np.append(k_v[inside], needed)
@@ -113,7 +118,7 @@ def draw_boundaries(axis: Axes, k_v: np.ndarray, k_cr: np.ndarray, needed: float
 
 
 def name_gains(axis: Axes, k_p: np.ndarray, k_v: np.ndarray, coordinate: Coordinate) -> None:
-    """Limits and names of the axes of a map over k_p and k_v."""
+    """Set limits and names of the axes of a map over k_p and k_v."""
     axis.set(xlim=(0, k_p[-1]), ylim=(0, k_v[-1]))
     units = unit_of("N/m", coordinate), unit_of("N s/m", coordinate)
     style.tidy(axis, x=(K_P, units[0]), y=(K_V, units[1]), grid=False)
@@ -136,12 +141,12 @@ def _map_figure(found: Study) -> Figure:
 
 
 def shade_stable(axis: Axes, x: np.ndarray, y: np.ndarray, stable: np.ndarray) -> list:
-    """Colour what is stable and what is not; the squares of the legend."""
+    """Colour the stable and the unstable part of a map; return the squares of the legend."""
     return style.shade(axis, x, y, stable, {"unstable": UNSTABLE, "stable": STABLE})
 
 
 def gain_axes(found: Study) -> tuple[np.ndarray, np.ndarray]:
-    """k_p [N/m] and k_v [N s/m] that show what there is to see at the hardest velocity."""
+    """Values of k_p [N/m] and k_v [N s/m] for a map at the most critical velocity."""
     at = found.here
     needed = float(at.needed_damping)
     size = abs(float(at.slope)) + abs(float(at.memory))
@@ -157,12 +162,12 @@ def gain_axes(found: Study) -> tuple[np.ndarray, np.ndarray]:
 
 
 def from_zero(largest: float, number: int) -> np.ndarray:
-    """Evenly spaced stiffnesses, the first next to zero instead of at it."""
+    """Evenly spaced stiffnesses, the first a little above zero."""
     return np.append(1e-6 * largest, np.linspace(0, largest, number)[1:])
 
 
 def own_stiffness(found: Study) -> float:
-    """A stiffness to show where the law names none: that of k_v at critical damping, or 1 kN/m."""
+    """A stiffness to show if the law names none: at critical damping by k_v, or 1 kN/m."""
     need = max(float(found.here.needed_damping), found.k_v)
     return 1e3 if found.mass is None or need == 0 else 4 * need**2 / found.mass
 

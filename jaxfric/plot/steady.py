@@ -1,5 +1,4 @@
-"""Figures of the friction of steady speeds: the curve with its models and residuals, and the noise
-of the runs."""
+"""Figures of the friction of steady speeds: curve, models and residuals; noise of the runs."""
 
 from pathlib import Path
 
@@ -21,7 +20,7 @@ _LINE = 400
 
 
 def draw_steady(loop: SteadyLoop, folder: str | Path) -> list[str]:
-    """Write `curve` to `folder` as PNG and SVG; the names written."""
+    """Write the figure `curve` to `folder` as PNG and SVG; return the names of the files."""
     return style.save(steady_figure(loop), Path(folder), "curve")
 
 
@@ -67,10 +66,11 @@ def speed_shown(curve: SteadyCurve) -> tuple[float, str]:
 
 
 def draw_noise(curve: SteadyCurve, noise: SteadyNoise, folder: str | Path) -> list[str]:
-    """Write `noise` to `folder` as PNG and SVG; the names written.
+    """Write the figure `noise` to `folder` as PNG and SVG; return the names of the files.
 
-    Left the autocorrelation of the residual of the runs about their means, right the independent
-    samples of each run: by its own rows, as its error has it, and by the noise of all runs.
+    The left panel has the autocorrelation of the runs about their means. The right panel has the
+    number of independent samples of each run: by its own rows, which give its error, and by the
+    noise of all runs.
     """
     figure, (left, right) = style.side_by_side(2, height=2.4)
     draw_autocorrelation(left, noise.clock, noise.residual, noise.estimate, part=noise.run)

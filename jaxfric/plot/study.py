@@ -1,6 +1,6 @@
 """Figures of a study: maps over two parameters, and curves over one.
 
-From the Dataset of a store alone: names, units, codes and their texts are in its attributes.
+They need only the Dataset of a store: its attributes hold names, units, codes and their meanings.
 Outputs with further dimensions (motions in time) are not drawn.
 """
 
@@ -39,10 +39,10 @@ def draw_study(found: "Dataset", folder: Path) -> list[str]:
     """Write a map of every output over the two longest dimensions, and all marginal curves.
 
     `found` is the Dataset of a store (`study.load`). Further dimensions are shown in up to four
-    panels, or at the middle of what is left. Of samples over a grid of two dimensions or more there
-    are maps of codes: the share of the samples with the first of them. No map is drawn of what has
-    no number anywhere, and none of the spread of periods where all cycles are regular. Returns the
-    names written; none where nothing varies.
+    panels, or at their middle value. For samples over a grid of two dimensions or more, the map of
+    a coded output shows the share of samples with the first code. No map is drawn of an output
+    without any number, or of the spread of periods if all cycles are regular. Returns the names of
+    the files, none if no parameter varies.
     """
     found = _without_noise(found)
     known, dims = list(map(str, found.data_vars)), _dimensions(found)

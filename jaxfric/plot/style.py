@@ -1,8 +1,8 @@
-"""The style of all figures: widths of a journal, letters, panels, legends, units, and files.
+"""The style of all figures: widths of a journal, type size, panels, legends, units, and files.
 
-A figure is as wide as one column of a journal or as two, and its letters have `LETTERS` points in
-print. To draw one: `panels` makes the axes, `samples` and `curve` draw records and models, `finish`
-gives titles, letters and legend their places, `save` writes the files.
+A figure is one or two columns of a journal wide, and its letters have `LETTERS` points in print. To
+draw a figure: `panels` makes the axes, `samples` and `curve` draw records and models, `finish`
+places titles and legend and sets the type size, `save` writes the files.
 """
 
 import math
@@ -55,8 +55,10 @@ def new_figure(width: float, height: float) -> Figure:
 
 
 def panels(heights: Sequence[float], *, last_alone: bool = False) -> tuple[Figure, list[Axes]]:
-    """A figure of panels of some `heights` [inch] below each other, over one horizontal axis; the
-    last one over another with `last_alone`."""
+    """A figure of panels of some `heights` [inch] below each other, over one horizontal axis.
+
+    With `last_alone` the last panel has a horizontal axis of its own.
+    """
     figure = new_figure(DOUBLE, sum(heights) + 0.75)
     grid = figure.add_gridspec(len(heights), 1, height_ratios=heights)
     axes = [figure.add_subplot(grid[0, 0])]
@@ -73,8 +75,10 @@ def panels(heights: Sequence[float], *, last_alone: bool = False) -> tuple[Figur
 def side_by_side(
     count: int, *, height: float, most: int = 3, share: bool = False, sharey: bool = False
 ) -> tuple[Figure, list[Axes]]:
-    """A figure of so many panels of one `height` [inch], no more than `most` in a row; they have
-    one vertical axis with `sharey`, and both with `share`."""
+    """A figure of panels of one `height` [inch] in rows of at most `most` panels.
+
+    With `sharey` the panels have one vertical axis, with `share` also one horizontal axis.
+    """
     columns = max(min(count, most), 1)
     rows = max(-(-count // columns), 1)
     figure = new_figure(DOUBLE, height * rows + 0.5)
@@ -90,11 +94,11 @@ def tidy(
     axis: Axes, title: str | None = None, *, x: str | tuple[str, str] = "",
     y: str | tuple[str, str] = "", log: str = "", grid: bool = True, zero: bool = False,
 ) -> None:  # fmt: skip
-    """Style a panel that is drawn: a title of one line at the left, names of its axes.
+    """Style a drawn panel: a title of one line at the left, names of its axes.
 
-    A name alone is the label of an axis. A name and an SI unit are of an axis that is drawn in SI:
-    its numbers are shown with the prefix that its limits ask for. `log` names logarithmic axes,
-    "x", "y" or "xy"; `grid` is a light one; `zero` draws a line at 0. A name or title that is not
+    A name without a unit is the whole label of an axis. A name with an SI unit belongs to an axis
+    drawn in SI: its numbers are shown with a suitable prefix. `log` names logarithmic axes, "x",
+    "y" or "xy"; `grid` draws a light grid; `zero` draws a line at 0. A name or title that is not
     given stays as it is.
     """
     if title is not None:
@@ -138,8 +142,8 @@ def finish(
 ) -> Figure:  # fmt: skip
     """The figure with a title of one line, letters of one size, and a legend below its panels.
 
-    The legend explains the artists of `legend`, then all that has a label in a panel, and ends with
-    `notes`, words alone.
+    The legend explains the artists in `legend`, then all labelled artists of the panels, and ends
+    with `notes`, which are text without a symbol.
     """
     for axis in figure.axes:
         if axis.axison:
@@ -160,12 +164,12 @@ def finish(
 
 
 def shortened(text: str, most: int) -> str:
-    """A text of no more letters than `most`: it ends in "..." where it was longer."""
+    """A text of at most `most` letters; a longer text is cut and ends in "..."."""
     return text if len(text) <= most else f"{text[: most - 4].rstrip()} ..."
 
 
 def letters(width: float, size: float = LETTERS) -> int:
-    """Number of letters of a size [pt] in a line of so many inches."""
+    """Number of letters of a size [pt] in a line of `width` [inch]."""
     return int(72 * width / (_LETTER * size))
 
 
@@ -173,7 +177,7 @@ def letters(width: float, size: float = LETTERS) -> int:
 
 
 def legend_below(figure: Figure, artists: Sequence[Artist]) -> None:
-    """Put one legend below all panels, in as many columns and lines as there is room for."""
+    """Put one legend below all panels, in as many columns and lines as fit."""
     found: dict[str, Artist] = {}
     for artist in artists:
         found.setdefault(str(artist.get_label()), artist)
@@ -196,7 +200,7 @@ def legend_below(figure: Figure, artists: Sequence[Artist]) -> None:
 
 
 def beside(axis: Axes, text: str) -> None:
-    """Put words at the right of a panel, off the data."""
+    """Put words at the right of a panel, outside the data."""
     axis.text(1.02, 1.0, text, transform=axis.transAxes, va="top", fontsize=LETTERS)
 
 
@@ -209,7 +213,7 @@ def square(colour: str, text: str) -> Line2D:
 
 
 class Along(NamedTuple):
-    """Where the rows of a record are drawn along its horizontal axis."""
+    """The horizontal position of the rows of a record in a figure."""
 
     x: np.ndarray
     label: tuple[str, str]
@@ -221,7 +225,7 @@ class Along(NamedTuple):
 
 
 def along(steps: VelocitySteps | None, time: np.ndarray, *, over_path: bool = True) -> Along:
-    """Displacement of the load point where that always advances, else time, since the first row."""
+    """Displacement of the load point if it always advances, else time, since the first row."""
     pauses = gaps(time) + 1 if len(time) > 1 else np.zeros(0, int)
     over_time = "time since the first row", "s"
     if steps is None:
@@ -234,7 +238,7 @@ def along(steps: VelocitySteps | None, time: np.ndarray, *, over_path: bool = Tr
 
 
 def samples(axis: Axes, x: np.ndarray, y: np.ndarray, label: str = "record", colour=BLUE) -> None:
-    """Draw what was measured, as points."""
+    """Draw measured values as points."""
     axis.plot(x, y, ".", color=colour, ms=2.0, mew=0, rasterized=True, label=label, zorder=1.5)
 
 
@@ -242,7 +246,7 @@ def curve(
     axis: Axes, place: Along, y: np.ndarray, label: str | None = None, colour: str = BLUE,
     style: str = "-", width: float = 1.0,
 ) -> None:  # fmt: skip
-    """Draw what was computed at the rows as a line, broken where the recorder paused."""
+    """Draw values computed at the rows as a line, broken at pauses of the recorder."""
     x, y = (np.insert(np.asarray(v, float), place.pauses, np.nan) for v in (place.x, y))
     axis.plot(x, y, color=colour, lw=width, ls=style, label=label, zorder=2)
 
@@ -262,7 +266,7 @@ def band(
     axis: Axes, x: np.ndarray, low: np.ndarray, high: np.ndarray, label: str | None, colour: str,
     alpha: float = 1.0, where: np.ndarray | None = None,
 ) -> None:  # fmt: skip
-    """Draw a range over x, where it is known."""
+    """Draw a range over x, where the range is known."""
     where = None if where is None else where.tolist()
     axis.fill_between(
         x, low, high, where=where, color=colour, alpha=alpha, lw=0, label=label, zorder=1
@@ -273,7 +277,7 @@ def mark(
     axis: Axes, x: float | np.ndarray, y: float | np.ndarray, marker: str, label: str | None,
     colour: str = BLACK, *, face: str | None = None, size: float = 6.0,
 ) -> None:  # fmt: skip
-    """Draw points that stand out, above all else and beyond the panel's border too."""
+    """Draw highlighted points, above everything else, and also beyond the panel's border."""
     axis.plot(
         x, y, marker, color=colour, mfc=face or colour, ms=size, ls="", mew=1.2, label=label,
         zorder=6, clip_on=False,
@@ -281,7 +285,7 @@ def mark(
 
 
 def mark_steps(axes: Sequence[Axes], place: Along, label: str = "velocity step") -> None:
-    """Dashed lines where the velocity changes."""
+    """Draw dashed lines at changes of velocity."""
     for axis in axes:
         for start in place.starts[1:]:
             axis.axvline(start, color=GREY, lw=0.7, ls="--", zorder=0.5, label=label)
@@ -290,7 +294,7 @@ def mark_steps(axes: Sequence[Axes], place: Along, label: str = "velocity step")
 def stairs(
     axis: Axes, place: Along, velocities: np.ndarray, colour: str = BLACK, label: str = ""
 ) -> None:
-    """The commanded velocities in the unit of the panel, each with its number if that has room."""
+    """Draw the commanded velocities in the unit of the panel, each with its number if it fits."""
     ends = np.append(place.starts, place.x[-1])
     axis.stairs(velocities, ends, baseline=None, color=colour, lw=1.3, label=label)
     if np.all(velocities > 0):
@@ -311,9 +315,11 @@ def stairs(
 def shade(
     axis: Axes, x: np.ndarray, y: np.ndarray, codes: np.ndarray, colours: Mapping[str, str]
 ) -> list[Artist]:
-    """Colour a map by whole numbers, the places of their names among `colours`; rows of `codes` go
-    with y. x and y are middles of its cells, or their borders. The squares of the legend, of those
-    that occur."""
+    """Colour a map by whole numbers, which are positions among the names of `colours`.
+
+    The rows of `codes` follow y. x and y are the middles of cells, or their borders. Returns the
+    legend squares of the colours that occur.
+    """
     codes, limits = np.asarray(codes, int), (-0.5, len(colours) - 0.5)
     colour_of = ListedColormap(list(colours.values()))
     axis.pcolormesh(x, y, codes, cmap=colour_of, clim=limits, rasterized=True, zorder=0)
@@ -325,7 +331,7 @@ def shade(
 
 
 def prefixed(largest: float, unit: str) -> tuple[float, str]:
-    """A factor and a unit with a prefix that bring a size up to `largest` to 1...1000."""
+    """A factor, and a unit with prefix, that bring sizes up to `largest` to 1...1000."""
     if unit in ("", "1", "%") or not (math.isfinite(largest) and largest > 0):
         return 1.0, unit
     if 0.1 <= largest < 1:
@@ -336,26 +342,28 @@ def prefixed(largest: float, unit: str) -> tuple[float, str]:
 
 
 def most(values: np.ndarray) -> float:
-    """The largest size of finite values; 0 where there is none."""
+    """The largest absolute finite value; 0 if there is none."""
     return float(np.max(np.abs(values), where=np.isfinite(values), initial=0.0))
 
 
 def told(value: float, unit: str, digits: int = 4) -> str:
-    """A value with a prefix of its unit, as text."""
+    """A value as text, with a prefix of its unit."""
     size, text = prefixed(abs(value), unit)
     return f"{size * value:.{digits}g} {text.replace('*', ' ')}"
 
 
 def named(name: str, unit: str, gap: str = " ") -> str:
-    """The name of an axis and, after the `gap`, its unit in brackets; no unit where it is 1."""
+    """The name of an axis and, after the `gap`, its unit in brackets; no unit if it is 1."""
     return name if unit in ("", "1") else f"{name}{gap}[{unit.replace('*', ' ')}]"
 
 
 def drawers(
     figures: Mapping[str, Callable[[Result], Figure]],
 ) -> dict[str, Callable[[Result, Path], list[str]]]:
-    """Functions that each write one of the figures of a result to a folder, and return the names
-    written."""
+    """Functions that each write one of the figures of a result to a folder.
+
+    Each returns the names of the written files.
+    """
 
     def drawer(
         name: str, figure: Callable[[Result], Figure]
@@ -366,7 +374,7 @@ def drawers(
 
 
 def save(figure: Figure, folder: Path, name: str) -> list[str]:
-    """Write NAME.png and NAME.svg; the names written."""
+    """Write NAME.png and NAME.svg; return the names of the files."""
     names = [f"{name}.png", f"{name}.svg"]
     write(figure, *(folder / written for written in names))
     return names
@@ -375,7 +383,8 @@ def save(figure: Figure, folder: Path, name: str) -> list[str]:
 def write(figure: Figure, *paths: str | Path, dpi: float = DOTS) -> None:
     """Write a figure to each of `paths`, PNG, SVG or PDF by its ending.
 
-    `Figure.savefig` draws all of it once more for the layout of every file, which takes as long.
+    `Figure.savefig` would compute the layout of the figure again for each file, which takes as
+    long.
     """
     engine = figure.get_layout_engine()
     if engine is not None:

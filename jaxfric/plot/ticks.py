@@ -9,10 +9,10 @@ _MANY_DECADES = 1.6
 
 
 def whole_numbers(axes: Axes, which: str, *, most: int = 5, least: float = 0.0) -> None:
-    """A linear axis, "x" or "y", whose numbers stand there whole: no "+3.036e2" beside it.
+    """Write the numbers of a linear axis, "x" or "y", in full, without an offset "+3.036e2".
 
-    It has no more than `most` + 1 of them. Where its limits lie closer together than the part
-    `least` of what they are about, they move apart, so that what is constant looks so.
+    The axis has at most `most` + 1 numbers. Limits closer together than the part `least` of their
+    middle are moved apart, so that constant values look constant.
     """
     axis = axes.xaxis if which == "x" else axes.yaxis
     axis.set_major_locator(MaxNLocator(most, steps=[1, 2, 2.5, 5, 10]))
@@ -25,10 +25,10 @@ def whole_numbers(axes: Axes, which: str, *, most: int = 5, least: float = 0.0) 
 
 
 def plain_log(axes: Axes, which: str, size: float = 1.0) -> None:
-    """A logarithmic axis, "x" or "y", with numbers such as 0.1, 20 or 1000 in place of powers; they
-    are `size` times what is drawn, a power of 10.
+    """Make an axis, "x" or "y", logarithmic, with numbers such as 0.1, 20 or 1000, not powers.
 
-    It has two numbers or more however short it is, also where its limits change later.
+    Each number is the drawn value times `size`, a power of 10. A short axis has at least two
+    numbers, also if its limits change later.
     """
     axes.set(**{f"{which}scale": "log"})
     axis = axes.xaxis if which == "x" else axes.yaxis
@@ -45,10 +45,10 @@ def plain_log(axes: Axes, which: str, size: float = 1.0) -> None:
 
 
 def shown_digits(low: float, high: float) -> str:
-    """Leading digits of the ticks from `low` to `high` that bear a number; "" for all ticks.
+    """Leading digits of the ticks from `low` to `high` that have a number; "" for all ticks.
 
-    Powers of ten where there are two, with 2 and 5 in between where the axis is short; else every
-    tick.
+    A long axis has numbers at powers of ten, if there are two. A shorter one also has numbers at 2
+    and 5 times these powers, if there are two. Otherwise every tick has one.
     """
     if math.log10(high / low) > _MANY_DECADES and _count("1", low, high) > 1:
         return "1"

@@ -1,1 +1,1 @@
-"""Texts and files of results, from result objects only."""
+"""Make the texts and files of results from result objects alone."""

@@ -6,7 +6,10 @@ from ..gains.axis_result import AxisGains, Shown, StiffOptimum
 
 
 def sentence(gains: AxisGains, unit: Shown, velocity: Shown) -> str:
-    """Sentences on stability and on what was not seen, in units of damping and of velocity."""
+    """Sentences on the stability of an axis, and on the speeds that the record did not show.
+
+    The units are those of damping and of velocity.
+    """
     claim = gains.claim
     at, slope = velocity.text(gains.worst_velocity), _slope(gains, unit)
     if claim.kind == "open":
@@ -31,7 +34,7 @@ def sentence(gains: AxisGains, unit: Shown, velocity: Shown) -> str:
 
 
 def short(gains: AxisGains, unit: Shown, velocity: Shown) -> str:
-    """Whether friction makes the axis stick-slip, and what holds it, as far as rows tell."""
+    """Say whether friction makes the axis stick-slip, and which gain prevents stick-slip."""
     claim = gains.claim
     if claim.kind == "open":
         return f"nothing can be said: {'; '.join(claim.reasons)}"

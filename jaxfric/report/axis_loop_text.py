@@ -1,4 +1,4 @@
-"""What a loop finds on an axis alone, as text: both fits of its models, its gains, its friction."""
+"""What only the loop of an axis reports: the fits of its models, the gains, and the friction."""
 
 from collections.abc import Sequence
 
@@ -18,13 +18,15 @@ _PAGE = "of the documentation's page 'theory'"
 
 
 def short(details: AxisDetails) -> str:
-    """Whether the axis stick-slips, and what holds it."""
+    """Say whether the axis stick-slips, and which gain prevents stick-slip."""
     return f"stick-slip: {details.gains.short(*_units(details))}"
 
 
 def found(details: AxisDetails) -> str:
-    """What is known where one speed a direction leaves the parameters of friction open, or the
-    force is feedback; '' elsewhere."""
+    """What is known of friction if the record leaves its parameters open; '' otherwise.
+
+    The parameters stay open if each direction has only one speed, or if the force is feedback.
+    """
     if details.withheld or not at_one_speed(details.driven):
         return details.withheld
     told = words_of_driven(details.driven, details.record.force_unit, f"{_length(details)}/s")
@@ -32,7 +34,7 @@ def found(details: AxisDetails) -> str:
 
 
 def words_of_driven(directions: Sequence[Driven], force: str, speed: str) -> str:
-    """The friction of each direction at its own speed; `force` and `speed` are units."""
+    """Friction of each direction at its own speed; `force` and `speed` are units."""
     each = (
         f"{one.force:.4g}{'' if np.isnan(one.error) else f' ± {one.error:.2g}'} {force}"
         f" {one.direction} at {one.speed:.3g} {speed} ({one.slowest:.3g} to {one.fastest:.3g})"
@@ -42,8 +44,11 @@ def words_of_driven(directions: Sequence[Driven], force: str, speed: str) -> str
 
 
 def doubt(details: AxisDetails) -> str:
-    """Mass and friction that least squares over all rows has otherwise than the loop, by more than
-    their errors and a factor of 1.5; '' where none."""
+    """Name mass and friction that differ between the loop and a least-squares fit of all rows.
+
+    Only differences larger than the errors and than a factor of 1.5 are named; '' if there are
+    none.
+    """
     fit = details.fits[-1][1] if details.fits else None
     told = [
         f"{name} is {_shown(own.value, own.std)} by the loop and"
@@ -60,7 +65,7 @@ def stability(details: AxisDetails) -> str:
 
 
 def tables(details: AxisDetails) -> list[TextTable]:
-    """Parameters and errors of the fits, side by side, and the gains."""
+    """Tables of the parameters of both fits with their errors, and of the gains."""
     fits, unit = [fit for _, fit in details.fits], _length(details)
     names = list(dict.fromkeys(name for fit in fits for name in fit.values))
     rows: list[tuple[str, ...]] = []
@@ -86,7 +91,7 @@ def tables(details: AxisDetails) -> list[TextTable]:
 
 
 def gains_table(details: AxisDetails) -> TextTable:
-    """Gains in force, and the least damping that friction asks for, in both units."""
+    """Gains in force, and the least damping that friction requires, in both units."""
     force, drive, gains = details.record.force_unit, details.record.drive, details.gains
     unit = _length(details)
     rows = [("least k_v", "nothing is said", "")]

@@ -12,8 +12,7 @@ from .tables import TextTable
 
 
 def report_axis(record: AxisRecord, strokes: Strokes) -> Report:
-    """Columns with unit and range, rows dropped, sampling, encoder, controller, and a table of the
-    strokes."""
+    """Columns, dropped rows, sampling, encoder and controller, and a table of the strokes."""
     units = shown_units(record.coordinate, record.force_unit)
     lines = _rows(record.provenance, len(record))
     lines.append(f"sampling: {record.sampling()}")
@@ -31,7 +30,7 @@ def report_axis(record: AxisRecord, strokes: Strokes) -> Report:
 
 
 def report_steady(curve: SteadyCurve) -> Report:
-    """The runs of a curve in a table: speed, force and its error; and what was left out."""
+    """A table of the runs (speed, force and error of the force), and the left-out runs."""
     rotary = curve.coordinate == "rotary"
     unit, size = ("rpm", np.pi / 30) if rotary else ("mm/s", 1e-3)
     lines = _rows(curve.provenance, int(curve.samples.sum()))

@@ -1,4 +1,4 @@
-"""A comparison of laws in words, as JSON and as a table: a row for every law with its states."""
+"""A comparison of laws in words, as JSON, and as a table with one row for each law."""
 
 from collections.abc import Callable, Mapping
 
@@ -16,7 +16,7 @@ _SHOWN: Mapping[str, Callable[[float], str]] = {_BIC: amount, _HELD_OUT: "{:.2f}
 
 
 def sentence(found: LawComparison) -> str:
-    """Which law the record supports and by how much, or that it cannot tell."""
+    """Say which law the record supports and by how much, or that the record cannot decide."""
     if not found.of_laws:
         return "Nothing to compare: no fit of a law converged."
     first, *others = found.of_laws
@@ -32,8 +32,11 @@ def sentence(found: LawComparison) -> str:
 
 
 def next_step(found: LawComparison) -> str:
-    """Why the loop may say otherwise of a second state that is asked for, and what decides; of one
-    state that leaves more than noise, that the loop asks what lacks; else ''."""
+    """Say which command or record to use after the comparison; '' if nothing is open.
+
+    A second state may be asked for: the loop may answer otherwise, for the reason given here. Or
+    the law of one state misses more than noise: the loop then searches for the missing effect.
+    """
     if not found.of_laws:
         return ""
     first = found.of_laws[0]
@@ -55,7 +58,7 @@ def next_step(found: LawComparison) -> str:
 
 
 def warnings(found: LawComparison) -> tuple[str, ...]:
-    """What a user must know before the sentence is used."""
+    """What a user must know before using the sentence."""
     unfitted = [score for score in found.scores if score.bic is None]
     told = [f"{score.name}: could not be fitted ({score.fit.result})" for score in unfitted]
     best = found.ranked[0] if found.ranked else None
@@ -83,7 +86,7 @@ def _states(number: int) -> str:
 
 
 def ended(found: LawComparison, score: LawScore) -> str:
-    """What stands in the row of a score whose numbers are no claim; '' where they are."""
+    """Text in the row of a law whose fit gives no valid numbers; '' for a valid fit."""
     if found.needless(score):
         return "not determined, not needed"
     if score.fit.converged:
@@ -203,7 +206,7 @@ def _model(score: LawScore) -> dict[str, object]:
 
 
 def tabled(found: LawComparison) -> list[TabledFit]:
-    """The scores as rows of a table of fits."""
+    """The scores of all laws as rows of a table of fits."""
     rows = []
     for score in found.scores:
         above, error = found.above(score), score.held_out
@@ -216,7 +219,7 @@ def tabled(found: LawComparison) -> list[TabledFit]:
 
 
 def table(found: LawComparison) -> TextTable:
-    """The scores for a terminal or a page."""
+    """The scores of all laws for a terminal or a page."""
     title = f"{len(found.record)} rows, worth {found.independent_rows:.0f} independent ones"
     shown = text_table(tabled(found), "law", title)
     if found.unasked:
@@ -229,7 +232,7 @@ def table(found: LawComparison) -> TextTable:
 
 
 def files_of(found: LawComparison) -> dict[str, str]:
-    """The scores as CSV and LaTeX, by file name."""
+    """The scores of all laws as CSV and LaTeX, by file name."""
     fits = tabled(found)
     return {
         "compare.csv": csv_text(csv_rows(fits, "model")),

@@ -1,4 +1,4 @@
-"""A simulated course in words, and as the table trajectory.csv."""
+"""A simulated motion in words, and as the table trajectory.csv."""
 
 from collections.abc import Mapping, Sequence
 
@@ -17,9 +17,10 @@ _ENDS = {
 
 
 def report(course: Course, law: str, width: float | None, length: str) -> Report:
-    """How the motion ends; then the `law` and the machine, and how it began and went on.
+    """Say how the motion ends; then describe law, machine, start and course of the motion.
 
-    Lengths are in the unit `length`; `width` [m/s] is assumed, over which friction changes sign.
+    Lengths are in the unit `length`. Around zero velocity, friction changes its sign over the
+    assumed `width` [m/s].
     """
     motion, early = course.motion, course.result != RESULTS.successful
     notes = [law, _machine(motion)]
@@ -42,7 +43,7 @@ def report(course: Course, law: str, width: float | None, length: str) -> Report
 def content(
     course: Course, law: str, width: float | None, files: Sequence[str]
 ) -> dict[str, object]:
-    """What was simulated as JSON, in SI."""
+    """The simulated motion as JSON, in SI."""
     run = course.motion
     return {
         "schema": SIMULATION,

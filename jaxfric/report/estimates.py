@@ -1,4 +1,4 @@
-"""The friction of a result in a line: a - b, a, b and D_c with their errors."""
+"""The friction parameters of a result in one line: a - b, a, b and D_c with their errors."""
 
 import re
 from collections.abc import Mapping
@@ -12,9 +12,10 @@ _STATE = re.compile(r"(?:second_state\.)?([ABL])(\d*)")
 
 
 def friction_line(rate: Estimate, parameters: Mapping[str, Estimate], length: str) -> str:
-    """ "a - b = −0.01101(1), a = ..., b = ..., D_c = ... µm: velocity weakening."
+    """Line such as "a - b = −0.01101(1), a = ..., b = ..., D_c = ... µm: velocity weakening."
 
-    `rate` is A less all B ("a - b - b2" of two states); lengths are in the unit `length`.
+    `rate` is A minus the sum of all B ("a - b - b2" with two states). Lengths are in the unit
+    `length`.
     """
     own = {_SHORT[m[1]] + m[2]: known for name, known in parameters.items() if (m := _state(name))}
     states = sorted(name for name in own if name[0] == "b")
@@ -54,10 +55,9 @@ def _sign(rate: Estimate) -> str:
 
 
 def shown_unit(estimate: Estimate, length: str) -> tuple[str, float]:
-    """The unit in which a parameter is shown, and its size in SI.
+    """The unit in which a parameter is shown, and the size of that unit in SI.
 
-    Lengths and velocities are in the record's `length`, angles in rad, short times in
-    milliseconds.
+    Lengths and velocities are in the record's `length`, angles in rad, short times in milliseconds.
     """
     unit = estimate.unit.replace("*", " ").strip().removeprefix("1 ")
     size = 1.0 if length == "rad" else factor(length, "m", "length")

@@ -1,4 +1,4 @@
-"""A feedforward as text: its terms, its fade speed, and what must be known to use it."""
+"""A feedforward as text: its terms, its fade speed, and the conditions for using it."""
 
 import math
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from .version import installed_version
 
 
 def tables(found: Feedforward) -> list[TextTable]:
-    """The terms with their errors, and the reasons of the fade speed."""
+    """The terms of the feedforward with their errors, and the reasons for the fade speed."""
     terms = [
         (p.name, f"{p.value:.5g}", _error(p.std), p.unit, _times(p.part, p.text))
         for p in found.pieces
@@ -39,7 +39,7 @@ def _times(part: str, factor: str) -> str:
 
 
 def spoken(found: Feedforward, here: FrictionAt) -> str:
-    """Friction at a speed in words, with what it is worth."""
+    """Friction at a speed in words, and how reliable the value is."""
     about, speed = found.about, f"{found.about.length}/s"
     unit = about.force_unit
     place = (
@@ -67,8 +67,7 @@ def spoken(found: Feedforward, here: FrictionAt) -> str:
 
 
 def report(found: Feedforward, asked: Sequence[FrictionAt] = ()) -> Report:
-    """Friction at the speeds that were asked for, the sentence and the formula, the terms, and how
-    it may be used."""
+    """Friction at the requested speeds, the formula and its terms, and the conditions for use."""
     told = [*(f"{spoken(found, here)}." for here in asked), found.sentence, found.formula]
     notes = [f"  - left out: {line}" for line in found.left_out]
     notes += [f"  - {line}" for line in found.cautions]
@@ -86,5 +85,5 @@ def tex(found: Feedforward) -> str:
 
 
 def made_by(command: str) -> list[str]:
-    """Lines on what made it, for the head of the C source."""
+    """Comment lines for the C source: the version and command that made the feedforward."""
     return [f"made by jaxfric {installed_version()}: {command}"] if command else []

@@ -8,7 +8,7 @@ from ..schemas import FIT
 
 
 def content(fit: Fit) -> dict:
-    """The content of `fit.json`, schema `schemas.FIT`; SI, null for what is not known."""
+    """The content of `fit.json`, schema `schemas.FIT`; SI, null for unknown numbers."""
     origin = fit.record.provenance
     kcr = fit.critical()
     velocity = fit.steps.velocity(fit.record.relative_time)
@@ -39,7 +39,7 @@ def content(fit: Fit) -> dict:
 
 
 def estimated(estimate: Estimate) -> dict[str, object]:
-    """An estimate; no error of what was given, or is not determined."""
+    """An estimate as JSON; a given or undetermined parameter has no error."""
     found = entries(estimate, "value", "std", "lower", "upper", "unit", "free", "determined")
     known = estimate.free and estimate.determined
     return found if known else found | dict.fromkeys(("std", "lower", "upper"))

@@ -39,7 +39,7 @@ class Row(NamedTuple):
 
 
 def shown_name(name: str) -> str:
-    """A parameter with the name that others give it: "A (a)", "B2 (b2)", "L (D_c)", "A-B (a-b)"."""
+    """A parameter with its name in rock mechanics: "A (a)", "B2 (b2)", "L (D_c)", "A-B (a-b)"."""
     if name == DIFFERENCE:
         return "A-B (a-b)"
     last = name.rpartition(".")[2]
@@ -50,7 +50,7 @@ def shown_name(name: str) -> str:
 
 
 def rows(fit: Fit) -> list[Row]:
-    """A-B, then the parameters, free ones first in the order of the fit, then the given ones."""
+    """One row each for A-B, the free parameters in the order of the fit, and given parameters."""
     first = _row(DIFFERENCE, "below 0: weakening", fit.A_minus_B, fit)
     return [first, *(_row(n, quantity_of(n).text, e, fit) for n, e in fit.parameters.items())]
 
@@ -70,7 +70,7 @@ def _row(name: str, meaning: str, estimate: Estimate, fit: Fit) -> Row:
 
 
 def headline(fit: Fit) -> list[str]:
-    """a - b, a, b and D_c, what they mean for stability, and how large the residual is."""
+    """a - b, a, b and D_c with their meaning for stability, and the size of the residual."""
     if not fit.converged:
         return ["the fit did not converge: its numbers mean nothing"]
     drift = told_drift(fit)
@@ -84,7 +84,7 @@ def headline(fit: Fit) -> list[str]:
 
 
 def correlations(fit: Fit, least: float = CORRELATED) -> list[str]:
-    """Pairs of parameters whose errors are correlated by at least `least`."""
+    """Pairs of parameters whose errors have a correlation of at least `least`."""
     names, out = fit.free, []
     for i in range(len(names)):
         for j in range(i):
@@ -96,7 +96,7 @@ def correlations(fit: Fit, least: float = CORRELATED) -> list[str]:
 
 
 def summary(fit: Fit) -> list[str]:
-    """Lines on a fit beyond its parameters."""
+    """Lines on a fit besides the table of its parameters."""
     noise, unit = fit.noise, "" if fit.record.friction_unit == "1" else " N"
     left_out = len(noise.glitches.rows)
     lines = [
@@ -120,8 +120,7 @@ def _noise_line(fit: Fit) -> str:
 
 
 def noise_text(noise: NoiseEstimate) -> str:
-    """`NoiseEstimate.text` with the parts that it leaves out as small, down to half a percent, and
-    the hum that was taken out."""
+    """The text of the noise, with its small parts down to half a percent, and the removed hum."""
     lines = " and ".join(one.text() for one in noise.hum)
     return _of_rows(noise) + (f"; {lines} is taken out" if lines else "")
 
@@ -143,8 +142,7 @@ def _of_rows(noise: NoiseEstimate) -> str:
 
 
 def noise_lines(noise: NoiseEstimate, of: str = "the record") -> list[str]:
-    """Lines on the noise of `of`: its size, any steps of the recorder in it, and the bound of its
-    memory."""
+    """Lines on the noise: its size, steps of the recorder, and its longest correlation."""
     lines = [f"noise of {of}: {noise_text(noise)}"]
     if noise.written:
         lines.append(f"its white part is mostly the recorder's steps of {noise.steps:.2g}")

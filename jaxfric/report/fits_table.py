@@ -1,7 +1,7 @@
-"""Several fits as one table, a row each: for a terminal, as CSV and as LaTeX.
+"""Several fits as one table with a row for each: for a terminal, as CSV and as LaTeX.
 
-A-B stands first: it says whether steady sliding is stable. A fit that failed keeps its row, with
-the reason in place of numbers.
+A-B is the first column, because the sign of A-B says whether steady sliding can be unstable. A
+failed fit keeps its row, with the reason in place of numbers.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -28,8 +28,11 @@ _LATEX_K = {"K [N/µm]": r"[N/$\mu$m]", "K [1/µm]": r"[1/$\mu$m]"}
 
 
 class TabledFit(NamedTuple):
-    """A row: its name, the fit or why there is none, further cells by their heads, and how numbers
-    of these are shown; last, what is said of a fit whose numbers are no claim."""
+    """A row of the table: the name, and the fit or the reason why there is no fit.
+
+    It also holds further cells by column head, the units in which numbers are shown, and a remark
+    on a fit whose numbers are not valid.
+    """
 
     name: str
     fit: Fit | None
@@ -40,7 +43,7 @@ class TabledFit(NamedTuple):
 
     @property
     def known(self) -> bool:
-        """Whether the parameters mean something."""
+        """Whether the fit succeeded, so that its parameters are valid."""
         return self.fit is not None and self.fit.converged
 
     @property
@@ -52,7 +55,10 @@ class TabledFit(NamedTuple):
 
 
 def csv_rows(fits: Sequence[TabledFit], head: str) -> list[dict[str, Cell]]:
-    """A row for every fit, units in the names; `head` is that of the names of the rows."""
+    """Rows of a CSV file, one for each fit; `head` is the head of the column of names.
+
+    All other heads contain units.
+    """
     out = []
     for one in fits:
         cells = {} if one.fit is None else fit_cells(one.fit)
@@ -70,7 +76,7 @@ def _said(one: TabledFit) -> dict[str, Cell]:
 def text_table(
     fits: Sequence[TabledFit], head: str, title: str, *, records: bool = False
 ) -> TextTable:
-    """The table for a terminal or a page; of several `records` with what was given for each."""
+    """The table for a terminal or a page; for several `records` also the given values of each."""
     force = _force(fits)
     more = list(dict.fromkeys(name for one in fits for name in one.more))
     names = short_names([one.name for one in fits])
@@ -92,7 +98,7 @@ def text_table(
 
 
 def short_names(names: Sequence[str]) -> dict[str, str]:
-    """Each name without its folder, where that leaves all of them different."""
+    """Each name without its folder, if all names without folders differ."""
     last = {name: PurePath(name).name for name in names}
     return last if len(set(last.values())) == len(set(names)) else {name: name for name in names}
 
@@ -209,7 +215,7 @@ def content_of_files(fits: Sequence[TabledFit]) -> dict[str, object]:
 
 
 def latex_text(fits: Sequence[TabledFit], head: str, *, records: bool = False) -> str:
-    """A LaTeX table (booktabs): a-b, a, b and D_c with their errors; `records` as `text_table`."""
+    """A LaTeX table (booktabs): a-b, a, b and D_c with errors; `records`: see `text_table`."""
     more = list(dict.fromkeys(name for one in fits for name in one.more))
     unit = "[N]" if _force(fits) else ""
     given, trend = _given(fits, records), _trend(fits)

@@ -12,7 +12,7 @@ _KINDS = ("stiffness", "damping")
 
 
 def content(gains: Gains) -> dict:
-    """The content of `gains.json`, schema `schemas.GAINS`; SI, null for infinite."""
+    """The content of `gains.json`, schema `schemas.GAINS`; SI, null for infinite numbers."""
     region, scenarios, unsafe = gains.region, gains.scenarios, list(gains.unsafe)
     units = ("N/m", "N s/m", "N/(m s)", "m/s", "kg")
     result = {
@@ -61,7 +61,7 @@ def content(gains: Gains) -> dict:
 
 
 def hunting_entry(found: Hunting) -> dict:
-    """The entry `hunting`: grows, or amplitude and period, null for none."""
+    """The entry `hunting`: whether hunting grows, or amplitude and period; null for none."""
     grows = found.amplitude is not None and not np.isfinite(found.amplitude)
     return plain({**found._asdict(), "grows": grows})
 

@@ -26,7 +26,7 @@ _ANY = {"gain": 1e6, "delay": 1e4}
 
 
 def describe(gains: Gains) -> list[str]:
-    """Lines on what was asked, what was found, and why it is believed."""
+    """Lines on the required margins, the gains found, and the evidence for the gains."""
     lines = [
         *_doubts(gains),
         gains.law,
@@ -54,7 +54,7 @@ def describe(gains: Gains) -> list[str]:
 
 
 def report(gains: Gains) -> Report:
-    """The gains with their margins, where they hold, and how well that is known; then all lines."""
+    """The gains with their margins, the scenarios, the evidence, and all other lines."""
     unit = gains.unit("N s/m")
     rows = [
         (
@@ -71,7 +71,7 @@ def report(gains: Gains) -> Report:
 
 
 def headline(gains: Gains) -> list[str]:
-    """Doubts, the gains with their margins, rounded down, where they hold, and how they end."""
+    """Warnings, gains with margins (rounded down), scenarios, and how the motions end."""
     margins = [
         f"{name} margin {_least(worst)}"
         for name, worst in gains.margins.items()
@@ -126,7 +126,7 @@ def _doubts(gains: Gains) -> list[str]:
 
 
 def certified(known: Certificate) -> str:
-    """How well the conditions of an optimum are met, and that no smaller gains would do."""
+    """How well the gains meet the conditions of an optimum, and that no smaller gains do."""
     how = "exactly" if known.kkt_residual == 0 else f"to {known.kkt_residual:.1e}"
     text = f"optimality conditions met {how}; "
     if known.kkt_residual > ZERO:
@@ -180,7 +180,7 @@ def _length(gains: Gains, length: float) -> str:
 
 
 def required(what: Requirement) -> str:
-    """The margins that are required, and why there is one that was not named."""
+    """The required margins, and the reason for a margin that the user did not name."""
     told = [f"{name} >= {value:g}" for name, value in zip(what.names, what.values, strict=True)]
     if what.kept:  # the default comes first
         others = "" if len(told) == 1 else "; modulus=0 switches it off"
@@ -288,7 +288,7 @@ def _margin(gains: Gains, name: str) -> str:
 
 
 def late_text(delay: float, sample_time: float | None = None) -> str:
-    """How late a controller answers, and where that is from."""
+    """The delay of the controller, and the source of this number."""
     return f"answers {_time(delay)} late{'' if sample_time is None else ' (1.5 samples)'}"
 
 
@@ -326,7 +326,7 @@ def _simulation(gains: Gains) -> list[str]:
 
 
 def infeasible(found: Infeasible) -> str:
-    """Where no gains meet the requirement, by how much the best ones miss it, and what to do."""
+    """If no gains meet the requirement: by how much the best ones miss it, and what to do."""
     _, scenarios, region = found.task
     where, gains = found.scenario, found.gains
     k_p, k_v, speed, inertia = (unit_of(unit, region.coordinate) for unit in (*_UNITS, "m/s", "kg"))

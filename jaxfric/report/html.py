@@ -1,6 +1,6 @@
 """A report as HTML: for a notebook, and as one page with its figures.
 
-A page needs no network and no scripts, and nothing outside its file.
+A page needs no network, no scripts and no other file.
 """
 
 import base64
@@ -30,7 +30,7 @@ _NOTEBOOK = (
 
 
 class Figure(NamedTuple):
-    """A figure of a page: the file that has it, and what is said of it."""
+    """A figure of a page: its file and its caption."""
 
     file: str
     title: str
@@ -41,7 +41,7 @@ class Figure(NamedTuple):
 
 
 class Page(NamedTuple):
-    """What a page has besides a report, in the order of the page."""
+    """The parts of a page besides its report, in the order of the page."""
 
     about: str
     """The question, above the headline."""
@@ -60,7 +60,7 @@ class Page(NamedTuple):
 
 
 def words_of_page(name: str) -> dict:
-    """Captions, terms and other words of a page, of pages.toml."""
+    """Captions, terms and other words of a page, from pages.toml."""
     text = Path(__file__).with_name("pages.toml").read_text(encoding="utf-8")
     return tomllib.loads(text)[name]
 
@@ -73,8 +73,11 @@ def html_of(title: str, report: Report) -> str:
 
 
 def page_of(report: Report, page: Page, pictures: Mapping[str, bytes], json: str) -> str:
-    """A report as a whole page; `pictures` are its figures by file, as far as they were drawn, and
-    `json` is the file beside it that has the same numbers."""
+    """A report as a whole page.
+
+    `pictures` are the figures that could be drawn, by file. `json` is the file with the same
+    numbers.
+    """
     first, *rest = report.headline
     head = f"{paragraph(page.about, 'of')}<h1>{escaped(first)}</h1>{_lines(rest, 'sentence')}"
     told = "".join(
@@ -110,7 +113,7 @@ def page_of(report: Report, page: Page, pictures: Mapping[str, bytes], json: str
 def origin_of(
     origin: Provenance, rows: int, command: str, more: Mapping[str, str], seconds: str = ""
 ) -> list[tuple[str, str]]:
-    """Where a result is from: its record and the `rows` of it, `more` of that, what made it."""
+    """The origin of a result: record, `rows` of the record, `more` facts, version and command."""
     dropped = ", ".join(f"{n} {reason}" for reason, n in origin.dropped.items()) or "none"
     return [
         ("record", printable(origin.path)),
@@ -126,12 +129,12 @@ def origin_of(
 
 
 def escaped(text: str) -> str:
-    """Text as HTML shows it."""
+    """Text with the special characters of HTML escaped."""
     return escape(text, quote=True)
 
 
 def printable(path: str) -> str:
-    """A path with a question mark for what is no character."""
+    """A path with a question mark for each byte that is not a character."""
     text = path.encode("utf-8", errors="replace").decode("utf-8")
     return "".join(c if c.isprintable() else "?" for c in text)
 
@@ -142,18 +145,18 @@ def paragraph(text: str, kind: str) -> str:
 
 
 def bullets(items: Sequence[str], kind: str = "") -> str:
-    """A list of texts; nothing for none."""
+    """A list of texts; nothing if there are none."""
     inside = "".join(f"<li>{escaped(item)}</li>" for item in items)
     return f'<ul class="{kind}">{inside}</ul>' if inside else ""
 
 
 def folded(title: str, content: str) -> str:
-    """HTML that is shown where its title is clicked."""
+    """HTML that appears after a click on its title."""
     return f"<details><summary>{escaped(title)}</summary>{content}</details>"
 
 
 def html_table(table: TextTable) -> str:
-    """A table, numbers at the right, its remark below; nothing for one without rows."""
+    """A table with numbers aligned right and its remark below; nothing if it has no rows."""
     if not table.rows:
         return ""
     kinds = [_column(table, k) for k in range(len(table.head))]

@@ -12,8 +12,10 @@ def latex_of(
     notes: Sequence[str] = (),
     remark: str = "",
 ) -> str:
-    """A table whose cells are LaTeX: its `columns` as tabular takes them, lines of heads, rows, and
-    notes below; a `remark` stands in its source."""
+    """A table of LaTeX cells: column format, head lines, rows, and notes below the table.
+
+    A `remark` becomes a comment in the LaTeX source.
+    """
     wide = len(heads[0])
     lines = [
         rf"\begin{{tabular}}{{{columns}}}",
@@ -34,14 +36,14 @@ def _line(cells: Sequence[str]) -> str:
 
 
 def latex_cells(cells: Sequence[str] | None, count: int = 4) -> list[str]:
-    """Numbers in mathematics; for none, or where all are blank, "no fit" over so many columns."""
+    """Numbers in math mode; "no fit" across all columns if there are none or all are blank."""
     if cells is None or not any(cells):
         return [rf"\multicolumn{{{count}}}{{c}}{{no fit}}"]
     return [f"${cell}$" if cell else "" for cell in cells]
 
 
 def plain(text: str) -> str:
-    """Text with what LaTeX takes for its own made harmless."""
+    """Text with the special characters of LaTeX escaped."""
     own = {c: f"\\{c}" for c in "&%$#_{}"} | {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}"}
     own |= {"^": r"\textasciicircum{}", "Δ": r"$\Delta$", "σ": r"$\sigma$"}
     return "".join(own.get(c, c) for c in text)

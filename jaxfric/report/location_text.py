@@ -1,4 +1,4 @@
-"""Puts into words where the structure of a residual sits, and in shares that add up."""
+"""Words for the variables that the structure of a residual follows, and their shares of it."""
 
 from collections.abc import Sequence
 
@@ -30,9 +30,9 @@ def question(name: str) -> str:
 def where_it_sits(
     location: tuple[LocationProfile, ...], velocities: np.ndarray | Sequence[float] = ()
 ) -> str:
-    """The most telling variables in words; nothing where that is no more than chance.
+    """The variables that explain the residual best, in words; '' if noise explains it as well.
 
-    `velocities` are those of the record in their order; none where they do not matter.
+    `velocities` are those of the record in their order; empty if they do not matter.
     """
     best = _most_telling(location)
     if best is None:
@@ -47,8 +47,10 @@ def where_it_sits(
 def grow_together(
     location: tuple[LocationProfile, ...], velocities: np.ndarray | Sequence[float]
 ) -> bool:
-    """Whether the record cannot tell the best variable from others that grow with it, which steps
-    at other velocities would."""
+    """Whether other variables grow with the best one, so that the record cannot separate them.
+
+    Velocity steps at other velocities would separate them.
+    """
     best = _most_telling(location)
     return best is not None and bool(_alike(best, location, velocities))
 
@@ -103,11 +105,11 @@ def _not_told(alike: list[str], velocities: np.ndarray | Sequence[float]) -> str
 def added_shares(
     location: tuple[LocationProfile, ...],
 ) -> list[tuple[str | None, float]]:
-    """Variables and their `further` shares, largest first, and None with what none explains.
+    """Each variable with the share it explains further, largest first; None: not explained.
 
-    They add up to 1. Those below `_LEAST_BAR`, but for the first, are one share, of `OTHERS`. A
-    share that noise alone gives often enough is explained by nothing. Nothing where there is no
-    more structure than chance, in the whole or over any variable.
+    The shares add up to 1. Shares below `_LEAST_BAR`, except the first, are joined as `OTHERS`. A
+    share that noise alone often reaches counts as not explained. The result is empty if the
+    structure is no more than chance, as a whole or over any variable.
     """
     seen = [p for p in location if np.isfinite(p.further)]
     known = [(p.variable, p.further) for p in seen if p.p_value <= SIGNIFICANT]
@@ -123,7 +125,10 @@ def added_shares(
 def shares_told(
     location: tuple[LocationProfile, ...], velocities: np.ndarray | Sequence[float] = ()
 ) -> list[str]:
-    """What `added_shares` say, a sentence a line; `velocities` as of `where_it_sits`."""
+    """The result of `added_shares` in words, a sentence a line.
+
+    `velocities` are those of the record, as in `where_it_sits`.
+    """
     shares = added_shares(location)
     if not shares and any(np.isfinite(p.further) for p in location):
         return [say("location.only_noise")]
@@ -157,7 +162,7 @@ def shares_told(
 
 
 def variable_words(variable: str | None) -> str:
-    """A variable of a profile as a label; None is what no variable explains."""
+    """A variable of a profile as a label; None is the part that no variable explains."""
     return _subject("none" if variable is None else variable)
 
 
@@ -178,6 +183,6 @@ def _does(variables: list[str]) -> str:
 
 
 def share_text(share: float) -> str:
-    """A share in percent; what rounds to 0 is not nothing."""
+    """A share in percent; a share that rounds to 0 is "less than 1 %"."""
     small = share < _LEAST_SHOWN
     return say("location.small_share") if small else say("location.share", percent=100 * share)

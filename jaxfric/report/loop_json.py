@@ -18,7 +18,7 @@ from .words import change_words
 
 
 def content(loop: Loop) -> dict:
-    """The content of `loop.json`, schema `schemas.LOOP`; SI, null for what is not known."""
+    """The content of `loop.json`, schema `schemas.LOOP`; SI, null for unknown numbers."""
     origin, values, steps = loop.record.provenance, loop.base_fit.values(), loop.base_fit.steps
     table = {
         "schema": LOOP,
@@ -83,7 +83,7 @@ def _score(loop: Loop, score: Score) -> dict[str, object]:
 
 
 def family(curve: CurveFamily) -> dict[str, object]:
-    """The entry of a family of curves; SI."""
+    """The entry of a family of steady-state curves; SI."""
     return {
         "family": "steady_curve",
         **entries(curve, "effects", "velocities", "parameters"),
@@ -93,7 +93,7 @@ def family(curve: CurveFamily) -> dict[str, object]:
 
 
 def run(details: RunDetails) -> dict[str, object]:
-    """The stretches of a run."""
+    """The entry of a run: its stretches between interruptions."""
     return {"stretches": details.joined.stretches}
 
 

@@ -1,4 +1,4 @@
-"""What a closed loop means, and what to do next: the command that goes on, the run that decides."""
+"""What a loop means and what to do next: the next command, or the run that would decide."""
 
 import itertools
 import shlex
@@ -28,9 +28,10 @@ _ROOMS = {"machine": "the machine", "drive": "the drive", "sensor": "the force s
 
 
 def meanings(loop: Loop) -> list[tuple[str, str, str]]:
-    """Of every effect that was added: its id and room, what it says in words, and its equation.
+    """For every added effect: its id and place in the model, its meaning, and its equation.
 
-    Words and equation are those of the catalogue; both are empty for an effect that is not in it.
+    Meaning and equation come from the catalogue; both are empty for an effect outside the
+    catalogue.
     """
     found = []
     for id in loop.effects:
@@ -41,12 +42,13 @@ def meanings(loop: Loop) -> list[tuple[str, str, str]]:
 
 
 def next_steps(loop: Loop, file: str = "loop.json") -> list[NextStep]:
-    """What the verdict asks for, most telling first.
+    """The steps that follow from the verdict, the most informative first.
 
-    Where the record leaves something open the one run that would decide, with the command that asks
-    whether it does, and the rest beside that; gains where `jaxfric gains` takes the loop; of an
-    axis its feedforward; a test on another record where the model describes this one. `file` is
-    where the loop lies: beside loop.html where nothing else is said.
+    A question that the record leaves open gives the run that would decide, and a command that
+    checks this run. Gains follow if `jaxfric gains` accepts the loop, and for an axis the
+    feedforward. If the model describes the record, the last step is a test on another record.
+
+    `file` is the path of the loop's JSON file; by default it is in the folder of loop.html.
     """
     file = shlex.quote(file)
     run = _one_run(loop)
@@ -80,9 +82,9 @@ def _with_model(loop: Loop, file: str) -> list[NextStep]:
 def takes_gains(loop: Loop) -> bool:
     """Whether `jaxfric gains --from loop.json` computes gains with the model of this loop.
 
-    Its verdict must say that the model describes the record, its effects be those of the
-    catalogue, and its free parameters determined; of an axis, friction must have a memory
-    (rate_and_state) and be in newtons and metres.
+    Conditions: the verdict says that the model describes the record, the catalogue has all effects
+    of the model, and the record determines all free parameters. For an axis, friction must also
+    have a memory (rate_and_state), in newtons and metres.
     """
     after = loop.after
     known = set(after.effects) <= set(loop.words.catalogue)
@@ -166,7 +168,7 @@ def _values_of(run: PlannedRun) -> dict[str, str]:
 
 
 def run_to_make(loop: Loop) -> str:
-    """The run that would decide what this record leaves open, in a line; "" without one."""
+    """The run that would decide the questions this record leaves open, in one line; "" if none."""
     run = _one_run(loop)
     return "" if run is None else say("next.run_to_make", **_values_of(run))
 

@@ -1,8 +1,8 @@
-"""The run that would decide what a record leaves open, as a plan for `jaxfric protocol`.
+"""Plan the run that would decide the questions a record leaves open, for `jaxfric protocol`.
 
-The catalogue says what tells an effect from its likes (`separated_by`). Where that is a
-`RunChange`, the plan is the record's own velocities with that change; else it is those velocities
-as they were, and says so.
+The catalogue says which change of a run separates an effect from similar ones (`separated_by`). If
+that is a `RunChange`, the plan is the record's own velocities with this change. Otherwise the plan
+is the record's own velocities unchanged, and says so.
 """
 
 import dataclasses
@@ -26,7 +26,7 @@ _CHANNEL = "0.1 um"
 
 @dataclass(frozen=True)
 class PlannedRun:
-    """Velocities in the unit of speed of the record, each over `slip` in its unit of length."""
+    """Velocities in the record's unit of speed, each over `slip` in its unit of length."""
 
     speeds: tuple[float, ...]
     slip: float
@@ -51,19 +51,19 @@ class PlannedRun:
         return f"{', '.join(f'{v:.4g}' for v in self.speeds)} {self.unit}"
 
     def options(self) -> str:
-        """What `jaxfric protocol` is told of it."""
+        """The options that give this run to `jaxfric protocol`."""
         text = f'"{self.velocities()}" --slip-per-step "{self.slip:.4g} {self.length}"'
         return f'{text} --slip-channel "{_CHANNEL}"' if self.channel else text
 
     def words(self) -> str:
-        """What is planned, beside the run that would decide."""
+        """How the planned run differs from the record, in words."""
         if self.changes:
             return say("plan.changed", changes=read_as(listed(self.changes)))
         return say("plan.as_told" if self.told else "plan.as_it_was")
 
 
 def own_run(loop: Loop) -> PlannedRun:
-    """The record's own velocities, as far as a plan takes them."""
+    """The record's own velocities, as many as a plan accepts."""
     steps, unit = loop.base_fit.steps, loop.words.speed
     size = factor(unit, "m/s", "velocity")
     speeds = steps.velocities[steps.velocities != 0][:_MOST_STEPS] / size
@@ -78,7 +78,7 @@ def own_run(loop: Loop) -> PlannedRun:
 
 
 def deciding_run(run: PlannedRun, wanted: Iterable[str]) -> PlannedRun:
-    """The run with everything that is `wanted` that is a change of it, each once."""
+    """The record's run with each `wanted` change of a run made once."""
     known = {CHANGES[one] for one in wanted if one in CHANGES}
     for change in sorted(known, key=list(CHANGES.values()).index):
         run = change(run)
@@ -86,14 +86,14 @@ def deciding_run(run: PlannedRun, wanted: Iterable[str]) -> PlannedRun:
 
 
 def unplanned(run: PlannedRun, wanted: Iterable[str]) -> tuple[str, ...]:
-    """Of what would decide, that which a run does not have."""
+    """The wanted changes that a planned run does not contain."""
     long = 0 < 3 * run.second_length < run.slip
     has = set(CHANGES) if long else set(CHANGES) - {RunChange.LONG_STEPS}
     return tuple(one for one in wanted if one not in has)
 
 
 def plannable(id: str) -> bool:
-    """Whether a plan can be asked for an effect: one of the catalogue that needs no channel."""
+    """Whether a plan can test an effect: it is in the catalogue and needs no further channel."""
     return id in CATALOGUE and CATALOGUE[id].channel is None
 
 

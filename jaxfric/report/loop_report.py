@@ -1,4 +1,4 @@
-"""The report of a closed loop: what is missing, the friction with it, what that means."""
+"""The report of a closed loop: the missing effect, the friction with it, and what this means."""
 
 import math
 
@@ -29,8 +29,11 @@ _MOST_STEPS = 40
 
 
 def report(loop: Loop, *, file: str = "loop.json", whole: bool = False) -> Report:
-    """The answer, all tables, and what can be told apart; with the `whole` tables, or the first
-    rows of the long ones. `file` is where the loop lies, of the commands of what to do next."""
+    """The answer, all tables, and the effects that the record can distinguish.
+
+    With `whole` all rows of the tables are shown, otherwise the first rows of long ones. `file` is
+    the path of the loop's JSON file in the next commands.
+    """
     steps, most = (None, len(loop.candidates)) if whole else (_MOST_STEPS, _MOST_CANDIDATES)
     tables = [
         moved(loop),
@@ -52,8 +55,10 @@ def report(loop: Loop, *, file: str = "loop.json", whole: bool = False) -> Repor
 
 
 def first_lines(loop: Loop) -> list[str]:
-    """What was found, the friction that the record has with it, and what that means or the first
-    reason why it is not more."""
+    """The verdict, the friction parameters of the final model, and their meaning.
+
+    If the verdict is limited, the first reason replaces the meaning.
+    """
     if told := answer(loop):  # of an axis
         return told
     found = headline(loop)

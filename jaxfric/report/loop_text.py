@@ -58,13 +58,15 @@ def _far_off(loop: Loop) -> bool:
 
 
 def lines(loop: Loop) -> list[str]:
-    """Lines on the verdict, and on why it is not more."""
+    """Lines on the verdict, and on the reasons that limit the verdict."""
     return [f"{loop.verdict}: {loop.sentence}", *_reasons(loop)]
 
 
 def answer(loop: Loop) -> list[str]:
-    """Of an axis: what friction it has, whether that makes it stick-slip, and the error before and
-    after, each in a line. Nothing of others, whose sentence says it."""
+    """Lines on an axis: its friction, whether friction makes it stick-slip, and the test error.
+
+    Empty for a slider, whose sentence gives these numbers.
+    """
     details, base = loop.details, AXIS.base
     if not isinstance(details, AxisDetails):
         return []
@@ -108,7 +110,7 @@ def _base_of(loop: Loop, model: Score) -> str:
 
 
 def test_errors(loop: Loop, form: str) -> str:
-    """The test error before and after, in sigma; one number where no effect was found."""
+    """Test error before and after [sigma]; one number if no effect was found."""
     models = (loop.before, loop.after) if loop.effects else (loop.before,)
     return " -> ".join(format(loop.test_error(model), form) for model in models)
 
@@ -120,7 +122,7 @@ def named(loop: Loop, id: str) -> str:
 
 
 def meaning(loop: Loop, id: str) -> str:
-    """What an effect means, as part of a sentence; empty where it does not say."""
+    """The meaning of an effect, as part of a sentence; '' for an effect without meaning."""
     told = loop.words.catalogue[id].meaning if id in loop.words.catalogue else ""
     return _lower(told).rstrip(".")
 
@@ -133,7 +135,7 @@ def _reasons(loop: Loop) -> list[str]:
 
 
 def errors(loop: Loop) -> TextTable:
-    """rms of the residual by block, in the unit of friction and in sigma."""
+    """Table: rms of the residual of each block, in the unit of friction and in sigma."""
     size, unit = readable(loop)
     within = f" [{unit}]" if unit else ""
     rows = []
@@ -192,7 +194,7 @@ def _errors(both: list[float], size: float, sigma: float) -> tuple[str, ...]:
 
 
 def by_velocity(loop: Loop, *, most: int | None = None) -> TextTable:
-    """rms [sigma] of every velocity of the record, or of the `most` with the largest after."""
+    """Table: rms [sigma] at each velocity, or at the `most` with the largest error after."""
     steps, rows, worst = loop.base_fit.steps, [], []
     length = length_of(loop)
     for k, (time, velocity) in enumerate(zip(steps.times, steps.velocities, strict=True)):
@@ -215,7 +217,7 @@ def by_velocity(loop: Loop, *, most: int | None = None) -> TextTable:
 
 
 def moved(loop: Loop) -> TextTable:
-    """Parameters before and after, with intervals, and how far they moved."""
+    """Table: parameters before and after, with intervals, and their shifts."""
     rates = loop.before.A_minus_B, loop.after.A_minus_B
     rows = [] if rates[1] is None else [_moved(loop, DIFFERENCE, rates[0], rates[1])]
     for name, after in loop.after.parameters.items():
@@ -242,11 +244,11 @@ def _moved(loop: Loop, name: str, before: Estimate | None, after: Estimate) -> t
 
 
 def traded(loop: Loop) -> list[str]:
-    """A line for each parameter of the base that was known before an effect was added and is not
-    after: what it trades with, and their sum that is known.
+    """Lines on base parameters that are determined before an effect is added, but not after.
 
-    By the covariance S of this model alone: p - q S_pq/S_qq has the least error of all sums of p
-    and a multiple of q.
+    Each line names the parameter q that p trades with, and a combination of p and q that stays
+    determined. By the covariance S of this model alone, p - q S_pq/S_qq has the smallest error of
+    all sums of p and a multiple of q.
     """
     after, found = loop.after, []
     own = getattr(loop.details, "covariance", None)
@@ -329,7 +331,7 @@ def _meaning(loop: Loop, name: str) -> str:
 
 
 def significance(loop: Loop) -> TextTable:
-    """p-values of the residual tests before and after."""
+    """Table: p-values of the residual tests before and after."""
     rows = []
     for name, before in loop.before.tests.items():
         both = (before, loop.after.tests.get(name, math.nan))
@@ -340,7 +342,7 @@ def significance(loop: Loop) -> TextTable:
 
 
 def candidates(loop: Loop, *, most: int) -> TextTable:
-    """Models that were fitted, best first."""
+    """Table: the fitted models, best first."""
     found = loop.ranked()
     rows = [
         (
@@ -380,7 +382,7 @@ def _role(loop: Loop, candidate: CandidateScore) -> str:
 
 
 def stretches(details: RunDetails) -> list[TextTable]:
-    """The stretches of a run: when, the steps and holds, the normal stress, the level."""
+    """Table: the stretches of a run with time, steps, holds, normal stress and friction level."""
     joined, rows = details.joined, []
     for k, s in enumerate(joined.stretches):
         units = {p.unit for p in joined.phases if p.stretch == k and p.unit >= 0}
@@ -395,7 +397,7 @@ def stretches(details: RunDetails) -> list[TextTable]:
 
 
 def rests_on(loop: Loop) -> TextTable:
-    """What is claimed, and the rows that it rests on, by direction and speed."""
+    """Table: each claim, and the rows that support it, by direction and speed."""
     rows, unit = [], f"{loop.length_unit}/s"
     shown = f"{length_of(loop)}/s"
     for one in loop.findings:
@@ -414,11 +416,11 @@ def rests_on(loop: Loop) -> TextTable:
 
 
 def apart(loop: Loop) -> list[str]:
-    """Sentences on every effect added: its likely confusions, and what would separate them.
+    """Sentences on every added effect: likely confusions, and the run that would separate them.
 
-    Effects that look alike to first order are told apart where a refit with the other in place of
-    the one was tried and is worse by more than 10 of BIC. Where more than noise is left, no effect
-    is told from all others: what is left may be of another one, which it stands for in part.
+    Effects may look alike to first order. A refit with one in place of the other distinguishes them
+    if its BIC is worse by more than 10. If structure remains in the residual, no added effect is
+    distinguished from all others: it may partly stand for another effect.
     """
     out, open_ = [], dict(confused(loop))
     codes = {one.code for one in loop.findings}
@@ -451,7 +453,7 @@ def apart(loop: Loop) -> list[str]:
 
 
 def confused(loop: Loop) -> list[tuple[str, list[str]]]:
-    """Effects added that the record cannot tell from others, which no refit tells apart either."""
+    """Added effects that neither the record nor a refit distinguishes from others."""
     found = []
     for id, *others in loop.alias_groups:
         alike = [other for other in others if not _tells(loop, id, other)]
@@ -460,8 +462,10 @@ def confused(loop: Loop) -> list[tuple[str, list[str]]]:
 
 
 def likeliest(loop: Loop, id: str, others: Sequence[str]) -> list[str]:
-    """What may stand for the effect `id`, the best refit in its place first; then those that were
-    not fitted so, the most alike first."""
+    """The effects that may replace the effect `id`, the best refit first.
+
+    Effects without a refit follow, the most similar first.
+    """
     worse = {other: _worse(loop, id, other) for other in others}
     return sorted(others, key=lambda other: math.inf if math.isnan(worse[other]) else worse[other])
 
@@ -473,8 +477,7 @@ def _of_family(id: str, family: CurveFamily, refit: str) -> str:
 
 
 def alias_pairs(loop: Loop) -> list[tuple[str, str, float]]:
-    """Pairs of effects with |cosine| of .95 and more that no refit tells apart, most alike
-    first."""
+    """Pairs of effects with |cosine| >= 0.95 that no refit distinguishes, most alike first."""
     ids, cosines = loop.alias_ids, np.asarray(loop.alias_cosines)
     found = [
         (ids[j], ids[i], float(cosines[i, j]))
@@ -515,7 +518,7 @@ def _nearest(loop: Loop, id: str) -> tuple[str, float]:
 
 
 def splitting(loop: Loop) -> str:
-    """A sentence on how the record was split, and what that means."""
+    """A sentence on how the record was split, and its consequence."""
     if loop.blocks.by_step:
         return say("apart.by_parts", part=loop.words.part, how=_whole_parts(loop))
     count = len(alias_pairs(loop))
@@ -541,7 +544,7 @@ def base_name(loop: Loop) -> str:
 
 
 def readable(loop: Loop) -> tuple[float, str]:
-    """Factor and unit that bring the noise of friction to a readable number."""
+    """Factor and unit that make the noise of friction a readable number."""
     level, unit = 10 * loop.sigma, loop.record.friction_unit
     if unit == "%":
         return 1.0, unit
@@ -555,7 +558,7 @@ def readable(loop: Loop) -> tuple[float, str]:
 
 
 def sigma_texts(loop: Loop) -> tuple[str, ...]:
-    """`sigma` as text, and the noise of the rows held out where that is another number."""
+    """`sigma` as text, and the noise of the held-out rows if it differs."""
     held = loop.sigma_of(loop.blocks.select | loop.blocks.report)
     return tuple(dict.fromkeys(in_words(loop, size) for size in (loop.sigma, held)))
 
@@ -568,7 +571,7 @@ def in_words(loop: Loop, friction: float) -> str:
 
 
 def length_of(loop: Loop) -> str:
-    """The record's unit of length by its symbol; um where it has none, as "0.05 um"."""
+    """The symbol of the record's unit of length; um if the unit has none, as "0.05 um"."""
     told = loop.record.units.get("load_point_displacement", "um")
     if told == "rad":
         return told

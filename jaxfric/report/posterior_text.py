@@ -1,4 +1,4 @@
-"""A posterior in words and tables: the fit beside the maximum, its normal law and the draws."""
+"""A posterior in words and tables: ordinary fit, maximum, Laplace approximation, draws."""
 
 from typing import NamedTuple
 
@@ -24,13 +24,13 @@ class PosteriorRow(NamedTuple):
 
     @property
     def shown(self) -> str:
-        """Mean and deviation, of the draws where there are some: "14.3 ± 1.3 µm"."""
+        """Mean and standard deviation, of the draws if there are any: "14.3 ± 1.3 µm"."""
         mean, std, *_ = self.draws or self.laplace
         return f"{mean} ± {std}{f' {self.unit}' if self.unit else ''}"
 
 
 def posterior_rows(posterior: Posterior) -> list[PosteriorRow]:
-    """A less all B, then the parameters in the order of the fit."""
+    """One row each for A minus the sum of all B, and the parameters in the order of the fit."""
     priors = dict(zip(posterior.names, posterior.priors, strict=True))
     maximum, about = posterior.maximum(), posterior.approximation()
     drawn, fitted, rows = posterior.sampled(), posterior.fitted(), []
@@ -51,7 +51,7 @@ def posterior_rows(posterior: Posterior) -> list[PosteriorRow]:
 
 
 def posterior_lines(posterior: Posterior) -> list[str]:
-    """Lines on a posterior beyond its parameters."""
+    """Lines on a posterior besides the table of its parameters."""
     held = f"noise is held at {posterior.noise}"
     if posterior.whitened is not None:
         held += (

@@ -7,7 +7,7 @@ from .tables import TextTable
 
 
 def tables(found: Prediction) -> list[TextTable]:
-    """Errors of every model and way of comparing, and where a fit's parameters would go."""
+    """Errors of every model under each comparison, and the parameters that a refit would give."""
     return [_errors(found), *_parameters(found)]
 
 

@@ -71,9 +71,11 @@ def _noise(plan: Protocol) -> str:
 def answer(
     plan: Protocol, pair: Pair, better: Remedy | None = None, less: Change | None = None
 ) -> str:
-    """Whether the plan tells the two that were asked for apart, with its number, and the change
-    with which it would, or does for effects as small as they are; of a plan that tells them, the
-    change `less` that does so in less time."""
+    """Whether the plan distinguishes the requested pair of effects, and the pair's |cosine|.
+
+    If not, the answer names a change of the plan that would, or one that would for small effects.
+    If yes, `less` is a change that distinguishes the pair in less time.
+    """
     told = _answered(plan, pair)
     if better is not None:
         return f"{told}; {_would(plan, pair, better)}"
@@ -184,8 +186,10 @@ def _answered(plan: Protocol, pair: Pair) -> str:
 
 
 def found_too_small(plan: Protocol, pair: Pair, known: Mapping[str, float]) -> list[str]:
-    """A line for each effect of a pair that is told apart whose size in `known` (SI, by name) is
-    less than that from which on it is told."""
+    """Lines on effects of a distinguished pair whose size in `known` is below the detectable size.
+
+    `known` holds sizes in SI by name.
+    """
     return [
         f"the {s.id} of the file, {_size(s, size)}, is smaller than what this plan tells"
         f" ({_size(s, pair.sizes[s.id])}): of that size the answer is no"
@@ -194,10 +198,10 @@ def found_too_small(plan: Protocol, pair: Pair, known: Mapping[str, float]) -> l
 
 
 def apart(plan: Protocol, asked: Pair | None = None) -> list[str]:
-    """Lines on the effects that the plan cannot tell apart, and on the pair that was asked for.
+    """Lines on the effects that the plan cannot distinguish, and on the requested pair.
 
-    Effects that are linked by such pairs are one line: a chain, whose neighbours alone are alike,
-    unless any two of them are.
+    Similar effects form one line. Such a line is a chain, in which only neighbours are alike, or a
+    group, in which any two are alike.
     """
     design, out = plan.design, []
     for group in design.groups():
@@ -218,7 +222,7 @@ def apart(plan: Protocol, asked: Pair | None = None) -> list[str]:
 
 
 def advice(plan: Protocol, asked: Pair | None = None, better: Remedy | None = None) -> str:
-    """The change that is recommended: for the pair that was asked for, and for most pairs."""
+    """The recommended change of the plan: for the requested pair, and for the most pairs."""
     if asked is None:
         return _of_all(plan, "Recommended")
     two = listed([id for id in asked.ids if id != BASE])
@@ -252,16 +256,16 @@ def _of_all(plan: Protocol, recommended: str) -> str:
 
 
 def effects(plan: Protocol) -> TextTable:
-    """Table of the effects: the smallest amplitude that is named, and what looks most like it."""
+    """Table of the effects: the smallest identifiable amplitude, and the most similar effect."""
     rows = [(s.id, *_amplitude(s), *_nearest(plan.design, s.id)) for s in plan.design.smallest]
     head = ("effect", "smallest named", "at the shape", "most alike", "|cosine|")
     return TextTable("How large an effect must be to be named", head, rows, _NOTE)
 
 
 def changes(plan: Protocol, better: Remedy | None = None) -> TextTable:
-    """Table of the pairs that every change of the plan separates, and of those it leaves.
+    """Table of the changes of the plan: the pairs that each separates, and the pairs that remain.
 
-    Marked is that for the pair that was asked for, else that which is recommended.
+    The marked row is the change for the requested pair, otherwise the recommended change.
     """
     best = plan.recommended() if better is None else better.change
     rows = [_change(plan, change) for change in plan.changes]
@@ -274,8 +278,10 @@ def changes(plan: Protocol, better: Remedy | None = None) -> TextTable:
 def report(
     plan: Protocol, found: Answer = _NOTHING, *, typical: bool = False, command: str = ""
 ) -> Report:
-    """The answer that was `found` on a pair that was asked for, or how many pairs the plan tells
-    apart; the plan; what would separate more, and the `command` of the change that is told of."""
+    """The answer on the requested pair, or the number of distinguished pairs; the plan; the advice.
+
+    `found` is that answer, `command` the command line of the recommended change.
+    """
     pair, better, less = found
     asked = [] if pair is None else [answer(plan, pair, better, less), ""]
     lines = [*headline(plan, typical=typical), "", "What this plan cannot tell apart"]

@@ -1,4 +1,4 @@
-"""What is understood of a record, as JSON: of a slider, of an axis, of a folder of steady runs."""
+"""How a record is read, as JSON: of a slider, of an axis, of a folder of steady runs."""
 
 from collections.abc import Mapping
 
@@ -33,7 +33,7 @@ def axis_content(record: AxisRecord, strokes: Strokes) -> dict[str, object]:
 
 
 def steady_content(curve: SteadyCurve) -> dict[str, object]:
-    """The runs of a curve of steady speeds: speed, force and its error. SI."""
+    """The runs of a curve of steady speeds: speed, force and error of the force. SI."""
     table = _begin("steady", curve.provenance, int(curve.samples.sum()))
     columns = zip(curve.names, curve.speed, curve.force, curve.error, curve.samples, strict=True)
     runs = [

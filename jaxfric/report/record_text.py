@@ -15,7 +15,7 @@ def _folded(unit: str) -> str:
 
 
 def report(record: Record, steps: VelocitySteps) -> Report:
-    """What is understood of a record: its columns, and a table of the velocity steps."""
+    """How a record is read: its columns, and a table of the velocity steps."""
     errors = steps.time_errors if steps.time_errors is not None else np.zeros(len(steps))
     rows = [
         (f"{time:.6g}", f"{error:.2g}" if error else "", format_si(V, "m/s", "um/s", 5))
@@ -27,8 +27,10 @@ def report(record: Record, steps: VelocitySteps) -> Report:
 
 
 def describe(record: Record) -> list[str]:
-    """Columns with their range, and their unit in the file where that is another, or what was
-    stated in their place; rows dropped and sampling."""
+    """Columns with range, and with their unit in the file if it differs; dropped rows; sampling.
+
+    Values that the user stated replace a column, and are listed with the columns.
+    """
     origin = record.provenance
     dropped = ", ".join(f"{n} {reason}" for reason, n in origin.dropped.items()) or "none"
     lines = [

@@ -1,4 +1,4 @@
-"""One report a result: what a terminal, a notebook and a page show of it.
+"""One report for each result, which a terminal, a notebook and a page show.
 
 `jaxfric.views` makes the report of a result; the command prints it in brief, or with all details.
 """
@@ -20,7 +20,7 @@ _WIDTH = 120
 
 
 class NextStep(NamedTuple):
-    """Something to do: a sentence, and the command line where there is one."""
+    """A recommended step: a sentence, and its command line if there is one."""
 
     text: str
     command: str = ""
@@ -30,7 +30,7 @@ class NextStep(NamedTuple):
     """What it asks for, in the table "next" of `words`; "" for one that has no code."""
 
     def lead(self) -> str:
-        """The word before it."""
+        """The word before the sentence of a step."""
         return "also" if self.also else "next"
 
 
@@ -52,8 +52,10 @@ class Report(NamedTuple):
 
 
 def print_brief(report: Report, console: "Console", *, room: int = SCREEN) -> None:
-    """The headline, and as many rows of its table as `room` lines have place for; notes where there
-    is no table."""
+    """The headline, and as many rows of the report's table as fit into `room` lines.
+
+    A report without a table shows its notes instead.
+    """
     _print_lines(console, report.headline)
     room -= len(report.headline)
     table = report.short or next((table for table in report.tables if table.rows), None)
@@ -64,7 +66,7 @@ def print_brief(report: Report, console: "Console", *, room: int = SCREEN) -> No
 
 
 def print_details(report: Report, console: "Console") -> None:
-    """All of a report but its warnings."""
+    """Print the whole report, but not its warnings."""
     _print_lines(console, report.headline)
     if report.headline and report.lines:
         console.print()
@@ -76,15 +78,15 @@ def print_details(report: Report, console: "Console") -> None:
 
 
 def print_next_steps(report: Report, console: "Console", *, most: int | None = None) -> None:
-    """What to do next, a line each; the first `most`, where that is given."""
+    """Print the next steps, one a line; only the first `most` steps if `most` is given."""
     told = [(f"{step.lead()}:", step.text, step.command) for step in report.next_steps[:most]]
     _print_lines(console, [" ".join(filter(None, words)) for words in told])
 
 
 def cut(table: TextTable, most: int) -> TextTable:
-    """The table with at most so many rows, 3 at least: those that are marked, then the first.
+    """The table with at most so many rows (3 or more): the marked rows, then the first ones.
 
-    Meanings are left out, as they take lines, and so is a note that is longer than a line.
+    Without column meanings, which take lines, and without a note longer than one line.
     """
     most = max(most, 3)
     shown = range(len(table.rows))
@@ -103,7 +105,7 @@ def cut(table: TextTable, most: int) -> TextTable:
 
 
 def text_of(title: str, report: Report) -> str:
-    """A report as text, warnings below."""
+    """A report as text, with its warnings at the end."""
     from rich.console import Console
 
     out = io.StringIO()

@@ -20,7 +20,7 @@ def page(
     *,
     command: str,
 ) -> str:
-    """The page of a run's report, with those PNG `pictures` that there are; `command` made it."""
+    """The page of a run's report with the PNG `pictures` that could be drawn; `command` made it."""
     words = words_of_page("run")
     figures = [Figure(file, **about) for file, about in words["figures"].items()]
     for step in run.steps:

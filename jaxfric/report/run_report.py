@@ -1,4 +1,4 @@
-"""The report of a run: its velocity steps in a table, what they share, and what else was found."""
+"""The report of a run: a table of its velocity steps, their common parameters, and other events."""
 
 from collections import Counter
 from pathlib import Path
@@ -31,9 +31,11 @@ _NO_STEP = "no velocity step is fitted; events.toml says what was found and why"
 
 
 def report(run: RunFit, others: Findings = _NOTHING, ask: str = "") -> Report:
-    """How many steps were fitted, what they share, the table of the steps; then what was found
-    besides them. Warnings are those of the steps; `ask` is the command that asks on where fits
-    miss a part of their steps."""
+    """The number of fitted steps, their common parameters, a table of them, and the other events.
+
+    The warnings are those of the fits of the steps. `ask` is the next command if some fits miss a
+    part of their steps.
+    """
     kinds = Counter(event.kind for event in run.events)
     number = len(run.events)
     words = ", ".join(f"{count} {kind}" for kind, count in kinds.most_common())
@@ -54,7 +56,7 @@ def report(run: RunFit, others: Findings = _NOTHING, ask: str = "") -> Report:
 
 
 def files_of(run: RunFit, others: Findings) -> dict[str, str]:
-    """Texts of the tables of a run by the names of their files; none for what it does not have."""
+    """Texts of the tables of a run by file name; no file for an event that is absent."""
     texts = {name: csv_text(table) for name, table in others.tables().items()}
     if run.steps:
         texts["table.csv"] = csv_text(rows(run))

@@ -1,4 +1,4 @@
-"""A stability study as the content of stability.json, and what its text has in common with it."""
+"""A stability study as the content of stability.json, with functions that its text uses too."""
 
 import math
 from collections.abc import Sequence
@@ -17,9 +17,9 @@ INTERVALS = 4
 
 
 def content(study: Study, law: str, warnings: Sequence[str] = ()) -> dict:
-    """The content of stability.json, schema `schemas.STABILITY`; SI, null for infinite.
+    """The content of stability.json, schema `schemas.STABILITY`; SI, null for infinite numbers.
 
-    `warnings` are what must be known of the law before it is relied on, a line each.
+    `warnings` are lines to read before using the law.
     """
     here, points, theorems = study.here, study.points, study.theorems
     result = {
@@ -104,7 +104,7 @@ def _delay_content(study: Study) -> dict:
 
 
 def solutions(study: Study) -> list[tuple[float, float]]:
-    """Solutions w_n of (19) [rad/s] and the stiffness there [N/m]."""
+    """Solutions w_n of equation (19) [rad/s], and the stiffness at each [N/m]."""
     found = study.theorem
     pairs = zip(np.asarray(found.frequencies), np.asarray(found.stiffnesses), strict=True)
     return [(float(w), float(k)) for w, k in sorted(pairs) if math.isfinite(w)]

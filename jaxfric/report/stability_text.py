@@ -33,8 +33,10 @@ def _units(study: Study) -> _Units:
 
 
 def report(study: Study, law: str) -> Report:
-    """Whether the gains hold the slider or which would, and the critical stiffness; by velocity;
-    then all of linear theory."""
+    """Whether the gains stabilise the slider, or which gains would; the critical stiffness.
+
+    A table by velocity and all results of linear theory follow.
+    """
     return Report(_headline(study), _table(study), describe(study, law))
 
 
@@ -153,7 +155,7 @@ def _conclusion(study: Study) -> str:
 
 
 def theorem_lines(found: Theorem) -> list[str]:
-    """Lines of text: the hypotheses checked, those that failed, and what follows."""
+    """Lines on the theorem: its checked hypotheses, those that fail, and the conclusion."""
     checks = {
         "g integrable and piecewise continuous, G bounded for Re s >= 0": found.integrable,
         "f_v + k_v > 0": found.damped,

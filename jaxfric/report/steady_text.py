@@ -18,7 +18,7 @@ from .tables import TextTable
 
 
 def report(loop: SteadyLoop, noise: SteadyNoise | None = None) -> Report:
-    """The verdict, what follows for gains, the models, and the noise where it was asked for."""
+    """The verdict, the gains it implies, the models, and the noise if requested."""
     told = (f"{loop.verdict}: {loop.sentence}", f"gains: {sentence(loop)}")
     models, *rest = tables(loop)
     notes = [f"  - {note}" for note in loop.curve.provenance.notes]
@@ -27,7 +27,7 @@ def report(loop: SteadyLoop, noise: SteadyNoise | None = None) -> Report:
 
 
 def sentence(loop: SteadyLoop) -> str:
-    """Sentences on gains by the curve, in the units that are shown."""
+    """Sentences on the gains that the friction curve requires, in the displayed units."""
     force, _, size = shown_units(loop.curve)
     rotary = loop.curve.coordinate == "rotary"
     speed = Shown("rpm", np.pi / 30) if rotary else Shown("m/s")
@@ -36,7 +36,7 @@ def sentence(loop: SteadyLoop) -> str:
 
 
 def noise_text(noise: SteadyNoise, curve: SteadyCurve) -> list[str]:
-    """Lines on the noise of the runs, and on how many samples their rows are worth."""
+    """Lines on the noise of the runs, and on the independent samples that their rows are worth."""
     what, *rest = noise_lines(noise.estimate, "the runs")
     lines = ["; ".join([what, *rest])]
     lines += turn_text(noise)
@@ -51,7 +51,7 @@ def noise_text(noise: SteadyNoise, curve: SteadyCurve) -> list[str]:
 
 
 def turn_text(noise: SteadyNoise) -> list[str]:
-    """A line on the correlation of rows a turn apart; none where that is not known."""
+    """A line on the correlation of rows one turn apart; '' if that is not known."""
     if noise.after_a_turn is None:
         return []
     share = 100 * max(noise.after_a_turn, 0.0)
@@ -63,7 +63,7 @@ def _range(samples: np.ndarray) -> str:
 
 
 def tables(loop: SteadyLoop) -> list[TextTable]:
-    """Models that were fitted, and parameters of base and final model."""
+    """Tables of the fitted models, and of the parameters of base and final model."""
     unit, speed, size = shown_units(loop.curve)
     rows = [
         (
@@ -117,7 +117,7 @@ def _unit(name: str, force: str, speed: str) -> str:
 def to_json(loop: SteadyLoop, noise: SteadyNoise | None = None) -> dict:
     """The content of `steady.json`, schema `schemas.STEADY`; SI or % of the rated torque.
 
-    `noise` is that of the runs, null where it is not known.
+    `noise` is that of the runs; null if it is not known.
     """
     curve, gains = loop.curve, steady_gains(loop)
 
@@ -183,7 +183,7 @@ def _noise_json(noise: SteadyNoise, curve: SteadyCurve) -> dict:
 
 
 def claim_json(gains: AxisGains) -> dict:
-    """The claim on stability, with reasons; nan or None for what is not determined."""
+    """The claim on stability, with reasons; nan or None for undetermined values."""
     claim, curve = gains.claim, gains.curve
     if curve is None:
         return {"claim": claim.kind, "reasons": list(claim.reasons)}

@@ -1,4 +1,4 @@
-"""The verdict on a curve of steady speeds in words, and why no friction may be taken from it."""
+"""The verdict on a friction curve of steady speeds, and the reasons for giving no friction."""
 
 import numpy as np
 
@@ -32,7 +32,7 @@ def sentence(loop: SteadyLoop) -> str:
 
 
 def withheld(loop: SteadyLoop) -> tuple[str, ...]:
-    """Why neither friction nor gains may be taken from the fit; empty where they may."""
+    """Why the fit gives neither friction nor gains; '' if it gives them."""
     words = {
         Doubt.WANDERS: lambda: wanders(loop.curve),
         Doubt.DRIVES: lambda: _drives(loop),
@@ -42,7 +42,7 @@ def withheld(loop: SteadyLoop) -> tuple[str, ...]:
 
 
 def wanders(curve: SteadyCurve) -> str:
-    """That the force changes within the runs."""
+    """Say that the force drifts within the runs."""
     placed = bool(curve.rows) and all(rows.position is not None for rows in curve.rows)
     more = say("steady.longer_runs" if placed else "steady.position")
     return say("steady.wanders", samples=np.median(curve.effective), more=more)
@@ -61,8 +61,10 @@ def _drives(loop: SteadyLoop) -> str:
 
 
 def slips(curve: SteadyCurve, counted: bool) -> str:
-    """The speeds at which runs stick and slip, how much of the time each is at rest, and whether
-    they are `counted` in the fit."""
+    """The speeds at which runs stick-slip, and the share of time at rest in each.
+
+    `counted` says whether the fit includes these runs.
+    """
     speed = shown_units(curve)[1]
     each = "; ".join(
         say(

@@ -1,4 +1,4 @@
-"""A study in words and as JSON: what was computed, and how often each code occurs."""
+"""A study in words and as JSON: the computed outputs, and the number of members with each code."""
 
 from typing import TYPE_CHECKING
 
@@ -19,7 +19,7 @@ _NOT_PLAIN = ("escape", "failed")
 
 
 def report(found: "Dataset", seconds: float, members: int, store: str) -> Report:
-    """How many members there are, how many were computed in how many seconds, and their codes."""
+    """The numbers of members and of computed members, the time, and the members with each code."""
     dims = found["outcome"].dims
     shape = " x ".join(f"{found.sizes[d]} {d}" for d in dims)
     done = f"{members} computed in {duration(seconds)}" if members else "nothing left to compute"
@@ -58,7 +58,7 @@ def duration(seconds: float) -> str:
 
 
 def codes(found: "Dataset") -> dict[str, dict[str, int]]:
-    """How often each code occurs, by the variable that has it; "without": members without one."""
+    """Number of members with each code, by variable; "without" counts members without a code."""
     every = {}
     for name in found.data_vars:
         about = found[name].attrs
@@ -74,7 +74,7 @@ def codes(found: "Dataset") -> dict[str, dict[str, int]]:
 
 
 def content(found: "Dataset", store: str, members: int) -> dict[str, object]:
-    """What was computed as JSON; numbers are in the store."""
+    """A summary of the study as JSON; the numbers are in the store."""
     return {
         "schema": STUDY_SUMMARY,
         "store": store,
@@ -88,7 +88,7 @@ def content(found: "Dataset", store: str, members: int) -> dict[str, object]:
 
 
 def report_of_maps(names: list[str]) -> Report:
-    """What the figures of a study are, and why there is no map."""
+    """What the figures of a study show, or why there is no map."""
     told = []
     if any(name.startswith("map_share_of_") for name in names):
         told.append(

@@ -1,4 +1,4 @@
-"""Tables of text on a terminal: numbers stay whole however narrow it is."""
+"""Tables of text on a terminal; numbers are never broken, on a narrow terminal either."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
@@ -13,7 +13,7 @@ _LONGEST_WORD, _LONGEST_NUMBER = 24, 48
 
 
 class TextTable(NamedTuple):
-    """A table of text: its title, column heads, rows, a remark, the rows that matter most."""
+    """A table of text: title, column heads, rows, remark, and the most important rows."""
 
     title: str
     head: tuple[str, ...]
@@ -23,8 +23,10 @@ class TextTable(NamedTuple):
 
 
 def print_tables(console: "Console", shown_tables: Sequence[TextTable]) -> None:
-    """Tables one below the other; a narrow console leaves out meanings. Numbers are never cut or
-    broken: a table that is too wide for them goes on below, with its first column again."""
+    """Print tables one below the other; a narrow console leaves out column meanings.
+
+    A table that is too wide for its numbers continues below, with its first column repeated.
+    """
     for table in shown_tables:
         narrow = console.width < _WIDE
         left_out = ("meaning",) if narrow else ()
@@ -42,7 +44,10 @@ def print_tables(console: "Console", shown_tables: Sequence[TextTable]) -> None:
 
 
 def parts_of(table: TextTable, columns: Sequence[int], width: int) -> list[list[int]]:
-    """Columns that stand side by side in so many characters: all, or the first with some others."""
+    """Groups of columns that fit side by side into `width` characters.
+
+    Each group begins with the first column.
+    """
     least = {k: _least_width(table, k) for k in columns}
     parts = [[columns[0]]]
     for k in columns[1:]:
@@ -67,7 +72,7 @@ def _whole(table: TextTable, column: int) -> bool:
 
 
 def widths(table: TextTable, columns: Sequence[int], width: int) -> dict[int, int]:
-    """Characters of columns that share so many: as they are, then heads and texts are broken."""
+    """Widths of columns that share so many characters; heads and texts are broken if needed."""
     least = {k: _least_width(table, k) for k in columns}
     own = {k: max(len(row[k]) for row in (table.head, *table.rows)) for k in columns}
     while sum(own.values()) + _GAP * (len(own) - 1) > width:
@@ -103,6 +108,6 @@ def _plain(text: str):
 
 
 def numeric(table: TextTable, column: int) -> bool:
-    """Whether a column is of numbers, which stand at the right."""
+    """Whether a column holds numbers, which are aligned right."""
     cells = [row[column] for row in table.rows if row[column]]
     return bool(cells) and sum(cell[0] in "+−-<0123456789." for cell in cells) > 0.5 * len(cells)

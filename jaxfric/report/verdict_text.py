@@ -1,4 +1,4 @@
-"""The verdict of a loop in words: its sentence, the reasons why not more is said, every finding."""
+"""The verdict of a loop in words: its sentence, the reasons that limit it, and every finding."""
 
 import math
 import typing
@@ -22,7 +22,7 @@ _MOST_NAMED = 6
 
 
 def reasons(found: Conclusion) -> tuple[str, ...]:
-    """Why not more is said, a line each."""
+    """The reasons that limit the verdict, one a line."""
     return tuple(words_of(one) for one in found.findings if one.code is not LoopCode.MOVED)
 
 
@@ -86,7 +86,7 @@ def _outside(told: Told, named: str) -> str:
 
 
 def change(told: Told) -> str:
-    """The test error before and after, said as a fall only where it is one."""
+    """The test error before and after, called a fall only if it falls."""
     code = "verdict.error_falls" if told.helped else "verdict.error_does_not_fall"
     return say(code, before=told.before, after=told.after)
 
@@ -144,7 +144,7 @@ def _curve(family: CurveFamily) -> str:
 
 
 def where_told(family: CurveFamily) -> str:
-    """Velocities that would decide; nothing where there are none."""
+    """Velocities that would determine the shape of a curve; '' if there are none."""
     if not family.decided_by:
         return ""
     rotary = family.unit == "rad/s"
@@ -154,7 +154,7 @@ def where_told(family: CurveFamily) -> str:
 
 
 def why_untold(family: CurveFamily) -> str:
-    """The reason why the shape of a curve is open."""
+    """The reason why the record does not determine the shape of a curve."""
     parts = []
     if family.interpolates:
         counts = {"velocities": family.velocities, "parameters": family.parameters}
@@ -214,14 +214,14 @@ def reason_of(finding: Finding) -> str:
 
 
 def words_of_refusal(why: Refusal) -> str:
-    """The fault of a model."""
+    """Why a model is rejected."""
     if why.moves and why.code is not Fault.NOT_FIXED:
         return words_of_moves(why.moves)
     return say(f"refusal.{why.code}", parameters=", ".join(why.parameters))
 
 
 def words_of_moves(moves: Sequence[Move]) -> str:
-    """What becomes of parameters, "takes B: 0.00176 ± 2e-05 -> -0.0014 ± 0.0007"."""
+    """How base parameters move, such as "takes B: 0.00176 ± 2e-05 -> -0.0014 ± 0.0007"."""
     told = "; ".join(say("refusal.move", **_ends(move)) for move in moves)
     return say("refusal.takes_of_the_base", moves=told)
 

@@ -1,8 +1,8 @@
-"""The number of this jaxfric, as files and pages bear it."""
+"""The version number of jaxfric that files and pages state."""
 
 
 def installed_version() -> str:
-    """The number of this jaxfric."""
+    """The version number of this jaxfric."""
     from importlib.metadata import PackageNotFoundError, version
 
     try:

@@ -1,7 +1,7 @@
-"""How results are shown: a line, a page, a figure, a table. `jaxfric.described` asks for them.
+"""How results are shown: a line, a report, a figure, a table. `jaxfric.described` calls this room.
 
-`HOMES` says which module of this folder has the `View` of a class; it is loaded when a result of
-that class is shown.
+`HOMES` maps each class to the module of this folder with its `View`. The module is loaded when a
+result of the class is first shown.
 """
 
 import importlib
@@ -43,12 +43,12 @@ def view_of(result: object) -> View:
 
 
 def line(result: object) -> str:
-    """A result in a line: its `repr`."""
+    """A result in one line: its `repr`."""
     return view_of(result).line(result)
 
 
 def words(result: object) -> Words:
-    """The words of a result."""
+    """A result in words: sentence, next step and warnings."""
     told = view_of(result).words
     assert told is not None
     return told(result)

@@ -1,4 +1,4 @@
-"""A fit of an axis in a line, a page and a table."""
+"""A fit of an axis in one line, a report and a table."""
 
 from ..fitting.axis_fit import AxisFit
 from ..report.report import Report
@@ -7,7 +7,7 @@ from .view import Frame, View, number
 
 
 def line(fit: AxisFit) -> str:
-    """How it was fitted, its relative error, and the parameters."""
+    """The method of the fit, its relative error, and the parameters."""
     values = ", ".join(f"{name} = {number(value)}" for name, value in fit.values.items())
     end = "converged" if fit.converged else "did not converge"
     error = f"relative error {100 * fit.relative_error:.3g} %"
@@ -30,7 +30,7 @@ def _texts(fit: AxisFit, name: str) -> tuple[str, str]:
 
 
 def frame(fit: AxisFit) -> Frame:
-    """A row for every parameter, SI; `std` if the residuals are white."""
+    """One row for each parameter, SI; `std` is valid if the residuals are white."""
     rows: list[dict[str, object]] = [
         {"name": n, "value": v, "std": fit.std.get(n), "determined": n not in fit.loose}
         for n, v in fit.values.items()

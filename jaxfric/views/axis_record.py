@@ -1,4 +1,4 @@
-"""A record of an axis in a line, a page, a figure and tables."""
+"""A record of an axis in one line, a report, a figure and tables."""
 
 from ..plot.label import printable
 from ..records import AxisRecord
@@ -11,7 +11,7 @@ from .view import Arrays, Frame, View
 
 
 def line(record: AxisRecord) -> str:
-    """Rows, duration and columns."""
+    """Number of rows, duration and columns of the record."""
     name, columns = printable(record.provenance.path), ", ".join(record.columns)
     return (
         f"AxisRecord({name}: {len(record)} rows over {record.relative_time[-1]:.6g} s; {columns})"
@@ -24,12 +24,12 @@ def report(record: AxisRecord) -> Report:
 
 
 def frame(record: AxisRecord) -> Frame:
-    """A row for every row, SI; units stand in `attrs`."""
+    """The rows of the record as a table, SI; `attrs` contains the units."""
     return rows_of(record, _units(record))
 
 
 def arrays(record: AxisRecord) -> Arrays:
-    """The columns over time."""
+    """The columns of the record over time."""
     return over_time(record, _units(record))
 
 

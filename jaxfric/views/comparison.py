@@ -1,4 +1,4 @@
-"""A comparison of laws in a line, a page, a figure and a table."""
+"""A comparison of laws in one line, a report, a figure and a table."""
 
 from ..loop.compare import LawComparison
 from ..plot.label import printable
@@ -9,7 +9,7 @@ from .view import Frame, View, Words
 
 
 def line(found: LawComparison) -> str:
-    """The record, and which law it supports, or that it cannot tell."""
+    """The record, and the law it supports, or that the record cannot decide."""
     name = printable(found.record.provenance.path)
     law = found.supported
     told = f"the {law.name} law" if law is not None else "cannot tell"
@@ -17,14 +17,14 @@ def line(found: LawComparison) -> str:
 
 
 def report(found: LawComparison) -> Report:
-    """The sentence and the table, as `jaxfric fit --compare` prints them."""
+    """The sentence and the table that `jaxfric fit --compare` prints."""
     told = words(found)
     steps = [NextStep(told.next_step)] if told.next_step else []
     return Report((told.sentence,), [table(found)], warnings=told.warnings, next_steps=steps)
 
 
 def frame(found: LawComparison) -> Frame:
-    """A row for every law with a number of states, as in compare.csv."""
+    """One row for each law with each number of states, as in compare.csv."""
     about = {"sentence": found.sentence, "warnings": list(found.warnings)}
     return Frame(csv_rows(tabled(found), "model"), "model", about)
 
@@ -37,7 +37,7 @@ def figure(found: LawComparison):
 
 
 def words(found: LawComparison) -> Words:
-    """Which law the record supports, what to ask next, and warnings."""
+    """Which law the record supports, what to do next, and warnings."""
     return Words(sentence(found), next_step(found), warnings(found))
 
 

@@ -1,4 +1,4 @@
-"""A feedforward in a line, a page, a figure and a table."""
+"""A feedforward in one line, a report, a figure and a table."""
 
 from ..compensation.result import Feedforward
 from ..report.feedforward_text import report
@@ -6,7 +6,7 @@ from .view import Frame, View, number
 
 
 def line(found: Feedforward) -> str:
-    """Friction in both directions and the speed below which it fades."""
+    """Friction in both directions, and the speed below which the feedforward fades."""
     about, here = found.about, found.at(found.about.slowest)
     unit = f"{about.length}/s"
     return (
@@ -17,7 +17,7 @@ def line(found: Feedforward) -> str:
 
 
 def frame(found: Feedforward) -> Frame:
-    """A row for every velocity of the table."""
+    """One row for each velocity of the feedforward's table."""
     attrs = {
         "formula": found.formula,
         "fade_speed": found.fade.speed,

@@ -1,4 +1,4 @@
-"""A fit in a line, a page, a figure and tables."""
+"""A fit in one line, a report, a figure and tables."""
 
 import dataclasses
 
@@ -27,7 +27,7 @@ def _with_error(row: Row) -> str:
 
 
 def report(fit: Fit) -> Report:
-    """The table of parameters and the sentences below it, as `jaxfric fit` prints them."""
+    """The table of parameters and the sentences that `jaxfric fit` prints."""
     head = ("", "", "value", "std", "95 % interval", "unit")
     states = "" if fit.model.states == 1 else f", {fit.model.states} states"
     table = TextTable(f"{fit.law} law{states}", head, [tuple(row) for row in rows(fit)])
@@ -35,13 +35,13 @@ def report(fit: Fit) -> Report:
 
 
 def estimated(name: str, estimate: Estimate) -> dict[str, object]:
-    """An estimate as a row of a table; no error and no interval of what is not determined."""
+    """An estimate as a row of a table; an undetermined one has no error and no interval."""
     row: dict[str, object] = {"name": name, **dataclasses.asdict(estimate)}
     return row if estimate.determined else row | dict.fromkeys(("std", "lower", "upper"))
 
 
 def attributes(fit: Fit) -> dict[str, object]:
-    """What a fit is of, and how it ended."""
+    """The record and law of a fit, and how the fit ended."""
     return {
         "record": fit.record.provenance.path,
         "law": fit.law,
@@ -52,7 +52,7 @@ def attributes(fit: Fit) -> dict[str, object]:
 
 
 def frame(fit: Fit) -> Frame:
-    """A row for A-B and every parameter: in words, then value, std, 95 % interval and unit, SI."""
+    """One row for A-B and each parameter: meaning, value, std, 95 % interval and unit, SI."""
     of, texts = {DIFFERENCE: fit.A_minus_B, **fit.parameters}, map(_with_error, rows(fit))
     found = [
         {"name": name, "shown": text} | estimated(name, e)
@@ -62,7 +62,7 @@ def frame(fit: Fit) -> Frame:
 
 
 def arrays(fit: Fit) -> Arrays:
-    """Friction as recorded and fitted, and what is left, at the rows of the record."""
+    """Measured friction, fitted friction and residual, at the rows of the record."""
     unit, rows_of = fit.record.friction_unit, ("time",)
     return Arrays(
         {

@@ -1,4 +1,4 @@
-"""Gains in a line, a page, a figure and a table."""
+"""Gains in one line, a report, a figure and a table."""
 
 from ..gains.result import Gains
 from ..report.gains_text import report
@@ -6,7 +6,7 @@ from .view import Frame, View, number
 
 
 def line(gains: Gains) -> str:
-    """The recommended gains, what holds the slider, and in how many scenarios."""
+    """The recommended gains, whether damping or stiffness stabilises, number of scenarios."""
     kp = (
         gains.smallest_kp
         if gains.any_stiffness
@@ -25,7 +25,7 @@ def line(gains: Gains) -> str:
 
 
 def frame(gains: Gains) -> Frame:
-    """A row for every optimum, the recommended one first."""
+    """One row for each optimum, the recommended optimum first."""
     rows: list[dict[str, object]] = [
         {
             "name": o.name,

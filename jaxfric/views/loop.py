@@ -1,4 +1,4 @@
-"""A closed loop in a line, a page, a figure and tables."""
+"""A closed loop in one line, a report, a figure and tables."""
 
 import numpy as np
 
@@ -38,13 +38,13 @@ def _rows(model: str, score: Score) -> list[dict[str, object]]:
 
 
 def frame(loop: Loop) -> Frame:
-    """A row for every parameter of the model before, and of the model after."""
+    """One row for each parameter of the model before, and of the model after."""
     rows = [*_rows("before", loop.before), *_rows("after", loop.after)]
     return Frame(rows, "", _attributes(loop))
 
 
 def arrays(loop: Loop) -> Arrays:
-    """What the record leaves of the model before and after, and the block of every row."""
+    """Residuals of the model before and of the model after, and the block of every row."""
     unit, rows = loop.record.friction_unit, ("time",)
     block = np.full(len(loop.before.residual), "", dtype=object)
     for name in NAMES:

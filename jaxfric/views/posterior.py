@@ -1,4 +1,4 @@
-"""A posterior in a line, a page, a figure and a table."""
+"""A posterior in one line, a report, a figure and a table."""
 
 from ..plot.label import printable
 from ..posterior.result import DIFFERENCE, Posterior
@@ -9,7 +9,7 @@ from .view import Frame, View
 
 
 def line(posterior: Posterior) -> str:
-    """Mean and deviation of A-B, A, B and L, by draws where there are some."""
+    """Mean and standard deviation of A-B, A, B and L, of the draws if there are any."""
     by = "Laplace" if posterior.draws is None else "NUTS"
     told = ", ".join(
         f"{row.name.partition(' ')[0]} = {row.shown}"
@@ -22,7 +22,7 @@ def line(posterior: Posterior) -> str:
 
 
 def report(posterior: Posterior) -> Report:
-    """The fit of its weighting beside the maximum, its normal law and the draws."""
+    """The fit with the same weighting, the maximum, its Laplace approximation, and the draws."""
     rows = posterior_rows(posterior)
     head = ("", "prior", posterior.fit_name, "maximum", "mean", "std", "95 % interval", "unit")
     found = [(r.name, r.prior, r.fit, r.maximum, *r.laplace, r.unit) for r in rows]
@@ -34,8 +34,10 @@ def report(posterior: Posterior) -> Report:
 
 
 def frame(posterior: Posterior) -> Frame:
-    """A row for A-B and every parameter, of the draws, without them of the normal law: in words,
-    then SI."""
+    """One row for A-B and each parameter, SI, of the draws or else of the Laplace approximation.
+
+    The first columns are in words.
+    """
     spreads, maximum, fitted = posterior.parameters, posterior.maximum(), posterior.fitted()
     of = {DIFFERENCE: posterior.fit.A_minus_B, **posterior.fit.parameters}
     rows: list[dict[str, object]] = [

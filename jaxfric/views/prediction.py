@@ -1,4 +1,4 @@
-"""A prediction in a line, a page, a figure and tables."""
+"""A prediction in one line, a report, a figure and tables."""
 
 import dataclasses
 
@@ -16,7 +16,7 @@ _VERDICTS = {
 
 
 def line(found: Prediction) -> str:
-    """The error in units of the noise, and what it is due to."""
+    """The prediction error in units of the noise, and its causes."""
     ratio, name = found.rms / found.sigma, printable(found.origin.path)
     return (
         f"Prediction({name} by {found.source}: error {ratio:.2f} times the noise;"
@@ -25,7 +25,7 @@ def line(found: Prediction) -> str:
 
 
 def report(found: Prediction) -> Report:
-    """The sentence, the notes and the tables, as `jaxfric predict` prints them."""
+    """The sentence, the notes and the tables that `jaxfric predict` prints."""
     notes = [f"  - {note}" for note in found.notes]
     told = (found.sentence, *notes[:2])
     return Report(told, tables(found), notes[2:], warnings=found.warnings)
@@ -42,12 +42,12 @@ def _attributes(found: Prediction) -> dict[str, object]:
 
 
 def frame(found: Prediction) -> Frame:
-    """A row for every comparison of a model with the record."""
+    """One row for each comparison of a model with the record."""
     return Frame([dataclasses.asdict(c) for c in found.comparisons], "", _attributes(found))
 
 
 def arrays(found: Prediction) -> Arrays:
-    """What was recorded and predicted at the rows compared."""
+    """Measured and predicted values at the compared rows."""
     unit, rows = found.force_unit, ("time",)
     return Arrays(
         {

@@ -1,4 +1,4 @@
-"""A planned protocol in a line, a page, a figure and a table."""
+"""A planned protocol in one line, a report, a figure and a table."""
 
 from ..protocol.design import Protocol
 from ..report.protocol_text import report
@@ -6,7 +6,7 @@ from .view import Frame, View
 
 
 def line(plan: Protocol) -> str:
-    """How many velocities and pairs that are not told apart."""
+    """Number of velocities, and number of pairs of effects that the plan cannot distinguish."""
     pairs = len(plan.design.pairs())
     return (
         f"Protocol({len(plan.velocities)} velocities over {plan.duration:.6g} s, {plan.law} law:"
@@ -15,7 +15,7 @@ def line(plan: Protocol) -> str:
 
 
 def frame(plan: Protocol) -> Frame:
-    """A row for every effect: the amplitude [unit] from which on it is named, nan where none is."""
+    """One row for each effect: the smallest identifiable amplitude [unit], nan if there is none."""
     rows = [
         {
             "effect": s.id,

@@ -1,4 +1,4 @@
-"""A record in a line, a page, a figure and tables."""
+"""A record in one line, a report, a figure and tables."""
 
 from collections.abc import Mapping
 
@@ -10,18 +10,18 @@ from .view import Arrays, Frame, Variable, View
 
 
 def line(record: Record) -> str:
-    """Rows, duration and columns."""
+    """Number of rows, duration and columns of the record."""
     name, columns = printable(record.provenance.path), ", ".join(record.columns)
     return f"Record({name}: {len(record)} rows over {record.relative_time[-1]:.6g} s; {columns})"
 
 
 def frame(record: Record) -> Frame:
-    """A row for every row, SI; units stand in `attrs`."""
+    """The rows of the record as a table, SI; `attrs` contains the units."""
     return rows_of(record, _units(record))
 
 
 def rows_of(record: Record | AxisRecord, units: Mapping[str, str]) -> Frame:
-    """The columns of a record as a table, with the units of its roles."""
+    """The columns of a record as a table, with the unit of each role."""
     return Frame(record.columns, "time", {"units": units, "record": record.provenance.path})
 
 
@@ -30,12 +30,12 @@ def _units(record: Record) -> dict[str, str]:
 
 
 def arrays(record: Record) -> Arrays:
-    """The columns over time."""
+    """The columns of the record over time."""
     return over_time(record, _units(record))
 
 
 def over_time(record: Record | AxisRecord, units: Mapping[str, str]) -> Arrays:
-    """The columns of a record over time, with the units of its roles."""
+    """The columns of a record over time, with the unit of each role."""
     rows = ("time",)
     made = {r: Variable(rows, v, units[r], r.replace("_", " ")) for r, v in record.columns.items()}
     time = made.pop("time")

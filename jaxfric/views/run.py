@@ -1,4 +1,4 @@
-"""The fits of a whole run in a line, a page, a figure and a table."""
+"""The fits of a whole run in one line, a report, a figure and a table."""
 
 from ..plot.label import printable
 from ..report.run_report import report
@@ -8,7 +8,7 @@ from .view import Frame, View
 
 
 def line(run: RunFit) -> str:
-    """How many steps were found and fitted, and the range of A-B."""
+    """Number of velocity steps found and fitted, and the range of A-B."""
     fits = [step.fit for step in run.steps if step.fit is not None and step.fit.converged]
     rates = [fit.A_minus_B.value for fit in fits if fit.A_minus_B.determined]
     text = f"RunFit({printable(run.record.provenance.path)}: {len(run.events)} events,"
@@ -19,7 +19,7 @@ def line(run: RunFit) -> str:
 
 
 def frame(run: RunFit) -> Frame:
-    """The rows of table.csv; units stand in the names of the columns."""
+    """The rows of table.csv; the names of the columns contain the units."""
     return Frame(rows(run), "step", {"record": run.record.provenance.path})
 
 

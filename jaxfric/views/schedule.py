@@ -1,4 +1,4 @@
-"""A schedule of gains in a line, a page and a table."""
+"""A schedule of gains in one line, a report and a table."""
 
 import dataclasses
 
@@ -10,7 +10,7 @@ from .view import Frame, View, number
 
 
 def line(schedule: Schedule) -> str:
-    """How many set points, over which velocities, and whether they chain."""
+    """Number of set points, range of velocities, and whether the jumps between them are safe."""
     speed = unit_of("m/s", schedule.coordinate)
     slow, fast = schedule.points[0].velocity, schedule.points[-1].velocity
     if schedule.gap is None:
@@ -24,7 +24,7 @@ def line(schedule: Schedule) -> str:
 
 
 def report(schedule: Schedule) -> Report:
-    """A table of the set points: gains, and the jumps of velocity that they survive."""
+    """A table of the set points: gains, and the velocity jumps after which the slider settles."""
     units = [unit_of(unit, schedule.coordinate) for unit in ("m/s", "N/m", "N s/m")]
     pairs = zip(("velocity", "k_p", "k_v"), units, strict=True)
     head = (*(f"{name} [{unit}]" for name, unit in pairs), "jump up", "jump down")
@@ -35,7 +35,7 @@ def report(schedule: Schedule) -> Report:
 
 
 def frame(schedule: Schedule) -> Frame:
-    """A row for every set point, SI."""
+    """One row for each set point, SI."""
     attrs = {"covered": schedule.covered, "warnings": list(schedule.warnings)}
     return Frame([dataclasses.asdict(point) for point in schedule.points], "velocity", attrs)
 

@@ -1,4 +1,4 @@
-"""The loop of runs at steady speeds in a line, a page, a figure and a table."""
+"""The loop of runs at steady speeds in one line, a report, a figure and a table."""
 
 from ..loop.steady.loop import SteadyLoop
 from ..plot.label import printable
@@ -7,14 +7,14 @@ from .view import Frame, View
 
 
 def line(loop: SteadyLoop) -> str:
-    """The verdict over how many runs."""
+    """The verdict, and the number of runs."""
     name, found = printable(loop.curve.provenance.path), " + ".join(loop.final.effects)
     told = f"{loop.verdict}{f': {found}' if found else ''}"
     return f"SteadyLoop({name}: {len(loop.curve.names)} runs; {told})"
 
 
 def frame(loop: SteadyLoop) -> Frame:
-    """A row for every parameter of the final model, SI or % of the rated torque."""
+    """One row for each parameter of the final model, SI or % of the rated torque."""
     values, std = loop.final.values, loop.final.std
     rows: list[dict[str, object]] = [
         {"name": name, "value": value, "std": std.get(name)} for name, value in values.items()

@@ -1,4 +1,4 @@
-"""A simulated motion in a line, a page, a figure and tables; batches of motions too."""
+"""A simulated motion, or a batch of motions, in one line, a report, a figure and tables."""
 
 import numpy as np
 
@@ -23,7 +23,7 @@ def _batch(found: Trajectory) -> tuple[int, ...]:
 
 
 def line(found: Trajectory) -> str:
-    """How many times, until when, and how it ended; of a traced one what is known: its shape."""
+    """Number of sample times, last time, and how the motion ended; only the shape while traced."""
     times = np.shape(found.force)[-1]
     batch = f"batch of {' x '.join(map(str, _batch(found)))}, " if _batch(found) else ""
     if not is_known(found.end):
@@ -36,7 +36,7 @@ def line(found: Trajectory) -> str:
 
 
 def report(found: Trajectory) -> Report:
-    """What it reached, with the words of its result where it ended early."""
+    """The values that the motion reached, and the reason if the motion ended early."""
     if not is_known(found.end):
         return Report()
     lines = [
@@ -51,7 +51,7 @@ def report(found: Trajectory) -> Report:
 
 
 def arrays(found: Trajectory) -> Arrays:
-    """All over time, with a dimension more for each axis of a batch."""
+    """All values over time; each axis of a batch is a further dimension."""
     batch = tuple("member" if k == 0 else f"member_{k}" for k in range(len(_batch(found))))
     variables = {
         name: Variable((*batch, "time"), np.asarray(getattr(found, name)), unit, _TEXTS[name])
@@ -72,7 +72,7 @@ def arrays(found: Trajectory) -> Arrays:
 
 
 def frame(found: Trajectory) -> Frame:
-    """A row for every sample time; raises `InputError` for a batch."""
+    """One row for each sample time; raises `InputError` for a batch."""
     if _batch(found):
         raise InputError(
             f"a batch of {_batch(found)} trajectories is no single table: to_xarray() has all of"

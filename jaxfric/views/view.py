@@ -1,4 +1,4 @@
-"""What a view of a result consists of, and how text, HTML and tables are made of it."""
+"""The parts of a view of a result, and the conversion of these parts to text, HTML and tables."""
 
 import functools
 import io
@@ -19,7 +19,7 @@ R = TypeVar("R")
 
 
 class Words(NamedTuple):
-    """A result in words: what was found, what to ask next ('' for nothing), and warnings."""
+    """A result in words: what was found, what to do next ('' for nothing), and warnings."""
 
     sentence: str
     next_step: str = ""
@@ -27,8 +27,10 @@ class Words(NamedTuple):
 
 
 class Frame(NamedTuple):
-    """A table in SI, as rows or as columns; the column that names the rows ("" for none); and what
-    holds for all."""
+    """A table in SI, as rows or as columns; the column that names the rows; common attributes.
+
+    The name of that column is "" if there is none.
+    """
 
     table: Sequence[Mapping[str, object]] | Mapping[str, np.ndarray]
     named_by: str = ""
@@ -36,7 +38,7 @@ class Frame(NamedTuple):
 
 
 class Variable(NamedTuple):
-    """An array over named dimensions, its SI unit, and what it is."""
+    """An array over named dimensions, its SI unit and its meaning."""
 
     dims: tuple[str, ...]
     values: np.ndarray
@@ -45,7 +47,7 @@ class Variable(NamedTuple):
 
 
 class Arrays(NamedTuple):
-    """Variables and coordinates by name, and what holds for all."""
+    """Variables and coordinates by name, and common attributes."""
 
     variables: Mapping[str, Variable]
     coords: Mapping[str, Variable]
@@ -53,7 +55,7 @@ class Arrays(NamedTuple):
 
 
 class View(NamedTuple, Generic[R]):
-    """How results of one class are shown; None for what they do not have."""
+    """How results of one class are shown; a part that the class does not have is None."""
 
     line: Callable[[R], str]
     """One line, short, that begins with the class: what `repr` gives."""
@@ -66,7 +68,7 @@ class View(NamedTuple, Generic[R]):
 
 
 def pandas_of(frame: Frame) -> "DataFrame":
-    """A frame as a pandas DataFrame; raises `InputError` where there is no pandas."""
+    """A frame as a pandas DataFrame; raises `InputError` without pandas."""
     try:
         import pandas
     except ImportError:
@@ -81,7 +83,7 @@ def pandas_of(frame: Frame) -> "DataFrame":
 
 
 def xarray_of(arrays: Arrays) -> "Dataset":
-    """Arrays as an xarray Dataset; raises `InputError` where there is no xarray."""
+    """Arrays as an xarray Dataset; raises `InputError` without xarray."""
     try:
         import xarray
     except ImportError:
@@ -101,7 +103,7 @@ def xarray_of(arrays: Arrays) -> "Dataset":
 
 
 def in_notebook(figure: "Figure") -> "Figure":
-    """The figure, which a notebook now shows as a picture though pyplot does not know it."""
+    """The figure, made visible in a notebook although pyplot does not know it."""
     setattr(figure, "_repr_png_", functools.partial(_png, figure))  # noqa: B010
     return figure
 
@@ -113,5 +115,5 @@ def _png(figure: "Figure") -> bytes:
 
 
 def number(value: float) -> str:
-    """A number, short."""
+    """A number as short text."""
     return f"{value:.4g}"

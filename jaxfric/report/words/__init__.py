@@ -1,6 +1,6 @@
-"""The words of results: one template a code, so that a sentence is changed in one place.
+"""The words of results, one template for each code: to change a sentence, change one place.
 
-Results hold codes and values; `say` makes sentences of them, and no code reads a sentence back.
+Results hold codes and values. `say` makes sentences from them; no code parses a sentence.
 """
 
 from collections.abc import Iterable
@@ -34,10 +34,10 @@ TEMPLATES: dict[str, str] = {
 
 
 def say(code: str, **values: object) -> str:
-    """The template of a code, with its values."""
+    """The template of a code, filled with values."""
     return TEMPLATES[code].format(**values)
 
 
 def change_words(wanted: Iterable[str]) -> str:
-    """What would tell effects apart, in words: a `RunChange` each, or text that is its own."""
+    """Changes of a run that would separate effects, in words; a text stays as it is."""
     return ", ".join(CHANGES[one] if isinstance(one, RunChange) else one for one in wanted)

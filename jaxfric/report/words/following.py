@@ -1,4 +1,4 @@
-"""What to do after a loop: a run that decides, gains, a feedforward, a test on another record."""
+"""Next steps after a loop: a run that decides, gains, a feedforward, a test on another record."""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,4 @@
-"""Words for where the structure of a residual sits."""
+"""Words for the variables that the structure of a residual follows."""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,4 @@
-"""Sentences of a closed loop: the verdict, why it is not more, its findings and what to do next."""
+"""Sentences of a closed loop: the verdict, the reasons that limit it, findings and next steps."""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,4 @@
-"""The verdict on a curve of steady speeds, and why no friction may be taken from it."""
+"""The verdict on a friction curve of steady speeds, and the reasons for giving no friction."""
 
 from collections.abc import Mapping
 

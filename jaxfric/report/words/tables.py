@@ -1,4 +1,4 @@
-"""Words of the tables of a loop: headlines, roles, notes, and what each effect is told from."""
+"""Words of the tables of a loop: headlines, roles, notes, and which effects are distinguished."""
 
 from collections.abc import Mapping
 
