@@ -1,4 +1,4 @@
-"""The application; it turns every failure into one line on stderr and an exit code."""
+"""The application, which turns every failure into one line on stderr and an exit code."""
 
 import contextlib
 import gc

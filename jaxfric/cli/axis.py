@@ -1,4 +1,4 @@
-"""`jaxfric axis`: find the effects of a servo axis beyond Coulomb and viscous friction."""
+"""`jaxfric axis`: friction of a servo axis, further effects, and the damping against stick-slip."""
 
 from typing import TYPE_CHECKING, Annotated
 
@@ -35,17 +35,20 @@ def axis(
     reading: options.RecordOptions = options.RecordOptions(),
     output: options.OutputOptions = options.OutputOptions(),
 ) -> int:
-    """Name the effect that a servo axis has beyond Coulomb and viscous friction.
+    """Identify Coulomb and viscous friction, other effects, and damping that prevents stick-slip.
 
-    The record holds motor force and encoder position of an axis that moves back and forth. The
-    command fits mass, friction and an offset, tests the residual, and tries every effect of the
-    catalogue. Writes loop.html, loop.json and the figures residual, noise, location, profiles,
-    aliasing and candidates to the output folder, by default ./NAME-loop/ with the options that
-    differ from their default.
+    The record holds motor force and encoder position of a servo axis that moves back and forth. The
+    command fits mass, friction and an offset, and tests the residual. It then tries every effect of
+    the catalogue, to find what else the axis has. Last it gives the damping k_v that the controller
+    needs.
 
-    A folder holds runs at steady speeds, each a table of columns. Every run is one point of the
-    friction-velocity curve; --from and --to cut all runs alike. Writes steady.json and the figures
-    curve and noise.
+    The command writes loop.html, loop.json and the figures residual, noise, location, profiles,
+    aliasing and candidates to the output folder. The default folder is ./NAME-loop/, with the
+    options that differ from their default in its name.
+
+    A folder instead of a file holds runs at steady speeds, each a table of columns. Every run is
+    one point of the friction-velocity curve; --from and --to cut all runs alike. The command then
+    writes steady.json and the figures curve and noise.
     """
     checked_most(max_effects)
     if file.is_dir():

@@ -26,7 +26,7 @@ _CURRENT: contextvars.ContextVar[Call] = contextvars.ContextVar("call")
 
 
 def current_call() -> Call:
-    """Return the call that is running; an empty one outside of the command."""
+    """Return the call that is running; outside of the command an empty call."""
     return _CURRENT.get(Call("", "", {}))
 
 

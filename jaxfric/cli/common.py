@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def refuse_unused(by: str, options: Mapping[str, object], instead: str = "") -> None:
-    """Raise `InputError` if options are given that `by` does not use."""
+    """Raise `InputError` for given options that would not be used; `by` names the reason."""
     wrong = [option for option, given in options.items() if given]
     if wrong:
         raise InputError(
@@ -77,8 +77,10 @@ def warn(lines: Iterable[str], kind: str = "warning") -> None:
 
 
 def stdout_console(width: int = 120) -> "Console":
-    """Return a rich console for stdout. If stdout is no terminal, it is `width` columns wide, or
-    COLUMNS if that is larger."""
+    """Return a rich console for stdout.
+
+    If stdout is no terminal, the console is `width` columns wide, or COLUMNS if that is larger.
+    """
     from rich.console import Console
 
     told = os.environ.get("COLUMNS", "")
@@ -94,11 +96,11 @@ def optional_quantity(text: str | None, unit: str, option: str) -> float | None:
 
 
 class OfMotion:
-    """Options in units of linear motion or of rotation; all of them and the law must agree.
+    """Options in units of linear motion or of rotation; all options and the law must agree.
 
     **Arguments:** the options, each with its SI unit in linear motion, and the law's coordinate.
 
-    Raises `InputError` if they disagree.
+    Raises `InputError` if the options and the law disagree.
     """
 
     def __init__(
@@ -164,7 +166,7 @@ class OfMotion:
 
 
 def effect_ids(texts: list[str] | None, option: str) -> tuple[str, ...]:
-    """Return the distinct ids of an option that may be repeated and may hold commas."""
+    """Return the distinct effect ids of an option that may be repeated and may hold commas."""
     found = [id.strip() for text in texts or [] for id in text.split(",")]
     if texts and not all(found):
         raise InputError(

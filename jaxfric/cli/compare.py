@@ -26,7 +26,7 @@ def compare_record(
     rows: int | None,
     output: options.OutputOptions,
 ) -> int:
-    """Compare laws on a record, write and print the comparison, and return the exit code."""
+    """Compare laws on a record, write and print the comparison; return the exit code."""
     if model.fit_stiffness == (stiffness is not None):
         raise InputError(
             "give one of --stiffness 1.6e-3/um, that of machine and specimen, and --fit-stiffness"

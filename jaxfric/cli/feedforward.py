@@ -17,7 +17,7 @@ from .shown import show
 @options.FLAT
 @dataclass(frozen=True)
 class MapOptions:
-    """Motion and units that the feedforward is made for."""
+    """The motion and the units of the controller that runs the feedforward."""
 
     at: options.Text = None
     """Print the friction at these speeds first, forwards and backwards: "50 mm/s", "1, 5 rad/s"."""
@@ -42,9 +42,9 @@ def feedforward(
 ) -> int:
     """Compensate the friction of an axis or joint: formula, C function, table, and fade speed.
 
-    The controller computes it from velocity and acceleration of the reference, and adds it to its
-    output. Writes feedforward.c, .csv, .tex, .json and the figure feedforward to the output folder,
-    by default ./MODEL-feedforward/.
+    The controller computes the compensation from velocity and acceleration of the reference, and
+    adds it to its output. Writes feedforward.c, .csv, .tex, .json and the figure feedforward to the
+    output folder, by default ./MODEL-feedforward/.
     """
     prepare_jax()
     from ..compensation import NothingToCompensate

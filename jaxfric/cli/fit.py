@@ -45,7 +45,7 @@ class FitOptions:
 
     @property
     def of_one(self) -> bool:
-        """Whether an option is given that a batched fit of many records does not have."""
+        """Whether an option is given that the batched fit of many records does not have."""
         return self != FitOptions(reference_velocity=self.reference_velocity)
 
 
@@ -83,7 +83,7 @@ class Fitter(NamedTuple):
         )
 
     def together(self, numbers: list[int], records: "list[Record]", say: Said) -> "list[Fit | str]":
-        """Fit many records in one batch; a failed one returns its reason in place of a fit."""
+        """Fit many records in one batch; a failed record returns its reason in place of a fit."""
         from ..fitting.many import fit_what_can_be
 
         return fit_what_can_be(
@@ -125,15 +125,15 @@ def fit(
     """Fit A, B and L (rate-and-state friction) to a record of velocity steps.
 
     Writes fit.json, a table row for a paper (table.csv, table.tex), fit.png and fit.svg to the
-    output folder, by default ./NAME-fit/ with the options that differ from their default:
-    ./NAME-fit-ageing/. With --prior also posterior.nc. For several files (jaxfric fit *.csv) prints
-    and writes one table with a row for each file. If a file cannot be fitted, its row gives the
-    reason, and the exit code is 1.
+    output folder, by default ./NAME-fit/. Options that differ from their default are part of the
+    folder's name, as in ./NAME-fit-ageing/. With --prior the command also writes posterior.nc. For
+    several files (jaxfric fit *.csv) it prints and writes one table with a row for each file. If a
+    file cannot be fitted, its row gives the reason, and the exit code is 1.
 
-    With --compare fits several laws to one record. With three or more steps each law also predicts
-    steps that it was not fitted to. Prints which law the record supports and by how much, or that
-    it does not decide. Writes compare.json, compare.csv, compare.tex, compare.png and compare.svg
-    to ./NAME-compare/.
+    With --compare the command fits several laws to one record. If the record has three or more
+    steps, each law also predicts steps that it was not fitted to. The command prints which law the
+    record supports and by how much, or that the record does not decide. It writes compare.json,
+    compare.csv, compare.tex, compare.png and compare.svg to ./NAME-compare/.
     """
     prior.refuse_unusable()
     every, read = (file, *more), functools.partial(reading.slider, reduce=reduce)

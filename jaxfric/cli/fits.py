@@ -24,7 +24,7 @@ _Value = TypeVar("_Value")
 
 
 def for_each(files: Sequence[Path], values: Sequence[_Value], option: str) -> Sequence[_Value]:
-    """Return the value of an option for every file; one value holds for all files."""
+    """Return the value of an option for every file; a single value holds for all files."""
     if len(values) == 1:
         return [values[0]] * len(files)
     if len(values) == len(files):
@@ -46,10 +46,10 @@ def fit_files(
 ) -> int:
     """Fit every file, write and print the table; return the exit code, 1 if a file failed.
 
-    `_MANY` or more files are fitted in one batch by `together`, unless that is None.
+    `_MANY` or more files are fitted in one batch by `together`, unless `together` is None.
 
-    Raises `InputError` before any fit if a file does not exist. Raises it without writing anything
-    if no file can be fitted.
+    Raises `InputError` before any fit if a file does not exist. Raises `InputError` without writing
+    anything if no file can be fitted.
     """
     from ..report.fits_table import TabledFit, content_of_files, files_of, report_of_files
 

@@ -1,8 +1,8 @@
-"""The output folder of a command: its name, and which earlier files a run replaces.
+"""The output folder of a command: its name, and the earlier files that a run replaces.
 
-Every output folder holds a hidden file, `.jaxfric.json`. For every verb it lists the command, the
-input files and the written files. From it the next run knows which files it replaces, which files
-of an earlier run are stale, and whether the default name belongs to another input.
+Every output folder holds a hidden file, `.jaxfric.json`. For every verb the file lists the command,
+the input files and the written files. From this list the next run knows which files it replaces,
+which files of an earlier run are stale, and whether the default name belongs to another input.
 """
 
 import contextlib
@@ -91,13 +91,13 @@ def _short_digest(text: str) -> str:
 
 
 def source_name(file: Path) -> str:
-    """Return the name of a saved result; for a standard file name that of its folder."""
+    """Return the name of a saved result; for a standard file name, the name of its folder."""
     folder = file.parent.name
     return folder if folder and file.stem in ("fit", "loop", "posterior", "steady") else file.stem
 
 
 def input_name(path: Path) -> str:
-    """Return the name of an input: of a file without its suffix, of a folder in full (`0.096kg`).
+    """Return the name of an input: a file's without suffix, a folder's in full (`0.096kg`).
 
     The folder "." has its real name.
     """
@@ -112,8 +112,9 @@ def choose_folder(
     """Return the output folder of this call, `out` or its default name, checked before any work.
 
     The default name leaves out the options `unnamed`, because `source` already contains them.
-    Raises `InputError` if the folder cannot be written, or if it holds results of another record,
-    which would be lost. Under a default name every input must be the same, not only the record.
+    Raises `InputError` if the folder cannot be written, or if a run would overwrite results of
+    another record in the folder. Under a default name all inputs must be the same, not only the
+    record.
     """
     call = current_call()
     given = {name: value for name, value in call.given.items() if name not in unnamed}
@@ -155,8 +156,8 @@ class Folder:
         """Raise `InputError` if the folder holds results of this verb for another input.
 
         An input is the same if its path or its content is the same. In a folder `asked_for` with
-        --out only the first input counts, the record: running it again with another prior or other
-        events is meant to replace the results.
+        --out only the first input counts, the record. A second run with another prior or other
+        events may replace the results.
         """
         before = _read_notes(self.path).get(self.call.verb, _NO_RUN)
         for old, new in zip(
@@ -176,8 +177,8 @@ class Folder:
     def results(self) -> Generator[Path]:
         """Yield a temporary folder for the results, whose files move here at the end of the block.
 
-        They replace the files of the same verb's last run; files that this run does not write again
-        are deleted. Files of other verbs stay.
+        The files replace the files of the same verb's last run. Files that this run does not write
+        again are deleted. Files of other verbs stay.
         """
         notes = _read_notes(self.path)
         before = notes.get(self.call.verb, _NO_RUN)
@@ -196,13 +197,13 @@ class Folder:
             self.earlier = "the same command" if same else f"'{before['command']}'"
 
     def save(self, texts: Mapping[str, str]) -> None:
-        """Write texts by the names of their files, the only results."""
+        """Write texts to files by name, as the only results."""
         with self.results() as to:
             for name, text in texts.items():
                 (to / name).write_text(text, encoding="utf-8", errors="backslashreplace")
 
     def save_json(self, name: str, table: Mapping[str, object]) -> str:
-        """Write a table as the JSON file `name`, the only result, and return its text."""
+        """Write a table as the JSON file `name`, the only result, and return the JSON text."""
         content = json_text(table)
         self.save({name: content + "\n"})
         return content
@@ -233,7 +234,7 @@ class Folder:
         return new
 
     def draw_page(self, name: str, kind: str, page: Callable[[dict[str, bytes]], str]) -> None:
-        """Add a page of the figures of this run that have the suffix `kind`, by file."""
+        """Add a page with all figures of this run that have the suffix `kind`, by file."""
 
         def write(to: Path) -> None:
             files = [file for file in self.files if file.endswith(kind)]
@@ -258,7 +259,7 @@ class Folder:
 
     @property
     def replaced(self) -> str:
-        """The line that lists the replaced files; '' for none."""
+        """The line that lists the replaced files; '' if there are none."""
         where = f"replaced in {self.path}"
         if self.known:
             return f"{where}: {', '.join([*self.known, *self.strange])}, written by {self.earlier}"

@@ -1,7 +1,7 @@
-"""`--help` of a verb prints the options that a first user needs; `--help-all` prints all of them.
+"""`--help` of a verb prints the options that a first user needs; `--help-all` prints all options.
 
-`--help` fits on one screen. It leaves out the options of the group `options.MORE`, and prints the
-first sentence of an option's help. cyclopts prints `--help-all`.
+`--help` fits on one screen. `--help` leaves out the options of the group `options.MORE`, and prints
+only the first sentence of an option's help. cyclopts prints `--help-all`.
 """
 
 import inspect

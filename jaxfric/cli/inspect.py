@@ -28,10 +28,10 @@ def inspect(
 ) -> int:
     """Show how a record is read, and draw it.
 
-    For a slider: columns, units, sampling and velocity steps. With --reduce also what every step of
-    the script did, and a second figure of the recorded columns. For an axis: columns, units,
+    For a slider: columns, units, sampling and velocity steps. With --reduce the command also shows
+    what each step of the script did, and draws the recorded columns. For an axis: columns, units,
     sampling, encoder resolution, strokes, and unused columns. For a folder of steady runs: speed
-    and force of each. Figures go to the output folder, by default ./NAME-inspect/.
+    and force of each run. Figures go to the output folder, by default ./NAME-inspect/.
     """
     unused = {
         "slider": axis.of_signals | axis.of_loops,

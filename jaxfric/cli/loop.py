@@ -34,14 +34,15 @@ def loop(
 ) -> int:
     """Name the effect that a fitted model lacks, add it, and report the error before and after.
 
-    Fits the base model to a slider's record of velocity steps, tests the residual, and tries every
-    effect of the catalogue. Writes loop.html, loop.json and the figures residual, noise, location,
-    profiles, aliasing and candidates to the output folder, by default ./NAME-loop/ with the options
-    that differ from their default. For a servo axis use 'jaxfric axis'.
+    The command fits the base model to a slider's record of velocity steps, tests the residual, and
+    tries every effect of the catalogue. It writes loop.html, loop.json and the figures residual,
+    noise, location, profiles, aliasing and candidates to the output folder. The default folder is
+    ./NAME-loop/, with the options that differ from their default in its name. For a servo axis use
+    'jaxfric axis'.
 
-    For a whole run (--run, --events) all steps and holds are fitted together. They share A, B, L
-    and the effects. Every segment between changes of normal stress has its own friction level.
-    Whole steps are held out.
+    For a whole run (--run, --events) all steps and holds are fitted together. All steps and holds
+    share A, B, L and the effects. Every segment between changes of normal stress has its own
+    friction level. Whole steps are held out.
     """
     if steps is not None and (run or events is not None):
         raise InputError(

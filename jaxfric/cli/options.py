@@ -1,8 +1,8 @@
 """Options that several verbs share, each declared here once.
 
 A group of options is a frozen dataclass, which cyclopts flattens into single options. The docstring
-of a field is the option's help. `--help` prints its first sentence, for options of the group
-"Parameters" only; `--help-all` prints all sentences of all options (see `help`).
+of a field is the option's help. `--help` prints the first sentence of this docstring, only for
+options of the group "Parameters". `--help-all` prints the whole help of all options (see `help`).
 """
 
 from collections.abc import Sequence
@@ -42,7 +42,7 @@ def required(option: Parameter, unless: str = "") -> Parameter:
 
 
 def named(type_: object, tokens: Sequence[Token]) -> str:
-    """Return the path or URL of an option; refuse an empty text, which `Path` takes for "."."""
+    """Return the path or URL of an option; refuse an empty text, which `Path` would read as "."."""
     text = tokens[0].value
     if not text.strip():
         raise InputError(
@@ -211,7 +211,7 @@ class AxisOptions:
 
     @property
     def flipped(self) -> str | Literal[False]:
-        """Return what changes its sign: "force", "motion" or "both"; False for none."""
+        """Return which signs to change: "force", "motion" or "both"; False for none."""
         if self.flip_sign is None:
             return False
         return self.flip_sign[0] if len(set(self.flip_sign)) == 1 else "both"
@@ -381,8 +381,10 @@ class LawOptions:
         return law_from_parameters(self.law, self.parameters)
 
     def samples(self, number: int = 256) -> "Samples | None":
-        """Return samples of the law; None without a file, or if the fit has undetermined parameters
-        (`source` has then warned)."""
+        """Return samples of the law; None without a file, or if parameters are undetermined.
+
+        In the second case `source` has already printed a warning.
+        """
         from ..laws.source import without_first
         from ..saved.law import law_from_fit
 

@@ -43,8 +43,9 @@ def command_line(verb: str, argument: str, given: Mapping[str, object]) -> str:
 def run_line(call: Call) -> str:
     """Return the next command after a `jaxfric run` whose fits miss the steps.
 
-    It is the same call with --slip-trend or, if that was given, the loop over the run. Empty if the
-    loop would have no stiffness, and outside of the command.
+    The next command is the same call with --slip-trend. If that was already given, the next command
+    is the loop over the run. The text is empty if the loop would have no stiffness, and outside of
+    the command.
     """
     from ..runs.ramps import RAMPS
 
@@ -62,7 +63,7 @@ def run_line(call: Call) -> str:
 def loop_line(call: Call, law: str) -> str:
     """Return the `jaxfric loop` command for the record of a `jaxfric fit --compare`, with `law`.
 
-    Empty if the loop would have no stiffness, and outside of the command.
+    The text is empty if the loop would have no stiffness, and outside of the command.
     """
     given, file = dict(call.given), call.given.get("file")
     if file is None or "stiffness" not in given:
@@ -75,8 +76,8 @@ def loop_line(call: Call, law: str) -> str:
 def changed_line(call: Call, change: "Change") -> str:
     """Return the shell command of a `jaxfric protocol` call with a change of its plan.
 
-    Options of output are left out. Empty if no option plans the change (a load-point encoder), and
-    if the call gave no velocities.
+    Options of output are left out. The text is empty if no option plans the change (a load-point
+    encoder), and if the call gave no velocities.
     """
     given, noise = dict(call.given), change.slip_noise
     velocities, slip = given.get("velocities"), given.get("slip_per_step")

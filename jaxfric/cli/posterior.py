@@ -34,7 +34,7 @@ class PriorOptions:
     """Seed of the draws. Default: 0."""
 
     def refuse_unusable(self) -> None:
-        """Before the fit, refuse options that are impossible or would not be used."""
+        """Refuse options that are impossible or would not be used; called before the fit."""
         given = {"--draws": self.draws, "--chains": self.chains, "--seed": self.seed}
         unused = [option for option, value in given.items() if value is not None]
         if self.prior is None:
@@ -53,7 +53,7 @@ class PriorOptions:
             refuse_few(self.draws, _CHAINS if self.chains is None else self.chains)
 
     def check(self, model: "Model", friction_unit: str) -> None:
-        """Before the fit, refuse priors of parameters that this model does not have."""
+        """Refuse priors of parameters that this model does not have; called before the fit."""
         from ..laws.registry import known_law
         from ..posterior.priors import priors_of, read_priors
 
@@ -79,7 +79,7 @@ class PriorOptions:
 
 
 def write_posterior(posterior: "Posterior | None", to: Path) -> None:
-    """Write the posterior as netCDF to a folder, if one was found."""
+    """Write the posterior as netCDF to a folder, if there is a posterior."""
     if posterior is None or not posterior.found:
         return
     from ..posterior import write_netcdf
@@ -88,7 +88,7 @@ def write_posterior(posterior: "Posterior | None", to: Path) -> None:
 
 
 def draw(posterior: "Posterior | None", folder: Folder) -> None:
-    """Draw the posterior, if one was found."""
+    """Draw the posterior, if there is one."""
     if posterior is None or not posterior.found:
         return
     from ..plot.posterior import draw_posterior

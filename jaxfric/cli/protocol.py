@@ -1,4 +1,4 @@
-"""`jaxfric protocol`: what will a planned sequence of velocity steps be able to tell apart?"""
+"""`jaxfric protocol`: which effects can a planned sequence of velocity steps distinguish?"""
 
 import dataclasses
 from collections.abc import Callable
@@ -85,8 +85,8 @@ def protocol(
 ) -> int:
     """Before an experiment, compute which effects it can distinguish, and how to improve it.
 
-    Writes protocol.json and the figure aliasing to the output folder, by default ./protocol/
-    with the options that differ from their default.
+    Writes protocol.json and the figure aliasing to the output folder, by default ./protocol/.
+    Options that differ from their default are part of the folder's name.
     """
     declared, excluded = effects.ids()
     wrong = _Wrong()
@@ -183,7 +183,10 @@ def _pair_of(texts: list[str] | None) -> tuple[str, str] | None:
 
 
 def read_velocities(text: str) -> list[float]:
-    """Velocities [m/s] of a text in their order; one without a unit takes the last one's."""
+    """Velocities [m/s] of a text in their order.
+
+    A number without a unit has the unit of the last number.
+    """
     from ..units import parse_quantity
 
     pieces = [piece.strip() for piece in text.split(",")]

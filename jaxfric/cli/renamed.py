@@ -1,6 +1,6 @@
 """Old names of verbs and options, which work for one more version with a note.
 
-They occur only here: the command line is rewritten before it is parsed.
+Old names occur only here: the command line is rewritten before it is parsed.
 """
 
 from collections.abc import Sequence

@@ -48,10 +48,10 @@ def run(
 
     A run is an hour or a day of a press: steps, holds and changes of normal stress, with changing
     sampling rates. The command writes every event to events.toml; edit that file and pass it with
-    --events. Also writes run.json, run.html and figures; for the steps table.csv, table_xlook.csv
-    and table.tex; for other events holds.csv, stress_steps.csv, stick_slip.csv, ramps.csv and
-    stick_slip_laws.csv. The output folder is by default ./NAME-run/ with the options that differ
-    from their default.
+    --events. The command also writes run.json, run.html and figures. The tables of the steps are
+    table.csv, table_xlook.csv and table.tex. The tables of other events are holds.csv,
+    stress_steps.csv, stick_slip.csv, ramps.csv and stick_slip_laws.csv. The default output folder
+    is ./NAME-run/, with the options that differ from their default in its name.
     """
     from ..report.run_page import page
     from ..report.run_report import files_of, report

@@ -12,8 +12,8 @@ if TYPE_CHECKING:
 def show(report: "Report", written: str, content: str, output: "OutputOptions") -> None:
     """Print the report, the next commands and the line `written` of the files; then the warnings.
 
-    With `output.json` it prints the text `content` instead of these. Without `output.details` at
-    most 20 lines are printed if the terminal is wide enough.
+    With `output.json` only the text `content` is printed. Without `output.details` at most 20 lines
+    are printed if the terminal is wide enough.
     """
     if output.json:
         print(content)

@@ -43,9 +43,9 @@ def simulate(
 ) -> int:
     """Simulate a slider: stick-slip or steady sliding, from rest or from a disturbance.
 
-    Writes trajectory.csv, which 'jaxfric inspect' and 'jaxfric fit' read, and figures to the
-    output folder, by default ./NAME-simulate/ with the options that differ from their default;
-    NAME is the law's, or the folder's of the fit.
+    Writes trajectory.csv, which 'jaxfric inspect' and 'jaxfric fit' read, and figures to the output
+    folder, by default ./NAME-simulate/. NAME is the name of the law, or of the folder of the fit.
+    Options that differ from their default are part of the folder's name.
     """
     if (velocity is None) == (steps is None):
         raise InputError("give one of --velocity '2 um/s' and --steps '0 s: 1 um/s, 10 s: 10 um/s'")

@@ -1,9 +1,9 @@
 """Write the version of jaxfric and the command into the result files.
 
 JSON has a key `made_by`, LaTeX and TOML a comment in the first line, PNG a text chunk ("Comment"),
-SVG a description. HTML pages have it at their end, trajectory.csv in its first lines. Other CSV
-tables have no room for it: pandas and spreadsheets expect the header in the first line. Their
-version and command are in `.jaxfric.json` in the same folder.
+SVG a description. HTML pages state version and command at their end, trajectory.csv in its first
+lines. Other CSV tables cannot: pandas and spreadsheets expect the header in the first line. For
+these tables, `.jaxfric.json` in the same folder states version and command.
 """
 
 import struct

@@ -15,7 +15,10 @@ def close_steady(
     reading: options.RecordOptions,
     output: options.OutputOptions,
 ) -> int:
-    """Run the loop on the friction curve of steady runs, write and print it; the exit code."""
+    """Run the loop on the friction curve of steady runs, write and print it.
+
+    Returns the exit code.
+    """
     declared, excluded = effects.ids()
     doing(f"reading {input_name(folder)}")
     from ..loop.steady.loop import close_steady_loop

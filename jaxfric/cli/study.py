@@ -1,4 +1,4 @@
-"""`jaxfric study`: the same question of a great many sliders, in a store that survives a kill."""
+"""`jaxfric study`: one computation for very many sliders, in a store that survives a kill."""
 
 import contextlib
 import json
@@ -64,7 +64,8 @@ def study(
     """Run a parameter study: margins, end states, gains, fits or loops over axes and samples.
 
     Results go to a Zarr store, chunk by chunk. The same command continues a study that was stopped
-    or killed. It verifies the checksum of each chunk, and computes damaged chunks again.
+    or killed. The command then verifies the checksum of each chunk, and computes damaged chunks
+    again.
     """
     _require()
     if how.plot is not None:

@@ -1,8 +1,8 @@
 """Progress of the command on stderr.
 
-A terminal shows one status line that changes. Elsewhere (a file, a pipe, a notebook) a line is
-printed every ten seconds: the elapsed time, the last message ("trial 3 of at most 80"), and its age
-if it is old.
+A terminal shows one status line that changes. A file, a pipe or a notebook gets one line every ten
+seconds. The line has the elapsed time, the last message ("trial 3 of at most 80"), and the age of
+an old message.
 
 Progress starts before the verb imports anything, and the first line comes early, because importing
 JAX takes many seconds on a busy machine. Quick commands print no progress.
@@ -110,7 +110,7 @@ def _begin() -> Teller | Line:
 
 @contextlib.contextmanager
 def telling(*, silent: bool = False) -> Generator[None]:
-    """Show progress within the block, until a `told` in it ends; if `silent`, show none."""
+    """Show progress within the block, until a `told` in the block ends; if `silent`, show none."""
     teller = Silent() if silent else _begin()
     token = _NOW.set(teller)
     try:
@@ -124,7 +124,7 @@ def telling(*, silent: bool = False) -> Generator[None]:
 def told() -> Generator[Teller | Line | Silent]:
     """Yield the progress callback of the command.
 
-    It stops at the end of the block, so that the status line does not disturb later output.
+    Progress stops at the end of the block, so that the status line does not disturb later output.
     """
     teller = _NOW.get() or _begin()
     teller.begin()

@@ -10,14 +10,14 @@ process that passes an unknown flag."""
 
 
 def whole_loops() -> bool:
-    """Make XLA compile a loop as one function, in this process and its children, as the command
-    does; return whether it will.
+    """Make XLA compile each loop as one function; return whether XLA will do so.
 
-    By default XLA dispatches each loop iteration separately; the overhead exceeds the cost of a
-    solver step or of a filter row. With loops of up to 128 MiB as one function, a simulation takes
-    0.3 of the time, one in a batch 0.55, a loop 0.75 to 0.9. This sets `XLA_FLAGS` in the
-    environment, so call it before JAX computes anything. It does nothing if `XLA_FLAGS` already
-    has such an option, for jaxlib before 0.8, and from 0.12 on, where this is the default.
+    The setting holds for this process and its children. By default XLA dispatches each loop
+    iteration separately; the overhead exceeds the cost of a solver step or of a filter row. With
+    loops of up to 128 MiB as one function, a simulation takes 0.3 of the time, one simulation in a
+    batch 0.55, a `jaxfric loop` 0.75 to 0.9. The function sets `XLA_FLAGS` in the environment, so
+    call it before JAX computes anything. It does nothing if `XLA_FLAGS` already has such an option,
+    for jaxlib before 0.8, and from 0.12 on, where such loops are the default.
     """
     from importlib.metadata import version
 
