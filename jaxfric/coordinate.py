@@ -1,7 +1,8 @@
 """Lines and rotations: a slider in m and N, a joint in rad and N m.
 
-The equations are the same, with a moment of inertia [kg m^2] for the mass, k_p in N m/rad and k_v
-in N m s/rad. The package writes all units for linear motion; `unit_of` converts them.
+A joint has the same equations as a slider, with a moment of inertia [kg m^2] for the mass, k_p in N
+m/rad and k_v in N m s/rad. The package writes all units for linear motion; `unit_of` converts a
+unit to rotation.
 """
 
 import re

@@ -1,8 +1,8 @@
 """Mixins that give a result its text, figure and tables in a notebook and a terminal.
 
-`jaxfric.views` and `jaxfric.report` make them from the result alone. The classes here find the view
-of a class by name, on first use, so that results do not import views. A result inherits only the
-mixins that apply to it.
+`jaxfric.views` and `jaxfric.report` make texts, figures and tables from the result alone. The
+mixins here find the view of a class by name, on first use, so that results do not import views. A
+result inherits only the mixins that apply to the result.
 """
 
 import importlib
@@ -73,7 +73,8 @@ class Drawable:
     def plot(self) -> "Figure":
         """Draw the same figure as the command; return a matplotlib Figure.
 
-        A notebook shows it as the last line of a cell; `.savefig("name.png")` writes it.
+        A notebook shows the figure as the last line of a cell; `.savefig("name.png")` writes the
+        figure.
         """
         return _shown(self, "figure")
 
@@ -101,7 +102,7 @@ class Gridded:
 
 
 class Drawn:
-    """A result with draws."""
+    """A result with random draws, such as a posterior."""
 
     def to_arviz(self) -> "InferenceData":
         """The draws as ArviZ InferenceData, in the units of the record.

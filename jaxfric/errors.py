@@ -4,9 +4,9 @@ Failures of a computation are values (a `result` on every result object). Invali
 `InputError`: one line with the fault, its place and the remedy. The command prints that line and
 exits with code 2.
 
-What to do names an option of the command (`--drop-bad`, `--steps '0 s: 2 um/s'`) or, outside of the
-command, the argument of Python (`drop_bad=True`, `steps="0 s: 2 um/s"`): `option` and `either`
-choose.
+The remedy names an option of the command (`--drop-bad`, `--steps '0 s: 2 um/s'`). Outside of the
+command the remedy names the argument of Python (`drop_bad=True`, `steps="0 s: 2 um/s"`). `option`
+and `either` choose between the two.
 """
 
 import contextlib
@@ -34,7 +34,7 @@ _LIKE = 0.55
 
 @contextlib.contextmanager
 def words_of_the_command() -> Generator[None]:
-    """Within the block `option` says options of the command, outside arguments of Python."""
+    """Within the block `option` names options of the command, else Python arguments."""
     before, _of_the_command[0] = _of_the_command[0], True
     try:
         yield
@@ -50,10 +50,10 @@ class InputError(ValueError):
 
 
 def option(name: str, *values: object) -> str:
-    """An option in a message, with its value where one is proposed: `--steps '0 s: 2 um/s'`.
+    """An option in a message, with its value if one is proposed: `--steps '0 s: 2 um/s'`.
 
-    Outside of the command it is the argument of Python; `either` says what has another form there.
-    `column` takes several values, ROLE=NAME each.
+    Outside of the command the text is the argument of Python. `either` gives a text that differs in
+    another way. `column` takes several values, ROLE=NAME each.
 
     >>> option("drop-bad"), option("stiffness", "1.6e-3/um")
     ('drop_bad=True', 'stiffness="1.6e-3/um"')

@@ -22,9 +22,9 @@ def loader(
 ) -> tuple[Callable[[str], object], Callable[[], list[str]]]:
     """`__getattr__` and `__dir__` of a package.
 
-    `homes` maps each name to the module of the package that defines it ("rig.friction"). `modules`
-    are the modules and folders of the package that are names themselves. A name in both is
-    ambiguous and raises `ValueError`. `renamed` maps old names to new ones (`old_names`).
+    `homes` maps each name to the module of the package that defines the name ("rig.friction").
+    `modules` are the modules and folders of the package that are names themselves. A name in both
+    raises `ValueError`. `renamed` maps old names to new ones (`old_names`).
     """
     own, old = tuple(modules), old_names(package, renamed)
     if both := sorted(set(own) & set(homes)):
@@ -49,8 +49,8 @@ def loader(
 def old_names(package: str, renamed: Mapping[str, str]) -> Callable[[str], object]:
     """`__getattr__` of a package for names of an earlier version, which work for one more version.
 
-    `renamed` maps each to its new name, or its path below the package ("gains.find_gains"). Each
-    use raises a `DeprecationWarning` at the caller's line.
+    `renamed` maps each old name to the new name, or to the path of the new name below the package
+    ("gains.find_gains"). Each use raises a `DeprecationWarning` at the caller's line.
     """
 
     def get(name: str) -> object:
@@ -66,11 +66,10 @@ def old_names(package: str, renamed: Mapping[str, str]) -> Callable[[str], objec
 
 
 def old_arguments(**renamed: str) -> Callable[[F], F]:
-    """Decorator: the function also takes arguments under names of an earlier version, for one more
-    version.
+    """Decorator: the function also takes arguments under names of an earlier version.
 
-    `renamed` maps each to its new name. Each use raises a `DeprecationWarning` at the caller's
-    line. A call with both names raises `TypeError`.
+    The old names work for one more version. `renamed` maps each old name to the new name. Each use
+    raises a `DeprecationWarning` at the caller's line. A call with both names raises `TypeError`.
     """
 
     def decorated(function: F) -> F:

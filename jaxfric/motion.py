@@ -21,7 +21,7 @@ def _ascend(times: np.ndarray) -> bool:
 
 
 class AbstractMotion(eqx.Module):
-    """Interface of a commanded motion. It starts at displacement 0 at its first time."""
+    """Interface of a commanded motion, which starts at displacement 0 at its first time."""
 
     @abc.abstractmethod
     def displacement(self, t: Float[Array, ""]) -> Float[Array, ""]:
@@ -37,7 +37,7 @@ class AbstractMotion(eqx.Module):
 
     @abc.abstractmethod
     def first_velocity(self) -> Float[Array, ""]:
-        """Velocity [m/s] at the start: the rig starts at its steady state."""
+        """Velocity [m/s] at the start, where the rig is in its steady state."""
 
     @abc.abstractmethod
     def largest_speed(self) -> Float[Array, ""]:
@@ -48,8 +48,8 @@ class PiecewiseVelocity(AbstractMotion):
     """Velocity steps, holds (0) and reversals (negative): constant velocity between times.
 
     `times` [s] are ascending. Each of the `velocities` [m/s] applies from its time to the next
-    one, the last forever. Entries with `times = inf` are padding and are never reached (see
-    `padded`), so that motions of different length share one compilation.
+    time, the last velocity forever. Entries with `times = inf` are padding and are never reached
+    (see `padded`), so that motions of different length share one compilation.
     """
 
     times: Float[Array, " n"]

@@ -17,7 +17,7 @@ def plain(table: Mapping[str, object]) -> dict[str, object]:
 
 
 def entries(source: object, *names: str) -> dict[str, object]:
-    """The attributes of a result that a file has under their own names."""
+    """The attributes of a result that have the same name in the result's JSON file."""
     return {name: getattr(source, name) for name in names}
 
 

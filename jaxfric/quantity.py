@@ -2,7 +2,7 @@
 
 A field declared with `quantity(...)` carries a `Quantity` as metadata. The transform to an
 unbounded variable for fitting, the tables, the file headers and the documentation are derived from
-it, so they always agree.
+this `Quantity`, so they always agree.
 
 Units are SI. A friction law may be written for a force in newtons or for a coefficient (force over
 normal force); the equations are the same. `F` in a unit means either: stiffness has the unit `F/m`,
@@ -54,8 +54,8 @@ class Quantity:
     ) -> Float[Array, " *s"] | float:
         """Map a value inside the bounds to an unbounded variable.
 
-        Both bounds infinite: value/scale. One bound: log of the distance to it.
-        Two bounds: logit of the position between them. `scale` only serves the first.
+        Both bounds infinite: value/scale. One bound: log of the distance to the bound.
+        Two bounds: logit of the position between them. `scale` only serves the first case.
         """
         if math.isinf(self.lower) and math.isinf(self.upper):
             return value / scale
@@ -156,7 +156,10 @@ def as_floats(value: ArrayLike | None) -> Array | None:
 
 
 def array_module(value: object) -> ModuleType:
-    """JAX's NumPy for JAX arrays, else NumPy, as JAX compiles every function for every shape."""
+    """JAX's NumPy for JAX arrays, else NumPy.
+
+    NumPy is used because JAX compiles every function for every shape.
+    """
     return jnp if isinstance(value, jax.Array) else np
 
 
@@ -183,9 +186,9 @@ def refuse_outside(module: eqx.Module, where: str) -> None:
 
 
 def all_inside(module: eqx.Module) -> Bool[Array, ""]:
-    """Whether every quantity with open bounds lies within them; values may be traced.
+    """Whether each quantity with open bounds lies within its bounds; values may be traced.
 
-    Closed bounds are not checked: a fit may cross the null of an effect.
+    Closed bounds are not checked: a fit may cross the value at which an effect vanishes.
     """
     checks = [
         jnp.all(about.allows(value))

@@ -1,6 +1,7 @@
-"""The schemas of all files of results, "jaxfric.KIND/VERSION": named here alone.
+"""The names of the schemas of all result files, "jaxfric.KIND/VERSION", in one place.
 
-A version grows where a key changes its name or its meaning; `saved.upgrade` reads those before it.
+The version number of a schema grows if a key changes its name or its meaning. `saved.upgrade` reads
+files of earlier versions.
 """
 
 COMPARISON = "jaxfric.comparison/1"

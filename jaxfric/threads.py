@@ -18,14 +18,18 @@ class Abandoned(BaseException):
 
 
 def cores() -> int:
-    """Number of threads to use: `NPROC` (as for XLA) or the number of cores, at most 8, as each
-    thread needs its own memory."""
+    """Number of threads to use: `NPROC` (as for XLA) or the number of cores, at most 8.
+
+    The limit exists because each thread needs its own memory.
+    """
     return min(int(os.environ.get("NPROC", "0")) or os.cpu_count() or 1, _MOST)
 
 
 def at_once(number: int) -> int:
-    """Batch size: `number`, which fits in a processor's cache; 128 times as many on a GPU, where a
-    small batch takes as long as a large one."""
+    """Batch size: `number` on a processor, whose cache holds that many, 128 times as many on a GPU.
+
+    On a GPU a small batch takes as long as a large one.
+    """
     return number if on_processor() else _OF_A_GPU * number
 
 
@@ -40,9 +44,10 @@ def on_processor() -> bool:
 
 def side_by_side(one: Callable[..., T], *inputs: Iterable) -> list[T]:
     """`list(map(one, *inputs))` on `cores()` threads, with the caller's floating-point precision.
-    Calls from within one of these threads run there sequentially.
 
-    After an error or Ctrl-C it ends as soon as all running calls have ended or reached `go_on`.
+    Calls of `side_by_side` from within one of these threads run on that thread, one after the
+    other. After an error or Ctrl-C the function ends when all running calls have ended or reached
+    `go_on`.
     """
     asked = list(zip(*inputs, strict=True))
     if min(cores(), len(asked)) < 2 or hasattr(_own, "end"):

@@ -1,10 +1,11 @@
 """A disk cache of traced functions, so that later processes need not trace them again.
 
-Before JAX can load a function compiled by another process, it must trace it again in Python. For a
-model with every effect that takes far longer than loading. `traced` is `eqx.filter_jit`; if
-`cache_compiled` was called, it also stores the trace as StableHLO (`jax.export`) in the cache.
+Before JAX can load a function compiled by another process, JAX must trace the function again in
+Python. For a model with every effect, tracing takes far longer than loading. `traced` is
+`eqx.filter_jit`; if `cache_compiled` was called, `traced` also stores the trace as StableHLO
+(`jax.export`) in the cache.
 
-The key of an entry is everything it depends on: shapes and types of the arrays, all other
+The key of an entry is everything the trace depends on: shapes and types of the arrays, all other
 arguments, the source of this package, versions and settings of JAX and its libraries. Functions
 with foreign code, such as an effect of your own, are never stored. An unreadable file is replaced.
 The folder may be deleted at any time.
@@ -86,7 +87,7 @@ class Traced(Generic[P, R]):
 
     @functools.cached_property
     def jitted(self) -> Callable[..., R]:
-        """The compiled function that is used without cache."""
+        """The compiled function that is used without the disk cache."""
         return eqx.filter_jit(self.function, compiler_options=_quickly())  # ty: ignore[no-matching-overload]
 
     def __call__(self, *args: P.args, **kwargs: P.kwargs) -> R:

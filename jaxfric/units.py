@@ -81,8 +81,8 @@ def speed_text(V: float, digits: int = 3, *, rotary: bool = False) -> str:
 def parse_values(text: str, si_unit: str, what: str, *, count: int = 25) -> list[float]:
     """Read positive values from a text, in `si_unit`, ascending: one, a list, or a range.
 
-    "5 um/s" is one, "1, 2, 5 um/s" a list and "1e-6..1e-3 m/s" a range of `count` log-spaced
-    values. Every number may have a unit; a number without one has the unit of the last.
+    "5 um/s" is one value, "1, 2, 5 um/s" a list and "1e-6..1e-3 m/s" a range of `count` log-spaced
+    values. Every number may have a unit; a number without a unit has the unit of the last number.
 
     Raises `InputError` for any other text, an empty or reversed range, and a value that is not
     positive.
@@ -112,7 +112,7 @@ def parse_values(text: str, si_unit: str, what: str, *, count: int = 25) -> list
 def factor(unit_text: str, si_unit: str, what: str) -> float:
     """Size of one `unit_text` in `si_unit`. The unit may contain a factor: "0.0764 um".
 
-    Raises `InputError` for an unknown unit and for one of another dimension.
+    Raises `InputError` for an unknown unit and for a unit of another dimension.
     """
     number, unit = _split(unit_text, what)
     value = (1.0 if number is None else number) * _unit_factor(unit, si_unit, what)
@@ -274,10 +274,10 @@ def decimals(std: float) -> int:
 
 
 def measured(value: float, error: float, *, short: bool = False) -> str:
-    """A value with its standard error in brackets, in units of the last digit: 0.00592(29),
-    3.34(36)e8. The error has two digits; with `short` one, or two if the first is a 1.
+    """A value with its standard error in brackets, in units of the last digit: 0.00592(29).
 
-    Without an error the value has four digits.
+    The error has two digits; with `short` it has one digit, or two if the first digit is a 1. Large
+    numbers have an exponent, as 3.34(36)e8. Without an error the value has four digits.
     """
     if not (math.isfinite(error) and error > 0):
         return f"{value:.4g}"

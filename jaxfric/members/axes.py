@@ -141,8 +141,10 @@ def _draws(axis: Table, path: Path, where: str, files: dict[str, str]) -> Normal
 def posterior(
     content: Table, path: Path, law: str | None, fixed: dict[str, float], grid: Grid
 ) -> tuple[str | None, dict[str, float], tuple[str, ...]]:
-    """Return law, parameters and warnings of the fit of an axis `from`, without the parameters that
-    the axis draws."""
+    """Return law, parameters and warnings of the fit of an axis `from`.
+
+    Parameters that the axis draws are left out.
+    """
     table = table_of(content, "axes", path.name)
     sources = [axis for axis in table.values() if isinstance(axis, dict) and "from" in axis]
     if not sources:
@@ -158,8 +160,10 @@ def posterior(
 
 
 def parameters_of(source: LawSource) -> tuple[str | None, dict[str, float]]:
-    """Return name and parameters (SI) of a rate-and-state law, with the names of a study. For
-    another law return None and at most its mass."""
+    """Return name and parameters (SI) of a rate-and-state law, with the names of a study.
+
+    For another law the name is None, and the parameters are the mass or none.
+    """
     law, kind = source.law, name_of(source.law)
     if kind is None or not isinstance(law, AbstractRateState):
         return None, {} if source.mass is None else {"m": source.mass}

@@ -1,9 +1,10 @@
 """End state of a massless slider after a step of the command, determined during the simulation.
 
 The rules are those of `gains.ends.classify`, but with running maxima. No motion is stored, so that
-a million of them under `vmap` need little memory. A cycle begins where the velocity rises through
-the command, which is where slip deviates most. The simulation stops early in two cases: a linearly
-stable slider very close to steady sliding, and a linearly unstable one whose cycles repeat.
+a million simulations under `vmap` need little memory. A cycle begins where the velocity rises
+through the command; there the slip deviates most. The simulation stops early in two cases: a
+linearly stable slider very close to steady sliding, and a linearly unstable one whose cycles
+repeat.
 """
 
 from typing import NamedTuple

@@ -1,7 +1,7 @@
 """Motions of many sliders after a step of the command: end states, and friction over time.
 
 For massless sliders under the slip and ageing laws `members.ends` determines the end state during
-the simulation. Others use `gains.settle`, which stores all steps and takes about 20 times as long.
+the simulation. For other sliders `gains.settle` stores all steps, and takes about 20 times as long.
 """
 
 import functools
@@ -109,7 +109,7 @@ class Motions:
         """Estimate the number of solver steps of a member, for sorting.
 
         A stable slider is simulated until its slowest mode has decayed, an unstable one for about
-        ten cycles. A motion over time needs more steps for smaller k_p over k_cr.
+        ten cycles. A motion over time needs more steps if k_p/k_cr is smaller.
         """
         p = self.sliders.parameters(varied)
         if _ENDINGS & set(self.wanted):

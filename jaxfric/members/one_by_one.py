@@ -1,9 +1,9 @@
 """Gains, fits and loops of a study: Python functions of one member's numbers.
 
-These searches have data-dependent control flow and cannot be mapped by `vmap`. A member takes from
-0.05 s (gains) to minutes (a loop). They use the same store, and a Dask cluster computes many at
-once. `fit` and `loop` test what a measurement would show: they simulate the member's record, add
-noise that depends only on the member, and fit it.
+Gains, fits and loops have data-dependent control flow and cannot be mapped by `vmap`. A member
+takes from 0.05 s (gains) to minutes (a loop). Their results go to the same store, and a Dask
+cluster computes many members at once. `fit` and `loop` test what a measurement would show: they
+simulate the member's record, add noise that depends only on the member, and fit this record.
 """
 
 import hashlib
@@ -99,7 +99,7 @@ def make_gains(spec: Spec, table: Table, where: str) -> StudyPart:
 class LeastGains:
     """The smallest gains of one member (`jaxfric.find_gains`).
 
-    No gains is a valid result. Exceptions become errors of the member.
+    A member without any suitable gains has a valid result. Exceptions become errors of the member.
     """
 
     law: str

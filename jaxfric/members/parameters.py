@@ -1,4 +1,4 @@
-"""Parameters that a study sets or varies: names, units, bounds; and the law of their values."""
+"""Parameters that a study sets or varies: names, units, bounds; and the law they belong to."""
 
 import math
 import re
@@ -34,7 +34,7 @@ def parameter(name: str, where: str, *, known: Iterable[str] | None = None) -> Q
 
     Raises
     ------
-    InputError : it does not exist; the message names the nearest.
+    InputError : `name` does not exist; the message gives the nearest name.
     """
     match = _OF_A_STATE.fullmatch(name)
     if match and (known is None or match.group(1) in known):
@@ -66,7 +66,7 @@ def number(content: object, unit: str, where: str) -> float:
 
     Raises
     ------
-    InputError : it is neither, or has another unit.
+    InputError : the text is neither, or has another unit.
     """
     if isinstance(content, bool) or not isinstance(content, str | int | float):
         raise InputError(f"{where}: {content!r} is no quantity; write it as in '3 um'")
@@ -93,8 +93,9 @@ def rate_state(
     """Return the law of one member or, for arrays, of all members, with states on the last axis.
 
     The direct effect is regularised by default, as in laws of files and of the command. The
-    reference velocity only affects f0. f0 only matters if friction is below about 20 A, or at rest.
-    The defaults are the commanded velocity and 50 A.
+    reference velocity only affects f0, the friction at this velocity. f0 only matters if friction
+    is below about 20 A, or at rest. By default the reference velocity is the commanded velocity,
+    and f0 is 50 A.
     """
     known = {name: p[name] for name in needed(states)}
     known |= {"f0": p.get("f0", 50.0 * jnp.asarray(p["A"])), "V0": p.get("V_ref", p["V0"])}

@@ -1,6 +1,7 @@
 """Sliders of a study: from parameters by name to laws, rigs and linearised sliders.
 
-Parameters are arrays of one member or, under `vmap`, of many; fixed ones are stored here.
+Parameters are arrays of one member or, under `vmap`, of many members. Fixed parameters are stored
+in `Sliders`.
 """
 
 from collections.abc import Mapping
@@ -51,7 +52,7 @@ class Sliders:
         return rate_state(self.law, p, self.states)
 
     def rig(self, p: Parameters, *, mass: bool) -> Rig:
-        """Return the rig of a member; with `mass`, if it has one."""
+        """Return the rig of a member; with `mass` a rig with mass, if the member has one."""
         if mass and "m" in p:
             return Rig(Inertial(p["m"], p["k_p"], p["k_v"]), self.law_of(p))
         return Rig(QuasiStatic(p["k_p"], p["k_v"]), self.law_of(p))

@@ -1,8 +1,8 @@
 """Compute blocks on the workers of a Dask scheduler, with a bounded number in progress.
 
 Workers compute and return blocks; only this process writes, so every block is written once even if
-workers die. Another worker then computes the block. If the scheduler is lost, the run ends, but the
-store stays valid: the same command continues it.
+workers die. If a worker dies, another worker computes its block. If the scheduler is lost, the run
+ends, but the store stays valid: the same command continues the study.
 """
 
 import asyncio

@@ -1,4 +1,4 @@
-"""The function that a study evaluates: a pure function of one member, or of many at once."""
+"""The function that a study evaluates: a pure function of one member, or of many members."""
 
 import uuid
 from collections.abc import Callable, Mapping, Sequence
@@ -35,7 +35,10 @@ Kind = Literal["member", "batch", "host"]
 
 
 class Stopped(InputError):
-    """The run ended before its study did; the store is valid and the same command continues."""
+    """The run ended before the study was complete.
+
+    The store is valid, and the same command continues the study.
+    """
 
 
 @dataclass(frozen=True)
@@ -51,12 +54,12 @@ class Output:
 
     @property
     def dtype(self) -> str:
-        """Type in the store; for numbers that of the study."""
+        """Type of an output in the store; numbers have the type of the study."""
         return "int8" if self.codes is not None else "float"
 
 
 class Computed(NamedTuple):
-    """The outputs of one block, shaped as its part of the grid."""
+    """The outputs of one block, shaped as the block's part of the grid."""
 
     values: dict[str, np.ndarray]
     errors: dict[int, str]
@@ -68,8 +71,9 @@ class Task:
     """A function, its grid cut into blocks, and settings of the computation.
 
     kind "member": a JAX function of one member's parameters, mapped by `vmap`;
-    "batch": a JAX function of arrays of them; "host": any Python function of one member's floats.
-    All return a dict of outputs.
+    "batch": a JAX function of arrays of parameters;
+    "host": any Python function of one member's floats.
+    Every function returns a dict of outputs.
     """
 
     function: Function
@@ -117,7 +121,7 @@ def refuse_clashes(grid: Grid, outputs: Sequence[Output]) -> None:
 
 
 def check_outputs(found: Mapping[str, "ShapeDtypeStruct"], outputs: tuple[Output, ...]) -> None:
-    """Raise `InputError` if the function does not return an output, or returns another shape."""
+    """Raise `InputError` if the function lacks an output, or returns one of another shape."""
     for output in outputs:
         if output.name not in found:
             raise InputError(

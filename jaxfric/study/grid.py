@@ -25,7 +25,7 @@ KINDS = ("sobol", "latin", "random")
 
 @dataclass(frozen=True, eq=False)
 class Axis:
-    """One dimension of a grid: its values, ascending or not, their unit and meaning."""
+    """One dimension of a grid: its values in any order, their unit and meaning."""
 
     name: str
     values: np.ndarray
@@ -97,8 +97,8 @@ class Uniform:
 class Normal:
     """Columns drawn together from a normal distribution, such as the posterior of a fit.
 
-    x = mean + root z, where root root' is the covariance. Columns in `log` are lognormal,
-    x = mean exp(root z): `mean` is the median, `root` that of the covariance of the logarithm.
+    x = mean + root z, where root root' is the covariance. Columns in `log` are lognormal, x = mean
+    exp(root z): `mean` is the median, and root root' the covariance of the logarithm.
     """
 
     names: tuple[str, ...]
@@ -138,7 +138,7 @@ class Samples:
         return found
 
     def draw(self, begin: int, end: int) -> dict[str, np.ndarray]:
-        """Return the values of members begin..end-1."""
+        """Return the values of members begin to end - 1."""
         index = np.arange(begin, end)
         quasi = [c for c in self.columns if isinstance(c, Uniform) and c.kind == "sobol"]
         points = iter(())
@@ -209,7 +209,7 @@ class Grid:
         return math.prod(self.shape)
 
     def members(self, where: Sequence[slice]) -> dict[str, np.ndarray]:
-        """Return the parameters of a block, in the order of its flattened array."""
+        """Return the parameters of a block, in the order of the flattened block."""
         lengths = [part.stop - part.start for part in where]
         found: dict[str, np.ndarray] = {}
         for i, (dim, part) in enumerate(zip(self.dims, where, strict=True)):
@@ -226,7 +226,7 @@ class Grid:
 
 @dataclass(frozen=True)
 class Tiling:
-    """A grid cut into blocks of at most `chunk` members: trailing dimensions stay whole."""
+    """A grid cut into blocks of at most `chunk` members; trailing dimensions stay whole."""
 
     shape: tuple[int, ...]
     block: tuple[int, ...]

@@ -1,9 +1,9 @@
 """Compute the members of one block on the devices of this process.
 
-A block is padded to one fixed size, so that a study compiles once. If costs are known, its members
-are sorted by cost and dealt to the devices in turn. Each device computes `batch` of them at a time,
-a GPU more. Every device runs its own loops (`shard_map`): in a loop shared by `vmap` over all
-members, all would wait for the slowest.
+A block is padded to one fixed size, so that a study compiles once. If costs are known, the members
+of a block are sorted by cost and dealt to the devices in turn. Each device computes `batch` members
+at a time; a GPU computes more. Every device runs its own loops (`shard_map`). In a loop shared by
+`vmap` over all members, all members would wait for the slowest.
 """
 
 import contextlib
@@ -26,7 +26,7 @@ _compiled: dict[str, Callable[[dict[str, np.ndarray]], Arrays]] = {}
 
 
 def compute(task: Task, number: int) -> Computed:
-    """Return all outputs of a block, shaped as its part of the grid, and its sampled parameters."""
+    """Return the outputs of a block and its sampled parameters, shaped as its part of the grid."""
     where = task.blocks.where(number)
     members = task.grid.members(where)
     if task.kind == "host":

@@ -1,7 +1,7 @@
-"""Checksums of a store: they show missing and damaged files.
+"""Checksums of a store, which reveal missing and damaged files.
 
-Every finished block has a mark, the checksum of its files, in the variable `done`. Checksums of
-files that are written only once (descriptions of variables, coordinates) are in another file.
+Every finished block has a mark, the checksum of its files, in the variable `done`. Files that are
+written only once (descriptions of variables, coordinates) have checksums in a file of their own.
 """
 
 import hashlib
@@ -100,7 +100,7 @@ def fixed_checksums(files: Iterable[tuple[str, bytes]]) -> bytes:
 
 
 def damaged_files(place: AbstractPlace) -> list[str]:
-    """Return damaged files among those written once; `FIXED` itself if it is damaged."""
+    """Return damaged files among those written once; if `FIXED` is damaged, return `FIXED`."""
     try:
         table = json.loads(place.read(FIXED) or b"")
         files = table["files"]

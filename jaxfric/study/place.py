@@ -1,8 +1,9 @@
 """Places of a store: a folder, or a prefix of an object store, written file by file.
 
 A file exists completely or not at all: in a folder by renaming, in an object store by design. Only
-one run writes at a time. A folder is locked by the operating system, an object store by a file that
-its writer renews. If it is no longer renewed, the writer was killed, and another run takes over.
+one run writes at a time. A folder is locked by the operating system, an object store by a lock file
+that its writer renews. If the lock file is no longer renewed, its writer was killed, and another
+run takes over.
 """
 
 import abc

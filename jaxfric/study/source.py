@@ -1,8 +1,9 @@
 """Fingerprints of the code and versions that compute results.
 
-A store belongs to one function, including everything that it refers to, and to the versions of the
-packages below it. All workers of a cluster must have the same. The compiled code is compared, not
-the text: comments, or edits of a file after it was loaded, do not matter.
+A store belongs to one function, including everything that the function refers to, and to the
+versions of the packages below jaxfric. All workers of a cluster must have the same function and
+versions. The compiled code is compared, not the text: comments, or edits of a file after it was
+loaded, do not matter.
 """
 
 import dataclasses
@@ -28,7 +29,7 @@ CODE = "code of jaxfric"
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of Python, of packages below, and of the package's source."""
+    """Return the versions of Python and of the packages below, and a checksum of this package."""
     found = {"python": f"{sys.version_info[0]}.{sys.version_info[1]}"}
     for name in _COMPUTING:
         try:
@@ -59,7 +60,7 @@ def package_source() -> str:
 
 
 def revision() -> str:
-    """Return the git revision of the running source if it is a checkout, else ''."""
+    """Return the git revision of the running source if the source is a checkout, else ''."""
     folder = _PACKAGE.parent / ".git"
     try:
         head = (folder / "HEAD").read_text().strip()
@@ -86,8 +87,8 @@ def belongs_to_package(function: object) -> bool:
 def fingerprint(function: object) -> str:
     """Return a checksum of a function: byte code, defaults, closure, and used globals.
 
-    Functions, classes and modules of the user are followed recursively. Those of installed packages
-    enter by name (`versions` covers their code), arrays with their values.
+    Functions, classes and modules of the user are followed recursively. Functions of installed
+    packages enter by name, because `versions` covers their code. Arrays enter by their values.
     """
     walk = _Walk()
     walk.add(function)

@@ -1,10 +1,11 @@
 """Results on disk: a Zarr store that xarray opens, written block by block, each exactly once.
 
 Every block of the grid is one Zarr chunk, a file, of every variable. After all files of a block, a
-checksum of their bytes is written atomically to the variable `done`. A block without checksum, or
+checksum of the files is written atomically to the variable `done`. A block without checksum, or
 with a wrong one, was interrupted or damaged, and is computed again. So a study may be killed at any
 moment. Coordinates and descriptions have checksums too, and readers verify a checksum inside every
-chunk. A store belongs to one study: its attributes describe the study, and others are refused.
+chunk. A store belongs to one study: its attributes describe the study, and other studies are
+refused.
 """
 
 import contextlib
@@ -40,7 +41,7 @@ def require_packages() -> None:
 
 
 class Store:
-    """An open store of one study. Make one with `open_store`."""
+    """An open store of one study, made by `open_store`."""
 
     def __init__(self, place: AbstractPlace, task: Task):
         import zarr
@@ -56,7 +57,8 @@ class Store:
             }
 
     def write(self, number: int, block: Computed) -> None:
-        """Write all variables of a block, then its errors, and last the mark that it is done."""
+        """Write all variables of a block, then its errors, and last the mark of the finished block.
+        """
         where = self.task.blocks.where(number)
         with self.place.faults():
             for name in self._outputs:
@@ -74,7 +76,7 @@ class Store:
         self.marks.set(number)
 
     def sound(self) -> np.ndarray:
-        """Return a mask of the blocks with a valid checksum; remove the marks of others."""
+        """Return a mask of the blocks with a valid checksum; remove the marks of other blocks."""
         states = self.marks.states()
         for number, state in enumerate(states):
             if state == "damaged":
