@@ -27,7 +27,7 @@ def axis(
         str | None,
         Parameter(
             help='Cutoff of the low-pass filter of the position, "50 Hz". Default: a tenth of the'
-            " sampling rate (a fifth below 200 Hz). It is lower if the encoder's error,"
+            " sampling rate (a fifth below 200 Hz). The cutoff is lower if the encoder's error,"
             " differentiated twice, would exceed the force."
         ),
         options.MORE,

@@ -22,12 +22,12 @@ class MapOptions:
     at: options.Text = None
     """Print the friction at these speeds first, forwards and backwards: "50 mm/s", "1, 5 rad/s"."""
     acceleration: options.Text = None
-    """Acceleration of the reference at a reversal, "2 m/s^2" or "50 rad/s^2". Default: that of the
-    record, if the file has it."""
+    """Acceleration of the reference at a reversal, "2 m/s^2" or "50 rad/s^2". Default: the
+    acceleration in the record, if the file has it."""
     lag: options.Text = None
     """Delay of the axis behind its reference at a reversal, "4 ms"."""
     fade_speed: options.Text = None
-    """Fade the compensation below this speed, "5 mm/s", instead of the derived one."""
+    """Fade the compensation below this speed, "5 mm/s", instead of the derived speed."""
     drive_gain: options.DriveGain = None
     name: str = "axis"
     """Name of the axis in C: NAME_feedforward."""

@@ -38,18 +38,18 @@ class GainOptions:
     seed: Annotated[int, options.MORE] = 0
     """Seed of the samples."""
     max_kp: Text = None
-    """Largest k_p, '1e6 N/m'."""
+    """Largest allowed k_p, '1e6 N/m'."""
     max_kv: Text = None
-    """Largest k_v, '100 N*s/m'."""
+    """Largest allowed k_v, '100 N*s/m'."""
     min_kp: Annotated[Text, options.MORE] = None
-    """Smallest k_p, '10 N/m'."""
+    """Smallest allowed k_p, '10 N/m'."""
     scale_kp: Annotated[Text, options.MORE] = None
     """Unit of k_p in the norm, '1000 N/m'."""
     scale_kv: Annotated[Text, options.MORE] = None
     """Unit of k_v in the norm, '10 N*s/m'."""
     accuracy: Annotated[Text, options.MORE] = None
     """Largest position error at rest, '10 um'. k_p is then at least static friction divided by
-    it."""
+    this error."""
     integral: options.Integral = None
 
 
@@ -63,8 +63,8 @@ def gains(
     basin: Annotated[
         float | None,
         Parameter(
-            help="Raise the gains until the slider tolerates velocity jumps by this factor. It is"
-            " simulated after a jump up and down, and must settle."
+            help="Raise the gains until the slider tolerates velocity jumps by this factor. The"
+            " slider is simulated after a jump up and a jump down, and must settle."
         ),
         options.MORE,
     ] = None,

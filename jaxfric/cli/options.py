@@ -173,7 +173,7 @@ class AxisOptions:
     """For an axis with cascaded control: kv of the inner velocity loop, "240 V s/m". Or in force,
     "8436 N s/m"."""
     rated_torque: Text = None
-    """Rated torque, "9.84 mN m", for torque recorded in per cent of it."""
+    """Rated torque, "9.84 mN m", for torque recorded in per cent of the rated torque."""
     flip_sign: Annotated[
         list[Literal["force", "motion", "both"]] | None, Parameter(consume_multiple=True), MORE
     ] = None
@@ -251,7 +251,7 @@ STIFFNESS = Parameter(
 Stiffness = Annotated[str | None, STIFFNESS]
 LAW = Parameter(
     help="Friction law, slip or ageing. With --parameters also stribeck, gaussian-stribeck, delay"
-    " or dahl. For several files as --stiffness."
+    " or dahl. For several files: one law, or one per file in their order."
 )
 DownsampleTo = Annotated[
     int | None,
@@ -276,7 +276,8 @@ class ModelOptions:
     states: Literal["1", "2", "3"] = "1"
     """Number of state variables."""
     fit_stiffness: bool = False
-    """Fit the stiffness too. --stiffness is then optional; in a run each step has its own."""
+    """Fit the stiffness too. --stiffness is then optional. In a run each step has its own
+    stiffness."""
     slip_trend: bool = False
     """Fit a linear change of friction with slip as well."""
 
@@ -296,7 +297,7 @@ AXIS_EFFECTS = (
 STEADY_EFFECTS = "direction_asymmetry, stribeck, cubic"
 """Ids of the effects of a steady-state friction curve."""
 EXCLUDE = Parameter(
-    help=f"Effects that are not tried. Ids for a slider: {EFFECTS}; for an axis:"
+    help=f"Effects that the loop does not try. Ids for a slider: {EFFECTS}; for an axis:"
     f" {AXIS_EFFECTS}; for runs at steady speeds: {STEADY_EFFECTS}."
 )
 
@@ -349,8 +350,8 @@ class LawOptions:
     normal_force: Text = None
     """Normal force, '500 N'. Required if the fit is of a friction coefficient."""
     memory: Annotated[Text, MORE] = None
-    """For a table of friction against speed: memory distance of friction, '1 mm'. Without it
-    friction has no memory, so that only damping can stabilise the slider."""
+    """For a table of friction against speed: memory distance of friction, '1 mm'. Without
+    this distance friction has no memory, so that only damping can stabilise the slider."""
 
     def source(self, *, samples: int = 0, seed: int = 0) -> "LawSource":
         """Return the law with this number of samples."""
@@ -407,7 +408,7 @@ MASS = Parameter(
     allow_leading_hyphen=True,
     help="Mass with unit, '2 kg', if inertia matters. For gains also '1, 2 kg' or '1..3 kg'. If"
     " friction is a coefficient: mass over normal force, 3e-6 s^2/m. Default: none, or the mass in"
-    " the loop.json of an axis. For several files as --stiffness.",
+    " the loop.json of an axis. For several files: one mass, or one per file in their order.",
 )
 Mass = Annotated[str | None, MASS]
 VELOCITY = Parameter(
@@ -438,8 +439,8 @@ class DelayOptions:
     """Delay of the controller."""
 
     sample_time: Text = None
-    """Sample time of the controller, '1 ms'; counts as 1.5 samples of delay. These are zero-order
-    hold and computation."""
+    """Sample time of the controller, '1 ms'; counts as 1.5 samples of delay. The computation takes
+    1 sample, the zero-order hold 0.5."""
     delay: Text = None
     """Total delay of the loop, '1 ms', instead of --sample-time. The delay margin is the additional
     delay that the loop tolerates."""

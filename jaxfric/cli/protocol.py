@@ -39,9 +39,9 @@ class PlanOptions:
     slip_channel: Annotated[options.Text, options.MORE] = None
     """Plan a slip channel with this noise, '0.1 um'."""
     distinguish: list[str] | None = None
-    """Two effects to distinguish, 'ageing,second_state'. Or an effect and base (the law without
-    effects). The first line answers whether the plan distinguishes them. The base model then omits
-    these two even if the file of --from has them."""
+    """Two effects to distinguish, 'ageing,second_state'. The name base in place of an effect is
+    the law without effects. The first line answers whether the plan distinguishes the two. The
+    base model then omits the two effects even if the file of --from has them."""
     from_: options.From = None
     law: Annotated[str | None, options.LAW] = None
     parameters: options.Parameters = None

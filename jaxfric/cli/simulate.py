@@ -27,7 +27,7 @@ class MotionOptions:
     """Start at rest with an unloaded spring (stick)."""
     jump: options.Text = None
     """Jump of the load point at the start, '1 um', of either sign. At a constant velocity the
-    default is a small jump: without it nothing would disturb steady sliding."""
+    default is a small jump: without this jump nothing would disturb steady sliding."""
 
 
 def simulate(

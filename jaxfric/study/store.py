@@ -57,8 +57,7 @@ class Store:
             }
 
     def write(self, number: int, block: Computed) -> None:
-        """Write all variables of a block, then its errors, and last the mark of the finished block.
-        """
+        """Write all variables of a block, then its errors, and last the mark of the whole block."""
         where = self.task.blocks.where(number)
         with self.place.faults():
             for name in self._outputs:

@@ -16,37 +16,39 @@ NEXT: Mapping[str, str] = {
     "effect_from": "{effect} from {others}",
     "outside": " Not in this run: {outside}.",
     "outside_one": "{changes} ({effect})",
-    "time": " Its other velocity separates time from slip.",
-    "begins": " It begins with the velocities of this record: {comes_back}.",
-    "comes_back": "what repeats is friction or the machine, what does not repeat belongs to that"
-    " day",
-    "family": "This record does not determine the shape of {effects}. A run that would: {where}.",
-    "decides": "This record cannot distinguish {effect} from {others}. A run that would:"
-    " {changes}.",
-    "ask": "Check before the run whether it distinguishes {effect} from {other}, and which change"
-    " helps if not:",
-    "ask_more": "Check before the run whether it distinguishes {effect} from {other}, and which"
-    " change helps if not ({notes}):",
+    "time": " The other velocity of this run separates time from slip.",
+    "begins": " The run begins with the velocities of this record: {comes_back}.",
+    "comes_back": "structure that repeats comes from friction or the machine, structure that does"
+    " not repeat from the day of this record",
+    "family": "This record does not determine the shape of {effects}. A run that determines it"
+    " has {where}.",
+    "decides": "This record cannot distinguish {effect} from {others}. Distinguish them by a new"
+    " run: {changes}.",
+    "ask": "Check a run in advance: does it distinguish {effect} from {other}, and if not, which"
+    " change of the run would?",
+    "ask_more": "Check a run in advance: does it distinguish {effect} from {other}, and if not,"
+    " which change of the run would ({notes})?",
     "planned": "planned: {run}",
     "then": "then the same with {others} in place of {other}",
     "unasked": "no plan can be tested for {others}",
-    "ask_leading": "Check before the run whether it distinguishes {effect} from {other}, which"
-    " explains most:",
+    "ask_leading": "Check a run in advance: does it distinguish {effect} from {other}, the effect"
+    " that explains most?",
     "own_velocities": "planned: the velocities of this record, for you to change",
     "size": "Plan the next run: how large must an effect be to be identified ({notes})?",
-    "size_again": "Plan the next run: from which size on will it show {effect} again ({notes})?",
-    "compare": "jaxfric fit --compare may ask for a second state of this record: it fits all"
-    " rows, and four laws alone. This loop {told}.{decides}",
-    "compare_decides": " What would decide: {changes}.",
+    "size_again": "Plan the next run: how large must {effect} be to appear again ({notes})?",
+    "compare": "jaxfric fit --compare may prefer a second state for this record, because it fits"
+    " all rows and tries only four laws. This loop {told}.{decides}",
+    "compare_decides": " A run that would decide: {changes}.",
     "not_taken": "does not add one (BIC {gain:.0f} lower, but {why})",
     "not_told": "cannot distinguish one from {others}",
-    "look": "Look where it sits (location.png, in loop.html 'Where the structure sits').",
-    "look_again": "Look where it sits (location.png, in loop.html 'Where the structure sits'),"
-    " and record the run again: {comes_back}.",
+    "look": "See which variable the residual follows (location.png, in loop.html 'Where the"
+    " structure sits').",
+    "look_again": "See which variable the residual follows (location.png, in loop.html 'Where the"
+    " structure sits'), and record the run again: {comes_back}.",
     "own_effect": "Write an effect of your own, a class with an equation: `own=[...]` of"
     " close_loop in Python tries it beside the others.",
-    "longer": "Record longer, with more {parts} or less noise: that identifies the effect or"
-    " makes it vanish.",
+    "longer": "Record longer, with more {parts} or less noise. The effect is then identified, or"
+    " it vanishes.",
     "strokes": "strokes",
     "steps": "velocity steps",
 }

@@ -42,18 +42,18 @@ LOCATION: Mapping[str, str] = {
     "alike_one_step": "With one velocity step {variables} grow together: only the shape of a"
     " curve distinguishes them in this record. A second step or a hold would separate them.",
     "alike": "{variables} explain about as much: this record cannot distinguish them. Steps at"
-    " other velocities or a hold would.",
+    " other velocities or a hold would separate them.",
     "follows": "follows {variables}",
     "ripples": "ripples along the path",
     "only_noise": "The residual of the base model follows no variable more than noise does.",
-    "no_shares": "It is too small compared with the noise to be divided into shares.",
+    "no_shares": "This residual is too small compared with the noise to be divided into shares.",
     "nothing": "The residual of the base model is consistent with noise: there is nothing to"
     " locate.",
     "unexplained": "No variable explains the residual of the base model.",
     "carries": "{subject} explains {share} of what the model lacks.",
     "curve": "a smooth curve",
     "rivals": "{rivals} would explain about as much in its place.",
-    "bars": "Each bar below the first is what that variable explains beyond those above.",
+    "bars": "Each bar below the first shows what its variable explains beyond the variables above.",
     "share": "{percent:.0f} %",
     "small_share": "less than 1 %",
 }

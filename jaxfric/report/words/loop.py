@@ -44,7 +44,7 @@ VERDICT: Mapping[str, str] = {
     " ({change}).",
     "in_vain_some": "{named} fit the train block but predict the other blocks no better"
     " ({change}).",
-    "takes": "{names} would explain most (BIC {lower} lower{than}), but {why}: it is not"
+    "takes": "{names} would explain most (BIC {lower} lower{than}), but {why}: {names} is not"
     " confirmed.",
     "not_fixed": "{names} would explain most (BIC {lower} lower{than}), but the fitted rows do"
     " not determine the parameters of such a model.",

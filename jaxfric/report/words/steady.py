@@ -19,8 +19,9 @@ STEADY: Mapping[str, str] = {
     "slips": "Stick-slip: {each}; {how}.",
     "slips_one": "at {speed:.3g} {unit} the axis rests {share:.0f} % of the time ({stops} stops)"
     " and moves at {moving:.3g} {unit} between",
-    "loaded": "The force goes {what}, the same both ways, as a weight or a spring: it is taken"
-    " out of the friction; F_0 holds it in the middle of the travel.",
+    "loaded": "The force changes {what}, equally in both directions, like that of a weight or a"
+    " spring. This part is subtracted from the friction; F_0 contains its value in the middle of"
+    " the travel.",
     "gravity": "with the sine of the angle, {size:.4g} ± {std:.2g} {unit} at most",
     "spring": "with the position, {size:.4g} ± {std:.2g} {unit}",
     "untested": "Whether friction lacks an effect ({effects}) is not tested",

@@ -98,7 +98,7 @@ APART: Mapping[str, str] = {
     "worse": "{other} (BIC {worse:.0f} worse)",
     "refit": "; a refit distinguishes it from {others}",
     "not_told": "{id}: this record cannot distinguish it from {others}{would}{refit}",
-    "would": "; what would: {changes}",
+    "would": "; a run that would: {changes}",
     "curve": "{id}: this record does not distinguish it from a steady curve of another shape"
     " ({why}){would}{refit}",
     "told": "{id}: this record distinguishes it from every other effect{near}{refit}",
