@@ -78,7 +78,7 @@ def test_a_value_for_all_files_or_one_for_each(count: int) -> None:
 
 def test_what_is_told(folder: Path) -> None:
     out, err = ((folder / name).read_text() for name in ("out.txt", "err.txt"))
-    heads, first, second = out.split("3 records")[1].splitlines()[1:4]
+    heads, first, second = out.split("\n3 records")[1].splitlines()[1:4]
     assert heads.split()[:4] == ["file", "K", "[1/µm]", "A-B"]
     assert (first.split()[1], second.split()[1]) == ("0.005", "0.004")
     assert "no fit" in out and "written: many/" in out

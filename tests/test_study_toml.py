@@ -205,7 +205,7 @@ def test_only_what_is_out_of_reach_has_no_gains(monkeypatch: pytest.MonkeyPatch)
     outcome = run("study", written(Path("study.toml"), text))
     assert outcome.code == 0, outcome.err
     assert "gains: 2 without (66.7%), 1 none (33.3%)" in outcome.out
-    assert "outcome: 1 computed, 2 error" in outcome.out
+    assert "outcome: 1 computed (33.3%), 2 error (66.7%)" in outcome.out
     assert "1 of them: NoGains: k_p is odd\n" in outcome.out
     assert "1 of them: InputError: k_p is odder\n" in outcome.out
 
