@@ -30,9 +30,9 @@ def c_code(
 ) -> str:
     """Return the source of NAME_friction(v) and NAME_feedforward(v, a), for -std=c99.
 
-    The source includes only math.h. If friction depends on position, the function is
-    NAME_feedforward(q, v, a), and NAME_friction holds for the middle of the travel, without ripples
-    and weight.
+    The source includes only math.h. If friction depends on position, the feedforward is
+    NAME_feedforward(q, v, a). NAME_friction then holds for the middle of the travel, without
+    ripples and weight.
 
     Parameters
     ----------

@@ -58,7 +58,7 @@ class Piece(NamedTuple):
 
 
 class Terms(NamedTuple):
-    """The terms of a feedforward, the effects in its curve, and the omitted effects in words."""
+    """Terms of a feedforward, effects in the friction curve, and omitted effects in words."""
 
     pieces: tuple[Piece, ...]
     effects: tuple[type[AbstractEffect], ...]

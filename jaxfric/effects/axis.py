@@ -303,7 +303,7 @@ class AxisTimeDrift(AbstractLinearAxisEffect, AbstractAxisTermEffect):
 
 class Presliding(AbstractAxisEffect):
     """+ a (z/x_c - sgn v) + sigma_1 z', z' = v - |v| z/x_c: after a reversal Coulomb friction
-    recovers over a distance. This is Dahl's bristle; with the damping sigma_1 it is LuGre's.
+    recovers over a distance. With sigma_1 = 0 the bristle is Dahl's, otherwise LuGre's.
 
     The damping sigma_1 acts only while the bristle bends: at low speed, within a few lengths x_c of
     a reversal. So a force of sigma_1 times the speed of a stroke never occurs. A record may
@@ -349,12 +349,12 @@ class RateAndState(AbstractAxisEffect):
     """+ sgn(v) [A ln(1 + |v|/v_c) + theta], theta' = (|v|/L) (-B ln(1 + |v|/v_c) - theta).
 
     If velocity rises by a factor e, friction changes by A at once and by -B over the slip length L.
-    This is the slip law of Ruina (1983, doi:10.1029/JB088iB12p10359), but friction levels off below
-    v_c. The effect is physical if A > 0 and B > 0. The direct effect is due to creep at the
-    contacts; without it sliding is ill-posed (Rice, Lapusta & Ranjith 2001,
-    doi:10.1016/S0022-5096(01)00042-4). The state is the strength that contacts gain with age and
-    lose by slip (Dieterich 1979, doi:10.1029/JB084iB05p02161). B < 0 describes a curved dependence
-    on velocity, not a memory of the contacts.
+    The effect is the slip law of Ruina (1983, doi:10.1029/JB088iB12p10359), except that friction
+    levels off below v_c. The effect is physical if A > 0 and B > 0. The direct effect is due to
+    creep at the contacts; without a direct effect sliding is ill-posed (Rice, Lapusta & Ranjith
+    2001, doi:10.1016/S0022-5096(01)00042-4). The state is the strength that contacts gain with age
+    and lose by slip (Dieterich 1979, doi:10.1029/JB084iB05p02161). B < 0 describes a curved
+    dependence on velocity, not a memory of the contacts.
 
     The slip length L is at least the distance between two rows where the axis is slowest. With a
     shorter L a record determines only A - B and B L. A fit with a shorter L drifts to values of A

@@ -7,7 +7,7 @@ the present value u = ln V/V0 approximates the past value,
 
 With b1 = alpha/2, b2 = alpha^2/12, n = alpha/6 the filter is the [2/2] Pade approximant of
 exp(-alpha s). The poles of the Pade approximant, at 3.5/alpha, are stiff for a small delay. So the
-filter has a time constant c that keeps its poles below 2/c. Times are in crossings here: in one
+filter has a time constant c that keeps its poles below 2/c. The constant c is in crossings; in one
 crossing, L/V, the contact renews itself. With a = alpha V/L and nu = c/(1 + 2a/(3c)):
 
     b1 = a/2 + nu,   b2 = a^2/12 + a nu/3 + c^2/4,   n = a/6 + nu

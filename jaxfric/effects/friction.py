@@ -162,7 +162,8 @@ class Viscous(AbstractLinearEffect[Rig], AbstractTermEffect, AbstractStatelessTe
         return self.c > 0
 
 
-# Not the effect itself: a fit may reach the bounds of d, which a rig's own quantities exclude.
+# A separate term, not the effect itself: a fit may reach the bounds of d, which a rig's own
+# quantities exclude.
 class _StribeckTerm(AbstractStatelessTerm):
     moves: ClassVar[bool] = True
     fs: Float[Array, ""]

@@ -1,8 +1,9 @@
 """Gains that stabilise an axis: equations (16) and (17) of the paper, and its theorem.
 
 Friction without memory, F(V), is linearised about a steady velocity: f_v = dF/dV. Any k_p > 0 is
-stable at V if k_v + f_v(V) > 0; the worst velocity has the least f_v. `jaxfric.stability.claims`
-decides whether a measured curve supports the statement "any k_p > 0 is stable".
+stable at V if k_v + f_v(V) > 0; the worst velocity is that of the least f_v.
+`jaxfric.stability.claims` decides whether a measured curve supports the statement "any k_p > 0 is
+stable".
 
 Friction with a memory over distance (rate-and-state) has two optima. One is damping that needs no
 stiffness. The other is stiffness above k_cr that needs no damping, with k_cr from (18)-(20), or

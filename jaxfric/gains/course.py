@@ -55,7 +55,7 @@ class Motion:
     """Whether the numbers are linear (m and N) or rotary (rad and N m)."""
 
     def unit(self, si_unit: str) -> str:
-        """The unit in this coordinate of a quantity whose linear unit is `si_unit`."""
+        """The linear or rotary unit of a quantity whose linear unit is `si_unit`."""
         return unit_of(si_unit, self.coordinate)
 
     @staticmethod
@@ -74,7 +74,7 @@ class Motion:
 
 
 class Cycle(NamedTuple):
-    """Numbers of an oscillation, from its last half."""
+    """Numbers that describe an oscillation, computed from its last half."""
 
     period: float
     """Mean time between rises of friction [s]."""

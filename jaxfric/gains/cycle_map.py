@@ -82,8 +82,9 @@ def end_map(
     """End states from rest over arrays of gains k_p = `stiffness`, k_v = `damping`.
 
     A steady end means that the stick-slip cycle has disappeared, as far as a start at rest can
-    show: the first approach of section I.A. `stiffness`, `damping` and `horizon` [s] are broadcast;
-    the result has the broadcast shape. `rig` defines law, mass and drive.
+    show. This is the first approach of section I.A of the 1994 note. `stiffness`, `damping` and
+    `horizon` [s] are broadcast; the result has the broadcast shape. `rig` defines law, mass and
+    drive.
     """
     k_p, k_v, horizon = jnp.broadcast_arrays(
         *(jnp.asarray(x, jnp.result_type(float)) for x in (stiffness, damping, horizon))

@@ -155,7 +155,7 @@ def alone_of(meets: tuple[bool, bool], scenarios: Scenarios, region: Region) -> 
 
 def largest_alone(task: GainTask) -> tuple[float, float]:
     """Largest k_p (with the least damping) and k_v (with the least stiffness) below which all gains
-    meet the requirement: SI, 2 % accuracy, rounded down.
+    meet the requirement. Both are in SI, accurate to 2 % and rounded down.
 
     The result is 0 if the least gains do not meet the requirement, and inf if all tried gains meet
     it.

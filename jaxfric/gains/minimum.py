@@ -117,7 +117,7 @@ def minimum_gains(
     The function works under jit and vmap. Derivatives exist to second order, in both modes, for the
     arrays of the law, velocity, mass, delay, required values, scale and limits. `find_gains` also
     adds velocities, drops samples and certifies its result by a dense grid. A batch takes as long
-    as its slowest member: for many laws `jax.lax.map` with a `batch_size` of some hundreds is
+    as its slowest member. For many laws `jax.lax.map` with a `batch_size` of some hundreds is
     faster than one `jax.vmap`.
 
     Both optima are local. The damping margin is not differentiable at a double pole. The phase
@@ -220,7 +220,7 @@ def _solve(problem: GainProblem, possible: Bool[Array, ""]) -> MinimumGains:
     residual = jax.vmap(lambda end: kkt_of(end).residual)(ends)
     sure = ends.settled & (residual <= ZERO) & possible
     norms = jnp.where(sure, jnp.linalg.norm(ends.y, axis=1), jnp.inf)
-    # without an optimum: the feasible end of smaller norm, else the end that misses least
+    # without an optimum: the feasible end of smaller norm, else the end of the least violation
     worst = jnp.min(slacks, axis=1)
     holding = jnp.where(worst >= -FEASIBLE, jnp.linalg.norm(ends.y, axis=1), jnp.inf)
     holds = jnp.any(jnp.isfinite(holding))

@@ -106,7 +106,7 @@ class Gains(Described, Drawable, Tabular):
         return self.region.coordinate
 
     def unit(self, si_unit: str) -> str:
-        """The unit in this coordinate of a quantity whose linear unit is `si_unit`."""
+        """The linear or rotary unit of a quantity whose linear unit is `si_unit`."""
         return unit_of(si_unit, self.coordinate)
 
     @property
@@ -164,8 +164,8 @@ class Gains(Described, Drawable, Tabular):
 
     @property
     def fragile(self) -> bool:
-        """Whether the modulus margin was switched off and is below 0.2: a small error of the model
-        or of the gains may make the loop unstable."""
+        """Whether the modulus margin was switched off and is below 0.2. A small error of the model
+        or of the gains may then make the loop unstable."""
         known = self.margins.get("modulus")
         off = "modulus" not in self.requirement.names
         return off and known is not None and known.value < FRAGILE

@@ -2,8 +2,8 @@
 
 Section I.A of the 1994 note: set points with intersecting basins of attraction extend an analysis
 of steady sliding to motion that never sticks. The basin of a set point is the range of velocities
-from which the simulated slider settles at the set point (`verify.jump_sizes`). The chain is
-complete if every step from one set point to the next, up and down, is inside a basin.
+from which the simulated slider settles at the set point (`verify.jump_sizes`). The chain of set
+points is complete if every step from one set point to the next, up and down, is inside a basin.
 """
 
 import math
@@ -79,9 +79,10 @@ def gain_schedule(
     """Compute minimum-norm gains at set points between two velocities [m/s]; check the chain.
 
     Set points start a factor `ratio` apart. The gains of each set point have the required margins
-    half-way to the neighbouring set points, in every sample of the law and for every mass. If a
-    step to a neighbour is outside the basin, a set point is inserted between the two, until steps
-    are smaller than `finest`. Simulations use the law's estimate and the largest mass.
+    half-way to the neighbouring set points. These margins hold in every sample of the law and for
+    every mass. If a step to a neighbour is outside the basin, a set point is inserted between the
+    two. Insertion ends where it would make steps smaller than `finest`. Simulations use the law's
+    estimate and the largest mass.
 
     `law` is as in `find_gains`; for a friction coefficient pass `law_from_fit(fit,
     normal_force=500)`.

@@ -60,7 +60,7 @@ _DIRECT = f"{RateAndState.id}.A"
 # Width of the law's smoothed sign over that of the record: sharp at the speeds that were fitted,
 # yet smooth enough to simulate through rest.
 _NARROWER = 0.05
-# Width where the record's is unknown [m/s].
+# Width of the law's smoothed sign where that of the record is unknown [m/s].
 _NO_WIDTH = 1e-6
 
 

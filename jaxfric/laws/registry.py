@@ -1,8 +1,8 @@
 """All friction laws by name: their parameters and how to build them.
 
-An entry of `REGISTRY` is a law's class or, for a `RateState`, the evolution of its states. To add a
-law, write its class in a file of `rig.friction` and add an entry to `REGISTRY`. Fits, loops, gains,
-simulations, margins and studies then accept the name of the new law.
+An entry of `REGISTRY` is the class of a law or, for a `RateState`, the evolution law of the states.
+To add a law, write its class in a file of `rig.friction` and add an entry to `REGISTRY`. Fits,
+loops, gains, simulations, margins and studies then accept the name of the new law.
 
 Rate-and-state laws (`AbstractRateState`) have the parameters f0, A, B and L, B2 and L2, ..., V0 and
 slip_trend. A subclass of `AbstractRateState` takes these parameter names and `direct` as keyword

@@ -1,5 +1,5 @@
-"""Draws of a log posterior by NUTS, the no-U-turn sampler of Hoffman & Gelman (2014, JMLR 15, 1593)
-in the form of blackjax.
+"""Draws of a log posterior by NUTS, in the form of blackjax. NUTS is the no-U-turn sampler of
+Hoffman & Gelman (2014, JMLR 15, 1593).
 
 Chains move in units of the Laplace approximation, y = y_MAP + R u. In these units the posterior is
 roughly standard normal, so the mass matrix is the identity. Only the step size is adapted. Chains

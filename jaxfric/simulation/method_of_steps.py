@@ -167,7 +167,7 @@ def _collocate(
     def proceed(carry: tuple[Array, Array]) -> Bool[Array, ""]:
         z, count = carry
         residual, size, _ = _residual(*known, z)
-        # written so that nan does not go on
+        # written so that a nan ends the iteration
         return (jnp.max(jnp.abs(residual)) > size) & (count < _NEWTON_STEPS)
 
     def again(carry: tuple[Array, Array]) -> tuple[Array, Array]:

@@ -1,8 +1,8 @@
 """Step sizes for which derivatives are accurate too, and helpers that solvers share.
 
-In steady sliding the estimated error is 0, so the steps would grow without limit. An explicit
-solver then leaves its region of stability. The motion is exactly steady and does not change, but
-its derivative with respect to a parameter grows step by step. So steps are also kept below a
+In steady sliding the estimated error is 0, so the steps would grow without limit. With such long
+steps an explicit solver leaves its region of stability. The steady motion itself does not change,
+but its derivative with respect to a parameter grows step by step. So each step is also limited to a
 multiple of the fastest time scale of the linearised equation.
 """
 

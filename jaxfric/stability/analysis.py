@@ -1,4 +1,4 @@
-"""The numbers behind the tables and figures of linear stability: curves, maps, loci.
+"""Curves, maps and root loci of linear stability, as numbers for tables and figures.
 
 All functions of this module take one law and arrays of velocities or gains. All are pure, jittable
 and vmapped. Forces are in newtons (or divided by the normal force); mass None is the quasi-static
@@ -218,7 +218,7 @@ class Study(eqx.Module):
     """Whether the numbers are linear (m and N) or rotary (rad and N m)."""
 
     def unit(self, si_unit: str) -> str:
-        """The unit in this coordinate of a quantity whose linear unit is `si_unit`."""
+        """The linear or rotary unit of a quantity whose linear unit is `si_unit`."""
         return unit_of(si_unit, self.coordinate)
 
     @property

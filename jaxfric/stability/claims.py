@@ -166,9 +166,9 @@ def above_curve(
     the k slowest runs plus changes of Coulomb friction, viscous friction and offset. The k slowest
     runs are those of both directions together, and those of each direction. The scatter between
     runs, estimated from the residual, adds to the step's standard error. The function returns the k
-    with the largest ratio of step to error. The function returns None if noise alone exceeds this
-    ratio in more than 1 % of curves (Bonferroni over all k, Gaussian errors). The function also
-    returns None for fewer than 6 runs.
+    with the largest ratio of step to error. The function returns None if noise alone exceeds the
+    largest ratio in more than 1 % of curves (Bonferroni over all k, Gaussian errors). The function
+    also returns None for fewer than 6 runs.
     """
     v, over, own = (np.asarray(x, float) for x in (speed, excess, error))
     if len(v) < _FEWEST:

@@ -19,7 +19,7 @@ _POINTS = 2048
 _NUMBER = 64
 _MINIMA = 4
 _BEYOND = 1e2
-# Least slope over ln w at which a crossing has a derivative; below it rounding dominates.
+# Least slope over ln w at which a crossing has a derivative; below this slope rounding dominates.
 _LEAST_SLOPE = 1e-7
 _ROUNDING = 1e-12
 
@@ -27,8 +27,9 @@ _ROUNDING = 1e-12
 def axis(slider: LinearSlider) -> Float[Array, " points"]:
     """Grid of frequencies around the frequencies of the kernel and the plant [rad/s].
 
-    The phase of a delay is linear in w. So a delay adds as many evenly spaced frequencies to the
-    grid, up to where the loop gain has fallen to about a tenth.
+    The phase of a delay is linear in w. So with a delay the grid also contains an equal number of
+    evenly spaced frequencies. The added frequencies end where the loop gain has fallen to about a
+    tenth.
     """
     kernel = slider.friction.kernel
     low, high = kernel.frequencies()
@@ -55,7 +56,7 @@ def crossings(
     number: int = _NUMBER,
     wrapped: bool = False,
 ) -> tuple[Float[Array, " number"], Bool[Array, " number"]]:
-    """The lowest zeros of `function` of frequency, and a mask of the rows that hold one.
+    """The lowest zeros of `function` of frequency, and a mask of the rows that hold a zero.
 
     If `wrapped`, the function is an angle, and angles of +-pi count as zeros too. First and second
     derivatives follow the implicit function theorem; higher derivatives are wrong.

@@ -135,7 +135,7 @@ class Setting(eqx.Module):
     """k_i > 0, the integral gain [force/(m s)]; None: no integral action."""
 
     def slider(self, gains: Float[Array, " 2"], friction: LinearFriction) -> LinearSlider:
-        """The slider with these gains (k_p, k_v)."""
+        """Build the slider with the gains (k_p, k_v)."""
         return LinearSlider(self.mass, gains[0], gains[1], friction, self.delay, self.integral)
 
 

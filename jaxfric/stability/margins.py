@@ -4,9 +4,9 @@ L is the loop opened at the actuator, (k_v s + k_p)/(m s^2 + s F(s) + f_x), for 
 with k_p + k_i/s in place of k_p. L(i w) is evaluated from w = 0 to infinity, both included. If L
 never reaches -1 in the way that a margin considers, that margin is inf.
 
-For an unstable slider every margin is beyond its limit. The margins decay and damping are then
-negative. The stiffness margin is then below 1. (A stable slider may have a stiffness margin below 1
-too, if (19) has several solutions.) The margins modulus and phase of an unstable slider are minus
+For an unstable slider every margin is beyond its limit. An unstable slider has negative margins
+decay and damping, and a stiffness margin below 1. A stable slider may have a stiffness margin below
+1 too, if (19) has several solutions. The margins modulus and phase of an unstable slider are minus
 the distance or angle of L from -1. The gain margin is 1 over the factor that moves L to -1, or 0 if
 no factor does. The delay margin is minus the smallest advance that moves L to -1. Every margin
 passes its limit, 0 or 1, continuously, with one exception. The delay margin jumps if a delay would

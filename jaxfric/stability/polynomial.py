@@ -18,7 +18,8 @@ _MAX_ITERATIONS = 60
 _NEARLY = 0.02
 # A root of a polynomial in w^2 counts as real if |imaginary part|/|root| is below this.
 REAL = 1e-6
-# Roots may differ from the middle one by this/n decades: squares of polynomials must not overflow.
+# Roots may differ from the root of middle size by this number/n decades: squares of polynomials
+# must not overflow.
 _SPREAD = 140.0
 # Roots in w^2 above this are crossings at infinity.
 LARGEST = 1e40

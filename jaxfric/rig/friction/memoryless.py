@@ -28,7 +28,7 @@ class AbstractStribeck(AbstractLaw):
     With `width` None the sign is exact: f(0) = 0, and f(+-0) = +-(c0 + c2). With a `width` w the
     sign is tanh(V/w), continuous through rest and reversal, and exact to rounding for |V| > 20 w.
     Near rest friction then has the slope (c0 + c2)/w, so a stuck slider creeps. Choose the width w
-    far below c3 and below every velocity of interest.
+    far below the Stribeck velocity c3 and every velocity of interest.
     """
 
     c0: eqx.AbstractVar[Float[Array, ""]]
