@@ -40,8 +40,8 @@ from ..rig.friction.law import LOG_MAX
 from ..rig.friction.rate_state import AbstractRateState
 from .effect import AbstractHeavyEffect, extended, with_term
 
-# c is 0.4/(1 + K L/(4 A)) crossings, as the slider itself responds within A/(K V). Half of it costs
-# twice the steps.
+# c is 0.4/(1 + K L/(4 A)) crossings, as the slider itself responds within A/(K V). Half
+# this c costs twice the steps.
 _SHORTEST = 0.4
 _STIFF = 4.0
 # Scale of the states relative to A, which reduces their weight in the solver's error.
