@@ -83,7 +83,7 @@ class FadeReason(NamedTuple):
 
 
 class Fade(NamedTuple):
-    """The speed below which a compensation fades, with all reasons considered."""
+    """The speed below which a compensation fades, and all reasons that were considered."""
 
     speed: float
     """v_f of s(v) = tanh(v/v_f) [m/s or rad/s]."""

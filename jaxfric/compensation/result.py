@@ -119,7 +119,7 @@ class Feedforward(Described, Drawable, Tabular):
 
     def to_json(self, asked: Sequence[FrictionAt] = ()) -> dict:
         """The content of `feedforward.json`, schema `schemas.FEEDFORWARD`; SI, null if unknown.
-        `asked` is the friction at requested speeds; it becomes the entry "at"."""
+        `asked` is the friction at requested speeds; it becomes the entry "at" of the file."""
         about = self.about
         table = {
             "schema": FEEDFORWARD,

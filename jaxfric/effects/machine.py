@@ -68,8 +68,8 @@ class Inertia(AbstractHeavyEffect[Rig]):
         K L/A = 6               0.6 %   0.04 %          ringing
 
     The table holds for velocity steps of up to a factor of ten. The error is large only where the
-    mass hardly matters. The first-order form may be wrong by half of the effect for a larger mass.
-    Such a mass delays the velocity by more than a tenth of the spring's relaxation time.
+    mass hardly matters. The first-order form may be wrong by half of the effect if the mass delays
+    the velocity for long. Long means more than a tenth of the spring's relaxation time.
     """
 
     id: ClassVar[str] = "inertia"

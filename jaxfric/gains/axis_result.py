@@ -14,7 +14,7 @@ class Shown(NamedTuple):
     size: float = 1.0
 
     def text(self, value: float, error: float | None = None) -> str:
-        """`value` (SI), with its standard error, in this unit."""
+        """`value` (SI), with its standard error, as text in this unit."""
         shown = f"{value / self.size:.4g}"
         return f"{shown}{'' if error is None else f' ± {error / self.size:.2g}'} {self.name}"
 

@@ -33,7 +33,7 @@ class ENDS(eqx.Enumeration):
 
 
 class EndState(eqx.Module):
-    """How a motion ends; the numbers describe its last part. All arrays have one shape.
+    """How a motion ends, with numbers of the last part of the motion. All arrays have one shape.
 
     Undefined values are inf (`least_velocity`: -inf), not nan.
     """

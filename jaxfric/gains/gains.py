@@ -74,8 +74,8 @@ def find_gains(
     lower, upper : limits of (k_p, k_v); k_p always has the lower limit 1e-9 times its natural
         unit, which means "any positive stiffness".
     sample_time : h [s] of the controller, which gives the delay 1.5 h: half a sample for the
-        zero-order hold and one for computing. Margins, search and certificate include this delay;
-        the simulations of `check_gains` do not. None: no delay.
+        zero-order hold and one for computing. Margins, search and certificate include the
+        controller delay; the simulations of `check_gains` do not. None: no delay.
     delay : instead, the total delay of the controller [s], if known.
     integral_gain : k_i [N/(m s)] of a controller force = k_p e + k_v de/dt + k_i int e dt, included
         in all margins; `stiffness` is then undefined. 0: no integral action.

@@ -30,7 +30,7 @@ FRAGILE = 0.2
 
 
 class Requirement(eqx.Module):
-    """Margins by name and the values they must reach, in the units of `MARGINS`."""
+    """Margins by name and the values that the margins must reach, in the units of `MARGINS`."""
 
     names: tuple[str, ...] = eqx.field(static=True)
     values: tuple[float, ...]

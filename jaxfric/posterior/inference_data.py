@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 def imported_arviz(tries: int = 3) -> "ModuleType":
     """Import ArviZ without its FutureWarning.
 
-    On import ArviZ writes the date of that warning into its cache folder. If two processes write
-    this date at once, one process misses its file. That process imports ArviZ again.
+    On import ArviZ writes the date of that warning into its cache folder. If two processes write to
+    this cache at once, one process misses its file and imports ArviZ again.
 
     Raises
     ------

@@ -24,9 +24,9 @@ class QuasiStatic(AbstractMachine):
     f(V, state) = K (x_m - x) + k_v (V_m - V). The law must be invertible in the velocity V.
 
     An optional small `mass` makes the velocity lag behind the velocity of the force balance (see
-    `simulation.ode`). With `first_order`, the inertia m dV/dt is instead subtracted from the pull
-    of the spring. The acceleration dV/dt is then that of the massless balance, which is cheaper and
-    exact to first order in m.
+    `simulation.ode`). Instead of this lag, `first_order` subtracts the inertia m dV/dt from the
+    pull on the slider. With `first_order` the acceleration dV/dt is that of the massless balance,
+    which is cheaper and exact to first order in m.
     """
 
     stiffness: Float[Array, ""] = quantity("K", "F/m", "stiffness", lower=0.0)

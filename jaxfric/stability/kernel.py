@@ -4,9 +4,9 @@
     F(s) = f_v - G(s),   G(s) = int_0^inf g(t) exp(-s t) dt                        (12)
 
 V is the perturbation of velocity. Stability depends on a friction law only through f_v and g. A
-kernel has the unit force/m, its transform force s/m, like f_v. The kernel of a law with states has
-a rational transform. A `FunctionKernel` is any function of time, and the kernel of a delay is an
-impulse.
+kernel g has the unit force/m. The transform G has the unit force s/m, as f_v has. The kernel of a
+law with states has a rational transform. A `FunctionKernel` is any function of time, and the kernel
+of a delay is an impulse.
 """
 
 import abc

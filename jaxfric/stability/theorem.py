@@ -110,9 +110,10 @@ def apply_theorem(slider: LinearSlider) -> Theorem:
 def critical_stiffness(law: AbstractRateState) -> Float[Array, ""]:
     """Critical stiffness of a massless, undamped slider: (25) with m = k_v = 0 [force/m].
 
-    For one state the critical stiffness is (B - A)/L. For other laws it follows from (18)-(20) at
-    V0; for several states the result does not depend on velocity. If the critical stiffness is zero
-    or negative, every positive stiffness is stable. Derivatives of any order are exact.
+    For one state the critical stiffness is (B - A)/L. For other laws the critical stiffness follows
+    from (18)-(20) at V0. For several states the critical stiffness does not depend on velocity. If
+    the critical stiffness is zero or negative, every positive stiffness is stable. Derivatives of
+    any order are exact.
     """
     if isinstance(law, RateState) and law.B.shape[0] == 1:
         return (law.B[0] - law.A) / law.L[0]
