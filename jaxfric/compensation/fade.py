@@ -123,7 +123,7 @@ def fade_speed(
     unit: str = "m",
     known: Known = SLOWEST,
 ) -> Fade:
-    """Compute the fade speed by the module's equations, with its reasons.
+    """Compute the fade speed by the equations of this module, and the reasons for it.
 
     Parameters
     ----------

@@ -182,7 +182,7 @@ class Feedforward(Described, Drawable, Tabular):
 
     def within(self, here: FrictionAt) -> str:
         """A note in brackets if the misfit of the test block exceeds the errors of friction `here`.
-        The errors do not include the misfit."""
+        The errors of friction do not include the misfit."""
         if not self.missed > here.mean.std:
             return ""
         return (

@@ -77,10 +77,10 @@ def closed_loop(
     `disturbance` [F] is added to the controller's force from each sample on.
 
     `first` holds the first three positions. The axis starts at the first position, with the mean
-    velocity over the three. The friction of the axis starts at `states`, by default the states at
-    rest. `rig.width` smooths the jump of friction at rest. States of friction relax in at least
-    half a step, so that an explicit method stays stable. Lag and delay of the rig are not
-    simulated.
+    velocity over the first three positions. The friction of the axis starts at `states`, by default
+    the states at rest. `rig.width` smooths the jump of friction at rest. States of friction relax
+    in at least half a step, so that an explicit method stays stable. Lag and delay of the rig are
+    not simulated.
     """
     h = controller.interval / substeps
     solver = diffrax.Tsit5(scan_kind="lax")  # forward mode needs "lax"

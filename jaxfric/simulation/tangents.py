@@ -7,8 +7,9 @@ derivative dy/dp solves the linear equation
 
 J and df/dp can be computed at all times in parallel, here at four points of every step. A step of
 dy/dp is Radau IIA of order 7, implicit and therefore stable. Only a product of small matrices per
-step remains sequential. Propagating tangents through the solver instead costs five times as much.
-An explicit solver may also be stable for the motion, but not for the derivative of the motion.
+step remains sequential. Propagating tangents through the solver costs five times as much as the
+linear equation. An explicit solver may also be stable for the motion, but not for the derivative of
+the motion.
 
 Within a step the derivative dy/dp is a quartic through its start and these four points. The quartic
 does not resolve a feature that is shorter than a step and does not yet affect the motion. An

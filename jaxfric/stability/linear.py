@@ -144,7 +144,7 @@ def integral_gain(value: float | None) -> float | None:
 
     Raises
     ------
-    InputError : it is negative.
+    InputError : the integral gain is negative.
     """
     if value is not None and not 0 <= value < math.inf:
         raise InputError(f"integral gain is {value:g}; it must be 0 or more")

@@ -1,4 +1,4 @@
-"""The table of stability margins, one entry each.
+"""The table of stability margins, with one entry for each margin.
 
 To add a margin, write its function and its entry in the table. All users of the table then include
 the margin: `stability_margin`, `jaxfric stability`, requirements of `jaxfric gains`, outputs of a

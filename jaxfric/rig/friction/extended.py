@@ -11,7 +11,8 @@ the evolution, so h is never differentiated.
 
 In steady sliding at V all rates vanish. A term's states then follow from V alone. If a term
 couples, its states follow from V and the total friction force f, which contains the term's force.
-Frictional heat is such a term. However many terms couple, the total force f is the only unknown,
+The term of frictional heat couples in this way. However many terms couple, the total force f is the
+only unknown,
 
     f = F(V, z(V, f))
 
