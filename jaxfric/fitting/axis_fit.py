@@ -1,9 +1,9 @@
 """Two fits of an axis: inverse dynamics (filtered least squares) and closed-loop output error.
 
 Inverse dynamics compares the predicted motor force for the measured motion with the recorded force.
-This fit is fast, but noise of the measured motion biases its parameters. The output-error fit
-simulates axis and controller from the reference alone and compares positions. In an output-error
-fit a wrong friction law appears as a position error.
+A fit by inverse dynamics is fast, but noise of the measured motion biases the parameters. The
+output-error fit simulates axis and controller from the reference alone and compares positions. In
+an output-error fit a wrong friction law appears as a position error.
 """
 
 import dataclasses

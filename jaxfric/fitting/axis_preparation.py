@@ -2,8 +2,9 @@
 
 The position passes a zero-phase low-pass (Butterworth, 4th order, forwards and backwards) and
 central differences. A row replaces several samples. If rows are long, 20 to 39 samples of the
-filtered motion are kept per row. These samples represent the whole passband, so more samples would
-only cost time. Recorded and predicted forces are then reduced to rows in the same way, by one of
+filtered motion are kept per row. So many samples represent the whole passband of the low-pass, and
+more samples would only cost time. Recorded and predicted forces are then reduced to rows in the
+same way, by one of
 
 - `Means`: means of consecutive samples. White noise stays white in such means, so the loop uses
   them.
@@ -142,7 +143,7 @@ def shifted(
 
 
 class Prepared(NamedTuple):
-    """A prepared record; the first `rows` rows are data, the others padding."""
+    """A prepared axis record; the first `rows` rows are data, all further rows are padding."""
 
     motion: MeasuredMotion
     means: Means

@@ -101,8 +101,8 @@ class AxisProblem(AbstractProblem):
         return z
 
     def predict(self, z: Float[Array, " p"] | Sequence[Array]) -> Float[Array, " n"]:
-        """Motor force at the decimated rows. If `z` is a sequence of scalars, JAX computes the
-        derivative by one parameter without the other parameters, which is cheaper.
+        """Motor force at the decimated rows. A derivative by one parameter is cheaper if `z` is a
+        sequence of scalars, because JAX then skips all other parameters.
         """
         rig = self.rig(z)
         force = shifted(

@@ -1,14 +1,14 @@
 """Quantities derived from a fit, with errors: A-B and the critical stiffness.
 
-A minus the sum of all B (a - b) is the slope of steady friction over ln V. This difference is
-linear in the parameters. Its variance is w^T C w, with C the covariance of the fit and w = 1 for A,
--1 for every B. Correlated errors of A and B cancel in A - B.
+A minus the sum of all B (a - b) is the slope of steady friction over ln V. A - B is linear in the
+parameters of a fit. The variance of A - B is w^T C w, with C the covariance of the fit and w = 1
+for A, -1 for every B. Correlated errors of A and B cancel in A - B.
 
 The critical stiffness, (B - A)/L for one state, is not linear in the parameters. The 95 % interval
 of the critical stiffness lies between the 2.5 and 97.5 percentiles of samples from the covariance.
 Positive parameters (A, L) are sampled in their logarithms, in which their own intervals are
-computed too. Neither the interval of A - B nor that of the critical stiffness is a
-profile-likelihood interval.
+computed too. The intervals of A - B and of the critical stiffness are not profile-likelihood
+intervals.
 """
 
 import dataclasses

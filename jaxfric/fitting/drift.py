@@ -3,9 +3,9 @@
 Before the first velocity step sliding is steady, so modelled friction changes by the slip trend
 alone. The rows before the first step are cut into eight blocks of equal size. A line through the
 block means of the residual over load-point displacement gives the missing drift. The standard error
-of the drift follows from the scatter of the block means about the line. This error accounts for
-noise that is correlated within a block. The p-value of the drift is that of Student's t with six
-degrees of freedom.
+of the drift follows from the scatter of the block means about the line. So the standard error of
+the drift accounts for noise that is correlated within a block. The p-value of the drift is from
+Student's t with six degrees of freedom.
 """
 
 import math

@@ -273,7 +273,7 @@ def forward_steps(record: Record, steps: VelocitySteps) -> tuple[VelocitySteps, 
     """Velocity steps that begin forwards, and the factor (1 or -1) of friction for these steps.
 
     Velocity steps that begin backwards are mirrored. Friction is mirrored too if it is negative in
-    backward motion. Such friction is a force that follows the motion, not an always positive
+    backward motion. Friction that is negative in backward motion is a force, not an always positive
     coefficient. Raises `InputError` if friction is negative while the load point moves forwards.
     """
     until = steps.times[1] if len(steps) > 1 else np.inf

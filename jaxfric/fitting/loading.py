@@ -54,7 +54,8 @@ class Loading(NamedTuple):
 def steepest_loading(record: Record, sign: float, steps: VelocitySteps) -> Loading | None:
     """The rise of friction that needs the stiffest spring; None if no velocity step shows a rise.
 
-    `steps` begin forwards (`fit.forward_steps`), and `sign` is the sign of friction for them.
+    The velocity `steps` begin forwards (`fit.forward_steps`). `sign` is the sign of friction for
+    such steps.
     """
     time, friction = record.relative_time, sign * record.friction
     size, found, earlier = float(np.ptp(friction)), [], []

@@ -4,9 +4,9 @@ Records are padded to a few sizes. Records of one size are fitted in batches: st
 coarse grid, then one descent by `minimise`. An evaluated point of a descent costs one simulation
 with all tangents. Averages, errors and warnings are computed record by record.
 
-A batch takes as long as its slowest record. So a descent is stopped after a few points, and
-unfinished records continue in new batches. Only records whose misfit still exceeds their noise get
-a second and third descent, from other starting values.
+A batch takes as long as its slowest record. To save time, a descent is stopped after a few points,
+and unfinished records continue in new batches. Only records whose misfit still exceeds their noise
+get a second and third descent, from other starting values.
 """
 
 from collections.abc import Callable, Iterable, Sequence

@@ -9,12 +9,12 @@ A descent ends when the next Gauss-Newton step d = -(J^T J)^-1 J^T r is small:
 
     |J d| <= rtol |r|/sqrt(n) + atol.
 
-If the residual r is noise, |r|/sqrt(n) is the standard deviation of the noise. |J d| over this
-standard deviation is the length of the step d in standard errors of the parameters. So with rtol =
-1e-3 a descent ends within a thousandth of a standard error. This test of convergence does not
-depend on the units of z and r. A trial whose residual is not finite, or is huge (a slider that ran
-away), is rejected. The step after a rejected trial is shorter. If only ever shorter steps are
-accepted, the descent ends within 30 rtol.
+If the residual r is noise, |r|/sqrt(n) is the standard deviation of the noise. The ratio of |J d|
+to this standard deviation is the length of the step d in standard errors of the parameters. With
+rtol = 1e-3 a descent therefore ends within a thousandth of a standard error of the parameters. This
+test of convergence does not depend on the units of z and r. A trial whose residual is not finite,
+or is huge (a slider that ran away), is rejected. The step after a rejected trial is shorter. If
+only ever shorter steps are accepted, the descent ends within 30 rtol.
 
 Derivatives of the minimum z*(p) come from F(z, p) = J^T r = 0 (the implicit function theorem):
 

@@ -45,7 +45,7 @@ def counted_rows(
 
     Correlation decays with the distance that a clock covers in either direction, so a clock that
     turns back is replaced by its path. Removing rows of weight 0 gives the same noise as skipping
-    them, and costs less.
+    such rows, and costs less.
     """
     clock, weight, columns, scale = (np.asarray(x) for x in (clock, weight, columns, scale))
     on = np.flatnonzero(weight > 0)

@@ -377,7 +377,8 @@ def most_steps(velocities: int) -> int:
     """Largest number of solver steps for a simulation with this number of velocities.
 
     A tenfold velocity step of the slip law takes 100 solver steps at 8 times the critical
-    stiffness, 180 at 3 times, 300 at 2 times. So 256 solver steps per velocity are allowed, at
-    least 4096. The limit is a power of two, because JAX compiles anew for each limit.
+    stiffness, 180 at 3 times, 300 at 2 times. A simulation may take 256 solver steps per velocity,
+    but at least 4096 in total. The limit is a power of two, because JAX compiles anew for each
+    limit.
     """
     return max(4096, 1 << (256 * velocities - 1).bit_length())

@@ -21,8 +21,8 @@ FELT = 0.25
 
 class FitTask(NamedTuple):
     """The input of a fit: a record, velocity steps that begin forwards, and the sign of friction
-    for these steps. Then the model, stiffness (None: unknown), reference velocity [m/s] and mass
-    (None: negligible).
+    for these steps. The input also has the model, stiffness (None: unknown), reference velocity
+    [m/s] and mass (None: negligible).
     """
 
     record: Record

@@ -4,8 +4,8 @@ Starts for one state. The record is averaged over intervals that are short after
 grow with the time since the step. Over these intervals sliders are simulated for a whole grid of
 (A, B, L) at once (and K if K is free). Implicit Euler steps are coarse but finite for any
 parameters. The range of A comes from the jumps of friction. The range of B comes from the steady
-levels, the range of L from the resolved and the total slip. f0 (and a slip trend) follow by linear
-least squares. The best few distinct points of the grid are the starts.
+levels, the range of L from the resolved and the total slip. Linear least squares gives f0 (and a
+slip trend) for each slider. The best few distinct points of the grid are the starts.
 
 `held` advances a state over an interval at constant velocity. A law other than a `RateState` has no
 separate states, so its search begins like that of the slip law.

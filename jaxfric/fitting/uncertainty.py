@@ -8,9 +8,9 @@ and without whitening, and its residual is `hold` times the shift.
 
 Intervals are computed in the unbounded variables, so intervals of positive quantities are
 multiplicative. A profile-likelihood interval of parameter i ends where the misfit, minimised over
-all other parameters, has risen by q^2 C_ii/G_ii. Here C is the covariance of the parameters and q =
-`QUANTILE`. The ratio C_ii/G_ii makes curvature and covariance agree (Chandler & Bate 2007,
-doi:10.1093/biomet/asm015).
+all other parameters, has risen by q^2 C_ii/G_ii. C is the covariance of the parameters, and q =
+`QUANTILE` is the 97.5 % quantile of the normal distribution. The ratio C_ii/G_ii makes curvature
+and covariance agree (Chandler & Bate 2007, doi:10.1093/biomet/asm015).
 """
 
 from statistics import NormalDist
@@ -91,7 +91,7 @@ def covariance(problem: Problem, jacobian: np.ndarray, noise: Noise) -> np.ndarr
 
 
 def fair_hold(problem: Problem, solution: Solution, noise: Noise) -> np.ndarray:
-    """Weights on the shifts of step times that balance them with a record of coloured noise.
+    """Weights that balance the shifts of step times with a record of coloured noise.
 
     Ordinary least squares treats all rows as independent and so overstates the precision of the
     record. The weights are multiplied by the ratio of the true to the nominal variance of a shift.

@@ -5,7 +5,7 @@ Every law is fitted with one state and with two. The fits are ranked by
     BIC = -2 ln L + p ln n,
 
 L is the maximum likelihood of the residual over the p parameters of the law and the parameters of
-the noise. n is the number of independent rows. Each law has its own noise, but the noise of all
+the noise. The number of independent rows is n. Each law has its own noise, but the noise of all
 laws has the same parts: those of the law with the lowest BIC. White noise would count correlated
 rows many times, so that some law would always win by hundreds. The correlation length of the noise
 is at most a tenth of a velocity step (ten rows in steps of fewer than a hundred), so that noise
@@ -210,7 +210,7 @@ def compare_laws(
     rows: int | None = None,
     progress: Callable[[str], None] = silent,
 ) -> LawComparison:
-    """Fit several friction laws to one record and report which of them it supports.
+    """Fit several friction laws to one record and report which law the record supports.
 
     Parameters
     ----------
@@ -362,7 +362,7 @@ class Rival(NamedTuple):
 
     def under(self, family: Family, starts: Sequence[np.ndarray]) -> "Rival":
         """The law with its likeliest parameters and the likeliest noise of a family, optimised in
-        turn. `starts` are those of the noise, as `Found.theta`.
+        turn. The noise `starts` at these parameters, given as `Found.theta`.
         """
 
         def profiled(z: np.ndarray, starts: Sequence[np.ndarray]) -> FoundNoise:

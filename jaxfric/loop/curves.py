@@ -2,9 +2,9 @@
 
 Another curve replaces the steady curve that the fit added, together with the steady curve of the
 base (f0, A and B of a slider). A curve that fits changes friction along the motion only little. So
-the change of friction passes through the linearised dynamics, and the other parameters follow
-linearly. Each shape is one least-squares problem under the noise of the fit. The BIC of a shape is
-computed with the noise of that shape, as for any candidate model.
+a change of the curve passes through the linearised dynamics, and all other parameters follow by
+linear least squares. Each shape is one least-squares problem under the noise of the fit. The BIC of
+a shape is computed with the noise of that shape, as for any candidate model.
 
 The other shapes are polynomials in ln V, and broken lines in ln V with a value for every velocity.
 """

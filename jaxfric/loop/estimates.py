@@ -26,10 +26,10 @@ def estimates(
     The estimates are by least squares under the candidate's own noise; intervals are in the
     unbounded variables. With `rivals` (fits that are about as good) errors include the differences
     between these models. Errors are multiplied by one factor if velocity steps disagree on the
-    base's parameters by more than the noise allows. This factor is the ratio of Birge 1932
-    (doi:10.1103/PhysRev.40.207). The factor uses the median over parameters of `between_steps`,
-    because one step alone may fix a parameter. Steps disagree if the noise changes along the
-    record, or if a small effect is missed.
+    base's parameters by more than the noise allows. The factor that multiplies the errors is the
+    ratio of Birge 1932 (doi:10.1103/PhysRev.40.207). The factor uses the median over parameters of
+    `between_steps`, because one step alone may fix a parameter. Steps disagree if the noise changes
+    along the record, or if a small effect is missed.
     """
     z = candidate.z
     index = engine.free(candidate.effects)
@@ -116,9 +116,9 @@ def disagreement(
 
         sum_c w_c (z_c - z)(z_c - z)^T,   w_c = exp(-BIC_c/2) / sum exp(-BIC/2)
 
-    to be added to the covariance of the fit. A parameter that only one fit has contributes 0. f0
-    contributes 0 too: an effect that adds steady friction, such as heating, changes the meaning of
-    f0. So values of f0 in different models are not comparable.
+    to be added to the covariance of the fit. A parameter that only one fit has contributes 0. The
+    friction f0 contributes 0 too: an effect that adds steady friction, such as heating, changes the
+    meaning of f0. So values of f0 in different models are not comparable.
 
     Source: Buckland, Burnham & Augustin 1997 (doi:10.2307/2533961) for errors that include the
     choice of a model.

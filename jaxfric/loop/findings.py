@@ -1,4 +1,4 @@
-"""Findings of a loop, with the rows that support them; texts are in `report.verdict_text`."""
+"""Findings of a loop, each with its supporting rows; texts are in `report.verdict_text`."""
 
 from collections.abc import Sequence
 from enum import StrEnum

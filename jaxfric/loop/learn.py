@@ -1,6 +1,6 @@
 """Estimates the noise model of a record: hum, outliers, correlated parts, pace and scale of steps.
 
-The noise is that of the base's residual after projecting out smooth columns, because structure
+Noise is estimated from the base's residual after projecting out smooth columns, because structure
 along the record is not noise. Every function of this module returns a new engine with another noise
 model.
 """

@@ -2,15 +2,15 @@
 
     LR = 2 (max ln L with the columns of a question - max ln L without them)
 
-A question asks whether certain columns explain structure in a residual. Both maxima are over the
-parameters of the fit and over sizes and correlation lengths of the noise. Noise fitted to a
-residual with structure absorbs this structure. If the tested directions are left out of the noise
-fit, the fit hardly determines the noise in these directions. The likelihood ratio LR decides
-between the two descriptions.
+A question asks whether certain columns explain structure in a residual. Both likelihoods are
+maximised over the parameters of the fit and over sizes and correlation lengths of the noise. Noise
+fitted to a residual with structure absorbs this structure. If the tested directions are left out of
+the noise fit, the fit hardly determines the noise in these directions. The likelihood ratio LR
+decides between the two descriptions.
 
 If the record is short compared with the correlation length, LR exceeds its chi-square distribution.
-So LR is divided by its mean over its degrees of freedom in simulated records of the estimated noise
-alone (a bootstrap Bartlett correction).
+A bootstrap Bartlett correction therefore divides LR by a factor. The factor is the mean of LR in
+simulated records of the estimated noise alone, over the degrees of freedom, but at least 1.
 
 Sources: Bartlett 1937 (doi:10.1098/rspa.1937.0109) for the correction; Rocke 1989, J. Am. Stat.
 Assoc. 84, 598, for its bootstrap.

@@ -45,10 +45,10 @@ def refit(
 ) -> Candidate:
     """The joint fit of base and effects from the start `z`, with all their parameters free.
 
-    The descent ends when the sum of squares changes by less than 1e-4 of itself. This tolerance is
-    0.1 of BIC for a thousand rows, and more in longer records. A finer one does not pay, because
-    most candidates are wrong and converge slowly in flat valleys. With `exact` the tolerance is
-    1e-6, well within the parameters' errors.
+    The descent ends when the sum of squares changes by less than 1e-4 of itself. This tolerance of
+    the descent changes BIC by 0.1 for a thousand rows, and by more in longer records. A finer
+    tolerance does not pay, because most candidates are wrong and converge slowly in flat valleys.
+    With `exact` the tolerance is 1e-6, well within the parameters' errors.
     """
     index, z, near = engine.free(effects), engine.problem.begun(z), ()
     rows, train = engine.evaluate(z, index), engine.weight[:, None]

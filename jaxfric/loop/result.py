@@ -220,7 +220,7 @@ class Loop(Described, Drawable, Gridded, Tabular):
 
     @property
     def supported(self) -> Score:
-        """The model to use, in general `after`. It is `before` if the verdict is
+        """The model to use, in general `after`. The model to use is `before` if the verdict is
         "outside_catalogue" and the added effects predict the test block worse than the base model.
         """
         worse = self.test_error(self.after) > self.test_error(self.before)

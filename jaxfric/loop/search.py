@@ -210,9 +210,9 @@ def refit_safely(
 
     `current` is a fit without the effect. If two sensitivities are nearly parallel, first-order
     amplitudes are opposite and a hundred times too large. A second state with the length of the
-    first is an example. A fit counts as failed, too, if it is less likely on the train rows than
-    `current`, because the effect at its null is as likely as `current`. A good fit that predicts
-    the validation rows badly has not failed: a nearer start ends at the same parameters.
+    first is an example. A refit also counts as failed if it is less likely on the train rows than
+    `current`. With the effect at its null, the refit is as likely as `current`. A good fit that
+    predicts the validation rows badly has not failed: a nearer start ends at the same parameters.
     """
     own = engine.model.columns((one.id,))
 

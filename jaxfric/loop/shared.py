@@ -3,9 +3,9 @@
 Delaying a velocity step changes friction from that step until the slider has slipped a few L. So a
 group of steps far from each other can be delayed together. The change of friction between one step
 of a group and the next step of the group belongs to the first of the two. One change is permanent:
-the load point trails by dV dt, which matters if friction depends on slip. This permanent change is
-the same for all steps, so it is taken from the first step, delayed alone. The rows before the next
-step of a group show whether any other change remains.
+the load point trails by dV dt, which matters if friction depends on slip. The permanent change is
+the same for all steps, so it is computed from the first step, delayed alone. The rows before the
+next step of a group show whether any other change remains.
 
 Source: Curtis, Powell and Reid, On the estimation of sparse Jacobian matrices, J. Inst. Maths
 Applics 13 (1974).

@@ -1,4 +1,4 @@
-"""Steady curves of a slider's friction, and the response to them in the linearised motion."""
+"""Steady curves of a slider's friction, and the linearised response of the slider to a curve."""
 
 import jax
 import jax.numpy as jnp

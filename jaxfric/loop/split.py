@@ -42,9 +42,9 @@ def split(time: np.ndarray, steps: VelocitySteps) -> Blocks:
     steps before the test block are the validation block. If there are enough steps, the first step
     at the fastest and the first at the slowest velocity train. With two steps, the second step is
     the test block, and the last quarter of the first step, by displacement, is the validation
-    block. With a single step, the rows before the step and its transient (the first 60 %) train;
-    the two halves of the remaining rows are validation and test block. A hold and the step after
-    the hold count as one step. Of three holds or more, the longest hold trains.
+    block. With a single step, the rows before the step and the first 60 % of the step (the
+    transient) train. The two halves of the remaining rows are validation and test block. A hold and
+    the step after the hold count as one step. Of three holds or more, the longest hold trains.
 
     Raises
     ------

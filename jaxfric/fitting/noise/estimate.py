@@ -40,7 +40,7 @@ class NoisePart:
 
     @property
     def period(self) -> float:
-        """Period of the oscillation, in the unit of `memory`; infinite if there is none."""
+        """Period of an oscillating part, in the unit of `memory`; else infinite."""
         return 2 * math.pi * self.memory / math.sqrt(self.beta) if self.beta > 0 else math.inf
 
     @property

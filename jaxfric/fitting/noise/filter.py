@@ -5,8 +5,8 @@ rows are skipped. A noise has few states, so loops over states are unrolled to s
 Products of small matrices in every row would take longer.
 
 The quasi-separable kernels of tinygp solve the same equations, but with one coordinate for all
-terms. tinygp lacks separate clocks, a part of negative variance, skipped rows, and the restricted
-likelihood of many columns.
+terms. But tinygp lacks separate clocks, a part of negative variance, skipped rows, and the
+restricted likelihood of many columns.
 """
 
 from collections.abc import Iterable, Sequence

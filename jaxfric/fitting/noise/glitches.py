@@ -10,12 +10,12 @@ glitches either.
 
 Noise alone exceeds the limit once in a hundred records of the same length. The limit is in units of
 the median prediction error of the same velocity step. The noise differs between velocity steps, and
-a median, unlike a standard deviation, is robust. The limit is that of Student's t, because noise
-need not be normally distributed. The degrees of freedom of Student's t follow from the median and
-the 93rd percentile of the prediction errors. Outliers in one percent of the rows hardly change
-these two percentiles. If the noise has heavy tails, the limit is higher, and almost no row is
-excluded. Rows next to a velocity step are never glitches: friction is steep after a step, and a
-model may lack an effect.
+a median, unlike a standard deviation, is robust. The limit for glitches is from Student's t,
+because noise need not be normally distributed. The degrees of freedom of Student's t follow from
+the median and the 93rd percentile of the prediction errors. Outliers in one percent of the rows
+hardly change these two percentiles. If the noise has heavy tails, the limit is higher, and almost
+no row is excluded. Rows next to a velocity step are never glitches: friction is steep after a step,
+and a model may lack an effect.
 
 Source: Chang, Tiao & Chen 1988 (doi:10.1080/00401706.1988.10488367) for single outliers and level
 shifts by predictions. Not supported: glitches at more than a hundredth of the rows, or longer than

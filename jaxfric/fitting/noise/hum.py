@@ -1,10 +1,10 @@
 """Hum: lines of constant frequency, such as the mains, in the residual of a record.
 
 The frequency of a wave along the path is proportional to velocity; the frequency of hum is
-constant. So the residual is cut into pieces of constant velocity. The periodogram of each piece is
-divided by that of the surrounding noise (a cosine series of its logarithm). The periodograms of all
-pieces are added at equal frequency. A spectral line is hum if it is significant in the sum over
-pieces,
+constant. To tell hum from waves, the residual is cut into pieces of constant velocity. The
+periodogram of each piece is divided by the spectrum of the surrounding noise, a smooth fit (a
+cosine series) to the logarithm of the periodogram. The periodograms of all pieces are added at
+equal frequency. A spectral line is hum if it is significant in the sum over pieces,
 
     P = sum_i |sum_j r_j exp(2 pi i f t_j)|^2/(n_i S_i(f)),   under noise alone Gamma(pieces, 1).
 
@@ -15,7 +15,8 @@ has its own amplitude and phase of the hum, by least squares. Frequencies that t
 resolve are not searched.
 
 Source: Lomb 1976 (doi:10.1007/BF00648343) and Scargle 1982 (doi:10.1086/160554) for uneven rows.
-Here rows are binned into cells of a quarter of their interval, which costs at most 5 % of P.
+Here rows are binned into cells of a quarter of the row interval, which lowers the power P by at
+most 5 %.
 """
 
 from typing import NamedTuple

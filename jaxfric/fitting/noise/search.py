@@ -41,9 +41,9 @@ class Family(NamedTuple):
     def joined(
         self, term: Term, theta: np.ndarray, new: Sequence[Sequence[float]]
     ) -> tuple["Family", np.ndarray]:
-        """The family with one more part, and the parameters (g, q) of the new family. They are
-        `theta` of this family and `new` (g, p) of the part. Parts with few parameters come first,
-        so few orders are compiled.
+        """The family with one more part, and the parameters (g, q) of the new family. The
+        parameters join `theta` of this family and `new` (g, p) of the added part. Parts with few
+        parameters come first, so few orders are compiled.
         """
         at = sum(kind.parameters < term.kind.parameters for kind, _ in self.terms)
         terms = self.terms[:at], self.terms[at:]
@@ -294,7 +294,8 @@ def not_below(record: NoiseRows, found: Found, least: float) -> Found:
     """The noise with its white standard deviation raised to `least` if it is smaller.
 
     The correlated parts lose the added white variance in proportion. If correlated parts have less
-    variance than is added, the total variance grows. The likelihood is that of the returned noise.
+    variance than is added, the total variance grows. The returned likelihood is that of the
+    returned noise.
     """
     sigma, share = float(found.noise.sigma), 1 - float(found.noise.white)
     if sigma**2 * (1 - share) >= least**2:

@@ -1,10 +1,10 @@
 """Test from the spectrum whether a residual is white, in a millisecond.
 
-The noise search whitens a record under hundreds of noises; the spectral test spares white noise
-most of these. In a piece of a record all clocks advance evenly, so every noise part is stationary
-from row to row. The Fourier coefficients of such a piece are nearly independent. Let s_j be the
-variance of Fourier coefficient j, for a noise of total variance 1. Up to a constant, the restricted
-likelihood is
+The noise search whitens a record under hundreds of noises. If the noise is white, the spectral test
+avoids most of this work. In a piece of a record all clocks advance evenly, so every noise part is
+stationary from row to row. The Fourier coefficients of such a piece are nearly independent. Let s_j
+be the variance of Fourier coefficient j, for a noise of total variance 1. Up to a constant, the
+restricted likelihood is
 
     -2 log L = N log(sum_j I_j/s_j / N) + sum_j (1 - h_j) log s_j,   N = sum_j (1 - h_j)
 

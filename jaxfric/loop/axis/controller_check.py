@@ -1,8 +1,9 @@
 """Check whether the recorded force comes from the stated controller.
 
 The stated control law, u_k = g_tau k_v (k_p (r_k - q_k) - (q_k - q_(k-2))/(2 h)), is evaluated for
-the measured signals. Its force is compared with the recorded force. If the two forces differ, the
-closed loop is incomplete: an unrecorded disturbance, other gains, or a saturated drive.
+the measured signals. The force of the stated control law is compared with the recorded force. If
+the two forces differ, the closed loop is incomplete: an unrecorded disturbance, other gains, or a
+saturated drive.
 """
 
 import numpy as np

@@ -1,7 +1,7 @@
 """`close_axis_loop(record)`: find what Coulomb and viscous friction lack on an axis.
 
-By inverse dynamics the motor force for the measured motion is compared with the recorded force.
-Search, evidence, tests and verdict are those of `jaxfric.loop`.
+By inverse dynamics the motor force for the measured motion is compared with the recorded force. The
+axis loop has the same search, evidence, tests and verdict as `jaxfric.loop`.
 """
 
 import dataclasses

@@ -117,9 +117,9 @@ def unexplained_rows(prepared: Prepared, used: np.ndarray, width: float) -> np.n
 def holds_already(coefficient: float, error: float) -> bool | None:
     """Whether the recorded force F includes a disturbance d, from c in the fit F = ... + c d.
 
-    Motor force plus disturbance act on the axis. So c is -1 if the recorded force is the motor
-    force alone, and 0 if it includes d. The result is None if c is near neither value, because the
-    motion then does not respond to d.
+    Motor force plus disturbance act on the axis. The coefficient c is therefore -1 if F is the
+    motor force alone, and 0 if F includes d. The result is None if c is near neither value, because
+    the motion then does not respond to d.
     """
     if error > _HALF / CLEAR or not abs(abs(coefficient + _HALF) - _HALF) <= _NEAR_ENOUGH:
         return None

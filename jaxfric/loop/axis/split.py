@@ -16,7 +16,7 @@ from ..thresholds import FEWEST_ROWS, FEWEST_STROKES, SHARE
 def segments(slow: np.ndarray) -> np.ndarray:
     """Index of the motion segment of each row; `slow` marks rows that stop or turn.
 
-    Rows that stop or turn belong to the segment before them.
+    Rows at which the axis stops or turns belong to the segment before.
     """
     begins = ~slow & np.concatenate([[False], slow[:-1]])
     begins[: int(np.argmax(~slow)) + 1] = False  # the first motion is segment 0
@@ -28,8 +28,8 @@ def split(segment: np.ndarray, used: np.ndarray, velocity: np.ndarray, path: str
     before the test block is the validation block. All other rows train.
 
     The fastest segment of each direction always trains. The slowest segment with enough rows trains
-    too, if the other blocks remain long enough. `used` marks the used rows, `path` names the record
-    in messages.
+    too, if validation and test block remain long enough. `used` marks the used rows, `path` names
+    the record in messages.
 
     Raises
     ------

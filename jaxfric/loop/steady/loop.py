@@ -7,8 +7,8 @@
 
 Every run is weighted by the standard error of its mean force. Runs also differ by a spread tau
 beyond these errors. This spread is estimated with each candidate model, like the noise of a loop.
-Runs that stick and slip have no steady friction. Such runs are reported, and fitted only if other
-runs are too few for a line in each direction.
+Runs that stick and slip have no steady friction. Runs that stick and slip are reported, and fitted
+only if other runs are too few for a line in each direction.
 """
 
 from collections.abc import Sequence
