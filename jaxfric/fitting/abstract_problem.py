@@ -136,8 +136,8 @@ class AbstractProblem(eqx.Module):
 
     @abc.abstractmethod
     def late_steps(self) -> tuple[np.ndarray, np.ndarray]:
-        """Time [s] of every velocity step whose time is fitted. Also the displacement [m] by which
-        a shift of 1 in this time delays the load point.
+        """Time [s] of every velocity step whose time is fitted. The second result is the
+        displacement [m] by which a shift of 1 in a step time delays the load point.
         """
 
     @abc.abstractmethod

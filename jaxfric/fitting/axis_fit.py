@@ -81,7 +81,8 @@ def output_error(
         return None
     if drive.K_p is None or drive.K_d is None or drive.position_gain is None:
         return None
-    if not problem.rig(jnp.asarray(z)).mass > 0:  # undetermined by a slow record: it underflows
+    # a slow record does not determine the mass, which underflows
+    if not problem.rig(jnp.asarray(z)).mass > 0:
         return None
     problem, kept = _moving_states(problem, free)
     z, free = z[kept], np.searchsorted(kept, free)

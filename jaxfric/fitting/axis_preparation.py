@@ -60,9 +60,9 @@ def usual(interval: float, cutoff: float | None = None) -> Preparation:
 
     Records sampled more slowly than 200 Hz keep all rows, with a cutoff at a fifth of the sampling
     rate. A given `cutoff` [Hz] above half of the default does not change the length of rows. Short
-    rows are then worth more than the motion that the low-pass removes. With a `cutoff` below half
-    of the default, a row of a fast record lasts 1/cutoff. All forces are then low-passed at half
-    the cutoff, because the filtered motion lacks higher frequencies.
+    rows are worth more than the motion that a low-pass with such a cutoff removes. With a `cutoff`
+    below half of the default cutoff, a row of a fast record lasts 1/cutoff. All forces are then
+    low-passed at half the cutoff, because the filtered motion lacks higher frequencies.
     """
     rate = 1 / interval
     share, rows = _CUTOFF_SHARE, round(1 / _CUTOFF_SHARE)

@@ -6,8 +6,8 @@ for A, -1 for every B. Correlated errors of A and B cancel in A - B.
 
 The critical stiffness, (B - A)/L for one state, is not linear in the parameters. The 95 % interval
 of the critical stiffness lies between the 2.5 and 97.5 percentiles of samples from the covariance.
-Positive parameters (A, L) are sampled in their logarithms, in which their own intervals are
-computed too. The intervals of A - B and of the critical stiffness are not profile-likelihood
+Positive parameters (A, L) are sampled in their logarithms, as for the intervals of A and L
+themselves. The intervals of A - B and of the critical stiffness are not profile-likelihood
 intervals.
 """
 

@@ -71,7 +71,7 @@ def chance(slope: float, error: float, freedom: int) -> float:
 
 
 def told_drift(fit: Fit) -> Drift | None:
-    """The drift of a fit if it is significant and shifts A-B by more than its error; else None."""
+    """The drift of a fit; None if not significant, or if it shifts A - B by less than its error."""
     found = drift_before(fit) if fit.converged else None
     most = _CONTRADICTED if fit.model.slip_trend else _RARE
     if found is None or found.p >= most or not found.shift > fit.A_minus_B.std:
@@ -85,8 +85,10 @@ def is_contradicted(fit: Fit) -> bool:
 
 
 def drift_warning(fit: Fit) -> tuple[str, ...]:
-    """Warning about a drift before the step that the model lacks; empty if it is not significant or
-    shifts A-B by less than its error."""
+    """Warning about a drift of friction before the first velocity step that the model does not
+    explain. The warning is empty if the drift is not significant or shifts A - B by less than the
+    error of A - B.
+    """
     found = told_drift(fit)
     if found is None:
         return ()

@@ -3,9 +3,9 @@
 `weighting="ordinary"` minimises the plain sum of squares, as published fits do.
 `weighting="whitened"` weights the residual by the estimated noise, which is more precise if noise
 is correlated. The standard errors of both weightings account for correlated noise. Detected step
-times are fitted too if their errors change friction by more than the noise allows. With `rows` the
-record is averaged first. A fit of averaged rows is faster in proportion, and its errors use the
-noise of the averages.
+times are fitted too if their errors change friction by more than the noise allows. With `rows`
+neighbouring rows of the record are averaged before the fit. A fit of averaged rows is faster in
+proportion, and its errors use the noise of the averages.
 """
 
 import dataclasses

@@ -157,8 +157,8 @@ class Problem(AbstractProblem):
         return self.motion.times + self._delays(z)
 
     def late_steps(self) -> tuple[np.ndarray, np.ndarray]:
-        """Time [s] of every velocity step whose time is fitted. Also the displacement [m] by which
-        a shift of 1 in this time delays the load point.
+        """Time [s] of every velocity step whose time is fitted. The second result is the
+        displacement [m] by which a shift of 1 in a step time delays the load point.
         """
         here = self.on_host()
         V, shifted = here.motion.velocities, here.shifted
@@ -370,7 +370,8 @@ def make_problem(
         # A is about a third of a change of friction
         or bool(sizes.stiffness * (path[-1] - path[0]) > STIFF / 3 * sizes.force),
     )
-    return problem if on_host else jax.device_put(problem)  # one call, its cost is the overhead
+    # one call, because the overhead of a call is most of its cost
+    return problem if on_host else jax.device_put(problem)
 
 
 def most_steps(velocities: int) -> int:

@@ -20,11 +20,19 @@ from ..traced import traced
 from .minimise import minimise
 from .problem import FAILED_MISFIT, Problem
 
-# No further start is tried if the misfit per sample is below this: the fit has reached the noise
+# Misfit per sample below which no further start is tried: the fit has reached the noise
 # (estimated from second differences of the record).
 NOISE_REACHED = 1.1
 _TRIALS = (10, 80)  # usual and largest number of points of a descent
-_DASHPOTS = (1e-2, 2e-3, 4e-4, 8e-5, 1.6e-5, 3e-6, 6e-7)  # strengths, see `Problem.damped`
+_DASHPOTS = (
+    1e-2,
+    2e-3,
+    4e-4,
+    8e-5,
+    1.6e-5,
+    3e-6,
+    6e-7,
+)  # strengths of the dashpot, see `Problem.damped`
 
 
 class Solution(NamedTuple):
@@ -125,7 +133,9 @@ def _in_turn(problem: Problem, starts: np.ndarray, most: int) -> Iterator[tuple[
         yield begun, first
     cost = np.concatenate([[np.inf if able else away], misfits(problem, starts[1:])])
     order = np.argsort(cost)
-    if able and len(cost) > 1 and cost[1] < away:  # in another valley: early, whatever its misfit
+    if (
+        able and len(cost) > 1 and cost[1] < away
+    ):  # a start in another valley comes early, whatever its misfit
         order = np.array([1, *(k for k in order if k != 1)])
     if cost[order[0]] >= away and problem.damping is None and not able:
         # every start runs away: the record is near the stability edge. Approach it with a dashpot.

@@ -11,7 +11,8 @@ slip trend) for each slider. The best few distinct points of the grid are the st
 separate states, so its search begins like that of the slip law.
 
 Starts for more states. A one-state fit gives the slider's velocity without the noise of the record.
-This known velocity drives the evolution of the states: theta = B h, where h, the state of B = 1, is
+The velocity of the one-state fit drives the evolution of the states: theta = B h, where h, the
+state of B = 1, is
 
     slip     dh/dx = -(h + ln(V/V0))/L
     ageing   h = ln(V0 Theta/L),   dTheta/dt = 1 - V Theta/L

@@ -80,7 +80,7 @@ def data_part(problem: Problem, solution: Solution):
 
 def covariance(problem: Problem, jacobian: np.ndarray, noise: Noise) -> np.ndarray:
     """Covariance (q, q) of the unbounded variables from the `jacobian` (r, q) of all residuals. The
-    last variables are the shifts of step times.
+    last of the unbounded variables are the shifts of step times.
     """
     if problem.noise is not None:
         return normal_inverse(jacobian)

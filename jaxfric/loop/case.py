@@ -1,6 +1,7 @@
 """An immutable record of a slider, a run or an axis, prepared for the loop.
 
-A `Case` holds the least-squares problem; a `subject.Subject` adds the functions that results need.
+A `Case` holds the least-squares problem of a record. A `subject.Subject` adds the functions that a
+loop's results need.
 """
 
 from collections.abc import Callable, Collection, Mapping, Sequence

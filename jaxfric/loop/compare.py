@@ -6,10 +6,10 @@ Every law is fitted with one state and with two. The fits are ranked by
 
 L is the maximum likelihood of the residual over the p parameters of the law and the parameters of
 the noise. The number of independent rows is n. Each law has its own noise, but the noise of all
-laws has the same parts: those of the law with the lowest BIC. White noise would count correlated
-rows many times, so that some law would always win by hundreds. The correlation length of the noise
-is at most a tenth of a velocity step (ten rows in steps of fewer than a hundred), so that noise
-cannot replace a law.
+laws has the same parts: those of the law with the lowest BIC. With white noise BIC would count
+correlated rows many times, and some law would always win by hundreds. The correlation length of the
+noise is at most a tenth of a velocity step (ten rows in steps of fewer than a hundred), so that
+noise cannot replace a law.
 
 With three velocity steps or more, each law is also fitted without about a third of the steps
 (`loop.split`). Each law then predicts the steps that its fit left out.
@@ -362,7 +362,7 @@ class Rival(NamedTuple):
 
     def under(self, family: Family, starts: Sequence[np.ndarray]) -> "Rival":
         """The law with its likeliest parameters and the likeliest noise of a family, optimised in
-        turn. The noise `starts` at these parameters, given as `Found.theta`.
+        turn. `starts` are starting values of the noise, as in `Found.theta`.
         """
 
         def profiled(z: np.ndarray, starts: Sequence[np.ndarray]) -> FoundNoise:

@@ -196,5 +196,5 @@ def step_error(engine: Engine, final: Candidate) -> float:
     rows = engine.blocks.train
     segments = len(np.unique(engine.blocks.step[rows]))
     ones = engine.whiten(np.ones((len(engine.weight), 1)) * engine.weight[:, None], final.noise)
-    # the norm of whitened ones is one over the standard error of the total mean
+    # the norm of a whitened column of ones is 1/(standard error of the total mean)
     return float(engine.problem.noise_scale) * float(np.sqrt(segments / np.sum(ones**2)))

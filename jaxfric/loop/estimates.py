@@ -110,7 +110,7 @@ def between_steps(
 def disagreement(
     engine: Engine, candidate: Candidate, rivals: Sequence[Candidate], index: Int[np.ndarray, " m"]
 ) -> Float[np.ndarray, "m m"]:
-    """Covariance between fits of different models, of parameters with indices `index` in z.
+    """Covariance of parameters between fits of different models; `index` are their places in z.
 
     Uncertainty about the model adds this part to the covariance of the parameters,
 

@@ -40,7 +40,7 @@ class Rows(NamedTuple):
 
     @property
     def failed(self) -> bool:
-        """Whether the simulation or its derivatives failed at these parameters."""
+        """Whether the simulation, or a derivative of the simulation, failed at the parameters."""
         reached = bool(np.all(np.abs(self.residual) < FAILED_MISFIT))
         return not (reached and bool(np.all(np.isfinite(self.jacobian))))
 

@@ -47,7 +47,7 @@ class Evidence(NamedTuple):
         more_side = np.where(used, self.extra[0, at], 0.0)[None]
         first, first_more = self.products[:, 0, 0][:, None], self.extra[0, 0]
         variance = first / self.rows
-        # the noise variance weights friction against the extra rows: a few passes converge
+        # the noise variance weights friction against the extra rows; a few passes converge
         solved = np.zeros_like(side)
         for _ in range(_PASSES if self.extra.any() else 1):
             v = variance[..., None]

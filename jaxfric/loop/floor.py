@@ -71,7 +71,7 @@ def _level(
     mask = np.zeros(len(residual))
     mask[: len(rows)] = rows
     here = columns * mask[:, None]
-    # the shift of a step outside these rows is rounding, not a direction
+    # outside the used rows the shift of a step is rounding, not a direction
     seen = np.linalg.norm(here, axis=0) > SEEN * np.linalg.norm(columns, axis=0)
     smooth = orthonormal(here[:, seen])
     left = residual * mask

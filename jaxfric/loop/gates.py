@@ -189,8 +189,8 @@ _WHOLE = ("M", "F_c")
 
 
 def what_it_takes(engine: Engine, without: Candidate, candidate: Candidate) -> tuple[Move, ...]:
-    """The parameters of the base that an effect of a candidate takes over. `without` is the fit
-    without that effect.
+    """The parameters of the base that an effect of a candidate takes over. The fit `without` leaves
+    out that effect.
     """
     new = [e for e in engine.model.effects if e.id in {*candidate.effects} - {*without.effects}]
     of_place = any(issubclass(effect, AbstractPlaceEffect) for effect in new)

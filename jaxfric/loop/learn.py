@@ -137,7 +137,7 @@ def _learnt(engine: Engine, base: Candidate) -> tuple[Engine, Rows]:
     train = columns * engine.weight[:, None]
     train = train[:, np.linalg.norm(train, axis=0) > 0]
     found = engine.noise_afresh(train[:, 0], train[:, 1:])
-    # one scale for all steps: in a scale of its step an outlier would hide
+    # one scale for all steps: an outlier would raise the scale of its own step and hide
     engine = engine.knowing(engine.noise._replace(alone=found.noise))
     if engine.case.bounds.by_step:
         engine, found = _with_pace(engine, found, columns, train)

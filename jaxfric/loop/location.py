@@ -167,7 +167,7 @@ def _best_group(
     for columns in groups:
         new = columns - taken @ (taken.T @ columns)
         values, vectors = np.linalg.eigh(new.T @ new)
-        # the same rank as in `_profile`: the first variable's share is then its share alone
+        # with the rank of `_profile` the first variable has the same share as alone
         used = values > SEEN * max(np.linalg.eigvalsh(columns.T @ columns)[-1], 1e-300)
         basis = new @ (vectors[:, used] / np.sqrt(values[used]))
         gain = float(np.sum((basis.T @ rest) ** 2))
@@ -211,7 +211,7 @@ def _profile(bumps: Bumps, left: np.ndarray, whole: tuple[float, float], size: f
     beyond = max((whole[0] - gain) / max(whole[1] - degrees, 1.0), 1.0)
     # the base absorbs some directions, so their size is unknown: the prior limits it
     scaled = np.maximum(values, 0.0) / beyond + 1 / size**2
-    # those directions are removed, except from bumps that the base mostly absorbs
+    # the absorbed directions are removed, except from bumps that the base mostly absorbs
     taken = values / beyond < 1 / size**2
     mostly = np.sum(vectors[:, taken] ** 2, axis=1) > MOSTLY
     kept = np.where(taken, mostly[:, None], True) * vectors

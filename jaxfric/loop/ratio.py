@@ -47,8 +47,8 @@ def chances(
 ) -> dict[str, float]:
     """p-value of every question about the residual of the train block, under noise alone.
 
-    `rows` are the rows of the model; its parameters are free in every maximum. `found` is the noise
-    after projecting out smooth columns.
+    `rows` are the residual and Jacobian of a model, whose parameters are free in every maximum.
+    `found` is the noise after projecting out smooth columns.
     """
     weight = engine.weight[:, None]
     jacobian = rows.jacobian * weight

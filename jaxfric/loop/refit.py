@@ -43,7 +43,7 @@ class Candidate(NamedTuple):
 def refit(
     engine: Engine, effects: tuple[str, ...], z: np.ndarray, *, exact: bool = False
 ) -> Candidate:
-    """The joint fit of base and effects from the start `z`, with all their parameters free.
+    """The joint fit of base and effects from the start `z`, with all parameters free.
 
     The descent ends when the sum of squares changes by less than 1e-4 of itself. This tolerance of
     the descent changes BIC by 0.1 for a thousand rows, and by more in longer records. A finer

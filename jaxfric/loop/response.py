@@ -100,7 +100,7 @@ class Response(eqx.Module):
             propagate, driven, by_start, read, direct, read_slip, g = now
             carried = jnp.sum(propagate[:, :, None] * y, axis=1)  # no matrix product, as in `rodas`
             y = carried + driven[:, None] * g + by_start[:, None] * first
-            # read here: storing the states of many forces at every row would fill the memory
+            # computed here, because states of many forces at every row would fill the memory
             force = jnp.sum(read[:, None] * y, axis=0) + direct[0] * g + direct[1] * first
             return y, (force, jnp.sum(read_slip[:, None] * y, axis=0))
 

@@ -94,7 +94,7 @@ def asked_twice(
     progress: Callable[[str], None],
 ) -> Loop:
     """The result of a search. If the search names no effect, a second search (`again`) holds out
-    other steps and holds. `again` is None if a run has too few steps and holds.
+    other steps and holds. The second search `again` is None if a run has too few steps and holds.
 
     A few steps may hold all information about an effect. If these steps are held out, the search
     supports no effect, or an effect that does not predict these steps. The second result counts if

@@ -1,9 +1,10 @@
 """The search for missing effects: forward selection, backward elimination, swaps.
 
-1. Fit the base and its noise. 2. Screen all effects to first order. 3. Refit the most promising
-effects jointly with the base. 4. Accept the best model that no gate refuses. 5. Repeat from 2 until
-every model is refused; then drop needless effects, and try to replace each effect by its aliases.
-Each step of the search returns a new `Search`.
+The search fits the base and its noise, then screens all effects to first order. The most promising
+effects are refitted jointly with the base. The search accepts the best model that no gate refuses.
+Screening, refitting and acceptance repeat until every model is refused. Then the search drops
+needless effects, and tries to replace each effect by its aliases. Each step of the search returns a
+new `Search`.
 """
 
 from collections.abc import Callable, Sequence
@@ -136,7 +137,7 @@ def _forward(now: Search, scales: RecordScales, progress: Callable[[str], None])
         for k, one in enumerate(found)
         if (k < REFITS and one.delta_bic <= 0)
         or one.id in laws
-        or len(now.tried) + k <= 2  # two on the base are always fitted
+        or len(now.tried) + k <= 2  # two effects on the base are always fitted
     ]
 
     def fitted(place: int, one: Screened) -> Candidate:

@@ -24,8 +24,8 @@ class SharedShifts:
     """The shifts of step times that are parameters: the first shift alone, and the other shifts in
     groups. Each group has every `_GROUPS`-th step.
 
-    `shifts` are the indices of these shifts in the parameters and `begins` the times of the delayed
-    steps, both ascending. `trails` is the displacement by which a shift of 1 delays the load point.
+    `shifts` are the ascending indices of the shifts in the parameters, `begins` the ascending times
+    of the delayed steps. `trails` is the displacement by which a shift of 1 delays the load point.
     `time` is the time of the rows of one channel. The residual has all `channels` in turn, then one
     row for each shift.
     """

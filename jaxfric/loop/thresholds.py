@@ -18,16 +18,16 @@ HELD_OUT = 1.06
 """Held-out error over noise that a good model is always allowed."""
 
 TRAIN_FLOOR = 1.04
-"""The same for the train block, to which the parameters were fitted."""
+"""Train error over noise that a good model is always allowed, after the fit of its parameters."""
 ASKED = 12
 """Approximate number of tests of a residual (`residual_tests.asked`), for Bonferroni."""
 EDGE = 1.1
 """K/K_cr below which a small misfit of the law looks like a large effect."""
 
 BEYOND = 2.0
-"""Lengths and times above this multiple of those of the record are undetermined."""
+"""Multiple of the record's path or duration above which a length or time is undetermined."""
 FAR_VELOCITY = 30.0
-"""Velocities this factor below or above all of a record are undetermined."""
+"""Factor below or above all velocities of a record beyond which a velocity is undetermined."""
 KNOWN, LOST = 4.0, 2.0
 """Standard errors above which a parameter of the base is known, and within which it is lost."""
 LEAST_SHARE = 1 / 3
@@ -63,7 +63,7 @@ UNEXPLAINED = 0.5
 ENDS_OF_SPEED = (0.05, 0.95)
 """Quantiles of the speeds of a direction that bound its driven range (nine rows in ten)."""
 ONE_SPEED_RANGE = 2.0
-"""Ratio of these below which a direction has one speed: the slope of friction is undetermined."""
+"""Ratio of the two bounding speeds below which a direction has one speed and no friction slope."""
 NEAR_SPEED = 0.2
 """Relative tolerance for a row to belong to a speed."""
 FEWEST_STROKES = 4
@@ -81,7 +81,7 @@ PERIODS = 10.0
 REACH = 10.0
 """Factor below the slowest and above the fastest speed, up to which curves are compared."""
 GRID = 241
-"""Number of speeds of this comparison, before they are rounded to two digits."""
+"""Number of speeds at which curves are compared, before rounding to two digits."""
 STAIRS = 4.0
 """The low-pass removed motion if it removed more than this many standard errors of the encoder."""
 SAME_FORCE = 0.05

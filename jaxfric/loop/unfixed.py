@@ -35,7 +35,7 @@ class _Refused(Protocol):
 
 def unfixed(models: Iterable[tuple[_Refused, float]], taken: float) -> list[Unfixed]:
     """The likeliest models that were refused as undetermined, or for taking over parameters of the
-    base. The BIC of such a model is below that of the accepted model by more than `ACCEPT`.
+    base. The BIC of each refused model is below that of the accepted model by more than `ACCEPT`.
 
     `models` are the tried models with their reductions of BIC; `taken` is the reduction by the
     accepted model. The result has at most three models that are about as good, best first. A model

@@ -1,9 +1,9 @@
 """Noise whose size or pace (correlation length in rows) differs between velocity steps.
 
-The settings of a recorder may change with velocity. Neighbouring rows are then almost independent
-at one velocity and almost equal at another. Size and pace of a step are estimated from the
-residual, after projecting out smooth functions along the record. A likelihood decides whether steps
-need a size or pace of their own (`loop.learn.learn_noise`).
+The settings of a recorder may change with velocity. If the settings change, neighbouring rows are
+almost independent at one velocity and almost equal at another. Size and pace of a step are
+estimated from the residual, after projecting out smooth functions along the record. A likelihood
+decides whether steps need a size or pace of their own (`loop.learn.learn_noise`).
 """
 
 import numpy as np

@@ -137,7 +137,7 @@ class NoiseEstimate:
         return "correlated" if any(part.share >= const.WHITE for part in self.parts) else "white"
 
     def text(self) -> str:
-        """The noise as text: "white", or "40 % of its variance correlated over 3 rows"."""
+        """The noise as text, such as "white" or "40 % of its variance correlated over 3 rows"."""
         if self.kind == "alternating":
             return "alternating: neighbouring rows differ by more than chance"
         if self.kind == "white":

@@ -14,8 +14,8 @@ a median, unlike a standard deviation, is robust. The limit for glitches is from
 because noise need not be normally distributed. The degrees of freedom of Student's t follow from
 the median and the 93rd percentile of the prediction errors. Outliers in one percent of the rows
 hardly change these two percentiles. If the noise has heavy tails, the limit is higher, and almost
-no row is excluded. Rows next to a velocity step are never glitches: friction is steep after a step,
-and a model may lack an effect.
+no row is excluded. Rows next to a velocity step never count as glitches: friction is steep after a
+step, and a model may lack an effect.
 
 Source: Chang, Tiao & Chen 1988 (doi:10.1080/00401706.1988.10488367) for single outliers and level
 shifts by predictions. Not supported: glitches at more than a hundredth of the rows, or longer than
@@ -123,7 +123,7 @@ def standing_out(
     from scipy.special import stdtrit
 
     size, freedom = _law(np.concatenate([ahead, back]))
-    # noise alone exceeds it once in a hundred records of so many rows
+    # noise alone exceeds the limit once in a hundred records of so many rows
     beyond = -float(stdtrit(freedom, 0.5 * const.CHANCE_OF_GLITCH / (const.LONGEST_GLITCH * n)))
     limit = size * beyond if size > 0 else np.inf
     found = np.zeros(n, bool)
@@ -154,7 +154,7 @@ def _law(errors: np.ndarray) -> tuple[float, float]:
     body, shoulder = np.quantile(np.abs(errors), [const.BODY, const.SHOULDER])
     freedom = np.geomspace(1.0, 1e3, 60)
     sizes = [stdtrit(freedom, 0.5 * (1 + level)) for level in (const.BODY, const.SHOULDER)]
-    # their ratio falls with the degrees of freedom
+    # the ratio of the two quantiles falls with the degrees of freedom
     ratio = -shoulder / max(float(body), 1e-300)
     own = float(np.exp(np.interp(ratio, -sizes[1] / sizes[0], np.log(freedom))))
     return float(body) / float(stdtrit(own, _UPPER)), own
@@ -204,7 +204,7 @@ class ToldRecord(Protocol):
 
 
 def glitch_words(glitches: Glitches, record: ToldRecord) -> tuple[str, ...]:
-    """Warning about glitches: their number, the limit, and the position of the first ones."""
+    """Warning about glitches: number of glitches, the limit, and position of the first glitches."""
     origin, time = record.provenance, record.relative_time
     far = f"{glitches.beyond:.2g} standard deviations"
     if glitches.tails:

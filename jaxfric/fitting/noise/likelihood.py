@@ -89,7 +89,7 @@ def _profiled(
     with np.errstate(divide="ignore", invalid="ignore"):  # more columns than rows
         scaled = design * size[:, :, None] * size[:, None, :] + ridge
         projection = gram[:, 1:, 0] * size
-        # not by a ratio of determinants: those lose all digits if columns are nearly equal
+        # a ratio of determinants would lose all digits if columns are nearly equal
         solved = np.linalg.solve(scaled, projection[..., None])[..., 0]
         left = np.maximum(gram[:, 0, 0] - np.sum(projection * solved, axis=1), 1e-300)
         variance = left / (n - p)

@@ -43,7 +43,7 @@ class Noise(NamedTuple):
 
 
 class Noises(NamedTuple):
-    """`g` noises of sigma 1 with parts of the same kinds."""
+    """Several (`g`) noises of sigma 1, all with the same kinds of parts."""
 
     white: Float[Numbers, " g"]
     """Share of the variance that is white."""

@@ -189,8 +189,9 @@ class Exponential(AbstractExponential):
 
 
 class Alternating(AbstractExponential):
-    """An exponential of negative variance, for evenly sampled rows. Only the noise search uses this
-    class. The search returns parts of class `Exponential`, which needs no further compilation.
+    """An exponential of negative variance, for evenly sampled rows. Only the noise search uses the
+    class `Alternating`. The search returns parts of class `Exponential`, which needs no further
+    compilation.
     """
 
     share: Float[Numbers, "*g"]

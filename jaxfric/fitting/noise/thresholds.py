@@ -36,7 +36,7 @@ maximum is within half a step of this grid, or Newton's method reaches it."""
 SIZES, SIZES_OF_RESONATORS = (-2.0, -0.5, 1.0, 2.5), (-0.5, 2.0)
 """Logarithms of a new part's variance over the white one that start a search."""
 SIZES_OF_ALTERNATING = (-1.0, 1.0, 3.0, 5.0)
-"""The same for a negative part: its variance over the remaining distance to its limit."""
+"""Logarithms of a negative part's variance over the remaining distance to its limit, as starts."""
 TOGETHER_SIZES, TOGETHER_RATIO, TOGETHER_MEMORIES = (0.0, 3.0), 1.0, 3
 """The same for all parts at once, with much or little white noise; the logarithm of the ratio of
 the largest part to the smallest; and the number of correlation lengths of each."""

@@ -236,8 +236,8 @@ def _start(problem: AxisProblem, blocks: Blocks) -> np.ndarray:
 
 
 def unit_of_residuals(force: np.ndarray) -> float:
-    """Unit of residuals: about the noise. The unit has a lower bound for a commanded force without
-    noise: otherwise a bad fit would count as a failed simulation.
+    """Unit of residuals: about the noise. The unit of residuals has a lower bound, because a
+    commanded force has no noise. Without this bound a bad fit would count as a failed simulation.
     """
     return max(noise_from_differences(force), _LEAST_UNIT * float(np.ptp(force)))
 

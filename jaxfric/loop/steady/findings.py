@@ -11,7 +11,8 @@ from .loop import SteadyLoop, steady_gains
 def steady_findings(loop: SteadyLoop) -> tuple[Finding, ...]:
     """Claims on stick-slip, effects, friction by direction and stability; masks are over runs.
 
-    If the fit is withheld, only stick-slip is claimed, since the runs themselves show stick-slip.
+    If the fitted friction is withheld, only stick-slip is claimed, since the runs themselves show
+    stick-slip.
     """
     curve, gains = loop.curve, steady_gains(loop)
     signed, names = np.asarray(curve.speed), np.asarray(curve.names)
