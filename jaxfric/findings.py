@@ -99,7 +99,7 @@ def coded(warnings: Iterable[str]) -> list[dict[str, object]]:
 
 
 def is_of(warning: str, code: WarningCode) -> bool:
-    """Whether a warning has this code."""
+    """Whether a warning has the given code."""
     return isinstance(warning, Warned) and warning.code is code
 
 

@@ -139,7 +139,7 @@ def task_of(
     model: Model,
     reference_velocity: float | str | None,
 ) -> FitTask:
-    """The task that `fit` solves; raises the same errors."""
+    """The task that `fit` solves; raises the same errors as `fit`."""
     record = as_record(record)
     K, m = _stiffness(stiffness, record, model.fit_stiffness), _mass(mass, record)
     return _task(record, steps_of(record, steps), model, K, reference_velocity, m)

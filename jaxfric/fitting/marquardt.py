@@ -30,9 +30,9 @@ def levenberg_marquardt(
 ) -> Descent:
     """Descend from `start` to a least-squares point.
 
-    `both` gives residual (r,) and Jacobian (r, p) at a point (p,). `both` is called once per point,
-    for at most `most` points. `known` holds residual and Jacobian at `start`, if they are already
-    computed.
+    `both` gives residual (r,) and Jacobian (r, p) at a point (p,). The solver calls `both` once per
+    point, for at most `most` points. `known` holds residual and Jacobian at `start`, if they are
+    already computed.
     """
     last = {} if known is None else {start.tobytes(): known}
 

@@ -35,7 +35,7 @@ def misfit_warning(fit: Fit) -> tuple[str, ...]:
 
 
 def misfit_warning_of(fits: Sequence[Fit]) -> tuple[str, ...]:
-    """One common misfit warning for all `fits` (of one kind of model) that have one."""
+    """One warning for all `fits` (of one kind of model) that have a misfit warning."""
     left = [fit for fit in fits if any(is_of(text, WarningCode.MISFIT) for text in fit.warnings)]
     return (_warning(left),) if left else ()
 

@@ -22,7 +22,7 @@ _FORGOTTEN = 0.01  # largest remaining share of a response
 
 class SharedShifts:
     """The shifts of step times that are parameters: the first shift alone, and the other shifts in
-    groups. Each group has every `_GROUPS`-th step.
+    groups. Each group of shifts has every `_GROUPS`-th velocity step.
 
     `shifts` are the ascending indices of the shifts in the parameters, `begins` the ascending times
     of the delayed steps. `trails` is the displacement by which a shift of 1 delays the load point.

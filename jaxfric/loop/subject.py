@@ -1,7 +1,7 @@
 """A case with the functions that the loop and its results need for a kind of record.
 
 `slider.slider_subject` makes one for a record of steps or a run (`run`), `axis.loop.axis_subject`
-for an axis. The rest of the loop is the same for all.
+for an axis. The rest of the loop is the same for sliders, runs and axes.
 """
 
 from collections.abc import Callable, Mapping, Sequence

@@ -81,7 +81,7 @@ class Told(NamedTuple):
 
 
 class Conclusion(NamedTuple):
-    """The fields of `Loop` that the verdict fills."""
+    """The fields of a `Loop` result that follow from the verdict."""
 
     verdict: str
     told: Told | None

@@ -2,9 +2,9 @@
 
 The frequency of a wave along the path is proportional to velocity; the frequency of hum is
 constant. To tell hum from waves, the residual is cut into pieces of constant velocity. The
-periodogram of each piece is divided by the spectrum of the surrounding noise, a smooth fit (a
-cosine series) to the logarithm of the periodogram. The periodograms of all pieces are added at
-equal frequency. A spectral line is hum if it is significant in the sum over pieces,
+periodogram of each piece is divided by the spectrum of the surrounding noise. That spectrum is a
+cosine series, fitted to the logarithm of the periodogram. The periodograms of all pieces are added
+at equal frequency. A spectral line is hum if it is significant in the sum over pieces,
 
     P = sum_i |sum_j r_j exp(2 pi i f t_j)|^2/(n_i S_i(f)),   under noise alone Gamma(pieces, 1).
 

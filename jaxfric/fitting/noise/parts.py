@@ -224,7 +224,7 @@ def limit_of_negative(keep: np.ndarray) -> np.ndarray:
 
 
 class Resonator(AbstractPart):
-    """A damped oscillator driven by white noise. The two states are b and db/dd."""
+    """A damped oscillator driven by white noise. The two states of a resonator are b and db/dd."""
 
     share: Float[Numbers, "*g"]
     rates: Float[Numbers, "*g k"]

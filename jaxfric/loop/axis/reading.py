@@ -5,9 +5,9 @@ twice and times the mass, is noise of the predicted force. The chosen cutoff is 
 this noise has less than half the variance of the recorded force's noise. A higher cutoff would hide
 friction in encoder noise, a lower cutoff would lose motion and rows. The noise of the recorded
 force is the scatter from row to row of the base law's residual, at its minimum over cutoffs. High
-cutoffs add encoder noise to this scatter, low cutoffs add structure. If too few rows for a split
-are faster than the velocity noise, lower cutoffs, then a lower threshold, then shorter rows are
-tried.
+cutoffs add encoder noise to the scatter of the residual, low cutoffs add structure. If too few rows
+for a split are faster than the velocity noise, lower cutoffs, then a lower threshold, then shorter
+rows are tried.
 """
 
 from typing import NamedTuple

@@ -150,8 +150,8 @@ class AxisDetails:
         return said("axis_loop_text.short", self)
 
     def found(self) -> str:
-        """Results that hold, as text, although one speed per direction leaves the friction
-        parameters open or the force is feedback; '' otherwise.
+        """Results, as text, that hold even if one speed per direction leaves the friction
+        parameters open, or if the force is feedback. The text is '' for other records.
         """
         return said("axis_loop_text.found", self)
 
