@@ -30,7 +30,8 @@ class Comparison:
     relative_error: float
     """|predicted - recorded|/|recorded|; for a slider the denominator is without the mean."""
     in_sigma: float | None
-    """rms over the scatter of neighbouring rows of this record; None if that is not known."""
+    """rms over the scatter of neighbouring rows of this record; None if the scatter is not
+    known."""
 
 
 @dataclass(frozen=True)

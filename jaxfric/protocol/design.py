@@ -17,7 +17,8 @@ class Smallest:
 
     id: str
     names: tuple[str, ...]
-    """Names of its amplitudes; if several, `amplitude` is the root of the sum of squares."""
+    """Names of the effect's amplitudes; if several, `amplitude` is the root of the sum of
+    squares."""
     unit: str
     amplitude: float | None
     """Amplitude at the best detectable shape; None if no possible amplitude is detectable."""
@@ -28,7 +29,7 @@ class Smallest:
     needed: float | None
     """The required amplitude, even if it is not physically possible; else equal to `amplitude`."""
     limit: float = math.inf
-    """The largest plausible amplitude for friction like that of the base."""
+    """The largest plausible amplitude for friction similar to the base's friction."""
 
 
 BASE = "base"
@@ -41,13 +42,14 @@ class Pair:
 
     ids: tuple[str, str]
     cosine: float | None
-    """|cosine| of the two; None if one is the base, or is not detectable."""
+    """|cosine| of the two effects; None if one of `ids` is the base, or is not detectable."""
     apart: bool
     sizes: Mapping[str, float]
-    """If `apart`: the amplitude of each effect above which the other cannot imitate it. To first
-    order a fit with the other leaves a^2 |s|^2 (1 - cosine^2) of the likelihood ratio."""
+    """If `apart`: the amplitude of each effect above which the other effect cannot imitate this
+    effect. To first order a fit with the other leaves a^2 |s|^2 (1 - cosine^2) of the likelihood
+    ratio."""
     needed: Mapping[str, float] = field(default_factory=dict)
-    """These amplitudes if one of them exceeds its plausible limit, so that the effects are not
+    """The amplitudes as in `sizes`, if one exceeds its plausible limit, so that the effects are not
     `apart`."""
 
     def to_json(self) -> dict:

@@ -110,14 +110,15 @@ class Planned:
     noise: float
     """Standard deviation of a sample, for white noise [F]."""
     parameters: Mapping[str, float]
-    """Parameters of the base: f0, A, B, L (B2, L2, ...), and V0 if not the first velocity. Those of
-    effects of the base are named "viscous.c"; by default they are at their null."""
+    """Parameters of the base: f0, A, B, L (B2, L2, ...), and V0 if not the first velocity.
+    Parameters of the base's effects are named "viscous.c"; by default such parameters are at their
+    null."""
     law: str = "slip"
     friction_unit: str = "1"
     rows: int = 250
     """Number of samples at each velocity, evenly spaced in time."""
     slip_noise: float | None = None
-    """Standard deviation of a slip channel [m]; None without one."""
+    """Standard deviation of a slip channel [m]; None without a slip channel."""
     noise_from: str = ""
     """Origin of the noise, in words: a file, an option."""
 

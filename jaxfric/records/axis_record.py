@@ -51,7 +51,7 @@ class Drive:
     position_gain: float | None = None
     velocity_gain: float | None = None
     signal: str = "V"
-    """Unit of the control signal: "V", "A", or that of the force if the force is commanded."""
+    """Unit of the control signal: "V", "A", or the unit of force if a force is commanded."""
 
     @property
     def K_p(self) -> float | None:

@@ -8,7 +8,7 @@ from ..units import parse_quantity, turning
 from .roles import AXIS
 
 FORCE_UNITS = {"linear": "N", "rotary": "N m"}
-"""Unit of the motor force by coordinate; it is "%" if the rated torque is not known."""
+"""Unit of the motor force by coordinate; the unit is "%" if the rated torque is not known."""
 
 
 def inertia_unit(force: str, length: str) -> str:

@@ -36,8 +36,8 @@ Found = dict[str, tuple[int, str | None]]
 """Column index and unit as written, by role."""
 
 Settle = Callable[[Table, Found, set[str]], list[str]]
-"""Adjusts the found columns before a missing one is refused; it may drop some of them.
-Its set holds the roles that the user named; it returns notes."""
+"""A function that adjusts the found columns before a missing column is refused. The function may
+drop columns, and returns notes. Its set holds the roles that the user named."""
 
 
 class Understood(NamedTuple):

@@ -16,7 +16,7 @@ from .format import Format
 from .table import Table
 
 FORMATS: list[Format] = [xlook.FORMAT, mat.FORMAT, epos.FORMAT, log.FORMAT, delimited.FORMAT]
-"""The first format that recognises a file reads it; the last one accepts any text."""
+"""The first format that recognises a file reads the file; the last format accepts any text."""
 
 
 def register(format: Format) -> None:

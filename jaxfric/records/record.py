@@ -32,7 +32,7 @@ class Provenance:
     dropped: Mapping[str, int] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
-    """Outlier cells, one line for each column: their rows, and what to do."""
+    """Outlier cells, one line for each column: rows of the outliers, and what to do."""
     reduction: tuple[str, ...] = ()
     """What each step of a reduction did, one line for each; empty without a reduction."""
     stated: Mapping[str, str] = field(default_factory=dict)

@@ -63,10 +63,10 @@ class StressStep(eqx.Module):
     weight: Float[Array, " n"]
     clock: Float[Array, "n 3"]
     corners: Float[Array, " m"]
-    """Times of the corners of the stress [s]; it is constant before the first and after the
+    """Times of the stress's corners [s]; the stress is constant before the first and after the
     last."""
     ratios: Float[Array, " m"]
-    """Normal stress at the corners over the initial one."""
+    """Normal stress at the corners, divided by the initial normal stress."""
     velocity: Float[Array, ""]
     noise: Float[Array, ""]
     """Noise level, the unit of residuals."""
@@ -97,8 +97,7 @@ class StressStep(eqx.Module):
         return out.recorded, out.result == RESULTS.successful
 
     def residual(self, z: Float[Array, " p"]) -> Float[Array, " n"]:
-        """Return (predicted - recorded)/noise, 0 without weight; `FAILED_MISFIT` if the solver
-        fails."""
+        """Return (predicted - recorded)/noise, 0 without weight; `FAILED_MISFIT` on failure."""
         seen, succeeded = self.predict(z)
         off = (seen - self.friction) / self.noise
         return jnp.where(succeeded & jnp.isfinite(off), off, FAILED_MISFIT) * self.weight

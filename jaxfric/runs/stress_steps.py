@@ -35,7 +35,7 @@ _BEFORE = 10.0
 """Load-point motion of the rows before the change, in L; at most half the time since the last
 event."""
 _SLOW = 3.0
-"""A change is too slow if the slider slips this number of L during it."""
+"""A change is too slow if the slider slips this number of L during the change."""
 _STEADY, _SURE = 0.1, 4.0
 """Sliding is steady before the change if friction changes by less than `_STEADY` of the full
 loading by the load point, or by less than `_SURE` standard errors."""
