@@ -148,8 +148,8 @@ class Design:
 class Change:
     """A change of the plan, and the `design` of the changed plan; None if the slider runs away. SI.
 
-    The changed plan has these velocities, slip and channels; the noise of a missing channel is
-    None.
+    Velocities, slip and noise of the channels are those of the changed plan; the noise of a missing
+    channel is None.
     """
 
     key: str
@@ -210,8 +210,8 @@ class Protocol(Described, Drawable, Tabular):
         return () if after is None else tuple(pair for pair in pairs if pair not in after)
 
     def no_shorter(self) -> tuple[Change, ...]:
-        """Return the changes that are not shorter in time. In a shorter plan the best detectable
-        lengths and times shrink, so that a shorter plan looks better than it is."""
+        """Return the changes that take no less time than the plan. In a shorter plan the best
+        detectable lengths and times shrink, so that a shorter plan looks better than it is."""
         return tuple(c for c in self.changes if c.duration > 0.99 * self.duration)
 
     def recommended(self) -> Change | None:

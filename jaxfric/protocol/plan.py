@@ -157,8 +157,8 @@ def plan(
     and with the base's sensitivities projected out. The cosine of two effects is
     s_i.s_j/(|s_i||s_j|), maximised over amplitudes and shapes. The likelihood ratio of an amplitude
     a in a record is (a |s_i| + z)^2 with z standard normal. An effect with p parameters is detected
-    if its likelihood ratio exceeds 10 + p ln n for n samples. The smallest a is detected in 19 of
-    20 records: a |s_i| = sqrt(10 + p ln n) + 1.645.
+    if its likelihood ratio exceeds 10 + p ln n for n samples. The smallest detectable amplitude a
+    is detected in 19 of 20 records: a |s_i| = sqrt(10 + p ln n) + 1.645.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Noise level of a column from differences of neighbouring rows."""
+"""Estimate the noise level of a column from differences of neighbouring rows."""
 
 import numpy as np
 

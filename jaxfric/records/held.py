@@ -43,9 +43,9 @@ def columns_renewed(
     """Return one row for each measured value of the motion: columns, row numbers, and a note.
 
     Without repeated values the columns are unchanged and the row numbers None. If consecutive
-    measurements were equal, one row is kept for each of these measurements. Another repeating
-    column gives its value in the middle of a repeat, the value measured nearest in time. A column
-    with a new value in each row gives the mean of its values around the kept row.
+    measurements were equal, one row is kept for each of these measurements. Another column with
+    repeats gives its value in the middle of each repeat, which was measured nearest in time. A
+    column with a new value in each row gives the mean of its values around the kept row.
     """
     role = "position" if "position" in columns else "velocity"
     rows, n = held_for(columns[role]), len(columns[role])

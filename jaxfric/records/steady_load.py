@@ -102,8 +102,8 @@ def load_of(runs: Sequence[Run], coordinate: str) -> Load | None:
 
 
 def without_load(load: Load, run: Run, coordinate: str) -> tuple[Run, np.ndarray]:
-    """Return a run without the load, with new means and errors, and the derivative (p,) of its mean
-    force by the load's parameters, times -1."""
+    """Return a run without the load, with new means and errors, and the derivative (p,), times -1,
+    of the run's mean force by the load's parameters."""
     assert run.rows is not None and run.rows.position is not None
     columns = _columns(run.rows.position, coordinate) - load.centre
     if len(load.names) > columns.shape[1]:

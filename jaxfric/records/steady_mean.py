@@ -1,4 +1,4 @@
-"""Means of correlated samples: outliers, and the number of independent samples."""
+"""Find outliers among correlated samples, and the number of independent samples for means."""
 
 import math
 from statistics import NormalDist

@@ -125,7 +125,8 @@ def find_events(record: Record, *, stiffness: MachineStiffness | None = None) ->
     **Arguments:** `record`; `stiffness` or None: a stiffness separates steady sliding better from
     loading.
 
-    The search is not validated for runs that reverse during shear (cycles), and for angles.
+    The search is not validated for runs that reverse during shear (cycles), and for records of
+    angles.
     """
     motion = run_motion(record)
     t = record.relative_time

@@ -57,7 +57,7 @@ def decided_events(
 ) -> tuple[Record, tuple[Event, ...]]:
     """Return the record without encoder resets, and its events: found, or read from a `file`.
 
-    Raises `InputError` for a file that cannot be read (`runs.decisions`).
+    Raises `InputError` for a file of events that cannot be read (`runs.decisions`).
     """
     if file is not None:
         found = read_decisions(file, float(record.relative_time[-1]))

@@ -5,9 +5,9 @@ level of sliding. After the reload friction passes a peak above the steady level
 height of this peak. Under the ageing law in a stiff machine healing grows with B ln t_h (Dieterich
 1972, J. Geophys. Res. 77, 3690-3697). Under the slip law the contact does not age at rest in a
 stiff machine. To compare the laws, A, B and L are fitted to each sequence of slide, hold and slide,
-once under each law, with the machine's stiffness. The criterion is the likelihood of the residual,
-with noise estimated for each law (`fitting.noise`). Consecutive holds share A, B and L; with
-separate parameters for each hold the wrong law could imitate every hold.
+once under each law, with the machine's stiffness. The criterion for the better law is the
+likelihood of the residual, with noise estimated for each law (`fitting.noise`). Consecutive holds
+share A, B and L; with separate parameters for each hold the wrong law could imitate every hold.
 """
 
 from collections.abc import Callable, Sequence

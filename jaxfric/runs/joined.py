@@ -38,8 +38,8 @@ class Phase(NamedTuple):
     """Rows at one velocity [m/s] of the load point.
 
     `time` is the start of the phase [s of the run], `joined` its start in the joined motion;
-    `stretch` and `unit` count from 0. A unit has the phases of one step, or of a hold and its
-    reload; unit -1 is the sliding at the start of a stretch.
+    `stretch` and `unit` count from 0. A unit of the joined motion has the phases of one step, or of
+    a hold and its reload; unit -1 is the sliding at the start of a stretch.
     """
 
     time: float

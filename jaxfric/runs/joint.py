@@ -16,8 +16,8 @@ A weighted line through the n steps (`weighted`) tests whether a quantity depend
 from the errors of the fits, or is larger if the steps scatter more about the line. Few steps
 determine their scatter poorly, so p-values are from Student's t with n - 2 degrees of freedom. They
 are multiplied by the number of tests (Bonferroni). For 5 steps, t = 7 gives p = .006, or .05 after
-correction for 9 tests. Steps may differ by far more than the errors of their fits without a
-significant line.
+correction for 9 tests. Parameters of steps may differ by far more than their errors although no
+line is significant.
 
 Friction that changes with slip biases A-B. Every step is also fitted with a trend over slip, which
 shifts its A-B by d_i; s_i is the standard error of this shift. If sum_i (d_i/s_i)^2, chi-square
@@ -109,7 +109,7 @@ class Dependence:
 
 
 def is_known(step: StepFit) -> bool:
-    """Whether a step determines A, all B and all L."""
+    """Whether the fit of a velocity step determines A, all B and all L."""
     fit = step.fit
     return (
         fit is not None

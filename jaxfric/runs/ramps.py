@@ -82,7 +82,7 @@ class RampStiffness:
         return MachineStiffness(self.value, self.of_stress)
 
     def told(self) -> str:
-        """Return a line on the stiffness."""
+        """Return a line of text on the stiffness of the ramps."""
         scale, unit = (1e-12, "MPa/um") if self.of_stress else (1e-6, "1/um")
         number = measured(scale * self.value, scale * self.error)
         return f"stiffness from {self.count} ramp{'s' * (self.count > 1)}: {number} {unit}"
@@ -98,8 +98,8 @@ def find_ramps(record: Record, events: Sequence[Event]) -> tuple[Ramp, ...]:
     """Find the ramps of a run, whose record must have no encoder resets.
 
     The result does not depend on whether `events` were found with a stiffness. A phase of motion
-    directly after another phase, called a step or a reload, gives no ramp. Its friction starts at
-    the level of the rows before.
+    directly after another phase, called a step or a reload, gives no ramp. The friction of this
+    phase starts at the level of the rows before the phase.
     """
     t = record.relative_time
     joints = [e for e in events if e.before != e.after or e.kind == "stress"]

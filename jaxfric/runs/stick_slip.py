@@ -3,8 +3,8 @@
 During stick the spring is loaded at the rate K V, and near the peak the slider begins to creep. The
 rises of friction from foot to tip, at several velocities, determine K, A, B and L (`rise_model`).
 Every rise is divided into parts of time, and friction is averaged over each part. The means over
-parts do not depend on the sampling rate; extremes of noise do. A drop is the difference between the
-highest and the lowest row.
+parts do not depend on the sampling rate; extremes of noise depend on this rate. A drop is the
+difference between the highest and the lowest row.
 """
 
 from collections.abc import Sequence

@@ -43,7 +43,7 @@ _ODD = 16.27
 
 
 class Prior(NamedTuple):
-    """Prior of ln A, B and ln L: mean, covariance, and the numbers of the steps it comes from."""
+    """Prior of ln A, B and ln L: mean, covariance, and the numbers of the steps used for it."""
 
     mean: np.ndarray
     covariance: np.ndarray
@@ -68,9 +68,10 @@ class StressFit(NamedTuple):
 def prior_of(steps: Sequence[StepFit], time: float) -> Prior | None:
     """Return the prior of A, B and L from the velocity steps nearest to a time [s], or None.
 
-    The prior mean is the weighted mean of n steps. If the steps scatter by more than their errors,
-    with a reduced chi-square c above 1, the prior covariance is that of a single step: c n times
-    the covariance of the mean (Birge 1932, Phys. Rev. 40, 207-227).
+    The prior mean is the weighted mean of ln A, B and ln L over n velocity steps. If the steps
+    scatter by more than their errors, with a reduced chi-square c above 1, the prior covariance is
+    that of a single step: c n times the covariance of the mean (Birge 1932, Phys. Rev. 40,
+    207-227).
     """
     known = [s for s in steps if is_known(s) and s.fit and len(names_of(s.fit)) == len("ABL")]
     near = sorted(known, key=lambda s: abs(s.event.time - time))[:_NEIGHBOURS]

@@ -11,7 +11,8 @@ with g of the slip or the ageing law. K [1/m] is the stiffness under sigma_1; th
 implies the stiffness K sigma_1/sigma at other normal stresses. V is the reference velocity, so that
 theta starts at 0.
 
-Source: Linker & Dieterich 1992, J. Geophys. Res. 97, 4923-4940, whose Theta is theta here.
+Source: Linker & Dieterich 1992, J. Geophys. Res. 97, 4923-4940, whose state Theta is called theta
+here.
 """
 
 from typing import NamedTuple
@@ -44,7 +45,7 @@ class StressRows(NamedTuple):
 
     The stress is constant before the first corner [s] and after the last. `ratios` are the stresses
     at the corners (at most `CORNERS`), divided by the initial stress. `unsure` is the covariance of
-    `late` and `longer`.
+    the delay `late` and of the change `longer` of ln duration.
     """
 
     time: np.ndarray

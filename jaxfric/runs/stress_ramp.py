@@ -1,8 +1,8 @@
 """The change of the recorded normal stress between two levels, as a polyline with errors.
 
-A change of stress with many rows has means of these rows as corners. A change with few rows is
-assumed linear; least squares give its start and its end, each between two known rows. Friction
-responds to a change of stress within a row, so that an error of half a row matters.
+If a change of stress has many rows, means of these rows are the corners of the polyline. A change
+with few rows is assumed linear; least squares give its start and its end, each between two known
+rows. Friction responds to a change of stress within a row, so that an error of half a row matters.
 """
 
 from typing import NamedTuple

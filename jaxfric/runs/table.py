@@ -34,7 +34,7 @@ def rows(run: RunFit) -> list[dict[str, Cell]]:
     """Return a row for every step: its velocities, and every parameter with its standard error.
 
     Names include units. Undetermined values are None, as are all values of a step without a fit;
-    `result` gives the reason.
+    the column `result` gives the reason.
     """
     return [_row(step) for step in run.steps]
 
@@ -181,7 +181,7 @@ def ask_on(run: RunFit) -> str:
     """Return advice for steps whose fits miss a part of the record; '' without such steps.
 
     For fits without a slip trend the advice is to fit one, because a trend is often mistaken for
-    evolution. For other fits the advice is to search for another effect.
+    evolution. For fits with a slip trend the advice is to search for another effect.
     """
     fits = {step.number: step.fit for step in run.steps if step.fit and misses(step)}
     if not fits:

@@ -69,7 +69,7 @@ def law_in(path: Path, content: Mapping) -> FittedLaw:
 
     Raises
     ------
-    InputError : damage; an effect that is not in the catalogue.
+    InputError : damaged content; an effect that is not in the catalogue.
     """
     schema, entry = content["schema"], content.get(ENTRY)
     if entry is None:
@@ -90,7 +90,7 @@ def read_entry(path: Path, entry: object, schema: str) -> FittedLaw:
 
     Raises
     ------
-    InputError : damage; an effect that is not in the catalogue.
+    InputError : damaged content; an effect that is not in the catalogue.
     """
     refuse_damage(path, schema, _damage(entry))
     own: dict[str, Any] = {key: entry[key] for key in _KEYS}  # ty: ignore[not-subscriptable]
