@@ -32,7 +32,7 @@ def loader(
 
     def get(name: str) -> object:
         if name in own:
-            return importlib.import_module(f".{name}", package)  # also sets the attribute
+            return importlib.import_module(f".{name}", package)  # importing sets the attribute
         if name not in homes:
             return old(name)
         value = getattr(importlib.import_module(f".{homes[name]}", package), name)

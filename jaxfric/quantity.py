@@ -147,7 +147,7 @@ def as_floats(value: ArrayLike | None) -> Array | None:
     """An array of floating-point numbers; None stays None."""
     if value is None:
         return None
-    if isinstance(value, np.ndarray | np.generic | float | int):  # `asarray` compiles a copy
+    if isinstance(value, np.ndarray | np.generic | float | int):  # `jnp.asarray` compiles a copy
         value = np.asarray(value)
         return jax.device_put(value if np.issubdtype(value.dtype, np.inexact) else value + 0.0)
     value = jnp.asarray(value)

@@ -52,7 +52,7 @@ def side_by_side(one: Callable[..., T], *inputs: Iterable) -> list[T]:
     asked = list(zip(*inputs, strict=True))
     if min(cores(), len(asked)) < 2 or hasattr(_own, "end"):
         return [one(*each) for each in asked]
-    import jax  # slow to import, so not at the command's start
+    import jax  # slow to import, so not imported at the start of the command
 
     end, long = threading.Event(), bool(jax.config.jax_enable_x64)  # ty: ignore[missing-attribute]
 

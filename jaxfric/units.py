@@ -248,7 +248,7 @@ def _registry() -> "pint.UnitRegistry":
 
     try:
         return pint.UnitRegistry(cache_folder=":auto:")
-    except Exception:  # no home, a read-only or full disk, a damaged cache: do without
+    except Exception:  # no home, a read-only or full disk, a damaged cache: use no cache
         return pint.UnitRegistry()
 
 
@@ -282,7 +282,7 @@ def measured(value: float, error: float, *, short: bool = False) -> str:
     if not (math.isfinite(error) and error > 0):
         return f"{value:.4g}"
     digits = 1 if short and not f"{error:.1e}".startswith("1") else 2
-    power = int(f"{error:.{digits - 1}e}".partition("e")[2])  # of the rounded error
+    power = int(f"{error:.{digits - 1}e}".partition("e")[2])  # power of ten of the rounded error
     last = power - digits + 1
     if power < _LARGE:
         places = min(max(-last, 0), 12)

@@ -89,7 +89,7 @@ def run(
     told_of, rest = report(result, others, run_line(call)), others.warnings
     new = (*warnings_of(result, how, told=bool(early)), *rest)
     show(told_of._replace(warnings=new), "", text, output)
-    sys.stdout.flush()  # figures of many steps take minutes: who stops them has the numbers
+    sys.stdout.flush()  # figures of many steps take minutes: a user who stops here has the numbers
     whole = told_of._replace(warnings=(*warnings_of(result, how), *rest))
     with told() as progress:
         progress("drawing figures")

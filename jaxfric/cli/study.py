@@ -24,7 +24,7 @@ from .shown import show
 if TYPE_CHECKING:
     from ..study.progress import Progress
 
-# What a message of a study that is a warning begins with.
+# First words of a message of a study that is a warning.
 
 
 @options.FLAT
@@ -163,7 +163,7 @@ def _use_all_cores() -> None:
         return
     try:
         jax.config.update("jax_num_cpu_devices", _cores())
-    except RuntimeError:  # devices are there already
+    except RuntimeError:  # JAX has its devices already
         return
 
 

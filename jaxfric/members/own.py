@@ -142,9 +142,9 @@ def load_function(reference: str) -> Function:
     assert about is not None
     module = importlib.util.module_from_spec(about)
     sys.modules[module_name] = module
-    sys.path.insert(0, str(path.resolve().parent))  # for its imports from the same folder
+    sys.path.insert(0, str(path.resolve().parent))  # lets the file import from its own folder
     try:
-        # not by its loader: cached bytecode would hide a change within the same second
+        # the file's loader would use cached bytecode, which hides a change within the same second
         exec(compile(path.read_bytes(), str(path), "exec"), module.__dict__)
     except Exception as error:
         raise InputError(f"{path}: {_text(error)}") from None

@@ -65,7 +65,7 @@ def _cell(axis: Axes, i: int, j: int, value: float) -> None:
         return
     alike = value >= ALIAS
     text = "1.0" if value >= 0.995 else f"{value:.2f}".removeprefix("0")
-    if not alike and float(text) >= ALIAS:  # rounded up to what is framed
+    if not alike and float(text) >= ALIAS:  # would be rounded up to the value that is framed
         text = f"{ALIAS - 0.01:.2f}".removeprefix("0")
     colour, weight = "white" if value > 0.7 else BLACK, "bold" if alike else "normal"
     axis.text(j, i, text, ha="center", va="center", color=colour, weight=weight)

@@ -95,7 +95,7 @@ def _arrow(axis: Axes, x: np.ndarray, y: np.ndarray) -> None:
     change = np.abs(np.diff(y))
     change[: len(y) // 2] = 0.0
     at = int(np.argmax(change))
-    near = max(at - _HEAD, 0)  # the head needs a line of its own length for its direction
+    near = max(at - _HEAD, 0)  # an arrow head gets its direction from a line as long as the head
     if np.ptp(y[len(y) // 2 :]) > 0.01 * np.ptp(y):
         head = dict(arrowstyle="-|>", color=BLACK, mutation_scale=18, lw=0)
         axis.annotate("", (x[at + 1], y[at + 1]), (x[near], y[near]), arrowprops=head)

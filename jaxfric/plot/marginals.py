@@ -66,7 +66,7 @@ def draw_marginals(found: "Dataset", outputs: Sequence[str], coded: Sequence[str
     across = min(across, len(shown))
     rows = -(-len(shown) // across)
     figure = style.new_figure(style.DOUBLE, _HEIGHT * rows + 0.6)
-    # the layout knows no width of names below panels: those of the last column need the room
+    # the layout ignores the width of names below panels: names in the last column need room
     figure.set_layout_engine("constrained", rect=(0.0, 0.0, 0.97, 1.0))
     grid = figure.add_gridspec(rows, across)
     panels: dict[str, dict[str, Axes]] = {output: {} for output, _ in shown}
@@ -202,7 +202,7 @@ def _numbers(panels: Sequence[tuple[Axes, np.ndarray]], values: np.ndarray) -> N
         ends += [low, high]
     first, least = panels[0][0], np.nanmin(np.concatenate(ends))
     if least > 0 and np.nanmax(np.concatenate(ends)) > 50 * least:
-        plain_log(first, "y")  # all panels of the output share it
+        plain_log(first, "y")  # all panels of an output share one axis
     else:
         whole_numbers(first, "y", least=0.01)
 

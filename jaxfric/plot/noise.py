@@ -39,7 +39,7 @@ def draw_autocorrelation(
             axis.plot([], [], " ", label=words)
     both = np.concatenate([value, modelled, [-0.25]])
     axis.set_ylim(1.15 * float(both[np.isfinite(both)].min()), 1.02)
-    log = "x" if np.any(lag > 0) else ""  # none where all rows but a few are passed over
+    log = "x" if np.any(lag > 0) else ""  # no lag if almost all rows are excluded
     style.tidy(axis, x="lag [rows]", y="autocorrelation", log=log, zero=True)
 
 

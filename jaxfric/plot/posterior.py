@@ -89,7 +89,7 @@ def _density(
     axis.stairs(heights, edges, color=_LAPLACE, lw=1.1, label="Laplace approximation")
     if name in posterior.names:
         prior = posterior.priors[posterior.names.index(name)]
-        along, density = prior.curve(x, unit)  # nothing where it is flat
+        along, density = prior.curve(x, unit)  # no curve for a flat prior
         axis.plot(along, density, color=_PRIOR, lw=1.5, ls="--", label="prior", clip_on=False)
         if np.max(density, initial=0.0) < _LOW * heights.max():
             words = "prior: far wider" if len(along) else f"prior: {prior.text()}"
@@ -105,7 +105,7 @@ def _pair(
 ) -> None:  # fmt: skip
     """Draws of two parameters, and the 95 % ellipse of the Laplace approximation's covariance."""
     shown = about if drawn is None else drawn
-    # at random: every second of the approximation's draws, a Sobol sequence, lies to one side
+    # chosen at random: the draws are a Sobol sequence, of which every second lies on one side
     some = np.random.default_rng(0).permutation(len(shown[pair[0]]))[:_MOST]
     x, y = (shown[name][some] for name in pair)
     colour = _LAPLACE if drawn is None else _DRAWS

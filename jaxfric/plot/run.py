@@ -52,7 +52,7 @@ def draw_events(record: Record, events: Sequence[Event], *paths: str | Path) -> 
     x = record.moved() - record.moved()[0]
     style.samples(axes[0], x, record.friction)
     style.tidy(axes[0], y=friction_label(record.friction_unit), grid=False)
-    low, high = np.quantile(record.friction, [0.002, 0.998])  # a few wild rows do not decide
+    low, high = np.quantile(record.friction, [0.002, 0.998])  # a few outliers do not decide
     room = 0.12 * max(high - low, 1e-12)
     axes[0].set_ylim(low - room, high + 2 * room)
     _speeds(axes[1], record, events, x)
@@ -91,7 +91,7 @@ def _rows(record: Record, times: Sequence[float]) -> np.ndarray:
 def _speeds(axis: Axes, record: Record, events: Sequence[Event], x: np.ndarray) -> None:
     """Speeds between events; dotted where the load point moves back."""
     joints = [event for event in events if event.before != event.after]
-    if not events:  # one velocity, and no event that tells it
+    if not events:  # one velocity, which no event states
         axis.text(0.5, 0.5, "no step", transform=axis.transAxes, ha="center", color="0.5")
         return
     ends = x[[0, *_rows(record, [event.time for event in joints]), len(record) - 1]]
@@ -119,7 +119,7 @@ def _mark(
 def _number(axis: Axes, places: Sequence[float]) -> None:
     """The numbers of the steps that are fitted, above their windows, in the first of two lines
     that has room; where none has, the neighbours' numbers tell."""
-    ends = [-np.inf, -np.inf]  # of the numbers in the lower and the upper line
+    ends = [-np.inf, -np.inf]  # ends of the numbers in the lower and the upper line
     digit = _NUMBER * np.ptp(axis.get_xlim())
     for number, place in enumerate(places, 1):
         line = next((k for k, end in enumerate(ends) if place >= end), None)
@@ -179,7 +179,7 @@ def rates_figure(run: RunFit) -> Figure:
     low, high = axes[0].get_ylim()
     words = "all below 0: velocity weakening" if high < 0 else "below 0: velocity weakening"
     words = "all above 0: velocity strengthening" if low > 0 else words
-    style.tidy(axes[0], words, y="A − B (bars: 95 %)")  # within, words would lie on the line of 0
+    style.tidy(axes[0], words, y="A − B (bars: 95 %)")  # inside, text would hide the line at 0
     return style.finish(figure)
 
 
@@ -187,7 +187,7 @@ def _fill(axis: Axes, pairs: np.ndarray) -> None:
     """Limits in which pairs (n, 2) of a value and its error fill an axis."""
     if not len(pairs):
         return
-    # a step that tells little must not hide what others tell
+    # a step with a large error must not hide the others
     bars = 1.96 * pairs[:, 1]
     told = bars <= _LONG * np.median(bars)
     ends = np.concatenate([pairs[:, 0], (pairs[:, 0] - bars)[told], (pairs[:, 0] + bars)[told]])

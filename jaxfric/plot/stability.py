@@ -69,7 +69,7 @@ def draw_curve(
     points = steady_points(logarithmic(law), V)
     force, slope = np.asarray(points.force), np.asarray(points.steady_slope)
     axis.plot(V, force, color=BLUE, lw=1.5, label="steady friction")
-    if (slope < 0).any():  # a band under the curve, so that both are seen
+    if (slope < 0).any():  # a band under the curve, so that band and curve are visible
         falling = np.where(slope < 0, force, np.nan)
         words = "velocity weakening: promotes stick-slip"
         axis.plot(V, falling, color=ORANGE, lw=5, alpha=0.6, zorder=1.9, label=words)
@@ -242,7 +242,7 @@ def _sweep(axis: Axes, V: np.ndarray, values: np.ndarray, name: tuple[str, str],
     for mask, text in ((np.isinf(values), "no stiffness suffices"), (values <= 0, zero)):
         places = np.flatnonzero(mask)
         run = max(np.split(places, np.flatnonzero(np.diff(places) > 1) + 1), key=len)
-        if len(run) > 0.1 * len(V):  # said over the longest stretch, unless that is short
+        if len(run) > 0.1 * len(V):  # text over the longest stretch, unless the stretch is short
             at, turn = math.sqrt(V[run[0]] * V[run[-1]]), 0 if len(run) > 0.25 * len(V) else 90
             across = axis.get_xaxis_transform()
             axis.text(at, 0.5, text, ha="center", va="center", transform=across, rotation=turn)

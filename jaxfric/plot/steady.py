@@ -46,7 +46,7 @@ def steady_figure(loop: SteadyLoop) -> Figure:
     if loop.final is not loop.base:
         lines.append((loop.final, BLUE, "with " + " + ".join(loop.final.effects)))
     v = np.geomspace(np.min(np.abs(curve.speed)), np.max(np.abs(curve.speed)), _LINE)
-    both = np.concatenate([-v[::-1], [np.nan], v])  # no curve where no run is
+    both = np.concatenate([-v[::-1], [np.nan], v])  # no curve at speeds without runs
     for model, colour, label in lines:
         force = np.concatenate([model.force(-v[::-1]), [np.nan], model.force(v)])
         top.plot(factor * both, force / size, color=colour, lw=1.3, label=label)

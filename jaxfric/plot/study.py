@@ -52,7 +52,7 @@ def draw_study(found: "Dataset", folder: Path) -> list[str]:
     names = []
     for name in outputs:
         if name == "outcome" and not np.any(found[name].values):
-            continue  # all were computed
+            continue  # all members were computed
         if "sample" in dims:
             shares = _shares(found, name, dims) if name in coded and name != "outcome" else None
             figure = (
@@ -117,7 +117,7 @@ def _map(found: "Dataset", name: str, dims: tuple[str, ...], *, coded: bool) -> 
     if name == "period_spread" and "end" in found and not every[np.isfinite(every)].any():
         return None  # all cycles are regular
     if name in _OF_CYCLES and "end" in found and not np.any(found["end"].values > 0):
-        return None  # what is left of a motion that came to rest is the solver's
+        return None  # after the motion has come to rest only errors of the solver remain
     longest = sorted(grid, key=lambda d: -found.sizes[d])
     x, y = sorted(longest[:2], key=dims.index)
     shown = _panels_of(found, dims, (x, y), longest[2:3])

@@ -188,7 +188,7 @@ def legend_below(figure: Figure, artists: Sequence[Artist]) -> None:
             found.values(), labels, loc="outside lower left", ncol=columns, frameon=False,
             fontsize=LETTERS, columnspacing=1.2, handlelength=1.8, borderpad=0.1,
         )  # fmt: skip
-        for handle in legend.legend_handles:  # points of a record are too small to be seen alone
+        for handle in legend.legend_handles:  # a single point of a record is too small for a legend
             if isinstance(handle, Line2D):
                 handle.set_markersize(max(handle.get_markersize(), 4.0))
         box = legend.get_window_extent()
@@ -301,13 +301,13 @@ def stairs(
         axis.set_ylim(velocities.min() / 2, velocities.max() * 8)
         axis.set_yscale("log")
         axis.yaxis.set_major_formatter("{x:g}")
-        axis.yaxis.set_minor_formatter(NullFormatter())  # the numbers of the steps say more
+        axis.yaxis.set_minor_formatter(NullFormatter())  # step numbers are more informative
     else:
         axis.margins(y=0.4)
     room = letters(0.85 * DOUBLE)
     for k, share in enumerate(np.abs(np.diff(ends)) / np.ptp(place.x)):
         text = f"{float(f'{velocities[k]:.3g}'):.15g}".replace("-", "−")  # 2000, not 2e+03
-        if len(text) + 1 <= room * share:  # longer, it would lie on the line at its side
+        if len(text) + 1 <= room * share:  # a longer text would lie on the neighbouring line
             at = 0.5 * (ends[k] + ends[k + 1]), velocities[k]
             axis.annotate(text, at, (0, 2), textcoords="offset points", ha="center")
 

@@ -56,7 +56,7 @@ def doubt(details: AxisDetails) -> str:
         for name, own in details.loop.items()
         if fit is not None and name in _MEASURED and _far_apart(fit, name, own)
     ]
-    return f"{'; '.join(told)}: neither is a measurement" if told else ""
+    return f"{'; '.join(told)}: neither value is reliable" if told else ""
 
 
 def stability(details: AxisDetails) -> str:
@@ -117,7 +117,7 @@ def gains_table(details: AxisDetails) -> TextTable:
             " k_v"
         )
     head = ("", "in force", "at the drive")
-    if not any(row[-1] for row in rows):  # a drive of which nothing is known
+    if not any(row[-1] for row in rows):  # nothing is known of the drive
         head, rows = head[:-1], [row[:-1] for row in rows]
     return TextTable("Gains", head, rows, note)
 

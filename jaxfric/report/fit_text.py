@@ -104,7 +104,7 @@ def summary(fit: Fit) -> list[str]:
         + (f" in {fit.iterations} iterations" if fit.converged else ""),
         f"rms of the residual {fit.rms:.4g}{unit}, sum of squares {fit.sum_of_squares:.5g}",
     ]
-    if fit.converged:  # else what is left is the failure of the fit, not noise
+    if fit.converged:  # otherwise the residual is the failure of the fit, not noise
         lines.append(_noise_line(fit))
     drift = told_drift(fit)
     lines += [*_drifts(fit, drift), *_stability(fit, drift)]

@@ -81,7 +81,7 @@ def headline(gains: Gains) -> list[str]:
     kp = gains.smallest_kp if gains.any_stiffness else f"k_p = {_size(gains.kp, gains.unit('N/m'))}"
     kv = f"k_v = {_size(gains.kv, gains.unit('N s/m'))}"
     if gains.any_stiffness and gains.kv == 0:
-        kp, kv = "stable at any gain, for friction itself damps the motion", kp
+        kp, kv = "stable at any gain, because friction damps the motion", kp
     told = f"{kp}, {kv}" + (f" ({', '.join(margins)})" if margins else "")
     doubts = _doubts(gains)
     rests = _at_rest(gains) if gains.simulation is not None else []
@@ -336,7 +336,7 @@ def infeasible(found: Infeasible) -> str:
     limits = f"k_p up to {region.upper[0]:g} {k_p}, k_v up to {region.upper[1]:g} {k_v}"
     which = f"within the limits ({limits})" if limited else "of any size"
     advice = ["lower the margin", *(["widen the limits"] if limited else [])]
-    advice += [] if scenarios.delay is None else ["let the controller answer sooner"]
+    advice += [] if scenarios.delay is None else ["reduce the controller's delay"]
     return (
         f"no gains {which} meet the requirement: {found.margin}={found.required:g} is missed"
         f" at velocity {where['velocity']:.3g} {speed}{mass}{sample}, where the best"

@@ -126,7 +126,7 @@ def _one_run(loop: Loop) -> PlannedRun | None:
     own, wanted = own_run(loop), _wanted(loop)
     if loop.words is AXIS or not wanted or not own.speeds:
         return None
-    # time and slip, which grow together, are told by a step at another velocity
+    # time and slip grow together; a step at another velocity separates them
     apart = grow_together(loop.location, loop.base_fit.steps.velocities)
     another = [RunChange.DWELL] if apart else []
     run = deciding_run(own, [*itertools.chain(*wanted.values()), *another])

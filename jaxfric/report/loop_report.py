@@ -59,7 +59,7 @@ def first_lines(loop: Loop) -> list[str]:
 
     If the verdict is limited, the first reason replaces the meaning.
     """
-    if told := answer(loop):  # of an axis
+    if told := answer(loop):  # only an axis has an answer
         return told
     found = headline(loop)
     if loop.verdict == "effects" and not loop.families:

@@ -35,7 +35,7 @@ def output_folder(destination: str | Path) -> Generator[Path]:
             shutil.rmtree(work, ignore_errors=True)
         for folder in made:
             with contextlib.suppress(OSError):
-                folder.rmdir()  # unless it holds files
+                folder.rmdir()  # fails if the folder holds files
 
 
 def _make(target: Path) -> list[Path]:

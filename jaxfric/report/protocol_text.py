@@ -18,10 +18,10 @@ from .tables import TextTable
 from .words import change_words
 
 _NOTE = (
-    "smallest: the effect's amplitude at which its likelihood ratio exceeds 10 + p ln n in 19 of 20"
-    " records, at the shape that is seen best; to first order, white noise; rows count that jaxfric"
-    " loop would fit,"
-    " without the last velocities, which it holds out"
+    "smallest: the amplitude of the effect at which the likelihood ratio exceeds 10 + p ln n (p"
+    " parameters, n rows) in 19 of 20 records, for the shape of the effect that is easiest to"
+    " identify. This amplitude is computed to first order, with white noise, for the rows that"
+    " jaxfric loop would fit. The loop holds out the last velocities"
 )
 _NOTHING = Answer()
 _SAME = 0.9995
@@ -96,7 +96,7 @@ def _would(plan: Protocol, pair: Pair, better: Remedy) -> str:
         return f"no single change in the table below does, the nearest is {text}"
     other = better.sooner
     sooner = "" if other is None else f", or with {other.text} ({_duration(other.duration)})"
-    small = "of effects as small as those of the file it does" if pair.apart else "it would"
+    small = "it would tell effects as small as those of the file" if pair.apart else "it would"
     return f"{small} with {text}{sooner}"
 
 
@@ -124,7 +124,7 @@ def _other_likes(plan: Protocol, pair: Pair) -> str:
 
 def _later(plan: Protocol, pair: Pair) -> str:
     """From which size on either effect is told from all others too, where that is a larger one."""
-    if pair.cosine is None:  # from the law alone
+    if pair.cosine is None:  # one of the pair is the law alone
         return ""
     told = []
     for id, size in pair.sizes.items():
@@ -377,7 +377,7 @@ def _amplitude(s: Smallest) -> tuple[str, str]:
 
 def _size(s: Smallest, value: float) -> str:
     """An amplitude by its symbol, in a readable unit."""
-    if s.id == "evolution_cutoff":  # 1/c is the velocity of its equation
+    if s.id == "evolution_cutoff":  # 1/c is the velocity in the equation of this effect
         return f"Vc = {speed_text(1 / value)}"
     shown, size = shown_unit(Estimate(value, 0.0, 0.0, 0.0, s.unit), "um")
     symbols = [parameters(CATALOGUE[s.id])[n].symbol if s.id in CATALOGUE else n for n in s.names]

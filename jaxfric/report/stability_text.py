@@ -93,8 +93,8 @@ def describe(study: Study, law: str) -> list[str]:
         lines += _memoryless(study.law, _units(study))
     if isinstance(study.law, Dahl):
         lines.append(
-            "Dahl's steady curve has no falling part and no memory of velocity: friction is no"
-            " reason for stick-slip, and every k_p > 0 is stable where f_v + k_v > 0"
+            "Dahl's steady curve has no falling part and no memory of velocity. This friction does"
+            " not cause stick-slip, and every k_p > 0 is stable where f_v + k_v > 0"
         )
     lines += _gains(study)
     return [*lines, "", "numbers such as (18) are equations of the documentation's page 'theory'"]
@@ -150,7 +150,7 @@ def _conclusion(study: Study) -> str:
     if 0 < k_cr < math.inf:
         at = f"k_cr = {k_cr:.10g} {_units(study).stiffness}, w_cr = {w_cr:.10g} rad/s"
         return f"{at}: stable for k_p above k_cr, {_without(study)}"
-    late = "; late as it is, it bounds k_p and k_v" if k_cr == 0 and study.late is not None else ""
+    late = "; the delay bounds k_p and k_v" if k_cr == 0 and study.late is not None else ""
     return _in_short(study.theorem) + late
 
 
@@ -163,8 +163,8 @@ def theorem_lines(found: Theorem) -> list[str]:
         "all solutions of (19) found": found.complete,
     }
     lines = [f"{'holds' if bool(held) else 'FAILS'}: {text}" for text, held in checks.items()]
-    if float(found.critical_stiffness) == 0:  # no fault: damping alone does it
-        lines[2] = "not so: f_v + k_v < int g dt (18), so that no stiffness is needed"
+    if float(found.critical_stiffness) == 0:  # no failure: damping alone stabilises the slider
+        lines[2] = "does not hold: f_v + k_v < int g dt (18); damping alone stabilises the slider"
     return [*lines, _in_short(found)]
 
 

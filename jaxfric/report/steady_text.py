@@ -42,9 +42,10 @@ def noise_text(noise: SteadyNoise, curve: SteadyCurve) -> list[str]:
     lines += turn_text(noise)
     low, middle, high = np.quantile(noise.effective / curve.effective, [0.0, 0.5, 1.0])
     lines.append(
-        f"independent samples of a run: {_range(noise.effective)} by this noise,"
-        f" {_range(curve.effective)} by its own rows, which the errors of the means rest on;"
-        f" their ratio is {middle:.2f} in the median, {low:.2f} to {high:.2f} over the runs"
+        f"independent samples of a run: {_range(noise.effective)} by the noise of all runs,"
+        f" {_range(curve.effective)} by its own rows; the errors of the means use the"
+        f" second number. The ratio of the two is {middle:.2f} in the median, {low:.2f} to"
+        f" {high:.2f} over the runs"
     )
     lines += step_words(noise.estimate.steps, noise.estimate.sigma, curve.provenance.path)
     return lines
@@ -78,8 +79,8 @@ def tables(loop: SteadyLoop) -> list[TextTable]:
     ]
     head = ("effects", f"rms [{unit}]", f"held out [{unit}]", f"spread [{unit}]", "ΔBIC", "")
     note = (
-        "held out: every run predicted without it and its neighbours in speed. spread: how runs"
-        " differ beyond the error of their means"
+        "held out: error of predicting each run from a fit without this run and its neighbours in"
+        " speed. spread: differences between runs beyond the errors of their means"
     )
     models = [TextTable("Models that were fitted", head, rows, note)]
     names = list(dict.fromkeys([*loop.base.values, *loop.final.values]))

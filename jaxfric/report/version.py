@@ -7,5 +7,5 @@ def installed_version() -> str:
 
     try:
         return version("jaxfric")
-    except PackageNotFoundError:  # run from a source tree
+    except PackageNotFoundError:  # jaxfric runs from a source tree
         return "(not installed)"

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 Elsewhere = Callable[[bytes, int, dict[str, str]], Computed]
 # Blocks in progress for each thread of the cluster: one computed, one waiting.
 _AHEAD = 2
-# After this number of lost workers a block itself is taken as the cause.
+# If a block loses this number of workers, the block itself counts as the cause.
 _LOSSES = 20
 # Seconds for a scheduler to answer, and until a lack of workers or chunks is reported.
 _PATIENCE = 15.0
@@ -56,7 +56,7 @@ def local_processes(number: int) -> "Generator[Client]":
     import jax
     from distributed import LocalCluster
 
-    on = os.environ.get("JAX_PLATFORMS", "cpu")  # they would share one GPU
+    on = os.environ.get("JAX_PLATFORMS", "cpu")  # the processes would share one GPU
     environment = {"JAX_NUM_CPU_DEVICES": "1", "JAX_PLATFORMS": on}
     folder = jax.config.jax_compilation_cache_dir  # ty: ignore[missing-attribute]
     if folder:

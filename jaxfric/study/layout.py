@@ -40,7 +40,7 @@ def make_store(folder: str, task: Task, label: Label) -> None:
     group = zarr.create_group(folder, attributes=attributes)
     _variables(group, task)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # zarr warns that not all readers know it; xarray does
+        warnings.simplefilter("ignore")  # zarr warns that some readers lack this; xarray has it
         zarr.consolidate_metadata(folder)
     root = Path(folder)
     files = sorted(file for file in root.rglob("*") if file.is_file())

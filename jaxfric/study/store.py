@@ -111,7 +111,7 @@ def open_store(
     if place.exists():
         refuse_other(place, label.description)
         if changed_versions(place) and not place.names(f"{DONE}/c"):
-            with place.lock(tell):  # it has no block yet: start again
+            with place.lock(tell):  # the store has no block yet: start again
                 place.discard()
         elif not any_versions:
             refuse_other_versions(place)
