@@ -155,8 +155,7 @@ def curve_covariance(
     values: Mapping[str, float],
     shared: np.ndarray | None = None,
 ) -> tuple[list[str], np.ndarray]:
-    """Names and covariance (p, p) of a curve's parameters with `values` (SI), from the curve's
-    runs.
+    """Names and covariance (p, p) of a curve's parameters, at `values` (SI), from all its runs.
 
     speed, error, shared : of the runs [n], as in `SteadyCurve`. spread : tau, the spread of runs
     beyond their errors. The exponent n of a Stribeck term counts as known.
