@@ -1,6 +1,6 @@
 """Servo axes: friction from the motor force and the encoder, over both directions.
 
-This module collects the names of an axis' loop. They are defined in `jaxfric.loop.axis`,
+This module collects the names of an axis' loop, which are defined in `jaxfric.loop.axis`,
 `jaxfric.loop.steady`, `jaxfric.effects.axis` and `jaxfric.fitting.axis_preparation`.
 """
 

@@ -20,7 +20,7 @@ _NAMES = {"linear": "a line", "rotary": "a rotation"}
 
 
 def unit_of(si_unit: str, coordinate: Coordinate) -> str:
-    """Convert a linear SI unit to that of a coordinate: "N/m" becomes "N m/rad" for a rotation."""
+    """Convert a linear SI unit to the unit of a coordinate: "N/m" is "N m/rad" for a rotation."""
     if coordinate == "linear":
         return si_unit
     turned = re.sub(r"\b(N|kg|m)\b", lambda unit: _TURNED[unit[0]], si_unit)

@@ -1,6 +1,6 @@
 """Commanded motion of the load point.
 
-A motion gives displacement [m] and velocity [m/s] at any time [s]. It also lists the times of
+A motion gives displacement [m] and velocity [m/s] at any time [s]. A motion also lists the times of
 its velocity jumps, so that a solver can step to them exactly.
 """
 

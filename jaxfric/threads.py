@@ -26,9 +26,10 @@ def cores() -> int:
 
 
 def at_once(number: int) -> int:
-    """Batch size: `number` on a processor, whose cache holds that many, 128 times as many on a GPU.
+    """Batch size: `number` on a processor, 128 times `number` on a GPU.
 
-    On a GPU a small batch takes as long as a large one.
+    A batch of `number` fits in a processor's cache. On a GPU a small batch takes as long as a large
+    one.
     """
     return number if on_processor() else _OF_A_GPU * number
 

@@ -1,6 +1,6 @@
 """Conversion of text with a unit to a number in SI.
 
-All other code uses SI. pint parses units; it is loaded only for the first uncommon one. Spellings
+All other code uses SI. pint parses uncommon units; it is loaded for the first of them. Spellings
 of practice are understood: um, µm, micron(s), microns/s, sec, MPa, s^-1, 1, -.
 """
 

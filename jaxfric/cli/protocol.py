@@ -47,7 +47,7 @@ class PlanOptions:
     parameters: options.Parameters = None
 
     def base(self) -> "Base":
-        """The base that is typed, or that of the file."""
+        """The base model, from the options or from the file of --from."""
         from ..protocol.base import base_of_file, base_of_text
         from ..units import has_dimension
 
@@ -156,7 +156,7 @@ class _Wrong:
         self.texts: list[str] = []
 
     def of(self, read: Callable[[], T]) -> T | None:
-        """What `read` gives; None where it refuses."""
+        """The result of `read`; None if `read` raises `InputError`."""
         try:
             return read()
         except InputError as error:
@@ -164,7 +164,7 @@ class _Wrong:
             return None
 
     def refuse(self) -> None:
-        """Raises `InputError` with all that was wrong."""
+        """Raises `InputError` with all faults that were found."""
         if self.texts:
             raise InputError("; and ".join(self.texts))
 

@@ -46,7 +46,7 @@ class StudyOptions:
     """Continue a store that other versions of jaxfric or its packages began."""
 
     def address(self) -> str | None:
-        """The address of the scheduler, where there is one."""
+        """The address of the scheduler; None without a scheduler."""
         if self.scheduler_file is None:
             return self.scheduler
         if self.scheduler is not None:
@@ -182,7 +182,7 @@ class _Teller:
         self.state = "no new chunk is written yet"
 
     def note(self, text: str) -> None:
-        """A message of the study; warnings stay, with --quiet too."""
+        """Print a message of the study; warnings are also printed with --quiet."""
         from ..findings import Warned  # only here: the command begins without NumPy
 
         if isinstance(text, Warned):
@@ -191,7 +191,7 @@ class _Teller:
             self.say(text)
 
     def progress(self, now: "Progress") -> None:
-        """A chunk was written."""
+        """Report that a chunk was written."""
         from ..report.study_text import duration
 
         self.members = now.members

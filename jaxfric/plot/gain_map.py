@@ -25,8 +25,8 @@ _MEANS = {"stiff": "stiffness", "damped": "damping"}
 def draw_gain_map(axis: Axes, result: Gains) -> list:
     """Draw the gains that all scenarios accept, the limits of the linear theory, and the optima.
 
-    Only scenarios that are the worst at some gains of a coarser grid, or at an optimum, are
-    evaluated: a few of thousands. Returns further artists for the legend.
+    Only a few of thousands of scenarios are evaluated: those that are the worst at some gains of a
+    coarser grid, or at an optimum. Returns further artists for the legend.
     """
     k_cr_at, needed = _boundary(result.scenarios)
     k_p, k_v = _map_axes(result, k_cr_at, needed)

@@ -144,7 +144,8 @@ def draw_end_map(
 ) -> list[str]:
     """Write the map of ends from a stuck start over the gains; the names written.
 
-    Where it ends steady the stick-slip cycle has disappeared: the first approach of section I.A.
+    If the motion ends steady, the stick-slip cycle has disappeared: the first approach of section
+    I.A.
 
     Parameters
     ----------

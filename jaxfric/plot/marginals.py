@@ -49,10 +49,10 @@ def draw_marginals(found: "Dataset", outputs: Sequence[str], coded: Sequence[str
     """Draw each output over each parameter: the median and a range of 90 %, or shares.
 
     Outputs in `coded` are codes; their shares are drawn. All panels of an output share one scale.
-    An output without any number has no panel. If there are more than `_MANY` panels, only those are
-    drawn whose output changes with the parameter: the `_PANELS` with the largest change. The title
-    names all outputs and parameters that are left out. Returns None if no parameter varies, or no
-    output has a number.
+    An output without any number has no panel. If there would be more than `_MANY` panels, only
+    `_PANELS` are drawn: the pairs whose output changes most with the parameter. The title names all
+    outputs and parameters that are left out. Returns None if no parameter varies, or no output has
+    a number.
     """
     members, columns = _thinned(found)
     values = {name: np.asarray(found[name].isel(members).values).ravel() for name in outputs}

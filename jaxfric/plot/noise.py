@@ -23,9 +23,9 @@ def draw_autocorrelation(
 ) -> None:
     """Draw the measured autocorrelation and a 95 % band.
 
-    With `model` the band is that of the noise model in a record like this, and the model is drawn
-    too. Without, it is the band of white noise. Labels state where the autocorrelation leaves the
-    band. `part`: as for `autocorrelation`.
+    With `model` the noise model is drawn too, and the band is the one expected for a record like
+    this. Without `model` the band is that of white noise. Labels state where the autocorrelation
+    leaves the band. `part`: as for `autocorrelation`.
     """
     found = autocorrelation(clock, residual, noise if model else NoiseEstimate(noise.sigma), part)
     lag, value, modelled, error = found

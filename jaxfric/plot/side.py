@@ -47,7 +47,8 @@ def side_of(found: "Dataset", name: str) -> Side:
 def by_factors(values: np.ndarray) -> bool:
     """Whether listed values grow by factors rather than by equal steps: 1, 3, 10, not 1, 2, 3.
 
-    Such values are positive, span more than a factor of `_FAR`, and have more even logarithms.
+    Values that grow by factors are positive and span more than a factor of `_FAR`. Their logarithms
+    are more evenly spaced than the values.
     """
     listed = np.unique(values)
     if len(listed) < 2 or listed[0] <= 0 or listed[-1] < _FAR * listed[0]:

@@ -42,7 +42,7 @@ FIGURES: tuple[str, ...] = ("friction", "gain_map", "velocity", "root_locus")
 def drawers(found: Study) -> dict[str, Callable[[Study, Path], list[str]]]:
     """Functions that each write one figure of a study to a folder, by the name of the figure.
 
-    Each returns the names of the written files.
+    Each function returns the names of the written files.
     """
     maps = {} if found.delayed else {"gain_map": _map_figure, "velocity": _sweep_figure}
     return style.drawers({"friction": _friction_figure, **maps, "root_locus": _locus_figure})

@@ -68,9 +68,9 @@ def speed_shown(curve: SteadyCurve) -> tuple[float, str]:
 def draw_noise(curve: SteadyCurve, noise: SteadyNoise, folder: str | Path) -> list[str]:
     """Write the figure `noise` to `folder` as PNG and SVG; return the names of the files.
 
-    The left panel has the autocorrelation of the runs about their means. The right panel has the
-    number of independent samples of each run: by its own rows, which give its error, and by the
-    noise of all runs.
+    The left panel shows the autocorrelation of the runs about their means. The right panel shows
+    the number of independent samples of each run, from two estimates: the rows of the run, which
+    give the error of its mean, and the noise of all runs.
     """
     figure, (left, right) = style.side_by_side(2, height=2.4)
     draw_autocorrelation(left, noise.clock, noise.residual, noise.estimate, part=noise.run)

@@ -1,7 +1,7 @@
 """Figures of a study: maps over two parameters, and curves over one.
 
-They need only the Dataset of a store: its attributes hold names, units, codes and their meanings.
-Outputs with further dimensions (motions in time) are not drawn.
+The figures need only the Dataset of a store: its attributes hold names, units, codes and their
+meanings. Outputs with further dimensions (motions in time) are not drawn.
 """
 
 from collections.abc import Sequence

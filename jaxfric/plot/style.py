@@ -362,7 +362,7 @@ def drawers(
 ) -> dict[str, Callable[[Result, Path], list[str]]]:
     """Functions that each write one of the figures of a result to a folder.
 
-    Each returns the names of the written files.
+    Each function returns the names of the written files.
     """
 
     def drawer(

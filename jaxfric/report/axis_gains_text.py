@@ -8,7 +8,7 @@ from ..gains.axis_result import AxisGains, Shown, StiffOptimum
 def sentence(gains: AxisGains, unit: Shown, velocity: Shown) -> str:
     """Sentences on the stability of an axis, and on the speeds that the record did not show.
 
-    The units are those of damping and of velocity.
+    `unit` is the displayed unit of damping, `velocity` the displayed unit of velocity.
     """
     claim = gains.claim
     at, slope = velocity.text(gains.worst_velocity), _slope(gains, unit)

@@ -30,8 +30,8 @@ _LATEX_K = {"K [N/µm]": r"[N/$\mu$m]", "K [1/µm]": r"[1/$\mu$m]"}
 class TabledFit(NamedTuple):
     """A row of the table: the name, and the fit or the reason why there is no fit.
 
-    It also holds further cells by column head, the units in which numbers are shown, and a remark
-    on a fit whose numbers are not valid.
+    The row also holds further cells by column head, the units in which numbers are shown, and a
+    remark on a fit whose numbers are not valid.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Words for the variables that the structure of a residual follows, and their shares of it."""
+"""Words for the variables that the residual follows, and for the share that each explains."""
 
 from collections.abc import Sequence
 
@@ -47,9 +47,9 @@ def where_it_sits(
 def grow_together(
     location: tuple[LocationProfile, ...], velocities: np.ndarray | Sequence[float]
 ) -> bool:
-    """Whether other variables grow with the best one, so that the record cannot separate them.
+    """Whether the record cannot separate the best variable from others that grow with it.
 
-    Velocity steps at other velocities would separate them.
+    Steps at other velocities would separate such variables.
     """
     best = _most_telling(location)
     return best is not None and bool(_alike(best, location, velocities))

@@ -31,8 +31,8 @@ _MOST_STEPS = 40
 def report(loop: Loop, *, file: str = "loop.json", whole: bool = False) -> Report:
     """The answer, all tables, and the effects that the record can distinguish.
 
-    With `whole` all rows of the tables are shown, otherwise the first rows of long ones. `file` is
-    the path of the loop's JSON file in the next commands.
+    With `whole` all rows of the tables are shown, otherwise long tables are cut. `file` is the path
+    of the loop's JSON file in the next commands.
     """
     steps, most = (None, len(loop.candidates)) if whole else (_MOST_STEPS, _MOST_CANDIDATES)
     tables = [

@@ -200,8 +200,8 @@ def found_too_small(plan: Protocol, pair: Pair, known: Mapping[str, float]) -> l
 def apart(plan: Protocol, asked: Pair | None = None) -> list[str]:
     """Lines on the effects that the plan cannot distinguish, and on the requested pair.
 
-    Similar effects form one line. Such a line is a chain, in which only neighbours are alike, or a
-    group, in which any two are alike.
+    Effects linked by such pairs form one line. The line is a group if any two of its effects are
+    alike, otherwise a chain, in which only neighbours are alike.
     """
     design, out = plan.design, []
     for group in design.groups():

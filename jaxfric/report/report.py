@@ -86,7 +86,7 @@ def print_next_steps(report: Report, console: "Console", *, most: int | None = N
 def cut(table: TextTable, most: int) -> TextTable:
     """The table with at most so many rows (3 or more): the marked rows, then the first ones.
 
-    Without column meanings, which take lines, and without a note longer than one line.
+    The cut table has no column of meanings, which takes lines, and no note longer than one line.
     """
     most = max(most, 3)
     shown = range(len(table.rows))

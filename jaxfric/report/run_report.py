@@ -31,10 +31,10 @@ _NO_STEP = "no velocity step is fitted; events.toml says what was found and why"
 
 
 def report(run: RunFit, others: Findings = _NOTHING, ask: str = "") -> Report:
-    """The number of fitted steps, their common parameters, a table of them, and the other events.
+    """The number of fitted steps, their common parameters, a table of the steps, and other events.
 
-    The warnings are those of the fits of the steps. `ask` is the next command if some fits miss a
-    part of their steps.
+    The warnings come from the fits of the steps. `ask` is the next command if some fits miss a part
+    of their steps.
     """
     kinds = Counter(event.kind for event in run.events)
     number = len(run.events)

@@ -174,8 +174,8 @@ def load(path: str | Path, *, verify: bool = True) -> "xarray.Dataset":
     """Open a store as a lazy xarray Dataset. Members not yet computed are nan or -1.
 
     `path` is a folder or a URL. The attribute "errors" has the errors of failed members, each with
-    its count. `verify` first compares every file with its checksum. Without it a deleted chunk
-    reads as not computed; a chunk with wrong bytes raises when it is read.
+    its count. `verify` first compares every file with its checksum. Without `verify` a deleted
+    chunk reads as not computed; a chunk with wrong bytes raises when it is read.
 
     Raises
     ------

@@ -52,7 +52,7 @@ def attributes(fit: Fit) -> dict[str, object]:
 
 
 def frame(fit: Fit) -> Frame:
-    """One row for A-B and each parameter: meaning, value, std, 95 % interval and unit, SI."""
+    """One row for A-B and for each parameter: meaning, value, std, 95 % interval, unit (SI)."""
     of, texts = {DIFFERENCE: fit.A_minus_B, **fit.parameters}, map(_with_error, rows(fit))
     found = [
         {"name": name, "shown": text} | estimated(name, e)
