@@ -115,13 +115,13 @@ def test_friction_that_drives_is_not_possible(coulomb, viscous, possible):
 @pytest.mark.parametrize(
     ("width", "unseen", "slowest", "why"),
     [
-        (1e-5, [], 0.02, "only 2 % of the rows that count are slower"),
+        (1e-5, [], 0.02, "only 2 % of the fitted rows are slower"),
         (0.01, [], 0.04, "rows below 0.02 m/s do not count"),
         (
             1e-5,
             [0.5],
             0.51,
-            "no steady motion up to 0.5 m/s was seen, and only 2 % of the rows that count above are"
+            "no steady motion up to 0.5 m/s was seen, and only 2 % of the fitted rows above are"
             " slower",
         ),
         (0.2, [0.5], 0.8, "rows below 0.4 m/s do not count"),

@@ -40,13 +40,13 @@ def short(gains: AxisGains, unit: Shown, velocity: Shown) -> str:
         return f"nothing can be said: {'; '.join(claim.reasons)}"
     if claim.kind == "free":
         return (
-            f"friction grows with speed{_range(gains, velocity)}, and is no reason for it there."
+            f"friction grows with speed{_range(gains, velocity)} and causes no stick-slip there."
             f"{_not_seen(gains, velocity)}"
         )
     text = (
         f"friction falls with speed, most steeply at {velocity.text(gains.worst_velocity)}, so"
-        f" the axis may stick-slip; the controller must add damping k_v above"
-        f" {unit.text(claim.damping)} to hold it{_range(gains, velocity)}"
+        " the axis may stick-slip. The controller must add damping k_v above"
+        f" {unit.text(claim.damping)} to prevent it{_range(gains, velocity)}"
     )
     if gains.stiff is not None and 0 < gains.stiff.critical_stiffness < np.inf:
         text += f", or stiffness k_p above {_stiffness(unit).text(gains.stiff.critical_stiffness)}"

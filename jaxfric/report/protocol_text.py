@@ -18,7 +18,7 @@ from .tables import TextTable
 from .words import change_words
 
 _NOTE = (
-    "smallest: the amplitude of the effect at which the likelihood ratio exceeds 10 + p ln n (p"
+    "detected from: the effect's amplitude at which the likelihood ratio exceeds 10 + p ln n (p"
     " parameters, n rows) in 19 of 20 records, for the shape of the effect that is easiest to"
     " identify. This amplitude is computed to first order, with white noise, for the rows that"
     " jaxfric loop would fit. The loop holds out the last velocities"
@@ -258,7 +258,7 @@ def _of_all(plan: Protocol, recommended: str) -> str:
 def effects(plan: Protocol) -> TextTable:
     """Table of the effects: the smallest identifiable amplitude, and the most similar effect."""
     rows = [(s.id, *_amplitude(s), *_nearest(plan.design, s.id)) for s in plan.design.smallest]
-    head = ("effect", "smallest named", "at the shape", "most alike", "|cosine|")
+    head = ("effect", "detected from", "with shape", "most alike", "|cosine|")
     return TextTable("How large an effect must be to be named", head, rows, _NOTE)
 
 

@@ -96,7 +96,7 @@ def slowest_told(
     speed : of the used rows. width : of the smoothed sign of the velocity. unseen : speeds up to
     which the record shows no steady motion.
     """
-    rare = f"only {100 * SLOWEST:g} % of the rows that count"
+    rare = f"only {100 * SLOWEST:g} % of the fitted rows"
     limits = [
         (
             4 * width,
