@@ -1,4 +1,4 @@
-"""Compute the members of one block on the devices of this process.
+"""Evaluate one block of a study (some of its parameter points) on the devices of this process.
 
 A block is padded to one fixed size, so that a study compiles once. If costs are known, the members
 of a block are sorted by cost and dealt to the devices in turn. Each device computes `batch` members
