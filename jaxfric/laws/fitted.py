@@ -125,9 +125,9 @@ def law_of(
 ) -> LawSource:
     """Return the law in newtons or newton metres, with samples drawn from the parameter errors.
 
-    A slip law whose only effect is a second state becomes a `RateState` with two states. With any
-    other friction effect the result is an `ExtendedLaw`. The direct effect is regularised, so the
-    law is also defined at rest. For an axis
+    A slip law whose only effect is a second state becomes a `RateState` with two states. With
+    friction effects besides a second state the result is an `ExtendedLaw`. The direct effect is
+    regularised, so the law is also defined at rest. For an axis
 
         f = F_v v + F_c + terms(v) + A ln(1 + v/v_c) + theta,
         theta' = (v/L)(-B ln(1 + v/v_c) - theta),   v > 0

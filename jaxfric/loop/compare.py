@@ -8,8 +8,8 @@ L is the maximum likelihood of the residual over the p parameters of the law and
 the noise. n is the effective number of rows, less than all rows if their noise is correlated. Each
 law has its own noise, but the noise of all laws has the same parts: those of the law with the
 lowest BIC. With white noise BIC would count correlated rows many times, and some law would always
-win by hundreds. The correlation length of the noise is at most a tenth of a velocity step (ten rows in steps of fewer than a hundred), so that
-noise cannot replace a law.
+win by hundreds. The correlation length of the noise is at most a tenth of a velocity step (ten rows
+in steps of fewer than a hundred), so that noise cannot replace a law.
 
 With three velocity steps or more, each law is also fitted without about a third of the steps
 (`loop.split`). Each law then predicts the steps that its fit left out.
