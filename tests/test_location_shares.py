@@ -114,7 +114,7 @@ def profile(variable, explained, further, p=1e-9):
         (
             [("slip", 0.9, 0.9), ("time", 0.4, 0.02), ("state", 0.5, 0.0)],
             [("slip", 0.9), ("time", 0.02), (None, 0.08)],
-            ["Slip explains 90 % of what the model lacks", "beyond those above"],
+            ["Slip explains 90 % of what the model lacks", "beyond the variables above"],
         ),
         (
             [("slip", 0.98, 0.98), ("time", 0.4, 0.004), ("state", 0.5, 0.003)],

@@ -274,8 +274,8 @@ def test_hypotheses_and_words():
     good = theorem(kernel, jnp.asarray(1.0), jnp.asarray(1.0))
     assert theorem_lines(good)[-1].startswith("critical stiffness 2 at 1 rad/s")
     enough = theorem(kernel, jnp.asarray(3.0), jnp.asarray(1.0))
-    assert "stable by damping" in theorem_lines(enough)[-1] and "not so" in theorem_lines(enough)[2]
-    assert "no stiffness is needed" in theorem_lines(enough)[2]
+    assert "stable by damping" in theorem_lines(enough)[-1]
+    assert "damping alone" in theorem_lines(enough)[2]
     assert "FAILS" not in str(theorem_lines(enough))
     assert "FAILS" in theorem_lines(theorem(kernel, jnp.asarray(-1.0), jnp.asarray(1.0)))[1]
     assert "no stiffness suffices" in theorem_lines(theorem(kernel, jnp.asarray(-1.0), 1.0))[-1]
