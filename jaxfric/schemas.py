@@ -20,8 +20,7 @@ SIMULATION = "jaxfric.simulation/2"
 STABILITY = "jaxfric.stability/1"
 STEADY = "jaxfric.steady/2"
 STUDY = "jaxfric.study/2"
-"""Of the store of a study; what the command prints of it is a
-`STUDY_SUMMARY`."""
+"""Of the store of a study; the command prints a `STUDY_SUMMARY` of the store."""
 STUDY_SUMMARY = "jaxfric.study_summary/1"
 
 VERBS = {

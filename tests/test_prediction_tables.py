@@ -153,7 +153,7 @@ def test_rows_faster_than_any_of_the_model(share, speed, told):
     velocity = np.where(np.arange(100) < 100 * share, speed, 0.1)
     velocity = velocity * np.where(np.arange(100) % 2, 1, -1)
     rows = SimpleNamespace(velocity=velocity, used=np.ones(100, bool))
-    record = SimpleNamespace(coordinate="linear")
+    record = SimpleNamespace(length_unit="m")
     for made in (
         saved([0.3, -0.2]),
         saved([0.1], location_map=[{"variable": "velocity", "centres": [-0.3, None, 0.2]}]),
@@ -164,7 +164,7 @@ def test_rows_faster_than_any_of_the_model(share, speed, told):
 
 
 def test_a_record_of_one_direction_is_told():
-    record = SimpleNamespace(coordinate="linear")
+    record = SimpleNamespace(length_unit="m")
     for back, told in ((-0.2, 0), (-1e-4, 1), (0.1, 1)):
         velocity = np.where(np.arange(100) < 50, 0.2, back)
         rows = SimpleNamespace(velocity=velocity, used=np.ones(100, bool))

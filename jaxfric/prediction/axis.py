@@ -68,7 +68,7 @@ def predict_axis(
     progress("preparing the record")
     setting = _setting(saved, record, held)
     problem, used = setting.problem, setting.rows.used
-    unit, length = record.force_unit, "rad" if record.coordinate == "rotary" else "m"
+    unit, length = record.force_unit, record.length_unit
     found: list[Comparison] = []
     position = None
     for name in reversed(saved.tables()):  # the better model first
@@ -172,7 +172,7 @@ def _prepared(
         preparation=chosen,
         held=held,
     )
-    rows = rows_of(prepared, None, unit="rad" if record.coordinate == "rotary" else "m")
+    rows = rows_of(prepared, None, unit=record.length_unit)
     if rows.used.sum() < 20:
         raise InputError(
             f"{record.provenance.path}: only {int(rows.used.sum())} rows move faster than the noise"
@@ -320,7 +320,7 @@ def _warnings(setting: _AxisSetting) -> tuple[str, ...]:
         )
     beyond = float(np.mean(speed > _BEYOND * fastest))
     if beyond > _UNSEEN:
-        unit = "rad/s" if setting.record.coordinate == "rotary" else "m/s"
+        unit = f"{setting.record.length_unit}/s"
         told.append(
             f"{100 * beyond:.0f} % of the rows are faster than {fastest:.3g} {unit}, the maximum of"
             " the model's own record: there it extrapolates"

@@ -48,7 +48,7 @@ def base_of_text(text: str = TYPICAL, friction_unit: str = "1", law: str = "slip
 
 
 def base_of_file(path: Path) -> Base:
-    """Read the base from a fit.json, or from the model after the search in a loop.json.
+    """Read the base from a fit.json, or from the supported model of a loop.json (`Loop.supported`).
 
     Raises `InputError` for a file of another kind, and for the file of an axis.
     """

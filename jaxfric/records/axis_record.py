@@ -116,6 +116,11 @@ class AxisRecord(Described, Drawable, Gridded, Tabular):
         return self.time - self.time[0]
 
     @property
+    def length_unit(self) -> str:
+        """The SI unit of the position: "m" or "rad"."""
+        return "rad" if self.coordinate == "rotary" else "m"
+
+    @property
     def columns(self) -> dict[str, np.ndarray]:
         """The recorded columns, by role."""
         found = {role: getattr(self, role) for role in COLUMNS}

@@ -17,7 +17,11 @@ def friction_line(rate: Estimate, parameters: Mapping[str, Estimate], length: st
     `rate` is A minus the sum of all B ("a - b - b2" with two states). Lengths are in the unit
     `length`.
     """
-    own = {_SHORT[m[1]] + m[2]: known for name, known in parameters.items() if (m := _state(name))}
+    own = {
+        _SHORT[m[1]] + m[2]: known
+        for name, known in parameters.items()
+        if (m := _STATE.fullmatch(name))
+    }
     states = sorted(name for name in own if name[0] == "b")
     shown = {" - ".join(("a", *(states or ["b"]))): rate}
     shown |= {name: own[name] for name in sorted(own, key=lambda name: "abD".index(name[0]))}
@@ -35,10 +39,6 @@ def with_error(estimate: Estimate, length: str) -> str:
     unit, size = shown_unit(estimate, length)
     text = measured(estimate.value / size, estimate.std / size, short=True).replace("-", "−")
     return f"{text} {unit}".rstrip()
-
-
-def _state(name: str) -> re.Match[str] | None:
-    return _STATE.fullmatch(name)
 
 
 def _known(estimate: Estimate) -> bool:

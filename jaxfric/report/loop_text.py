@@ -41,10 +41,11 @@ def headline(loop: Loop) -> str:
     if code == "too_weak" and _far_off(loop):
         code = "base_misses"
     if code == "outside_catalogue":
-        helps = loop.test_error(loop.after) < loop.test_error(loop.before)
-        code = "unfixed" if loop.unfixed() else code
-        if loop.effects and helps:
-            code = "beyond_unfixed" if loop.unfixed() else "beyond"
+        helps = loop.effects and loop.test_error(loop.after) < loop.test_error(loop.before)
+        if loop.unfixed():
+            code = "beyond_unfixed" if helps else "unfixed"
+        elif helps:
+            code = "beyond"
     alike = dict(confused(loop)) if code == "ambiguous" else {}
     if code == "ambiguous" and loop.effects:
         code = "one_of" if alike else "not_confirmed"

@@ -10,7 +10,7 @@ from .report import NextStep, Report
 if TYPE_CHECKING:
     from xarray import Dataset
 
-_WORDS = {"limit_cycle": "limit cycle, which is stick-slip", "failed": "not known"}
+_WORDS = {"limit_cycle": "limit cycle, which is stick-slip"}
 """Codes in words, where these say more."""
 _SHOWN = 5
 """Texts of errors that are shown."""

@@ -92,7 +92,7 @@ def details_of(
         fits += [] if simulated is None else [(when, simulated)]
     # slope and error must come from one model: that of the loop, over the used rows
     rig = problem.rig(jnp.asarray(found.final.z))
-    unit = "rad" if record.coordinate == "rotary" else "m"
+    unit = record.length_unit
     supported = seen(engine, found, rows, prepared, unit, directions, withheld)
     place = float(np.median(rows.position))
     usual = jnp.asarray(np.median(np.abs(rows.velocity[rows.used])))

@@ -147,7 +147,7 @@ def axis_subject(
         Choice(asked.with_, unseen, (IN_TIME,)),
         NoiseBounds(longest, either_sign=True, by_step=False),
     )
-    spring, length = spring_of(problem, rows), length_of(record)
+    spring, length = spring_of(problem, rows), record.length_unit
     stopped = _stopped(record, problem, rows, spring)
     reason = "" if stopped is None else said("verdict_text.reason_of", stopped)
     others: tuple[Finding, ...] = ()
@@ -210,7 +210,7 @@ def _stopped(
 ) -> Finding | None:
     """Why there is no verdict: the axis never slid, or its force is feedback; else None."""
     if spring is not None:
-        unit = f"{record.force_unit}/{length_of(record)}"
+        unit = f"{record.force_unit}/{record.length_unit}"
         values = {**spring._asdict(), "unit": unit}
         return Finding(LoopCode.SPRING, Severity.WITHHELD, values, rows.used)
     late = follows(problem, rows, record.coordinate == "rotary")
@@ -240,11 +240,6 @@ def unit_of_residuals(force: np.ndarray) -> float:
     commanded force has no noise. Without this bound a bad fit would count as a failed simulation.
     """
     return max(noise_from_differences(force), _LEAST_UNIT * float(np.ptp(force)))
-
-
-def length_of(record: AxisRecord) -> str:
-    """The SI unit of the position: "m" or "rad"."""
-    return "rad" if record.coordinate == "rotary" else "m"
 
 
 def own_unit(unit: str, force: str, length: str) -> str:

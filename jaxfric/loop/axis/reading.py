@@ -65,7 +65,7 @@ def read_rows(
     rough = rough_fit(prepared, rows.used, rows.width)
     work = float(np.mean((prepared.force[: prepared.rows] * rows.velocity)[rows.used]))
     unit = record.force_unit
-    mass = inertia_unit(unit, "rad" if record.coordinate == "rotary" else "m")
+    mass = inertia_unit(unit, record.length_unit)
     refuse_reversed(rough, work, record.provenance.path, unit, mass)
     wrong = disagreement(record, held=force is record.motor_force)
     wrong = wrong or _unexplained(record, prepared, rows)
@@ -80,7 +80,7 @@ def _refuse_still(record: AxisRecord, prepared: Prepared, rows: AxisRows) -> Non
     noise = _CLEAR_MOTION * prepared.velocity_noise
     if speed >= noise:
         return
-    unit = "rad/s" if record.coordinate == "rotary" else "m/s"
+    unit = f"{record.length_unit}/s"
     force = float(np.max(np.abs(record.motor_force)))
     raise InputError(
         f"{record.provenance.path}: the axis does not move: {100 * _NEARLY_ALL:.0f} % of the rows"
@@ -214,7 +214,7 @@ def _split(
 ) -> tuple[Prepared, AxisRows, Blocks, list[str]]:
     """Rows and blocks. If a split is impossible, lower cutoffs and shorter rows (if `free`) and
     lower thresholds are tried."""
-    path, unit = record.provenance.path, "rad" if record.coordinate == "rotary" else "m"
+    path, unit = record.provenance.path, record.length_unit
     lower = [c for c in _candidates(record) if c.cutoff < chosen.cutoff] if free else []
     tries = [(chosen, 1.0), *((one, 1.0) for one in lower)]
     tries += [(one, share) for share in _THRESHOLDS[1:] for one in (chosen, *lower)]
