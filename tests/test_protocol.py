@@ -28,17 +28,8 @@ from jaxfric.protocol.base import Base
 from jaxfric.protocol.design import Change, Design, Protocol, Smallest
 from jaxfric.protocol.plan import Planned, plan
 from jaxfric.protocol.plan import _changes as changed
-from jaxfric.protocol.plan import _Variant as Variant
-from jaxfric.protocol.remedy import remedy, shorter
-from jaxfric.report.protocol_text import (
-    _stay,
-    advice,
-    answer,
-    apart,
-    changes,
-    effects,
-    found_too_small,
-)
+from jaxfric.protocol.remedy import Answer, answer_of, remedy, shorter
+from jaxfric.report.protocol_text import answer, changes, effects, found_too_small, report
 
 AXIS = str(Path(__file__).parents[1] / "fits" / "emps" / "loop" / "loop.json")
 UM = 1e-6
@@ -88,9 +79,8 @@ def test_the_catalogue_s_cosines(twelve):
     assert cosine(out, "sensor_lag", "sensor_delay") > 1 - 1e-9
     # K (1 + g), A (1 + g), B (1 + g) slide as K, A, B and are recorded as these with a gain g
     assert cosine(out, "stiffness", "gain") > 1 - 1e-6
-    groups = [set(group) for group in out.groups()]
-    assert any({"servo_lag", "sensor_lag", "sensor_delay"} <= group for group in groups)
-    assert any({"slip_trend", "time_drift"} <= group for group in groups)
+    alike = {pair[:2] for pair in out.pairs()}
+    assert ("slip_trend", "time_drift") in alike and ("servo_lag", "sensor_delay") in alike
 
 
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.long)])
@@ -255,7 +245,7 @@ def test_changes_of_the_plan(twelve):
     counts = [len(c.design.pairs()) for c in twelve.changes]
     best = twelve.recommended()
     assert twelve.changes.index(best) == int(np.argmin(counts)) and best.key == "slip_channel"
-    assert "a slip channel" in advice(twelve)
+    assert report(twelve).headline[-1].startswith("recommended: a slip channel: leaves ")
 
 
 @pytest.mark.long
@@ -280,36 +270,9 @@ def test_the_recommendation_is_the_first_of_the_fewest(twelve):
         ).recommended()
 
     two = ((0, 1), (1, 2))
-    assert design(*two).groups() == (("a", "b", "c"),)
     assert recommended(two, two, ((0, 1),), ((1, 2),)).key == "slip_x4"
     assert recommended(two, ((0, 1),), None, ()).key == "dwell"
     assert recommended(two, two, None) is None
-
-
-def test_advice_names_what_the_table_shows_and_what_was_not_tried():
-    """The catalogue would tell slip_trend from time_drift by a dwell: the table shows whether."""
-    ids = ("slip_trend", "time_drift")
-
-    def design(alike):
-        cosines = np.where(np.eye(2, dtype=bool), 1.0, 0.97 if alike else 0.1)
-        seen = tuple(Smallest(id, ("x",), "1", 0.1, {}, 0.1, 0.1) for id in ids)
-        return Design(ids, cosines, seen, np.zeros(1), np.zeros(1))
-
-    def told(dwell_helps):
-        slow = Change("dwell", "a slow dwell at 0.3 um/s appended", 4e2, design(not dwell_helps))
-        return Protocol(
-            (1e-6,), 1e-4, 1e3, NOISE, None, 10, "1", "slip", PLANT, (), 1e2, 2.0,
-            design(True), (slow,), (), 1.0,
-        )  # fmt: skip
-
-    useless = told(False)
-    assert "dwell" not in advice(useless)
-    assert "not tried here: different velocities at equal slip" in advice(useless)
-    assert advice(told(True)).startswith("Recommended: a slow dwell at 0.3 um/s appended.")
-    other = dataclasses.replace(useless, changes=(*useless.changes, told(True).changes[0]))
-    assert "(separated by a slow dwell at 0.3 um/s appended; not tried" in _stay(
-        other, other.design
-    )
 
 
 @pytest.mark.parametrize(
@@ -324,7 +287,7 @@ def test_advice_names_what_the_table_shows_and_what_was_not_tried():
 def test_what_a_change_brings_is_not_held_out(velocities, dwell, repeat):
     """What is appended is followed by velocities that a loop holds out in its place."""
     V = tuple(v * UM for v in velocities)
-    plan = Variant("plan", "as planned", V, 150 * UM, None, None)
+    plan = Change("plan", "as planned", V, 150 * UM)
     found = {variant.key: variant for variant in changed(plan)}
     np.testing.assert_allclose(found["dwell"].velocities, np.multiply(dwell, UM), rtol=1e-3)
     assert ("repeat" in found) == (repeat is not None)
@@ -371,7 +334,7 @@ def test_near_the_edge(monkeypatch):
 
 def designed(cosine, *, sizes=(0.01, 0.02), after=None, changes=(), limit=math.inf):
     """A plan of two effects, q and n, that are so alike; `after`: with a slip channel; `changes`:
-    key, duration [s] and how alike the two are then."""
+    key, and how alike the two are then."""
 
     def design(value):
         two = (("ageing", "q"), ("velocity_dependent_L", "n"))
@@ -382,13 +345,13 @@ def designed(cosine, *, sizes=(0.01, 0.02), after=None, changes=(), limit=math.i
         table = np.asarray([[1.0, value], [value, 1.0]])
         return Design(tuple(id for id, _ in two), table, smallest, np.zeros(1), np.zeros(1))
 
-    changes = changes if after is None else (("slip_channel", 110.0, after),)
+    changes = changes if after is None else (("slip_channel", after),)
     asked = Planned([UM, 1e-5], 1e-4, STIFFNESS, NOISE, PLANT | {"V0": UM})
     return Protocol(
         **vars(asked), with_=(), critical_stiffness=1.0, ratio=4.0, design=design(cosine),
         changes=tuple(
-            Change(key, CHANGED[key][0], s, None if v is None else design(v), *CHANGED[key][1:])
-            for key, s, v in changes
+            Change(key, *CHANGED[key], design=None if v is None else design(v))
+            for key, v in changes
         ),
         warnings=(), seconds=0.0,
     )  # fmt: skip
@@ -406,58 +369,29 @@ CHANGED = {
 
 
 def answered(plan, ids=TWO, known=None):
-    return answer(plan, plan.design.pair(*ids), remedy(plan, ids, known or {}))
+    return "; ".join(answer(plan, plan.design.pair(*ids), remedy(plan, ids, known or {})))
 
 
 YES, NO = "yes: this plan tells ageing from ", "no: this plan cannot tell ageing from "
 
 
 @pytest.mark.parametrize(
-    ("alike", "words"),
-    [
-        (0.5, ""),
-        (0.62, ""),  # .0127 beside .0125
-        (0.8, "; others only from larger ones on: ageing from viscous (q = 0.017)"),
-        (0.94, "; others only from larger ones on: ageing from viscous (q = 0.029)"),
-        (0.97, "; but not ageing from viscous (0.970)"),  # at no size
-    ],
-)
-def test_a_third_effect_takes_a_larger_one(alike, words):
-    """.01/sqrt(1 - .8^2) = .0167, where the pair of cosine .6 takes .01/.8."""
-    plan = designed(0.6)
-    own = plan.design
-    cosines = np.eye(3)
-    cosines[:2, :2], cosines[0, 2], cosines[2, 0] = own.cosines, alike, alike
-    third = Smallest("viscous", ("c",), "s/m", 0.1, {}, 0.1, 0.1)
-    design = dataclasses.replace(
-        own, ids=(*own.ids, "viscous"), cosines=cosines, smallest=(*own.smallest, third)
-    )
-    told = answered(dataclasses.replace(plan, design=design))
-    assert told == answered(plan) + words
-    assert "others" not in answered(dataclasses.replace(plan, design=design), ("base", "ageing"))
-
-
-@pytest.mark.parametrize(
     ("plan", "ids", "line"),
     [
-        (designed(0.6), TWO, YES + "velocity_dependent_L (|cosine| 0.600), from q = 0.012 or"
-         " n = 0.025 on (one of the two is named from q = 0.01 or n = 0.02 on)"),
+        (designed(0.6), TWO, YES + "velocity_dependent_L, from q = 0.012 or n = 0.025 on"),
         (designed(0.6), ("base", "ageing"), YES + "the slip law, from q = 0.01 on"),
         (designed(0.6), ("ageing", "base"), YES + "the slip law, from q = 0.01 on"),
         (designed(0.96), TWO, NO + "velocity_dependent_L: |cosine| 0.960, above 0.95"),
         (designed(0.96, after=0.5), TWO, NO + "velocity_dependent_L: |cosine| 0.960, above 0.95;"
-         " it would with a slip channel (1 um/s, 10 um/s, 100 um each; noise of slip 0.1 um;"
-         " 110 s in all; |cosine| 0.500; from q = 0.012 or n = 0.023 on)"),
+         " it would with a slip channel (110 s), from q = 0.012 or n = 0.023 on"),
         (designed(0.96, after=0.97), TWO, NO + "velocity_dependent_L: |cosine| 0.960, above 0.95;"
          " no change in the table below would"),
-        (designed(0.98, changes=[("dwell", 410.0, 0.96), ("slip_x2", 220.0, 0.97)]), TWO, NO
+        (designed(0.98, changes=[("dwell", 0.96), ("slip_x2", 0.97)]), TWO, NO
          + "velocity_dependent_L: |cosine| 0.980, above 0.95; no single change in the table below"
-         " does, the nearest is a slow dwell at 0.333 um/s appended (1 um/s, 10 um/s, 0.3333 um/s,"
-         " 100 um each; 410 s in all; |cosine| 0.960)"),
-        (designed(0.98, changes=[("slip_x2", 220.0, 0.5), ("slip_channel", 110.0, 0.4)]), TWO, NO
-         + "velocity_dependent_L: |cosine| 0.980, above 0.95; it would with twice the slip per step"
-         " (1 um/s, 10 um/s, 200 um each; 220 s in all; |cosine| 0.500; from q = 0.012 or"
-         " n = 0.023 on), or with a slip channel (110 s)"),
+         " does, the nearest is a slow dwell at 0.333 um/s appended (410 s)"),
+        (designed(0.98, changes=[("load_point_channel", 0.5)]), TWO, NO
+         + "velocity_dependent_L: |cosine| 0.980, above 0.95; it would with a load-point encoder"
+         " (110 s), from q = 0.012 or n = 0.023 on; no option plans an encoder"),
         (designed(np.nan, sizes=(None, 0.02)), TWO, "no: this plan does not see ageing, whatever"
          " the size"),
     ],
@@ -469,28 +403,27 @@ def test_the_answer_on_a_pair(plan, ids, line):
 @pytest.mark.parametrize(
     ("half", "channel", "known", "told"),
     [
-        (0.5, 0.5, {}, "; half the slip per step tells them too, in 55 s of 110 s, from q = 0.012"
-         " or n = 0.023 on"),
-        (0.8, 0.5, {}, ""),  # from q = .017 on, where the plan does from .0125
-        (0.9, 0.5, {"ageing.q": 0.02}, ""),  # of that size the half does not
-        (0.96, 0.5, {}, ""),
-        (None, None, {}, ""),
+        (0.5, 0.5, {}, ["the same in less time (55 s): half the slip per step"]),
+        (0.8, 0.5, {}, []),  # from q = .017 on, where the plan does from .0125
+        (0.9, 0.5, {"ageing.q": 0.02}, []),  # of that size the half does not
+        (0.96, 0.5, {}, []),
+        (None, None, {}, []),
     ],
 )  # fmt: skip
 def test_a_plan_that_tells_is_shortened_where_half_of_it_tells_too(half, channel, known, told):
     """A channel is another instrument; no change takes more time than the plan."""
-    others = [("slip_half", 55.0, half), ("slip_channel", 50.0, channel), ("dwell", 410.0, 0.1)]
+    others = [("slip_half", half), ("slip_channel", channel), ("dwell", 0.1)]
     plan = designed(0.6, changes=others)
     less = shorter(plan, TWO, known)
-    first = answer(plan, plan.design.pair(*TWO))
+    pair = plan.design.pair(*TWO)
     assert (None if less is None else less.key) == ("slip_half" if told else None)
-    assert answer(plan, plan.design.pair(*TWO), None, less) == first + told
+    assert report(plan, Answer(pair, None, less)).headline[2:] == told
     assert shorter(designed(0.96, changes=others), TWO, {}) is None
 
 
 def test_a_size_that_no_friction_has_is_a_no() -> None:
     """q = .0125 and n = .025 are told; nothing above .02 is friction like the base's."""
-    plan = designed(0.6, changes=[("slip_half", 55.0, 0.5), ("slip_x2", 220.0, 0.5)], limit=0.02)
+    plan = designed(0.6, changes=[("slip_half", 0.5), ("slip_x2", 0.5)], limit=0.02)
     pair = plan.design.pair(*TWO)
     assert not pair.apart and pair.sizes == {} and set(pair.needed) == set(TWO)
     said = answered(plan)
@@ -502,7 +435,7 @@ def test_a_size_that_no_friction_has_is_a_no() -> None:
 
 def test_a_remedy_takes_no_less_time_than_the_plan() -> None:
     """Lengths that are seen best shrink with the steps: a short plan looks better than it is."""
-    plan = designed(0.98, changes=[("slip_half", 55.0, 0.1), ("slip_x2", 220.0, 0.5)])
+    plan = designed(0.98, changes=[("slip_half", 0.1), ("slip_x2", 0.5)])
     found = remedy(plan, TWO, {})
     assert found is not None and found.change.key == "slip_x2"
 
@@ -510,9 +443,9 @@ def test_a_remedy_takes_no_less_time_than_the_plan() -> None:
 def test_a_yes_says_which_third_effect_stands_for_one_of_the_two() -> None:
     plan = chained({"second_state", "thermal"})
     said = answer(plan, plan.design.pair("ageing", "thermal"))
-    assert said.endswith("; but not thermal from second_state (0.970)")
-    assert "but not" not in answer(plan, plan.design.pair("ageing", "base"))
-    half = designed(0.6, changes=[("slip_half", 55.0, 0.6)]).changes[0]
+    assert said[1:] == ["caution: not thermal from second_state (0.970)"]
+    assert len(answer(plan, plan.design.pair("ageing", "base"))) == 1
+    half = designed(0.6, changes=[("slip_half", 0.6)]).changes[0]
     worse = dataclasses.replace(half, design=chained({"ageing", "second_state"}).design)
     known = dataclasses.replace(plan, changes=(worse,))
     assert shorter(known, ("ageing", "thermal"), {}) is None
@@ -543,34 +476,24 @@ ALL = ("slip_x2", "slip_x4", "dwell", "slip_channel", "load_point_channel")
     ],
 )  # fmt: skip
 def test_the_cheapest_change_that_tells_the_pair_is_named(after, known, key, enough):
-    times = (220.0, 440.0, 410.0, 110.0, 110.0)
-    plan = designed(0.98, changes=list(zip(ALL, times, after, strict=True)))
+    plan = designed(0.98, changes=list(zip(ALL, after, strict=True)))
     found = remedy(plan, TWO, known)
     assert (None if found is None else found.change.key) == key
     assert found is None or found.enough == enough
-    yes = designed(0.5, changes=list(zip(ALL, times, after, strict=True)))
+    yes = designed(0.5, changes=list(zip(ALL, after, strict=True)))
     assert remedy(yes, TWO, {}) is None
 
 
-@pytest.mark.parametrize(
-    ("after", "start", "rest"),
-    [
-        ((0.96, 0.5, 0.97), "A slow dwell at 0.333 um/s appended, for ageing and velocity_dep",
-         "The same for most pairs: a slow dwell"),
-        ((0.5, 0.5, 0.4), "Twice the slip per step, for ageing", "The same for most pairs: twice"),
-        ((0.97, 0.96, 0.97), "A slow dwell at 0.333 um/s appended, for ageing and velocity_depende"
-         "nt_L the nearest: see the first line", "None of these changes leaves fewer pairs"),
-        ((0.99, 0.99, 0.99), "No change helps ageing and velocity", "None of these changes leaves"),
-    ],
-)  # fmt: skip
-def test_what_is_recommended_does_not_contradict_the_answer(after, start, rest):
-    keys = ("slip_x2", "dwell", "slip_channel")
-    plan = designed(0.98, changes=list(zip(keys, (220.0, 410.0, 110.0), after, strict=True)))
-    told = advice(plan, plan.design.pair(*TWO), better := remedy(plan, TWO, {}))
-    assert told.startswith(start) and rest in told and "Recommended:" not in told
-    table = changes(plan, better)
-    assert better is None or [table.rows[k][0] for k in table.marked] == [better.change.text]
-    assert advice(plan).startswith(("Recommended: ", "None of these"))
+@pytest.mark.parametrize("after", [(0.96, 0.5, 0.97), (0.5, 0.5, 0.4), (0.97, 0.96, 0.97)])
+def test_what_is_recommended_does_not_contradict_the_answer(after):
+    plan = designed(
+        0.98, changes=list(zip(("slip_x2", "dwell", "slip_channel"), after, strict=True))
+    )
+    found = answer_of(plan, TWO, {})
+    told = report(plan, found)
+    table = told.tables[1]
+    assert [table.rows[k][0] for k in table.marked] == [found.change.text]
+    assert found.change.text in told.headline[0] and "recommended" not in told.headline[-1]
 
 
 @pytest.mark.parametrize(
@@ -598,23 +521,6 @@ def chained(*links):
     plan = designed(0.6)
     design = Design(ids, np.asarray(alike), smallest, np.zeros(1), np.zeros(1))
     return dataclasses.replace(plan, design=design)
-
-
-def test_a_chain_of_likes_does_not_contradict_the_answer():
-    """Of effects that are alike one to the next, the ends are told apart."""
-    ids = ("ageing", "second_state", "thermal")
-    chain = chained({"ageing", "second_state"}, {"second_state", "thermal"})
-    text = "ageing/second_state 0.970, second_state/thermal 0.970)"
-    pairs = f"these pairs; any two of another pair are told apart  (|cosine|: {text}"
-    ends = "not among these pairs: ageing and thermal, which are told apart"
-    assert apart(chain) == [pairs]
-    assert apart(chain, chain.design.pair("ageing", "thermal")) == [pairs, ends]
-    assert apart(chain, chain.design.pair("ageing", "second_state")) == [pairs]
-    assert apart(chain, chain.design.pair("base", "thermal")) == [pairs]
-    every = chained(*({a, b} for a in ids for b in ids if a < b))
-    assert apart(every)[0].startswith("ageing or second_state or thermal  (|cosine|: ")
-    two = chained({"ageing", "second_state"})
-    assert apart(two) == ["ageing or second_state  (|cosine|: ageing/second_state 0.970)"]
 
 
 @pytest.mark.parametrize(
@@ -659,14 +565,14 @@ REST = '--from "a b/loop.json" --rows 75 --distinguish ageing,gain --include vis
         ("slip_x2", {}, f'"1, 10 um/s" --slip-per-step "200 um" {REST}'),
         ("slip_channel", {}, f'--slip-per-step "100 um" {REST} --slip-channel "0.1 um"'),
         ("slip_channel", {"slip_channel": "0.2 um"}, f'{REST} --slip-channel "0.2 um"'),
-        ("dwell", {"velocities": "1e-3, 0.01 mm/s"}, '"0.001, 0.01, 0.0003333 mm/s" --slip'),
+        ("dwell", {"velocities": "1e-3, 0.01 mm/s"}, '"1, 10, 0.3333 um/s" --slip'),
         ("dwell", {"parameters": "f0=0.6 $x"}, "--parameters 'f0=0.6 $x'"),
         ("load_point_channel", {}, ""),
     ],
 )  # fmt: skip
 def test_the_command_of_a_change_is_complete(key, typed, line):
     words, velocities, slip, *noises = CHANGED[key]
-    change = Change(key, words, 1.0, None, velocities, slip, *noises)
+    change = Change(key, words, velocities, slip, *noises)
     found = changed_line(Call("protocol", "", TYPED | typed), change)
     assert line in found and found.startswith("jaxfric protocol ") == bool(line)
     assert not {"--out", "--json", "o"} & set(found.split())
@@ -680,7 +586,7 @@ def test_the_command_of_a_change_is_complete(key, typed, line):
 def test_a_no_is_followed_by_the_command_of_a_yes(monkeypatch, tmp_path):
     """The answer, then the command; pasted, it asks for the plan that was said to do."""
     monkeypatch.chdir(tmp_path)
-    alike = designed(0.96, changes=[("slip_x4", 440.0, 0.5), ("dwell", 410.0, 0.5)])
+    alike = designed(0.96, changes=[("slip_x4", 0.5), ("dwell", 0.5)])
     plans, asked = [alike, designed(0.5)], []
     made = lambda what, **_: asked.append(what) or plans[len(asked) - 1]  # noqa: E731
     monkeypatch.setattr(sys.modules["jaxfric.protocol.plan"], "plan", made)
@@ -757,8 +663,8 @@ def test_help_says_what_is_required():
 @pytest.mark.long
 def test_tables(twelve):
     assert {row[0] for row in effects(twelve).rows} == set(twelve.design.ids)
-    assert len(changes(twelve).rows) == 7
-    assert any("slip_trend" in line and "time_drift" in line for line in apart(twelve))
+    assert len(changes(twelve, None).rows) == 7
+    assert any("slip_trend/time_drift" in line for line in report(twelve).lines)
     assert set(twelve.design.ids) == set(CATALOGUE) - {"normal_stress"}
 
 
@@ -788,7 +694,7 @@ def test_the_command(twelve, monkeypatch, tmp_path):
     assert content["recommended"] == "slip_channel"
     assert (folder / "aliasing.svg").stat().st_size > 1000
     code, out, err = run(*base, "--noise", "3e-4", "--out", "o")
-    assert code == 0 and "K/K_cr = 4.00" in out and "Recommended: a slip channel" in out
+    assert code == 0 and "recommended: a slip channel" in out
     saved = {
         "schema": "jaxfric.fit/2", "law": "ageing", "friction_unit": "N", "states": 1,
         "parameters": {k: {"value": v} for k, v in (PLANT | {"V0": UM, "K": 2e6}).items()},
@@ -814,8 +720,8 @@ GOOD = {"--slip-per-step": "150um", "--stiffness": "5e-3/um", "--noise": "3e-4"}
     [
         ("1,1 um/s", {}, ["no velocity step", "that differ"]),
         ("10 um/s", {}, ["no velocity step"]),
-        ("1,-10 um/s", {}, ["'-10 um/s'", "not positive"]),
-        ("1,0 um/s", {}, ["'0 um/s'", "not positive"]),
+        ("1,-10 um/s", {}, ["velocity -1e-05 m/s", "forward motion only"]),
+        ("1,0 um/s", {}, ["velocity 0 m/s", "forward motion only"]),
         ("1,10", {}, ["no unit", "um/s"]),
         ("1,,10 um/s", {}, ["no list"]),
         ("1,ten um/s", {}, ["velocities"]),
@@ -824,11 +730,11 @@ GOOD = {"--slip-per-step": "150um", "--stiffness": "5e-3/um", "--noise": "3e-4"}
         ("1,10 um/s", {"--slip-per-step": "150"}, ["--slip-per-step", "no unit"]),
         ("1,10 um/s", {"--slip-per-step": "-1 um"}, ["slip per step", "positive"]),
         ("1,10 um/s", {"--stiffness": None}, ["--stiffness is missing"]),
-        ("1,10 um/s", {"--stiffness": "0/um"}, ["--stiffness", "not positive"]),
+        ("1,10 um/s", {"--stiffness": "0/um"}, ["stiffness is 0", "positive"]),
         ("1,10 um/s", {"--stiffness": "1e-4/um"}, ["is 0.50 of the critical one", "stick-slip"]),
         ("1,10 um/s", {"--stiffness": "2e6 N/m"}, ["--parameters in newtons"]),
         ("1,10 um/s", {"--noise": None}, ["--noise is missing"]),
-        ("1,10 um/s", {"--noise": "-1"}, ["--noise", "not positive"]),
+        ("1,10 um/s", {"--noise": "-1"}, ["noise is -1", "positive"]),
         ("1,10 um/s", {"--noise": "3 um"}, ["--noise", "dimensionless"]),
         ("1,10 um/s", {"--rows": "3"}, ["3 rows per step", "20 or more"]),
         ("1,10 um/s", {"--slip-channel": "0 um"}, ["slip channel", "positive"]),
@@ -856,17 +762,6 @@ GOOD = {"--slip-per-step": "150um", "--stiffness": "5e-3/um", "--noise": "3e-4"}
         ),
         ("1,10 um/s", {"--distinguish": "gain,viscous", "--exclude": "gain"}, ["no effect 'gain'"]),
         ("1,10 um/s", {"--distinguish": "normal_stress,gain"}, ["no effect 'normal_stress'"]),
-        (
-            "1,10 um",
-            {"--slip-per-step": None, "--stiffness": "0/um", "--noise": None, "--distinguish": "a"},
-            [
-                "velocities: 'um' is not a unit of m/s",
-                "--slip-per-step is missing",
-                "--noise is missing",
-                "--stiffness: '0/um' is not positive",
-                "--distinguish 'a' names 1",
-            ],
-        ),
         ("1,10 um/s", {"--from": "none.json"}, ["none.json", "no such file"]),
         ("1,10 um/s", {"--from": AXIS}, ["loop.json: it is of an axis", "jaxfric loop"]),
         ("1,10 um/s", {"--from": "a", "--parameters": "A=1"}, ["--from excludes"]),

@@ -79,25 +79,13 @@ def changed_line(call: Call, change: "Change") -> str:
     Options of output are left out. The text is empty if no option plans the change (a load-point
     encoder), and if the call gave no velocities.
     """
-    given, noise = dict(call.given), change.slip_noise
-    velocities, slip = given.get("velocities"), given.get("slip_per_step")
-    known = isinstance(velocities, str) and isinstance(slip, str) and change.velocities
-    if not known or change.encoder_noise is not None:
+    if "velocities" not in call.given or change.encoder_noise is not None:
         return ""
-    given["slip_per_step"] = _in_unit_of(str(slip), "m", change.slip_per_step)
-    if noise is not None and "slip_channel" not in given:
-        given["slip_channel"] = _in_unit_of("1 um", "m", noise)
-    speeds = _in_unit_of(str(velocities), "m/s", *change.velocities)
-    return command_line("protocol", speeds, given)
-
-
-def _in_unit_of(text: str, si_unit: str, *values: float) -> str:
-    """Format SI values in the last unit of `text`."""
-    from ..units import factor
-
-    unit = text.split(",")[-1].strip().lstrip("+-0123456789.eE").strip()
-    size = factor(unit, si_unit, "unit")
-    return f"{', '.join(f'{value / size:.6g}' for value in values)} {unit}"
+    given = call.given | {"slip_per_step": f"{1e6 * change.slip_per_step:.6g} um"}
+    if change.slip_noise is not None and "slip_channel" not in given:
+        given["slip_channel"] = f"{1e6 * change.slip_noise:.6g} um"
+    speeds = ", ".join(f"{1e6 * V:.6g}" for V in change.velocities)
+    return command_line("protocol", f"{speeds} um/s", given)
 
 
 def _quoted(text: str) -> str:

@@ -1,8 +1,7 @@
 """`jaxfric protocol`: which effects can a planned sequence of velocity steps distinguish?"""
 
 import dataclasses
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Annotated, TypeVar
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
@@ -19,7 +18,6 @@ if TYPE_CHECKING:
 
 EXAMPLES = {"--slip-per-step": "150um", "--stiffness": "5e-3/um", "--noise": "3e-4"}
 """Values of the options that are required."""
-T = TypeVar("T")
 
 
 @options.FLAT
@@ -89,84 +87,50 @@ def protocol(
     Options that differ from their default are part of the folder's name.
     """
     declared, excluded = effects.ids()
-    wrong = _Wrong()
-    commanded = wrong.of(lambda: read_velocities(velocities))
-    slip = wrong.of(lambda: _given(how.slip_per_step, "m", "--slip-per-step"))
-    slip_noise = wrong.of(lambda: optional_quantity(how.slip_channel, "m", "--slip-channel"))
-    asked = wrong.of(lambda: _pair_of(how.distinguish))
+    commanded = read_velocities(velocities)
+    slip = _required(how.slip_per_step, "m", "--slip-per-step")
+    slip_noise = optional_quantity(how.slip_channel, "m", "--slip-channel")
+    asked = _pair_of(how.distinguish)
     with told() as progress:
         prepare_jax()
-        from ..protocol.base import Base, named_pair
-
-        known = wrong.of(how.base)
-        base = known or Base({})
-        K, sigma, unit = base.stiffness, base.noise, base.friction_unit
-        if known or how.stiffness is None:
-            K = wrong.of(lambda: _size(how.stiffness, f"{unit}/m", "--stiffness", K))
-        if known or how.noise is None:
-            sigma = wrong.of(lambda: _size(how.noise, unit, "--noise", sigma))
-        wrong.refuse()
-        assert commanded is not None and slip is not None and K is not None and sigma is not None
         from ..plot.loop import save_aliasing
+        from ..protocol.base import named_pair
         from ..protocol.plan import Planned, plan
         from ..protocol.remedy import Answer, answer_of
         from ..report.protocol_text import found_too_small, report
 
+        base = how.base()
+        unit, known = base.friction_unit, base.parameters
         planned = base.without(asked or (), declared)
+        included = tuple(dict.fromkeys((*planned.effects, *declared)))
         if asked is not None:
-            asked = named_pair(asked, base.law, (*planned.effects, *declared), excluded)
+            asked = named_pair(asked, base.law, included, excluded)
+        what = Planned(
+            commanded,
+            slip_per_step=slip,
+            stiffness=_required(how.stiffness, f"{unit}/m", "--stiffness", base.stiffness),
+            noise=_required(how.noise, unit, "--noise", base.noise),
+            parameters=planned.parameters,
+            law=base.law,
+            friction_unit=unit,
+            rows=how.rows,
+            slip_noise=slip_noise,
+            noise_from=str(how.from_) if how.noise is None else "--noise",
+        )
         source = [how.from_] if how.from_ else []
         folder = choose_folder(output.folder, "".join(map(source_name, source)), *source)
-        found = plan(
-            Planned(
-                commanded,
-                slip_per_step=slip,
-                stiffness=K,
-                noise=sigma,
-                parameters=planned.parameters,
-                law=base.law,
-                friction_unit=unit,
-                rows=how.rows,
-                slip_noise=slip_noise,
-                noise_from=str(how.from_) if how.noise is None else "--noise",
-            ),
-            include=tuple(dict.fromkeys((*planned.effects, *declared))),
-            exclude=excluded,
-            progress=progress,
-        )
-        answer = Answer() if asked is None else answer_of(found, asked, base.parameters)
-        change = answer.change
-        line = "" if change is None else changed_line(current_call(), change)
-        progress("drawing figures")
-        typical = how.from_ is None and how.parameters is None
-        small = [] if answer.pair is None else found_too_small(found, answer.pair, base.parameters)
+        found = plan(what, include=included, exclude=excluded, progress=progress)
+        answer = Answer() if asked is None else answer_of(found, asked, known)
+        line = "" if answer.change is None else changed_line(current_call(), answer.change)
+        small = [] if answer.pair is None else found_too_small(found, answer.pair, known)
         found = dataclasses.replace(found, warnings=(*small, *base.warnings, *found.warnings))
-        told_of = report(found, answer, typical=typical, command=line)
+        typical = how.from_ is None and how.parameters is None
         content = folder.save_json("protocol.json", found.to_json() | answer.to_json(line))
+        progress("drawing figures")
         ids, cosines = found.design.ids, found.design.cosines
         folder.draw("aliasing", lambda to: save_aliasing(ids, cosines, to, what="this plan"))
-    show(told_of, folder.written, content, output)
+    show(report(found, answer, typical=typical, command=line), folder.written, content, output)
     return folder.close()
-
-
-class _Wrong:
-    """What is wrong with the options: all of it is told at once."""
-
-    def __init__(self) -> None:
-        self.texts: list[str] = []
-
-    def of(self, read: Callable[[], T]) -> T | None:
-        """The result of `read`; None if `read` raises `InputError`."""
-        try:
-            return read()
-        except InputError as error:
-            self.texts.append(str(error))
-            return None
-
-    def refuse(self) -> None:
-        """Raises `InputError` with all faults that were found."""
-        if self.texts:
-            raise InputError("; and ".join(self.texts))
 
 
 def _pair_of(texts: list[str] | None) -> tuple[str, str] | None:
@@ -195,31 +159,18 @@ def read_velocities(text: str) -> list[float]:
     unit = pieces[-1].lstrip("+-0123456789.eE").strip()
     if not unit:
         raise InputError(f"velocities: '{text}' has no unit; write it as in '1, 10, 1 um/s'")
-    out = []
-    for piece in pieces:
-        bare = not piece.lstrip("+-0123456789.eE")
-        value = parse_quantity(f"{piece} {unit}" if bare else piece, "m/s", "velocities")
-        if not value > 0:
-            raise InputError(
-                f"velocities: '{piece}' is not positive; a protocol takes forward motion only"
-            )
-        out.append(value)
-    return out
+    bare = [not piece.lstrip("+-0123456789.eE") for piece in pieces]
+    texts = [
+        f"{piece} {unit}" if alone else piece for piece, alone in zip(pieces, bare, strict=True)
+    ]
+    return [parse_quantity(text, "m/s", "velocities") for text in texts]
 
 
-def _given(text: str | None, unit: str, option: str) -> float:
-    """A quantity of an option that is required."""
+def _required(text: str | None, unit: str, option: str, known: float | None = None) -> float:
+    """A quantity of an option, in a unit such as "1/m" or "N"; without the option the `known`."""
     value = optional_quantity(text, unit, option)
     if value is None:
+        value = known
+    if value is None:
         raise InputError(f"{option} is missing; give one, as in {option} {EXAMPLES[option]}")
-    return value
-
-
-def _size(text: str | None, unit: str, option: str, known: float | None) -> float:
-    """A positive quantity in a unit such as "1/m" or "N", of an option or known from a file."""
-    if text is None and known is not None:
-        return known
-    value = _given(text, unit, option)
-    if not value > 0:
-        raise InputError(f"{option}: '{text}' is not positive")
     return value

@@ -1,13 +1,15 @@
 """Results of `protocol.plan`: what a planned protocol can distinguish."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from ..described import Described, Drawable, Tabular
 from ..loop.thresholds import ALIAS
+from ..plain import entries, plain
+from ..records import VelocitySteps
 from ..schemas import PROTOCOL
 
 
@@ -84,47 +86,25 @@ class Design:
         ]
         return tuple(sorted(found, key=lambda pair: -pair[2]))
 
-    def groups(self) -> tuple[tuple[str, ...], ...]:
-        """Return groups of effects linked by indistinguishable pairs, the largest group first."""
-        group = {id: {id} for id in self.ids}
-        for a, b, _ in self.pairs():
-            joined = group[a] | group[b]
-            for id in joined:
-                group[id] = joined
-        once = {min(map(self.ids.index, g)): g for g in group.values() if len(g) > 1}
-        ordered = [tuple(sorted(once[k], key=self.ids.index)) for k in sorted(once)]
-        return tuple(sorted(ordered, key=lambda g: -len(g)))
-
     def pair(self, a: str, b: str) -> Pair:
         """Return whether the plan distinguishes two of `ids`, or one of `ids` and `BASE`."""
-        seen = {s.id: s.amplitude for s in self.smallest}
-        effects = [id for id in (a, b) if id != BASE]
-        known = {id: x for id in effects if (x := seen[id]) is not None}
+        of_id = {s.id: s for s in self.smallest}
+        effects = [of_id[id] for id in (a, b) if id != BASE]
+        known = {s.id: s.amplitude for s in effects if s.amplitude is not None}
         cosine = None
-        if len(effects) == 2 and len(known) == 2:
+        if len(known) == 2:
             cosine = float(self.cosines[self.ids.index(a), self.ids.index(b)])
-        apart = len(known) == len(effects) and (cosine is None or cosine <= ALIAS)
-        left = math.sqrt(1 - (cosine or 0.0) ** 2) if apart else 1.0
-        sizes = {id: size / left for id, size in known.items()} if apart else {}
-        limits = {s.id: s.limit for s in self.smallest}
-        if any(size > limits[id] for id, size in sizes.items()):
+        if len(known) < len(effects) or (cosine or 0.0) > ALIAS:
+            return Pair((a, b), cosine, False, {})
+        left = math.sqrt(1 - (cosine or 0.0) ** 2)
+        sizes = {id: size / left for id, size in known.items()}
+        if any(sizes[s.id] > s.limit for s in effects):
             return Pair((a, b), cosine, False, {}, sizes)
-        return Pair((a, b), cosine, apart, sizes)
+        return Pair((a, b), cosine, True, sizes)
 
     def likes(self, *ids: str) -> tuple[tuple[str, str, float], ...]:
         """Return indistinguishable pairs of one of `ids` and an effect outside of `ids`."""
         return tuple(p for p in self.pairs() if len({p[0], p[1]} & set(ids)) == 1)
-
-    def from_all(self, id: str) -> tuple[str, float | None]:
-        """Among effects distinguishable from `id`, return the one that needs the largest amplitude
-        of `id`, and that amplitude; None without such an effect."""
-        seen = {s.id: s.amplitude for s in self.smallest}
-        own, size = self.ids.index(id), seen[id]
-        like = [c if k != own and c <= ALIAS else -1.0 for k, c in enumerate(self.cosines[own])]
-        k = int(np.argmax(like))
-        if size is None or like[k] < 0:
-            return "", None
-        return self.ids[k], size / math.sqrt(1 - like[k] ** 2)
 
     def too_small(
         self, pair: Pair, known: Mapping[str, float]
@@ -143,23 +123,56 @@ class Design:
         """Return the effects that are not detectable at any size."""
         return tuple(s.id for s in self.smallest if s.amplitude is None)
 
+    def to_json(self) -> dict[str, object]:
+        """Return the effects, and the pairs that the plan cannot distinguish, as JSON values."""
+        effects = [
+            {
+                "id": s.id,
+                "amplitude": s.names,
+                "unit": s.unit,
+                "smallest": s.amplitude,
+                "shape": s.shape,
+                "smallest_at_worst_shape": s.worst,
+                "would_need": s.needed,
+            }
+            for s in self.smallest
+        ]
+        pairs = [{"effects": [a, b], "cosine": value} for a, b, value in self.pairs()]
+        return plain(
+            {"effects": effects, "cosines": self.cosines, "pairs": pairs, "unseen": self.unseen()}
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """A change of the plan, and the `design` of the changed plan; None if the slider runs away. SI.
-
-    Velocities, slip and noise of the channels are those of the changed plan; the noise of a missing
-    channel is None.
-    """
+    """A plan with one change, or the plan itself. SI; None for the noise of a missing channel."""
 
     key: str
     text: str
-    duration: float
-    design: Design | None
-    velocities: tuple[float, ...] = ()
-    slip_per_step: float = math.nan
+    velocities: tuple[float, ...]
+    slip_per_step: float
     slip_noise: float | None = None
     encoder_noise: float | None = None
+    """Noise of a load-point encoder."""
+    shapes_of: float | None = None
+    """Slip per step [m] that sets the lengths and times of effects, if it is another one."""
+    design: Design | None = None
+    """None if the slider runs away."""
+
+    @property
+    def durations(self) -> np.ndarray:
+        """Return the time at each velocity [s]."""
+        return self.slip_per_step / np.asarray(self.velocities)
+
+    @property
+    def duration(self) -> float:
+        """Return the duration of the whole sequence [s]."""
+        return float(self.durations.sum())
+
+    def steps(self) -> VelocitySteps:
+        """Return the commanded motion."""
+        starts = np.concatenate([[0.0], np.cumsum(self.durations[:-1])])
+        return VelocitySteps(starts, np.asarray(self.velocities))
 
     def planned(self) -> dict[str, object]:
         """Return the changed plan as JSON values; null for a missing channel."""
@@ -168,25 +181,41 @@ class Change:
             "text": self.text,
             "duration": self.duration,
             "velocities": list(self.velocities),
-            "slip_per_step": self.slip_per_step if self.velocities else None,
+            "slip_per_step": self.slip_per_step,
             "slip_noise": self.slip_noise,
             "load_point_noise": self.encoder_noise,
         }
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Protocol(Described, Drawable, Tabular):
-    """A planned sequence of velocity steps, and the effects that it can distinguish. SI."""
+@dataclass(frozen=True, eq=False)
+class Planned:
+    """A planned sequence of velocity steps, its machine, its recorder and the base model. SI."""
 
-    velocities: tuple[float, ...]
+    velocities: Sequence[float]
+    """Commanded velocities [m/s], each for `slip_per_step` of load-point motion."""
     slip_per_step: float
     stiffness: float
+    """Stiffness of the machine [F/m]."""
     noise: float
-    slip_noise: float | None
-    rows: int
-    friction_unit: str
-    law: str
+    """Standard deviation of a sample, for white noise [F]."""
     parameters: Mapping[str, float]
+    """Parameters of the base: f0, A, B, L (B2, L2, ...), and V0 if not the first velocity.
+    Parameters of the base's effects are named "viscous.c"; by default such parameters are at their
+    null."""
+    law: str = "slip"
+    friction_unit: str = "1"
+    rows: int = 250
+    """Number of samples at each velocity, evenly spaced in time."""
+    slip_noise: float | None = None
+    """Standard deviation of a slip channel [m]; None without a slip channel."""
+    noise_from: str = ""
+    """Origin of the noise, in words: a file, an option."""
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Protocol(Described, Drawable, Tabular, Planned):
+    """A planned sequence of velocity steps, and the effects that it can distinguish. SI."""
+
     with_: tuple[str, ...]
     critical_stiffness: float
     ratio: float | None
@@ -196,7 +225,6 @@ class Protocol(Described, Drawable, Tabular):
     """Changes of the plan, the cheapest first."""
     warnings: tuple[str, ...]
     seconds: float
-    noise_from: str = ""
 
     @property
     def duration(self) -> float:
@@ -205,9 +233,10 @@ class Protocol(Described, Drawable, Tabular):
 
     def separated(self, change: Change) -> tuple[tuple[str, str], ...]:
         """Return the pairs that only the changed plan distinguishes."""
-        after = {(a, b) for a, b, _ in change.design.pairs()} if change.design else None
-        pairs = [(a, b) for a, b, _ in self.design.pairs()]
-        return () if after is None else tuple(pair for pair in pairs if pair not in after)
+        if change.design is None:
+            return ()
+        after = {pair[:2] for pair in change.design.pairs()}
+        return tuple((a, b) for a, b, _ in self.design.pairs() if (a, b) not in after)
 
     def no_shorter(self) -> tuple[Change, ...]:
         """Return the changes that take no less time than the plan. In a shorter plan the best
@@ -217,69 +246,32 @@ class Protocol(Described, Drawable, Tabular):
     def recommended(self) -> Change | None:
         """Of the changes that are not shorter, return the first with the fewest indistinguishable
         pairs; None if no change has fewer such pairs than the plan."""
-        possible = [c for c in self.no_shorter() if c.design is not None]
-        best = min(possible, key=_remaining, default=None)
-        if best is None or _remaining(best) >= len(self.design.pairs()):
-            return None
-        return best
+        left = {c: len(c.design.pairs()) for c in self.no_shorter() if c.design is not None}
+        best = min(left, key=left.__getitem__, default=None)
+        return best if best is not None and left[best] < len(self.design.pairs()) else None
 
     def to_json(self) -> dict:
         """Return the content of `protocol.json`, schema `schemas.PROTOCOL`; SI, null: unknown."""
         best = self.recommended()
+        known = ("velocities", "slip_per_step", "duration", "stiffness", "noise", "noise_from")
+        known += ("slip_noise", "friction_unit", "law", "parameters", "warnings", "seconds")
         return {
             "schema": PROTOCOL,
-            "velocities": list(self.velocities),
-            "slip_per_step": self.slip_per_step,
-            "duration": self.duration,
-            "stiffness": self.stiffness,
+            **plain(entries(self, *known)),
             "critical_stiffness": self.critical_stiffness if self.ratio is not None else None,
             "stiffness_ratio": self.ratio,
-            "noise": self.noise,
-            "noise_from": self.noise_from,
-            "slip_noise": self.slip_noise,
             "rows_per_step": self.rows,
-            "friction_unit": self.friction_unit,
-            "law": self.law,
-            "parameters": dict(self.parameters),
             "with": list(self.with_),
             "threshold": ALIAS,
-            "plan": _plain(self.design),
+            "plan": self.design.to_json(),
             "changes": [
                 {
                     **c.planned(),
                     "separates": [list(pair) for pair in self.separated(c)],
                     "remaining": None if c.design is None else len(c.design.pairs()),
-                    **({} if c.design is None else _plain(c.design)),
+                    **({} if c.design is None else c.design.to_json()),
                 }
                 for c in self.changes
             ],
             "recommended": None if best is None else best.key,
-            "warnings": list(self.warnings),
-            "seconds": self.seconds,
         }
-
-
-def _remaining(change: Change) -> int:
-    assert change.design is not None
-    return len(change.design.pairs())
-
-
-def _plain(design: Design) -> dict:
-    return {
-        "effects": [
-            {
-                "id": s.id,
-                "amplitude": list(s.names),
-                "unit": s.unit,
-                "smallest": s.amplitude,
-                "shape": dict(s.shape),
-                "smallest_at_worst_shape": s.worst,
-                "would_need": s.needed,
-            }
-            for s in design.smallest
-        ],
-        "cosines": [[v if np.isfinite(v) else None for v in row] for row in design.cosines],
-        "pairs": [{"effects": [a, b], "cosine": value} for a, b, value in design.pairs()],
-        "groups": [list(group) for group in design.groups()],
-        "unseen": list(design.unseen()),
-    }

@@ -41,11 +41,10 @@ from ..loop.sampling import seen_between
 from ..loop.screen import Screening, alias_cosines, orthonormal, sensitivities
 from ..loop.split import Blocks, followed, repeated, split
 from ..loop.thresholds import ACCEPT
-from ..records import VelocitySteps
 from ..rig.friction import AbstractRateState
 from ..silent import silent
 from ..units import speed_text
-from .design import Change, Design, Protocol, Smallest
+from .design import Change, Design, Planned, Protocol, Smallest
 
 CHANNEL_NOISE = 1e-7
 """Default noise of a displacement channel that a change adds [m]."""
@@ -54,6 +53,12 @@ NEAR = 2.0
 _ABSENT = 1e6
 _FEWEST_ROWS = 20
 _MOST_ROWS = 65536
+_POSITIVE = {
+    "slip_per_step": "slip per step",
+    "stiffness": "stiffness",
+    "noise": "noise",
+    "slip_noise": "noise of the slip channel",
+}
 _VELOCITIES, _ROWS = 16, 1024
 _SOLVER_STEPS = 65536
 _UNSEEN = 1e-6
@@ -61,66 +66,6 @@ _SURE = 1.645
 """95 % quantile of the standard normal distribution."""
 _MOST_OF_BASE = 10.0
 """Largest plausible amplitude of an effect, over A or B of the base."""
-
-
-@dataclass(frozen=True)
-class _Variant:
-    """A plan, or a changed plan. SI; None for a channel that is not recorded."""
-
-    key: str
-    text: str
-    velocities: tuple[float, ...]
-    slip_per_step: float
-    slip_noise: float | None
-    encoder_noise: float | None
-    shapes_of: float | None = None
-    """Slip per step [m] that sets the lengths and times of effects, if it is another one."""
-
-    @property
-    def durations(self) -> np.ndarray:
-        return self.slip_per_step / np.asarray(self.velocities)
-
-    def steps(self) -> VelocitySteps:
-        starts = np.concatenate([[0.0], np.cumsum(self.durations[:-1])])
-        return VelocitySteps(starts, np.asarray(self.velocities))
-
-    def looked_at(self, design: Design | None) -> Change:
-        """Return this variant as a change, with its design."""
-        return Change(
-            self.key,
-            self.text,
-            float(self.durations.sum()),
-            design,
-            self.velocities,
-            self.slip_per_step,
-            self.slip_noise,
-            self.encoder_noise,
-        )
-
-
-@dataclass(frozen=True)
-class Planned:
-    """A planned sequence of velocity steps, its machine, its recorder and the base model. SI."""
-
-    velocities: Sequence[float]
-    """Commanded velocities [m/s], each for `slip_per_step` of load-point motion."""
-    slip_per_step: float
-    stiffness: float
-    """Stiffness of the machine [F/m]."""
-    noise: float
-    """Standard deviation of a sample, for white noise [F]."""
-    parameters: Mapping[str, float]
-    """Parameters of the base: f0, A, B, L (B2, L2, ...), and V0 if not the first velocity.
-    Parameters of the base's effects are named "viscous.c"; by default such parameters are at their
-    null."""
-    law: str = "slip"
-    friction_unit: str = "1"
-    rows: int = 250
-    """Number of samples at each velocity, evenly spaced in time."""
-    slip_noise: float | None = None
-    """Standard deviation of a slip channel [m]; None without a slip channel."""
-    noise_from: str = ""
-    """Origin of the noise, in words: a file, an option."""
 
 
 @dataclass(frozen=True)
@@ -184,23 +129,28 @@ def plan(
     asked = dataclasses.replace(asked, velocities=velocities, parameters=values)
     include, exclude = tuple(ids_of(include)), tuple(ids_of(exclude))
     effects = _effects(asked.law, include, exclude, own)
-    first = _Variant("plan", "as planned", velocities, asked.slip_per_step, asked.slip_noise, None)
-    variants = [first, *(_changes(first) if changes else ())]
+    variants = [Change("plan", "as planned", velocities, asked.slip_per_step, asked.slip_noise)]
+    variants += _changes(variants[0]) if changes else []
     most = max(len(variant.velocities) for variant in variants)
     setup = _Setup(asked, _model(asked, effects, include), effects, include, exclude, most)
     critical = _critical(setup)
     ratio = asked.stiffness / critical if critical > 0 else None
     _refuse_unstable(ratio, asked.stiffness, asked.friction_unit)
-    design, *others = _looks(setup, variants, progress)
-    if design is None:
-        raise InputError(_slips_away(ratio))
+    changed: list[Change] = []
+    for k, variant in enumerate(variants, 1):
+        progress(f"{variant.text} ({k} of {len(variants)})")
+        changed.append(dataclasses.replace(variant, design=_look(setup, variant)))
+        if changed[0].design is None:
+            raise InputError(_slips_away(ratio))
+    design = changed[0].design
+    assert design is not None
     return Protocol(
         **vars(asked),
         with_=include,
         critical_stiffness=critical,
         ratio=ratio,
         design=design,
-        changes=tuple(v.looked_at(o) for v, o in zip(variants[1:], others, strict=True)),
+        changes=tuple(changed[1:]),
         warnings=_warnings(ratio, values, asked.slip_per_step),
         seconds=time.monotonic() - begun,
     )
@@ -221,16 +171,10 @@ def _check(asked: Planned) -> None:
             "the protocol has no velocity step: give two velocities or more that differ, as in"
             " '1, 10, 1 um/s'"
         )
-    positive = {
-        "slip per step": asked.slip_per_step,
-        "stiffness": asked.stiffness,
-        "noise": asked.noise,
-    }
-    if asked.slip_noise is not None:
-        positive["noise of the slip channel"] = asked.slip_noise
-    for name, value in positive.items():
-        if not (math.isfinite(value) and value > 0):
-            raise InputError(f"{name} is {value:g}; it must be positive")
+    for name, what in _POSITIVE.items():
+        value = getattr(asked, name)
+        if value is not None and not (math.isfinite(value) and value > 0):
+            raise InputError(f"{what} is {value:g}; it must be positive")
     if not _FEWEST_ROWS <= rows <= _MOST_ROWS // (len(velocities) + 1):
         raise InputError(
             f"{rows} rows per step: choose {_FEWEST_ROWS} or more, and no more than {_MOST_ROWS}"
@@ -320,22 +264,19 @@ def _warnings(ratio: float | None, values: Mapping[str, float], slip: float) -> 
 # ---- variants ------------------------------------------------------------------------------
 
 
-def _changes(plan: _Variant) -> list[_Variant]:
+def _changes(plan: Change) -> list[Change]:
     """Return changes of a plan, the cheapest first, without those that it already has."""
     V, noise = plan.velocities, plan.slip_noise or CHANNEL_NOISE
-    dwell, back = float(f"{min(V) / 3:.4g}"), V[0]
-    slow, again = followed(V, (dwell,), V), repeated(V)
-    after = again[len(V) + (V[-1] != back) :]
+    dwell, again = float(f"{min(V) / 3:.4g}"), repeated(V)
     out = []
     for key, text, change in (
         ("slip_half", "half the slip per step",
          {"slip_per_step": 0.5 * plan.slip_per_step, "shapes_of": plan.slip_per_step}),
         ("slip_x2", "twice the slip per step", {"slip_per_step": 2 * plan.slip_per_step}),
         ("slip_x4", "four times the slip per step", {"slip_per_step": 4 * plan.slip_per_step}),
-        ("dwell", f"a slow dwell at {speed_text(dwell)} appended{_then(slow[len(V) + 1 :])}",
-         {"velocities": slow}),
-        ("repeat",
-         f"the first velocity, {speed_text(back)}, repeated at the end{_then(after)}",
+        ("dwell", f"a slow dwell at {speed_text(dwell)} appended",
+         {"velocities": followed(V, (dwell,), V)}),
+        ("repeat", f"the first velocity, {speed_text(V[0])}, repeated at the end",
          {"velocities": again}),
         ("slip_channel", "a slip channel", {"slip_noise": noise}),
         ("load_point_channel", "a load-point encoder", {"encoder_noise": noise}),
@@ -348,12 +289,7 @@ def _changes(plan: _Variant) -> list[_Variant]:
     return out
 
 
-def _then(more: Sequence[float]) -> str:
-    """Describe the velocities after the appended one."""
-    return f", then {', '.join(map(speed_text, more))}" if more else ""
-
-
-def _times(variant: _Variant, rows: int) -> np.ndarray:
+def _times(variant: Change, rows: int) -> np.ndarray:
     """Return the times of the samples, one at the start and none at a step."""
     steps = variant.steps()
     share = (np.arange(rows) + 0.5) / rows
@@ -362,7 +298,7 @@ def _times(variant: _Variant, rows: int) -> np.ndarray:
     return times
 
 
-def _problem(setup: _Setup, variant: _Variant) -> tuple[Problem, Blocks]:
+def _problem(setup: _Setup, variant: Change) -> tuple[Problem, Blocks]:
     """Return the problem of a constant record f0, padded to the common size of all variants, and
     the blocks of a loop over it. Sensitivities need no data."""
     planned, values = setup.planned, setup.values
@@ -405,20 +341,7 @@ def _problem(setup: _Setup, variant: _Variant) -> tuple[Problem, Blocks]:
 # ---- sensitivities -------------------------------------------------------------------------
 
 
-def _looks(
-    setup: _Setup, variants: Sequence[_Variant], progress: Callable[[str], None]
-) -> list[Design | None]:
-    """Return designs of the plan and its variants; of the plan alone if its slider runs away."""
-    found: list[Design | None] = []
-    for k, variant in enumerate(variants):
-        progress(f"{variant.text} ({k + 1} of {len(variants)})")
-        found.append(_look(setup, variant))
-        if found[0] is None:
-            break
-    return found
-
-
-def _look(setup: _Setup, variant: _Variant) -> Design | None:
+def _look(setup: _Setup, variant: Change) -> Design | None:
     """Return the design of a variant; None if the slider runs away."""
     problem, blocks = _problem(setup, variant)
     choice = Choice(setup.always, setup.without)
@@ -509,7 +432,7 @@ def _possible(
     return any(bool(effect(**{**shape, name: sign * amplitude}).physical()) for sign in (1, -1))
 
 
-def _scales(setup: _Setup, variant: _Variant) -> RecordScales:
+def _scales(setup: _Setup, variant: Change) -> RecordScales:
     slip = variant.shapes_of or variant.slip_per_step
     V = np.asarray(variant.velocities)
     durations = slip / V
@@ -519,6 +442,6 @@ def _scales(setup: _Setup, variant: _Variant) -> RecordScales:
         total_slip=slip * len(V),
         slowest=float(V.min()),
         fastest=float(V.max()),
-        interval=float(np.median(np.repeat(durations / setup.planned.rows, setup.planned.rows))),
+        interval=float(np.median(durations)) / setup.planned.rows,
         duration=float(durations.sum()),
     )

@@ -15,8 +15,6 @@ class Remedy:
     pair: Pair
     enough: bool
     """Whether the pair is distinguished, also at the known sizes."""
-    sooner: Change | None
-    """A change that is also enough and takes less time, but needs another channel."""
 
     def to_json(self) -> dict[str, object]:
         """Return the change, and the changed plan's answer, as JSON values."""
@@ -68,31 +66,20 @@ def remedy(plan: Protocol, ids: tuple[str, str], known: Mapping[str, float]) -> 
     )
     if best is None or design is None or lacks[best.key] >= _lack(plan.design, ids, known):
         return None
-    enough = lacks[best.key] == _NOTHING
-    others = [c for c, _ in possible if lacks[c.key] == _NOTHING and c.duration < best.duration]
-    sooner = min(others, key=lambda c: _cost(plan, c), default=None) if enough else None
-    return Remedy(best, design.pair(*ids), enough, sooner)
+    return Remedy(best, design.pair(*ids), lacks[best.key] == _NOTHING)
 
 
 def shorter(plan: Protocol, ids: tuple[str, str], known: Mapping[str, float]) -> Change | None:
-    """Return the shortest change that still distinguishes two effects in less time, or None.
+    """Return the change to half the slip per step if two effects remain distinguishable, or None.
 
-    The change needs no other channel, distinguishes both effects at about the same sizes, and is as
-    good for all other effects. The result is also None if the plan does not distinguish the two
-    effects.
+    The changed plan distinguishes both effects at about the same sizes, and is as good for all
+    other effects. The result is also None if the plan does not distinguish the two effects.
     """
-    if _lack(plan.design, ids, known) != _NOTHING:
+    half = next((c for c in plan.changes if c.key == "slip_half"), None)
+    if half is None or half.design is None:
         return None
-    enough = [
-        change
-        for change in plan.changes
-        if change.design is not None
-        and _cost(plan, change)[0] == 0
-        and change.duration < plan.duration
-        and _lack(change.design, ids, known) == _NOTHING
-        and _as_good(change.design, plan.design, ids)
-    ]
-    return min(enough, key=lambda change: change.duration, default=None)
+    lacks = max(_lack(design, ids, known) for design in (plan.design, half.design))
+    return half if lacks == _NOTHING and _as_good(half.design, plan.design, ids) else None
 
 
 def _as_good(design: Design, plan: Design, ids: tuple[str, str]) -> bool:
