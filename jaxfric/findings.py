@@ -31,6 +31,8 @@ class WarningCode(StrEnum):
 
     MISFIT = "misfit"
     """A fit leaves far more than the scatter of neighbouring rows; values: times, of each fit."""
+    MISSED = "part_of_the_record_missed"
+    """A fit of a run's step misses a part of its record by more than noise."""
     DRIFT = "drift_before_the_step"
     """Friction drifts before a velocity step as the model does not; values: slope, error, shift,
     trend (that was fitted, or None)."""

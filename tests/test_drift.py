@@ -20,7 +20,6 @@ from jaxfric.fitting.misfit import misfit_warning, scatter
 from jaxfric.loop.slider import repeated
 from jaxfric.report.fit_text import summary
 from jaxfric.runs.table import ask_on, misses
-from jaxfric.runs.warned import drift_warning_of
 
 STEPS = VelocitySteps(np.array([0.0, 20.0]), np.array([1e-6, 1e-5]))
 TIME = np.linspace(0.0, 50.0, 800)
@@ -131,18 +130,6 @@ def test_a_trend_that_the_rows_before_do_not_have_has_a_star(per_mm, trend, star
     assert (
         "the rows before step 4 do not have the slip trend of the fit; find out which" in said
     ) == star
-
-
-def test_drifts_of_several_steps_are_one_warning():
-    noise = 0.02 * alike(np.random.default_rng(2), 0)
-    plain, steady = drifting(0.02, noise), drifting(0.0, noise)
-    assert drift_warning_of([plain, steady]) == drift_warning(plain)
-    assert drift_warning_of([steady]) == drift_warning_of([]) == ()
-    (both,) = drift_warning_of([plain, steady, drifting(-0.01, noise)])
-    assert "+0.02, -0.01 per mm, where the model is steady" in both
-    trends = [drifting(x, noise, trend=0.01) for x in (0.02, -0.03)]
-    (both,) = drift_warning_of(trends)
-    assert "+0.03, -0.02 per mm, not by the +0.01, +0.01 of the fitted" in both
 
 
 def test_a_loop_repeats_what_a_fit_warns_of_with_its_own_option():

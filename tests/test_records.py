@@ -9,10 +9,9 @@ import pytest
 from public_data import public_path, public_record
 
 from jaxfric.errors import InputError
-from jaxfric.findings import WarningCode, is_of
 from jaxfric.records import VelocitySteps, from_arrays, read, read_table
 from jaxfric.records.roles import SLIDER
-from jaxfric.records.thin import blur, blur_warning, blur_warning_of, thinned
+from jaxfric.records.thin import blur, thinned
 from jaxfric.report.record_text import describe
 
 HEADER = "time [s],load_point_displacement [um],friction [1],normal_stress [MPa]"
@@ -531,15 +530,6 @@ def test_means_that_flatten_a_peak_are_told() -> None:
         peak = 0.6 + 0.02 * np.exp(-np.maximum(t - 50, 0) / width) * (t > 50)
         record = from_arrays(t, peak, load_point_displacement=1e-6 * t)
         assert (blur(record, 1e-5) > 0.5) == told
-
-
-def test_what_means_cost_in_many_steps_is_told_once() -> None:
-    some = [blur_warning(2, 9.0), blur_warning(3, 0.5261), "near the edge", blur_warning(2, 12.0)]
-    [said] = blur_warning_of(some)
-    assert "means over 2 to 3 rows" in said and "by 0.53 to 12 times" in said
-    assert blur_warning_of(some[:1]) == (some[0],) and "over 2 rows" in some[0]
-    assert not blur_warning_of(["near the edge"]) and not blur_warning_of([])
-    assert [is_of(text, WarningCode.FLATTENED) for text in some] == [True, True, False, True]
 
 
 @pytest.mark.parametrize(("more", "doubts"), [(19, 0), (20, 1)])

@@ -9,8 +9,6 @@ flattens a peak by 1/24 of its second difference; `blur` compares this flattenin
 the means.
 """
 
-import typing
-from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -69,28 +67,8 @@ def blur(record: Record, noise: float) -> float:
 
 def blur_warning(rows: int, lost: float) -> Warned:
     """Return a warning: means over `rows` rows flatten peaks by `lost` times the noise."""
-    return Warned(
-        _flattened(str(rows), f"{lost:.2g}"), WarningCode.FLATTENED, {"rows": rows, "times": lost}
+    text = (
+        f"means over {rows} rows flatten the peaks after the steps by {lost:.2g} times the noise of"
+        f" the means: A is too small; choose a larger {option('downsample-to')}"
     )
-
-
-def _flattened(rows: str, lost: str) -> str:
-    return (
-        f"means over {rows} rows flatten the peaks after the steps by {lost} times the noise of the"
-        f" means: A is too small; choose a larger {option('downsample-to')}"
-    )
-
-
-def blur_warning_of(warnings: Sequence[str]) -> tuple[str, ...]:
-    """Merge the warnings from `blur_warning` into one warning; () without warnings."""
-    found = [
-        w.values for w in warnings if isinstance(w, Warned) and w.code is WarningCode.FLATTENED
-    ]
-    if not found:
-        return ()
-    said = []
-    for name, form in (("rows", ".0f"), ("times", ".2g")):
-        values = [typing.cast("float", one[name]) for one in found]
-        ends = (format(end, form) for end in (min(values), max(values)))
-        said.append(" to ".join(dict.fromkeys(ends)))
-    return (Warned(_flattened(*said), WarningCode.FLATTENED),)
+    return Warned(text, WarningCode.FLATTENED, {"rows": rows, "times": lost})

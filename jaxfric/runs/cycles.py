@@ -21,6 +21,7 @@ import numpy as np
 
 from ..errors import option
 from ..fitting.uncertainty import QUANTILE
+from ..plain import entries, plain
 from ..records import Record
 from ..silent import silent
 from ..units import measured
@@ -29,8 +30,8 @@ from .holds import LAWS
 from .rise_fit import RiseFit, fit_rises
 from .stick_slip import Rises, find_rises
 from .stiffness import MachineStiffness, departure
-from .table import Cell, short
-from .weighted import WeightedLine, weighted_line
+from .table import Cell, rounded, short
+from .weighted import WeightedLine, line_over_decades
 
 _STRONG = 12.0
 """Least difference of chi-square that prefers a law, over the reduced chi-square of the better."""
@@ -137,12 +138,8 @@ def preferred(fits: Mapping[str, RiseFit], doubts: Mapping[str, str]) -> str | N
 def drop_by_velocity(found: StickSlip) -> WeightedLine | None:
     """Return the weighted line of the drop over log10 of velocity [m/s]; None for fewer than three
     intervals, or velocities within a factor of two."""
-    good = found.used
-    x = np.log10([one.velocity for one in good])
-    if len(good) < 3 or np.ptp(x) < np.log10(2):
-        return None
-    y = np.array([one.drops.mean() for one in good])
-    return weighted_line(x, y, np.array([_error(one.drops) for one in good]))
+    known = [(one.velocity, one.drops.mean(), _error(one.drops)) for one in found.used]
+    return line_over_decades(*np.array(known).T) if known else None
 
 
 def _error(values: np.ndarray) -> float:
@@ -195,13 +192,12 @@ def rows(found: StickSlip | None) -> list[dict[str, Cell]]:
     if found is None:
         return out
     for number, one in enumerate(found.stretches, 1):
-        stress = one.normal_stress
         row: dict[str, Cell] = {
             "stretch": number,
             "from [s]": round(one.start, 4),
             "to [s]": round(one.stop, 4),
-            "velocity [um/s]": short(1e6 * one.velocity),
-            "normal_stress [MPa]": None if stress is None else round(stress / 1e6, 4),
+            "velocity [um/s]": short(one.velocity, scale=1e6),
+            "normal_stress [MPa]": rounded(one.normal_stress, 1e-6),
             "teeth": one.count,
         }
         if not one.why:
@@ -231,53 +227,36 @@ def law_rows(found: StickSlip | None) -> list[dict[str, Cell]]:
         for name, (unit, scale) in found.units.items():
             label = f"{name} [{unit}]" if unit else name
             value, error = known.get(name, (None, None))
-            row[label] = None if value is None else short(scale * value)
-            row[f"std {label}"] = None if error is None else short(scale * error, 4)
-        stress = fit.stress
-        row["K at normal_stress [MPa]"] = None if stress is None else round(stress / 1e6, 4)
+            row[label], row[f"std {label}"] = short(value, 7, scale), short(error, 4, scale)
+        row["K at normal_stress [MPa]"] = rounded(fit.stress, 1e-6)
         row |= {"misfit of a drop": short(fit.misfit, 4), "chi-square": short(fit.chi2, 5)}
         out.append(row | {"freedom": fit.freedom, "result": found.doubts.get(law, "converged")})
     return out
-
-
-def _finite(value: float) -> float | None:
-    return value if np.isfinite(value) else None
 
 
 def to_json(found: StickSlip | None) -> dict[str, object] | None:
     """Return the stick-slip of a run as JSON values, SI; None without stick-slip."""
     if found is None:
         return None
-    return {
-        "law": found.law,
-        "stretches": [
-            {
-                "start": one.start,
-                "stop": one.stop,
-                "velocity": one.velocity,
-                "normal_stress": one.normal_stress,
-                "drops": one.drops.tolist(),
-                "periods": one.periods.tolist(),
-                "swing": one.swing if one.resolved else None,
-                "why": one.why,
-            }
-            for one in found.stretches
-        ],
-        "fits": {
-            law: {
-                "values": {name: _finite(value) for name, value in fit.values.items()},
-                "errors": {name: _finite(error) for name, error in fit.errors.items()},
-                "period": _finite(fit.period),
-                "stress": fit.stress,
-                "misfit": _finite(fit.misfit),
-                "chi_square": _finite(fit.chi2),
-                "freedom": fit.freedom,
-                "claimed": sorted(found.claimed(law)),
-                "doubt": found.doubts.get(law, ""),
-            }
-            for law, fit in found.fits.items()
-        },
-    }
+    own = ("start", "stop", "velocity", "normal_stress", "drops", "periods", "why")
+    return plain(
+        {
+            "law": found.law,
+            "stretches": [
+                entries(one, *own) | {"swing": one.swing if one.resolved else None}
+                for one in found.stretches
+            ],
+            "fits": {
+                law: entries(fit, "values", "errors", "period", "stress", "misfit", "freedom")
+                | {
+                    "chi_square": fit.chi2,
+                    "claimed": sorted(found.claimed(law)),
+                    "doubt": found.doubts.get(law, ""),
+                }
+                for law, fit in found.fits.items()
+            },
+        }
+    )
 
 
 def told(found: StickSlip | None) -> list[str]:

@@ -16,7 +16,7 @@ from .cycles import StickSlip, fit_stick_slip
 from .events import Event
 from .fits import HowFitted, RunFit
 from .holds import Hold
-from .left_out import LeftOut
+from .left_out import LeftOut, left_out
 from .ramps import Ramp, disagreement, find_ramps, ramp_stiffness
 from .stress_steps import FittedStress, fit_stress_steps
 from .table import Cell, claimed
@@ -94,7 +94,7 @@ def findings_of(
     about = float(np.median(levels)) if levels else None
     stick_slip = fit_stick_slip(result.record, events, progress=progress)
     doubts = (
-        disagreement(ramp_stiffness(ramps), how.stiffness, levels),
+        disagreement(ramp_stiffness(ramps), how.stiffness, about),
         of_cycles.disagreement(stick_slip, how.stiffness, about),
     )
     known = (*cautions(result.record, events), *(text for text in doubts if text))
@@ -104,6 +104,6 @@ def findings_of(
         stick_slip,
         (*of_holds.warnings_of(holds), *known),
         holds,
-        tuple(of_holds.not_fitted(result.events, holds)),
+        tuple(left_out(result.events, [hold.time for hold in holds])),
         result.record.friction_unit,
     )

@@ -93,11 +93,18 @@ def contradictions(record: Record, events: Sequence[Event]) -> list[str]:
 
 
 def by_step(said: Iterable[tuple[int, str]]) -> list[str]:
-    """Merge pairs (step number, text): one line for each text, with all its step numbers."""
-    told: dict[str, list[int]] = {}
+    """Merge pairs (step number, warning): one line for each code or text, with all its step
+    numbers. The values in the line are those of the first of these steps."""
+    alike: dict[str, list[tuple[int, str]]] = {}
     for number, text in said:
-        told.setdefault(text, []).append(number)
-    return [f"step {', '.join(map(str, numbers))}: {text}" for text, numbers in told.items()]
+        alike.setdefault(getattr(text, "code", None) or text, []).append((number, text))
+    lines = []
+    for pairs in alike.values():
+        numbers = ", ".join(str(number) for number, _ in pairs)
+        number, text = pairs[0]
+        values = f" (values of step {number})" if any(other != text for _, other in pairs) else ""
+        lines.append(f"step {numbers}: {text}{values}")
+    return lines
 
 
 @dataclass(frozen=True)

@@ -28,10 +28,10 @@ from ..silent import silent
 from ..units import measured
 from .events import Event
 from .fits import HowFitted
-from .left_out import SAME, LeftOut, joints_of, left_out, why_left_out
+from .left_out import SAME, LeftOut, joints_of, why_left_out
 from .stress import is_constant
-from .table import Cell
-from .weighted import WeightedLine, weighted_line
+from .table import Cell, rounded, short
+from .weighted import WeightedLine, line_over_decades
 
 LAWS = ("slip", "ageing")
 _LEVEL, _PEAK = 0.1, 5
@@ -109,11 +109,6 @@ def find_holds(events: Sequence[Event], end: float) -> list[HoldWindow]:
         after = joints[k + 2].time if k + 2 < len(joints) else end
         out.append(HoldWindow(event, (before + event.time) / 2, after, back))
     return out
-
-
-def not_fitted(events: Sequence[Event], holds: Sequence[Hold]) -> list[LeftOut]:
-    """Return the holds of a run that were not fitted, with the reasons."""
-    return left_out(events, [hold.time for hold in holds])
 
 
 def follows(last: HoldWindow, window: HoldWindow) -> bool:
@@ -280,12 +275,8 @@ def log_likelihood(found: Fit) -> float:
 def healing_rate(holds: Sequence[Hold]) -> WeightedLine | None:
     """Return the weighted line of healing over log10 of hold time [s]; None for fewer than three
     holds of known time, or hold times within a factor of two."""
-    holds = [hold for hold in holds if not hold.missing]
-    x = np.log10([hold.lasts for hold in holds])
-    if len(holds) < 3 or np.ptp(x) < np.log10(2):
-        return None
-    y, error = (np.array([getattr(hold, name) for hold in holds]) for name in ("healing", "error"))
-    return weighted_line(x, y, error)
+    known = [(hold.lasts, hold.healing, hold.error) for hold in holds if not hold.missing]
+    return line_over_decades(*np.array(known).T) if known else None
 
 
 def why_no_law(hold: Hold) -> str:
@@ -331,29 +322,24 @@ def rows(
     out: list[dict[str, Cell]] = []
     force = " [N]" if unit == "N" else ""
     for number, hold in enumerate(holds, 1):
-        stress = hold.normal_stress
         row: dict[str, Cell] = {
             "hold": number,
             "time [s]": round(hold.time, 4),
             "hold time [s]": round(hold.lasts, 4),
-            "velocity [um/s]": float(f"{1e6 * hold.velocity:.7g}"),
-            "normal_stress [MPa]": None if stress is None else round(stress / 1e6, 4),
-            f"creep{force}": None if hold.creep is None else float(f"{hold.creep:.6g}"),
-            f"healing{force}": float(f"{hold.healing:.6g}"),
-            f"std healing{force}": float(f"{hold.error:.4g}"),
+            "velocity [um/s]": short(hold.velocity, scale=1e6),
+            "normal_stress [MPa]": rounded(hold.normal_stress, 1e-6),
+            f"creep{force}": short(hold.creep, 6),
+            f"healing{force}": short(hold.healing, 6),
+            f"std healing{force}": short(hold.error, 4),
         }
         for law, found in hold.fits.items():
-            p = found.parameters
             for name, scale, label in (("A", 1.0, force), ("B", 1.0, force), ("L", 1e6, " [um]")):
-                known = p[name].determined
-                row[f"{name} {law}{label}"] = (
-                    float(f"{scale * p[name].value:.6g}") if known else None
-                )
-        row["fitted with holds"] = " ".join(
-            str(k) for k, other in enumerate(holds, 1) if other.group == hold.group
-        )
-        why, by = why_no_law(hold), hold.preference
-        row["ln L slip - ageing"] = None if why or by is None else round(by, 2)
+                own = found.parameters[name]
+                row[f"{name} {law}{label}"] = short(own.value, 6, scale) if own.determined else None
+        together = (str(k) for k, other in enumerate(holds, 1) if other.group == hold.group)
+        row["fitted with holds"] = " ".join(together)
+        why = why_no_law(hold)
+        row["ln L slip - ageing"] = None if why else rounded(hold.preference, digits=2)
         row["result"] = f"laws not compared: {why}" if why else "compared"
         out.append(row)
     for number, other in enumerate(others, len(holds) + 1):
@@ -391,24 +377,6 @@ def told(holds: Sequence[Hold], unit: str = "1", others: Sequence[LeftOut] = ())
             )
         else:
             lines.append(f"to the holds the {law} law fits better ({by})")
-            lines += _parameters_told(compared, law, force)
-    return lines
-
-
-def _parameters_told(holds: Sequence[Hold], law: str, force: str) -> list[str]:
-    """Return a line on A, B and L of a law for every group of holds fitted together."""
-    lines = []
-    for group in dict.fromkeys(hold.group for hold in holds if law in hold.fits):
-        of = [hold for hold in holds if hold.group == group]
-        p = of[0].fits[law].parameters
-        values = [
-            f"{name} {measured(scale * p[name].value, scale * p[name].std)}{unit}"
-            if p[name].determined
-            else f"{name} -"
-            for name, scale, unit in (("A", 1.0, force), ("B", 1.0, force), ("L", 1e6, " um"))
-        ]
-        times = ", ".join(f"{hold.time:.6g}" for hold in of)
-        lines.append(f"hold at {times} s, {law} law: {', '.join(values)}")
     return lines
 
 

@@ -36,7 +36,7 @@ from ..units import measured
 from .events import mean_velocity
 from .fits import StepFit
 from .table import difference, misses
-from .weighted import weighted_line
+from .weighted import weighted_line, weighted_mean
 
 _FEWEST = 4
 """Least number of steps for a line."""
@@ -76,36 +76,20 @@ class Dependence:
     questions: int
 
     def told(self) -> str:
-        """Return the dependence as a line."""
-        way = "rises" if self.slope > 0 else "falls"
-        size = measured(abs(self.slope), self.error)
-        return f"{self.quantity} {way} by {size} per {self.unit}: {self._odds()}"
-
-    def answered(self) -> str:
-        """Return the slope, with a statement whether it is significant."""
+        """Return the slope with its error, and the p-values of the test."""
         size = f"{'+' if self.slope > 0 else ''}{measured(self.slope, self.error)}"
-        shown = "not significant"
-        if self.shown:
-            shown = "significant"
-        elif self._alone() < _SHOWN:
-            shown = "significant only without the correction"
-        return f"{shown}, slope {size} per {self.unit} ({self._odds()})"
+        alone = chance(self.slope, self.error, self.freedom)
+        return (
+            f"{self.quantity} against {self.along}: {'' if self.shown else 'not '}significant,"
+            f" slope {size} per {self.unit} (t = {abs(self.slope) / self.error:.2g},"
+            f" {self.freedom} d.o.f., p = {alone:.2g}; {self.p:.2g} after Bonferroni correction for"
+            f" {self.questions} tests)"
+        )
 
     @property
     def shown(self) -> bool:
         """Whether the dependence is significant."""
         return self.p < _SHOWN
-
-    def _odds(self) -> str:
-        return (
-            f"t = {abs(self.slope) / self.error:.2g}, {self.freedom} d.o.f., p ="
-            f" {self._alone():.2g}; {self.p:.2g} after Bonferroni correction for"
-            f" {self.questions} tests"
-        )
-
-    def _alone(self) -> float:
-        """Return the p-value without the correction."""
-        return chance(self.slope, self.error, self.freedom)
 
 
 def is_known(step: StepFit) -> bool:
@@ -144,14 +128,7 @@ def share(steps: Sequence[StepFit]) -> Shared | None:
         return None
     fits = [step.fit for step in known if step.fit is not None]
     names = names_of(fits[0])
-    vectors, weights = [], []
-    for fit in fits:
-        vector, covariance = vector_of(fit)
-        vectors.append(vector)
-        weights.append(np.linalg.pinv(covariance, hermitian=True))
-    covariance = np.linalg.pinv(np.sum(weights, axis=0), hermitian=True)
-    mean = covariance @ sum(w @ v for w, v in zip(weights, vectors, strict=True))
-    q = float(sum((v - mean) @ w @ (v - mean) for w, v in zip(weights, vectors, strict=True)))
+    mean, covariance, chi_square = weighted_mean(*zip(*map(vector_of, fits), strict=True))
     freedom = len(names) * (len(fits) - 1)
     lengths = np.array([n[0] == "L" for n in names])
     values = np.where(lengths, np.exp(np.where(lengths, mean, 0.0)), mean)
@@ -159,15 +136,15 @@ def share(steps: Sequence[StepFit]) -> Shared | None:
     return Shared(
         dict(zip(names, values.tolist(), strict=True)),
         dict(zip(names, errors.tolist(), strict=True)),
-        q,
+        chi_square,
         freedom,
-        float(chdtrc(freedom, q)),
+        float(chdtrc(freedom, chi_square)),
         tuple(step.number for step in known),
     )
 
 
-_QUANTITIES = {"A": "A", "A-B": "A-B", "ln L": "L"}
-"""Quantities tested for a dependence, and their symbols."""
+_QUANTITIES = ("A", "A-B", "ln L")
+"""Quantities tested for a dependence."""
 
 
 def dependences(steps: Sequence[StepFit]) -> list[Dependence]:
@@ -177,10 +154,12 @@ def dependences(steps: Sequence[StepFit]) -> list[Dependence]:
     """
     found = []
     for quantity in _QUANTITIES:
-        known = _asked(steps, quantity)
+        known = _known(steps, quantity)
         if len(known) < _FEWEST:
             continue
-        y, error = _quantity(known, quantity)
+        y, error = np.array([_estimate(step, quantity) for step in known]).T
+        if quantity == "A-B" and trend_chance(steps) < _DIFFER:
+            y, error = np.array([step.fit.with_trend for step in known if step.fit]).T
         freedom = len(known) - 2
         for along, unit, x in _sides(known):
             line = weighted_line(x, y, error)
@@ -192,41 +171,36 @@ def dependences(steps: Sequence[StepFit]) -> list[Dependence]:
 
 def _sides(known: Sequence[StepFit]) -> list[tuple[str, str, np.ndarray]]:
     """Return the variables that change among steps: name, unit of a slope, values of the steps."""
-    speeds = [np.log10(mean_velocity(s.event)) for s in known]
-    sides: list[tuple[str, str, np.ndarray, float | None]] = [
-        ("velocity", "decade of velocity", np.array(speeds), _DECADES),
-        (
-            "displacement",
-            "mm of load-point displacement",
-            np.array([1e3 * s.position for s in known]),
-            1e-9,
-        ),
-    ]
-    stresses = [s.event.normal_stress for s in known]
-    if all(stress is not None for stress in stresses):
-        levels = np.array([stress / 1e7 for stress in stresses if stress is not None])
-        sides.append(("normal stress", "10 MPa of normal stress", levels, None))
-    return [
-        (along, unit, x)
-        for along, unit, x, least in sides
-        if np.ptp(x) > (0.02 * np.abs(x).max() if least is None else least)
-    ]
+    speeds = np.log10([mean_velocity(s.event) for s in known])
+    places = np.array([1e3 * s.position for s in known])
+    stresses = np.array([s.event.normal_stress for s in known], float) / 1e7  # nan if unknown
+    sides = (
+        ("velocity", "decade of velocity", speeds, _DECADES),
+        ("displacement", "mm of load-point displacement", places, 1e-9),
+        ("normal stress", "10 MPa of normal stress", stresses, 0.02 * np.abs(stresses).max()),
+    )
+    return [(along, unit, x) for along, unit, x, least in sides if np.ptp(x) > least]
 
 
-def _asked(steps: Sequence[StepFit], quantity: str) -> list[StepFit]:
+def _known(steps: Sequence[StepFit], quantity: str) -> list[StepFit]:
     """Return the steps that determine a quantity with a fit that describes them."""
-    return [step for step in steps if not misses(step) and _has(step, quantity)]
+    return [step for step in steps if not misses(step) and _estimate(step, quantity) is not None]
 
 
-def _has(step: StepFit, quantity: str) -> bool:
-    """Whether the fit of a step determines A, A-B or its (first) L."""
+def _estimate(step: StepFit, quantity: str) -> tuple[float, float] | None:
+    """Return A, A-B or the logarithm of the (first) L of a step with its standard error; None if
+    the fit does not determine it."""
     fit = step.fit
     if fit is None or not fit.converged:
-        return False
+        return None
     if quantity == "A-B":
-        return fit.A_minus_B.determined and bool(np.isfinite(difference(fit)).all())
-    estimate = fit.parameters["A" if quantity == "A" else _first_length(fit)]
-    return estimate.determined and bool(np.isfinite([estimate.value, estimate.std]).all())
+        own, (value, std) = fit.A_minus_B, difference(fit)
+    else:
+        own = fit.parameters["A" if quantity == "A" else _first_length(fit)]
+        value, std = own.value, own.std
+    if not (own.determined and np.isfinite([value, std]).all()):
+        return None
+    return (float(np.log(value)), std / value) if quantity == "ln L" else (value, std)
 
 
 def trend_chance(steps: Sequence[StepFit]) -> float:
@@ -234,7 +208,7 @@ def trend_chance(steps: Sequence[StepFit]) -> float:
     the shift is unknown for a step, or if the fits already have a trend."""
     from scipy.special import chdtrc
 
-    fits = [step.fit for step in _asked(steps, "A-B") if step.fit is not None]
+    fits = [step.fit for step in _known(steps, "A-B") if step.fit is not None]
     if not fits or any(fit.with_trend is None for fit in fits):
         return 1.0
     moved = []
@@ -248,88 +222,37 @@ def _first_length(fit: Fit) -> str:
     return next(n for n in names_of(fit) if n[0] == "L")
 
 
-def _quantity(known: Sequence[StepFit], quantity: str) -> tuple[np.ndarray, np.ndarray]:
-    """Return A, A-B or the logarithm of the (first) L of the steps, with their errors."""
-    fits = [step.fit for step in known if step.fit is not None]
-    if quantity == "A-B":
-        trend = trend_chance(known) < _DIFFER
-        both = np.array([f.with_trend if trend else difference(f) for f in fits])
-        return both[:, 0], both[:, 1]
-    names = ["A" if quantity == "A" else _first_length(f) for f in fits]
-    found = [f.parameters[n] for f, n in zip(fits, names, strict=True)]
-    y, error = np.array([(e.value, e.std) for e in found]).T
-    return (y, error) if quantity == "A" else (np.log(y), error / y)
-
-
 def told(steps: Sequence[StepFit]) -> list[str]:
-    """Return lines on common parameters of the steps, and on dependences."""
+    """Return lines on common parameters of the steps, on A-B against velocity, and on the other
+    dependences that are significant."""
     shared = share(steps)
     if shared is None:
         return []
     parts = []
     for name, value in shared.values.items():
-        error = shared.errors[name]
-        text = (
-            measured(1e6 * value, 1e6 * error) + " um" if name[0] == "L" else measured(value, error)
-        )
-        parts.append(f"{name} {text}")
-    lines = [f"shared by {len(shared.steps)} steps: {', '.join(parts)}"]
+        scale, unit = (1e6, " um") if name[0] == "L" else (1.0, "")
+        parts.append(f"{name} {measured(scale * value, scale * shared.errors[name])}{unit}")
+    values = ", ".join(parts)
     if shared.p < _DIFFER:
-        lines[0] = (
+        lines = [
             f"the steps do not share their parameters (likelihood-ratio test: p = {shared.p:.1g},"
             f" chi-square {shared.chi_square:.4g} with {shared.freedom} d.o.f.); weighted mean:"
-            f" {', '.join(parts)}"
-        )
+            f" {values}"
+        ]
     else:
-        lines[0] += f" (likelihood-ratio test: p = {shared.p:.2g}, not rejected)"
-    missed = [s for s in steps if s.number in shared.steps and misses(s)]
-    if missed:
-        lines.append(
-            f"of these, step {', '.join(str(s.number) for s in missed)}: the fit does not describe"
-            " the step (*), so that differences may have other causes than friction"
-        )
+        lines = [
+            f"shared by {len(shared.steps)} steps: {values} (likelihood-ratio test: p ="
+            f" {shared.p:.2g}, not rejected)"
+        ]
     answers = dependences(steps)
-    lines.append(_of_velocity(steps, answers))
+    of_velocity = [d for d in answers if (d.quantity, d.along) == ("A-B", "velocity")]
+    lines += [d.told() for d in of_velocity] or [
+        f"A-B against velocity: not tested, which needs {_FEWEST} steps without a star at different"
+        " mean velocities that determine A-B"
+    ]
     if any(d.quantity == "A-B" for d in answers) and (p := trend_chance(steps)) < _DIFFER:
         lines.append(
             f"friction has a significant trend with slip in these steps (p = {p:.1g}): the lines of"
             f" A-B use fits with this trend ({option('slip-trend')})"
         )
-    told_of = [d for d in answers if d.shown]
-    lines += [d.told() for d in told_of if not _is_of_velocity(d)]
-    if answers and not told_of:
-        sides = ", ".join(dict.fromkeys(d.along for d in answers))
-        asked = [name for name in _QUANTITIES if name in {d.quantity for d in answers}]
-        *others, ended = [_QUANTITIES[name] for name in asked]
-        named = f"{', '.join(others)} or {ended}" if others else ended
-        lines.append(
-            f"no significant dependence of {named} on {sides} (p > .05)"
-            if shared.p >= _DIFFER
-            else f"steps {', '.join(map(str, shared.steps))} differ by more than their errors, but"
-            f" without a significant dependence of {named} on {sides} (p > .05 after Bonferroni"
-            f" correction for {len(answers)} tests)"
-        )
-        for name in _QUANTITIES:
-            if name not in asked:
-                count = len(_asked(steps, name))
-                lines[-1] += f"; {_QUANTITIES[name]} is determined in {count} steps: not tested"
-    return lines
-
-
-def _of_velocity(steps: Sequence[StepFit], answers: Sequence[Dependence]) -> str:
-    """Return a line on the dependence of A-B on velocity, or why it is not tested."""
-    numbers = [str(step.number) for step in _asked(steps, "A-B")]
-    for answer in answers:
-        if _is_of_velocity(answer):
-            which = f"of steps {', '.join(numbers)}"
-            which += " (none with a star)" if any(map(misses, steps)) else ""
-            return f"A-B against velocity (geometric mean of a step), {which}: {answer.answered()}"
-    known = len(numbers)
-    why = "the steps have about the same mean velocity"
-    if known < _FEWEST:
-        why = f"A-B is determined by fits without a star in {known} steps, {_FEWEST} are needed"
-    return f"A-B against velocity: not tested, {why}"
-
-
-def _is_of_velocity(answer: Dependence) -> bool:
-    return (answer.quantity, answer.along) == ("A-B", "velocity")
+    return lines + [d.told() for d in answers if d.shown and d not in of_velocity]

@@ -30,7 +30,8 @@ from ..units import measured
 from .events import Event
 from .stiffness import MachineStiffness, departure
 from .stress import is_constant
-from .table import Cell
+from .table import Cell, short
+from .weighted import weighted_mean
 
 RAMPS = "ramps"
 """Value of --stiffness that uses the stiffness of the ramps."""
@@ -175,15 +176,12 @@ def _straight(ramp: Ramp, rows: _RampRows) -> Ramp:
                 return _without(ramp, "its slope is lost in the noise")
             start, stop = float(rows.time[0]), float(rows.time[-1])
             return Ramp(ramp.kind, start, stop, ramp.normal_stress, ramp.of_stress, slope, error)
-        first, second = (_slope(_RampRows(*(c[a] for c in rows)))[0] for a in _halves(half))
+        halves = slice(half), slice(half, None)
+        first, second = (_slope(_RampRows(*(c[part] for c in rows)))[0] for part in halves)
         if half < 2 * _FEWEST or second > first:
             break
         rows = _RampRows(*(column[:half] for column in rows))
     return _without(ramp, "it is not straight")
-
-
-def _halves(half: int) -> tuple[slice, slice]:
-    return slice(half), slice(half, None)
 
 
 def _slope(rows: _RampRows) -> tuple[float, float]:
@@ -205,10 +203,11 @@ def ramp_stiffness(ramps: Sequence[Ramp]) -> RampStiffness | None:
         return None
     k, errors = np.array(known).T
     # a ramp whose blocks scatter little by chance must not outweigh all others
-    w = 1 / np.maximum(errors, _LEAST * k.mean()) ** 2
-    mean = float(np.sum(w * k) / np.sum(w))
-    birge = max(1.0, float(np.sum(w * (k - mean) ** 2)) / max(len(k) - 1, 1))
-    return RampStiffness(mean, float(np.sqrt(birge / np.sum(w))), len(k), ramps[0].of_stress)
+    errors = np.maximum(errors, _LEAST * k.mean())
+    found = weighted_mean(k[:, None], errors[:, None, None] ** 2)
+    birge = max(1.0, found.chi_square / max(len(k) - 1, 1))
+    error = float(np.sqrt(birge * found.covariance.item()))
+    return RampStiffness(found.mean.item(), error, len(k), ramps[0].of_stress)
 
 
 def stiffness_from_ramps(record: Record, events: Sequence[Event]) -> RampStiffness:
@@ -231,43 +230,27 @@ def _none(ramps: Sequence[Ramp]) -> str:
 
 
 def disagreement(
-    found: RampStiffness | None, given: MachineStiffness | None, stresses: Sequence[float]
+    found: RampStiffness | None, given: MachineStiffness | None, stress: float | None
 ) -> str | None:
     """Return a sentence if the given stiffness differs from that of the ramps, else None.
 
-    `stresses` are the normal stresses [Pa] of the steps. If one stiffness is of stress and the
-    other of friction, both are compared at each normal stress in `stresses`; the sentence is about
-    the largest difference.
+    If one stiffness is of stress and the other of friction, both are compared at the normal
+    `stress` [Pa] of the steps.
     """
     if found is None or given is None:
         return None
-    if found.of_stress == given.of_stress:
-        words, where = departure(given.value, found.value, found.error), ""
-    else:
-        of = _furthest(found, given, [stress for stress in stresses if stress > 0])
-        words, where = of or (None, "")
+    value = given.value
+    if found.of_stress != given.of_stress:
+        if not (stress and stress > 0):
+            return None
+        value = value * stress if found.of_stress else value / stress
+    words = departure(value, found.value, found.error)
     if words is None:
         return None
     return (
-        f"{option('stiffness')} is {words} that of the ramps ({found.told()}){where}: A, B and L"
-        f" depend on it; to use that of the ramps: {option('stiffness', 'ramps')}"
+        f"{option('stiffness')} is {words} that of the ramps ({found.told()}): A, B and L depend on"
+        f" it; to use that of the ramps: {option('stiffness', 'ramps')}"
     )
-
-
-def _furthest(
-    found: RampStiffness, given: MachineStiffness, stresses: Sequence[float]
-) -> tuple[str, str] | None:
-    """Return the greatest departure over normal stresses, and at which; None if there is none."""
-    apart = []
-    for stress in stresses:
-        own, value = found.machine().at(stress), given.at(stress)
-        words = departure(value, own, found.error * own / found.value)
-        if words is not None:
-            apart.append((abs(np.log(value / own)), stress, words))
-    if not apart:
-        return None
-    _, stress, words = max(apart)
-    return words, f" at a normal stress of {stress / 1e6:.4g} MPa"
 
 
 def rows(ramps: Sequence[Ramp]) -> list[dict[str, Cell]]:
@@ -275,23 +258,18 @@ def rows(ramps: Sequence[Ramp]) -> list[dict[str, Cell]]:
     out: list[dict[str, Cell]] = []
     for number, ramp in enumerate(ramps, 1):
         scale, unit = (1e-12, "MPa/um") if ramp.of_stress else (1e-6, "1/um")
-        stress = None if ramp.normal_stress is None else ramp.normal_stress / 1e6
         row: dict[str, Cell] = {
             "ramp": number,
             "kind": ramp.kind,
             "from [s]": round(ramp.start, 4),
             "to [s]": round(ramp.stop, 4),
-            "normal_stress [MPa]": _short(stress),
-            f"stiffness [{unit}]": _short(ramp.slope, scale),
-            f"std stiffness [{unit}]": _short(ramp.error, scale),
+            "normal_stress [MPa]": short(ramp.normal_stress, 6, 1e-6),
+            f"stiffness [{unit}]": short(ramp.slope, 6, scale),
+            f"std stiffness [{unit}]": short(ramp.error, 6, scale),
             "result": ramp.why or "straight",
         }
         out.append(row)
     return out
-
-
-def _short(value: float | None, scale: float = 1.0) -> float | None:
-    return None if value is None else float(f"{scale * value:.6g}")
 
 
 def told(ramps: Sequence[Ramp]) -> list[str]:

@@ -26,6 +26,7 @@ from .stress_problem import (
     predicted,
     residual_and_slopes,
 )
+from .weighted import weighted_mean
 
 _NEIGHBOURS = 4
 """Number of velocity steps, nearest in time, that give the prior of A, B and L."""
@@ -77,17 +78,15 @@ def prior_of(steps: Sequence[StepFit], time: float) -> Prior | None:
     near = sorted(known, key=lambda s: abs(s.event.time - time))[:_NEIGHBOURS]
     if not near:
         return None
-    vectors, weights = [], []
+    vectors, covariances = [], []
     for step in near:
         assert step.fit is not None
         vector, covariance = vector_of(step.fit)
         scale = np.array([1 / vector[0], 1.0, 1.0])
         vectors.append(np.array([np.log(vector[0]), vector[1], vector[2]]))
-        weights.append(np.linalg.pinv(covariance * np.outer(scale, scale), hermitian=True))
-    covariance = np.linalg.pinv(np.sum(weights, axis=0), hermitian=True)
-    mean = covariance @ np.sum([w @ v for w, v in zip(weights, vectors, strict=True)], axis=0)
-    q = sum(float((v - mean) @ w @ (v - mean)) for w, v in zip(weights, vectors, strict=True))
-    birge = q / max(3 * (len(near) - 1), 1)
+        covariances.append(covariance * np.outer(scale, scale))
+    mean, covariance, chi_square = weighted_mean(vectors, covariances)
+    birge = chi_square / max(3 * (len(near) - 1), 1)
     wider = birge * len(near) if birge > 1 else 1.0
     return Prior(mean, wider * covariance, tuple(sorted(s.number for s in near)))
 

@@ -18,6 +18,7 @@ import numpy as np
 
 from ..fitting.uncertainty import QUANTILE
 from ..laws.registry import evolution_of
+from ..plain import entries
 from ..records import Record
 from ..silent import silent
 from ..units import measured
@@ -27,7 +28,7 @@ from .stress import StressChange, find_stress_changes, is_constant
 from .stress_fit import StressFit, fit_stress, prior_of, stiffness_of
 from .stress_problem import StressRows
 from .stress_ramp import find_ramp
-from .table import Cell
+from .table import Cell, short
 
 _FEWEST = 10
 """Least number of rows before and after the change."""
@@ -39,6 +40,8 @@ _SLOW = 3.0
 _STEADY, _SURE = 0.1, 4.0
 """Sliding is steady before the change if friction changes by less than `_STEADY` of the full
 loading by the load point, or by less than `_SURE` standard errors."""
+_SCALES = {"f0": 1.0, "A": 1.0, "B": 1.0, "L [um]": 1e6, "K [1/um]": 1e-6}
+"""Columns of a fit, and how many of their units make one SI unit."""
 _ROUGH = 3.0
 """Largest residual of a fit, over that of the velocity steps' fits."""
 
@@ -251,24 +254,19 @@ def rows(found: Sequence[FittedStress]) -> list[dict[str, Cell]]:
         row: dict[str, Cell] = {
             "stress step": number,
             "time [s]": round(one.time, 4),
-            "lasts [s]": float(f"{one.lasts:.5g}"),
-            "velocity [um/s]": float(f"{1e6 * one.velocity:.7g}"),
-            "normal_stress before [MPa]": float(f"{one.before / 1e6:.6g}"),
-            "normal_stress after [MPa]": float(f"{one.after / 1e6:.6g}"),
-            "alpha": None if one.alpha is None else float(f"{one.alpha:.6g}"),
-            "std alpha": None if one.error is None else float(f"{one.error:.4g}"),
+            "lasts [s]": short(one.lasts, 5),
+            "velocity [um/s]": short(one.velocity, scale=1e6),
+            "normal_stress before [MPa]": short(one.before, 6, 1e-6),
+            "normal_stress after [MPa]": short(one.after, 6, 1e-6),
+            "alpha": short(one.alpha, 6),
+            "std alpha": short(one.error, 4),
         }
         if one.fit is not None and one.alpha is not None:
-            for name, unit, scale in (
-                ("f0", "", 1.0),
-                ("A", "", 1.0),
-                ("B", "", 1.0),
-                ("L", " [um]", 1e6),
-                ("K", " [1/um]", 1e-6),
-            ):
-                row[name + unit] = float(f"{scale * one.fit.values[name]:.6g}")
-                row[f"std {name}{unit}"] = float(f"{scale * one.fit.errors[name]:.4g}")
-            row["rms"] = float(f"{one.fit.rms:.4g}")
+            for label, scale in _SCALES.items():
+                name = label.split()[0]
+                row[label] = short(one.fit.values[name], 6, scale)
+                row[f"std {label}"] = short(one.fit.errors[name], 4, scale)
+            row["rms"] = short(one.fit.rms, 4)
         row["A, B, L known from steps"] = " ".join(map(str, one.prior))
         row["result"] = one.why or "converged"
         out.append(row)
@@ -277,22 +275,18 @@ def rows(found: Sequence[FittedStress]) -> list[dict[str, Cell]]:
 
 def to_json(found: Sequence[FittedStress]) -> list[dict[str, object]]:
     """Return the stress steps as JSON values, SI."""
-    return [
-        {
-            "time": one.time,
-            "lasts": one.lasts,
-            "velocity": one.velocity,
+    out = []
+    for one in found:
+        fit = None if one.alpha is None else one.fit
+        own: dict[str, object] = {
             "normal_stress": [one.before, one.after],
-            "alpha": one.alpha,
-            "error": one.error,
-            "why": one.why,
             "known_from_steps": list(one.prior),
             "prior_widened": None if one.fit is None else one.fit.widened,
-            "values": None if one.alpha is None or one.fit is None else one.fit.values,
-            "errors": None if one.alpha is None or one.fit is None else one.fit.errors,
+            "values": None if fit is None else fit.values,
+            "errors": None if fit is None else fit.errors,
         }
-        for one in found
-    ]
+        out.append(entries(one, "time", "lasts", "velocity", "alpha", "error", "why") | own)
+    return out
 
 
 def told(found: Sequence[FittedStress]) -> list[str]:

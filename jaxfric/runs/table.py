@@ -2,6 +2,7 @@
 
 import csv
 import io
+import typing
 from collections.abc import Mapping, Sequence
 
 from ..errors import option
@@ -41,14 +42,13 @@ def rows(run: RunFit) -> list[dict[str, Cell]]:
 
 def _row(step: StepFit) -> dict[str, Cell]:
     event, fit = step.event, step.fit
-    stress = event.normal_stress
     row: dict[str, Cell] = {
         "step": step.number,
         "time [s]": round(event.time, 4),
         "load_point_displacement [um]": round(1e6 * step.position, 3),
-        "normal_stress [MPa]": None if stress is None else round(stress / 1e6, 4),
-        "velocity before [um/s]": short(1e6 * event.before),
-        "velocity after [um/s]": short(1e6 * event.after),
+        "normal_stress [MPa]": rounded(event.normal_stress, 1e-6),
+        "velocity before [um/s]": short(event.before, scale=1e6),
+        "velocity after [um/s]": short(event.after, scale=1e6),
     }
     if fit is None:
         return row | {"result": step.failed}
@@ -103,9 +103,18 @@ def _unit(kind: str, force: bool) -> str:
     return unit.replace("1/", "N/") if unit.startswith("1/") else unit or "N"
 
 
-def short(value: float, digits: int = 7) -> float:
-    """Round a value to `digits` significant digits."""
-    return float(f"{value:.{digits}g}")
+@typing.overload
+def short(value: float, digits: int = 7, scale: float = 1.0) -> float: ...
+@typing.overload
+def short(value: float | None, digits: int = 7, scale: float = 1.0) -> float | None: ...
+def short(value: float | None, digits: int = 7, scale: float = 1.0) -> float | None:
+    """Round `scale` times a value to `digits` significant digits; None stays."""
+    return None if value is None else float(f"{scale * value:.{digits}g}")
+
+
+def rounded(value: float | None, scale: float = 1.0, digits: int = 4) -> float | None:
+    """Round `scale` times a value to `digits` decimals; None stays."""
+    return None if value is None else round(scale * value, digits)
 
 
 def amount(difference: float) -> str:
