@@ -18,7 +18,7 @@ from jaxfric.laws.source import without_first
 from jaxfric.records import VelocitySteps, from_arrays
 from jaxfric.report.fit_text import rows, shown_name, summary
 from jaxfric.report.stability_json import content
-from jaxfric.report.stability_text import describe
+from jaxfric.report.stability_text import report
 from jaxfric.stability.analysis import study, with_samples
 
 VALUES = {"f0": 0.6, "A": 0.010, "B": 0.014, "L": 2e-5}
@@ -189,10 +189,10 @@ def test_the_critical_stiffness_of_a_study_has_the_interval_of_samples_in_closed
     np.testing.assert_allclose(heavy.sampled, exact, rtol=1e-9)
     low, high = heavy.critical_interval
     assert exact.min() <= low < np.quantile(exact, 0.06) and np.quantile(exact, 0.94) < high
-    told = "\n".join(describe(heavy, "slip"))
+    told = "\n".join(report(heavy, "slip").headline)
     assert f"k_cr lies from {low:.4g} to {high:.4g} N/m with 95 % (of 64 samples" in told
     assert content(heavy, "slip")["theorem"]["critical_stiffness_interval"] == [low, high]
-    assert "lies from" not in "\n".join(describe(study(one, V), "slip"))
+    assert "lies from" not in "\n".join(report(study(one, V), "slip").headline)
 
 
 def test_the_samples_of_a_file_come_without_its_estimate():

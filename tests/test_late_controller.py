@@ -17,7 +17,7 @@ from jaxfric.gains.margins import slacks
 from jaxfric.gains.requirement import Requirement
 from jaxfric.gains.scenarios import Scenarios
 from jaxfric.report.gains_text import late_text
-from jaxfric.report.stability_text import describe
+from jaxfric.report.stability_text import report
 from jaxfric.stability.analysis import study
 from jaxfric.stability.kernel import DelayKernel, StateSpaceKernel
 from jaxfric.stability.linear import (
@@ -275,7 +275,9 @@ def test_given_gains_are_looked_at_with_a_delay():
     assert float(found.margins["modulus"]) == pytest.approx(min(signed), rel=1e-3)
     assert bool(found.stable) == (min(signed) > 0) and "stiffness" not in found.margins
     assert float(found.margins["decay"]) == -np.max(np.asarray(found.poles).real)
-    told = "\n".join(describe(found, "law"))
-    assert "a controller that answers 3 ms late: " + ("" if found.stable else "UN") in told
-    assert "Pade" in told and "damping " not in told.partition("margins:")[2]
-    assert "(18)-(20), of a controller that answers at once:" in told
+    told = report(found, "law")
+    assert "controller delay of 0.003 s" in told.lines[-1]
+    assert ("STABLE" if found.stable else "UNSTABLE") in told.headline[0].split()
+    assert "without margins and delay" in told.headline[-1]
+    names = [name for name, *_ in told.tables[-1].rows]
+    assert "Pade" in told.tables[-1].note and "damping margin" not in names

@@ -80,9 +80,9 @@ def test_the_golden_slider() -> None:
     gains = ("--mass", "2 kg", "--kv", "0.5 N*s/m", "--kp", "3 kN/m")
     code, out, err = run("stability", *SLIP, "--velocity", "2 mm/s", *gains, "--details")
     assert code == 0 and err == ""
-    for words in ("holds: f_v + k_v < int g dt (18)", "k_cr = 2014.976024 N/m", "STABLE", "phase"):
+    for words in ("f_v + k_v < int g dt (18)", "k_cr = 2014.976024 N/m", "STABLE", "phase"):
         assert words in out
-    assert out.split("\n")[-4].endswith("equations of the documentation's page 'theory'")
+    assert "equations of the documentation's page 'theory'" in out
     content = report()
     found = content["theorem"]
     assert found["holds"] and len(found["solutions"]) == 1
@@ -108,7 +108,7 @@ def test_the_golden_slider() -> None:
 def test_a_range_of_velocities_without_mass() -> None:
     outcome = run("stability", *SLIP, "--velocity", "0.1..10 mm/s", "--out", "here")
     code, out, _ = outcome
-    assert code == 0 and "quasi-static" in out and "hardest velocity" in out
+    assert code == 0 and "hardest velocity" in out
     content = report("here")
     V = np.asarray(content["velocities"]["velocity"])
     assert len(V) == 25
@@ -124,9 +124,7 @@ def test_a_range_of_velocities_without_mass() -> None:
 @pytest.mark.long
 def test_a_delay_has_no_critical_stiffness() -> None:
     code, out, _ = run("stability", *DELAY, "--kp", "100 N/m")
-    assert code == 0
-    for words in ("no critical stiffness", "list (30)", "n = 0", "-beta branch", "0 unstable"):
-        assert words in out
+    assert code == 0 and "stable for 16.7 < k_p < 283.9 N/m" in out
     content = report("delay-stability")
     assert content["theorem"]["critical_stiffness"] is None
     intervals = content["delay"]["stable_intervals"]
@@ -156,7 +154,7 @@ def test_laws_without_memory() -> None:
     assert_figures(Path("gaussian-stribeck-stability"), names)
     dahl = ("--law", "dahl", "--parameters", "f_c=2 N, sigma=1e5 N/m", "--velocity", "1 mm/s")
     code, out, _ = run("stability", *dahl, "--kp", "100 N/m", "--kv", "1 N*s/m")
-    assert code == 0 and "STABLE" in out and "no reason for stick-slip" in out
+    assert code == 0 and "STABLE" in out and "stable by damping" in out
 
 
 def table(folder: str) -> np.ndarray:

@@ -12,9 +12,6 @@ from ..stability.analysis import Study
 from ..stability.delay_analysis import delay_numbers, delay_summary
 from ..stability.margin_table import MARGINS
 
-INTERVALS = 4
-"""Stable intervals of a delay law that are listed."""
-
 
 def content(study: Study, law: str, warnings: Sequence[str] = ()) -> dict:
     """The content of stability.json, schema `schemas.STABILITY`; SI, null for infinite numbers.
@@ -91,7 +88,7 @@ def _gains_content(study: Study) -> dict:
 
 def _delay_content(study: Study) -> dict:
     numbers = delay_numbers(study)
-    known = delay_summary(study, number=INTERVALS)
+    known = delay_summary(study)
     return {
         "strength": numbers[2],
         "delay": numbers[3],
@@ -114,7 +111,7 @@ def intervals(study: Study) -> list[tuple[float, float, float, float]]:
     """Ends of the first stable intervals [N/m] and the frequencies there [rad/s]; 0 for k_p = 0."""
     if not study.delayed:
         return []
-    summary = delay_summary(study, number=INTERVALS)
+    summary = delay_summary(study)
     lower, upper, found = np.asarray(summary.lower), np.asarray(summary.upper), summary.crossings
     known = {0.0: 0.0}
     for branch in ("plus", "minus"):
