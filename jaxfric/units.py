@@ -70,12 +70,19 @@ def parse_quantity(text: str, si_unit: str, what: str) -> float:
     return value
 
 
-def speed_text(V: float, digits: int = 3, *, rotary: bool = False) -> str:
-    """A velocity [m/s], for a rotation [rad/s], as text in a readable unit."""
-    if rotary:
-        return f"{V:.{digits}g} rad/s" if V >= 0.1 else f"{1e3 * V:.{digits}g} mrad/s"
+def speed_text(V: float, digits: int = 3) -> str:
+    """A velocity [m/s] as text in a readable unit."""
     unit = next((u for u, size in (("um/s", 3e-4), ("mm/s", 0.3)) if size > V), "m/s")
     return format_si(float(f"{V:.{digits - 1}e}"), "m/s", unit, digits + 1)
+
+
+_PREFIXES = ((1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
+
+
+def prefixed(value: float, unit: str, digits: int = 4) -> str:
+    """A value with the largest prefix k, m, µ or n that leaves 1 or more: "1.757 kN/m"."""
+    size, prefix = next((one for one in _PREFIXES if abs(value) >= one[0]), (1.0, ""))
+    return f"{value / size:.{digits}g} {prefix}{unit}"
 
 
 def parse_values(text: str, si_unit: str, what: str, *, count: int = 25) -> list[float]:

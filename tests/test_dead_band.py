@@ -11,7 +11,7 @@ from command import assert_refused, run
 from jaxfric import find_gains, law_from_parameters
 from jaxfric.cli.folder import Folder
 from jaxfric.report import gains_json
-from jaxfric.report.gains_text import describe
+from jaxfric.report.gains_text import report
 
 CURVE = "c0=1 N, c1=0 N*s/m, c2=2 N, c3=50 mm/s"
 JOINT = "c0=1 N m, c1=0 Nms/rad, c2=2 N m, c3=50 mrad/s"
@@ -34,7 +34,7 @@ def test_the_dead_band_is_static_friction_over_stiffness():
     found = gains(lower=(600.0, None))
     assert found.kp == pytest.approx(600) and found.rest_friction == pytest.approx(STATIC)
     assert found.dead_band == pytest.approx(STATIC / 600)
-    told = next(line for line in describe(found) if line.startswith("at rest"))
+    told = next(line for line in report(found).lines if line.startswith("at rest"))
     assert "within 5 mm of the target" in told and "3 N over k_p" in told
     assert gains_json.content(found)["at_rest"]["dead_band"] == pytest.approx(5e-3)
 
@@ -44,7 +44,7 @@ def test_an_accuracy_asks_for_stiffness(parameters, unit):
     found = gains(parameters, accuracy=2e-3)
     assert found.kp == pytest.approx(STATIC / 2e-3)
     assert found.dead_band == pytest.approx(2e-3)
-    told = "\n".join(describe(found))
+    told = "\n".join(report(found).lines)
     assert f"accuracy at rest (k_p >= {unit})" in told
 
 

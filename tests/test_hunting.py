@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from jaxfric import check_gains, find_gains, law_from_parameters
 from jaxfric.gains.hunting import hunting
 from jaxfric.report import gains_json
-from jaxfric.report.gains_text import describe
+from jaxfric.report.gains_text import report
 
 M, K_P, K_V, K_I, DROP = 1.0, 400.0, 1.0, 800.0, 1.5
 
@@ -60,5 +60,5 @@ def test_checked_gains_say_whether_they_hunt():
     found = find_gains(law(DROP), velocity=0.1, mass=M, margin=margin, **given)
     told = check_gains(found)
     assert told.hunting.amplitude is not None and told.dead_band is None
-    assert any(line.startswith("at rest it hunts about") for line in describe(told))
+    assert any(line.startswith("at rest it hunts about") for line in report(told).lines)
     assert gains_json.content(told)["at_rest"]["hunting"]["period"] == told.hunting.period

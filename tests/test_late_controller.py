@@ -16,7 +16,6 @@ from jaxfric.gains.frontier import GainTask, Region, largest_alone
 from jaxfric.gains.margins import slacks
 from jaxfric.gains.requirement import Requirement
 from jaxfric.gains.scenarios import Scenarios
-from jaxfric.report.gains_text import late_text
 from jaxfric.report.stability_text import report
 from jaxfric.stability.analysis import study
 from jaxfric.stability.kernel import DelayKernel, StateSpaceKernel
@@ -258,9 +257,6 @@ def test_what_a_late_controller_cannot_be_asked():
 )
 def test_a_delay_is_the_whole_and_a_sample_time_two_thirds_of_it(sample_time, delay, known):
     assert controller_delay(sample_time, delay) == known
-    if known is not None:
-        whole = " (1.5 samples)" if sample_time else ""
-        assert late_text(known, sample_time) == f"answers {1e3 * known:.4g} ms late{whole}"
 
 
 def test_given_gains_are_looked_at_with_a_delay():
