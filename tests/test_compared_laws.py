@@ -29,7 +29,6 @@ from jaxfric.report.fits_table import (
     TabledFit,
     csv_rows,
     latex_text,
-    report_of_files,
     text_table,
 )
 
@@ -226,8 +225,7 @@ def made_up(*laws, held: bool = True, rms: float = 1.0, loose: int = 0,
         ([("slip", 1, 0, 1, 50), ("ageing", 1, 11, 2, 90)], "slip",
          "is 11 below that of the ageing law with 1 state (a"),
         ([("slip", 1, 0, 1, 50), ("ageing", 1, 9, 2, 90)], None,
-         "BIC of the slip law with 1 state and of the ageing law with 1 state differs by 9.0, less"
-         " than"),
+         "prefers the slip law with 1 state to the ageing law with 1 state by 9.0, less than"),
         ([("slip", 1, 0, 2, 90), ("ageing", 1, 11, 1, 50)], None, "predicts better"),
         ([("slip", 1, 0, 2, 90), ("ageing", 1, 11, 1, 81)], "slip", "2.00 times the noise"),
         ([("slip", 1, 30, 1, 50), ("ageing", 1, 0, 1, 50)], "ageing", "30 below that of the slip"),
@@ -239,17 +237,17 @@ def made_up(*laws, held: bool = True, rms: float = 1.0, loose: int = 0,
         (
             [("slip", 1, 8, 1, 50), ("slip", 2, 0, 1, 50), ("ageing", 1, 99, 1, 50)],
             "slip",
-            "lowers BIC by 8.0, too little",
+            "not needed: BIC is 8.0 lower with it",
         ),
         (
             [("slip", 1, 0, 1, 50), ("slip", 2, 14, 1, 50), ("ageing", 1, 99, 1, 50)],
             "slip",
-            "not needed: it raises BIC by 14",
+            "not needed: BIC is 14 higher with it",
         ),
         (
             [("slip", 1, 0, 1, 50), ("ageing", 1, 99, 1, 50), ("ageing", 2, 4, 1, 50)],
             None,
-            "BIC of the slip law with 1 state and of the ageing law with 2 states differs by 4.0",
+            "prefers the slip law with 1 state to the ageing law with 2 states by 4.0",
         ),
         (
             [("slip", 1, 0, 1, 50), ("slip", 2, None, None, None), ("ageing", 1, 99, 1, 50)],
@@ -261,7 +259,7 @@ def made_up(*laws, held: bool = True, rms: float = 1.0, loose: int = 0,
         (
             [("slip", 1, 0, 1, 50), ("ageing", 1, 99, 1, 50), ("ageing", 2, 44, 1, 50)],
             "slip",
-            "44 below that of the ageing law with 2 states, and 99 below that with 1 state",
+            "44 below that of the ageing law with 2 states (a",
         ),
     ],
 )  # fmt: skip
@@ -276,20 +274,20 @@ def test_a_second_state_that_did_not_converge_is_not_fixed() -> None:
     words = "A second state is not fixed by the record, and not needed."
     found = made_up(*laws, loose=2)
     assert words in found.sentence and words not in made_up(*laws).sentence
-    assert "8.7" not in found.sentence and "raises BIC by 8.7" in made_up(*laws).sentence
+    assert "8.7" not in found.sentence and "BIC is 8.7 higher" in made_up(*laws).sentence
 
 
 @pytest.mark.parametrize(
     ("bics", "length", "supported", "words", "told"),
     [
         # the other law may explain as much with a second state, whose fit did not converge
-        ((33, 3, 51, 0), 0.7, None, "The slip law with 2 states could not be compared: its fit did"
-         " not converge, as a state took the place of a drift", "did not converge: a drift"),
+        ((33, 3, 51, 0), 0.7, None, "The fit of the slip law with 2 states did not converge: a"
+         " drift; it may be as good", "did not converge: a drift"),
         # it stood lower than all: no number of it is used
-        ((33, -20, 51, 0), 1e-5, None, "could not be compared", "did not converge"),
+        ((33, -20, 51, 0), 1e-5, None, "it may be as good", "did not converge"),
         # far above the best it is no rival, and is named
-        ((99, 60, 51, 0), 1e-5, "ageing, 2 states", "99 below that of the slip law with 1 state;"
-         " with 2 states it could not be compared", "did not converge"),
+        ((99, 60, 51, 0), 1e-5, "ageing, 2 states", "99 below that of the slip law with 1 state",
+         "did not converge"),
         # no gain over one state: it is not there, and needs no comparison
         ((0, 8.7, 99, 40), 1e-5, "slip", "A second state is not fixed by the record, and not"
          " needed.", "not determined, not needed"),
@@ -305,7 +303,7 @@ def test_a_fit_that_did_not_converge_claims_nothing(bics, length, supported, wor
     assert words in found.sentence
     assert (None if found.supported is None else found.supported.name) == supported
     assert ended(found, stuck).startswith(told) and ended(found, found.scores[3]) == ""
-    assert "differs by" not in found.sentence and f"{bics[1]:g}" not in found.sentence.split()
+    assert f"{bics[1]:g}" not in found.sentence.split()
     assert stuck not in found.ranked and tabled_bic(found)[1] is None
 
 
@@ -373,13 +371,12 @@ def test_warnings() -> None:
     assert "even the likeliest law, slip, leaves 2.4 times" in far or "leaves 2.5 times" in far
 
 
-@pytest.mark.parametrize(("bic", "supported"), [(11, True), (9, False)])
-def test_a_law_that_rests_on_the_noise_of_a_step_is_told_so(bic, supported) -> None:
+def test_a_law_that_rests_on_the_noise_of_a_step_is_told_so() -> None:
     """A record of one step and a longer one with the same step gave 14 and 3.8."""
-    found = made_up(("slip", 1, 0, None, None), ("ageing", 1, bic, None, None), held=False)
+    found = made_up(("slip", 1, 0, None, None), ("ageing", 1, 11, None, None), held=False)
     (text,) = dataclasses.replace(found, unasked="one step").warnings
     assert text.startswith("no step was held out: one step")
-    assert ("rests on the noise that is estimated from these rows" in text) == supported
+    assert "rests on the noise that is estimated from these rows" in text
 
 
 BIC = {(0, 0): 5.0, (1, 0): 30.0, (0, 1): -20.0, (1, 1): -5.0}
@@ -468,7 +465,7 @@ def test_a_slip_trend_has_a_column_and_files_have_no_folder(of_slip) -> None:
     lines = latex_text(fits, "file").splitlines()
     assert lines[0] == r"\begin{tabular}{lccccc}" and r"$D_c$ & trend \\" in lines[2]
     assert lines[6].startswith("b.csv & $") and r"$0.00420(60)$ \\" in lines[6]
-    assert r"\multicolumn{5}{c}{no fit}" in lines[7]
+    assert lines[7].startswith("c & ") and "no fit" in lines[7]
 
 
 def test_what_a_law_does_not_explain_is_marked_in_every_table(of_slip) -> None:
@@ -491,14 +488,3 @@ def test_a_comparison_is_short_in_a_notebook_and_whole_as_a_table(of_slip):
     assert list(frame.index) == [score.name for score in of_slip.scores]
     assert frame["BIC above least"].min() == 0.0
     assert len(of_slip.plot().axes) == 1 + len(of_slip.scores)
-
-
-def test_the_first_lines_of_many_files_name_those_that_misfit(of_slip) -> None:
-    good = of_slip.scores[0].fit
-    missed = dataclasses.replace(
-        good, warnings=(Warned("the fit leaves much", WarningCode.MISFIT),)
-    )
-    fits = [TabledFit("a.csv", good), TabledFit("b.csv", missed), TabledFit("c.csv", None, "no")]
-    first, second = report_of_files(fits).headline
-    assert first.startswith("2 of 3 ") and f"{good.A_minus_B.value:.3g}".lstrip("-") in first
-    assert "b.csv" in second and "a.csv" not in second

@@ -7,8 +7,6 @@ import pytest
 from rich.console import Console
 
 from jaxfric.cli.common import stdout_console
-from jaxfric.report.comparison import _BIC, _HELD_OUT, _SHOWN
-from jaxfric.report.fits_table import TabledFit, text_table
 from jaxfric.report.tables import TextTable, print_tables
 from jaxfric.units import measured
 
@@ -42,19 +40,6 @@ def test_a_wide_terminal_is_used(monkeypatch: pytest.MonkeyPatch) -> None:
     for told, wide in (("200", 200), ("80", 120), ("", 120), ("many", 120)):
         monkeypatch.setenv("COLUMNS", told)
         assert stdout_console().width == wide
-
-
-@pytest.mark.parametrize(
-    ("bic", "error", "shown"),
-    [
-        (8.667, 14.8246, ("8.7", "14.82")),
-        (2402.1, 1.091, ("2402", "1.09")),
-        (0.0, None, ("0.0", "")),
-    ],
-)
-def test_a_comparison_has_the_digits_of_its_sentence(bic, error, shown) -> None:
-    row = TabledFit("slip", None, more={_BIC: bic, _HELD_OUT: error}, shown=_SHOWN)
-    assert text_table([row], "law", "").rows[0][-3:-1] == shown
 
 
 @pytest.mark.parametrize(

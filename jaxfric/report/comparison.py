@@ -1,7 +1,5 @@
 """A comparison of laws in words, as JSON, and as a table with one row for each law."""
 
-from collections.abc import Callable, Mapping
-
 from ..fitting.misfit import EXCESS, excess
 from ..loop.compare import LawComparison, LawScore
 from ..loop.thresholds import ACCEPT
@@ -11,8 +9,6 @@ from .fits_table import TabledFit, csv_rows, latex_text, text_table
 from .tables import TextTable
 
 _BIC, _HELD_OUT = "BIC above least", "held-out error [σ]"
-_SHOWN: Mapping[str, Callable[[float], str]] = {_BIC: amount, _HELD_OUT: "{:.2f}".format}
-"""The digits of the sentence."""
 
 
 def sentence(found: LawComparison) -> str:
@@ -21,14 +17,15 @@ def sentence(found: LawComparison) -> str:
         return "Nothing to compare: no fit of a law converged."
     first, *others = found.of_laws
     if found.rivals:
-        return f"{_untold(found)} {_second_state(found, first)}"
+        return f"{_untold(found)} {_second_state(found, first)}".rstrip()
     if not others:
         return f"Nothing to compare: only the {first.fit.law} law could be fitted."
+    one, other = (found.best_of(score.fit.law) for score in (first, others[0]))
     return (
-        f"The record supports the {_law(first)}: its BIC is"
-        f" {_below(found, first, others[0].fit.law)} (a difference of {ACCEPT:g}"
+        f"The record supports the {_law(first)}: its BIC is {amount(other.over(one))} below that of"
+        f" the {_law(other)} (a difference of {ACCEPT:g}"
         f" decides){_held_out(found, first, others[0])}. {_second_state(found, first)}"
-    )
+    ).rstrip()
 
 
 def next_step(found: LawComparison) -> str:
@@ -68,21 +65,16 @@ def warnings(found: LawComparison) -> tuple[str, ...]:
             " neighbouring rows: none of these laws may be right; jaxfric loop asks what lacks"
         )
     if found.unasked:
-        rests = (
-            "; which law is supported rests on the noise that is estimated from these rows alone,"
-            " and more rows before or after a step may say otherwise"
+        told.append(
+            f"no step was held out: {found.unasked}; the comparison rests on the noise that is"
+            " estimated from these rows, and more rows before or after a step may say otherwise"
         )
-        told.append(f"no step was held out: {found.unasked}{rests if found.supported else ''}")
     return (*found.own_warnings, *told)
 
 
 def _law(score: LawScore) -> str:
     """The law with its states in a sentence: "slip law with 2 states"."""
-    return f"{score.fit.law} law with {_states(score.states)}"
-
-
-def _states(number: int) -> str:
-    return f"{number} state{'s' if number > 1 else ''}"
+    return f"{score.fit.law} law with {score.states} state{'s' if score.states > 1 else ''}"
 
 
 def ended(found: LawComparison, score: LawScore) -> str:
@@ -94,49 +86,20 @@ def ended(found: LawComparison, score: LawScore) -> str:
     return f"did not converge{': a drift' if found.drifts(score) else ''}"
 
 
-def _why_not(found: LawComparison, score: LawScore) -> str:
-    """That a fit did not converge, and why where that is seen."""
-    trend = "" if score.fit.model.slip_trend else " (--slip-trend)"
-    drift = f", as a state took the place of a drift with slip{trend}"
-    return f"did not converge{drift if found.drifts(score) else ''}"
-
-
-def _below(found: LawComparison, first: LawScore, law: str) -> str:
-    """How far the best BIC is below that of another law: with as many states, and with more of them
-    where these do better."""
-    base, best = found.best_of(first.fit.law), found.best_of(law)
-    of_law = [score for score in found.scores if score.fit.law == law]
-    words = f"{amount(best.over(base))} below that of the {_law(best)}"
-    for score in of_law:
-        if score.settled and score.states == first.states != best.states:
-            words += f", and {amount(score.over(base))} below that with {_states(score.states)}"
-    for score in of_law:
-        if not score.settled and not found.needless(score):
-            words += f"; with {_states(score.states)} it could not be compared: its fit did not"
-            words += " converge"
-    return words
-
-
 def _untold(found: LawComparison) -> str:
     """That the record cannot tell the best law from another, and why."""
     first, rival = found.of_laws[0], found.rivals[0]
     words = f"The record cannot tell: {' or '.join(found.untold)}?"
     if not rival.settled:
-        return (
-            f"{words} The {_law(rival)} could not be compared: its fit {_why_not(found, rival)}; it"
-            f" may explain the record as well as the {_law(first)}, the best of those that could."
-        )
-    one, other = (found.best_of(s.fit.law) for s in (first, rival))
+        return f"{words} The fit of the {_law(rival)} {ended(found, rival)}; it may be as good."
+    one, other = (found.best_of(score.fit.law) for score in (first, rival))
     gap, held = other.over(one), _held_out(found, first, rival)
+    by = f"BIC prefers the {_law(one)} to the {_law(other)} by {amount(gap)}"
     if gap > ACCEPT:
-        return (
-            f"{words} BIC prefers the {_law(one)} to the {_law(other)} by {amount(gap)}, but the"
-            f" {rival.fit.law} law predicts better what was held out{held}."
-        )
+        return f"{words} {by}, but the {rival.fit.law} law predicts better what was held out{held}."
     return (
-        f"{words} BIC of the {_law(one)} and of the {_law(other)} differs by {amount(gap)}, less"
-        f" than the {ACCEPT:g} that decide{held}; larger velocity steps, up and down, and holds"
-        " tell friction laws apart."
+        f"{words} {by}, less than the {ACCEPT:g} that decide{held}; larger velocity steps, up and"
+        " down, and holds tell friction laws apart."
     )
 
 
@@ -157,21 +120,15 @@ def _second_state(found: LawComparison, first: LawScore) -> str:
     if not {1, 2} <= set(all_of):
         return ""
     one, two = all_of[1], all_of[2]
-    gain = one.over(two)
     if found.needless(two):
-        by = f": BIC is {amount(two.over(one))} higher with it" if two.settled and gain <= 0 else ""
-        return f"A second state is not fixed by the record, and not needed{by}."
-    if two.bic is None:
-        return "Nothing is said of a second state: that fit found no end."
+        return "A second state is not fixed by the record, and not needed."
     if not (one.settled and two.settled):
-        stuck = one if two.settled else two
-        why = _why_not(found, stuck)
-        return f"Nothing is said of a second state: the fit of the {_law(stuck)} {why}."
+        return "Nothing is said of a second state: a fit did not converge."
+    gain = one.over(two)
     if gain > ACCEPT:
         return f"It asks for the second state, which lowers BIC by {amount(gain)}."
-    if gain > 0:
-        return f"A second state lowers BIC by {amount(gain)}, too little to be asked for."
-    return f"A second state is not needed: it raises BIC by {amount(two.over(one))}."
+    change = f"{amount(abs(gain))} {'lower' if gain > 0 else 'higher'}"
+    return f"A second state is not needed: BIC is {change} with it."
 
 
 def to_json(found: LawComparison) -> dict:
@@ -213,8 +170,7 @@ def tabled(found: LawComparison) -> list[TabledFit]:
         more: dict[str, float | None] = {_BIC: None if above is None else short(above)}
         if not found.unasked:
             more[_HELD_OUT] = None if error is None else short(error / found.sigma)
-        end = ended(found, score)
-        rows.append(TabledFit(score.name, score.fit, more=more, shown=_SHOWN, ended=end))
+        rows.append(TabledFit(score.name, score.fit, more=more, ended=ended(found, score)))
     return rows
 
 
