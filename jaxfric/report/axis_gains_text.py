@@ -2,35 +2,30 @@
 
 import numpy as np
 
-from ..gains.axis_result import AxisGains, Shown, StiffOptimum
+from ..gains.axis_result import AxisGains, Shown
 
 
 def sentence(gains: AxisGains, unit: Shown, velocity: Shown) -> str:
-    """Sentences on the stability of an axis, and on the speeds that the record did not show.
+    """The short text, with the slope of friction and what a late controller needs.
 
     `unit` is the displayed unit of damping, `velocity` the displayed unit of velocity.
     """
-    claim = gains.claim
-    at, slope = velocity.text(gains.worst_velocity), _slope(gains, unit)
+    claim, text = gains.claim, short(gains, unit, velocity)
+    text = text[0].upper() + text[1:]
     if claim.kind == "open":
-        text = f"Nothing is said of stability: {'; '.join(claim.reasons)}."
-    elif claim.kind == "free":
-        most = _stiffness(unit).text(1e3 * claim.spare)
-        text = (
-            f"Friction grows with speed{_range(gains, velocity)} (least slope {slope}, at {at}):"
-            " any k_p > 0 holds the axis there, without damping, if the controller answers at"
-            f" once. Late by d and without damping, k_p must stay below"
-            f" ({unit.text(claim.spare)})/d, {most} at 1 ms."
+        return f"{text}.{_not_seen(gains, velocity)}"
+    error = None if gains.curve is None else gains.curve.error or None
+    slope = f"{unit.text(gains.slope, error)}, at {velocity.text(gains.worst_velocity)}"
+    if claim.kind == "free":
+        return (
+            f"{text} Any k_p > 0 holds the axis without damping, if the controller answers at once."
+            f" With a delay d, k_p must stay below ({unit.text(claim.spare)})/d,"
+            f" {_stiffness(unit).text(1e3 * claim.spare)} at 1 ms. The least slope is {slope}."
         )
-    else:
-        text = (
-            f"Friction falls with speed, most steeply at {at}: its slope is {slope}. With k_v"
-            f" above {unit.text(claim.damping)}, which covers two of its errors,"
-            f" any k_p > 0 holds the axis{_range(gains, velocity)}, if the controller answers at"
-            " once. Late by d, k_v must be larger by about k_p d, and well below M/d."
-        )
-        text += "" if gains.stiff is None else f" {_stiff(gains.stiff, unit, velocity)}"
-    return text + _not_seen(gains, velocity)
+    return (
+        f"{text} This k_v covers two errors of the slope, {slope}. With a controller delay d, k_v"
+        " must be larger by about k_p d, and well below M/d."
+    )
 
 
 def short(gains: AxisGains, unit: Shown, velocity: Shown) -> str:
@@ -53,23 +48,6 @@ def short(gains: AxisGains, unit: Shown, velocity: Shown) -> str:
     return f"{text}.{_not_seen(gains, velocity)}"
 
 
-def _stiff(stiff: StiffOptimum, unit: Shown, velocity: Shown) -> str:
-    """This optimum as a sentence; `unit` is that of damping."""
-    at = f"at {velocity.text(stiff.worst_velocity)}"
-    if not np.isfinite(stiff.critical_stiffness):
-        return f"Without k_v no k_p suffices {at}."
-    return (
-        f"Without k_v the axis needs k_p above {_stiffness(unit).text(stiff.critical_stiffness)}"
-        f" ({at}, where it swings at {stiff.frequency:.4g} rad/s)."
-    )
-
-
-def _slope(gains: AxisGains, unit: Shown) -> str:
-    if gains.curve is None or gains.curve.error == 0:
-        return unit.text(gains.slope)
-    return unit.text(gains.slope, gains.curve.error)
-
-
 def _range(gains: AxisGains, velocity: Shown) -> str:
     if gains.curve is None:
         return ""
@@ -80,15 +58,13 @@ def _not_seen(gains: AxisGains, velocity: Shown) -> str:
     """Words on what was recorded at low speed but is not friction of a steady speed."""
     if gains.curve is None:
         return ""
-    said = ""
-    above = gains.curve.above
+    said, slowest, above = "", velocity.text(gains.curve.slowest), gains.curve.above
     if above is not None:
-        said += (
+        said = (
             f" The {above.number} slowest, up to {velocity.text(above.speed)}, lie above the"
             f" curve, {above.excess / above.error:.1f} times the error of that."
         )
     below = [one.what for one in gains.curve.unseen if one.speed < gains.curve.slowest]
-    slowest = velocity.text(gains.curve.slowest)
     if below:
         return f"{said} Below {slowest} nothing is said: {'; '.join(below)}."
     return f"{said} Slower motion than {slowest} was not seen."

@@ -7,11 +7,15 @@ from ..units import format_si
 from .report import Report
 from .tables import TextTable
 
-
-def _folded(unit: str) -> str:
-    """A unit in one of its spellings: µm is um; none for no unit."""
-    unit = unit.replace("µ", "u").replace("μ", "u").replace("microns", "um").replace("micron", "um")
-    return "" if unit in ("1", "-") else unit
+_UNITS = {
+    "time": ("s", "s"),
+    "load_point_displacement": ("m", "um"),
+    "load_point_velocity": ("m/s", "um/s"),
+    "load_point_encoder": ("m", "um"),
+    "slip": ("m", "um"),
+    "normal_stress": ("Pa", "MPa"),
+}
+"""Units of columns other than friction: in SI and as shown."""
 
 
 def report(record: Record, steps: VelocitySteps) -> Report:
@@ -38,33 +42,17 @@ def describe(record: Record) -> list[str]:
         f"rows: {len(record)} used of {origin.rows_read} (dropped: {dropped})",
         f"sampling: {record.sampling()}",
     ]
-    shown = {"time": "s", "load_point_displacement": "um", "load_point_velocity": "um/s"}
-    shown |= {
-        "load_point_encoder": "um",
-        "slip": "um",
-        "normal_stress": "MPa",
-        "friction": record.friction_unit,
-    }
-    si = {"time": "s", "load_point_displacement": "m", "load_point_velocity": "m/s"}
-    si |= {
-        "load_point_encoder": "m",
-        "slip": "m",
-        "normal_stress": "Pa",
-        "friction": record.friction_unit,
-    }
     for role, values in record.columns.items():
-        low, high = (
-            format_si(float(v), si[role], shown[role], 7) for v in (np.min(values), np.max(values))
-        )
-        in_file = record.units.get(role, si[role])
-        low = low.removesuffix(f" {shown[role]}")
-        if role in origin.stated:
-            stated = f"{origin.stated[role]}, stated" if role == "time" else "stated"
-            span = f"{low} to {high}" if role == "time" else origin.stated[role]
-            lines.append(f"  {role}: {span} ({stated})")
-            continue
-        same = _folded(in_file) in (_folded(shown[role]), "")
-        lines.append(f"  {role}: {low} to {high}{'' if same else f' ({in_file} in the file)'}")
+        si, shown = _UNITS.get(role, (record.friction_unit, record.friction_unit))
+        low, high = (format_si(float(v), si, shown, 7) for v in (np.min(values), np.max(values)))
+        text = f"{low.removesuffix(f' {shown}')} to {high}"
+        stated = origin.stated.get(role)
+        in_file = record.units.get(role, si)
+        if stated is not None:
+            text = f"{text} ({stated}, stated)" if role == "time" else f"{stated} (stated)"
+        elif in_file.replace("µ", "u").replace("μ", "u") not in (shown, "", "1", "-"):
+            text += f" ({in_file} in the file)"
+        lines.append(f"  {role}: {text}")
     lines += [f"note: {note}" for note in origin.notes]
     lines += [f"  {step}" for step in origin.reduction]
     return lines
