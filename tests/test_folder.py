@@ -190,7 +190,7 @@ def test_a_folder_that_is_asked_for_keeps_the_results_of_another_record() -> Non
     again("p/run.csv")
     again("p/run.csv", "q/run.csv")
     again("q/run.csv", verb="loop")
-    with pytest.raises(InputError, match=r"o holds the results of another input, p/run.csv; name"):
+    with pytest.raises(InputError, match=r"o holds the results of another input, p/run.csv; give"):
         again("q/run.csv", "p/run.csv")
     written(Path("r/run.csv"), "p")
     again("r/run.csv")  # moved
@@ -216,7 +216,7 @@ def test_through_the_command(monkeypatch) -> None:
     refused = run("inspect", "q/run.csv")
     assert_refused(refused, "run-inspect holds", "p/run.csv", "--out")
     refused = run("inspect", "q/run.csv", "--out", "run-inspect")
-    assert_refused(refused, "run-inspect holds", "p/run.csv", "name a fresh one with --out")
+    assert_refused(refused, "run-inspect holds", "p/run.csv", "give another folder with --out")
     assert run("inspect", "q/run.csv", "--out", "other").code == 0
     code, _, err = run("inspect", "p/run.csv", "--out", "run-inspect", "--from", "0 s")
     assert code == 0 and "written by 'jaxfric inspect p/run.csv'" in err

@@ -26,7 +26,6 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 from rich.console import Console
 
-from jaxfric.cli import options
 from jaxfric.cli.app import app
 from jaxfric.cli.looped import tell_loop
 from jaxfric.cli.options import OutputOptions
@@ -1174,13 +1173,6 @@ def test_an_output_that_cannot_be_written_is_known_before_the_work(closed) -> No
     code, out, err = run("loop", "run.csv", "--stiffness", "5e-3/um", "--out", "taken")
     assert code == 2 and out == "" and "--out" in err.splitlines()[-1]
     assert not closed
-
-
-def test_help_lists_the_catalogue() -> None:
-    assert options.EFFECTS.split(", ") == list(CATALOGUE)
-    shown = run("loop", "--help-all")
-    assert shown.code == 0 and all(id in shown.out for id in CATALOGUE)
-    assert all(len(line) <= 80 for line in shown.out.splitlines())
 
 
 def test_a_velocity_without_rows_that_count_has_not_failed(snapshot):

@@ -111,7 +111,6 @@ print(len(list(folder.iterdir())) > 0, jax.config.jax_compilation_cache_dir == s
         ("--xla_dump_to=/x", "0.8.0", True, "--xla_dump_to=/x --{}={}"),
         ("--xla_backend_extra_options=a=1", "0.10.2", False, "--xla_backend_extra_options=a=1"),
         ("--{}=5", "0.10.2", True, "--{}=5"),  # what the user said stands
-        ("", "0.7.9", False, ""),
         ("", "0.11.2", True, "--{}={}"),
         ("", "0.12.0.1", True, ""),  # which needs no flag
         ("", "1.0", True, ""),

@@ -13,7 +13,7 @@ import cyclopts
 
 from ..errors import InputError, words_of_the_command
 from .axis import axis
-from .call import LOOPS, calling
+from .call import calling
 from .common import warn
 from .feedforward import feedforward
 from .fit import fit
@@ -123,8 +123,7 @@ def _run(arguments: list[str]) -> int:
         sys.stdout.flush()
     except cyclopts.CycloptsError as error:
         verb = " ".join(("jaxfric", *(error.command_chain or ())))
-        wrong = _of_another_rig(error) or f"{error} ({verb} --help-all lists what there is)"
-        return _complain(wrong, 2)
+        return _complain(f"{error} ({verb} --help-all lists what there is)", 2)
     except InputError as error:
         return _complain(str(error), 2)
     except (KeyboardInterrupt, BrokenPipeError):
@@ -141,23 +140,6 @@ def _run(arguments: list[str]) -> int:
             f"internal error ({kind}: {error}); please report it. JAXFRIC_DEBUG=1 shows where", 1
         )
     return code if isinstance(code, int) else 0
-
-
-def _of_another_rig(error: cyclopts.CycloptsError) -> str:
-    """Return advice if only the verb of another rig has this option; '' for another error."""
-    (verb,) = error.command_chain or ("",)
-    if not isinstance(error, cyclopts.UnknownOptionError) or verb not in LOOPS:
-        return ""
-    option = error.token.keyword
-    others = [
-        f"'jaxfric {other}'"
-        for other in LOOPS
-        if any(option in argument.names for argument in app[other].assemble_argument_collection())
-    ]
-    if not others:
-        return ""
-    instead = " or ".join(others)
-    return f"{option} would not be used with 'jaxfric {verb}'; leave it out, or choose {instead}"
 
 
 @contextlib.contextmanager

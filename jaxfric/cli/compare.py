@@ -1,42 +1,29 @@
 """`jaxfric fit --compare`: which friction law does a record support?"""
 
-from collections.abc import Callable
-from pathlib import Path
-from typing import TYPE_CHECKING
-
 from ..errors import InputError
 from . import options
 from .call import current_call
 from .common import doing, effect_ids, prepare_jax, told
+from .fits import Fitter
 from .folder import choose_folder, json_text
 from .plan_line import loop_line
 from .shown import show
 
-if TYPE_CHECKING:
-    from ..records import Record
 
-
-def compare_record(
-    file: Path,
-    read: "Callable[[Path], Record]",
-    stiffness: str | None,
-    laws: list[str] | None,
-    model: options.ModelOptions,
-    steps: str | None,
-    rows: int | None,
-    output: options.OutputOptions,
-) -> int:
-    """Compare laws on a record, write and print the comparison; return the exit code."""
+def compare_record(fitter: Fitter, laws: list[str] | None, output: options.OutputOptions) -> int:
+    """Compare laws on the first record, write and print the comparison; return the exit code."""
+    file, stiffness, model = fitter.files[0], fitter.stiffnesses[0], fitter.model
     if model.fit_stiffness == (stiffness is not None):
         raise InputError(
             "give one of --stiffness 1.6e-3/um, that of machine and specimen, and --fit-stiffness"
         )
     doing(f"reading {file.name}")
-    measured = read(file)
+    measured = fitter.read(file)
     prepare_jax()
     from ..loop.compare import compare_laws
     from ..plot.compared import draw_comparison
     from ..report.comparison import files_of
+    from ..views import report
 
     folder = choose_folder(output.folder, file.stem, file)
     with told() as progress:
@@ -45,8 +32,8 @@ def compare_record(
             stiffness=stiffness,
             laws=effect_ids(laws, "--law") or None,
             slip_trend=model.slip_trend,
-            steps=steps,
-            rows=rows,
+            steps=fitter.steps,
+            rows=fitter.how.downsample_to,
             progress=progress,
         )
         content = json_text(found.to_json())
@@ -54,12 +41,9 @@ def compare_record(
         progress("drawing the figure")
         names = ("compare.png", "compare.svg")
         folder.draw("the figure", lambda to: draw_comparison(found, *(to / n for n in names)))
-    from ..report.report import NextStep
-    from ..views import report
-
     told_of = report(found)
     if told_of.next_steps:
         line = loop_line(current_call(), found.of_laws[0].fit.law)
-        told_of = told_of._replace(next_steps=[NextStep(found.next_step, line)])
+        told_of = told_of._replace(next_steps=[told_of.next_steps[0]._replace(command=line)])
     show(told_of, folder.written, content, output)
     return folder.close()

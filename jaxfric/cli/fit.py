@@ -1,31 +1,25 @@
 """`jaxfric fit`: rate-and-state friction from a record."""
 
 import functools
-import json
 import sys
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
 from . import options
-from .common import doing, prepare_jax, refuse_unused, told, warn
+from .common import doing, prepare_jax, refuse_unused, told
 from .compare import compare_record
-from .fits import Said, fit_files, for_each
+from .fits import Fitter, fit_files, for_each
 from .folder import Folder, choose_folder, json_text
-from .posterior import PriorOptions, draw, write_posterior
+from .posterior import PriorOptions
 from .shown import show
 
 if TYPE_CHECKING:
     from ..fitting import Fit
     from ..posterior import Posterior
-    from ..records import Record
     from ..report.report import Report
-
-_WEIGHTINGS = {"ols": "ordinary", "gls": "whitened"}
-"""Names of the choices of --weighting in Python and in files."""
 
 
 @options.FLAT
@@ -47,57 +41,6 @@ class FitOptions:
     def of_one(self) -> bool:
         """Whether an option is given that the batched fit of many records does not have."""
         return self != FitOptions(reference_velocity=self.reference_velocity)
-
-
-class Fitter(NamedTuple):
-    """The fit of several records, with one stiffness, mass and law for each file."""
-
-    stiffnesses: Sequence[str | None]
-    masses: Sequence[str | None]
-    laws: Sequence[str]
-    model: options.ModelOptions
-    how: FitOptions
-    steps: str | None
-
-    def one(self, number: int, record: "Record", say: Said) -> "Fit":
-        """Fit the record of file `number`."""
-        from ..fitting import fit as run
-        from ..fitting.typed import typed_parameters
-
-        how, model = self.how, self.model
-        return run(
-            record,
-            stiffness=self.stiffnesses[number],
-            mass=self.masses[number],
-            law=self.laws[number],
-            states=int(model.states),
-            fit_stiffness=model.fit_stiffness,
-            slip_trend=model.slip_trend,
-            steps=self.steps,
-            reference_velocity=how.reference_velocity,
-            start=None if how.start is None else typed_parameters(how.start, record.friction_unit),
-            weighting=_WEIGHTINGS[how.weighting],
-            profile=how.profile,
-            rows=how.downsample_to,
-            progress=say,
-        )
-
-    def together(self, numbers: list[int], records: "list[Record]", say: Said) -> "list[Fit | str]":
-        """Fit many records in one batch; a failed record returns its reason in place of a fit."""
-        from ..fitting.many import fit_what_can_be
-
-        return fit_what_can_be(
-            records,
-            [self.stiffnesses[k] for k in numbers],
-            [self.masses[k] for k in numbers],
-            [self.laws[k] for k in numbers],
-            states=int(self.model.states),
-            fit_stiffness=self.model.fit_stiffness,
-            slip_trend=self.model.slip_trend,
-            steps=self.steps,
-            reference_velocity=self.how.reference_velocity,
-            progress=say,
-        )
 
 
 def fit(
@@ -136,8 +79,10 @@ def fit(
     compare.csv, compare.tex, compare.png and compare.svg to ./NAME-compare/.
     """
     prior.refuse_unusable()
-    every, read = (file, *more), functools.partial(reading.slider, reduce=reduce)
+    every = (file, *more)
     fitter = Fitter(
+        every,
+        functools.partial(reading.slider, reduce=reduce),
         for_each(every, stiffness or [None], "--stiffness"),
         for_each(every, mass or [None], "--mass"),
         ["slip"] * len(every) if compare else for_each(every, law or ["slip"], "--law"),
@@ -157,50 +102,37 @@ def fit(
             "--prior": prior.prior,
         }
         refuse_unused("--compare", unused)
-        K = fitter.stiffnesses[0]
-        return compare_record(file, read, K, law, model, steps, how.downsample_to, output)
+        return compare_record(fitter, law, output)
     if more:
         refuse_unused("several records", {"--prior": prior.prior})
         prepare_jax()
-        together = None if how.of_one else fitter.together
-        return fit_files(every, output, read, fitter.one, together)
-    return _fit_one(file, read, fitter, prior, output)
+        return fit_files(fitter, output)
+    return _fit_one(file, fitter, prior, output)
 
 
-def _fit_one(
-    file: Path,
-    read: "Callable[[Path], Record]",
-    fitter: Fitter,
-    prior: PriorOptions,
-    output: options.OutputOptions,
-) -> int:
+def _fit_one(file: Path, fitter: Fitter, prior: PriorOptions, output: options.OutputOptions) -> int:
     doing(f"reading {file.name}")
-    measured = read(file)
+    measured = fitter.read(file)
     prepare_jax()
-    from ..fitting.problem import Model
-
-    model = fitter.model
-    shape = Model(fitter.laws[0], int(model.states), model.fit_stiffness, model.slip_trend)
-    prior.check(shape, measured.friction_unit)
-    inputs = [file] if prior.prior is None else [file, prior.prior]
-    folder = choose_folder(output.folder, file.stem, *inputs)
+    prior.check(fitter.laws[0], fitter.model, measured.friction_unit)
+    folder = choose_folder(output.folder, file.stem, file, *filter(None, [prior.prior]))
     with told() as progress:
         result = fitter.one(0, measured, progress)
         content = json_text(result.to_json())
-        keeps = not result.converged and _has_converged(folder.path / "fit.json")
         posterior = prior.of(result, progress)
-        if not keeps:
-            progress("drawing the figure")
-            _save(result, content, posterior, folder)
-    if keeps:
-        if output.json:
-            print(content)
-        return _complain_and_keep(result, folder)
+        progress("drawing the figure")
+        _save(result, content, posterior, folder)
     show(_report(result, posterior), folder.written, content, output)
     code = folder.close()
     if result.converged:
         return 1 if posterior is not None and posterior.warnings else code
-    print(f"jaxfric: error: {_not_converged(result, folder)}", file=sys.stderr)
+    print(
+        f"jaxfric: error: the fit did not converge ({result.result}): its numbers mean nothing, and"
+        f" other verbs refuse its fit.json. Look at the figure in {folder.path}: are the steps"
+        " right ('jaxfric inspect'), is the stiffness? Else cut the record to fewer steps (--from,"
+        " --to), or give starting values, as in --start 'A=0.01, B=0.012, L=20 um'",
+        file=sys.stderr,
+    )
     return 1
 
 
@@ -208,14 +140,21 @@ def _save(result: "Fit", content: str, posterior: "Posterior | None", folder: Fo
     from ..plot.fit import draw_fit
     from ..report.fits_table import TabledFit, files_of
 
+    found = posterior if posterior is not None and posterior.found else None
     tables = files_of([TabledFit(Path(result.record.provenance.path).name, result)])
     with folder.results() as to:
-        (to / "fit.json").write_text(content + "\n")
-        for name, text in tables.items():
+        for name, text in {**tables, "fit.json": content + "\n"}.items():
             (to / name).write_text(text, encoding="utf-8", errors="backslashreplace")
-        write_posterior(posterior, to)
+        if found is not None:
+            from ..posterior import write_netcdf
+
+            write_netcdf(found, to / "posterior.nc")
     folder.draw("the figure", lambda to: draw_fit(result, to / "fit.png", to / "fit.svg"))
-    draw(posterior, folder)
+    if found is not None:
+        from ..plot.posterior import draw_posterior
+
+        names = ("posterior.png", "posterior.svg")
+        folder.draw("its figure", lambda to: draw_posterior(found, *(to / n for n in names)))
 
 
 def _report(result: "Fit", posterior: "Posterior | None") -> "Report":
@@ -231,34 +170,4 @@ def _report(result: "Fit", posterior: "Posterior | None") -> "Report":
         notes=[*fit.notes, *also.notes],
         warnings=[*fit.warnings, *also.warnings],
         short=also.tables[0] if posterior.found else None,
-    )
-
-
-def _has_converged(file: Path) -> bool:
-    """Whether the file holds a fit that converged."""
-    try:
-        return json.loads(file.read_text()).get("converged") is True
-    except (OSError, ValueError, AttributeError):
-        return False
-
-
-def _complain_and_keep(result: "Fit", folder: Folder) -> int:
-    """Refuse to replace a converged fit by one that did not converge; the exit code."""
-    warn(result.warnings)
-    print(
-        f"jaxfric: error: {_not_converged(result, folder)}. {folder.path} keeps the fit that"
-        " converged there before, and nothing was written; give another folder with --out",
-        file=sys.stderr,
-    )
-    return 1
-
-
-def _not_converged(result: "Fit", folder: Folder) -> str:
-    """Return what to do after a failed fit; it names only files that this run wrote."""
-    no_use = ", and other verbs refuse its fit.json" if "fit.json" in folder.files else ""
-    figure = f"Look at {folder.path / 'fit.png'}: are" if "fit.png" in folder.files else "Are"
-    return (
-        f"the fit did not converge ({result.result}): its numbers mean nothing{no_use}. {figure}"
-        " the steps right ('jaxfric inspect'), is the stiffness? Else cut the record to fewer steps"
-        " (--from, --to), or give starting values, as in --start 'A=0.01, B=0.012, L=20 um'"
     )

@@ -2,25 +2,79 @@
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from ..errors import InputError
 from .common import told, warn
 from .folder import choose_folder, json_text
-from .options import OutputOptions
+from .options import ModelOptions, OutputOptions
 from .shown import show
 
 if TYPE_CHECKING:
     from ..fitting import Fit
     from ..records import Record
+    from .fit import FitOptions
 _MANY = 16
 """Number of files from which compiling a batched fit saves time."""
-Said = Callable[[str], None]
-Fitting = Callable[[int, "Record", Said], "Fit"]
-"""Fits the record of a file, given its number (from 0) and a progress callback."""
-Together = Callable[[list[int], list["Record"], Said], "list[Fit | str]"]
-"""Fits many files in one batch; a failed one returns its reason in place of a fit."""
+_WEIGHTINGS = {"ols": "ordinary", "gls": "whitened"}
+"""Names of the choices of --weighting in Python and in files."""
 _Value = TypeVar("_Value")
+
+
+class Fitter(NamedTuple):
+    """How several records are read and fitted, with a stiffness, mass and law for each file."""
+
+    files: Sequence[Path]
+    read: "Callable[[Path], Record]"
+    stiffnesses: Sequence[str | None]
+    masses: Sequence[str | None]
+    laws: Sequence[str]
+    model: ModelOptions
+    how: "FitOptions"
+    steps: str | None
+
+    def one(self, number: int, record: "Record", say: Callable[[str], None]) -> "Fit":
+        """Fit the record of file `number`."""
+        from ..fitting import fit as run
+        from ..fitting.typed import typed_parameters
+
+        how, model = self.how, self.model
+        return run(
+            record,
+            stiffness=self.stiffnesses[number],
+            mass=self.masses[number],
+            law=self.laws[number],
+            states=int(model.states),
+            fit_stiffness=model.fit_stiffness,
+            slip_trend=model.slip_trend,
+            steps=self.steps,
+            reference_velocity=how.reference_velocity,
+            start=None if how.start is None else typed_parameters(how.start, record.friction_unit),
+            weighting=_WEIGHTINGS[how.weighting],
+            profile=how.profile,
+            rows=how.downsample_to,
+            progress=say,
+        )
+
+    def together(
+        self, records: "dict[int, Record]", say: Callable[[str], None]
+    ) -> "dict[int, Fit | str]":
+        """Fit the records, by number of file, in one batch; a failed one returns its reason."""
+        from ..fitting.many import fit_what_can_be
+
+        fits = fit_what_can_be(
+            list(records.values()),
+            [self.stiffnesses[k] for k in records],
+            [self.masses[k] for k in records],
+            [self.laws[k] for k in records],
+            states=int(self.model.states),
+            fit_stiffness=self.model.fit_stiffness,
+            slip_trend=self.model.slip_trend,
+            steps=self.steps,
+            reference_velocity=self.how.reference_velocity,
+            progress=say,
+        )
+        return dict(zip(records, fits, strict=True))
 
 
 def for_each(files: Sequence[Path], values: Sequence[_Value], option: str) -> Sequence[_Value]:
@@ -37,59 +91,49 @@ def for_each(files: Sequence[Path], values: Sequence[_Value], option: str) -> Se
     )
 
 
-def fit_files(
-    files: Sequence[Path],
-    output: OutputOptions,
-    reading: "Callable[[Path], Record]",
-    fitting: Fitting,
-    together: Together | None,
-) -> int:
+def fit_files(fitter: Fitter, output: OutputOptions) -> int:
     """Fit every file, write and print the table; return the exit code, 1 if a file failed.
 
-    `_MANY` or more files are fitted in one batch by `together`, unless `together` is None.
+    `_MANY` or more files are fitted in one batch, if all options allow it.
 
     Raises `InputError` before any fit if a file does not exist. Raises `InputError` without writing
     anything if no file can be fitted.
     """
+    from ..plot.fit import draw_fit
     from ..report.fits_table import TabledFit, content_of_files, files_of, report_of_files
 
+    files = fitter.files
     for file in files:
         if not file.exists():
             raise InputError(f"{file}: there is no such file; none was fitted")
 
-    source = f"{files[0].stem}-and-{len(files) - 1}-more"
-    folder = choose_folder(output.folder, source, *files)
+    folder = choose_folder(output.folder, f"{files[0].stem}-and-{len(files) - 1}-more", *files)
+    many = len(files) >= _MANY and not fitter.how.of_one
     with told() as progress:
         ends: dict[int, Fit | str] = {}
         read: dict[int, Record] = {}
-        many = together is not None and len(files) >= _MANY
         for number, file in enumerate(files):
             of = f"file {number + 1} of {len(files)}, {file.name}"
             progress(f"{of}: reading")
             try:
-                record = reading(file)
+                record = fitter.read(file)
                 if many:
                     read[number] = record
                 else:
-                    ends[number] = fitting(
-                        number, record, lambda text, of=of: progress(f"{of}: {text}")
-                    )
+                    say = lambda text, of=of: progress(f"{of}: {text}")  # noqa: E731
+                    ends[number] = fitter.one(number, record, say)
             except InputError as error:
                 ends[number] = str(error)
-        if together is not None and read:
-            fits = together(list(read), list(read.values()), progress)
-            ends |= dict(zip(read, fits, strict=True))
+        if read:
+            ends |= fitter.together(read, progress)
         found = [
             TabledFit(str(file), None, end) if isinstance(end, str) else TabledFit(str(file), end)
             for file, end in ((file, ends[number]) for number, file in enumerate(files))
         ]
         if all(one.fit is None for one in found):
             raise InputError(f"none of {len(files)} files can be fitted: {found[0].failed}")
-        names = _names(files)
         content = json_text(content_of_files(found))
-        from ..plot.fit import draw_fit
-
-        named = zip(names, found, strict=True)
+        named = zip(_names(files), found, strict=True)
         fits = [(name, one.fit) for name, one in named if one.fit is not None]
         texts = {f"{name}.json": json_text(fit.to_json()) + "\n" for name, fit in fits}
         folder.save(files_of(found) | {"fits.json": content + "\n"} | texts)
@@ -98,13 +142,10 @@ def fit_files(
             draw = lambda to, fit=fit, name=name: draw_fit(fit, to / f"{name}.png")  # noqa: E731
             folder.draw(f"the figure of {name}", draw)
     show(report_of_files(found), folder.written, content, output)
-    failed = [one for one in found if not one.known]
     code = folder.close()
-    told_of = (
-        one.result if one.result.startswith(one.name) else f"{one.name}: {one.result}"
-        for one in failed
-    )
-    warn(told_of, "error")
+    failed = [one for one in found if not one.known]
+    names = ("" if one.result.startswith(one.name) else f"{one.name}: " for one in failed)
+    warn((name + one.result for name, one in zip(names, failed, strict=True)), "error")
     return 1 if failed else code
 
 

@@ -14,7 +14,7 @@ import re
 import sys
 from collections.abc import Callable, Generator, Mapping, Sequence
 from pathlib import Path
-from typing import TypedDict
+from typing import Any
 
 from ..errors import InputError
 from ..report.output import output_folder
@@ -24,36 +24,17 @@ from .call import Call, current_call
 from .stamp import made_by, stamp
 
 NOTES = ".jaxfric.json"
-# Options that the name of a folder leaves out: inputs without a default, machine data, and options
-# of reading and printing.
-_ASKED = (
-    "from_",
-    "parameters",
-    "normal_force",
-    "mass",
-    "velocity",
-    "velocities",
-    "stiffness",
-    "kp",
-)
-_OF_A_MACHINE = ("drive_gain", "rated_torque", "position_gain", "velocity_gain", "kv", "noise")
-_READ_AND_TOLD = (
-    "file",
-    "more",
-    "reduce",
-    "column",
-    "drop_bad",
-    "rig",
-    "flip_sign",
-    "plot",
-    "name",
-    "out",
-    "details",
-    "json",
-    "quiet",
-    "scheduler",
-)
-_NOT_NAMED = {*_ASKED, *_OF_A_MACHINE, *_READ_AND_TOLD, "model", "record", "slip_per_step"}
+_NOT_NAMED = {
+    # inputs without a default
+    *("from_", "parameters", "normal_force", "mass", "velocity", "velocities", "stiffness", "kp"),
+    # data of a machine
+    *("drive_gain", "rated_torque", "position_gain", "velocity_gain", "kv", "noise"),
+    # options of reading
+    *("file", "more", "reduce", "column", "drop_bad", "rig", "flip_sign", "model", "record"),
+    # options of printing, and others that do not change a result
+    *("out", "details", "json", "quiet", "plot", "name", "scheduler", "slip_per_step"),
+}
+"""Options that the name of a folder leaves out."""
 # Choices whose value needs no option name in front: `ageing`, `whitened`.
 _ALONE = frozenset(("law", "weighting"))
 _LONGEST_VALUE, _LONGEST_NAME = 24, 120
@@ -126,18 +107,6 @@ def choose_folder(
     return folder
 
 
-class _Run(TypedDict):
-    """The last run of a verb, as `.jaxfric.json` stores it."""
-
-    version: str
-    command: str
-    inputs: list[dict[str, str]]
-    files: list[str]
-
-
-_NO_RUN: _Run = {"version": "", "command": "", "inputs": [], "files": []}
-
-
 @dataclasses.dataclass
 class Folder:
     """An output folder during a run; a verb writes its results, then figures, then closes it."""
@@ -146,9 +115,10 @@ class Folder:
     call: Call
     inputs: tuple[Path, ...]
     files: list[str] = dataclasses.field(default_factory=list)
-    known: list[str] = dataclasses.field(default_factory=list)
-    strange: list[str] = dataclasses.field(default_factory=list)
-    earlier: str = ""
+    earlier: list[str] = dataclasses.field(default_factory=list)
+    """Files that were here before this run, and that it replaced or removed."""
+    made_by: str = "an unknown command"
+    """The command that wrote the `earlier` files."""
     code: int = 0
     """The exit code of the verb: 1 if a figure is missing."""
 
@@ -159,18 +129,13 @@ class Folder:
         --out only the first input counts, the record. A second run with another prior or other
         events may replace the results.
         """
-        before = _read_notes(self.path).get(self.call.verb, _NO_RUN)
-        for old, new in zip(
-            before["inputs"], self._inputs()[: 1 if asked_for else None], strict=False
-        ):
+        before = _read_notes(self.path).get(self.call.verb, {}).get("inputs", [])
+        for old, new in zip(before, self._inputs()[: 1 if asked_for else None], strict=False):
             if old["path"] != new["path"] and old["sha256"] != new["sha256"]:
                 where = os.path.normpath(self.path / old["path"])
-                advice = f"name a fresh one with --out, or take {self.path} away first"
-                if not asked_for:
-                    advice = "give another folder with --out"
                 raise InputError(
-                    f"{self.path} holds the results of another input"
-                    f"{'' if asked_for else ' of this name'}, {where}; {advice}"
+                    f"{self.path} holds the results of another input, {where}; give another folder"
+                    " with --out"
                 )
 
     @contextlib.contextmanager
@@ -181,20 +146,22 @@ class Folder:
         again are deleted. Files of other verbs stay.
         """
         notes = _read_notes(self.path)
-        before = notes.get(self.call.verb, _NO_RUN)
+        before = notes.get(self.call.verb)
         with output_folder(self.path) as work:
             yield work
             stamp(work)
             new = sorted(file.name for file in work.iterdir())
-            self.known = [name for name in before["files"] if (self.path / name).is_file()]
+            if before is not None:
+                self.earlier = [name for name in before["files"] if (self.path / name).is_file()]
+                same = before["command"] == self.call.command
+                same = same and before["inputs"] == self._inputs()
+                self.made_by = "the same command" if same else f"'{before['command']}'"
+            stale = set(self.earlier)
             self._note(notes, work, new)
         self.files += new
-        others = {name for verb in notes for name in notes[verb]["files"]}
-        for name in set(self.known) - others:
+        stale -= {name for run in notes.values() for name in run["files"]}
+        for name in stale:
             (self.path / name).unlink(missing_ok=True)
-        if before is not _NO_RUN:
-            same = before["command"] == self.call.command and before["inputs"] == self._inputs()
-            self.earlier = "the same command" if same else f"'{before['command']}'"
 
     def save(self, texts: Mapping[str, str]) -> None:
         """Write texts to files by name, as the only results."""
@@ -228,7 +195,14 @@ class Folder:
             if os.environ.get("JAXFRIC_DEBUG"):
                 raise
             self.code = 1
-            print(f"jaxfric: warning: {self._failure(what, error)}", file=sys.stderr)
+            reason = " ".join(str(error).split())
+            if not isinstance(error, InputError):
+                reason = f"{type(error).__name__}: {reason}"
+            print(
+                f"jaxfric: warning: {what} was not drawn ({reason}); all else is in {self.path}/."
+                " JAXFRIC_DEBUG=1 shows where",
+                file=sys.stderr,
+            )
             return []
         self.files += new
         return new
@@ -243,15 +217,6 @@ class Folder:
 
         self.draw(name, write)
 
-    def _failure(self, what: str, error: Exception) -> str:
-        reason = " ".join(str(error).split())
-        if isinstance(error, InputError):
-            return f"{what} was not drawn: {reason}"
-        return (
-            f"{what} was not drawn ({type(error).__name__}: {reason}); all else is in"
-            f" {self.path}/. Please report it; JAXFRIC_DEBUG=1 shows where"
-        )
-
     @property
     def written(self) -> str:
         """The line that lists the files of this run."""
@@ -260,11 +225,9 @@ class Folder:
     @property
     def replaced(self) -> str:
         """The line that lists the replaced files; '' if there are none."""
-        where = f"replaced in {self.path}"
-        if self.known:
-            return f"{where}: {', '.join([*self.known, *self.strange])}, written by {self.earlier}"
-        strange = ", ".join(self.strange)
-        return f"{where}: {strange}, written by an unknown command" if strange else ""
+        if not self.earlier:
+            return ""
+        return f"replaced in {self.path}: {', '.join(self.earlier)}, written by {self.made_by}"
 
     def close(self) -> int:
         """Print the replaced files and return the exit code of the verb."""
@@ -273,7 +236,14 @@ class Folder:
         return self.code
 
     def _inputs(self) -> list[dict[str, str]]:
-        return [{"path": self._from_here(i), "sha256": _digest(i)} for i in self.inputs]
+        """Return path and SHA-256 of each input; '' for a folder."""
+        return [
+            {
+                "path": self._from_here(file),
+                "sha256": hashlib.sha256(file.read_bytes()).hexdigest() if file.is_file() else "",
+            }
+            for file in self.inputs
+        ]
 
     def _from_here(self, file: Path) -> str:
         try:
@@ -281,12 +251,12 @@ class Folder:
         except ValueError:  # on another drive
             return file.resolve().as_posix()
 
-    def _note(self, notes: dict[str, _Run], work: Path, files: list[str]) -> None:
-        """Write the notes of this run to `work`, and add overwritten unknown files to `strange`."""
-        there = (file.name for file in work.iterdir() if (self.path / file.name).is_file())
-        self.strange += sorted(set(there) - set(self.known) - set(self.files))
-        for verb in set(notes) - {self.call.verb}:
-            notes[verb]["files"] = [name for name in notes[verb]["files"] if name not in files]
+    def _note(self, notes: dict[str, dict[str, Any]], work: Path, files: list[str]) -> None:
+        """Write the notes of this run to `work`, and add overwritten files to `earlier`."""
+        there = {file.name for file in work.iterdir() if (self.path / file.name).is_file()}
+        self.earlier += sorted(there - set(self.earlier) - set(self.files))
+        for run in notes.values():
+            run["files"] = [name for name in run["files"] if name not in files]
         notes[self.call.verb] = {
             "version": installed_version(),
             "command": self.call.command,
@@ -305,28 +275,21 @@ def json_text(table: Mapping[str, object]) -> str:
     )
 
 
-def _digest(file: Path) -> str:
-    """Return the SHA-256 of a file, '' for a folder."""
-    if not file.is_file():
-        return ""
-    with file.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
+def _read_notes(folder: Path) -> dict[str, dict[str, Any]]:
+    """Return the last run of every verb in a folder: command, inputs, and files of the folder.
 
-
-def _read_notes(folder: Path) -> dict[str, _Run]:
-    """Return the notes in a folder, by verb; empty if they are missing or damaged."""
+    The table is empty if the notes are missing or damaged.
+    """
     try:
         runs = json.loads((folder / NOTES).read_text(encoding="utf-8"))["runs"]
-        return {verb: _checked(run) for verb, run in runs.items()}
+        return {
+            verb: {
+                "version": str(run.get("version", "")),
+                "command": str(run["command"]),
+                "inputs": [{key: str(i[key]) for key in ("path", "sha256")} for i in run["inputs"]],
+                "files": [str(name) for name in run["files"] if Path(name).name == name],
+            }
+            for verb, run in runs.items()
+        }
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return {}
-
-
-def _checked(run: _Run) -> _Run:
-    """Return the notes of one verb with the right types, and without files outside the folder."""
-    return {
-        "version": str(run.get("version", "")),
-        "command": str(run["command"]),
-        "inputs": [{key: str(i[key]) for key in ("path", "sha256")} for i in run["inputs"]],
-        "files": [str(name) for name in run["files"] if Path(name).name == name],
-    }

@@ -2,17 +2,25 @@
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from . import options
 from .common import doing, refuse_unused, told
-from .folder import Folder, choose_folder, json_text
+from .folder import choose_folder, input_name, json_text
 from .shown import show
 
 if TYPE_CHECKING:
     from ..records import AxisRecord, Record
     from ..records.steady import SteadyCurve
     from ..report.report import Report
+
+
+class _Inspected(NamedTuple):
+    """A record in words, as JSON, and as a figure."""
+
+    report: "Report"
+    content: Mapping[str, object]
+    draw: Callable[[Path], object]
 
 
 def inspect(
@@ -42,21 +50,23 @@ def inspect(
     refuse_unused(f"--rig {rig}", unused, f", or choose --rig {other}")
     doing(f"reading {file.name}")
     if rig == "slider":
-        slider = reading.slider(file, reduce)
-        return _slider(slider, file, steps, output, reduced=reduce is not None)
-    if rig == "steady":
-        return _steady(axis.steady(file, reading), file, output)
-    return _axis(axis.axis(file, reading), file, output)
+        found = _slider(reading.slider(file, reduce), file, steps, reduced=reduce is not None)
+    elif rig == "steady":
+        found = _steady(axis.steady(file, reading))
+    else:
+        found = _axis(axis.axis(file, reading))
+    folder = choose_folder(output.folder, input_name(file), file)
+    with told() as progress:
+        progress("drawing the figure")
+        folder.save({})  # the only file is the figure
+        folder.draw("the figure", found.draw)
+    figures = [str(folder.path / name) for name in folder.files]
+    text = json_text({**found.content, "figures": figures})
+    show(found.report, f"figure: {', '.join(figures)}" if figures else "", text, output)
+    return folder.close()
 
 
-def _slider(
-    measured: "Record",
-    file: Path,
-    steps: str | None,
-    output: options.OutputOptions,
-    *,
-    reduced: bool,
-) -> int:
+def _slider(measured: "Record", file: Path, steps: str | None, *, reduced: bool) -> _Inspected:
     from ..plot.raw import draw_raw
     from ..plot.record import draw_record
     from ..records import VelocitySteps, read_table, record_steps
@@ -67,7 +77,6 @@ def _slider(
 
     found = record_steps(measured) if steps is None else VelocitySteps.parse(steps)
     found.refuse_end(measured.relative_time[-1])
-    folder = choose_folder(output.folder, file.stem, file)
 
     def draw(to: Path) -> None:
         draw_record(measured, found, to / "record.png")
@@ -76,50 +85,27 @@ def _slider(
 
     doubts = filter(None, [speeds_without_steps(measured, found), slips_told(measured, found)])
     told_of = report(measured, found)._replace(warnings=list(doubts))
-    return _show(folder, draw, told_of, record_content(measured, found), output)
+    return _Inspected(told_of, record_content(measured, found), draw)
 
 
-def _axis(measured: "AxisRecord", file: Path, output: options.OutputOptions) -> int:
+def _axis(measured: "AxisRecord") -> _Inspected:
     from ..plot.axis_record import draw_axis_record
     from ..records.strokes import find_strokes
     from ..report.axis_record_text import report_axis
     from ..report.record_json import axis_content
 
     strokes = find_strokes(measured)
-    folder = choose_folder(output.folder, file.stem, file)
-    return _show(
-        folder,
-        lambda to: draw_axis_record(measured, strokes, to / "record.png"),
+    return _Inspected(
         report_axis(measured, strokes)._replace(warnings=()),
         axis_content(measured, strokes),
-        output,
+        lambda to: draw_axis_record(measured, strokes, to / "record.png"),
     )
 
 
-def _steady(curve: "SteadyCurve", file: Path, output: options.OutputOptions) -> int:
+def _steady(curve: "SteadyCurve") -> _Inspected:
     from ..plot.axis_record import draw_curve
     from ..report.axis_record_text import report_steady
     from ..report.record_json import steady_content
 
-    folder = choose_folder(output.folder, file.resolve().name, file)
-    told_of, content = report_steady(curve), steady_content(curve)
-    return _show(folder, lambda to: draw_curve(curve, to / "record.png"), told_of, content, output)
-
-
-def _show(
-    folder: Folder,
-    drawing: Callable[[Path], object],
-    report: "Report",
-    content: Mapping[str, object],
-    output: options.OutputOptions,
-) -> int:
-    """Draw the record and print its report."""
-    with told() as progress:
-        progress("drawing the figure")
-        with folder.results():
-            pass  # the only file is the figure; the report is printed
-        folder.draw("the figure", drawing)
-    figures = [str(folder.path / name) for name in folder.files]
-    text = json_text({**content, "figures": figures})
-    show(report, f"figure: {', '.join(figures)}" if figures else "", text, output)
-    return folder.close()
+    draw = lambda to: draw_curve(curve, to / "record.png")  # noqa: E731
+    return _Inspected(report_steady(curve), steady_content(curve), draw)

@@ -282,26 +282,6 @@ class ModelOptions:
     """Fit a linear change of friction with slip as well."""
 
 
-EFFECTS = (
-    "second_state, ageing, velocity_dependent_L, evolution_cutoff, viscous, stribeck, slip_trend, "
-    "run_in, position_periodic, normal_stress, thermal, frictional_delay, stiffness, damping, "
-    "inertia, servo_lag, sensor_lag, sensor_delay, time_drift, gain"
-)
-"""Ids of the catalogue, repeated here so that --help does not have to import it."""
-AXIS_EFFECTS = (
-    "direction_asymmetry, cubic, stribeck, log_viscous, gravity, position_periodic, "
-    "position_dependence, time_drift, presliding, rate_and_state, servo_lag, sensor_lag, "
-    "sensor_delay"
-)
-"""Ids of the effects of an axis."""
-STEADY_EFFECTS = "direction_asymmetry, stribeck, cubic"
-"""Ids of the effects of a steady-state friction curve."""
-EXCLUDE = Parameter(
-    help=f"Effects that the loop does not try. Ids for a slider: {EFFECTS}; for an axis:"
-    f" {AXIS_EFFECTS}; for runs at steady speeds: {STEADY_EFFECTS}."
-)
-
-
 @FLAT
 @dataclass(frozen=True)
 class EffectOptions:
@@ -309,7 +289,9 @@ class EffectOptions:
 
     include: list[str] | None = None
     """Effects that the base model has from the start: ids, separated by commas."""
-    exclude: Annotated[list[str] | None, EXCLUDE] = None
+    exclude: list[str] | None = None
+    """Effects that the loop does not try: ids, separated by commas. An unknown id lists
+    all ids."""
 
     def ids(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Return the ids of --include and of --exclude."""

@@ -24,8 +24,6 @@ from .shown import show
 if TYPE_CHECKING:
     from ..study.progress import Progress
 
-# First words of a message of a study that is a warning.
-
 
 @options.FLAT
 @dataclass(frozen=True)
@@ -67,7 +65,9 @@ def study(
     or killed. The command then verifies the checksum of each chunk, and computes damaged chunks
     again.
     """
-    _require()
+    from ..study.store import require_packages
+
+    require_packages()
     if how.plot is not None:
         if file is not None or how.scheduler is not None or how.function is not None:
             raise InputError("--plot takes a store and no study; leave the study.toml out")
@@ -131,12 +131,11 @@ def _address(file: Path) -> str:
     """What a scheduler wrote with --scheduler-file."""
     try:
         return str(json.loads(file.read_text(encoding="utf-8"))["address"])
-    except OSError as error:
-        raise InputError(f"--scheduler-file {file}: {error.strerror}") from None
-    except (ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        why = getattr(error, "strerror", None) or "is not what a scheduler writes"
         raise InputError(
-            f"--scheduler-file {file}: is not what a scheduler writes; start one with: dask"
-            f" scheduler --scheduler-file {file}"
+            f"--scheduler-file {file}: {why}; start a scheduler with: dask scheduler"
+            f" --scheduler-file {file}"
         ) from None
 
 
@@ -147,12 +146,6 @@ def _ask(text: str) -> None:
         if sys.stdin.readline().strip().lower() in ("y", "yes"):
             return
     raise InputError(f"{text}; begin it with --yes, or take fewer")
-
-
-def _require() -> None:
-    from ..study.store import require_packages
-
-    require_packages()
 
 
 def _use_all_cores() -> None:
@@ -213,8 +206,7 @@ def _draw(store: str, output: options.OutputOptions) -> int:
     folder = choose_folder(output.folder or Path(f"{name}-figures"), "", *inputs)
     with told() as progress:
         progress("drawing figures")
-        with folder.results():
-            pass
+        folder.save({})
         names = folder.draw("figures", lambda to: draw_study(found, to))
     pictures = [name for name in names if name.endswith(".png")]
     written = f"written: {folder.path}/{', '.join(pictures)} (and .svg)" if names else ""

@@ -4,9 +4,8 @@ import os
 
 _WHOLE = "xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold"
 _BYTES = 2**27
-_FIRST, _BY_ITSELF = (0, 8), (0, 12)
-"""Versions of jaxlib: the first with the flag, and the first that does not need it. XLA ends a
-process that passes an unknown flag."""
+_BY_ITSELF = (0, 12)
+"""First version of jaxlib that does not need the flag. XLA ends a process with an unknown flag."""
 
 
 def whole_loops() -> bool:
@@ -17,15 +16,14 @@ def whole_loops() -> bool:
     loops of up to 128 MiB as one function, a simulation takes 0.3 of the time, one simulation in a
     batch 0.55, a `jaxfric loop` 0.75 to 0.9. The function sets `XLA_FLAGS` in the environment, so
     call it before JAX computes anything. It does nothing if `XLA_FLAGS` already has such an option,
-    for jaxlib before 0.8, and from 0.12 on, where such loops are the default.
+    and from jaxlib 0.12 on, where such loops are the default.
     """
     from importlib.metadata import version
 
     given = os.environ.get("XLA_FLAGS", "")
-    known = tuple(int(part) for part in version("jaxlib").split(".")[:2])
-    if known >= _BY_ITSELF:
+    if tuple(int(part) for part in version("jaxlib").split(".")[:2]) >= _BY_ITSELF:
         return True
-    if _WHOLE.partition("=")[0] in given or known < _FIRST:
+    if _WHOLE.partition("=")[0] in given:
         return _WHOLE in given
     os.environ["XLA_FLAGS"] = f"{given} --{_WHOLE}={_BYTES}".strip()
     return True
