@@ -61,8 +61,8 @@ def assert_same_in_chunks(function, members):
 
 def assert_same_study(path, text, number):
     path.write_text(text)
-    made = make(path)
-    assert_same_in_chunks(made.function, made.spec.grid.samples.draw(0, number))
+    of, made = make(path)
+    assert_same_in_chunks(made.function, of.grid.samples.draw(0, number))
 
 
 @pytest.mark.parametrize("number", (LEAST, *MORE))

@@ -312,7 +312,7 @@ def test_a_slider_with_mass_tells_by_how_much_its_cycles_differ(tmp_path, monkey
         return EndState(code, *jnp.asarray([0.1, 1e-4, 1e-5, 2.25, 0.75, 0.0])), 1.0
 
     monkeypatch.setattr(motions, "end_and_share", told)
-    made = make(written(tmp_path / "s.toml", WITH_MASS))
+    _, made = make(written(tmp_path / "s.toml", WITH_MASS))
     assert {o.name: o.unit for o in made.outputs}["period_spread"] == "s"
     found = jax.jit(made.function)({"k_p": k_p})
     np.testing.assert_array_equal(found["period"], [2.25, np.nan])
@@ -322,7 +322,7 @@ def test_a_slider_with_mass_tells_by_how_much_its_cycles_differ(tmp_path, monkey
 def test_ends_with_mass(tmp_path, monkeypatch):
     """The paper's sample, at half and twice its critical stiffness and about: the cycles take more
     steps than are kept at first, and are followed again two at a time."""
-    function = make(written(tmp_path / "s.toml", WITH_MASS)).function
+    function = make(written(tmp_path / "s.toml", WITH_MASS))[1].function
     k_p, order = np.array([4e3, 1e3, 4.2e3, 900.0, 1.1e3]), np.array([4, 1, 2, 0, 3])
     monkeypatch.setattr(motions, "_FEW_STEPS", 512)
     monkeypatch.setattr(motions, "_AGAIN", 2)

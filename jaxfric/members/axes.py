@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError, did_you_mean
-from ..laws import FittedLaw, LawSource, law_of, name_of
+from ..laws import LawSource, law_of, name_of
 from ..laws.fitted import force_of_unit
 from ..quantity import Quantity, numbered_names
 from ..rig.friction import AbstractRateState
@@ -14,8 +14,8 @@ from ..saved.entry import fitted_law
 from ..schemas import FIT
 from ..study import Axis, Grid, Normal, Samples, Uniform, linspace, logspace, values
 from ..study.grid import KINDS
-from .parameters import number, parameter, value_of
-from .tables import Table, file_of, refuse_unknown, table_of, whole
+from .parameters import parameter, positive, value_of
+from .tables import Table, file_of, flag, placed, refuse_unknown, table_of, whole
 
 About = Callable[[str, str], Quantity]
 # Largest number of values of one axis, which are held in memory.
@@ -84,41 +84,35 @@ def _axis(about: Quantity, kind: str, axis: Table, where: str) -> Axis:
         return values(name, numbers, **labels)
     if len(numbers) != 2:
         raise InputError(f"{place}: {kind} takes two ends, not {len(numbers)} values")
-    points = axis.get("points")
-    if isinstance(points, bool) or not isinstance(points, int):
+    points = whole(axis, "points", place)
+    if points is None:
         raise InputError(f"{place}: points is missing; say how many values, points = 20")
-    if points < 1:
-        raise InputError(f"{place} is empty: {points} points; give 1 or more")
     if points > _MOST:
         raise InputError(f"{place}: {points} points; an axis has no more than {_MOST}")
-    if points > 1 and numbers[0] == numbers[1]:
-        raise InputError(f"{place} is empty: both ends are {given[0]}")
     low, high = numbers
-    if kind == "logspace" and not min(numbers) > 0:
-        raise InputError(f"{place}: logspace needs positive ends; use linspace")
+    if points > 1 and low == high:
+        raise InputError(f"{place} is empty: both ends are {given[0]}")
     make = linspace if kind == "linspace" else logspace
-    return make(name, low, high, points, **labels)
+    with placed(place):
+        return make(name, low, high, points, **labels)
 
 
 def _column(about: Quantity, kind: str, axis: Table, where: str) -> Uniform:
     name = about.symbol
-    given, place, log = axis[kind], f"{where} {name}", axis.get("log", False)
+    given, place = axis[kind], f"{where} {name}"
     if not isinstance(given, list) or len(given) != 2:
         raise InputError(f"{place}: {kind} takes two ends, as in {kind} = ['1 N', '2 N']")
-    if not isinstance(log, bool):
-        raise InputError(f"{place}: log is {log!r}; it is true or false")
     low, high = (value_of(x, about, place) for x in given)
-    if not low < high:
-        raise InputError(f"{place} is empty: from {given[0]} to {given[1]}")
-    if log and not low > 0:
-        raise InputError(f"{place}: with log the range begins above 0")
-    return Uniform(name, low, high, about.unit, about.text, log, kind)
+    log = flag(axis, "log", place)
+    with placed(place):
+        return Uniform(name, low, high, about.unit, about.text, log, kind)
 
 
 def _draws(axis: Table, path: Path, where: str, files: dict[str, str]) -> Normal:
     """Return columns from the covariance of a fit.json, lognormal for those with a lower bound."""
     source = file_of(axis["from"], path, where, files)
-    fitted, force = _fitted(axis, source, where)
+    fitted = fitted_law(source, FIT)
+    force = positive(axis, "normal_force", "N", where)
     scale = force_of_unit(fitted.friction_unit, force, fitted.where)
     names = [n for n in fitted.free if n in ("A", "f0") or n[0] in "BL"]
     index = [fitted.free.index(n) for n in names]
@@ -139,7 +133,7 @@ def _draws(axis: Table, path: Path, where: str, files: dict[str, str]) -> Normal
 
 
 def posterior(
-    content: Table, path: Path, law: str | None, fixed: dict[str, float], grid: Grid
+    content: Table, path: Path, grid: Grid
 ) -> tuple[str | None, dict[str, float], tuple[str, ...]]:
     """Return law, parameters and warnings of the fit of an axis `from`.
 
@@ -148,15 +142,16 @@ def posterior(
     table = table_of(content, "axes", path.name)
     sources = [axis for axis in table.values() if isinstance(axis, dict) and "from" in axis]
     if not sources:
-        return law, fixed, ()
+        return None, {}, ()
     if len(sources) > 1:
         raise InputError(f"{path.name} [axes]: two axes with from; a member has one law")
     (axis,) = sources
-    fitted, force = _fitted(axis, path.parent / axis["from"], f"{path.name} [axes]")
+    fitted = fitted_law(path.parent / axis["from"], FIT)
+    force = positive(axis, "normal_force", "N", f"{path.name} [axes]")
     read = law_of(fitted, normal_force=force, samples=0)
     kind, own = parameters_of(read)
     kept = {name: value for name, value in own.items() if name not in grid.names}
-    return law or kind, {**kept, **fixed}, read.warnings
+    return kind, kept, read.warnings
 
 
 def parameters_of(source: LawSource) -> tuple[str | None, dict[str, float]]:
@@ -171,13 +166,3 @@ def parameters_of(source: LawSource) -> tuple[str | None, dict[str, float]]:
     own = {"f0": float(law.f0), "A": float(law.A), "V_ref": float(law.V0)}
     own |= {name: float(x) for name, x in zip(numbered_names(len(law.B)), pairs, strict=True)}
     return kind, own
-
-
-def _fitted(axis: Table, source: Path, where: str) -> tuple[FittedLaw, float | None]:
-    """Return the law of a fit.json, and its normal force [N] or None."""
-    force = (
-        number(axis["normal_force"], "N", f"{where} normal_force")
-        if "normal_force" in axis
-        else None
-    )
-    return fitted_law(source, FIT), force

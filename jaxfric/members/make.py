@@ -3,37 +3,21 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from jaxtyping import Array
 
 from ..errors import InputError
 from ..findings import Warned
-from ..study import Output, Progress, run
-from ..study.function import Cost, Function, refuse_clashes
+from ..study import Progress, run
+from ..study.function import Function, refuse_clashes
 from .computations import COMPUTATIONS
-from .spec import Spec, StudyPart, choose_outputs, read_spec
+from .own import read_own
+from .spec import Spec, StudyPart, read_spec, refuse_outputs
 from .tables import table_of
 
 if TYPE_CHECKING:
     import xarray
-
-# Members of a block for a user's function, written with JAX or in plain Python.
-_CHUNK, _CHUNK_ONE_BY_ONE = 65536, 16
-
-
-@dataclass(frozen=True, eq=False)
-class Made:
-    """A study, ready to run."""
-
-    spec: Spec
-    function: Function
-    outputs: tuple[Output, ...]
-    kind: Literal["member", "batch", "host"]
-    cost: Cost | None
-    chunk: int
-    batch: int
-    separate: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +31,7 @@ class Together:
         return {name: x for part in self.parts for name, x in part(dict(varied)).items()}
 
 
-def make(path: str | Path, own: str | None = None) -> Made:
+def make(path: str | Path, own: str | None = None) -> tuple[Spec, StudyPart]:
     """Read a study.toml and make its function, or use the user's `own`, FILE.py:NAME.
 
     Raises
@@ -55,26 +39,26 @@ def make(path: str | Path, own: str | None = None) -> Made:
     InputError : see `spec.read_spec`.
     """
     if own is not None:
-        return _own(path, own)
+        return read_own(path, own)
     spec = read_spec(path, COMPUTATIONS)
-    parts = [_part(spec, name) for name in spec.compute]
-    kept = [output for part in parts for output in part.kept(spec)]
-    known = tuple(output for part in parts for output in part.outputs)
-    outputs = choose_outputs(spec, known, tuple(output.name for output in kept))
+    parts = [
+        COMPUTATIONS[name].make(spec, spec.options.get(name, {}), f"{spec.path.name} [{name}]")
+        for name in spec.compute
+    ]
+    refuse_outputs(spec, tuple(output for part in parts for output in part.outputs))
     used = [part for part in parts if part.kept(spec)]
     functions = tuple(part.function for part in used)
-    told = tuple(line for part in used for line in part.warnings)
-    told += _left_out(spec, used)
-    return Made(
-        replace(spec, warnings=(*spec.warnings, *told)),
+    told = (*(line for part in used for line in part.warnings), *_left_out(spec, used))
+    part = StudyPart(
         functions[0] if len(functions) == 1 else Together(functions),
-        outputs,
-        used[0].kind,
-        next((part.cost for part in used if part.cost is not None), None),
-        spec.chunk or min(part.chunk for part in used),
-        min(part.batch for part in used),
-        all(part.separate for part in used),
+        tuple(output for part in used for output in part.kept(spec)),
+        kind=used[0].kind,
+        cost=next((part.cost for part in used if part.cost is not None), None),
+        chunk=spec.chunk or min(part.chunk for part in used),
+        batch=min(part.batch for part in used),
+        separate=all(part.separate for part in used),
     )
+    return replace(spec, warnings=(*spec.warnings, *told)), part
 
 
 def _left_out(spec: Spec, parts: list[StudyPart]) -> tuple[str, ...]:
@@ -101,19 +85,6 @@ def _left_out(spec: Spec, parts: list[StudyPart]) -> tuple[str, ...]:
     )
 
 
-def _part(spec: Spec, name: str) -> StudyPart:
-    table = spec.options.get(name, {})
-    return COMPUTATIONS[name].make(spec, table, f"{spec.path.name} [{name}]")
-
-
-def _own(path: str | Path, reference: str) -> Made:
-    from .own import read_own
-
-    spec, function, outputs, kind = read_own(path, reference)
-    chunk = spec.chunk or (_CHUNK_ONE_BY_ONE if kind == "host" else _CHUNK)
-    return Made(spec, function, outputs, kind, None, chunk, StudyPart.batch, separate=False)
-
-
 def run_study(
     path: str | Path,
     out: str | Path,
@@ -134,30 +105,30 @@ def run_study(
     ------
     InputError : see `spec.read_spec` and `study.run`.
     """
-    made = make(path, function)
-    refuse_clashes(made.spec.grid, made.outputs)
-    for line in made.spec.warnings:
+    spec, part = make(path, function)
+    refuse_clashes(spec.grid, part.outputs)
+    for line in spec.warnings:
         if tell is not None:
             tell(Warned(f"warning: {line}"))
     return run(
-        made.function,
-        made.spec.grid,
+        part.function,
+        spec.grid,
         out,
-        outputs=made.outputs,
-        kind=made.kind,
-        cost=made.cost,
-        chunk=made.chunk,
-        batch=made.batch,
-        dtype=made.spec.dtype,
+        outputs=part.outputs,
+        kind=part.kind,
+        cost=part.cost,
+        chunk=part.chunk,
+        batch=part.batch,
+        dtype=spec.dtype,
         precision="float64",
-        separate=made.separate,
+        separate=part.separate,
         scheduler=scheduler,
         processes=processes,
         ask=ask,
-        description=made.spec.description(),
+        description=spec.description(),
         other_versions=other_versions,
-        toml=made.spec.text,
-        warnings=made.spec.warnings,
+        toml=spec.text,
+        warnings=spec.warnings,
         progress=progress,
         tell=tell,
     )

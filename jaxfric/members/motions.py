@@ -25,10 +25,10 @@ from ..stability.margins import poles
 from ..study import Axis, Output
 from ..threads import at_once
 from . import ends as streaming
-from .parameters import number, rate_state, read_value
+from .parameters import positive, rate_state, read_value
 from .sliders import Parameters, Sliders, sliders_of, streamed
 from .spec import Spec, StudyPart
-from .tables import Table, refuse_unknown, whole
+from .tables import Table, flag, refuse_unknown, whole
 
 TRACE = {
     "whole": "The motion was followed for its whole duration.",
@@ -296,14 +296,13 @@ def _function(spec: Spec, table: Table, where: str) -> Motions:
             f"{where}: ratio is 1: without a step even an unstable slider stays in steady sliding;"
             " give another, as 1.01"
         )
-    inertia = table.get("inertia", not isinstance(sliders.law, str | AbstractInvertibleLaw))
-    if not isinstance(inertia, bool):
-        raise InputError(f"{where}: inertia is {inertia!r}; it is true or false")
+    unique = isinstance(sliders.law, str | AbstractInvertibleLaw)
+    inertia = flag(table, "inertia", where, usual=not unique)
     if table.get("inertia") and "m" not in (*spec.fixed, *spec.grid.names):
         raise InputError(f"{where}: inertia needs a mass, m = '2 kg' in [rig]")
-    if not inertia and not isinstance(sliders.law, str | AbstractInvertibleLaw):
+    if not (inertia or unique):
         raise InputError(
-            f"{where}: the law of {spec.source} has no velocity of its own at a given force; leave"
+            f"{where}: the law of the file has no velocity of its own at a given force; leave"
             " inertia = false out, so that its mass takes part"
         )
     rtol = table.get("rtol", 1e-6)
@@ -313,21 +312,11 @@ def _function(spec: Spec, table: Table, where: str) -> Motions:
         sliders,
         (),
         whole(table, "samples", where) or Motions.samples,
-        _duration(table, where),
+        positive(table, "duration", "s", where),
         float(rtol),
         whole(table, "max_steps", where, 16) or Motions.max_steps,
         inertia,
     )
-
-
-def _duration(table: Table, where: str) -> float | None:
-    """Return the simulated time of motions over time [s], or None."""
-    if "duration" not in table:
-        return None
-    found = number(table["duration"], "s", f"{where} duration")
-    if not found > 0:
-        raise InputError(f"{where}: duration must be positive")
-    return found
 
 
 def _logarithmic(spec: Spec) -> tuple[str, ...]:

@@ -19,10 +19,9 @@ import numpy as np
 from ..errors import InputError, did_you_mean
 from ..stability.margin_table import MARGINS
 from ..study import Output
-from ..units import parse_quantity
-from .parameters import number, rate_state
+from .parameters import number, positive, rate_state
 from .spec import Spec, StudyPart
-from .tables import Table, refuse_unknown, whole
+from .tables import Table, placed, refuse_unknown, whole
 
 if TYPE_CHECKING:
     from jaxtyping import Array
@@ -54,7 +53,7 @@ def _law(spec: Spec, where: str) -> str:
     ------
     InputError : the law comes from a file and has no name.
     """
-    if spec.law is None:
+    if not isinstance(spec.law, str):
         raise InputError(f"{where}: in a study this takes the slip or the ageing law")
     return spec.law
 
@@ -78,13 +77,11 @@ def make_gains(spec: Spec, table: Table, where: str) -> StudyPart:
             raise InputError(f"{where}: no margin '{key}'{did_you_mean(key, MARGINS)}")
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise InputError(f"{where}: margin {key} is {value!r}; it is a number")
-    try:
+    with placed(where):
         Requirement.with_default(margin)
-    except InputError as error:
-        raise InputError(f"{where}: {error}") from None
     units = {"k_p": "N/m", "k_v": "N*s/m"}
-    limits = tuple(_optional(table, f"max_{n}", u, where) for n, u in units.items())
-    scales = tuple(_optional(table, f"scale_{n}", u, where) for n, u in units.items())
+    limits = tuple(positive(table, f"max_{n}", u, where) for n, u in units.items())
+    scales = tuple(positive(table, f"scale_{n}", u, where) for n, u in units.items())
     outputs = (
         Output("gains", long_name="whether there are gains", codes=GAINS_CODES),
         Output("least_k_p", "N/m", "position gain of least norm"),
@@ -149,12 +146,10 @@ def _state(i: int) -> tuple[str, str]:
 def _record(spec: Spec, table: Table, where: str, steps: int = 1) -> "Recorder":
     ratio = table.get("ratio", 10.0)
     noise = number(table.get("noise", "0 N"), "N", f"{where} noise")
-    distance = table.get("distance")
     if isinstance(ratio, bool) or not isinstance(ratio, int | float) or not ratio > 0 or ratio == 1:
         raise InputError(f"{where}: ratio is {ratio!r}; it is a positive number, not 1")
     if not noise >= 0:
         raise InputError(f"{where}: noise is {noise:g} N; it must not be negative")
-    metres = None if distance is None else number(distance, "m", f"{where} distance")
     steps = whole(table, "steps", where) or steps
     if steps > 20:
         raise InputError(f"{where}: steps is {steps!r}; it is a whole number from 1 to 20")
@@ -165,7 +160,7 @@ def _record(spec: Spec, table: Table, where: str, steps: int = 1) -> "Recorder":
         float(ratio),
         whole(table, "rows", where, 40) or 400,
         noise,
-        metres,
+        positive(table, "distance", "m", where),
         whole(table, "seed", where, 0) or 0,
         steps,
     )
@@ -342,12 +337,3 @@ class LoopOfRecord:
             "held_out_before": found.test_error(found.before),
             "held_out_after": found.test_error(found.after),
         }
-
-
-def _optional(table: Table, key: str, unit: str, where: str) -> float | None:
-    if key not in table:
-        return None
-    value = parse_quantity(str(table[key]), unit, f"{where} {key}")
-    if not value > 0:
-        raise InputError(f"{where}: {key} is {value:g} {unit}; it must be positive")
-    return value

@@ -32,9 +32,11 @@ from ..study.local import infer_outputs
 from ..units import is_unit
 from .axes import read_grid
 from .parameters import number
-from .spec import Spec, choose_outputs, dtype_of, parsed
+from .spec import Spec, StudyPart, dtype_of, parsed, refuse_outputs
 from .tables import Table, names_of, refuse_unknown, table_of, whole
 
+# Members of a block, for a function written with JAX or in plain Python.
+_CHUNK, _CHUNK_ONE_BY_ONE = 65536, 16
 KINDS: tuple[Kind, ...] = ("member", "batch", "host")
 _TOP = ("kind", "outputs", "chunk", "dtype", "units", "rig", "axes", "samples")
 
@@ -56,8 +58,8 @@ class Own:
         return self.wrapped({**self.fixed, **varied})
 
 
-def read_own(path: str | Path, reference: str) -> tuple[Spec, Own, tuple[Output, ...], Kind]:
-    """Read a study.toml and a function; return the spec, the function, its outputs and its kind.
+def read_own(path: str | Path, reference: str) -> tuple[Spec, StudyPart]:
+    """Read a study.toml and a function; return the study, and the function with its outputs.
 
     Raises
     ------
@@ -90,20 +92,18 @@ def read_own(path: str | Path, reference: str) -> tuple[Spec, Own, tuple[Output,
         names_of(content, "outputs", path.name),
         whole(content, "chunk", path.name),
         dtype_of(content, path.name),
-        None,
-        None,
-        None,
         fixed,
-        1,
         grid,
-        {},
         files,
     )
     known = tuple(
         replace(output, unit=units.get(output.name, "1"))
         for output in _outputs(own, grid, kind, reference, path.name)
     )
-    return spec, own, choose_outputs(spec, known, tuple(o.name for o in known)), kind
+    refuse_outputs(spec, known)
+    chunk = spec.chunk or (_CHUNK_ONE_BY_ONE if kind == "host" else _CHUNK)
+    part = StudyPart(own, known, kind=kind, chunk=chunk, separate=False)
+    return spec, replace(part, outputs=part.kept(spec))
 
 
 def _kind(content: Table, where: str) -> Kind:

@@ -79,6 +79,16 @@ def number(content: object, unit: str, where: str) -> float:
     return parse_quantity(content, unit, where)
 
 
+def positive(table: Mapping[str, object], key: str, unit: str, where: str) -> float | None:
+    """Return a positive quantity of a table in SI, or None if the key is missing."""
+    if key not in table:
+        return None
+    found = number(table[key], unit, f"{where} {key}")
+    if not found > 0:
+        raise InputError(f"{where}: {key} is {found:g} {unit}; it must be positive")
+    return found
+
+
 def needed(states: int) -> list[str]:
     """Return the parameters of a rate-and-state law without default: A, B, L, B2, L2, ..."""
     return ["A", *numbered_names(states)]

@@ -10,11 +10,9 @@ from dataclasses import dataclass
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..errors import InputError
 from ..laws.registry import evolution_of
 from ..rig import Inertial, QuasiStatic, Rig
 from ..rig.friction import AbstractLaw
-from ..saved import law_from_fit
 from ..stability.linear import LinearSlider, linearise
 from .parameters import rate_state
 from .spec import Spec
@@ -63,16 +61,6 @@ class Sliders:
 
 
 def sliders_of(spec: Spec) -> Sliders:
-    """Return the sliders of a study.
-
-    Raises
-    ------
-    InputError : a delay law, which has no states.
-    """
-    if spec.law is not None:
-        return Sliders(spec.law, spec.states, spec.fixed)
-    assert spec.source is not None
-    law = law_from_fit(spec.source, normal_force=spec.normal_force, samples=0).law
-    if not isinstance(law, AbstractLaw):
-        raise InputError(f"{spec.source}: a delay law has no states; a study cannot take it")
-    return Sliders(law, spec.states, spec.fixed)
+    """Return the sliders of a study."""
+    assert spec.law is not None
+    return Sliders(spec.law, spec.states, spec.fixed)

@@ -27,18 +27,18 @@ samples = 100                       # of the outputs force and velocity
 
 import tomllib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
 
 from ..errors import InputError, did_you_mean
 from ..laws.registry import count_states, known_law
+from ..rig.friction import AbstractLaw
 from ..saved import law_from_fit
 from ..study import Grid, Output
-from ..study.function import Cost, Function
+from ..study.function import Cost, Function, Kind
 from .axes import parameters_of, posterior, read_grid
-from .parameters import LAW, needed, number, parameter, read_value
-from .tables import Table, file_of, names_of, refuse_unknown, table_of, whole
+from .parameters import LAW, needed, parameter, positive, value_of
+from .tables import Table, file_of, names_of, placed, refuse_unknown, table_of, whole
 
 _TOP = ("compute", "outputs", "chunk", "dtype", "rig", "axes", "samples")
 _RIG = ("law", "from", "normal_force", "A", "B", "L", "f0", "V_ref", "m", "k_p", "k_v", "V0")
@@ -57,18 +57,15 @@ class Spec:
     outputs: tuple[str, ...] | None
     chunk: int | None
     dtype: str
-    law: str | None
-    """Name of a rate-and-state law; None if a file gives another law."""
-    source: Path | None
-    """The fit.json or loop.json of the law; then its normal force [N]."""
-    normal_force: float | None
     fixed: dict[str, float]
-    states: int
     grid: Grid
-    options: dict[str, dict[str, object]]
-    """The tables of the computations, by name."""
     files: dict[str, str]
     """Files that the study reads, with their checksums."""
+    law: str | AbstractLaw | None = None
+    """Name of a rate-and-state law, or another law of a file; None for a function of the user."""
+    states: int = 1
+    options: Mapping[str, Table] = field(default_factory=dict)
+    """The tables of the computations, by name."""
     warnings: tuple[str, ...] = ()
     """Warnings about the study's laws, one line each."""
 
@@ -86,7 +83,7 @@ class StudyPart:
     """All possible outputs."""
     usual: tuple[str, ...] | None = None
     """Names of the outputs that are stored by default; None: all."""
-    kind: Literal["batch", "host"] = "batch"
+    kind: Kind = "batch"
     """Kind of the function as in `study.Task`, like `cost`, `batch` and `separate`."""
     cost: Cost | None = None
     chunk: int = 65536
@@ -135,20 +132,18 @@ def read_spec(path: str | Path, known: Mapping[str, Computation]) -> Spec:
                 " the table out"
             )
     files: dict[str, str] = {}
-    law, source, force, fixed = _rig(table_of(content, "rig", where), path, files)
+    law, fixed, warnings = _rig(table_of(content, "rig", where), path, files)
     grid = read_grid(content, path, files)
-    fixed["ratio"] = _RATIO
-    law, fixed, warnings = posterior(content, path, law, fixed, grid)
-    if source is not None:
-        law, fixed, more = _law_of_file(source, force, fixed, f"{where} [rig]")
-        warnings = (*warnings, *more)
+    name, own, more = posterior(content, path, grid)
+    law, warnings = law or name, (*warnings, *more)
+    fixed = {**own, "ratio": _RATIO, **fixed}
     in_both = [
         name for name in grid.names if name in fixed and name in table_of(content, "rig", where)
     ]
     if in_both:
         raise InputError(f"{where}: {in_both[0]} is in [rig] and in [axes]; leave one out")
     fixed = {name: value for name, value in fixed.items() if name not in grid.names}
-    states = count_states(law, (*fixed, *grid.names))
+    name = law if isinstance(law, str) else None
     spec = Spec(
         path,
         text,
@@ -157,29 +152,20 @@ def read_spec(path: str | Path, known: Mapping[str, Computation]) -> Spec:
         names_of(content, "outputs", where),
         whole(content, "chunk", where),
         dtype_of(content, where),
-        law,
-        source,
-        force,
         fixed,
-        states,
         grid,
-        options,
         files,
+        law,
+        count_states(name, (*fixed, *grid.names)),
+        options,
         tuple(dict.fromkeys(warnings)),
     )
     _refuse_missing(spec, where, {name for one in compute for name in known[one].needs})
     return spec
 
 
-def choose_outputs(
-    spec: Spec, known: tuple[Output, ...], usual: tuple[str, ...]
-) -> tuple[Output, ...]:
-    """Return the stored outputs, in the order of `known`.
-
-    Raises
-    ------
-    InputError : an output that no computation has; the message names the nearest.
-    """
+def refuse_outputs(spec: Spec, known: tuple[Output, ...]) -> None:
+    """Raise `InputError` for an output that no computation has; the message names the nearest."""
     names = [output.name for output in known]
     for name in spec.outputs or ():
         if name not in names:
@@ -187,8 +173,6 @@ def choose_outputs(
                 f"{spec.path.name}: no output '{name}' of {' and '.join(spec.compute)}"
                 f"{did_you_mean(name, names)}"
             )
-    wanted = spec.outputs or usual
-    return tuple(output for output in known if output.name in wanted)
 
 
 def parsed(path: Path) -> tuple[str, dict[str, object]]:
@@ -233,68 +217,50 @@ def dtype_of(content: Table, where: str) -> str:
 
 def _rig(
     rig: Table, path: Path, files: dict[str, str]
-) -> tuple[str | None, Path | None, float | None, dict[str, float]]:
+) -> tuple[str | AbstractLaw | None, dict[str, float], tuple[str, ...]]:
+    """Return the law of [rig], the fixed parameters, and the warnings of the law."""
     where = f"{path.name} [rig]"
-    fixed: dict[str, float] = {}
-    law = rig.get("law")
-    for key in rig:
-        if key in ("law", "from", "normal_force"):
-            continue
-        known = tuple(name for name in _RIG if name not in ("law", "from", "normal_force"))
-        if key not in known:
-            try:
-                parameter(key, where, known=known)
-            except InputError:
-                raise InputError(f"{where}: no key '{key}'{did_you_mean(key, _RIG)}") from None
-        fixed[key] = read_value(rig[key], key, f"{where} {key}")
-    if law is not None:
-        try:
-            law = known_law(law)
-        except InputError as wrong:
-            raise InputError(f"{where}: {wrong}") from None
-    if ("from" in rig) and law is not None:
+    fixed = {
+        key: value_of(value, parameter(key, where, known=_RIG), f"{where} {key}")
+        for key, value in rig.items()
+        if key not in ("law", "from", "normal_force")
+    }
+    if "from" not in rig:
+        if "normal_force" in rig:
+            raise InputError(
+                f"{where}: normal_force goes with from (that of an axis, law = {{ from = ... }},"
+                " stands beside it in [axes]); give parameters in newtons"
+            )
+        with placed(where):
+            return known_law(rig["law"]) if "law" in rig else None, fixed, ()
+    if "law" in rig:
         raise InputError(f"{where}: law and from exclude each other; give one")
-    force = None
-    if "normal_force" in rig:
-        force = number(rig["normal_force"], "N", f"{where} normal_force")
-        if not force > 0:
-            raise InputError(f"{where}: normal_force is {force:g} N; it must be positive")
-    source = None
-    if "from" in rig:
-        source = file_of(rig["from"], path, f"{where} from", files)
-    elif force is not None:
-        raise InputError(
-            f"{where}: normal_force goes with from (that of an axis, law = {{ from = ... }}, stands"
-            " beside it in [axes]); give parameters in newtons"
-        )
-    return law, source, force, fixed
-
-
-def _law_of_file(source: Path, force: float | None, fixed: dict[str, float], where: str):
-    """Return law name and parameters of a file, and its warnings; for another law than rate-and-
-    state None and at most its mass."""
+    source = file_of(rig["from"], path, f"{where} from", files)
+    force = positive(rig, "normal_force", "N", where)
     read = law_from_fit(source, normal_force=force, samples=0)
+    if not isinstance(read.law, AbstractLaw):
+        raise InputError(f"{source}: a delay law has no states; a study cannot take it")
     kind, own = parameters_of(read)
     given = [name for name in fixed if name in LAW or name[:-1] in ("B", "L")]
     if kind is None and given:
         raise InputError(f"{where}: {given[0]} cannot be set: it is fixed by the law of {source}")
-    return kind, {**own, **fixed}, read.warnings
+    return kind or read.law, {**own, **fixed}, read.warnings
 
 
 def _refuse_missing(spec: Spec, where: str, needs: set[str]) -> None:
     """Raise if a parameter of the rig or of a computation is neither set nor varied."""
     given = {*spec.fixed, *spec.grid.names}
     wanted = sorted(needs)
-    if spec.law is not None:
+    if isinstance(spec.law, str):
         wanted += needed(spec.states)
-    elif spec.source is None:
+    elif spec.law is None:
         raise InputError(f"{where} [rig]: law is missing; law = 'slip', or from = 'fit.json'")
     else:
         odd = [n for n in spec.grid.names if n in LAW or n[:-1] in ("B", "L")]
         if odd:
             raise InputError(
-                f"{where} [axes] {odd[0]}: it is fixed by the law of {spec.source}; vary m, k_p,"
-                " k_v, V0"
+                f"{where} [axes] {odd[0]}: it is fixed by the law of the file in [rig]; vary"
+                " m, k_p, k_v, V0"
             )
     for name in wanted:
         if name not in given:

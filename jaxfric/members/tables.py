@@ -1,13 +1,31 @@
 """Read tables of a study.toml; refuse unknown keys and values of a wrong type."""
 
+import contextlib
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from pathlib import Path
 
 from ..errors import InputError, did_you_mean
 
 Table = Mapping[str, object]
 """A table of a study.toml; its values are checked when they are read."""
+
+
+@contextlib.contextmanager
+def placed(where: str) -> Generator[None]:
+    """Name the place in every `InputError` of the block."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
+
+
+def flag(table: Table, key: str, where: str, *, usual: bool = False) -> bool:
+    """Return true or false, by default `usual`."""
+    found = table.get(key, usual)
+    if not isinstance(found, bool):
+        raise InputError(f"{where}: {key} is {found!r}; it is true or false")
+    return found
 
 
 def names_of(content: Table, key: str, where: str) -> tuple[str, ...] | None:

@@ -75,17 +75,17 @@ def spec(folder: Path, text: str, number: int, dtype: str = "") -> Path:
 
 
 def task_of(path: Path, *, batch: int | None = None, sort: bool = True) -> Task:
-    made = make(path)
-    blocks = Tiling.of(made.spec.grid.shape, made.chunk)
+    of, made = make(path)
+    blocks = Tiling.of(of.grid.shape, made.chunk)
     return Task(
         made.function,
-        made.spec.grid,
+        of.grid,
         blocks,
         made.outputs,
         made.kind,
         made.cost if sort else None,
         batch or made.batch,
-        made.spec.dtype,
+        of.dtype,
     )
 
 
