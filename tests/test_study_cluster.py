@@ -102,22 +102,25 @@ def test_the_function_of_a_worker_is_that_of_the_client(cluster, tmp_path, monke
         )
 
 
-def test_a_client_that_waits_says_so(monkeypatch):
-    """Other people's tasks are before its own."""
-    monkeypatch.setattr("jaxfric.study.cluster._PATIENCE", 0.0)
+def test_a_client_that_waits_says_so():
+    """Ever less often."""
     told = []
+    workers = {"w": {"nthreads": 2}}
     client = SimpleNamespace(
-        status="running",
-        scheduler_info=lambda n_workers: {"workers": {"w": {"nthreads": 2}}},
-        processing=lambda: {"w": ("a", "b", "mine")},
+        status="running", scheduler_info=lambda n_workers: {"workers": workers}
     )
     pool = _Pool(client, cast(Any, None), "tcp://x:1", told.append)
-    future = type("Future", (), {"key": "mine"})()
-    pool.futures = {future: 0}
-    time.sleep(0.01)
-    pool._mind_workers()
-    pool._mind_workers()
-    assert "2 threads at tcp://x:1 have 1 of this study and 2 tasks of others" in told[0]
+    pool.last -= 20.0
+    pool._say_waiting()
+    pool._say_waiting()
+    workers.clear()
+    pool.last -= 20.0
+    pool._say_waiting()
+    assert told == [
+        "waiting for a chunk: 2 threads at tcp://x:1",
+        "waiting for a chunk: 0 threads at tcp://x:1; start some with: dask worker tcp://x:1"
+        " --nthreads 1",
+    ]
 
 
 def test_killed_workers_lose_nothing(cluster, tmp_path, undisturbed):

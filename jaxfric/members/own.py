@@ -26,9 +26,9 @@ from jaxtyping import ArrayLike
 
 from ..errors import InputError, option
 from ..quantity import Quantity
-from ..study import Axis, Grid, Output
+from ..study import Grid, Output
 from ..study.function import Function, Kind
-from ..study.local import infer_outputs
+from ..study.local import infer_outputs, outputs_of_shapes
 from ..units import is_unit
 from .axes import read_grid
 from .parameters import number
@@ -172,14 +172,7 @@ def _outputs(own: Own, grid: Grid, kind: Kind, reference: str, where: str) -> tu
         if kind != "host":
             advice = f"correct it or, if it is not written with JAX, write kind = 'host' in {where}"
         raise InputError(f"{reference} fails: {_text(error)}; {advice}") from None
-    return tuple(
-        Output(name, dims=tuple(_dim(f"{name}_{i}", n) for i, n in enumerate(shape)))
-        for name, shape in shapes.items()
-    )
-
-
-def _dim(name: str, length: int) -> Axis:
-    return Axis(name, np.arange(length, dtype=float))
+    return outputs_of_shapes(shapes)
 
 
 def _text(error: Exception) -> str:

@@ -8,7 +8,6 @@ ends, but the store stays valid: the same command continues the study.
 import asyncio
 import contextlib
 import logging
-import math
 import os
 import sys
 import time
@@ -195,16 +194,8 @@ def _silent() -> Generator[None]:
 class _Pool:
     """The blocks in progress."""
 
-    def __init__(self, client: "Client", task: Task | None, address: str, tell: Tell):
-        import cloudpickle
-
-        self.client, self.address, self.tell = client, address, tell
-        self.token = task.token if task is not None else ""
-        self.expected, self.packed = {}, b""
-        if task is not None:
-            self.expected, self.packed = code_of(task), cloudpickle.dumps(task)
-        self.compute = _travelling()
-        self.alone: float | None = None
+    def __init__(self, client: "Client", task: Task, address: str, tell: Tell):
+        self.client, self.task, self.address, self.tell = client, task, address, tell
         self.last = time.monotonic()
         self.patience = _PATIENCE
         self.futures: dict[Future, int] = {}
@@ -212,9 +203,12 @@ class _Pool:
 
     def blocks(self, todo: list[int]) -> Generator[tuple[int, Computed], None, None]:
         """Yield each block of `todo` once, when it is finished."""
+        import cloudpickle
+
+        work = (_travelling(), cloudpickle.dumps(self.task), code_of(self.task))
         todo.reverse()
         while todo or self.futures:
-            self._fill(todo)
+            self._fill(todo, *work)
             for future in self._finished():
                 number = self.futures.pop(future)
                 block = self._result(future)
@@ -224,20 +218,16 @@ class _Pool:
                 else:
                     yield number, block
 
-    def _fill(self, todo: list[int]) -> None:
+    def _fill(
+        self, todo: list[int], compute: Elsewhere, packed: bytes, expected: dict[str, str]
+    ) -> None:
         room = max(_AHEAD * self._threads(), _AHEAD) - len(self.futures)
         for _ in range(min(room, len(todo))):
             number = todo.pop()
-            key = f"block-{self.token}-{number}-{self.losses.get(number, 0)}"
+            key = f"block-{self.task.token}-{number}-{self.losses.get(number, 0)}"
             future = self._ask(
                 lambda key=key, number=number: self.client.submit(
-                    self.compute,
-                    self.packed,
-                    number,
-                    self.expected,
-                    key=key,
-                    pure=False,
-                    retries=0,
+                    compute, packed, number, expected, key=key, pure=False, retries=0
                 )
             )
             self.futures[future] = number
@@ -262,38 +252,19 @@ class _Pool:
                 self.last, self.patience = time.monotonic(), _PATIENCE
                 return list(done)
             except TimeoutError:
-                self._mind_workers()
+                self._say_waiting()
             except (OSError, RuntimeError, CancelledError, asyncio.CancelledError):
                 raise self._gone() from None
 
-    def _mind_workers(self) -> None:
-        """Report once that there has been no worker for a while."""
-        now = time.monotonic()
-        if self._threads():
-            self.alone = None
-            if now - self.last > self.patience:
-                self.patience *= 2
-                self.tell(self._waiting())
-            return
-        if self.alone is None:
-            self.alone = now
-        if now - self.alone > _PATIENCE:
-            self.alone = math.inf
-            self.tell(
-                f"the scheduler at {self.address} has no workers; start some with:"
-                f" dask worker {self.address} --nthreads 1"
+    def _say_waiting(self) -> None:
+        """Report that no chunk has arrived for a while, ever less often."""
+        if time.monotonic() - self.last > self.patience:
+            self.patience *= 2
+            threads = self._threads()
+            advice = (
+                "" if threads else f"; start some with: dask worker {self.address} --nthreads 1"
             )
-
-    def _waiting(self) -> str:
-        """Return a sentence on why no chunk has arrived for a while."""
-        own = {future.key for future in self.futures}
-        under_way = [key for keys in self._ask(self.client.processing).values() for key in keys]
-        others = sum(key not in own for key in under_way)
-        text = f"waiting for a chunk: {self._threads()} threads at {self.address}"
-        text += f" have {len(under_way) - others} of this study"
-        if others:
-            return f"{text} and {others} tasks of others"
-        return f"{text}; the first one of every worker compiles"
+            self.tell(f"waiting for a chunk: {threads} threads at {self.address}{advice}")
 
     def _result(self, future: "Future") -> Computed | None:
         """Return the result of a finished future; None if it was lost with a worker.

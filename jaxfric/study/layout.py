@@ -12,7 +12,7 @@ from ..schemas import STUDY
 from .function import OUTCOME, OUTCOMES, Output, Task
 from .grid import SAMPLE, Axis
 from .marks import DONE, FIXED, fixed_checksums
-from .source import revision, versions
+from .source import versions
 
 if TYPE_CHECKING:
     import zarr
@@ -66,7 +66,6 @@ def _attributes(task: Task, label: Label) -> "dict[str, JSON]":
         "study": json.dumps(label.description),
         "toml": label.toml,
         "versions": versions(),
-        "revision": revision(),
         "members": task.grid.size,
         "layout": {
             "shape": list(task.blocks.shape),

@@ -7,7 +7,7 @@ at a time; a GPU computes more. Every device runs its own loops (`shard_map`). I
 """
 
 import contextlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 
 import jax
 import jax.numpy as jnp
@@ -220,11 +220,16 @@ def infer_outputs(function: Function, grid: Grid, kind: str, precision: str) -> 
         if kind == "batch":
             one = {name: jax.ShapeDtypeStruct((1,), precision) for name in grid.names}
         found = jax.eval_shape(function, one)
-    outputs = []
-    for name, x in found.items():
-        shape = x.shape[1:] if kind == "batch" else x.shape
-        dims = tuple(
-            Axis(f"{name}_{i}", np.arange(length, dtype=float)) for i, length in enumerate(shape)
+    skipped = 1 if kind == "batch" else 0
+    return outputs_of_shapes({name: x.shape[skipped:] for name, x in found.items()})
+
+
+def outputs_of_shapes(shapes: Mapping[str, Sequence[int]]) -> tuple[Output, ...]:
+    """Return outputs by the shapes of one member, with one dimension for each size."""
+    return tuple(
+        Output(
+            name,
+            dims=tuple(Axis(f"{name}_{i}", np.arange(n, dtype=float)) for i, n in enumerate(shape)),
         )
-        outputs.append(Output(name, dims=dims))
-    return tuple(outputs)
+        for name, shape in shapes.items()
+    )

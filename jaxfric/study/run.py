@@ -1,10 +1,11 @@
 """The entry point `run(function, grid, out)`."""
 
 import contextlib
+import math
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,10 +26,9 @@ from .function import (
     refuse_dtypes,
 )
 from .grid import Grid, Tiling
-from .layout import Label
-from .place import AbstractPlace, Tell, place_of
+from .layout import Label, outputs_of
+from .place import Tell, place_of
 from .progress import Clock, Progress
-from .size import is_large, told_size
 from .source import belongs_to_package, fingerprint
 from .store import Store, attributes, changed_versions, error_texts, open_store, require_packages
 from .store import verify as verify_store
@@ -41,21 +41,12 @@ CHUNK = 65536
 _OUTCOMES = list(OUTCOMES)
 # A new study stops if all of its first members fail.
 _FIRST = 8
+# Studies of more than this need a confirmation before they start.
+_MEMBERS, _BYTES = 100_000_000, 1e11
 
 
 Source = Callable[[Task, Sequence[int]], Generator[tuple[int, Computed], None, None]]
 """Computes the requested blocks in any order, and yields each with its number."""
-
-
-class Listener(NamedTuple):
-    """Functions that are called while a study runs."""
-
-    progress: Callable[[Progress], None] | None
-    """Called with the progress of the run."""
-    tell: Tell
-    """Called with other messages, one line each."""
-    ask: Callable[[str], None] | None
-    """Called with size and time of a very large study before it starts; raises to stop it."""
 
 
 def run(
@@ -95,7 +86,7 @@ def run(
     chunk : members of a block, which is computed, held in memory and written at once.
     scheduler, processes : address of a Dask scheduler whose workers compute; or number of processes
         on this machine for kind "host" (other kinds use all cores anyway).
-    ask : called with size and time of a very large study before it starts; may raise to stop it.
+    ask : called with the size of a very large study before it starts; may raise to stop it.
     other_versions : continue a store that was begun with other versions of packages.
     description, toml, warnings : description of the study in the store, see `Label`; by default its
         grid, outputs and function. The code of the function, and of yours that it uses, is always
@@ -114,10 +105,19 @@ def run(
     refuse_clashes(grid, outputs)
     how = (kind, cost, batch, dtype, precision, separate)
     task = Task(function, grid, Tiling.of(grid.shape, chunk), tuple(outputs), *how)
-    described = _described(task) if description is None else _with_layout(description, task)
-    label = Label(described, toml, tuple(warnings))
-    listener = Listener(progress, tell or silent, ask)
-    _run(task, label, place_of(out), scheduler or processes, listener, any_versions=other_versions)
+    label = Label(_described(task, description), toml, tuple(warnings))
+    place, workers, tell = place_of(out), scheduler or processes, tell or silent
+    opened = open_store(place, task, label, any_versions=other_versions, tell=tell)
+    if ask is not None and not place.exists() and (size := _large(task)):
+        ask(size)
+    if isinstance(workers, int) and (task.kind != "host" or len(task.blocks) < 2):
+        workers = 1
+    if isinstance(workers, int) and workers > 1:
+        tell(f"starting {workers} processes")
+    with _cluster(workers) as client, opened as store:
+        where = workers if isinstance(workers, str) else "this machine"
+        source = _local if client is None else _on(client, where, tell)
+        _go_on(store, source, progress, tell)
     return load(out, verify=False)
 
 
@@ -130,29 +130,16 @@ def _inferred(function: Function, grid: Grid, kind: Kind, precision: str) -> tup
     return infer_outputs(function, grid, kind, precision)
 
 
-def _run(
-    task: Task,
-    label: Label,
-    place: AbstractPlace,
-    workers: str | int,
-    listener: Listener,
-    *,
-    any_versions: bool,
-) -> None:
-    """Compute missing blocks with the workers of a scheduler, or with local processes."""
-    tell = listener.tell
-    opened = open_store(place, task, label, any_versions=any_versions, tell=tell)
-    if listener.ask is not None and is_large(task) and not place.exists():
-        tell(f"measuring how long {task.grid.size:.3g} members take")
-        listener.ask(told_size(task))
-    if isinstance(workers, int) and (task.kind != "host" or len(task.blocks) < 2):
-        workers = 1
-    if isinstance(workers, int) and workers > 1:
-        tell(f"starting {workers} processes")
-    with _cluster(workers) as client, opened as store:
-        where = workers if isinstance(workers, str) else "this machine"
-        source = _local if client is None else _on(client, where, tell)
-        _go_on(store, source, listener)
+def _large(task: Task) -> str:
+    """Return the size of a study that the user must confirm, in words; '' for another."""
+    each = 0.0
+    for output in outputs_of(task):
+        numbers = math.prod(len(dim.values) for dim in output.dims)
+        each += numbers * np.dtype(task.dtype if output.dtype == "float" else output.dtype).itemsize
+    members, size = task.grid.size, each * task.grid.size
+    if members <= _MEMBERS and size <= _BYTES:
+        return ""
+    return f"{members:.3g} members in {len(task.blocks)} chunks: up to {size / 1e9:.3g} GB"
 
 
 def _cluster(workers: str | int) -> "contextlib.AbstractContextManager[Client | None]":
@@ -193,37 +180,33 @@ def load(path: str | Path, *, verify: bool = True) -> "xarray.Dataset":
     return found.assign_attrs(errors=error_texts(place))
 
 
-def _source(task: Task) -> dict[str, object]:
-    """Return a fingerprint of the user's function; `versions` covers functions of the package."""
-    if belongs_to_package(task.function):
-        return {}
-    return {"source of the function": fingerprint(task.function)}
+def _described(task: Task, description: Mapping[str, object] | None) -> dict[str, object]:
+    """Return what identifies a study: its description, its function, and its layout.
 
-
-def _described(task: Task) -> dict[str, object]:
-    name = getattr(task.function, "__qualname__", type(task.function).__qualname__)
-    axes = {a.name: [float(x) for x in a.values] for a in task.grid.axes}
-    samples = task.grid.samples
-    outputs = [o.name for o in task.outputs]
-    found: dict[str, object] = {"function": name, "axes": axes, "outputs": outputs}
-    found |= _source(task)
-    found |= {"block": list(task.blocks.block), "dtype": task.dtype, "precision": task.precision}
-    return found | ({} if samples is None else {"samples": repr(samples)})
-
-
-def _with_layout(description: Mapping[str, object], task: Task) -> dict[str, object]:
-    """Return the description with default entries, which another version may change."""
+    A function of the package has no fingerprint: `versions` covers it.
+    """
+    function = task.function
+    if description is None:
+        samples = task.grid.samples
+        description = {
+            "function": getattr(function, "__qualname__", type(function).__qualname__),
+            "axes": {a.name: [float(x) for x in a.values] for a in task.grid.axes},
+            "samples": None if samples is None else repr(samples),
+            "dtype": task.dtype,
+            "precision": task.precision,
+        }
+    own = not belongs_to_package(function)
+    source = {"source of the function": fingerprint(function)} if own else {}
     outputs = [output.name for output in task.outputs]
-    return {
-        **description,
-        **_source(task),
-        "layout": {"block": list(task.blocks.block), "outputs": outputs},
-    }
+    layout = {"block": list(task.blocks.block), "outputs": outputs}
+    return {**description, **source, "layout": layout}
 
 
-def _go_on(store: Store, source: Source, listener: Listener) -> None:
+def _go_on(
+    store: Store, source: Source, progress: Callable[[Progress], None] | None, tell: Tell
+) -> None:
     """Compute and write the missing blocks."""
-    task, tell = store.task, listener.tell
+    task = store.task
     sound = store.sound()
     begun = bool(sound.any())
     if begun:
@@ -238,7 +221,7 @@ def _go_on(store: Store, source: Source, listener: Listener) -> None:
     todo = [int(i) for i in np.flatnonzero(~sound)]
     if not todo:
         return
-    clock = Clock(task, len(sound), int(sound.sum()), listener.progress)
+    clock = Clock(task, len(sound), int(sound.sum()), progress)
     try:
         with contextlib.closing(source(task, todo)) as found:
             _write_all(store, found if begun else _refuse_failures(found, task), clock)
@@ -284,17 +267,11 @@ def _refuse_failures(
 
 
 def _first_error(task: Task, number: int, errors: Mapping[int, str]) -> str:
-    """Return the first error of a block and its member: "InputError: ... at V0 = 1e-06 m/s"."""
+    """Return the first error of a block and its member [SI]: "InputError: ... at V0 = 1e-06"."""
     place = min(errors)
-    units = {axis.name: axis.unit for axis in task.grid.axes}
-    if task.grid.samples is not None:
-        units |= {name: unit for name, unit, _ in task.grid.samples.described()}
     members = task.grid.members(task.blocks.where(number))
-    where = [
-        f"{name} = {column[place]:.6g} {units.get(name, '1')}".removesuffix(" 1")
-        for name, column in members.items()
-    ]
-    return f"{errors[place]} at {', '.join(where)}"
+    where = ", ".join(f"{name} = {column[place]:.6g}" for name, column in members.items())
+    return f"{errors[place]} at {where}"
 
 
 def _local(task: Task, todo: Sequence[int]) -> Generator[tuple[int, Computed], None, None]:

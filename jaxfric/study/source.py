@@ -59,24 +59,6 @@ def package_source() -> str:
     return digest.hexdigest()[:12]
 
 
-def revision() -> str:
-    """Return the git revision of the running source if the source is a checkout, else ''."""
-    folder = _PACKAGE.parent / ".git"
-    try:
-        head = (folder / "HEAD").read_text().strip()
-        if not head.startswith("ref: "):
-            return head
-        name = head.removeprefix("ref: ")
-        if (folder / name).exists():
-            return (folder / name).read_text().strip()
-        for line in (folder / "packed-refs").read_text().splitlines():
-            if line.endswith(f" {name}"):
-                return line.split()[0]
-    except OSError:
-        pass
-    return ""
-
-
 def belongs_to_package(function: object) -> bool:
     """Whether a function, or the class of a callable object, belongs to jaxfric."""
     function = getattr(function, "__wrapped__", function)

@@ -125,21 +125,18 @@ def open_store(
 
 def _mend(place: AbstractPlace, make: Callable[[str], None], tell: Tell) -> None:
     """Write damaged files again that are written only once; the study determines them."""
-    damaged = damaged_files(place)
-    if not damaged:
-        return
     with tempfile.TemporaryDirectory() as work:
         make(f"{work}/store")
         root = Path(work) / "store"
-        files = {f.relative_to(root).as_posix(): f for f in root.rglob("*") if f.is_file()}
-        whole = damaged == [FIXED]
-        for name in (n for n in files if n != _ROOT) if whole else damaged:
-            if name != _ROOT:
-                place.write(name, files[name].read_bytes())
-        # keep when and by which version the store was begun
-        kept = [(n, place.read(n) or b"") for n in sorted(files) if n != FIXED]
-        place.write(FIXED, fixed_checksums(kept))
-    tell(f"mended: {', '.join(damaged)}")
+        names = {f.relative_to(root).as_posix(): f for f in root.rglob("*") if f.is_file()}
+        files = {name: file.read_bytes() for name, file in names.items() if name != FIXED}
+    files[_ROOT] = place.read(_ROOT) or b""  # keep when and by which version it was begun
+    files[FIXED] = fixed_checksums(list(files.items()))
+    damaged = [name for name, content in files.items() if place.read(name) != content]
+    for name in damaged:
+        place.write(name, files[name])
+    if damaged:
+        tell(f"mended: {', '.join(damaged)}")
 
 
 def attributes(place: AbstractPlace) -> dict[str, Any]:
