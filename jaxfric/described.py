@@ -44,29 +44,6 @@ class Described:
         return _shown(self, "summary")
 
 
-class Worded:
-    """A result whose sentences are made by views."""
-
-    @property
-    def sentence(self) -> str:
-        """The result in one or two sentences."""
-        return _shown(self, "words").sentence
-
-    @property
-    def next_step(self) -> str:
-        """The recommended next step and its reason; '' if there is none."""
-        return _shown(self, "words").next_step
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """Warnings to read before using the result."""
-        return _shown(self, "words").warnings
-
-    def to_json(self) -> dict:
-        """The content of the JSON file that the command writes; SI."""
-        return _shown(self, "json")
-
-
 class Drawable:
     """A result that has a figure."""
 

@@ -30,7 +30,7 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
-from ..described import Described, Drawable, Tabular, Worded
+from ..described import Described, Drawable, Tabular, said
 from ..errors import InputError
 from ..fitting import Fit, fit
 from ..fitting.fit import few_rows, require_float64, steps_of
@@ -114,7 +114,7 @@ class LawScore:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LawComparison(Described, Worded, Drawable, Tabular):
+class LawComparison(Described, Drawable, Tabular):
     """Laws fitted to one record, in the order of the request."""
 
     record: Record
@@ -198,6 +198,25 @@ class LawComparison(Described, Worded, Drawable, Tabular):
         way = float(np.ptp(self.record.moved()))
         lengths = [e.value for name, e in score.fit.parameters.items() if name[0] == "L"]
         return score.states > 1 and max(lengths, default=0.0) > way
+
+    @property
+    def sentence(self) -> str:
+        """The result in one or two sentences."""
+        return said("comparison.sentence", self)
+
+    @property
+    def next_step(self) -> str:
+        """The recommended next step and its reason; '' if there is none."""
+        return said("comparison.next_step", self)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Warnings to read before using the result."""
+        return said("comparison.warnings", self)
+
+    def to_json(self) -> dict:
+        """The content of `compare.json`; SI."""
+        return said("comparison.to_json", self)
 
 
 def compare_laws(

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
 from ..loop.thresholds import ALIAS
+from ..protocol.design import Protocol
 from . import style
 from .palette import BLACK, ORANGE
 
@@ -22,6 +23,11 @@ def save_aliasing(
 ) -> list[str]:  # fmt: skip
     """Draw |cosine| between effects, as `what` shows them; return the names of the files."""
     return style.save(aliasing_figure(ids, cosines, added=added, what=what), folder, "aliasing")
+
+
+def protocol_figure(plan: Protocol) -> Figure:
+    """Figure of the |cosine| between effects, as a planned protocol would show them."""
+    return aliasing_figure(plan.design.ids, plan.design.cosines, what="this plan")
 
 
 def aliasing_figure(

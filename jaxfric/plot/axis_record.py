@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from ..records import AxisRecord, SteadyCurve
 from ..records.axis_units import shown_units
-from ..records.strokes import Strokes, position_of
+from ..records.strokes import Strokes, find_strokes, position_of
 from . import style
 from .label import printable
 from .palette import BLACK, GREY, ORANGE
@@ -20,6 +20,11 @@ _STROKE = "0.93"
 def draw_axis_record(record: AxisRecord, strokes: Strokes, path: str | Path) -> None:
     """Write the figure of a record to `path`."""
     style.write(axis_record_figure(record, strokes), path)
+
+
+def read_axis_figure(record: AxisRecord) -> Figure:
+    """The figure of an axis record with its strokes."""
+    return axis_record_figure(record, find_strokes(record))
 
 
 def axis_record_figure(record: AxisRecord, strokes: Strokes) -> Figure:

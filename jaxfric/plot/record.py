@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from ..records import record_steps
 from ..records.record import Record
 from ..records.steps import VelocitySteps
 from . import style
@@ -16,6 +17,11 @@ from .palette import ORANGE
 def draw_record(record: Record, steps: VelocitySteps | None, path: str | Path) -> None:
     """Write a figure of a record to `path` (PNG, PDF or SVG by its ending)."""
     style.write(record_figure(record, steps), path)
+
+
+def read_figure(record: Record) -> Figure:
+    """The figure of a record with its velocity steps."""
+    return record_figure(record, record_steps(record))
 
 
 def record_figure(record: Record, steps: VelocitySteps | None) -> Figure:

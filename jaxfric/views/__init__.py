@@ -1,16 +1,17 @@
 """How results are shown: a line, a report, a figure, a table. `jaxfric.described` calls this room.
 
-`HOMES` maps each class to the module of this folder with its `View`. The module is loaded when a
-result of the class is first shown.
+`VIEWS` names the functions that show each class, which are loaded when they are first used.
 """
 
+import functools
 import importlib
-from typing import TYPE_CHECKING
+import io
+import textwrap
+from typing import TYPE_CHECKING, NamedTuple
 
 from ..errors import InputError
 from ..report.html import html_of
 from ..report.report import Report, text_of
-from .view import View, Words, in_notebook, pandas_of, xarray_of
 
 if TYPE_CHECKING:
     from arviz import InferenceData
@@ -18,85 +19,105 @@ if TYPE_CHECKING:
     from pandas import DataFrame
     from xarray import Dataset
 
-HOMES = {
-    "AxisFit": "axis_fit",
-    "AxisRecord": "axis_record",
-    "Feedforward": "feedforward",
-    "Fit": "fit",
-    "Gains": "gains",
-    "LawComparison": "comparison",
-    "Loop": "loop",
-    "Posterior": "posterior",
-    "Prediction": "prediction",
-    "Protocol": "protocol",
-    "Record": "record",
-    "RunFit": "run",
-    "Schedule": "schedule",
-    "SteadyLoop": "steady",
-    "Trajectory": "trajectory",
+_LINE = 160
+"""Letters of the sentence in a `repr`."""
+
+
+class View(NamedTuple):
+    """How results of one class are shown."""
+
+    name: str
+    """The function of `tables`, and of `arrays` if there is one."""
+    report: str
+    """ "room.module.function" that makes the report."""
+    figure: str = ""
+    """ "module.function" of `plot`; "" for none."""
+
+
+VIEWS = {
+    "AxisFit": View("axis_fit", "views.reports.axis_fit"),
+    "AxisRecord": View("record", "views.reports.axis_record", "axis_record.read_axis_figure"),
+    "Feedforward": View(
+        "feedforward", "report.feedforward_text.report", "feedforward.feedforward_figure"
+    ),
+    "Fit": View("fit", "views.reports.fit", "fit.fit_figure"),
+    "Gains": View("gains", "report.gains_text.report", "gains.gains_figure"),
+    "LawComparison": View("comparison", "views.reports.comparison", "compared.comparison_figure"),
+    "Loop": View("loop", "report.loop_report.report", "loop.residual_figure"),
+    "Posterior": View("posterior", "views.reports.posterior", "posterior.posterior_figure"),
+    "Prediction": View("prediction", "views.reports.prediction", "prediction.prediction_figure"),
+    "Protocol": View("protocol", "report.protocol_text.report", "aliasing.protocol_figure"),
+    "Record": View("record", "views.reports.record", "record.read_figure"),
+    "RunFit": View("run", "report.run_report.report", "run.rates_figure"),
+    "Schedule": View("schedule", "views.reports.schedule"),
+    "SteadyLoop": View("steady", "report.steady_text.report", "steady.steady_figure"),
+    "Trajectory": View("trajectory", "views.reports.trajectory", "trajectory.trajectory_figure"),
 }
 
 
-def view_of(result: object) -> View:
-    """The view of a result's class."""
-    return importlib.import_module(f".{HOMES[type(result).__name__]}", __name__).VIEW
+def _view(result: object) -> View:
+    return VIEWS[type(result).__name__]
 
 
-def line(result: object) -> str:
-    """A result in one line: its `repr`."""
-    return view_of(result).line(result)
-
-
-def words(result: object) -> Words:
-    """A result in words: sentence, next step and warnings."""
-    told = view_of(result).words
-    assert told is not None
-    return told(result)
-
-
-def json(result: object) -> dict:
-    """A result as the content of its JSON file."""
-    content = view_of(result).json
-    assert content is not None
-    return content(result)
+def _call(name: str, result: object):
+    """Call "room.module.function" of the package with a result."""
+    module, _, function = name.rpartition(".")
+    return getattr(importlib.import_module(f"jaxfric.{module}"), function)(result)
 
 
 def report(result: object) -> Report:
     """The report of a result."""
-    return view_of(result).report(result)
+    return _call(_view(result).report, result)
+
+
+def line(result: object) -> str:
+    """A result in one line, its `repr`: the class and the first sentence of the report."""
+    text = textwrap.shorten(report(result).headline[0], _LINE, placeholder=" ...")
+    return f"{type(result).__name__}({text})"
 
 
 def summary(result: object) -> str:
     """A result as text."""
-    view = view_of(result)
-    return text_of(view.line(result), view.report(result))
+    return text_of(type(result).__name__, report(result))
 
 
 def html(result: object) -> str:
     """A result as HTML for a notebook."""
-    view = view_of(result)
-    return html_of(view.line(result), view.report(result))
+    return html_of(type(result).__name__, report(result))
 
 
 def figure(result: object) -> "Figure":
-    """The figure of a result."""
-    draw = view_of(result).figure
-    assert draw is not None
-    return in_notebook(draw(result))
+    """The figure of a result, which a notebook shows although pyplot does not know it."""
+    drawn = _call(f"plot.{_view(result).figure}", result)
+    drawn._repr_png_ = functools.partial(_png, drawn)
+    return drawn
+
+
+def _png(drawn: "Figure") -> bytes:
+    out = io.BytesIO()
+    drawn.savefig(out, format="png", dpi=100)
+    return out.getvalue()
 
 
 def pandas(result: object) -> "DataFrame":
-    """A result as a DataFrame."""
-    frame = view_of(result).frame
-    assert frame is not None
-    return pandas_of(frame(result))
+    """A result as a DataFrame; raises `InputError` without pandas."""
+    _need("pandas")
+    return _call(f"views.tables.{_view(result).name}", result)
 
 
 def xarray(result: object) -> "Dataset":
-    """A result as a Dataset."""
-    arrays = view_of(result).arrays
-    assert arrays is not None
-    return xarray_of(arrays(result))
+    """A result as a Dataset; raises `InputError` without xarray."""
+    _need("xarray")
+    return _call(f"views.arrays.{_view(result).name}", result)
+
+
+def _need(package: str) -> None:
+    try:
+        importlib.import_module(package)
+    except ImportError:
+        raise InputError(
+            f'to_{package} needs {package}; install it: pip install "jaxfric[notebook]"'
+        ) from None
 
 
 def arviz(result: object) -> "InferenceData":
