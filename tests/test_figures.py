@@ -170,7 +170,7 @@ def test_of_many_curves_those_that_move_are_drawn() -> None:
     assert [axis.get_ylabel() for axis in drawn if axis.get_ylabel()] == ["gain", "speed", "both"]
     told = figure.get_suptitle().replace("\n", " ")
     assert all(f"what stays {i}" in told for i in range(12))
-    assert "there: speed over k_p; gain over V0" in told
+    assert "Left out: 26 panels in which little or nothing moves" in told
     figure = draw_marginals(found, ["n0", "n1", "n2", "gain"], [])  # a few: all of them
     assert isinstance(figure, matplotlib.figure.Figure)
     assert len(figure.axes) == 8 and "Left out" not in figure.get_suptitle()
@@ -220,11 +220,11 @@ def test_samples_over_a_grid_have_maps_of_shares(tmp_path) -> None:
         {"stability": (dims, codes, about), "outcome": (dims, 0 * codes)},
         coords={"k_p": np.geomspace(1e3, 1e5, 6), "V0": np.asarray([1e-6, 1e-5])},
     )
-    shares = _shares(found, "stability", dims)["share_of_stability"]
+    shares = _shares(found, "stability")["share_of_stability"]
     expected = 100 * np.arange(6) / 5
     np.testing.assert_allclose(shares.values, np.stack([expected, expected], axis=1))
     assert shares.dims == ("k_p", "V0") and "5 samples whose steady sliding" in shares.long_name
-    figure = _map(_shares(found, "stability", dims), "share_of_stability", dims[1:], coded=False)
+    figure = _map(_shares(found, "stability"), "share_of_stability", dims[1:], coded=False)
     assert isinstance(figure, matplotlib.figure.Figure)
     (mesh,) = figure.axes[0].collections
     assert (mesh.norm.vmin, mesh.norm.vmax) == (0, 100) and mesh.get_cmap().name == "cividis"

@@ -25,9 +25,8 @@ _MORE = TOGETHER["other codes of a study"]
 
 
 class Side(NamedTuple):
-    """A parameter as an axis of a figure: its values, its name and its unit, SI."""
+    """A parameter as an axis of a figure: its values, its label and unit, SI."""
 
-    name: str
     values: np.ndarray
     label: tuple[str, str]
     log: bool
@@ -41,7 +40,7 @@ def side_of(found: "Dataset", name: str) -> Side:
     label = about.attrs.get("long_name", name)
     label = f"{label} {name}" if label != name else name
     log = about.attrs.get("spacing") == "log" or (about.dims == (name,) and by_factors(values))
-    return Side(name, values, (label, unit), log)
+    return Side(values, (label, unit), log)
 
 
 def by_factors(values: np.ndarray) -> bool:

@@ -45,34 +45,27 @@ def draw_study(found: "Dataset", folder: Path) -> list[str]:
     the files, none if no parameter varies.
     """
     found = _without_noise(found)
-    known, dims = list(map(str, found.data_vars)), _dimensions(found)
+    known, dims = list(map(str, found.data_vars)), tuple(map(str, found["outcome"].dims))
     coded = [n for n in known if "flag_values" in found[n].attrs]
     outputs = [n for n in known if n != "done" and found[n].dims == dims]
     outputs = [n for n in outputs if n != "outcome"] + ["outcome"]
     names = []
     for name in outputs:
-        if name == "outcome" and not np.any(found[name].values):
-            continue  # all members were computed
         if "sample" in dims:
-            shares = _shares(found, name, dims) if name in coded and name != "outcome" else None
-            figure = (
-                None if shares is None else _map(shares, _SHARE + name, _rest(dims), coded=False)
-            )
+            if name not in coded or name == "outcome":
+                continue
+            shares = _shares(found, name)
+            name = _SHARE + name
+            figure = _map(shares, name, tuple(d for d in dims if d != "sample"), coded=False)
+        elif name == "outcome" and not np.any(found[name].values):
+            continue  # all members were computed
         else:
             figure = _map(found, name, dims, coded=name in coded)
         if figure is not None:
-            names += style.save(figure, folder, f"map_{_SHARE if 'sample' in dims else ''}{name}")
+            names += style.save(figure, folder, f"map_{name}")
     shown = sorted((n for n in outputs if n != "outcome"), key=lambda n: n not in coded)
     figure = draw_marginals(found, shown, coded)
     return names if figure is None else names + style.save(figure, folder, "marginals")
-
-
-def _dimensions(found: "Dataset") -> tuple[str, ...]:
-    return tuple(map(str, found["outcome"].dims))
-
-
-def _rest(dims: tuple[str, ...]) -> tuple[str, ...]:
-    return tuple(d for d in dims if d != "sample")
 
 
 def _shown_at(found: "Dataset", name: str, index: int) -> str:
@@ -84,27 +77,25 @@ def _without_noise(found: "Dataset") -> "Dataset":
     """The study with a spread of periods of 0 where it is no more than that of the solver."""
     if not {"end", "period", "period_spread"} <= set(found.data_vars):
         return found
-    spread, period = found["period_spread"].values, found["period"].values
-    regular = np.isfinite(spread) & (spread < _REGULAR * np.abs(period))
-    label = {"long_name": found["period_spread"].attrs.get("long_name", "") + "; 0: regular"}
-    kept = found["period_spread"].copy(data=np.where(regular, 0.0, spread))
-    kept.attrs |= label if regular.any() else {}
+    spread = found["period_spread"]
+    regular = np.isfinite(spread) & (spread < _REGULAR * np.abs(found["period"]))
+    kept = spread.where(~regular, 0.0)
+    if regular.any():
+        kept.attrs["long_name"] = f"{spread.attrs.get('long_name', '')}; 0: regular"
     return found.assign(period_spread=kept)
 
 
-def _shares(found: "Dataset", name: str, dims: tuple[str, ...]) -> "Dataset":
+def _shares(found: "Dataset", name: str) -> "Dataset":
     """The share [%] of the samples that have the first code of an output, of those computed."""
-    codes, over = found[name].values, dims.index("sample")
-    known = np.sum(codes >= 0, axis=over)
-    share = np.where(known, 100 * np.sum(codes == 0, axis=over) / np.maximum(known, 1), np.nan)
-    about = found[name].attrs
+    codes, about = found[name], found[name].attrs
+    known = (codes >= 0).sum("sample")
+    share = 100 * (codes == 0).sum("sample") / known.where(known > 0)
     first = about["flag_meanings"].split()[0].replace("_", " ")
     words = _GOOD.get(name, f"with the code {first}")
     text = f"share of the {found.sizes['sample']} samples {words}"
     text += f"; {about['long_name']}" if name != "stability" else ""
-    return found.isel(sample=0).assign(
-        {_SHARE + name: (_rest(dims), share, {"units": "%", "long_name": text})}
-    )
+    share.attrs = {"units": "%", "long_name": text}
+    return found.isel(sample=0).assign({_SHARE + name: share})
 
 
 def _map(found: "Dataset", name: str, dims: tuple[str, ...], *, coded: bool) -> Figure | None:
@@ -120,7 +111,11 @@ def _map(found: "Dataset", name: str, dims: tuple[str, ...], *, coded: bool) -> 
         return None  # after the motion has come to rest only errors of the solver remain
     longest = sorted(grid, key=lambda d: -found.sizes[d])
     x, y = sorted(longest[:2], key=dims.index)
-    shown = _panels_of(found, dims, (x, y), longest[2:3])
+    middle = {d: found.sizes[d] // 2 for d in dims if d not in (x, y)}
+    shown = [middle]
+    for d in longest[2:3]:
+        places = np.linspace(0, found.sizes[d] - 1, min(_PANELS, found.sizes[d]))
+        shown = [middle | {d: int(i + 0.5)} for i in places]
     values = [np.asarray(found[name].isel(panel).transpose(y, x).values) for panel in shown]
     figure, axes = style.side_by_side(len(shown), height=2.5, most=2, share=True)
     sides = side_of(found, x), side_of(found, y)
@@ -148,19 +143,6 @@ def _map(found: "Dataset", name: str, dims: tuple[str, ...], *, coded: bool) -> 
     if len(ends) == 1 and ends[0] >= 0:
         title += f": {meanings[int(ends[0])].replace('_', ' ')} everywhere"
     return style.finish(figure, title[:1].upper() + title[1:], legend=legend)
-
-
-def _panels_of(
-    found: "Dataset", dims: tuple[str, ...], drawn: tuple[str, str], rest: Sequence[str]
-) -> list[dict[str, int]]:
-    """Places on the dimensions that are not drawn, for every panel: some of `rest`, if there is
-    one, and the middle of the others."""
-    picked = {d: found.sizes[d] // 2 for d in dims if d not in drawn}
-    panels = [picked]
-    for d in rest:
-        some = np.linspace(0, found.sizes[d] - 1, min(_PANELS, found.sizes[d]))
-        panels = [picked | {d: int(i + 0.5)} for i in some]
-    return panels
 
 
 def _edges(side: Side) -> np.ndarray:

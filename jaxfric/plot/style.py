@@ -87,6 +87,8 @@ def side_by_side(
     axes = list(grid.ravel())
     for axis in axes[count:]:
         axis.set_axis_off()
+    for axis in axes[max(count - columns, 0) : count]:  # also where no panel is below
+        axis.tick_params(labelbottom=True)
     return figure, axes[: max(count, 1)]
 
 
