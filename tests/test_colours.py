@@ -9,10 +9,51 @@ from colours import SIGHT, distances, lab
 from matplotlib.colors import to_rgb
 
 from jaxfric.plot import palette
-from jaxfric.plot.palette import TOGETHER
 
 LEAST = 15.0
 """Distance in L*a*b* of two colours of a figure, some times what is just seen side by side."""
+TOGETHER = {
+    "record and model": (
+        palette.TRAIN,
+        palette.SELECT,
+        palette.REPORT,
+        palette.GREY,
+        palette.BLUE,
+        palette.ORANGE,
+        palette.BLACK,
+    ),
+    "candidates": (palette.BLUE, palette.MIDDLE, palette.LIGHT, palette.PALE, palette.ORANGE),
+    "location": (palette.BLUE, palette.GREY),
+    "profiles": (palette.BLUE, palette.ORANGE, palette.GREY, palette.BLACK),
+    "noise": (palette.BAND, palette.BLUE, palette.ORANGE),
+    "gains": (
+        palette.MEETS,
+        palette.STABLE,
+        palette.UNSTABLE,
+        palette.BAND,
+        palette.BLUE,
+        palette.ORANGE,
+        palette.BLACK,
+    ),
+    "feedforward": (palette.BAND, palette.GREY, palette.ORANGE, palette.BLUE, palette.BLACK),
+    "margins": (*palette.LINES, palette.ORANGE, palette.BAND, palette.BLACK),
+    "ends": (palette.STABLE, palette.CYCLE, palette.ESCAPE, palette.OPEN, palette.BLACK),
+    "stability": (
+        palette.STABLE,
+        palette.UNSTABLE,
+        palette.BLUE,
+        palette.ORANGE,
+        palette.BLACK,
+        palette.BAND,
+    ),
+    "events of a run": palette.EIGHT,
+    "laws of stick-slip": (palette.BLUE, palette.ORANGE, palette.SKY, palette.GREY),
+    "fit": (palette.BLUE, palette.ORANGE, palette.GREY),
+    "posterior": (palette.BLUE, palette.ORANGE, palette.GREY),
+    "laws compared": (*palette.EIGHT, palette.HELD),
+    "other codes of a study": palette.CODES,
+}
+"""Colours that a reader must tell apart, by figure."""
 PLOT = Path(palette.__file__).parent
 ALLOWED = {"white", "black", "none"}
 

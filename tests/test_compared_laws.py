@@ -128,7 +128,7 @@ def test_the_figure_says_which_law_and_what_did_not_converge(of_slip) -> None:
     stuck = dataclasses.replace(ageing, fit=dataclasses.replace(ageing.fit, converged=False))
     scores = (first, stuck, *others)
     figure = comparison_figure(dataclasses.replace(of_slip, scores=scores))
-    assert figure.get_suptitle().endswith("the record supports the slip law")
+    assert figure.get_suptitle().endswith("The record supports the slip law with 1 state")
     assert "σ = 0.000" in figure.axes[1].get_title(loc="left")
     words = [text.get_text() for axis in figure.axes[1:] for text in axis.texts]
     ended = ["did not converge" not in text for text in words]
@@ -137,7 +137,7 @@ def test_the_figure_says_which_law_and_what_did_not_converge(of_slip) -> None:
 
 
 def test_the_figure_of_a_tie_names_no_law(tied) -> None:
-    assert "the record cannot tell which law, " in comparison_figure(tied).get_suptitle()
+    assert "The record cannot tell " in comparison_figure(tied).get_suptitle()
 
 
 # ---- the command ---------------------------------------------------------------------------

@@ -410,7 +410,13 @@ def test_a_share_and_its_p_are_told_together(explained, p, words) -> None:
 
 @pytest.mark.parametrize(
     ("cosine", "text", "framed"),
-    [(0.949, ".94", False), (0.95, ".95", True), (0.944, ".94", False), (0.996, "1.0", True)],
+    [
+        (0.949, ".94", False),
+        (0.95, ".95", True),
+        (0.944, ".94", False),
+        (0.996, ".99", True),
+        (1.0, "1.00", True),
+    ],
 )
 def test_every_cosine_that_reads_as_alike_is_framed(cosine, text, framed) -> None:
     axis = new_figure(3, 3).subplots()

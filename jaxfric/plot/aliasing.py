@@ -70,9 +70,8 @@ def _cell(axis: Axes, i: int, j: int, value: float) -> None:
         axis.text(j, i, "–", ha="center", va="center", color="0.6")
         return
     alike = value >= ALIAS
-    text = "1.0" if value >= 0.995 else f"{value:.2f}".removeprefix("0")
-    if not alike and float(text) >= ALIAS:  # would be rounded up to the value that is framed
-        text = f"{ALIAS - 0.01:.2f}".removeprefix("0")
+    # rounded down, or 0.949 would read as a value that is framed
+    text = f"{int(100 * value + 1e-6) / 100:.2f}".removeprefix("0")
     colour, weight = "white" if value > 0.7 else BLACK, "bold" if alike else "normal"
     axis.text(j, i, text, ha="center", va="center", color=colour, weight=weight)
     if alike:

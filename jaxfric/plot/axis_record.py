@@ -104,9 +104,8 @@ def _speed(record: AxisRecord, strokes: Strokes) -> np.ndarray:
     if record.velocity is not None:
         return record.velocity
     time, position = record.relative_time, position_of(record)
-    interval = float(np.median(np.diff(time)))
     longest = float(np.max(strokes.stop - strokes.start)) if len(strokes) else time[-1]
-    half = max(1, round(longest / interval / _WINDOW))
-    rows = np.arange(len(time))
-    before, after = np.maximum(rows - half, 0), np.minimum(rows + half, len(time) - 1)
-    return (position[after] - position[before]) / (time[after] - time[before])
+    half = max(longest / _WINDOW, float(np.median(np.diff(time))))
+    before, after = np.maximum(time - half, time[0]), np.minimum(time + half, time[-1])
+    moved = np.interp(after, time, position) - np.interp(before, time, position)
+    return moved / (after - before)

@@ -44,21 +44,9 @@ def comparison_figure(found: LawComparison) -> Figure:
     told = f"σ = {found.sigma:.3g}{unit}, the noise under the likeliest law"
     style.tidy(below[0], told + (f"; beyond ±{limit:.2g} σ points are cut" if cut else ""))
     style.tidy(below[-1], x=place.label)
-    name = printable(record.provenance.path)
-    return style.finish(figure, f"{name}: {_answer(found)}")
-
-
-def _answer(found: LawComparison) -> str:
-    """Which law the record supports, in a few words."""
-    law = found.supported
-    if law is not None:
-        states = "" if law.states == 1 else f" with {law.states} states"
-        return f"the record supports the {law.fit.law} law{states}"
-    if not found.of_laws:
-        return "no fit of a law converged"
-    if not found.rivals:
-        return f"only the {found.of_laws[0].fit.law} law could be fitted"
-    return f"the record cannot tell which law, {' or '.join(found.untold)}"
+    answer = found.sentence.partition(":")[0]
+    answer += f" {' from '.join(found.untold)}" if found.rivals else ""
+    return style.finish(figure, f"{printable(record.provenance.path)}: {answer}")
 
 
 def _limit(found: LawComparison, scores: list[LawScore]) -> float:

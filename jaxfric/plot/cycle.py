@@ -91,14 +91,10 @@ def _set_scale(axis: Axes, which: str, scale: str, slow: float) -> None:
 
 
 def _arrow(axis: Axes, x: np.ndarray, y: np.ndarray) -> None:
-    """An arrow in the sense of the motion, where friction changes fastest late in it."""
-    change = np.abs(np.diff(y))
-    change[: len(y) // 2] = 0.0
-    at = int(np.argmax(change))
-    near = max(at - _HEAD, 0)  # an arrow head gets its direction from a line as long as the head
-    if np.ptp(y[len(y) // 2 :]) > 0.01 * np.ptp(y):
-        head = dict(arrowstyle="-|>", color=BLACK, mutation_scale=18, lw=0)
-        axis.annotate("", (x[at + 1], y[at + 1]), (x[near], y[near]), arrowprops=head)
+    """An arrow in the sense of the motion, where friction changes fastest."""
+    at = max(int(np.argmax(np.abs(np.diff(y)))), _HEAD)  # a head has the direction of _HEAD rows
+    head = dict(arrowstyle="-|>", color=BLACK, mutation_scale=18, lw=0)
+    axis.annotate("", (x[at + 1], y[at + 1]), (x[at - _HEAD], y[at - _HEAD]), arrowprops=head)
 
 
 def _heading(motion: Motion) -> str:

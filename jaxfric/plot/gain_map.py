@@ -14,7 +14,7 @@ from ..gains.scenarios import Scenarios
 from ..stability.analysis import needed_damping, stability_map, theorem_over_damping
 from . import style
 from .palette import BLACK, MEETS, STABLE, UNSTABLE
-from .stability import draw_boundaries, from_zero, name_gains
+from .stability import draw_boundaries, from_zero, name_gains, stiffness_shown
 
 _GRID, _EVERY, _DAMPINGS = 161, 16, 64
 """Gains along an axis; of every so many of them the worst scenario is looked for."""
@@ -67,19 +67,6 @@ def _of(optimum: LocalOptimum) -> str:
     return f"{what} (norm {norm_text(optimum.norm, 3)})"
 
 
-def simulated(result: Gains) -> list[str]:
-    """Results of the nonlinear check, for the legend."""
-    checked = result.simulation
-    if checked is None:
-        return []
-    late = "" if result.delay is None else " (without the controller's delay)"
-    lines = [f"{checked.steady} of {checked.checked} simulated starts end steady{late}"]
-    if checked.basin is not None:
-        more = "" if checked.basin_lost else " or more"
-        lines.append(f"velocity may jump by a factor {checked.basin:.3g}{more}")
-    return lines
-
-
 def _boundary(scenarios: Scenarios) -> tuple[Callable[[np.ndarray], np.ndarray], float]:
     """k_cr as a function of k_v, largest over the scenarios, and the damping that all need."""
     every = jax.jit(jax.vmap(theorem_over_damping, in_axes=(0, None, 0)))
@@ -99,19 +86,15 @@ def _masses(scenarios: Scenarios) -> np.ndarray:
 def _map_axes(
     result: Gains, k_cr_at: Callable[[np.ndarray], np.ndarray], needed: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Gains to show: all optima, and the boundaries of the linear theory, which is of a controller
-    that answers at once; of a late one as much damping as leaves the optima stable."""
-    k_v = [1.3 * b.kv for b in result.optima] + [1.3 * result.kv]
-    k_p = [1.4 * b.kp for b in result.optima] + [1.4 * result.kp]
-    if result.is_spring:
-        k_v.append(1.25 * needed)
-        k_cr = k_cr_at(np.asarray([0.02, 0.25]) * needed) if needed > 0 else np.zeros(0)
-        finite = k_cr[np.isfinite(k_cr) & (k_cr > 0)]
-        k_p += [1.4 * min(finite.max(), 4 * finite.min())] if finite.size else []
-    else:
-        k_v.append(1.25 * _most_damping(result))
-    highest = max(k_v) if max(k_v) > 0 else float(result.region.unit[1])
-    most = max(k_p) if max(k_p) > 1e-3 * result.region.unit[0] else result.region.unit[0]
+    """Gains to show: all optima, and the boundaries of the linear theory. The linear theory is of a
+    controller that answers at once; for a late one as much damping as leaves the optima stable."""
+    k_p, k_v = zip(*((b.kp, b.kv) for b in (*result.optima, result)), strict=True)
+    if not result.is_spring:
+        needed = _most_damping(result)
+    k_cr = stiffness_shown(k_cr_at, needed) if result.is_spring else 0.0
+    highest = max(1.3 * max(k_v), 1.25 * needed) or float(result.region.unit[1])
+    most = max(1.4 * max(k_p), 1.4 * k_cr)
+    most = most if most > 1e-3 * result.region.unit[0] else result.region.unit[0]
     return from_zero(float(most), _GRID), np.linspace(0, highest, _GRID)
 
 

@@ -11,10 +11,11 @@ from ..gains.ends import ENDS, EndState
 from ..gains.margins import several_margins
 from ..gains.result import Gains
 from ..gains.scenarios import Scenarios
+from ..report.gains_text import headline
 from ..stability.analysis import SteadyPoint, theorem_over_damping
 from ..stability.margin_table import MARGINS
 from . import style
-from .gain_map import draw_gain_map, simulated
+from .gain_map import draw_gain_map
 from .palette import CYCLE, ESCAPE, LINES, OPEN, ORANGE, STABLE
 from .stability import (
     draw_boundaries,
@@ -54,34 +55,8 @@ def gains_figure(result: Gains) -> Figure:
     law, V = result.scenarios.law(0), result.scenarios.velocity
     draw_curve(bottom, law, V, coordinate=result.coordinate)
     style.tidy(bottom, "Friction law")
-    title = f"{_title(result)}: {_stiffness(result)}, {_damping(result)} ({_required(result)})"
-    return style.finish(figure, title, legend=legend, notes=simulated(result))
-
-
-def _title(result: Gains) -> str:
-    """What the gains are, in capitals where nobody should use them."""
-    if result.unsafe:
-        return "NOT RECOMMENDED"
-    return "Fragile gains" if result.fragile else "Recommended gains"
-
-
-def _stiffness(result: Gains) -> str:
-    if result.any_stiffness:
-        return result.smallest_kp
-    return f"k_p = {style.told(result.kp, result.unit('N/m'))}"
-
-
-def _damping(result: Gains) -> str:
-    return f"k_v = {style.told(result.kv, result.unit('N s/m'))}"
-
-
-def _required(result: Gains) -> str:
-    pairs = zip(result.requirement.names, result.requirement.values, strict=True)
-    text = ", ".join(f"{name} ≥ {value:g}{MARGINS[name].suffix}" for name, value in pairs)
-    if result.integral is not None:
-        text += f", with k_i = {result.integral:.4g} {result.unit('N/(m s)')}"
-    late = result.delay
-    return text if late is None else f"{text}, controller {1e3 * late:.3g} ms late"
+    title, *notes = headline(result)
+    return style.finish(figure, title, legend=legend, notes=notes)
 
 
 def _margins(axis: Axes, result: Gains) -> None:

@@ -116,10 +116,10 @@ def _members(found: "Dataset", outputs: Sequence[str]) -> tuple["DataFrame", dic
 
 def _band(members: "DataFrame", output: str, name: str, *, coded: bool) -> "DataFrame":
     """By values of a parameter (rows): the share of each code, or 5, 50 and 95 % of an output."""
-    if coded:
-        of_value = members.groupby(name)[output]
-        return of_value.value_counts(normalize=True).unstack(fill_value=0.0)
-    return members.groupby(name)[output].quantile([0.05, 0.5, 0.95]).unstack()
+    groups = members.groupby(name)[output]
+    levels = np.asarray([0.05, 0.5, 0.95])
+    found = groups.value_counts(normalize=True) if coded else groups.quantile(levels)
+    return found.unstack(fill_value=0.0)  # ty: ignore[invalid-return-type]
 
 
 def _moving(

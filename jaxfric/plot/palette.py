@@ -1,8 +1,8 @@
-"""Colours of all figures: the name of each colour, and the colours that one figure shows together.
+"""Colours of all figures.
 
 Readers with protanopia, deuteranopia or tritanopia can distinguish the colours of one figure, too.
-`tests/test_colours.py` simulates how such readers see each pair in `TOGETHER` (Machado et al. 2009,
-doi:10.1109/TVCG.2009.113). Add a new colour to the group of its figure.
+`tests/test_colours.py` simulates how such readers see each pair of a figure (Machado et al. 2009,
+doi:10.1109/TVCG.2009.113). Add a new colour there to the group of its figure.
 """
 
 BLUE, ORANGE, GREY, BLACK = "#1f4e79", "#c8501e", "0.55", "0.15"
@@ -16,23 +16,5 @@ LINES = (BLUE, SKY, GOLD, MAGENTA)
 """Colours of curves of one panel; ORANGE beside them is what is required or fitted."""
 EIGHT = (BLUE, ORANGE, SKY, GOLD, MAGENTA, MINT, BLACK, SLATE)
 """Colours of as many kinds."""
-
-TOGETHER = {
-    "record and model": (TRAIN, SELECT, REPORT, GREY, BLUE, ORANGE, BLACK),
-    "candidates": (BLUE, MIDDLE, LIGHT, PALE, ORANGE),
-    "location": (BLUE, GREY),
-    "profiles": (BLUE, ORANGE, GREY, BLACK),
-    "noise": (BAND, BLUE, ORANGE),
-    "gains": (MEETS, STABLE, UNSTABLE, BAND, BLUE, ORANGE, BLACK),
-    "feedforward": (BAND, GREY, ORANGE, BLUE, BLACK),
-    "margins": (*LINES, ORANGE, BAND, BLACK),
-    "ends": (STABLE, CYCLE, ESCAPE, OPEN, BLACK),
-    "stability": (STABLE, UNSTABLE, BLUE, ORANGE, BLACK, BAND),
-    "events of a run": EIGHT,
-    "laws of stick-slip": (BLUE, ORANGE, SKY, GREY),
-    "fit": (BLUE, ORANGE, GREY),
-    "posterior": (BLUE, ORANGE, GREY),
-    "laws compared": (*EIGHT, HELD),
-    "other codes of a study": (SKY, GOLD, BLUE, MAGENTA, MINT, SLATE),
-}
-"""Colours that a reader must tell apart, by figure."""
+CODES = (SKY, GOLD, BLUE, MAGENTA, MINT, SLATE)
+"""Colours of codes of a study that have no colour of their own."""

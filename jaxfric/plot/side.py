@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from .palette import CYCLE, ESCAPE, OPEN, STABLE, TOGETHER
+from .palette import CODES, CYCLE, ESCAPE, OPEN, STABLE
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -21,7 +21,6 @@ _COLOURS: dict[str, str] = {
     "error": ESCAPE,
 }
 _FAR = 8.0
-_MORE = TOGETHER["other codes of a study"]
 
 
 class Side(NamedTuple):
@@ -58,5 +57,5 @@ def by_factors(values: np.ndarray) -> bool:
 
 def code_colours(names: Sequence[str]) -> dict[str, str]:
     """The colours of codes by their names in words, in their order."""
-    colours = [_COLOURS.get(name) or _MORE[k % len(_MORE)] for k, name in enumerate(names)]
+    colours = [_COLOURS.get(name) or CODES[k % len(CODES)] for k, name in enumerate(names)]
     return {name.replace("_", " "): colour for name, colour in zip(names, colours, strict=True)}

@@ -5,19 +5,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from jax.typing import ArrayLike
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from ..coordinate import Coordinate, unit_of
 from ..laws.registry import name_of
-from ..rig.friction import (
-    AbstractRateState,
-    AbstractStribeck,
-    HessSoom,
-    TabulatedFriction,
-    critical_velocity,
-)
+from ..rig.friction import AbstractRateState, TabulatedFriction
 from ..stability.analysis import (
     Law,
     Study,
@@ -32,7 +27,9 @@ from ..stability.delay_analysis import delay_numbers, delay_summary
 from . import style
 from .palette import BAND, BLACK, BLUE, ORANGE, STABLE, UNSTABLE
 
-_CURVE, _MAP, _LOCUS = 400, 161, 800
+_CURVE, _MAP, _LOCUS, _FEW = 400, 161, 800, 9
+_FAR = 1e4
+"""Turns of a friction curve are looked for within this factor of the operating range."""
 GIVEN = "gains asked for"
 K_P, K_V = "stiffness or position gain k_p", "damping or velocity gain k_v"
 FIGURES: tuple[str, ...] = ("friction", "gain_map", "velocity", "root_locus")
@@ -90,17 +87,14 @@ def mark_velocities(axis: Axes, low: float, high: float) -> None:
 
 
 def _curve_range(law: Law, low: float, high: float) -> tuple[float, float]:
-    """The operating range with a decade on each side, and where the curve turns."""
-    ends = [low / 5, high * 5]
+    """The operating range with more on each side, and where the curve turns near it."""
     if isinstance(law, TabulatedFriction):  # nothing is known beyond the table
         first, *_, last = np.asarray(law.speed).tolist()
-        ends = [min(low, first), max(high, last)]
-    elif isinstance(law, (AbstractStribeck, HessSoom)):
-        turn = 1 / math.sqrt(float(law.c2)) if isinstance(law, HessSoom) else 0.0
-        if isinstance(law, AbstractStribeck):
-            turn = max(float(critical_velocity(law)), 0.1 * float(law.c3))
-        ends += [turn / 20, turn * 8]
-    return min(ends), max(ends)
+        return min(low, first), max(high, last)
+    V = np.geomspace(low / _FAR, high * _FAR, _CURVE)
+    slope = np.asarray(steady_points(logarithmic(law), V).steady_slope)
+    turns = V[1:][slope[1:] * slope[:-1] < 0]
+    return min([low / 5, *turns / 20]), max([high * 5, *turns * 8])
 
 
 # ---- maps of gains -----------------------------------------------------------------------------
@@ -151,14 +145,22 @@ def gain_axes(found: Study) -> tuple[np.ndarray, np.ndarray]:
     needed = float(at.needed_damping)
     size = abs(float(at.slope)) + abs(float(at.memory))
     k_v = 1.35 * max(needed, 1.5 * found.k_v, 0.02 * size, 1e-12 if size else 1.0)
-    dampings = np.linspace(0.02, 0.25, _MAP) * needed
-    known = theorem_over_damping(at.friction, dampings, found.mass)
-    k_cr = np.asarray(known.critical_stiffness)
-    finite = k_cr[np.isfinite(k_cr) & (k_cr > 0)]
+    k_cr = stiffness_shown(
+        lambda k_v: theorem_over_damping(at.friction, k_v, found.mass).critical_stiffness, needed
+    )
     k_p = [1.5 * found.k_p] if found.k_p is not None else []
-    k_p += [1.6 * min(finite.max(), 4 * finite.min())] if finite.size else []
+    k_p += [1.6 * k_cr] if k_cr else []
     largest = max(k_p) if k_p else own_stiffness(found)
     return from_zero(largest, _MAP), np.linspace(0, k_v, _MAP)
+
+
+def stiffness_shown(k_cr_at: Callable[[np.ndarray], ArrayLike], needed: float) -> float:
+    """A stiffness above the part of k_cr(k_v) with little damping; 0 if no k_cr is positive."""
+    if needed <= 0:
+        return 0.0
+    k_cr = np.asarray(k_cr_at(np.linspace(0.02, 0.25, _FEW) * needed))
+    finite = k_cr[np.isfinite(k_cr) & (k_cr > 0)]
+    return float(min(finite.max(), 4 * finite.min())) if finite.size else 0.0
 
 
 def from_zero(largest: float, number: int) -> np.ndarray:
@@ -182,14 +184,9 @@ def speed(velocity: float, coordinate: Coordinate = "linear") -> str:
 
 def law_name(law: Law) -> str:
     """Name of a law in a heading."""
-    if isinstance(law, AbstractRateState):
-        kind = name_of(law) or type(getattr(law, "evolution", law)).__name__
-        states = law.B.shape[-1]
-        return f"{kind} law" + (f", {states} states" if states > 1 else "")
-    names = {"HessSoom": "delay law", "Dahl": "Dahl's law", "GaussianStribeck": "Gaussian Stribeck"}
-    names["TabulatedFriction"] = "table of friction"
-    name = type(law).__name__
-    return names.get(name, "Stribeck curve" if isinstance(law, AbstractStribeck) else name)
+    name = name_of(law) or type(getattr(law, "evolution", law)).__name__
+    states = law.B.shape[-1] if isinstance(law, AbstractRateState) else 1
+    return f"{name} law" + (f", {states} states" if states > 1 else "")
 
 
 def mass_text(mass: float | None, coordinate: Coordinate = "linear") -> str:
@@ -213,10 +210,11 @@ def _sweep_figure(found: Study) -> Figure:
     V = np.geomspace(*_curve_range(found.law, low, high), _CURVE)
     points = steady_points(found.law, V)
     k_cr = np.asarray(theorem_over_velocity(points, found.k_v, found.mass).critical_stiffness)
+    needed = np.asarray(points.needed_damping)
     figure, axes = style.panels([1.8, 1.8])
     for axis, values, name, si, zero in (
         (axes[0], k_cr, "critical stiffness k_cr", "N/m", "any k_p is stable"),
-        (axes[1], np.asarray(points.needed_damping), "damping needed k_v", "N s/m", "none needed"),
+        (axes[1], needed, "damping needed k_v", "N s/m", "no damping needed"),
     ):
         _sweep(axis, V, values, (name, found.unit(si)), zero)
         mark_velocities(axis, low, high)
@@ -239,13 +237,13 @@ def _sweep(axis: Axes, V: np.ndarray, values: np.ndarray, name: tuple[str, str],
     else:
         axis.set_yticks([])
     style.tidy(axis, y=name, log=log)
-    for mask, text in ((np.isinf(values), "no stiffness suffices"), (values <= 0, zero)):
-        places = np.flatnonzero(mask)
-        run = max(np.split(places, np.flatnonzero(np.diff(places) > 1) + 1), key=len)
-        if len(run) > 0.1 * len(V):  # text over the longest stretch, unless the stretch is short
-            at, turn = math.sqrt(V[run[0]] * V[run[-1]]), 0 if len(run) > 0.25 * len(V) else 90
-            across = axis.get_xaxis_transform()
-            axis.text(at, 0.5, text, ha="center", va="center", transform=across, rotation=turn)
+    across = axis.get_xaxis_transform()
+    for where, text, colour in (
+        (np.isinf(values), "no stiffness suffices", UNSTABLE),
+        (values <= 0, zero, STABLE),
+    ):
+        if where.any():
+            axis.fill_between(V, 0, 1, where, fc=colour, label=text, transform=across, zorder=-1)
 
 
 # ---- poles -------------------------------------------------------------------------------------
