@@ -189,7 +189,6 @@ def test_a_script_of_another_run_is_told(tmp_path: Path) -> None:
         ("ec 1 2 4 0 -1 x out mm", "'x' is not a number"),
         ("ec 1 2 4 0 -1 0 out mm", "the stiffness is 0"),
         ("cgt 0 50 1 4 out mm", "the length of the block is 0"),
-        ("rgt 60 1 3 1 out mm", "it cannot write over the displacement"),
         ("math 1 * 2 4 twice um", "it is written as COLUMN \\* NUMBER = COLUMN NAME UNIT"),
         ("math 1 * 2 = 4 0 3 twice um", "it is written as COLUMN \\* NUMBER = COLUMN NAME UNIT"),
         ("math_int 1 * 2 = 4 twice um", "COLUMN FIRST LAST NAME UNIT"),

@@ -7,6 +7,8 @@ rows of a smoothed interval, where xlook removes the wrong row.
 
 import numpy as np
 
+from ...errors import InputError
+
 _AT_ONCE = 1_000_000  # largest number of values in windows that are processed at once
 
 
@@ -27,6 +29,8 @@ def elastically_corrected(
 
     `stiffness` k is in units of stress over those of displacement.
     """
+    if stiffness == 0:
+        raise InputError("the stiffness is 0")
     return displacement - (stress - stress[:1]) / stiffness
 
 
@@ -42,16 +46,31 @@ def edge_strain(strain: np.ndarray, stress: np.ndarray, size: float) -> np.ndarr
     return strain - (stress - stress[:1]) * size
 
 
-def thinned(displacement: np.ndarray, length: float, thickness: float) -> np.ndarray:
+def thinned(length: float, thickness: float, displacement: np.ndarray) -> np.ndarray:
     """Return the thickness of a layer that shear thins: dh = -h dx/(2 L), from `thickness` on."""
-    shares = 1 - np.diff(displacement) / (2 * length)
+    shares = 1 - _thinning(displacement, length)
     return thickness * np.concatenate([np.ones(1), np.cumprod(shares)])
 
 
-def with_thinning(displacement: np.ndarray, thickness: np.ndarray, length: float) -> np.ndarray:
+def with_thinning(length: float, displacement: np.ndarray, thickness: np.ndarray) -> np.ndarray:
     """Return the previous row's thickness plus the geometric thinning by shear, sum h dx/(2 L)."""
-    gained = np.cumsum(np.diff(displacement) * thickness[:-1] / (2 * length))
+    gained = np.cumsum(_thinning(displacement, length) * thickness[:-1])
     return np.concatenate([thickness[:1], thickness[:-1] + gained])
+
+
+def _thinning(displacement: np.ndarray, length: float) -> np.ndarray:
+    """Return the relative thinning dx/(2 L) from row to row."""
+    if length == 0:
+        raise InputError("the length of the block is 0")
+    return np.diff(displacement) / (2 * length)
+
+
+def _half(window: int, count: int) -> int:
+    """Return half of a window, rounded down; refuse a window longer than `count` rows."""
+    half = window // 2
+    if not 0 < 2 * half + 1 <= count:
+        raise InputError(f"a window of {window} rows does not fit into {count}")
+    return half
 
 
 def running_slope(x: np.ndarray, y: np.ndarray, window: int) -> np.ndarray:
@@ -60,7 +79,7 @@ def running_slope(x: np.ndarray, y: np.ndarray, window: int) -> np.ndarray:
     Rows near the start get the slope of the first full window. As in xlook, rows near the end get
     that of the window before the last. The slope is NaN where x is constant.
     """
-    half = window // 2
+    half = _half(window, len(x))
     wide = 2 * half + 1
     if wide == 1:
         return np.full(len(x), np.nan)
@@ -78,14 +97,14 @@ def running_slope(x: np.ndarray, y: np.ndarray, window: int) -> np.ndarray:
 def running_mean(values: np.ndarray, window: int) -> np.ndarray:
     """Return the mean over `window` rows (odd) centred at each row; the first and last values are
     repeated beyond the ends."""
-    half = window // 2
+    half = _half(window, len(values))
     wide = np.pad(values, half, mode="edge")
     return np.convolve(wide, np.full(2 * half + 1, 1 / (2 * half + 1)), mode="valid")
 
 
 def running_median(values: np.ndarray, window: int) -> np.ndarray:
     """Return the median over `window` rows (odd); rows near the ends keep their values."""
-    half = window // 2
+    half = _half(window, len(values))
     out = values.copy()
     windows = np.lib.stride_tricks.sliding_window_view(values, 2 * half + 1)
     out[half : len(values) - half] = np.median(windows, axis=1)
@@ -94,6 +113,8 @@ def running_median(values: np.ndarray, window: int) -> np.ndarray:
 
 def derivative(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Return dy/dx of the parabola through each row and its neighbours; ends copy the next row."""
+    if len(x) < 3:
+        raise InputError("it needs three rows or more")
     before, after = np.diff(x)[:-1], np.diff(x)[1:]
     with np.errstate(all="ignore"):
         weight = np.abs(after) * before**2 + np.abs(before) * after**2

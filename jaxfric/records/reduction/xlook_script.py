@@ -11,7 +11,7 @@ Source: github.com/PennStateRockandSedimentMechanics/xlook, `cmds.c` and `event.
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import NamedTuple, TypedDict
+from typing import NamedTuple
 
 import numpy as np
 
@@ -47,33 +47,22 @@ _FUNCTIONS: Mapping[str, Callable[[np.ndarray], np.ndarray]] = {
 }
 
 
-class _Named(TypedDict):
-    """Name and unit of a column."""
-
-    name: str
-    unit: str
-
-
 class _Call(NamedTuple):
-    """A command with its arguments."""
+    """A command's arguments, and the columns that it works on."""
 
     bench: Bench
-    command: str
     words: list[str]
 
-    def integers(self, *places: int) -> list[int]:
-        """Return the arguments at these places as integers."""
-        return [int(self._number(place, "a whole number", int)) for place in places]
+    def integers(self, number: int) -> list[int]:
+        """Return the first arguments as integers."""
+        return [int(_number(word, "a whole number", int)) for word in self.words[:number]]
 
-    def real(self, place: int) -> float:
-        """Return an argument as a number."""
-        return self._number(place, "a number", float)
 
-    def _number(self, place: int, what: str, kind: Callable[[str], float]) -> float:
-        try:
-            return kind(self.words[place])
-        except ValueError:
-            raise InputError(f"'{self.words[place]}' is not {what}") from None
+def _number(word: str, what: str, kind: Callable[[str], float]) -> float:
+    try:
+        return kind(word)
+    except ValueError:
+        raise InputError(f"'{word}' is not {what}") from None
 
 
 def run_xlook(table: Table, script: Path) -> tuple[Table, tuple[Done, ...]]:
@@ -121,18 +110,18 @@ def _carried_out(bench: Bench, command: str, words: list[str], text: str, table:
         return "a remark, not a command"
     if command in ("math", "math_int", "mathint"):
         return _math(bench, text.replace(",", " ")[len(command) :].strip(), command != "math")
-    if command in _COMMANDS:
-        count, work = _COMMANDS[command]
+    if (computes := _COMMANDS.get(_ALIASES.get(command, command))) is not None:
+        count, work = computes
         if len(words) < count:
             raise InputError(f"it has {len(words)} arguments and needs {count}")
-        return work(_Call(bench, command, words))
+        return work(_Call(bench, words))
     if command in _ELSEWHERE:
         raise InputError(f"it {_ELSEWHERE[command]}")
     if _SHOWS.fullmatch(command):
         return "shows, and changes nothing: not done"
     if _FITS.fullmatch(command):
         return "a fit of xlook's own: not done"
-    known = ["math", "math_int", *_COMMANDS]
+    known = ["math", "math_int", *_COMMANDS, *_ALIASES]
     raise InputError(
         f"'{command}' is no command of xlook's that is understood"
         f"{did_you_mean(command, known, listed=False)}; a comment begins with #"
@@ -176,134 +165,57 @@ def _unit(word: str) -> str:
     return "" if word in (".", "no_val") else word
 
 
-def _mapped(call: _Call) -> str:
-    """COL OUT NAME UNIT: a function of one column."""
-    column, out = call.integers(0, 1)
-    with np.errstate(all="ignore"):
-        values = _FUNCTIONS[call.command](call.bench.column(column).values)
-    return call.bench.write(out, values, **_named(call, 2))
+def _computing(
+    arguments: str, work: Callable[..., np.ndarray]
+) -> tuple[int, Callable[[_Call], str]]:
+    """Return number of arguments and function of a command that computes a column.
 
+    `arguments` describes the words of the command: `column`, `out`, `rows` (two words), `whole`,
+    `real`, `new` (name and unit of the result). `work` gets values of the columns in these rows,
+    and the numbers, in this order.
+    """
+    kinds = arguments.split()
 
-def _named(call: _Call, place: int) -> _Named:
-    """Return name and unit of a column from the arguments at `place`."""
-    return {"name": call.words[place], "unit": _unit(call.words[place + 1])}
+    def run(call: _Call) -> str:
+        bench, words, values, out = call.bench, iter(call.words), [], 0
+        rows, name, unit = slice(0, len(bench)), "", ""
+        for kind in kinds:
+            word = next(words)
+            if kind == "new":
+                name, unit = word, _unit(next(words))
+            elif kind == "real":
+                values.append(_number(word, "a number", float))
+            else:
+                whole = int(_number(word, "a whole number", int))
+                if kind == "column":
+                    values.append(bench.column(whole).values)
+                elif kind == "out":
+                    out = whole
+                elif kind == "rows":
+                    last = int(_number(next(words), "a whole number", int))
+                    rows = bench.rows(whole, last)
+                else:
+                    values.append(whole)
+        own = (x[rows] if isinstance(x, np.ndarray) else x for x in values)
+        with np.errstate(all="ignore"):
+            return bench.write(out, work(*own), rows, name=name, unit=unit)
 
-
-def _power(call: _Call) -> str:
-    column, out = call.integers(0, 1)
-    with np.errstate(all="ignore"):
-        values = call.bench.column(column).values ** call.real(2)
-    return call.bench.write(out, values, **_named(call, 3))
+    return len(kinds) + kinds.count("rows") + kinds.count("new"), run
 
 
 def _summation(call: _Call) -> str:
     """COL OUT NAME UNIT: s_i = s_i-1 + x_i from x_1 on; s_0 is what OUT has there, 0 if new."""
-    column, out = call.integers(0, 1)
+    column, out = call.integers(2)
     values = call.bench.column(column).values
     before = call.bench.columns.get(out)
     start = before.values[0] if before is not None else 0.0
     total = np.cumsum(np.concatenate([[start], values[1:]]))
-    return call.bench.write(out, total, **_named(call, 2))
-
-
-def _elastic(call: _Call) -> str:
-    """DISPLACEMENT STRESS OUT FIRST LAST STIFFNESS NAME UNIT."""
-    column, stress, out, first, last = call.integers(*range(5))
-    rows, stiffness = call.bench.rows(first, last), call.real(5)
-    if stiffness == 0:
-        raise InputError("the stiffness is 0")
-    values = op.elastically_corrected(
-        call.bench.column(column).values[rows], call.bench.column(stress).values[rows], stiffness
-    )
-    return call.bench.write(out, values, rows, **_named(call, 6))
-
-
-def _edges(call: _Call) -> str:
-    """STRAIN STRESS OUT FIRST LAST SIZE NAME UNIT."""
-    column, stress, out, first, last = call.integers(*range(5))
-    rows, size = call.bench.rows(first, last), call.real(5)
-    values = op.edge_strain(
-        call.bench.column(column).values[rows], call.bench.column(stress).values[rows], size
-    )
-    return call.bench.write(out, values, rows, **_named(call, 6))
-
-
-def _strain(call: _Call) -> str:
-    """DISPLACEMENT THICKNESS OUT FIRST LAST NAME UNIT."""
-    column, thickness, out, first, last = call.integers(*range(5))
-    rows = call.bench.rows(first, last)
-    with np.errstate(all="ignore"):
-        values = op.shear_strain(
-            call.bench.column(column).values[rows], call.bench.column(thickness).values[rows]
-        )
-    return call.bench.write(out, values, rows, **_named(call, 5))
-
-
-def _derivative(call: _Call) -> str:
-    """X Y OUT FIRST LAST NAME UNIT."""
-    x, y, out, first, last = call.integers(*range(5))
-    rows = call.bench.rows(first, last)
-    if rows.stop - rows.start < 3:
-        raise InputError("it needs three rows or more")
-    values = op.derivative(call.bench.column(x).values[rows], call.bench.column(y).values[rows])
-    return call.bench.write(out, values, rows, **_named(call, 5))
-
-
-def _slope(call: _Call) -> str:
-    """X Y OUT FIRST LAST WINDOW NAME UNIT."""
-    x, y, out, first, last, window = call.integers(*range(6))
-    rows = _wide_enough(call, first, last, window)
-    values = op.running_slope(
-        call.bench.column(x).values[rows], call.bench.column(y).values[rows], window
-    )
-    return call.bench.write(out, values, rows, **_named(call, 6))
-
-
-def _smoothed(call: _Call) -> str:
-    """COL OUT FIRST LAST WINDOW NAME UNIT."""
-    column, out, first, last, window = call.integers(*range(5))
-    rows = _wide_enough(call, first, last, window)
-    smooth = op.running_mean if call.command == "smooth" else op.running_median
-    values = smooth(call.bench.column(column).values[rows], window)
-    return call.bench.write(out, values, rows, **_named(call, 5))
-
-
-def _wide_enough(call: _Call, first: int, last: int, window: int) -> slice:
-    """Return the rows; refuse a window that is longer."""
-    rows = call.bench.rows(first, last)
-    if not 0 < window // 2 * 2 + 1 <= rows.stop - rows.start:
-        raise InputError(f"a window of {window} rows does not fit into {rows.stop - rows.start}")
-    return rows
-
-
-def _thickness(call: _Call) -> str:
-    """LENGTH THICKNESS DISPLACEMENT OUT NAME UNIT: thickness of a layer thinned by shear."""
-    column, out = call.integers(2, 3)
-    values = call.bench.column(column).values
-    values = op.thinned(values, _length(call), call.real(1))
-    return call.bench.write(out, values, **_named(call, 4))
-
-
-def _without_thinning(call: _Call) -> str:
-    """LENGTH DISPLACEMENT THICKNESS OUT NAME UNIT: thickness without thinning by shear."""
-    column, thickness, out = call.integers(1, 2, 3)
-    if out == column:
-        raise InputError("it cannot write over the displacement that it needs")
-    both = call.bench.column(column).values, call.bench.column(thickness).values
-    values = op.with_thinning(*both, _length(call))
-    return call.bench.write(out, values, **_named(call, 4))
-
-
-def _length(call: _Call) -> float:
-    length = call.real(0)
-    if length == 0:
-        raise InputError("the length of the block is 0")
-    return length
+    return call.bench.write(out, total, name=call.words[2], unit=_unit(call.words[3]))
 
 
 def _zero(call: _Call) -> str:
     """COL ROW: the value of a row becomes 0."""
-    number, row = call.integers(0, 1)
+    number, row = call.integers(2)
     column, row = call.bench.column(number), call.bench.row(row)
     values = column.values - column.values[row]
     changed = call.bench.change(number, values)
@@ -312,7 +224,7 @@ def _zero(call: _Call) -> str:
 
 def _without_jump(call: _Call) -> str:
     """COL FIRST LAST y|n: rows from LAST on have no jump from row FIRST."""
-    number, first, last = call.integers(0, 1, 2)
+    number, first, last = call.integers(3)
     column, rows = call.bench.column(number), call.bench.rows(first, last)
     last = rows.stop - 1
     jump = column.values[last] - column.values[first]
@@ -323,7 +235,7 @@ def _without_jump(call: _Call) -> str:
 
 def _offset(call: _Call) -> str:
     """COL ROW OTHER ROW: shift COL so that its ROW equals OTHER in the second ROW."""
-    number, row, other, other_row = call.integers(*range(4))
+    number, row, other, other_row = call.integers(4)
     column = call.bench.column(number)
     wanted = call.bench.column(other).values[call.bench.row(other_row)]
     moved = wanted - column.values[call.bench.row(row)]
@@ -331,14 +243,14 @@ def _offset(call: _Call) -> str:
 
 
 def _remove_column(call: _Call) -> str:
-    (number,) = call.integers(0)
+    (number,) = call.integers(1)
     column = call.bench.column(number)
     del call.bench.columns[number]
     return f"column {number}, {column.name}, removed"
 
 
 def _remove_rows(call: _Call) -> str:
-    first, last = call.integers(0, 1)
+    first, last = call.integers(2)
     last = min(last, len(call.bench) - 1)  # as xlook does
     mask = np.ones(len(call.bench), bool)
     mask[call.bench.rows(first, last)] = False
@@ -347,7 +259,7 @@ def _remove_rows(call: _Call) -> str:
 
 def _order(call: _Call) -> str:
     """COL FIRST LAST: remove rows that do not rise above all before; -COL: do not fall below."""
-    number, first, last = call.integers(0, 1, 2)
+    number, first, last = call.integers(3)
     rows = call.bench.rows(first, last)
     values = call.bench.column(abs(number)).values[rows]
     mask = np.ones(len(call.bench), bool)
@@ -357,7 +269,7 @@ def _order(call: _Call) -> str:
 
 def _despike(call: _Call) -> str:
     """COL ROW: the row gets the value of the row before."""
-    number, row = call.integers(0, 1)
+    number, row = call.integers(2)
     if row == 0:
         raise InputError("there is no row before row 0")
     column, row = call.bench.column(number), call.bench.row(row)
@@ -368,30 +280,34 @@ def _despike(call: _Call) -> str:
 
 
 def _name(call: _Call) -> str:
-    (number,) = call.integers(0)
+    (number,) = call.integers(1)
     column = call.bench.column(number)
-    return call.bench.write(number, column.values, **_named(call, 1))
+    return call.bench.write(number, column.values, name=call.words[1], unit=_unit(call.words[2]))
 
 
 _COMMANDS: dict[str, tuple[int, Callable[[_Call], str]]] = {
-    **{name: (4, _mapped) for name in _FUNCTIONS},
-    "power": (5, _power),
+    **{name: _computing("column out new", work) for name, work in _FUNCTIONS.items()},
+    "power": _computing("column out real new", np.power),
     "summation": (4, _summation),
-    "ec": (8, _elastic),
-    **{name: (8, _edges) for name in ("vc", "vol_cor")},
-    **{name: (7, _strain) for name in ("strain", "cs")},
-    **{name: (6, _thickness) for name in ("cgt", "calc_geometric_thinning")},
-    **{name: (6, _without_thinning) for name in ("rgt", "geometric_thinning")},
-    **{name: (8, _slope) for name in ("ras", "slope")},
-    **{name: (7, _smoothed) for name in ("smooth", "median_smooth", "ms")},
-    "deriv": (7, _derivative),
+    "ec": _computing("column column out rows real new", op.elastically_corrected),
+    "vc": _computing("column column out rows real new", op.edge_strain),
+    "strain": _computing("column column out rows new", op.shear_strain),
+    "cgt": _computing("real real column out new", op.thinned),
+    "rgt": _computing("real column column out new", op.with_thinning),
+    "slope": _computing("column column out rows whole new", op.running_slope),
+    "smooth": _computing("column out rows whole new", op.running_mean),
+    "median_smooth": _computing("column out rows whole new", op.running_median),
+    "deriv": _computing("column column out rows new", op.derivative),
     "zero": (2, _zero),
     "offset_int": (4, _without_jump),
     "offset": (4, _offset),
     "r_col": (1, _remove_column),
-    **{name: (2, _remove_rows) for name in ("r_row", "rr")},
-    **{name: (3, _order) for name in ("order", "sort")},
+    "r_row": (2, _remove_rows),
+    "order": (3, _order),
     "r_spike": (2, _despike),
     "name": (3, _name),
 }
 """Number of arguments and function of each command."""
+
+_ALIASES = {"vol_cor": "vc", "cs": "strain", "calc_geometric_thinning": "cgt", "ras": "slope"}
+_ALIASES |= {"geometric_thinning": "rgt", "ms": "median_smooth", "rr": "r_row", "sort": "order"}
