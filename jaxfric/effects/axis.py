@@ -5,10 +5,8 @@ Axis effects modify an `AxisRig`. An effect at its null changes nothing.
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import ClassVar
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
@@ -27,7 +25,6 @@ from .effect import (
 
 ANGLE = "angle"
 """Channel of a rotary axis: its position in radians."""
-_ALWAYS = np.asarray(True)
 _WAVES = 1.5
 """Least travel, in wavelengths, that determines a wavelength."""
 _FELT = 0.1
@@ -42,7 +39,7 @@ _CUT_OFF_LIMIT: Mapping[str, Limit] = MappingProxyType(
 class AbstractAxisEffect(AbstractEffect[AxisRig]):
     """One effect of an axis."""
 
-    rigs: ClassVar[tuple[type[eqx.Module], ...]] = (AxisRig,)
+    rigs = (AxisRig,)
 
 
 class AbstractAxisTermEffect(AbstractAxisEffect, AbstractAxisTerm):
@@ -53,10 +50,8 @@ class AbstractAxisTermEffect(AbstractAxisEffect, AbstractAxisTerm):
         return _with(rig, self)
 
 
-class AbstractLinearAxisEffect(AbstractLinearEffect[AxisRig]):
+class AbstractLinearAxisEffect(AbstractLinearEffect[AxisRig], AbstractAxisEffect):
     """An effect of an axis without shape parameters."""
-
-    rigs: ClassVar[tuple[type[eqx.Module], ...]] = (AxisRig,)
 
 
 def _with(rig: AxisRig, term: AbstractAxisTerm) -> AxisRig:
@@ -73,55 +68,44 @@ class DirectionAsymmetry(AbstractLinearAxisEffect, AbstractAxisTermEffect):
     The offset of the base law describes Coulomb friction that differs by direction.
     """
 
-    id: ClassVar[str] = "direction_asymmetry"
-    room: ClassVar[str] = "friction"
-    equation: ClassVar[str] = "+ d |v|"
-    meaning: ClassVar[str] = "Friction grows faster with speed in one direction than in the other."
-    confused_with: ClassVar[tuple[str, ...]] = ("position_dependence",)
-    separated_by: ClassVar[tuple[str, ...]] = (
-        "several speeds in both directions over the same travel",
-    )
+    id = "direction_asymmetry"
+    equation = "+ d |v|"
+    meaning = "Friction grows faster with speed in one direction than in the other."
+    confused_with = ("position_dependence",)
+    separated_by = ("several speeds in both directions over the same travel",)
     d: Float[Array, ""] = quantity("d", "F s/m", "half the difference by direction", default=0.0)
 
     def force(self, at: AxisPoint) -> Array:
         return self.d * at.velocity * at.sign
 
-    def physical(self) -> Bool[Array, ""]:
-        return jax.device_put(_ALWAYS)
-
 
 class Cubic(AbstractLinearAxisEffect, AbstractAxisTermEffect):
     """Friction cubic in velocity: + c v^3."""
 
-    id: ClassVar[str] = "cubic"
-    room: ClassVar[str] = "friction"
-    equation: ClassVar[str] = "+ c v^3"
-    meaning: ClassVar[str] = (
+    id = "cubic"
+    equation = "+ c v^3"
+    meaning = (
         "Friction grows faster than in proportion to speed, like drag of air or a fluid, or slower."
     )
-    confused_with: ClassVar[tuple[str, ...]] = ("stribeck",)
-    separated_by: ClassVar[tuple[str, ...]] = ("four speeds", "the slowest well below the others")
+    confused_with = ("stribeck",)
+    separated_by = ("four speeds", "the slowest well below the others")
     c: Float[Array, ""] = quantity("c", "F s^3/m^3", "cubic friction", default=0.0)
 
     def force(self, at: AxisPoint) -> Array:
         return self.c * at.velocity**3
 
-    def physical(self) -> Bool[Array, ""]:
-        return jax.device_put(_ALWAYS)
-
 
 class AxisStribeck(AbstractAxisTermEffect):
     """+ fs exp(-(|v|/vs)^n) sgn v; fits start from n = 1 (Bo and Pavelescu 1982) and 2."""
 
-    id: ClassVar[str] = "stribeck"
-    room: ClassVar[str] = "friction"
-    equation: ClassVar[str] = "+ fs exp(-(|v|/vs)^n) sgn v"
-    meaning: ClassVar[str] = (
+    id = "stribeck"
+    equation = "+ fs exp(-(|v|/vs)^n) sgn v"
+    meaning = (
         "Friction is higher at low speed and falls as the speed passes vs, as a lubricant "
         "lifts the surfaces apart."
     )
-    confused_with: ClassVar[tuple[str, ...]] = ("cubic", "presliding", "log_viscous")
-    separated_by: ClassVar[tuple[str, ...]] = ("steady speeds around vs, apart from reversals",)
+    confused_with = ("cubic", "presliding", "log_viscous")
+    separated_by = ("steady speeds around vs, apart from reversals",)
     fs: Float[Array, ""] = quantity("fs", "F", "more friction at low speed", default=0.0)
     vs: Float[Array, ""] = quantity("vs", "m/s", "Stribeck velocity", lower=0.0, default=1.0)
 
@@ -151,19 +135,18 @@ class LogViscous(AbstractAxisEffect, AbstractAxisTerm):
     determines c but not v_c.
     """
 
-    id: ClassVar[str] = "log_viscous"
-    room: ClassVar[str] = "friction"
-    equation: ClassVar[str] = "+ c ln(1 + |v|/v_c) sgn v"
-    meaning: ClassVar[str] = (
+    id = "log_viscous"
+    equation = "+ c ln(1 + |v|/v_c) sgn v"
+    meaning = (
         "Friction grows with speed at a decreasing rate: steep at low speed, flat at high speed."
     )
-    confused_with: ClassVar[tuple[str, ...]] = ("viscous", "stribeck")
-    separated_by: ClassVar[tuple[str, ...]] = ("two decades of speed",)
+    confused_with = ("viscous", "stribeck")
+    separated_by = ("two decades of speed",)
     c: Float[Array, ""] = quantity("c", "F", "growth over a factor of e in speed", default=0.0)
     v_c: Float[Array, ""] = quantity(
         "v_c", "m/s", "speed of the bend", lower=0.0, default=1.0, shape_only=True
     )
-    limits: ClassVar[Mapping[str, Limit]] = _CUT_OFF_LIMIT
+    limits = _CUT_OFF_LIMIT
 
     def embed(self, rig: AxisRig) -> AxisRig:
         return _with(rig, LogViscous(self.c, jnp.maximum(self.v_c, rig.width)))
@@ -186,19 +169,18 @@ class AxisPositionPeriodic(AbstractAxisTermEffect, AbstractPlaceEffect[AxisRig])
     like gravity or another smooth curve.
     """
 
-    id: ClassVar[str] = "position_periodic"
-    room: ClassVar[str] = "friction"
-    equation: ClassVar[str] = "+ c cos(2 pi q/wavelength) + s sin(2 pi q/wavelength)"
-    meaning: ClassVar[str] = (
+    id = "position_periodic"
+    equation = "+ c cos(2 pi q/wavelength) + s sin(2 pi q/wavelength)"
+    meaning = (
         "Force ripples with position: the pitch of a screw, the teeth of a belt or a motor's "
         "cogging."
     )
-    confused_with: ClassVar[tuple[str, ...]] = ("position_dependence",)
-    separated_by: ClassVar[tuple[str, ...]] = ("more travel",)
+    confused_with = ("position_dependence",)
+    separated_by = ("more travel",)
     c: Float[Array, ""] = quantity("c", "F", "cosine amplitude", default=0.0)
     s: Float[Array, ""] = quantity("s", "F", "sine amplitude", default=0.0)
     wavelength: Float[Array, ""] = quantity("lambda", "m", "wavelength", lower=0.0, default=1.0)
-    limits: ClassVar[Mapping[str, Limit]] = MappingProxyType(
+    limits = MappingProxyType(
         {"wavelength": lambda at, scales: scales.total_slip < _WAVES * at.wavelength}
     )
 
@@ -218,9 +200,6 @@ class AxisPositionPeriodic(AbstractAxisTermEffect, AbstractPlaceEffect[AxisRig])
         waves = np.arange(2, number + 1) / (2 * 2 * travel)
         return {"wavelength": tuple(1 / waves[waves * shortest < 1])}
 
-    def physical(self) -> Bool[Array, ""]:
-        return jax.device_put(_ALWAYS)
-
 
 class Gravity(AbstractLinearAxisEffect, AbstractAxisTermEffect, AbstractPlaceEffect[AxisRig]):
     """+ a sin q + b cos q, q in radians: torque m g l of a joint's load, for any zero of the angle.
@@ -228,16 +207,15 @@ class Gravity(AbstractLinearAxisEffect, AbstractAxisTermEffect, AbstractPlaceEff
     For rotary axes only. q is the joint's angle; on the motor's side of a gear the period differs.
     """
 
-    id: ClassVar[str] = "gravity"
-    room: ClassVar[str] = "friction"
-    equation: ClassVar[str] = "+ a sin q + b cos q"
-    meaning: ClassVar[str] = (
+    id = "gravity"
+    equation = "+ a sin q + b cos q"
+    meaning = (
         "A torque goes with the sine of the angle: the weight of what a joint carries, or whatever "
         "else comes once a turn."
     )
-    confused_with: ClassVar[tuple[str, ...]] = ("position_dependence", "position_periodic")
-    separated_by: ClassVar[tuple[str, ...]] = ("more of a turn, and another load",)
-    channel: ClassVar[str | None] = ANGLE
+    confused_with = ("position_dependence", "position_periodic")
+    separated_by = ("more of a turn, and another load",)
+    channel = ANGLE
     a: Float[Array, ""] = quantity("a", "F", "torque of the weight with the sine", default=0.0)
     b: Float[Array, ""] = quantity("b", "F", "torque of the weight with the cosine", default=0.0)
 
@@ -248,26 +226,20 @@ class Gravity(AbstractLinearAxisEffect, AbstractAxisTermEffect, AbstractPlaceEff
         """-sqrt(a^2 + b^2) per radian, where the load is at its highest point."""
         return -jnp.hypot(self.a, self.b)
 
-    def physical(self) -> Bool[Array, ""]:
-        return jax.device_put(_ALWAYS)
-
 
 class PositionDependence(
     AbstractLinearAxisEffect, AbstractAxisTermEffect, AbstractPlaceEffect[AxisRig]
 ):
     """+ (k + m sgn v) q: a spring or a slope, and friction that grows along the travel."""
 
-    id: ClassVar[str] = "position_dependence"
-    room: ClassVar[str] = "friction"
-    equation: ClassVar[str] = "+ (k + m sgn v) q"
-    meaning: ClassVar[str] = (
+    id = "position_dependence"
+    equation = "+ (k + m sgn v) q"
+    meaning = (
         "Force or friction changes along the travel: a spring, a slope, or a guide that is "
         "tighter at one end."
     )
-    confused_with: ClassVar[tuple[str, ...]] = ("direction_asymmetry", "time_drift")
-    separated_by: ClassVar[tuple[str, ...]] = (
-        "several passes over the same travel in both directions",
-    )
+    confused_with = ("direction_asymmetry", "time_drift")
+    separated_by = ("several passes over the same travel in both directions",)
     k: Float[Array, ""] = quantity("k", "F/m", "stiffness along the travel", default=0.0)
     m: Float[Array, ""] = quantity("m", "F/m", "growth of friction along the travel", default=0.0)
 
@@ -278,27 +250,20 @@ class PositionDependence(
         """Least stiffness over both directions: k - |m|."""
         return self.k - jnp.abs(self.m)
 
-    def physical(self) -> Bool[Array, ""]:
-        return jax.device_put(_ALWAYS)
-
 
 class AxisTimeDrift(AbstractLinearAxisEffect, AbstractAxisTermEffect):
     """+ (r + s sgn v) t: an offset or friction that drifts, as with warming up."""
 
-    id: ClassVar[str] = "time_drift"
-    room: ClassVar[str] = "friction"
-    equation: ClassVar[str] = "+ (r + s sgn v) t"
-    meaning: ClassVar[str] = "Force or friction drifts with time, as with warming up."
-    confused_with: ClassVar[tuple[str, ...]] = ("position_dependence",)
-    separated_by: ClassVar[tuple[str, ...]] = ("the first motion repeated at the end",)
+    id = "time_drift"
+    equation = "+ (r + s sgn v) t"
+    meaning = "Force or friction drifts with time, as with warming up."
+    confused_with = ("position_dependence",)
+    separated_by = ("the first motion repeated at the end",)
     r: Float[Array, ""] = quantity("r", "F/s", "drift of the offset", default=0.0)
     s: Float[Array, ""] = quantity("s", "F/s", "drift of Coulomb friction", default=0.0)
 
     def force(self, at: AxisPoint) -> Array:
         return (self.r + self.s * at.sign) * at.time
-
-    def physical(self) -> Bool[Array, ""]:
-        return jax.device_put(_ALWAYS)
 
 
 class Presliding(AbstractAxisEffect):
@@ -312,23 +277,20 @@ class Presliding(AbstractAxisEffect):
     because it would feed energy into the motion.
     """
 
-    id: ClassVar[str] = "presliding"
-    room: ClassVar[str] = "friction"
-    equation: ClassVar[str] = "+ a (z/x_c - sgn v) + sigma_1 z', z' = v - |v| z/x_c"
-    meaning: ClassVar[str] = (
+    id = "presliding"
+    equation = "+ a (z/x_c - sgn v) + sigma_1 z', z' = v - |v| z/x_c"
+    meaning = (
         "After a reversal friction does not jump: it recovers over a short distance, as a "
         "bristle bends."
     )
-    confused_with: ClassVar[tuple[str, ...]] = ("servo_lag", "stribeck")
-    separated_by: ClassVar[tuple[str, ...]] = (
-        "slow reversals, smaller than the presliding distance",
-    )
+    confused_with = ("servo_lag", "stribeck")
+    separated_by = ("slow reversals, smaller than the presliding distance",)
     a: Float[Array, ""] = quantity("a", "F", "part of Coulomb friction on a bristle", default=0.0)
     sigma_1: Float[Array, ""] = quantity(
         "sigma_1", "F s/m", "damping of the bristle", default=0.0, shape_only=True
     )
     x_c: Float[Array, ""] = quantity("x_c", "m", "presliding distance", lower=0.0, default=1.0)
-    limits: ClassVar[Mapping[str, Limit]] = MappingProxyType(
+    limits = MappingProxyType(
         {
             "x_c": lambda at, scales: 6 * at.x_c > scales.total_slip,
             "sigma_1": lambda at, scales: -at.sigma_1 * scales.slowest > _FELT * at.a,
@@ -362,22 +324,19 @@ class RateAndState(AbstractAxisEffect):
     this width friction is not modelled.
     """
 
-    id: ClassVar[str] = "rate_and_state"
-    room: ClassVar[str] = "friction"
-    equation: ClassVar[str] = (
-        "+ sgn(v) [A ln(1 + |v|/v_c) + theta], theta' = (|v|/L)(-B ln(1 + |v|/v_c) - theta)"
-    )
-    meaning: ClassVar[str] = (
+    id = "rate_and_state"
+    equation = "+ sgn(v) [A ln(1 + |v|/v_c) + theta], theta' = (|v|/L)(-B ln(1 + |v|/v_c) - theta)"
+    meaning = (
         "Friction remembers the velocity over a distance L, so that the axis may stick-slip at low "
         "speed if the controller is soft."
     )
-    confused_with: ClassVar[tuple[str, ...]] = ("stribeck", "presliding", "cubic", "log_viscous")
-    separated_by: ClassVar[tuple[str, ...]] = ("steps of velocity within a stroke, and reversals",)
+    confused_with = ("stribeck", "presliding", "cubic", "log_viscous")
+    separated_by = ("steps of velocity within a stroke, and reversals",)
     A: Float[Array, ""] = quantity("A", "F", "direct effect", default=0.0)
     B: Float[Array, ""] = quantity("B", "F", "evolution effect", default=0.0)
     L: Float[Array, ""] = quantity("L", "m", "characteristic slip length", lower=0.0, default=1.0)
     v_c: Float[Array, ""] = quantity("v_c", "m/s", "cut-off velocity", lower=0.0, default=1.0)
-    limits: ClassVar[Mapping[str, Limit]] = _CUT_OFF_LIMIT
+    limits = _CUT_OFF_LIMIT
 
     def embed(self, rig: AxisRig) -> AxisRig:
         L, v_c = jnp.maximum(self.L, rig.reach), jnp.maximum(self.v_c, rig.width)
@@ -396,14 +355,12 @@ class RateAndState(AbstractAxisEffect):
 class AxisServoLag(AbstractLinearAxisEffect):
     """A motor force F_m that lags the recorded force F: tau F_m' = F - F_m."""
 
-    id: ClassVar[str] = "servo_lag"
-    room: ClassVar[str] = "drive"
-    equation: ClassVar[str] = "tau F_m' = F - F_m"
-    meaning: ClassVar[str] = "The motor's force lags behind the recorded one."
-    confused_with: ClassVar[tuple[str, ...]] = ("sensor_delay", "sensor_lag", "presliding")
-    separated_by: ClassVar[tuple[str, ...]] = (
-        "the motor's measured current in place of its command",
-    )
+    id = "servo_lag"
+    room = "drive"
+    equation = "tau F_m' = F - F_m"
+    meaning = "The motor's force lags behind the recorded one."
+    confused_with = ("sensor_delay", "sensor_lag", "presliding")
+    separated_by = ("the motor's measured current in place of its command",)
     tau: Float[Array, ""] = quantity("tau", "s", "time constant of the motor", default=0.0)
 
     def embed(self, rig: AxisRig) -> AxisRig:
@@ -416,14 +373,12 @@ class AxisServoLag(AbstractLinearAxisEffect):
 class AxisSensorLag(AbstractLinearAxisEffect):
     """A recorded force y that lags: tau y' = F - y."""
 
-    id: ClassVar[str] = "sensor_lag"
-    room: ClassVar[str] = "sensor"
-    equation: ClassVar[str] = "tau y' = F - y"
-    meaning: ClassVar[str] = (
-        "The recorded force lags behind the motor's force, as after a low-pass filter."
-    )
-    confused_with: ClassVar[tuple[str, ...]] = ("sensor_delay", "servo_lag")
-    separated_by: ClassVar[tuple[str, ...]] = ("a force step into a blocked axis",)
+    id = "sensor_lag"
+    room = "sensor"
+    equation = "tau y' = F - y"
+    meaning = "The recorded force lags behind the motor's force, as after a low-pass filter."
+    confused_with = ("sensor_delay", "servo_lag")
+    separated_by = ("a force step into a blocked axis",)
     tau: Float[Array, ""] = quantity("tau", "s", "time constant of the force channel", default=0.0)
 
     def embed(self, rig: AxisRig) -> AxisRig:
@@ -436,21 +391,16 @@ class AxisSensorLag(AbstractLinearAxisEffect):
 class AxisSensorDelay(AbstractLinearAxisEffect):
     """A recorded position delayed by d against the recorded force; d < 0: ahead of the force."""
 
-    id: ClassVar[str] = "sensor_delay"
-    room: ClassVar[str] = "sensor"
-    equation: ClassVar[str] = "q_recorded(t) = q(t - d)"
-    meaning: ClassVar[str] = "Position and force are recorded at different moments."
-    confused_with: ClassVar[tuple[str, ...]] = ("servo_lag", "sensor_lag", "presliding")
-    separated_by: ClassVar[tuple[str, ...]] = (
-        "the motor's measured current in place of its command",
-    )
+    id = "sensor_delay"
+    room = "sensor"
+    equation = "q_recorded(t) = q(t - d)"
+    meaning = "Position and force are recorded at different moments."
+    confused_with = ("servo_lag", "sensor_lag", "presliding")
+    separated_by = ("the motor's measured current in place of its command",)
     d: Float[Array, ""] = quantity("d", "s", "delay of the position behind the force", default=0.0)
 
     def embed(self, rig: AxisRig) -> AxisRig:
         return eqx.tree_at(lambda r: r.delay, rig, self.d)
-
-    def physical(self) -> Bool[Array, ""]:
-        return jax.device_put(_ALWAYS)
 
 
 IN_TIME = frozenset(e.id for e in (AxisServoLag, AxisSensorLag, AxisSensorDelay))

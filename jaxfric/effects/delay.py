@@ -27,7 +27,7 @@ crossings. L/V_p, a and the filter's coefficients change with V_p, so the equati
 rates.
 """
 
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -35,7 +35,7 @@ from jaxtyping import Array, Bool, Float
 
 from ..quantity import quantity
 from ..rig import Rig
-from ..rig.friction.extended import AbstractTerm, Contact
+from ..rig.friction.extended import AbstractStatelessTerm, AbstractTerm, Contact
 from ..rig.friction.law import LOG_MAX
 from ..rig.friction.rate_state import AbstractRateState
 from .effect import AbstractHeavyEffect, extended, with_term
@@ -69,9 +69,9 @@ class _Past(NamedTuple):
 class _DelayTerm(AbstractTerm):
     """States: ln V_p/V0, y and z (in crossings of V_p), times A."""
 
-    moves: ClassVar[bool] = True
-    states: ClassVar[int] = 3
-    couples: ClassVar[bool] = False
+    moves = True
+    states = 3
+    couples = False
     alpha: Float[Array, ""]
     c: Float[Array, ""]
 
@@ -158,12 +158,11 @@ class FrictionalDelay(AbstractHeavyEffect[Rig]):
     The table holds for velocity steps of up to a factor of ten.
     """
 
-    id: ClassVar[str] = "frictional_delay"
-    room: ClassVar[str] = "friction"
-    equation: ClassVar[str] = "theta_ss at V(t - alpha)"
-    meaning: ClassVar[str] = "Friction depends on the velocity a moment ago, not on that now."
-    confused_with: ClassVar[tuple[str, ...]] = ("sensor_lag", "inertia")
-    separated_by: ClassVar[tuple[str, ...]] = ("fast sampling", "oscillating velocity")
+    id = "frictional_delay"
+    equation = "theta_ss at V(t - alpha)"
+    meaning = "Friction depends on the velocity a moment ago, not on that now."
+    confused_with = ("sensor_lag", "inertia")
+    separated_by = ("fast sampling", "oscillating velocity")
     alpha: Float[Array, ""] = quantity("alpha", "s", "delay of friction", default=0.0)
 
     def embed(self, rig: Rig) -> Rig:
@@ -178,24 +177,14 @@ class FrictionalDelay(AbstractHeavyEffect[Rig]):
         return self.alpha > 0
 
 
-class _FirstOrderTerm(AbstractTerm):
+class _FirstOrderTerm(AbstractStatelessTerm):
     """The delay to first order in alpha, without states."""
 
-    moves: ClassVar[bool] = True
-    states: ClassVar[int] = 0
-    couples: ClassVar[bool] = False
+    moves = True
     alpha: Float[Array, ""]
 
     def force(self, at: Contact) -> Array:
         return at.base.B[0] * self.alpha * at.V / at.base.L[0]
-
-    def rate(self, at: Contact, force: Array) -> Array:
-        del force
-        return at.state
-
-    def steady_state(self, V: Array, base: AbstractRateState, force: Array) -> Array:
-        del base, force
-        return jnp.zeros((0,), V.dtype)
 
     def shift(self, at: Contact):
         return self.force(at)

@@ -1,7 +1,5 @@
 """Effects in the drive."""
 
-from typing import ClassVar
-
 import equinox as eqx
 from jaxtyping import Array, Bool, Float
 
@@ -14,14 +12,12 @@ from .run_changes import RunChange
 class ServoLag(AbstractLinearEffect[Rig]):
     """A drive that lags its command: tau dV_m/dt = V_cmd - V_m."""
 
-    id: ClassVar[str] = "servo_lag"
-    room: ClassVar[str] = "drive"
-    equation: ClassVar[str] = "tau V_m' = V_cmd - V_m"
-    meaning: ClassVar[str] = (
-        "The drive lags behind its command: the load point does not move as recorded."
-    )
-    confused_with: ClassVar[tuple[str, ...]] = ("sensor_lag", "sensor_delay")
-    separated_by: ClassVar[tuple[str, ...]] = (RunChange.LOAD_POINT_CHANNEL,)
+    id = "servo_lag"
+    room = "drive"
+    equation = "tau V_m' = V_cmd - V_m"
+    meaning = "The drive lags behind its command: the load point does not move as recorded."
+    confused_with = ("sensor_lag", "sensor_delay")
+    separated_by = (RunChange.LOAD_POINT_CHANNEL,)
     tau: Float[Array, ""] = quantity("tau", "s", "time constant of the drive", default=0.0)
 
     def embed(self, rig: Rig) -> Rig:

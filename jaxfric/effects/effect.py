@@ -15,7 +15,9 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, NamedTuple, TypeVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 
 from ..quantity import Quantity, quantities
@@ -37,7 +39,7 @@ R = TypeVar("R", bound=eqx.Module)
 E = TypeVar("E", bound="AbstractEffect")
 _RENAMED = {"aging": "ageing", "aging.q": "ageing.q"}
 
-ROOMS = ("friction", "machine", "drive", "sensor")
+_TRUE = np.asarray(True)
 
 
 class RecordScales(NamedTuple):
@@ -63,15 +65,17 @@ Limit = Callable[[Any, RecordScales], Any]
 class AbstractEffect(eqx.Module, Generic[R]):
     """One effect of the catalogue.
 
-    `id` is the name of the effect in tables and files, `room` the part of the rig that the effect
-    modifies. `equation` is one line, and `meaning` explains the equation in words. `confused_with`
-    lists the ids of similar effects. `separated_by` lists experiments that distinguish the effect
-    from similar effects, each a `RunChange` or a text. `rigs` are the kinds of rig to which the
-    effect applies, by default a slider's rig. The fields declared by `quantity(...)` are the
-    parameters of the effect, amplitudes first.
+    `id` is the name of the effect in tables and files. `equation` is one line, and `meaning`
+    explains the equation in words. `confused_with` lists the ids of similar effects.
+    `separated_by` lists experiments that distinguish the effect from similar effects, each a
+    `RunChange` or a text. `rigs` are the kinds of rig to which the effect applies, by default a
+    slider's rig. The fields declared by `quantity(...)` are the parameters of the effect,
+    amplitudes first.
     """
 
     rigs: ClassVar[tuple[type[eqx.Module], ...]] = (Rig,)
+    room: ClassVar[str] = "friction"
+    """The part of the rig that it modifies: "friction", "machine", "drive" or "sensor"."""
     meaning: ClassVar[str] = ""
     """The effect in one or two plain sentences; reports omit an empty one."""
     law: ClassVar[Mapping[str, float]] = MappingProxyType({})
@@ -84,7 +88,6 @@ class AbstractEffect(eqx.Module, Generic[R]):
     """The optional channel of a record that it needs, if any."""
 
     id: AbstractClassVar[str]
-    room: AbstractClassVar[str]
     equation: AbstractClassVar[str]
     confused_with: AbstractClassVar[tuple[str, ...]]
     separated_by: AbstractClassVar[tuple[str, ...]]
@@ -97,9 +100,9 @@ class AbstractEffect(eqx.Module, Generic[R]):
     def grid(self, scales: RecordScales) -> dict[str, tuple[float, ...]]:
         """Starting values of every shape by field name; empty without shapes."""
 
-    @abc.abstractmethod
     def physical(self) -> Bool[Array, ""]:
-        """Whether the parameters are physically possible (a lag is positive)."""
+        """Whether the parameters are physically possible (a lag is positive); by default all."""
+        return jax.device_put(_TRUE)
 
 
 class AbstractLinearEffect(AbstractEffect[R]):

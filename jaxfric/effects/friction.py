@@ -1,10 +1,7 @@
 """Effects in the friction law."""
 
-from collections.abc import Mapping
 from types import MappingProxyType
-from typing import ClassVar
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
@@ -25,11 +22,12 @@ from .effect import (
 )
 from .run_changes import RunChange
 
-_TRUE = np.asarray(True)
-
 
 class AbstractTermEffect(AbstractEffect[Rig], AbstractTerm):
     """An effect that is itself the added friction term."""
+
+    moves = False
+    couples = False
 
     def embed(self, rig: Rig) -> Rig:
         """Add this term to the rig's friction."""
@@ -39,18 +37,15 @@ class AbstractTermEffect(AbstractEffect[Rig], AbstractTerm):
 class SecondState(AbstractTermEffect):
     """f + theta_2, dtheta_2/dt = -(V/L2) [theta_2 + B2 ln(V/V0)] (slip law)."""
 
-    id: ClassVar[str] = "second_state"
-    room: ClassVar[str] = "friction"
-    equation: ClassVar[str] = "+ theta_2 with its own B2, L2"
-    meaning: ClassVar[str] = (
+    id = "second_state"
+    equation = "+ theta_2 with its own B2, L2"
+    meaning = (
         "Friction remembers the velocity over two distances, not one: part of it forgets a "
         "step over L, another part over L2."
     )
-    confused_with: ClassVar[tuple[str, ...]] = ("slip_trend", "run_in")
-    separated_by: ClassVar[tuple[str, ...]] = (RunChange.UP_AND_DOWN, RunChange.LONG_STEPS)
-    moves: ClassVar[bool] = False
-    states: ClassVar[int] = 1
-    couples: ClassVar[bool] = False
+    confused_with = ("slip_trend", "run_in")
+    separated_by = (RunChange.UP_AND_DOWN, RunChange.LONG_STEPS)
+    states = 1
     B2: Float[Array, ""] = quantity("B2", "F", "second evolution effect", default=0.0)
     L2: Float[Array, ""] = quantity("L2", "m", "second slip length", lower=0.0, default=5e-5)
 
@@ -74,23 +69,19 @@ class SecondState(AbstractTermEffect):
         low, high = 0.2 * scales.slip_length, max(scales.step_slip, 5 * scales.slip_length)
         return {"L2": tuple(np.geomspace(low, high, 8))}
 
-    def physical(self) -> Bool[Array, ""]:
-        return jax.device_put(_TRUE)
-
 
 class Ageing(AbstractEvolutionEffect):
     """Evolution between the slip law (q = 0) and the ageing law (q = 1)."""
 
-    id: ClassVar[str] = "ageing"
-    room: ClassVar[str] = "friction"
-    equation: ClassVar[str] = "evolution (1 - q) slip + q ageing"
-    meaning: ClassVar[str] = (
+    id = "ageing"
+    equation = "evolution (1 - q) slip + q ageing"
+    meaning = (
         "The contacts heal while they rest, not only while they slide: evolution lies between "
         "the slip law (q = 0) and the ageing law (q = 1)."
     )
-    confused_with: ClassVar[tuple[str, ...]] = ("velocity_dependent_L", "stiffness")
-    separated_by: ClassVar[tuple[str, ...]] = ("equal up and down steps of two sizes", "holds")
-    law: ClassVar[Mapping[str, float]] = MappingProxyType({"q": 1.0})
+    confused_with = ("velocity_dependent_L", "stiffness")
+    separated_by = ("equal up and down steps of two sizes", "holds")
+    law = MappingProxyType({"q": 1.0})
     q: Float[Array, ""] = quantity("q", "1", "change of the ageing share", default=0.0)
 
     def embed(self, rig: Rig) -> Rig:
@@ -103,14 +94,11 @@ class Ageing(AbstractEvolutionEffect):
 class VelocityDependentLength(AbstractEvolutionEffect):
     """A slip length that depends on velocity: L (V/V0)^n."""
 
-    id: ClassVar[str] = "velocity_dependent_L"
-    room: ClassVar[str] = "friction"
-    equation: ClassVar[str] = "L (V/V0)^n"
-    meaning: ClassVar[str] = (
-        "The distance over which friction forgets a step changes with velocity."
-    )
-    confused_with: ClassVar[tuple[str, ...]] = ("ageing",)
-    separated_by: ClassVar[tuple[str, ...]] = ("equal steps at several velocities",)
+    id = "velocity_dependent_L"
+    equation = "L (V/V0)^n"
+    meaning = "The distance over which friction forgets a step changes with velocity."
+    confused_with = ("ageing",)
+    separated_by = ("equal steps at several velocities",)
     n: Float[Array, ""] = quantity("n", "1", "exponent of L with velocity", default=0.0)
 
     def embed(self, rig: Rig) -> Rig:
@@ -123,15 +111,14 @@ class VelocityDependentLength(AbstractEvolutionEffect):
 class EvolutionCutoff(AbstractEvolutionEffect):
     """theta_ss = -B [ln(V/V0) - ln(1 + c V)], c = 1/V_c."""
 
-    id: ClassVar[str] = "evolution_cutoff"
-    room: ClassVar[str] = "friction"
-    equation: ClassVar[str] = "theta_ss = -B [ln(V/V0) - ln(1 + V/Vc)]"
-    meaning: ClassVar[str] = (
+    id = "evolution_cutoff"
+    equation = "theta_ss = -B [ln(V/V0) - ln(1 + V/Vc)]"
+    meaning = (
         "Above the velocity Vc the state evolves no further, so that friction strengthens "
         "with velocity there."
     )
-    confused_with: ClassVar[tuple[str, ...]] = ("viscous",)
-    separated_by: ClassVar[tuple[str, ...]] = ("transients, not levels, at high velocity",)
+    confused_with = ("viscous",)
+    separated_by = ("transients, not levels, at high velocity",)
     c: Float[Array, ""] = quantity("c", "s/m", "inverse cutoff velocity", default=0.0)
 
     def embed(self, rig: Rig) -> Rig:
@@ -144,15 +131,12 @@ class EvolutionCutoff(AbstractEvolutionEffect):
 class Viscous(AbstractLinearEffect[Rig], AbstractTermEffect, AbstractStatelessTerm):
     """Viscous friction: f + c V."""
 
-    id: ClassVar[str] = "viscous"
-    room: ClassVar[str] = "friction"
-    equation: ClassVar[str] = "+ c V"
-    meaning: ClassVar[str] = (
-        "Friction grows in proportion to velocity, as of a lubricant, a seal or a guide."
-    )
-    confused_with: ClassVar[tuple[str, ...]] = ("stribeck", "evolution_cutoff")
-    separated_by: ClassVar[tuple[str, ...]] = (RunChange.DECADES,)
-    moves: ClassVar[bool] = True
+    id = "viscous"
+    equation = "+ c V"
+    meaning = "Friction grows in proportion to velocity, as of a lubricant, a seal or a guide."
+    confused_with = ("stribeck", "evolution_cutoff")
+    separated_by = (RunChange.DECADES,)
+    moves = True
     c: Float[Array, ""] = quantity("c", "F s/m", "viscous friction", default=0.0)
 
     def force(self, at: Contact) -> Array:
@@ -165,7 +149,7 @@ class Viscous(AbstractLinearEffect[Rig], AbstractTermEffect, AbstractStatelessTe
 # A separate term, not the effect itself: a fit may reach the bounds of d, which a rig's own
 # quantities exclude.
 class _StribeckTerm(AbstractStatelessTerm):
-    moves: ClassVar[bool] = True
+    moves = True
     fs: Float[Array, ""]
     Vs: Float[Array, ""]
     d: Float[Array, ""]
@@ -178,14 +162,11 @@ class _StribeckTerm(AbstractStatelessTerm):
 class Stribeck(AbstractEffect[Rig]):
     """f + fs exp(-(V/Vs)^d) with d between 0.3 and 4; d = 1 and d = 2 are usual."""
 
-    id: ClassVar[str] = "stribeck"
-    room: ClassVar[str] = "friction"
-    equation: ClassVar[str] = "+ fs exp(-(V/Vs)^d)"
-    meaning: ClassVar[str] = (
-        "Friction falls from a higher level as velocity passes Vs, whatever came before."
-    )
-    confused_with: ClassVar[tuple[str, ...]] = ("viscous",)
-    separated_by: ClassVar[tuple[str, ...]] = ("four velocities around Vs",)
+    id = "stribeck"
+    equation = "+ fs exp(-(V/Vs)^d)"
+    meaning = "Friction falls from a higher level as velocity passes Vs, whatever came before."
+    confused_with = ("viscous",)
+    separated_by = ("four velocities around Vs",)
     fs: Float[Array, ""] = quantity("fs", "F", "Stribeck amplitude", default=0.0)
     Vs: Float[Array, ""] = quantity("Vs", "m/s", "Stribeck velocity", lower=0.0, default=1e-5)
 
@@ -199,28 +180,23 @@ class Stribeck(AbstractEffect[Rig]):
         velocities = np.repeat(np.geomspace(scales.slowest, scales.fastest, 8), 2)
         return {"Vs": tuple(velocities), "d": (1.0, 2.0) * 8}
 
-    def physical(self) -> Bool[Array, ""]:
-        return jax.device_put(_TRUE)
-
 
 class SlipTrend(
     AbstractLinearEffect[Rig], AbstractPlaceEffect[Rig], AbstractTermEffect, AbstractStatelessTerm
 ):
     """A linear trend of friction with slip: f + s x."""
 
-    id: ClassVar[str] = "slip_trend"
-    room: ClassVar[str] = "friction"
-    equation: ClassVar[str] = "+ s x"
-    meaning: ClassVar[str] = (
+    id = "slip_trend"
+    equation = "+ s x"
+    meaning = (
         "Friction grows or falls steadily with slip, as wear, gouge or a slope of the guide "
         "make it."
     )
-    confused_with: ClassVar[tuple[str, ...]] = ("time_drift", "run_in")
-    separated_by: ClassVar[tuple[str, ...]] = (
+    confused_with = ("time_drift", "run_in")
+    separated_by = (
         "different velocities at equal slip",
         RunChange.SLOW_DWELL,
     )
-    moves: ClassVar[bool] = False
     s: Float[Array, ""] = quantity("s", "F/m", "change of friction with slip", default=0.0)
 
     def force(self, at: Contact) -> Array:
@@ -230,22 +206,15 @@ class SlipTrend(
         """The stiffness s [F/m], the same at every position."""
         return self.s
 
-    def physical(self) -> Bool[Array, ""]:
-        return jax.device_put(_TRUE)
-
 
 class RunIn(AbstractPlaceEffect[Rig], AbstractTermEffect, AbstractStatelessTerm):
     """Friction that changes over a slip dc: f + d (1 - exp(-x/dc))."""
 
-    id: ClassVar[str] = "run_in"
-    room: ClassVar[str] = "friction"
-    equation: ClassVar[str] = "+ d (1 - exp(-x/dc))"
-    meaning: ClassVar[str] = (
-        "Friction runs in: it goes to another level over the slip dc and stays there."
-    )
-    confused_with: ClassVar[tuple[str, ...]] = ("slip_trend", "second_state")
-    separated_by: ClassVar[tuple[str, ...]] = (RunChange.REPEAT,)
-    moves: ClassVar[bool] = False
+    id = "run_in"
+    equation = "+ d (1 - exp(-x/dc))"
+    meaning = "Friction runs in: it goes to another level over the slip dc and stays there."
+    confused_with = ("slip_trend", "second_state")
+    separated_by = (RunChange.REPEAT,)
     d: Float[Array, ""] = quantity("d", "F", "change of friction by run-in", default=0.0)
     dc: Float[Array, ""] = quantity("dc", "m", "slip of the run-in", lower=0.0, default=3e-4)
 
@@ -259,22 +228,15 @@ class RunIn(AbstractPlaceEffect[Rig], AbstractTermEffect, AbstractStatelessTerm)
     def grid(self, scales: RecordScales) -> dict[str, tuple[float, ...]]:
         return {"dc": tuple(np.geomspace(0.3 * scales.step_slip, scales.total_slip, 6))}
 
-    def physical(self) -> Bool[Array, ""]:
-        return jax.device_put(_TRUE)
-
 
 class PositionPeriodic(AbstractPlaceEffect[Rig], AbstractTermEffect, AbstractStatelessTerm):
     """f + a sin(2 pi x/lambda) + b cos(2 pi x/lambda)."""
 
-    id: ClassVar[str] = "position_periodic"
-    room: ClassVar[str] = "friction"
-    equation: ClassVar[str] = "+ a sin(2 pi x/lambda) + b cos(2 pi x/lambda)"
-    meaning: ClassVar[str] = (
-        "Friction ripples with position: a screw's pitch, a gear or a wavy surface."
-    )
-    confused_with: ClassVar[tuple[str, ...]] = ("second_state",)
-    separated_by: ClassVar[tuple[str, ...]] = ("the same wavelength at every velocity",)
-    moves: ClassVar[bool] = False
+    id = "position_periodic"
+    equation = "+ a sin(2 pi x/lambda) + b cos(2 pi x/lambda)"
+    meaning = "Friction ripples with position: a screw's pitch, a gear or a wavy surface."
+    confused_with = ("second_state",)
+    separated_by = ("the same wavelength at every velocity",)
     a: Float[Array, ""] = quantity("a", "F", "sine amplitude", default=0.0)
     b: Float[Array, ""] = quantity("b", "F", "cosine amplitude", default=0.0)
     wavelength: Float[Array, ""] = quantity("lambda", "m", "wavelength", lower=0.0, default=1e-4)
@@ -295,11 +257,8 @@ class PositionPeriodic(AbstractPlaceEffect[Rig], AbstractTermEffect, AbstractSta
         count = int(np.clip(2 * scales.total_slip * (1 / shortest - 1 / longest), 8, 320))
         return {"wavelength": tuple(1 / np.linspace(1 / longest, 1 / shortest, count))}
 
-    def physical(self) -> Bool[Array, ""]:
-        return jax.device_put(_TRUE)
 
-
-class NormalStressState(AbstractLinearEffect[Rig], AbstractTermEffect):
+class NormalStressState(AbstractLinearEffect[Rig], AbstractTermEffect, AbstractStatelessTerm):
     """dtheta/dt - alpha n'/n, n normal stress relative to the start (Linker, Dieterich 1992).
 
     The solver integrates theta + alpha ln n, so no derivative of the recorded n is needed. The
@@ -307,33 +266,21 @@ class NormalStressState(AbstractLinearEffect[Rig], AbstractTermEffect):
     against n f, with or without this effect.
     """
 
-    id: ClassVar[str] = "normal_stress"
-    room: ClassVar[str] = "friction"
-    equation: ClassVar[str] = "theta' - alpha n'/n"
-    meaning: ClassVar[str] = (
+    id = "normal_stress"
+    equation = "theta' - alpha n'/n"
+    meaning = (
         "The contacts remember the normal stress: a change of it moves friction's state at "
         "once, which then recovers with slip."
     )
-    confused_with: ClassVar[tuple[str, ...]] = ("time_drift",)
-    separated_by: ClassVar[tuple[str, ...]] = ("steps of normal stress",)
-    channel: ClassVar[str | None] = "normal_stress"
-    moves: ClassVar[bool] = False
-    states: ClassVar[int] = 0
-    couples: ClassVar[bool] = False
+    confused_with = ("time_drift",)
+    separated_by = ("steps of normal stress",)
+    channel = "normal_stress"
     alpha: Float[Array, ""] = quantity(
         "alpha", "F", "fall of friction with normal stress", default=0.0
     )
 
     def force(self, at: Contact) -> Array:
         return jnp.zeros_like(at.V) if at.stress is None else -self.alpha * jnp.log(at.stress)
-
-    def rate(self, at: Contact, force: Array) -> Array:
-        del force
-        return at.state
-
-    def steady_state(self, V: Array, base: AbstractRateState, force: Array) -> Array:
-        del base, force
-        return jnp.zeros((0,), V.dtype)
 
     def shift(self, at: Contact):
         return None if at.stress is None else self.force(at)
@@ -352,17 +299,15 @@ def _power(
 class Thermal(AbstractTermEffect):
     """f - a_T T, tau_T dT/dt = f V/(f0 V0) - T: T is 1 in steady sliding at V0."""
 
-    id: ClassVar[str] = "thermal"
-    room: ClassVar[str] = "friction"
-    equation: ClassVar[str] = "f - a_T T, tau_T T' = f V/(f0 V0) - T"
-    meaning: ClassVar[str] = (
+    id = "thermal"
+    equation = "f - a_T T, tau_T T' = f V/(f0 V0) - T"
+    meaning = (
         "Heat of sliding changes friction: temperature follows the power of friction within tau_T."
     )
-    confused_with: ClassVar[tuple[str, ...]] = ("second_state", "time_drift")
-    separated_by: ClassVar[tuple[str, ...]] = ("the same velocity for other durations",)
-    moves: ClassVar[bool] = False
-    states: ClassVar[int] = 1
-    couples: ClassVar[bool] = True
+    confused_with = ("second_state", "time_drift")
+    separated_by = ("the same velocity for other durations",)
+    states = 1
+    couples = True
     a_T: Float[Array, ""] = quantity("a_T", "F", "fall of friction at the heat of V0", default=0.0)
     tau_T: Float[Array, ""] = quantity("tau_T", "s", "thermal time", lower=0.0, default=10.0)
 

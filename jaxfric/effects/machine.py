@@ -1,7 +1,5 @@
 """Effects in the machine: deviations from the declared machine."""
 
-from typing import ClassVar
-
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
@@ -15,12 +13,12 @@ from .run_changes import RunChange
 class Stiffness(AbstractLinearEffect[Rig]):
     """Another stiffness of the machine: K exp(kappa) instead of the declared K."""
 
-    id: ClassVar[str] = "stiffness"
-    room: ClassVar[str] = "machine"
-    equation: ClassVar[str] = "K exp(kappa)"
-    meaning: ClassVar[str] = "The machine is softer or stiffer than was declared."
-    confused_with: ClassVar[tuple[str, ...]] = ("ageing", "servo_lag")
-    separated_by: ClassVar[tuple[str, ...]] = ("elastic loading", RunChange.SLIP_CHANNEL)
+    id = "stiffness"
+    room = "machine"
+    equation = "K exp(kappa)"
+    meaning = "The machine is softer or stiffer than was declared."
+    confused_with = ("ageing", "servo_lag")
+    separated_by = ("elastic loading", RunChange.SLIP_CHANNEL)
     kappa: Float[Array, ""] = quantity(
         "kappa", "1", "log of the true over the declared stiffness", default=0.0
     )
@@ -37,12 +35,12 @@ class Stiffness(AbstractLinearEffect[Rig]):
 class Damping(AbstractLinearEffect[Rig]):
     """A dashpot in parallel with the spring: + k_v (V_m - V)."""
 
-    id: ClassVar[str] = "damping"
-    room: ClassVar[str] = "machine"
-    equation: ClassVar[str] = "+ k_v (V_m - V) on the slider"
-    meaning: ClassVar[str] = "The machine has damping in parallel with its spring."
-    confused_with: ClassVar[tuple[str, ...]] = ("viscous",)
-    separated_by: ClassVar[tuple[str, ...]] = ("free response",)
+    id = "damping"
+    room = "machine"
+    equation = "+ k_v (V_m - V) on the slider"
+    meaning = "The machine has damping in parallel with its spring."
+    confused_with = ("viscous",)
+    separated_by = ("free response",)
     k_v: Float[Array, ""] = quantity("k_v", "F s/m", "damping not declared", default=0.0)
 
     def embed(self, rig: Rig) -> Rig:
@@ -72,12 +70,12 @@ class Inertia(AbstractHeavyEffect[Rig]):
     the velocity for long. Long means more than a tenth of the spring's relaxation time.
     """
 
-    id: ClassVar[str] = "inertia"
-    room: ClassVar[str] = "machine"
-    equation: ClassVar[str] = "- m dV/dt on the pull"
-    meaning: ClassVar[str] = "Accelerating the slider's mass takes part of the force."
-    confused_with: ClassVar[tuple[str, ...]] = ("sensor_lag", "frictional_delay")
-    separated_by: ClassVar[tuple[str, ...]] = ("free response", RunChange.SLIP_CHANNEL)
+    id = "inertia"
+    room = "machine"
+    equation = "- m dV/dt on the pull"
+    meaning = "Accelerating the slider's mass takes part of the force."
+    confused_with = ("sensor_lag", "frictional_delay")
+    separated_by = ("free response", RunChange.SLIP_CHANNEL)
     m: Float[Array, ""] = quantity("m", "F s^2/m", "mass not declared", default=0.0)
 
     def embed(self, rig: Rig) -> Rig:

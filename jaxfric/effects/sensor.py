@@ -1,10 +1,6 @@
 """Effects in the force sensor."""
 
-from typing import ClassVar
-
 import equinox as eqx
-import jax
-import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ..quantity import quantity
@@ -27,12 +23,12 @@ def _with(rig: Rig, name: str, value: Array) -> Rig:
 class SensorLag(AbstractLinearEffect[Rig]):
     """A sensor with a first-order lag: tau y' = f - y."""
 
-    id: ClassVar[str] = "sensor_lag"
-    room: ClassVar[str] = "sensor"
-    equation: ClassVar[str] = "tau y' = f - y"
-    meaning: ClassVar[str] = "The force sensor lags behind friction, like a low-pass filter."
-    confused_with: ClassVar[tuple[str, ...]] = ("servo_lag", "sensor_delay")
-    separated_by: ClassVar[tuple[str, ...]] = (RunChange.SLIP_CHANNEL, RunChange.SLOW_DWELL)
+    id = "sensor_lag"
+    room = "sensor"
+    equation = "tau y' = f - y"
+    meaning = "The force sensor lags behind friction, like a low-pass filter."
+    confused_with = ("servo_lag", "sensor_delay")
+    separated_by = (RunChange.SLIP_CHANNEL, RunChange.SLOW_DWELL)
     tau: Float[Array, ""] = quantity("tau", "s", "time constant of the sensor", default=0.0)
 
     def embed(self, rig: Rig) -> Rig:
@@ -45,12 +41,12 @@ class SensorLag(AbstractLinearEffect[Rig]):
 class SensorDelay(AbstractLinearEffect[Rig]):
     """A sensor with a delay: y(t) = f(t - d)."""
 
-    id: ClassVar[str] = "sensor_delay"
-    room: ClassVar[str] = "sensor"
-    equation: ClassVar[str] = "y(t) = f(t - d)"
-    meaning: ClassVar[str] = "Friction is recorded later, or earlier, than it acted."
-    confused_with: ClassVar[tuple[str, ...]] = ("sensor_lag", "servo_lag")
-    separated_by: ClassVar[tuple[str, ...]] = ("fast sampling",)
+    id = "sensor_delay"
+    room = "sensor"
+    equation = "y(t) = f(t - d)"
+    meaning = "Friction is recorded later, or earlier, than it acted."
+    confused_with = ("sensor_lag", "servo_lag")
+    separated_by = ("fast sampling",)
     d: Float[Array, ""] = quantity("d", "s", "delay of the sensor", default=0.0)
 
     def embed(self, rig: Rig) -> Rig:
@@ -63,30 +59,27 @@ class SensorDelay(AbstractLinearEffect[Rig]):
 class TimeDrift(AbstractLinearEffect[Rig]):
     """A sensor that drifts: y + r t."""
 
-    id: ClassVar[str] = "time_drift"
-    room: ClassVar[str] = "sensor"
-    equation: ClassVar[str] = "+ r t"
-    meaning: ClassVar[str] = "The force sensor drifts with time, whether the slider moves or not."
-    confused_with: ClassVar[tuple[str, ...]] = ("slip_trend", "run_in")
-    separated_by: ClassVar[tuple[str, ...]] = (RunChange.DWELL, "a zero-load baseline")
+    id = "time_drift"
+    room = "sensor"
+    equation = "+ r t"
+    meaning = "The force sensor drifts with time, whether the slider moves or not."
+    confused_with = ("slip_trend", "run_in")
+    separated_by = (RunChange.DWELL, "a zero-load baseline")
     r: Float[Array, ""] = quantity("r", "F/s", "drift of the sensor", default=0.0)
 
     def embed(self, rig: Rig) -> Rig:
         return _with(rig, "drift", self.r)
 
-    def physical(self) -> Bool[Array, ""]:
-        return jax.device_put(np.asarray(True))
-
 
 class Gain(AbstractLinearEffect[Rig]):
     """A sensor with a wrong scale: (1 + g) y."""
 
-    id: ClassVar[str] = "gain"
-    room: ClassVar[str] = "sensor"
-    equation: ClassVar[str] = "(1 + g) y"
-    meaning: ClassVar[str] = "The force sensor's scale differs from the declared one."
-    confused_with: ClassVar[tuple[str, ...]] = ("stiffness",)
-    separated_by: ClassVar[tuple[str, ...]] = ("a known load",)
+    id = "gain"
+    room = "sensor"
+    equation = "(1 + g) y"
+    meaning = "The force sensor's scale differs from the declared one."
+    confused_with = ("stiffness",)
+    separated_by = ("a known load",)
     g: Float[Array, ""] = quantity("g", "1", "error of the force channel's gain", default=0.0)
 
     def embed(self, rig: Rig) -> Rig:
