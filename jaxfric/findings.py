@@ -68,12 +68,8 @@ class WarningCode(StrEnum):
     """Values: least, most and middle time between rows, share that differs."""
     UNEXPLAINED = "motion_does_not_answer_to_the_force"
     """Values: share of the rows that count."""
-    SLOW = "most_rows_too_slow"
-    """Values: share of the rows, the speed below which they do not count."""
     SECOND_SEARCH = "searched_with_other_blocks"
     """A second search with other blocks held out; values: taken."""
-    SOLVER = "solver_not_exact"
-    """A finer solver moves the prediction; values: sigma, where it reached the end."""
 
 
 class Warned(str):

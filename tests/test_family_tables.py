@@ -9,7 +9,7 @@ import pytest
 from jaxfric.loop.curves import CurveRig, _sorted_out, curve_family, deciding, distinct, step_error
 from jaxfric.loop.evaluate import Rows
 from jaxfric.loop.family import CurveFamily, Decisive, OtherShape
-from jaxfric.loop.slider_curves import followed
+from jaxfric.loop.nonlinear import followed
 from jaxfric.rig.friction import RateState
 from jaxfric.rig.friction.extended import BlendedEvolution, ExtendedLaw
 
@@ -85,7 +85,7 @@ def made(speeds, friction, named):
         whiten=lambda columns, noise: columns / SIGMA,
     )  # fmt: skip
     rig = CurveRig(
-        (named,), (), np.asarray(speeds), True, ("f0", "A", "B"), base, 2, 2, level,
+        (named,), (), np.asarray(speeds), True, ("f0", "A", "B"), base, 2, level,
         lambda curve: (np.concatenate([base(V), curve(V)], axis=1) / SCALE,
                        np.zeros((0, 3 + curve(V).shape[1]))),
         "m/s",

@@ -5,7 +5,7 @@ import pytest
 from test_axis_reading import H, motion
 
 from jaxfric.loop.axis.reading import read_rows
-from jaxfric.loop.axis.rough import rough_fit
+from jaxfric.loop.axis.rows import rough_fit
 from jaxfric.records import axis_from_arrays
 from jaxfric.records.held import columns_renewed, held_for
 

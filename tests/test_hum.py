@@ -8,7 +8,7 @@ import pytest
 import jaxfric as jf
 from fits.hum.generator import Drawn, record_of
 from jaxfric.fitting.noise import find_hum
-from jaxfric.loop.smooth import smooth_columns
+from jaxfric.loop.engine import smooth_columns
 
 TRUE = Drawn(
     law="slip",

@@ -23,8 +23,8 @@ from jaxfric.loop import search as search_module
 from jaxfric.loop.case import Choice, Column
 from jaxfric.loop.engine import Engine
 from jaxfric.loop.evidence import evidence
-from jaxfric.loop.floor import largest_rms
 from jaxfric.loop.gates import FITTED, Part, Trial, loose, refusal_of
+from jaxfric.loop.learn import largest_rms
 from jaxfric.loop.refit import Candidate
 from jaxfric.loop.refusal import Fault, Refusal
 from jaxfric.loop.residual_tests import (

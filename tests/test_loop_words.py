@@ -9,8 +9,7 @@ from scipy import stats
 
 from jaxfric.loop.location import Bumps, _profile, _ripples, share_of
 from jaxfric.loop.refusal import Fault, Refusal
-from jaxfric.loop.result import LocationProfile
-from jaxfric.loop.unfixed import unfixed
+from jaxfric.loop.result import LocationProfile, unfixed
 from jaxfric.loop.verdict import Conclusion, Told
 from jaxfric.report.location_text import where_it_sits
 

@@ -7,7 +7,7 @@ import pytest
 
 from jaxfric.loop.estimates import disagreement
 from jaxfric.loop.refusal import Fault, Refusal
-from jaxfric.loop.rivals import near_fits, rival_fits
+from jaxfric.loop.search import near_fits, rival_fits
 
 TAKES = Refusal(Fault.TAKES, ("B",))
 INDEX = np.array([0, 1, 2])

@@ -11,7 +11,7 @@ from jaxfric.fitting.noise.by_step import (
     pace_of,
     scale_of_steps,
 )
-from jaxfric.loop.smooth import smooth_columns
+from jaxfric.loop.engine import smooth_columns
 
 STEP = np.repeat(np.arange(6), 400)
 SMOOTH = smooth_columns(np.arange(2400.0), STEP, 2400)

@@ -14,8 +14,8 @@ from jaxfric.loop import refit as refit_module
 from jaxfric.loop import search as search_module
 from jaxfric.loop.evaluate import Rows
 from jaxfric.loop.family import CurveFamily, Decisive, OtherShape
-from jaxfric.loop.floor import Floor
 from jaxfric.loop.gates import FITTED, Trial, refusal_of
+from jaxfric.loop.learn import Floor
 from jaxfric.loop.refusal import Fault, Move, Refusal
 from jaxfric.loop.screen import Screened
 from jaxfric.loop.search import search

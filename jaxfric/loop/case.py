@@ -1,6 +1,6 @@
 """An immutable record of a slider, a run or an axis, prepared for the loop.
 
-A `Case` holds the least-squares problem of a record. A `subject.Subject` adds the functions that a
+A `Case` holds the least-squares problem of a record. A `close.Subject` adds the functions that a
 loop's results need.
 """
 

@@ -2,30 +2,82 @@
 
 import dataclasses
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Generic, Literal, NamedTuple
 
 import numpy as np
 
+from ..effects import RecordScales
+from ..findings import Finding
+from ..fitting import Estimate
 from ..fitting.noise import noise_estimate, noise_words
-from .case import P
-from .curves import curve_family
+from ..records import Record
+from .case import Case, P
+from .curves import CurveRig, curve_family
 from .engine import Engine
 from .estimates import estimates
 from .findings import effect_findings
-from .floor import noise_floor
-from .learn import learn_noise
-from .location import locate
+from .learn import learn_noise, noise_floor
+from .location import Bumps, locate
 from .refit import Candidate, refit
 from .refusal import Move
 from .residual_tests import structure
-from .result import CandidateScore, Loop, Score, ScreenedEffect
-from .rivals import near_fits
+from .result import CandidateScore, Loop, LoopBase, LoopDetails, Score, ScreenedEffect
 from .screen import screen
-from .search import Search, refit_safely, search
+from .search import Search, near_fits, refit_safely, search
 from .split import NAMES
-from .subject import Subject
 from .thresholds import MANY
 from .verdict import conclude
+
+
+class Reported(NamedTuple):
+    """Record and base of a loop for reports, with the rows over which models are scored."""
+
+    record: Record
+    base: LoopBase
+    warnings: tuple[str, ...]
+    """Warnings about the record, its preparation and the fits."""
+    used: np.ndarray
+    """Mask of the used rows."""
+    part: np.ndarray
+    """Index of the velocity or stroke of every row."""
+    parts: int
+    """Number of velocities or strokes."""
+    velocity: np.ndarray
+    """Velocity of the load point or of the axis at every row [m/s or rad/s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Subject(Generic[P]):
+    """A case with the functions that the loop and its results need for this kind of record.
+
+    The functions of a subject are called with the engine after the noise estimate, which excludes
+    outliers.
+    """
+
+    case: Case[P]
+    start: np.ndarray
+    """Parameters of the base, with all effects at their null."""
+    scales: RecordScales
+    """Scales of the record, for starting values of shapes."""
+    friction_unit: str
+    kind: Literal["slider", "axis"]
+    bumps: Callable[[Engine[P], Candidate], Sequence[Bumps]]
+    """Bumps over the variables that missing friction may depend on."""
+    curves: Callable[[Engine[P], Candidate], CurveRig]
+    """The steady curves of a fit."""
+    reported: Callable[[Engine[P], Search], Reported]
+    """Record, base, warnings and scored rows of a search."""
+    named: Callable[[Mapping[str, Estimate]], dict[str, Estimate]]
+    """Parameters of a fit for reports: in the units of the rig, including given parameters."""
+    details: Callable[[Engine[P], Search, Score, float, Callable[[str], None]], LoopDetails | None]
+    """Further results for this kind of rig, from the score after, the rms test error beyond its
+    noise [unit of friction], and a progress callback."""
+    edge: float | None = None
+    """K/K_cr of the base; None if there is no critical stiffness."""
+    withheld: Finding | None = None
+    """The reason for making no claim about missing effects; usually None."""
 
 
 def close(subject: Subject[P], *, most: int, begun: float, progress: Callable[[str], None]) -> Loop:
@@ -35,12 +87,13 @@ def close(subject: Subject[P], *, most: int, begun: float, progress: Callable[[s
     found = search(Engine.of(subject.case), start, scales, most=most, progress=progress)
     engine = found.engine
     progress("where the structure sits")
-    floor = noise_floor(engine, found.final)
+    floor, rows = noise_floor(engine, found.final), subject.reported(engine, found)
 
     def scored(candidate: Candidate, rivals: Sequence[Candidate] | None):
-        left = locate(engine, candidate, floor.found, subject.bumps(engine, candidate))
-        tests = structure(left.chances)
-        return left.location, tests, _score(subject, engine, candidate, tests, rivals)
+        bumps = subject.bumps(engine, candidate)
+        location, chances = locate(engine, candidate, floor.found, bumps)
+        tests = structure(chances)
+        return location, tests, _score(subject, engine, rows, candidate, tests, rivals)
 
     models: list[tuple[Candidate, Sequence[Candidate] | None]] = [(found.final, near_fits(found))]
     if found.final is not found.base:
@@ -49,25 +102,24 @@ def close(subject: Subject[P], *, most: int, begun: float, progress: Callable[[s
     done = engine.each(lambda model: scored(*model), models)
     location, _, before = done[0]
     _, tests, after = done[-1]
-    record, base_fit = subject.shown(engine)
     told = conclude(
         found,
         floor,
         tests,
         edge=subject.edge,
         location=location,
-        velocities=base_fit.steps.velocities,
+        velocities=rows.base.steps.velocities,
         curve=curve_family(engine, found.final, subject.curves(engine, found.final)),
         moved=_moved(before, after),
         withheld=subject.withheld,
     )
     alone = dataclasses.replace(after.noise, sigma=floor.sigma)  # without smooth columns
     missed = np.sqrt(max(after.rms["report"] ** 2 - (floor.most["report"] * floor.later) ** 2, 0.0))
-    rows, details = subject.rows(engine), subject.details(engine, found, after, missed, progress)
+    details = subject.details(engine, found, after, missed, progress)
     effects = effect_findings(engine, found, told.verdict, rows.used)
     return Loop(
-        record=record,
-        base_fit=base_fit,
+        record=rows.record,
+        base_fit=rows.base,
         kind=subject.kind,
         blocks=engine.blocks,
         verdict=told.verdict,
@@ -84,7 +136,7 @@ def close(subject: Subject[P], *, most: int, begun: float, progress: Callable[[s
         location=location,
         alias_ids=found.ids,
         alias_cosines=found.cosines,
-        warnings=(*noise_words(alone, record), *subject.warnings(engine, found)),
+        warnings=(*noise_words(alone, rows.record), *rows.warnings),
         details=details,
         findings=(*effects, *(() if details is None else details.claims), *told.findings),
         velocity=rows.velocity,
@@ -114,13 +166,14 @@ def declared(subject: Subject[P]) -> np.ndarray:
 def _score(
     subject: Subject[P],
     engine: Engine[P],
+    rows: Reported,
     candidate: Candidate,
     tests: dict[str, float],
     rivals: Sequence[Candidate] | None,
 ) -> Score:
     """Errors of a model, in total and for each velocity or stroke."""
     parameters, free, covariance = estimates(engine, candidate, subject.friction_unit, rivals)
-    rows, noise = subject.rows(engine), engine.noise
+    noise = engine.noise
     residual = np.where(rows.used, engine.unit * candidate.residual[: len(rows.used)], np.nan)
     residual[list(noise.glitches.rows)] = np.nan
     return Score(

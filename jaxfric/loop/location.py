@@ -22,7 +22,7 @@ from ..fitting.noise import Found
 from ..fitting.problem import Problem
 from ..fitting.start import HOLD
 from ..rig.friction.extended import ExtendedLaw
-from .engine import Engine
+from .engine import ALONG, Engine
 from .nonlinear import respond
 from .ratio import Question, chances
 from .refit import Candidate
@@ -30,7 +30,6 @@ from .residual_tests import chi_square_tail
 from .response import Response, linear_response
 from .result import LocationProfile
 from .screen import orthonormal
-from .smooth import ALONG
 from .thresholds import MOSTLY, PRIOR, SEEN, SIGNIFICANT
 
 _COARSE, _FINE, _WAVES = 8, 16, 117
@@ -67,17 +66,12 @@ class Asked(NamedTuple):
     """Number of such tests of which this is the most significant (for the Bonferroni factor)."""
 
 
-class Left(NamedTuple):
-    """The structure in a residual."""
-
-    location: tuple[LocationProfile, ...]
-    """Profiles, the variable that explains most first."""
-    chances: dict[str, float]
-    """p-values of the tests of `report.location_text`, without a common correction."""
-
-
-def locate(engine: Engine, base: Candidate, found: Found, bumps: Sequence[Bumps]) -> Left:
-    """Profiles of missing friction over every variable, and their p-values under noise alone.
+def locate(
+    engine: Engine, base: Candidate, found: Found, bumps: Sequence[Bumps]
+) -> tuple[tuple[LocationProfile, ...], dict[str, float]]:
+    """Profiles of missing friction over every variable, and p-values of all tests of the residual
+    under noise alone. The variable that explains most comes first; the p-values have no common
+    correction.
 
     `found` is the noise after projecting out smooth columns.
     """
@@ -109,7 +103,7 @@ def locate(engine: Engine, base: Candidate, found: Found, bumps: Sequence[Bumps]
         dataclasses.replace(one.profile, p_value=p[one.profile.variable], further=share)
         for one, share in both
     )
-    return Left(tuple(location), p)
+    return tuple(location), p
 
 
 def _beside(bumps: Sequence[Bumps]) -> np.ndarray:

@@ -25,12 +25,11 @@ from ..runs.fits import HowFitted
 from ..runs.stiffness import MachineStiffness
 from ..silent import silent
 from .case import MOST, Offered, offered
-from .close import close
+from .close import Subject, close
 from .result import Loop
 from .run import run_loop
 from .slider import refuse_failed, slider_subject, with_channels
 from .split import split
-from .subject import Subject
 
 
 @old_arguments(with_="include", without="exclude", most="max_effects")

@@ -1,8 +1,8 @@
 """The result of the loop: verdict, fits before and after, and all tried models."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -10,13 +10,15 @@ from ..described import Described, Drawable, Gridded, Tabular, said
 from ..findings import Finding
 from ..fitting import Estimate, Fit, NoiseEstimate
 from ..fitting.derived import amplitudes, rate_dependence
+from ..fitting.noise.thresholds import TOLD
 from ..records import Record, VelocitySteps
 from ..runs.joined import Joined
-from .axis.result import AxisBase, AxisDetails, PreparedRecord
+from .axis.result import AxisDetails
 from .family import CurveFamily
-from .refusal import Refusal
+from .refit import Candidate
+from .refusal import Fault, Refusal
 from .split import Blocks
-from .unfixed import Unfixed, unfixed
+from .thresholds import ACCEPT
 
 VERDICTS = ("no_missing_effect", "effects", "ambiguous", "outside_catalogue", "too_weak")
 
@@ -69,6 +71,45 @@ class CandidateScore:
     """Why it was refused; None if it was accepted, or if another model was better."""
 
 
+_OPEN = (Fault.NOT_FIXED, Fault.TAKES)
+
+
+class Unfixed(NamedTuple):
+    """A model likelier than the accepted one, refused because the record leaves parameters open.
+
+    The missing effect may then be in the catalogue, but the record does not determine which effect
+    is missing.
+    """
+
+    effects: tuple[str, ...]
+    lower: float
+    """BIC of the accepted model minus that of the refused one."""
+    rejection: Refusal
+    """Parameters are undetermined, or taken over from the base; other parameters may be
+    determined."""
+
+
+def unfixed(
+    models: Iterable[tuple[Candidate | CandidateScore, float]], taken: float
+) -> list[Unfixed]:
+    """The likeliest models that were refused as undetermined, or for taking over parameters of the
+    base. The BIC of each refused model is below that of the accepted model by more than `ACCEPT`.
+
+    `models` are the tried models with their reductions of BIC; `taken` is the reduction by the
+    accepted model. The result has at most three models that are about as good, best first. A model
+    that contains another model of the result is omitted, since its additional effects are
+    undetermined.
+    """
+    found: dict[frozenset[str], Unfixed] = {}
+    for model, gain in sorted(models, key=lambda pair: pair[1]):
+        why = model.rejection
+        if why is not None and why.code in _OPEN and gain - taken > ACCEPT:
+            found[frozenset(model.effects)] = Unfixed(tuple(model.effects), gain - taken, why)
+    least = [one for key, one in found.items() if not any(other < key for other in found)]
+    order = sorted(least, key=lambda one: -one.lower)
+    return [one for one in order if order[0].lower - one.lower < ACCEPT][:TOLD]
+
+
 @dataclass(frozen=True)
 class ScreenedEffect:
     """An effect at its best shape, compared with the base to first order."""
@@ -104,20 +145,19 @@ class LocationProfile:
 
 
 @dataclass(frozen=True, eq=False)
-class RunBase:
-    """The base model of a run for reports, with the phases of the run."""
+class BaseModel:
+    """The base model of a run or an axis, for reports."""
 
-    fit: Fit
+    law: str
+    """The name of the friction law: "coulomb_viscous" of an axis."""
     steps: VelocitySteps
-
-    @property
-    def law(self) -> str:
-        """The name of the friction law."""
-        return self.fit.law
+    """The phases of a run, or the motion segments of an axis."""
+    constants: Mapping[str, float]
+    """Parameters of the base fit of a run (SI); the width of the smoothed sign of an axis."""
 
     def values(self) -> dict[str, float]:
-        """Parameter values by name (SI), from the base fit of all windows."""
-        return self.fit.values()
+        """The `constants`, by name."""
+        return dict(self.constants)
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,9 +178,7 @@ class RunDetails:
         return said("loop_json.run", self)
 
 
-LoopRecord = Record | PreparedRecord
-"""The record in the result of a loop."""
-LoopBase = Fit | RunBase | AxisBase
+LoopBase = Fit | BaseModel
 """The base model in the result of a loop."""
 LoopDetails = AxisDetails | RunDetails
 """Results for one kind of rig only."""
@@ -150,7 +188,8 @@ LoopDetails = AxisDetails | RunDetails
 class Loop(Described, Drawable, Gridded, Tabular):
     """The result of the loop over one record."""
 
-    record: LoopRecord
+    record: Record
+    """The record; for an axis, its decimated rows."""
     base_fit: LoopBase
     """Fit of the base to the whole record; for an axis, its base model."""
     kind: Literal["slider", "axis"]

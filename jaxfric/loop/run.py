@@ -27,7 +27,7 @@ from .case import Offered
 from .close import close
 from .family import listed
 from .residual_tests import merged, p_text
-from .result import Loop, RunBase, RunDetails
+from .result import BaseModel, Loop, RunDetails
 from .slider import refuse_failed, slider_subject, with_channels
 from .split import Blocks, split_again, split_units
 from .thresholds import ACCEPT, SIGNIFICANT
@@ -74,7 +74,7 @@ def run_loop(
             asked,
             changed=lambda problem: _in_stretches(problem, joined),
             levels={f"level{k + 2}": float(v) for k, v in enumerate(levels[1:])},
-            shown=(joined.rows, RunBase(base_fit, joined.shown_steps())),
+            shown=(joined.rows, BaseModel(how.law, joined.shown_steps(), base_fit.values())),
             thinning=thinning,
             details=lambda after: RunDetails(joined, after),
         )
@@ -256,13 +256,12 @@ def _left_out(joined: Joined) -> np.ndarray:
 def _thinned(joined: Joined, rows: int) -> tuple[Joined, tuple[str, ...]]:
     """The joined run averaged over neighbouring rows, never over two phases."""
     edges = np.flatnonzero(np.diff(joined.phase)) + 1
-    time = joined.record.time
-    cuts = np.append(0.0, 0.5 * (time[edges] + time[edges - 1]))
-    bounds = VelocitySteps(cuts, np.ones(len(cuts)))
-    few, said = few_rows(joined.record, rows, bounds)
+    cuts = _between(joined.record.time, edges)
+    few, said = few_rows(joined.record, rows, VelocitySteps(cuts, np.ones(len(cuts))))
     if few is joined.record:
         return joined, ()
-    shown, _ = few_rows(joined.rows, rows, _in_run(joined, edges))
+    in_run = VelocitySteps(_between(joined.rows.relative_time, edges), np.ones(len(cuts)))
+    shown, _ = few_rows(joined.rows, rows, in_run)
     if len(shown) != len(few):
         raise InputError(
             f"{option('downsample-to', rows)}: a phase of the run would be lost; ask for more rows"
@@ -272,8 +271,6 @@ def _thinned(joined: Joined, rows: int) -> tuple[Joined, tuple[str, ...]]:
     return dataclasses.replace(joined, record=few, rows=shown, phase=kept), said
 
 
-def _in_run(joined: Joined, edges: np.ndarray) -> VelocitySteps:
-    """Boundaries between the phases, in the time of the run."""
-    time = joined.rows.relative_time
-    cuts = np.append(0.0, 0.5 * (time[edges] + time[edges - 1]))
-    return VelocitySteps(cuts, np.ones(len(cuts)))
+def _between(time: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """0, and the times halfway to the row before each row of `edges`."""
+    return np.append(0.0, 0.5 * (time[edges] + time[edges - 1]))

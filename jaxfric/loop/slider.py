@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 import equinox as eqx
 import jax
 import numpy as np
-from jaxtyping import Array
 
 from ..effects import AbstractEffect, RecordScales
 from ..errors import InputError, option
@@ -16,28 +15,21 @@ from ..fitting.assemble import NEAR_EDGE
 from ..fitting.drift import of_drift
 from ..fitting.encompassing import EncompassingModel
 from ..fitting.padding import filled
-from ..fitting.problem import FAILED_MISFIT, Channel, Model, Problem
+from ..fitting.problem import Channel, Model, Problem
 from ..fitting.stages import prepare
 from ..laws.registry import refuse_untaken, takes
 from ..records import Record, VelocitySteps
 from ..records.differences import noise_from_differences
-from ..traced import traced
 from .case import Case, Choice, Offered
-from .engine import Engine
+from .close import Reported, Subject
 from .location import friction_bumps
-from .nonlinear import friction_sensitivities
-from .refit import Candidate
-from .result import LoopBase, LoopDetails, LoopRecord, Score
+from .nonlinear import friction_sensitivities, slider_curves
+from .result import LoopBase, LoopDetails, Score
 from .sampling import seen_between
-from .search import Search
-from .slider_curves import slider_curves
 from .split import Blocks
-from .subject import ScoredRows, Subject
 
 # Errors of step times too small to matter to a fit add up over steps to what looks like a lag.
 _FELT = 0.1
-_FINER = 0.1  # factor on the solver tolerance
-_FINE_ENOUGH = 0.02  # largest change of the prediction [sigma]
 
 
 def slider_subject(
@@ -50,7 +42,7 @@ def slider_subject(
     changed: Callable[[Problem], Problem],
     levels: Mapping[str, float] | None = None,
     fitted_times: np.ndarray | None = None,
-    shown: tuple[LoopRecord, LoopBase] | None = None,
+    shown: tuple[Record, LoopBase] | None = None,
     thinning: Sequence[str] = (),
     details: Callable[[Score], LoopDetails | None] | None = None,
 ) -> Subject[Problem]:
@@ -68,14 +60,10 @@ def slider_subject(
     choice = Choice(asked.with_, asked.without)
     case = Case(changed(problem), blocks, friction_sensitivities, felt, path, choice)
     start = _start_of(case, base_fit.values() | more, found_steps, fitted_times)
-    steps, edge = shown[1].steps, edge_of(base_fit)
-
-    def rows(engine: Engine[Problem]) -> ScoredRows:
-        step = engine.blocks.step
-        return ScoredRows(np.ones(len(step), bool), step, len(steps), steps.velocities[step])
-
-    def warnings(engine: Engine[Problem], found: Search) -> tuple[str, ...]:
-        return (*thinning, *slider_warnings(engine, found, base_fit, edge))
+    steps, edge, step = shown[1].steps, edge_of(base_fit), blocks.step
+    warnings = (*thinning, *slider_warnings(base_fit, edge))
+    every = np.ones(len(step), bool)
+    reported = Reported(*shown, warnings, every, step, len(steps), steps.velocities[step])
 
     return Subject(
         case=case,
@@ -85,10 +73,8 @@ def slider_subject(
         kind="slider",
         bumps=friction_bumps,
         curves=lambda engine, final: slider_curves(engine, final, steps.velocities),
-        rows=rows,
+        reported=lambda engine, found: reported,
         named=lambda parameters: {**parameters, "K": known["K"], "V0": known["V0"]},
-        shown=lambda engine: shown,
-        warnings=warnings,
         details=lambda engine, found, after, *rest: None if details is None else details(after),
         edge=edge,
     )
@@ -101,9 +87,7 @@ def edge_of(base_fit: Fit) -> float | None:
     return base_fit.values()["K"] / base_fit.critical_stiffness()
 
 
-def slider_warnings(
-    engine: Engine[Problem], found: Search, base_fit: Fit, edge: float | None
-) -> list[str]:
+def slider_warnings(base_fit: Fit, edge: float | None) -> list[str]:
     """Warnings of the loop, and warnings of the base fit except on noise or missing effects."""
     warnings = repeated(base_fit.warnings)
     if edge is not None and edge < NEAR_EDGE:
@@ -115,13 +99,6 @@ def slider_warnings(
                 {"ratio": edge},
             )
         )
-    change = _finer(engine, found.base)
-    if np.isinf(change):
-        text = "a finer solver did not reach the end: how exact this is stays unknown"
-        warnings.append(Warned(text, WarningCode.SOLVER))
-    elif not change < _FINE_ENOUGH:
-        text = f"a finer solver moves the prediction by {change:.2g} sigma"
-        warnings.append(Warned(text, WarningCode.SOLVER, {"sigma": change}))
     return warnings
 
 
@@ -246,21 +223,6 @@ def _channels(
     return tuple(found)
 
 
-def _finer(engine: Engine[Problem], base: Candidate) -> float:
-    """Change of the prediction with a ten times smaller solver tolerance, in sigma of the noise."""
-    evaluator = engine.evaluator
-    if engine.always:
-        problem, z = evaluator.simulated(base.z, evaluator.problem), base.z
-    else:  # the base alone is quicker to compile
-        problem = evaluator.problem.with_model(engine.model.base)
-        z = np.concatenate([base.z[engine.base], base.z[len(engine.names) :]])
-    fine = dataclasses.replace(problem, rtol=_FINER * problem.rtol, max_steps=3 * problem.max_steps)
-    residual = np.asarray(_residual(fine, jax.device_put(z)))[: engine.rows]
-    if np.any(np.abs(residual) >= FAILED_MISFIT):
-        return np.inf
-    return float(np.max(np.abs(residual - base.residual))) / float(base.noise.sigma)
-
-
 def repeated(warnings: Sequence[str]) -> list[str]:
     """The warnings of a fit that the loop repeats, with the name of the loop's option. Warnings
     about noise and about a large or wandering residual are dropped, since the loop searches for
@@ -275,8 +237,3 @@ def repeated(warnings: Sequence[str]) -> list[str]:
         else text
         for text in kept
     ]
-
-
-@traced
-def _residual(problem: Problem, z: Array) -> Array:
-    return problem.residual(z)

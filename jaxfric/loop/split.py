@@ -34,6 +34,11 @@ class Blocks(NamedTuple):
         """The mask of a block by its name."""
         return {"train": self.train, "select": self.select, "report": self.report}[name]
 
+    def short(self) -> tuple[str, int] | None:
+        """The first block with fewer than 20 rows, and its number of rows; None if all suffice."""
+        sizes = {name: int(self.of(name).sum()) for name in NAMES}
+        return next((pair for pair in sizes.items() if pair[1] < FEWEST_ROWS), None)
+
 
 def split(time: np.ndarray, steps: VelocitySteps) -> Blocks:
     """Blocks of a record with rows at `time` (from 0) [s].
@@ -158,7 +163,7 @@ def split_again(
     if number < 2:
         return None
     blocks = _with_held(unit[phase], phase, within[-number:])
-    return blocks if min(blocks.of(name).sum() for name in NAMES) >= FEWEST_ROWS else None
+    return None if blocks.short() else blocks
 
 
 def _with_held(unit: np.ndarray, segment: np.ndarray, held: np.ndarray) -> Blocks:
@@ -184,13 +189,12 @@ def _of_units(
 
 def refuse_short(blocks: Blocks) -> None:
     """Raise `InputError` if a block has fewer than 20 rows."""
-    for name in NAMES:
-        rows = int(blocks.of(name).sum())
-        if rows < FEWEST_ROWS:
-            raise InputError(
-                f"the record is too short to be split: its {name} block would have {rows} rows and"
-                f" needs {FEWEST_ROWS}; record longer steps, more of them, or sample faster"
-            )
+    if short := blocks.short():
+        name, rows = short
+        raise InputError(
+            f"the record is too short to be split: its {name} block would have {rows} rows and"
+            f" needs {FEWEST_ROWS}; record longer steps, more of them, or sample faster"
+        )
 
 
 def _within(speed: np.ndarray, hold: Sequence[int] = (), first: int = 0) -> np.ndarray:

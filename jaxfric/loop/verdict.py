@@ -6,19 +6,16 @@ from typing import NamedTuple
 import numpy as np
 
 from ..described import said
-from ..effects import effect_of, separators
+from ..effects import separators
 from ..findings import Finding, Severity
-from .engine import Engine
 from .family import CurveFamily
 from .findings import LoopCode, left_over
-from .floor import Floor
+from .learn import Floor
 from .refusal import Move
-from .result import LocationProfile
-from .rivals import rival_fits
-from .search import Search
+from .result import LocationProfile, Unfixed, unfixed
+from .search import Search, rival_fits
 from .split import NAMES
 from .thresholds import ACCEPT, ALIAS, EDGE, HELD_OUT, SIGNIFICANT, TIE
-from .unfixed import Unfixed, unfixed
 
 
 class Facts(NamedTuple):
@@ -184,23 +181,17 @@ def conclude(
     if verdict != "ambiguous":
         doubts, families = [], ()
     groups = _groups(search)
-    separations = {id: separators(effect_of_engine(engine, id)) for g in groups for id in g}
+    known = {effect.id: separators(effect) for effect in engine.model.effects}
     return Conclusion(
         verdict,
         told,
         (*against, *doubts),
         groups,
-        separations,
+        {id: known[id] for group in groups for id in group},
         families,
         sigma_held_out=floor.later,
         held_out_threshold=floor.most["report"],
     )
-
-
-def effect_of_engine(engine: Engine, id: str):
-    """The class of an effect, from the catalogue or the user."""
-    own = [e for e in engine.model.effects if e.id == id]
-    return own[0] if own else effect_of(id)
 
 
 def _groups(search: Search) -> tuple[tuple[str, ...], ...]:

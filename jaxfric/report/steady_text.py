@@ -4,8 +4,7 @@ import numpy as np
 
 from ..fitting.noise import step_words
 from ..gains.axis_result import AxisGains, Shown
-from ..loop.steady.findings import steady_findings
-from ..loop.steady.loop import SteadyLoop, shown_units, steady_gains
+from ..loop.steady.loop import SteadyLoop, shown_units, steady_findings, steady_gains
 from ..loop.steady.model import SteadyModel
 from ..loop.steady.noise import SteadyNoise
 from ..plain import entries, plain

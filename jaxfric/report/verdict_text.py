@@ -11,8 +11,8 @@ from ..loop.family import CurveFamily, listed
 from ..loop.findings import LoopCode
 from ..loop.refusal import Fault, Move, Refusal, takes
 from ..loop.residual_tests import p_text
+from ..loop.result import Unfixed
 from ..loop.thresholds import ACCEPT, FAR, SIGNIFICANT
-from ..loop.unfixed import Unfixed
 from ..loop.verdict import Conclusion, Told
 from ..units import read_as, speed_text
 from .location_text import question, where_it_sits

@@ -1,7 +1,7 @@
 """The axis part of a loop's result: inverse dynamics and output error of each model, and gains."""
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -22,10 +22,10 @@ from ...stability.linear import linearise
 from ...stability.margins import stability_margin
 from ..engine import Engine
 from ..estimates import estimates
+from ..findings import claims_of_friction
 from ..search import Search
 from ..thresholds import UNEXPLAINED
-from .driven import Driven
-from .findings import axis_claims
+from .driven import Driven, at_one_speed
 from .reading import Reading
 from .result import AxisDetails, AxisRows, Spring
 from .seen import Seen, seen
@@ -163,3 +163,24 @@ def _borne(rig: AxisRig, position: float, velocity: float, drive: Drive | None) 
     own = Rig(Inertial(mass, drive.K_p, drive.K_d), law)
     borne = float(stability_margin("delay", linearise(own, abs(velocity))))
     return borne if np.isfinite(borne) else None
+
+
+def axis_claims(
+    rows: AxisRows, directions: Sequence[Driven], details: AxisDetails
+) -> tuple[Finding, ...]:
+    """Claims on friction in each direction over the supported speeds, and on stability.
+
+    No claim is made if a reason against the fitted friction concerns all speeds. Exception: if each
+    direction was driven at one speed, its friction is claimed, because that friction is measured,
+    not fitted.
+    """
+    curve, single = details.gains.curve, at_one_speed(directions)
+    if details.withheld or curve is None or (details.doubted() and not single):
+        return ()
+    whole = curve.slowest, curve.fastest
+    ways = [
+        (one.direction, one.sign, (one.slowest, one.fastest) if single else whole)
+        for one in directions
+    ]
+    kind = details.gains.claim.kind
+    return tuple(claims_of_friction(kind, ways, whole, rows.velocity, rows.used))

@@ -10,7 +10,6 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
-import jax.numpy as jnp
 import numpy as np
 
 from ...described import said
@@ -27,24 +26,21 @@ from ...records.axis_record import AxisRecord
 from ...records.axis_units import inertia_unit
 from ...records.differences import noise_from_differences
 from ...records.given import as_axis_record
-from ...rig.axis import AxisRig, BaseLaw
+from ...rig.axis import LAW, AxisRig, BaseLaw
 from ...silent import silent
 from ..case import MOST, Case, Choice, NoiseBounds, Offered, offered
-from ..close import close
+from ..close import Reported, Subject, close
 from ..engine import Engine
 from ..findings import LoopCode
-from ..result import Loop
+from ..result import BaseModel, Loop
 from ..search import Search
-from ..split import Blocks
-from ..subject import ScoredRows, Subject
-from .curves import axis_curves
 from .details import KnownAxis, details_of
 from .driven import OF_SPEED, UNKNOWN, at_one_speed, driven
-from .nonlinear import axis_sensitivities, friction_bumps
+from .nonlinear import axis_curves, axis_sensitivities, friction_bumps
 from .reading import Reading, read_rows
-from .result import AxisBase, AxisRows, PreparedRecord, Spring
-from .rows import scales_of
-from .seen import doubts, follows, held_command, spring_of
+from .result import AxisRows, Spring
+from .rows import rough_fit, scales_of
+from .seen import doubts, follows, spring_of
 
 _LEAST_UNIT = 1e-3  # share of the range of force
 
@@ -154,15 +150,12 @@ def axis_subject(
     if record.others:
         values = {"columns": record.others}
         others = (Finding(LoopCode.OTHERS, Severity.CAUTION, values, rows.used),)
+    cautions = tuple(said("verdict_text.words_of", one) for one in others)
     known = KnownAxis(record, reading, directions, spring, reason, others)
 
     def counted(engine: Engine[AxisProblem]) -> AxisRows:
         """The rows without outliers."""
         return dataclasses.replace(rows, used=rows.used & engine.passed_on())
-
-    def scored(engine: Engine[AxisProblem]) -> ScoredRows:
-        own = counted(engine)
-        return ScoredRows(own.used, own.segment, int(own.segment.max()) + 1, own.velocity)
 
     def named(parameters: Mapping[str, Estimate]) -> dict[str, Estimate]:
         units = {n: own_unit(one.unit, record.force_unit, length) for n, one in parameters.items()}
@@ -173,31 +166,28 @@ def axis_subject(
             for n, e in parameters.items()
         }
 
-    def shown(engine: Engine[AxisProblem]) -> tuple[PreparedRecord, AxisBase]:
+    def reported(engine: Engine[AxisProblem], found: Search) -> Reported:
         own = counted(engine)
-        return own.as_record(record, prepared.force), AxisBase(own.steps(), own.width)
-
-    def warnings(engine: Engine[AxisProblem], found: Search) -> tuple[str, ...]:
-        own, final = counted(engine), found.final
-        seen = doubts(engine, found, own, reason)
-        if not held:
-            interval = float(np.median(np.diff(record.time)))
-            seen += held_command(engine.values(final.z), final.effects, interval)
-        seen += [said("verdict_text.words_of", one) for one in others]
-        return (*reading.warnings, *own.warnings(length), *seen)
+        return Reported(
+            own.as_record(record, prepared.force),
+            BaseModel(LAW, own.steps(), {"width": own.width}),
+            (*reading.warnings, *doubts(engine, found, own, reason), *cautions),
+            own.used,
+            own.segment,
+            int(own.segment.max()) + 1,
+            own.velocity,
+        )
 
     return Subject(
         case=case,
-        start=_start(problem, reading.blocks),
+        start=_start(problem, reading),
         scales=scales_of(rows, prepared, reading.blocks),
         friction_unit=record.force_unit,
         kind="axis",
         bumps=lambda engine, candidate: friction_bumps(engine, counted(engine), unit=length),
         curves=lambda engine, final: axis_curves(engine, final, counted(engine), length),
-        rows=scored,
+        reported=reported,
         named=named,
-        shown=shown,
-        warnings=warnings,
         details=lambda engine, found, after, missed, progress: details_of(
             known, counted(engine), engine, found, after.parameters, missed, progress
         ),
@@ -219,20 +209,13 @@ def _stopped(
     return Finding(LoopCode.FEEDBACK, Severity.WITHHELD, {"late": late}, rows.used)
 
 
-def _start(problem: AxisProblem, blocks: Blocks) -> np.ndarray:
-    """Parameters of the base by least squares."""
-    motion, at = problem.motion, np.flatnonzero(blocks.train)
-    columns = [
-        motion.acceleration,
-        motion.velocity,
-        jnp.tanh(motion.velocity / problem.width),
-        jnp.ones_like(motion.velocity),
-    ]
-    matrix = np.stack([np.asarray(problem.sampler(c))[at] for c in columns], axis=1)
-    found, *_ = np.linalg.lstsq(matrix, np.asarray(problem.friction)[at], rcond=None)
+def _start(problem: AxisProblem, reading: Reading) -> np.ndarray:
+    """Parameters of the base by least squares over the train rows."""
+    rough = rough_fit(reading.prepared, reading.blocks.train, reading.rows.width)
+    mass, *others = rough.values.tolist()
     # a negative mass becomes tiny here; `AxisProblem.begun` then replaces it
-    found[0] = max(found[0], np.finfo(float).tiny)
-    return problem.coordinates.to_free(np.asarray([*found, *problem.model.nulls()]))
+    mass = max(mass, np.finfo(float).tiny)
+    return problem.coordinates.to_free(np.asarray([mass, *others, *problem.model.nulls()]))
 
 
 def unit_of_residuals(force: np.ndarray) -> float:

@@ -21,10 +21,8 @@ from ...records.axis_record import AxisRecord
 from ...records.axis_units import inertia_unit
 from ..split import NAMES, Blocks
 from ..thresholds import FEWEST_ROWS, LOWER_CUTOFFS, PERIODS
-from .controller_check import disagreement, stretches
 from .result import AxisRows
-from .rough import holds_already, refuse_reversed, rough_fit, unexplained_rows
-from .rows import rows_of
+from .rows import holds_already, refuse_reversed, rough_fit, rows_of, unexplained_rows
 from .split import split
 
 _OF_NOISE, _OF_RESIDUAL = np.sqrt(0.5), 0.25
@@ -67,10 +65,10 @@ def read_rows(
     unit = record.force_unit
     mass = inertia_unit(unit, record.length_unit)
     refuse_reversed(rough, work, record.provenance.path, unit, mass)
-    wrong = disagreement(record, held=force is record.motor_force)
-    wrong = wrong or _unexplained(record, prepared, rows)
     notes = tuple(note for note in (*told, why, *more) if note)
-    warnings = tuple(text for text in (_uneven(record), wrong) if text)
+    warnings = tuple(
+        text for text in (_uneven(record), _unexplained(record, prepared, rows)) if text
+    )
     return Reading(prepared, rows, blocks, notes, warnings)
 
 
@@ -249,3 +247,16 @@ def _split(
             " raise it"
         )
     raise InputError(f"{refused}. Try {option('cutoff', f'{better:.2g} Hz')}")
+
+
+_TOGETHER = 0.05
+"""Rows that differ within this time [s] of each other belong to one stretch."""
+
+
+def stretches(rows: np.ndarray, time: np.ndarray) -> str:
+    """The times of some rows as text: the longest stretch, and the number of further stretches."""
+    gap = max(_TOGETHER / float(np.median(np.diff(time))), 1.0)
+    parts = np.split(rows, np.flatnonzero(np.diff(rows) > gap) + 1)
+    longest = max(parts, key=len)
+    more = f" and {len(parts) - 1} more stretches" if len(parts) > 1 else ""
+    return f"{time[longest[0]]:.4g} to {time[longest[-1]]:.4g} s{more}"

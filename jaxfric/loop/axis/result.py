@@ -7,14 +7,13 @@ from typing import NamedTuple
 import numpy as np
 
 from ...described import said
-from ...findings import Finding, Warned, WarningCode
+from ...findings import Finding
 from ...fitting import Estimate
 from ...fitting.axis_fit import AxisFit
 from ...fitting.axis_preparation import Preparation
 from ...gains.axis_result import AxisGains
-from ...records import Provenance, Sampling, VelocitySteps
+from ...records import Record, VelocitySteps
 from ...records.axis_record import AxisRecord
-from ...rig.axis import LAW
 from .driven import Driven
 
 
@@ -38,61 +37,15 @@ class AxisRows:
         mean = [float(np.mean(self.velocity[self.segment == k])) for k in range(count)]
         return VelocitySteps(self.time[first] - self.time[0], np.asarray(mean))
 
-    def warnings(self, unit: str) -> tuple[str, ...]:
-        """Warnings about the preparation of rows; `unit` is the unit of the position."""
-        share, slowest = float(np.mean(self.stuck)), f"{2 * self.width:.2g} {unit}/s"
-        if share > 0.5:
-            text = f"{100 * share:.0f} % of the rows are slower than {slowest} and do not count"
-            values = {"share": share, "slowest": 2 * self.width}
-            return (Warned(text, WarningCode.SLOW, values),)
-        return ()
-
-    def as_record(self, record: AxisRecord, force: np.ndarray) -> "PreparedRecord":
-        """The rows as a record for reports; `force` is the force at the rows (n)."""
-        return PreparedRecord(
-            self.time - self.time[0],
-            record.force_unit,
-            record.provenance,
-            {"load_point_displacement": "mm" if record.coordinate == "linear" else "rad"},
+    def as_record(self, record: AxisRecord, force: np.ndarray) -> Record:
+        """The decimated rows as a record for reports; `force` is the force at the rows (n)."""
+        return Record(
+            self.time,
             np.asarray(force)[: len(self.time)],
+            friction_unit=record.force_unit,
+            units={"load_point_displacement": "mm" if record.coordinate == "linear" else "rad"},
+            provenance=record.provenance,
         )
-
-
-@dataclass(frozen=True, eq=False)
-class PreparedRecord:
-    """The decimated rows of an axis record, in the form of a record for reports."""
-
-    relative_time: np.ndarray
-    friction_unit: str
-    provenance: Provenance
-    units: dict[str, str] = field(default_factory=dict)
-    friction: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    """Recorded force at the rows."""
-
-    def __len__(self) -> int:
-        return len(self.relative_time)
-
-    def sampling(self) -> Sampling:
-        """Rows, duration and intervals after decimation."""
-        return Sampling.of(self.relative_time)
-
-
-@dataclass(frozen=True, eq=False)
-class AxisBase:
-    """The base model of an axis."""
-
-    steps: VelocitySteps
-    width: float
-    """Width of the smoothed sign of the velocity [m/s]."""
-
-    @property
-    def law(self) -> str:
-        """The name of the base law, "coulomb_viscous"."""
-        return LAW
-
-    def values(self) -> dict[str, float]:
-        """Constants of the base that are not fitted."""
-        return {"width": self.width}
 
 
 class Spring(NamedTuple):

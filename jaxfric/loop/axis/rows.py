@@ -1,10 +1,15 @@
 """The used rows of a prepared record, and the scales of its motion."""
 
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import jax.numpy as jnp
 import numpy as np
 
 from ...effects import RecordScales
-from ...errors import InputError
+from ...errors import InputError, option
 from ...fitting.axis_preparation import Prepared
+from ...fitting.noise.thresholds import CLEAR
 from ..split import Blocks
 from .result import AxisRows
 from .split import segments
@@ -85,3 +90,113 @@ def scales_of(rows: AxisRows, prepared: Prepared, blocks: Blocks) -> RecordScale
         interval=interval,
         duration=float(rows.time[-1]),
     )
+
+
+_HALF = 0.5
+_NEAR_ENOUGH = 0.2  # tolerance of a disturbance coefficient around -1 and 0
+_TRIMS, _NEAR, _FAR = 8, 2.5, 10.0  # iterations; scatters of kept rows and of outliers
+
+
+class Rough(NamedTuple):
+    """A fit of the base law to an axis record by least squares."""
+
+    values: np.ndarray
+    """M, F_v, F_c, F_0 (SI), then the coefficients of further columns."""
+    std: np.ndarray
+    """Standard deviations of `values`, if the residuals are white."""
+    residual: np.ndarray
+    """Recorded minus predicted, at all rows (n)."""
+    rms: float
+    """Root mean square of the residual over the rows of the fit [F]."""
+    dissipation: float
+    """F_c + F_v |v| at the median speed [F]: friction there."""
+    its_error: float
+    """Standard error of `dissipation` [F]."""
+
+
+def rough_fit(
+    prepared: Prepared, used: np.ndarray, width: float, *, more: Sequence[np.ndarray] = ()
+) -> Rough:
+    """Least-squares fit of the base law to the rows `used` (mask); `more` are further columns."""
+    motion, at_rows = prepared.motion, prepared.forces
+    n = prepared.rows
+    v = np.asarray(at_rows(motion.velocity))[:n]
+    columns = [
+        np.asarray(at_rows(motion.acceleration))[:n],
+        v,
+        np.asarray(at_rows(jnp.tanh(motion.velocity / width)))[:n],
+        np.ones(n),
+        *(column[:n] for column in more),
+    ]
+    whole = np.stack(columns, axis=1)
+    matrix, force = whole[used], prepared.force[:n][used]
+    size = np.linalg.norm(matrix, axis=0)
+    size = np.where(size > 0, size, 1.0)
+    inverse = np.linalg.pinv(matrix / size)
+    values = inverse @ force
+    left = force - (matrix / size) @ values
+    rms = float(np.sqrt(left @ left / max(len(left) - len(values), 1)))
+    covariance = rms**2 * (inverse @ inverse.T) / np.outer(size, size)
+    at = np.zeros(len(values))
+    at[1:3] = float(np.median(np.abs(v[used]))), 1.0
+    values = values / size
+    error = float(np.sqrt(at @ covariance @ at))
+    residual = prepared.force[:n] - whole @ values
+    std = np.sqrt(np.diag(covariance))
+    return Rough(values, std, residual, rms, float(at @ values), error)
+
+
+def refuse_reversed(rough: Rough, work: float, path: str, force_unit: str, mass_unit: str) -> None:
+    """Raise `InputError` if friction would be negative: force and motion have opposite signs.
+
+    Friction dissipates, so `work`, the mean of F v over the rows [F m/s], is positive for motion
+    back and forth. Negative work and significantly negative friction mean that force or motion has
+    a wrong sign. If the mass is negative too, the force has the wrong sign.
+    """
+    if work >= 0 or rough.dissipation > -CLEAR * rough.its_error:
+        return
+    mass, mass_error = rough.values[0], rough.std[0]
+    friction = f"a friction of {rough.dissipation:.3g} {force_unit}"
+    if mass < -CLEAR * mass_error:
+        raise InputError(
+            f"{path}: by least squares the axis has a mass of {mass:.3g} {mass_unit} and"
+            f" {friction}: is the sign of the force reversed? Turn it with"
+            f" {option('flip-sign', 'force')} (or that of position and velocity with"
+            f" {option('flip-sign', 'motion')})"
+        )
+    raise InputError(
+        f"{path}: by least squares the axis has {friction}, so that friction would drive it: is the"
+        f" sign of the force reversed ({option('flip-sign', 'force')})? Are force and position of"
+        " the same axis and the same time?"
+    )
+
+
+def unexplained_rows(prepared: Prepared, used: np.ndarray, width: float) -> np.ndarray:
+    """Mask of rows at which the force is far from the base law of all other rows.
+
+    The mask holds rows whose force deviates by more than half the standard deviation of the force,
+    and by more than ten times the scatter. Friction does not deviate so much from the base law.
+    """
+    keep, found = used.copy(), np.zeros(len(used), bool)
+    for _ in range(_TRIMS):
+        left = rough_fit(prepared, keep, width).residual
+        scatter = 1.4826 * float(np.median(np.abs(left[keep])))
+        far = np.abs(left) > max(
+            _FAR * scatter, _HALF * float(np.std(prepared.force[: len(used)][used]))
+        )
+        if np.mean(far[used]) > _HALF:
+            return np.zeros(len(used), bool)
+        found, keep = far & used, used & (np.abs(left) < _NEAR * scatter)
+    return found
+
+
+def holds_already(coefficient: float, error: float) -> bool | None:
+    """Whether the recorded force F includes a disturbance d, from c in the fit F = ... + c d.
+
+    Motor force plus disturbance act on the axis. The coefficient c is therefore -1 if F is the
+    motor force alone, and 0 if F includes d. The result is None if c is near neither value, because
+    the motion then does not respond to d.
+    """
+    if error > _HALF / CLEAR or not abs(abs(coefficient + _HALF) - _HALF) <= _NEAR_ENOUGH:
+        return None
+    return bool(coefficient > -_HALF)

@@ -9,7 +9,7 @@ import numpy as np
 from ...errors import InputError, option
 from ...fitting.axis_problem import NEGLIGIBLE
 from ...fitting.noise.thresholds import SAME_VELOCITY
-from ..split import NAMES, Blocks
+from ..split import Blocks
 from ..thresholds import FEWEST_ROWS, FEWEST_STROKES, SHARE
 
 
@@ -58,14 +58,14 @@ def split(segment: np.ndarray, used: np.ndarray, velocity: np.ndarray, path: str
     # held-out segments are predicted within the range of trained velocities
     fastest, slowest = _extremes(segment[used], moving, rows)
     blocks = _blocks(segment, used, rows, fastest | slowest)
-    if min(_sizes(blocks).values()) < FEWEST_ROWS:
+    if blocks.short():
         blocks = _blocks(segment, used, rows, fastest)
-    for name, found in _sizes(blocks).items():
-        if found < FEWEST_ROWS:
-            raise InputError(
-                f"{path}: the {name} block would have {found} rows and needs {FEWEST_ROWS}; record"
-                " more or longer strokes"
-            )
+    if short := blocks.short():
+        name, found = short
+        raise InputError(
+            f"{path}: the {name} block would have {found} rows and needs {FEWEST_ROWS}; record more"
+            " or longer strokes"
+        )
     return blocks
 
 
@@ -104,11 +104,6 @@ def _blocks(segment: np.ndarray, used: np.ndarray, rows: np.ndarray, train: set[
         segment,
         True,
     )
-
-
-def _sizes(blocks: Blocks) -> dict[str, int]:
-    """Number of rows by block."""
-    return {name: int(blocks.of(name).sum()) for name in NAMES}
 
 
 def _from(after: np.ndarray, share: float) -> int:
