@@ -76,10 +76,9 @@ def loop_line(call: Call, law: str) -> str:
 def changed_line(call: Call, change: "Change") -> str:
     """Return the shell command of a `jaxfric protocol` call with a change of its plan.
 
-    Options of output are left out. The text is empty if no option plans the change (a load-point
-    encoder), and if the call gave no velocities.
+    Options of output are left out. The text is empty if the call gave no velocities.
     """
-    if "velocities" not in call.given or change.encoder_noise is not None:
+    if "velocities" not in call.given:
         return ""
     given = call.given | {"slip_per_step": f"{1e6 * change.slip_per_step:.6g} um"}
     if change.slip_noise is not None and "slip_channel" not in given:

@@ -75,19 +75,18 @@ def named_pair(
 
     Raises `InputError` for an effect of the base, and for an effect that the plan does not know.
     """
-    effects = {id: effect for id, effect in CATALOGUE.items() if effect.channel is None}
-    known = [id for id, effect in effects.items() if id not in without and takes(law, effect)]
+    known = [
+        id
+        for id, effect in CATALOGUE.items()
+        if effect.channel is None and id not in (*with_, *without) and takes(law, effect)
+    ]
     a, b = (BASE if id == law and id not in known else id for id in ids)
     for id in (a, b):
-        if id in with_:
+        if id not in (BASE, *known):
+            has = f"; the base model has it ({option('include')})" if id in with_ else ""
             raise InputError(
-                f"{option('distinguish')}: the base model has {id} ({option('include')}); ask for"
-                " another effect"
-            )
-        if id not in known and id != BASE:
-            names = (BASE, *known)
-            raise InputError(
-                f"{option('distinguish')}: no effect '{id}' in this plan{did_you_mean(id, names)}"
+                f"{option('distinguish')}: no effect '{id}' to distinguish in this plan"
+                f"{has or did_you_mean(id, (BASE, *known))}"
             )
     if a == b:
         raise InputError(

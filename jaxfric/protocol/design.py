@@ -145,15 +145,14 @@ class Design:
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """A plan with one change, or the plan itself. SI; None for the noise of a missing channel."""
+    """A plan with one change, or the plan itself. SI."""
 
     key: str
     text: str
     velocities: tuple[float, ...]
     slip_per_step: float
     slip_noise: float | None = None
-    encoder_noise: float | None = None
-    """Noise of a load-point encoder."""
+    """Noise of a slip channel [m]; None without this channel."""
     shapes_of: float | None = None
     """Slip per step [m] that sets the lengths and times of effects, if it is another one."""
     design: Design | None = None
@@ -175,7 +174,7 @@ class Change:
         return VelocitySteps(starts, np.asarray(self.velocities))
 
     def planned(self) -> dict[str, object]:
-        """Return the changed plan as JSON values; null for a missing channel."""
+        """Return the changed plan as JSON values; the noise is null without a slip channel."""
         return {
             "change": self.key,
             "text": self.text,
@@ -183,7 +182,6 @@ class Change:
             "velocities": list(self.velocities),
             "slip_per_step": self.slip_per_step,
             "slip_noise": self.slip_noise,
-            "load_point_noise": self.encoder_noise,
         }
 
 

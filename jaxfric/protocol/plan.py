@@ -9,11 +9,10 @@ changes of the plan. All variants have arrays of one size, so that JAX compiles 
 is not recorded is present with very large noise.
 """
 
-import dataclasses
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import jax.numpy as jnp
 import numpy as np
@@ -47,7 +46,7 @@ from ..units import speed_text
 from .design import Change, Design, Planned, Protocol, Smallest
 
 CHANNEL_NOISE = 1e-7
-"""Default noise of a displacement channel that a change adds [m]."""
+"""Noise of the slip channel that a change adds [m]."""
 NEAR = 2.0
 """K/K_cr below which a warning is given."""
 _ABSENT = 1e6
@@ -123,10 +122,10 @@ def plan(
     """
     begun = time.monotonic()
     velocities, values = tuple(map(float, asked.velocities)), dict(asked.parameters)
-    asked = dataclasses.replace(asked, law=known_law(asked.law))
+    asked = replace(asked, law=known_law(asked.law))
     _check(asked)
     values.setdefault("V0", velocities[0])
-    asked = dataclasses.replace(asked, velocities=velocities, parameters=values)
+    asked = replace(asked, velocities=velocities, parameters=values)
     include, exclude = tuple(ids_of(include)), tuple(ids_of(exclude))
     effects = _effects(asked.law, include, exclude, own)
     variants = [Change("plan", "as planned", velocities, asked.slip_per_step, asked.slip_noise)]
@@ -139,7 +138,7 @@ def plan(
     changed: list[Change] = []
     for k, variant in enumerate(variants, 1):
         progress(f"{variant.text} ({k} of {len(variants)})")
-        changed.append(dataclasses.replace(variant, design=_look(setup, variant)))
+        changed.append(replace(variant, design=_look(setup, variant)))
         if changed[0].design is None:
             raise InputError(_slips_away(ratio))
     design = changed[0].design
@@ -266,27 +265,23 @@ def _warnings(ratio: float | None, values: Mapping[str, float], slip: float) -> 
 
 def _changes(plan: Change) -> list[Change]:
     """Return changes of a plan, the cheapest first, without those that it already has."""
-    V, noise = plan.velocities, plan.slip_noise or CHANNEL_NOISE
+    V, slip = plan.velocities, plan.slip_per_step
     dwell, again = float(f"{min(V) / 3:.4g}"), repeated(V)
-    out = []
-    for key, text, change in (
-        ("slip_half", "half the slip per step",
-         {"slip_per_step": 0.5 * plan.slip_per_step, "shapes_of": plan.slip_per_step}),
-        ("slip_x2", "twice the slip per step", {"slip_per_step": 2 * plan.slip_per_step}),
-        ("slip_x4", "four times the slip per step", {"slip_per_step": 4 * plan.slip_per_step}),
-        ("dwell", f"a slow dwell at {speed_text(dwell)} appended",
-         {"velocities": followed(V, (dwell,), V)}),
-        ("repeat", f"the first velocity, {speed_text(V[0])}, repeated at the end",
-         {"velocities": again}),
-        ("slip_channel", "a slip channel", {"slip_noise": noise}),
-        ("load_point_channel", "a load-point encoder", {"encoder_noise": noise}),
-        ("both_channels", "a slip channel and a load-point encoder",
-         {"slip_noise": noise, "encoder_noise": noise}),
-    ):  # fmt: skip
-        had = plan.slip_noise is not None and key in ("slip_channel", "both_channels")
-        if not had and not (key == "repeat" and again == V):
-            out.append(dataclasses.replace(plan, key=key, text=text, **change))
-    return out
+    found = [
+        replace(plan, key="slip_half", text="half the slip per step", slip_per_step=0.5 * slip,
+                shapes_of=slip),
+        replace(plan, key="slip_x2", text="twice the slip per step", slip_per_step=2 * slip),
+        replace(plan, key="slip_x4", text="four times the slip per step", slip_per_step=4 * slip),
+        replace(plan, key="dwell", text=f"a slow dwell at {speed_text(dwell)} appended",
+                velocities=followed(V, (dwell,), V)),
+    ]  # fmt: skip
+    if again != V:
+        text = f"the first velocity, {speed_text(V[0])}, repeated at the end"
+        found.append(replace(plan, key="repeat", text=text, velocities=again))
+    if plan.slip_noise is None:
+        text = "a slip channel"
+        found.append(replace(plan, key="slip_channel", text=text, slip_noise=CHANNEL_NOISE))
+    return found
 
 
 def _times(variant: Change, rows: int) -> np.ndarray:
@@ -311,26 +306,20 @@ def _problem(setup: _Setup, variant: Change) -> tuple[Problem, Blocks]:
         ProblemSizes(values["V0"], planned.stiffness, planned.noise, values["A"]),
         EncompassingModel(setup.model, setup.effects),
     )
-    problem = dataclasses.replace(problem, max_steps=_SOLVER_STEPS)
+    problem = replace(problem, max_steps=_SOLVER_STEPS)
     size = bucket(planned.rows * setup.most, _ROWS)
     pad = (0, size - n)
-    used = np.ones(n, bool)
     time = jnp.asarray(np.pad(times, pad, mode="edge"))
-    anchor = jnp.asarray(np.pad(used, pad), float)
-    channels = tuple(
-        Channel(
-            jnp.zeros(size), jnp.asarray(_ABSENT if noise is None else noise, float), anchor, kind
-        )
-        for kind, noise in (("slip", variant.slip_noise), ("load_point", variant.encoder_noise))
-    )
-    problem = dataclasses.replace(
+    anchor = jnp.asarray(np.pad(np.ones(n), pad))
+    noise = jnp.asarray(_ABSENT if variant.slip_noise is None else variant.slip_noise, float)
+    problem = replace(
         problem,
         time=time,
         friction=jnp.full(size, values["f0"], float),
         weight=anchor,
         clock=time[:, None],
         motion=problem.motion.padded(bucket(setup.most, _VELOCITIES)),
-        channels=channels,
+        channels=(Channel(jnp.zeros(size), noise, anchor, "slip"),),
     )
     # use every row: a small lag of the sensor needs the slope at the row itself
     every = len(problem.time)

@@ -111,7 +111,6 @@ def _lack(design: Design, ids: tuple[str, str], known: Mapping[str, float]) -> t
     return 0, max([1.0, *times])
 
 
-def _cost(plan: Protocol, change: Change) -> tuple[int, float]:
-    """Rank the cost of a change: added channels, with an encoder (no option) last, then time."""
-    slip = change.slip_noise is not None and plan.slip_noise is None
-    return slip + 2 * (change.encoder_noise is not None), change.duration
+def _cost(plan: Protocol, change: Change) -> tuple[bool, float]:
+    """Rank the cost of a change: an added channel needs another instrument; then time."""
+    return change.slip_noise is not None and plan.slip_noise is None, change.duration

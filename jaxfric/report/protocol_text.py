@@ -85,8 +85,6 @@ def _would(pair: Pair, better: Remedy) -> str:
     if after.apart and change.design is not None:
         sizes = f", from {_from_sizes(change.design, after)} on"
     text = f"{change.text} ({_duration(change.duration)}){sizes}"
-    if change.encoder_noise is not None:
-        text = f"{text}; no option plans an encoder"
     if not better.enough:
         return f"no single change in the table below does, the nearest is {text}"
     return (
