@@ -19,7 +19,7 @@ from jaxfric.report.run_page import page
 from jaxfric.report.run_report import latex_text, report
 from jaxfric.runs import Event
 from jaxfric.runs.findings import Findings
-from jaxfric.runs.fits import HowFitted, RunFit, StepFit
+from jaxfric.runs.fits import RunFit, StepFit
 from jaxfric.runs.table import (
     HEAD,
     MISFIT,
@@ -157,7 +157,7 @@ def test_columns_stand_apart_with_two_states():
 def test_steps_that_are_missed_are_told_once_and_what_asks_on():
     """Each with by how much, in the order of the steps; a fit with a trend is asked otherwise."""
     run = run_of(left(off=11.0), left(), left(off=-6.0))
-    (line,) = [text for text in warnings_of(run, HowFitted()) if "miss" in text.partition(":")[2]]
+    (line,) = [text for text in warnings_of(run) if "miss" in text.partition(":")[2]]
     assert line.startswith("step 1, 3: the fit misses its record by 0.0011, 11 times the noise")
     assert line.endswith("mistake a drift for evolution (slip_trend=True) (values of step 1)")
     assert ask_on(run).startswith("fit again with a slip trend or a second state (states=2)")
@@ -191,7 +191,7 @@ def test_the_command_that_asks_on_can_be_pasted(given, line):
 def test_a_warning_of_several_steps_is_told_once():
     """Each by its code, with all of its steps; a step without a fit says why."""
     run = run_of(left(1.0), left(2.24), left(10.0, off=7.0), None)
-    drift, misfit, missed, failed = warnings_of(run, HowFitted())
+    drift, misfit, missed, failed = warnings_of(run)
     assert missed.startswith("step 3: the fit misses its record") and failed == "step 4: few"
     assert drift == "step 1, 2, 3: a drift"
     assert misfit.startswith("step 2, 3: the fit leaves 2.2 times the scatter")
@@ -204,7 +204,7 @@ def test_a_warning_of_several_steps_is_told_once():
 def test_what_means_cost_is_told_once_of_all_steps():
     fits = [replace(left(1.0), warnings=w) for w in ((blur_warning(2, 0.6),), (), ("other",))]
     fits[1] = replace(fits[1], warnings=("other", blur_warning(3, 1.1)))
-    blurred, other = warnings_of(run_of(*fits), HowFitted())
+    blurred, other = warnings_of(run_of(*fits))
     assert blurred.startswith("step 1, 2: means over 2 rows") and "by 0.6 times" in blurred
     assert other == "step 2, 3: other"
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from ..errors import InputError
 from . import options
 from .call import current_call
-from .common import prepare_jax, told, warn
+from .common import prepare_jax, told
 from .folder import Folder, choose_folder, json_text
 from .plan_line import run_line
 from .shown import show
@@ -57,10 +57,9 @@ def run(
     from ..report.run_report import files_of, report
     from ..runs.content import content
     from ..runs.findings import findings_of
-    from ..runs.fits import HowFitted, contradictions, decided_events
+    from ..runs.fits import HowFitted, decided_events
     from ..runs.ramps import RAMPS, stiffness_from_ramps
     from ..runs.stiffness import MachineStiffness
-    from ..runs.warned import warnings_of
 
     rows = _ROWS if downsample_to is None else downsample_to
     how = HowFitted(None, law, int(model.states), model.fit_stiffness, model.slip_trend, rows)
@@ -79,18 +78,14 @@ def run(
         asks = any(event.kind not in _ALONE for event in found)
         if stiffness is None and not model.fit_stiffness and asks:
             raise InputError(_NO_STIFFNESS)
-        early = [] if events is None else contradictions(record, found)
-        warn(early)
         result = _fitted(record, found, how, folder, progress)
         others = findings_of(result, found, how, progress=progress)
         text = json_text(content(result, others))
         folder.save(files_of(result, others) | {"run.json": text + "\n"})
     call = current_call()
-    told_of, rest = report(result, others, run_line(call)), others.warnings
-    new = (*warnings_of(result, how, told=bool(early)), *rest)
-    show(told_of._replace(warnings=new), "", text, output)
+    told_of = report(result, others, run_line(call))
+    show(told_of, "", text, output)
     sys.stdout.flush()  # figures of many steps take minutes: a user who stops here has the numbers
-    whole = told_of._replace(warnings=(*warnings_of(result, how), *rest))
     with told() as progress:
         progress("drawing figures")
         _draw_events(record, found, folder)
@@ -98,7 +93,7 @@ def run(
         folder.draw_page(
             "run.html",
             ".png",
-            lambda drawn: page(whole, result, others, drawn, command=call.command),
+            lambda drawn: page(told_of, result, others, drawn, command=call.command),
         )
     if not output.json:
         print(folder.written)

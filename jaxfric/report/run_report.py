@@ -22,6 +22,7 @@ from ..runs.table import (
     text_cells,
     xlook_rows,
 )
+from ..runs.warned import warnings_of
 from .latex import DAGGER, latex_cells, latex_of
 from .report import NextStep, Report
 from .tables import TextTable
@@ -33,8 +34,7 @@ _NO_STEP = "no velocity step is fitted; events.toml says what was found and why"
 def report(run: RunFit, others: Findings = _NOTHING, ask: str = "") -> Report:
     """The number of fitted steps, their common parameters, a table of the steps, and other events.
 
-    The warnings come from the fits of the steps. `ask` is the next command if some fits miss a part
-    of their steps.
+    `ask` is the next command if some fits miss a part of their steps.
     """
     kinds = Counter(event.kind for event in run.events)
     number = len(run.events)
@@ -43,11 +43,7 @@ def report(run: RunFit, others: Findings = _NOTHING, ask: str = "") -> Report:
     told = [*told_of_all(run.steps), *others.told()]
     cells = [text_cells(step) for step in run.steps]
     table = TextTable("Velocity steps", HEAD, cells, f"{BRACKETS}; -: not determined; {MISFIT}")
-    warnings = [
-        f"step {step.number}: {text}"
-        for step in run.steps
-        for text in (step.fit.warnings if step.fit is not None else (step.failed,))
-    ]
+    warnings = (*warnings_of(run), *others.warnings)
     first = [headline(run) if run.steps else _NO_STEP, events]
     asked = ask_on(run)
     steps = [NextStep(f"{asked}:" if ask else asked, ask)] if asked else []

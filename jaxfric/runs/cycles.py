@@ -147,42 +147,22 @@ def _error(values: np.ndarray) -> float:
     return float(np.std(values, ddof=1) / np.sqrt(len(values)))
 
 
-def disagreement(
-    found: StickSlip | None, given: MachineStiffness | None, stress: float | None
-) -> str | None:
-    """Return a sentence if the given stiffness is not that of the teeth, else None.
-
-    If the teeth determine no stiffness, the given stiffness is refused only if it is below the
-    slope of the rises: friction cannot rise faster than K. `stress` is the normal stress [Pa] of
-    teeth whose record has no normal stress.
-    """
-    if found is None or given is None or not found.fits:
+def disagreement(found: StickSlip | None, given: MachineStiffness | None) -> str | None:
+    """Return a sentence if the given stiffness is not that of the teeth, else None."""
+    if found is None or given is None or found.law is None:
         return None
-    fit = found.fits[found.law or next(iter(found.fits))]
-    at = fit.stress or stress
-    if given.of_stress and not (at and at > 0):
+    own, stress = found.claimed(found.law).get("K"), found.fits[found.law].stress
+    if own is None or (given.of_stress and stress is None):
         return None
-    value = given.at(at)
-    own = found.claimed(found.law).get("K") if found.law else None
-    K, error = _loading(found, at) if own is None else own
-    words = departure(value, K, error)
-    if words is None or (own is None and value > K):
+    words = departure(given.at(stress), *own)
+    if words is None:
         return None
     unit, scale = found.units["K"]
+    K, error = own
     return (
         f"{option('stiffness')} is {words} the slope of friction during stick,"
         f" {measured(scale * K, scale * error)} {unit}"
     )
-
-
-def _loading(found: StickSlip, stress: float | None) -> tuple[float, float]:
-    """Return the largest mean slope of the rises [1/m] under a normal stress, and its error."""
-    loads = []
-    for one in found.used:
-        own = one.normal_stress
-        share = own / stress if own and stress else 1.0
-        loads.append((share * float(one.loading.mean()), share * _error(one.loading)))
-    return max(loads)
 
 
 def rows(found: StickSlip | None) -> list[dict[str, Cell]]:

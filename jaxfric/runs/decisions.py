@@ -18,37 +18,35 @@ _HEAD = """\
 # of stick-slip.
 """
 _NEEDED = {"time", "kind", "velocities"}
-_KNOWN = {*_NEEDED, "fit", "from", "to", "time_error", "normal_stress", "steady", "why"}
+_UNITS = {"time": "s", "from": "s", "to": "s", "time_error": "s", "normal_stress": "Pa"}
+_KNOWN = {*_NEEDED, *_UNITS, "fit", "steady", "why"}
 
 
 def decisions_text(events: tuple[Event, ...], name: str, file: str = "events.toml") -> str:
     """Return the events as TOML, with a header that explains how to edit the events."""
-    parts = [_HEAD.format(name=name, file=file, kinds=", ".join(KINDS))]
-    for event in events:
-        seconds = lambda value: f'"{value:.12g} s"'  # noqa: E731
-        speeds = ", ".join(
-            f'"{format_si(v, "m/s", "um/s", 7)}"' for v in (event.before, event.after)
-        )
-        lines = [
-            "[[event]]",
-            f"time = {seconds(event.time)}",
-            f'kind = "{event.kind}"',
-            f"velocities = [{speeds}]",
-        ]
-        if event.kind == "step":
-            lines += [f"fit = {'true' if event.fitted else 'false'}"]
-            lines += [f"from = {seconds(event.start)}", f"to = {seconds(event.stop)}"]
-            lines += ["steady = false"] * (not event.steady)
-        elif event.before == event.after and event.stop > event.time:
-            lines += [f"to = {seconds(event.stop)}"]
-        if event.time_error > 0:
-            lines.append(f"time_error = {seconds(event.time_error)}")
-        if event.normal_stress is not None:
-            lines.append(f'normal_stress = "{format_si(event.normal_stress, "Pa", "MPa", 6)}"')
-        if event.why:
-            lines.append(f"why = {json.dumps(event.why, ensure_ascii=False)}")
-        parts.append("\n".join(lines) + "\n")
-    return "\n".join(parts)
+    head = _HEAD.format(name=name, file=file, kinds=", ".join(KINDS))
+    return "\n".join([head, *map(_entry_text, events)])
+
+
+def _entry_text(event: Event) -> str:
+    seconds = lambda value: f'"{value:.12g} s"'  # noqa: E731
+    speeds = [format_si(v, "m/s", "um/s", 7) for v in (event.before, event.after)]
+    entries = {"time": seconds(event.time), "kind": f'"{event.kind}"'}
+    entries["velocities"] = json.dumps(speeds)
+    if event.kind == "step":
+        entries["fit"] = "true" if event.fitted else "false"
+        entries |= {"from": seconds(event.start), "to": seconds(event.stop)}
+        if not event.steady:
+            entries["steady"] = "false"
+    elif event.before == event.after and event.stop > event.time:
+        entries["to"] = seconds(event.stop)
+    if event.time_error > 0:
+        entries["time_error"] = seconds(event.time_error)
+    if event.normal_stress is not None:
+        entries["normal_stress"] = f'"{format_si(event.normal_stress, "Pa", "MPa", 6)}"'
+    if event.why:
+        entries["why"] = json.dumps(event.why, ensure_ascii=False)
+    return "[[event]]\n" + "".join(f"{key} = {text}\n" for key, text in entries.items())
 
 
 def read_decisions(file: str | Path, end: float) -> tuple[Event, ...]:
@@ -81,38 +79,37 @@ def _event(entry: dict, where: str, end: float) -> Event:
     for name in sorted(_NEEDED):
         if name not in entry:
             raise InputError(f"{where}: '{name}' is missing")
-    kind = entry["kind"]
+    kind, speeds = entry["kind"], entry["velocities"]
     if kind not in KINDS:
         raise InputError(f"{where}: kind '{kind}' is not known; there are {', '.join(KINDS)}")
-    time = _quantity(entry["time"], "s", f"{where}: time")
-    speeds = entry["velocities"]
     if not isinstance(speeds, list) or len(speeds) != 2:
         raise InputError(f'{where}: velocities are two, as in ["3 um/s", "30 um/s"]')
+    for name in ("fit", "steady"):
+        if not isinstance(entry.get(name, True), bool):
+            raise InputError(f"{where}: {name} is true or false, not '{entry[name]}'")
     before, after = (_quantity(v, "m/s", f"{where}: velocities") for v in speeds)
-    fitted, steady = entry.get("fit", False), entry.get("steady", True)
-    for name, value in (("fit", fitted), ("steady", steady)):
-        if not isinstance(value, bool):
-            raise InputError(f"{where}: {name} is true or false, not '{value}'")
-    start = _quantity(entry["from"], "s", f"{where}: from") if "from" in entry else time
-    stop = _quantity(entry["to"], "s", f"{where}: to") if "to" in entry else time
+    read = {
+        name: _quantity(entry[name], unit, f"{where}: {name}")
+        for name, unit in _UNITS.items()
+        if name in entry
+    }
+    time, fitted, last = read["time"], entry.get("fit", False), end * (1 + 1e-9)
+    start, stop = read.get("from", time), read.get("to", time)
     if fitted and (kind != "step" or before == after or before == 0):
         raise InputError(
             f"{where}: only a step between two different velocities, the first not 0, can be"
             " fitted; delete fit, or change kind and velocities"
         )
-    if fitted and not 0 <= start < time < stop <= end * (1 + 1e-9):
+    if fitted and not 0 <= start < time < stop <= last:
         raise InputError(
             f"{where}: it is fitted from {start:g} to {stop:g} s; its time, {time:g} s, must lie"
             f" between them and both in the run, which lasts {end:.6g} s"
         )
-    if not 0 <= time <= end * (1 + 1e-9):
-        raise InputError(f"{where}: time is {time:g} s, but the run lasts from 0 to {end:.6g} s")
-    if not time <= stop <= end * (1 + 1e-9):
+    if not 0 <= time <= stop <= last:
         raise InputError(
-            f"{where}: it lasts from {time:g} to {stop:g} s; write `to` between its time and the"
-            f" end of the run, {end:.6g} s"
+            f"{where}: it lasts from {time:g} to {stop:g} s; its time, and `to` after its time,"
+            f" must lie in the run, which lasts from 0 to {end:.6g} s"
         )
-    stress = entry.get("normal_stress")
     return Event(
         kind=kind,
         time=time,
@@ -120,13 +117,11 @@ def _event(entry: dict, where: str, end: float) -> Event:
         after=after,
         start=start,
         stop=stop,
-        time_error=_quantity(entry.get("time_error", "0 s"), "s", f"{where}: time_error"),
-        normal_stress=None
-        if stress is None
-        else _quantity(stress, "Pa", f"{where}: normal_stress"),
+        time_error=read.get("time_error", 0.0),
+        normal_stress=read.get("normal_stress"),
         why=str(entry.get("why", "")),
         fitted=fitted,
-        steady=steady,
+        steady=entry.get("steady", True),
     )
 
 

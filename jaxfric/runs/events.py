@@ -79,14 +79,6 @@ class Event:
     fitted: bool = False
     steady: bool = True
 
-    def told(self) -> str:
-        """Return the event as one line of text."""
-        words = f"{self.time:.6g} s: {self.kind}"
-        if self.before != self.after:
-            change = (format_si(v, "m/s", "um/s", 4) for v in (self.before, self.after))
-            words += ", {} -> {}".format(*change)
-        return words + (f" ({self.why})" if self.why else "")
-
 
 def mean_velocity(event: Event) -> float:
     """Return the geometric mean of the speeds before and after a velocity step [m/s].

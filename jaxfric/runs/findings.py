@@ -90,12 +90,15 @@ def findings_of(
     holds = tuple(of_holds.fit_holds(result.record, events, how, progress=progress))
     stresses = fit_stress_steps(result.record, events, result.steps, how, progress=progress)
     ramps = find_ramps(result.record, events)
-    levels = [e.normal_stress for e in events if e.fitted and e.normal_stress is not None]
+    used = [e for e in events if e.fitted] or [e for e in events if e.kind == "hold"]
+    levels = [e.normal_stress for e in used if e.normal_stress is not None]
     about = float(np.median(levels)) if levels else None
     stick_slip = fit_stick_slip(result.record, events, progress=progress)
+    friction = result.record.friction_unit == "1" and how.stiffness is not None
     doubts = (
+        how.stiffness.doubt(levels) if friction else None,
         disagreement(ramp_stiffness(ramps), how.stiffness, about),
-        of_cycles.disagreement(stick_slip, how.stiffness, about),
+        of_cycles.disagreement(stick_slip, how.stiffness),
     )
     known = (*cautions(result.record, events), *(text for text in doubts if text))
     return Findings(

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +9,6 @@ import numpy as np
 from ..described import Described, Drawable, Tabular
 from ..errors import InputError, option
 from ..fitting import Fit, fit
-from ..fitting.assemble import contradicted
 from ..laws.registry import known_law
 from ..records import Record, VelocitySteps
 from ..records.record import frozen
@@ -80,18 +78,6 @@ def window_of(record: Record, event: Event) -> tuple[Record, VelocitySteps]:
     )
 
 
-def contradictions(record: Record, events: Sequence[Event]) -> list[str]:
-    """Warn of events whose speeds contradict the recorded load point, before any step is fitted."""
-    said: list[tuple[int, str]] = []
-    for number, event in enumerate((event for event in events if event.fitted), 1):
-        try:
-            texts = contradicted(*window_of(record, event))
-        except InputError:  # becomes the reason `failed` of the step
-            continue
-        said += [(number, text) for text in texts]
-    return by_step(said)
-
-
 def by_step(said: Iterable[tuple[int, str]]) -> list[str]:
     """Merge pairs (step number, warning): one line for each code or text, with all its step
     numbers. The values in the line are those of the first of these steps."""
@@ -140,12 +126,6 @@ class HowFitted:
         )
 
 
-def _moves_on(events: Sequence[Event]) -> bool:
-    """Whether the load point moves on after a hold."""
-    joints = [event for event in events if event.before != event.after]
-    return any(a.kind == "hold" and b.kind == "reload" for a, b in pairwise(joints))
-
-
 def fit_run(
     record: Record,
     events: Sequence[Event],
@@ -164,11 +144,7 @@ def fit_run(
     fitted.
     """
     chosen = [event for event in events if event.fitted]
-    if not chosen and (
-        any(map(is_stretch, events))
-        or _moves_on(events)
-        or any(event.kind == "unload" for event in events)
-    ):
+    if not chosen and any(is_stretch(e) or e.kind in ("reload", "unload") for e in events):
         return RunFit(record, tuple(events), ())
     if not chosen:
         raise InputError(

@@ -88,14 +88,7 @@ class HoldWindow(NamedTuple):
         return self.reload.time
 
 
-class _Healed(NamedTuple):
-    """A hold with its creep, healing, error and missing motion."""
-
-    window: HoldWindow
-    creep: float | None
-    healing: float
-    error: float
-    missing: float = 0.0
+_Measured = tuple[HoldWindow, Hold]
 
 
 def find_holds(events: Sequence[Event], end: float) -> list[HoldWindow]:
@@ -129,21 +122,21 @@ def fit_holds(
     The laws are not compared for consecutive holds that cannot be fitted together. Raises
     `InputError` if the stiffness is not known.
     """
-    groups: list[list[_Healed]] = []
+    groups: list[list[_Measured]] = []
     for window in find_holds(events, float(record.relative_time[-1])):
-        if seen := _healed(record, window, how):
-            last = groups[-1][-1] if groups else seen
-            whole = not (last.missing or seen.missing)
-            if groups and whole and follows(last.window, window):
-                groups[-1].append(seen)
-            else:
-                groups.append([seen])
+        if (hold := _healed(record, window, how)) is None:
+            continue
+        last, before = groups[-1][-1] if groups else (window, hold)
+        whole = not (before.missing or hold.missing)
+        if groups and whole and follows(last, window):
+            groups[-1].append((window, hold))
+        else:
+            groups.append([(window, hold)])
     if groups and how.stiffness is not None:
-        how.stiffness.at(groups[0][0].window.event.normal_stress)
+        how.stiffness.at(groups[0][0][1].normal_stress)
     out: list[Hold] = []
     for number, group in enumerate(groups, 1):
-        first = group[0].window.event
-        progress(f"holds {number} of {len(groups)}, from {first.time:.6g} s")
+        progress(f"holds {number} of {len(groups)}, from {group[0][1].time:.6g} s")
         made = _fitted_together(record, group, how, out[-1].group + 1 if out else 1)
         if made[0].preference is None and len(group) > 1:  # fit each hold by itself
             made = [
@@ -155,19 +148,32 @@ def fit_holds(
     return tuple(out)
 
 
-def _healed(record: Record, window: HoldWindow, how: HowFitted) -> _Healed | None:
-    """Return a hold with its healing, or None if it cannot be measured."""
+def _healed(record: Record, window: HoldWindow, how: HowFitted) -> Hold | None:
+    """Return a hold with its healing and no fit, or None if it cannot be measured."""
+    event = window.event
     try:
         part = record.window(window.start, window.stop)
     except InputError:
         return None
     begin = float(part.time[0] - record.time[0])
-    seen = _heal(part, window.event.time - begin, window.back - begin)
+    seen = _heal(part, event.time - begin, window.back - begin)
     if seen is None:
         return None
-    K = None if how.stiffness is None else how.stiffness.at(window.event.normal_stress)
-    missing = missing_motion(part, window.event.time - begin, K, seen[-1])
-    return _Healed(window, None if missing else seen[0], *seen[1:], missing)
+    creep, healing, error = seen
+    K = None if how.stiffness is None else how.stiffness.at(event.normal_stress)
+    missing = missing_motion(part, event.time - begin, K, error)
+    return Hold(
+        time=event.time,
+        lasts=window.back - event.time,
+        velocity=event.before,
+        normal_stress=event.normal_stress,
+        creep=None if missing else creep,
+        healing=healing,
+        error=error,
+        fits={},
+        preference=None,
+        missing=missing,
+    )
 
 
 def missing_motion(
@@ -196,40 +202,24 @@ def missing_motion(
 
 
 def _fitted_together(
-    record: Record, group: Sequence[_Healed], how: HowFitted, number: int
+    record: Record, group: Sequence[_Measured], how: HowFitted, number: int
 ) -> list[Hold]:
     """Return consecutive holds with one fit of each law to all of them."""
-    first, last = group[0].window, group[-1].window
-    part = record.window(first.start, last.stop)
+    windows = [window for window, _ in group]
+    first = windows[0].event
+    part = record.window(windows[0].start, windows[-1].stop)
     begin = float(part.time[0] - record.time[0])
-    joints = [t - begin for one in group for t in (one.window.event.time, one.window.back)]
-    speeds = [v for one in group for v in (0.0, one.window.reload.after)]
-    errors = [e.time_error for one in group for e in (one.window.event, one.window.reload)]
-    asked = () if group[0].missing else LAWS
+    events = [event for window in windows for event in (window.event, window.reload)]
     steps = VelocitySteps(
-        np.array([0.0, *joints]),
-        np.array([first.event.before, *speeds]),
-        time_errors=np.array([0.0, *errors]),
+        np.array([0.0, *(event.time - begin for event in events)]),
+        np.array([first.before, *(v for w in windows for v in (0.0, w.reload.after))]),
+        time_errors=np.array([0.0, *(event.time_error for event in events)]),
     )
-    fits = {law: found for law in asked if (found := _fitted(part, steps, first.event, how, law))}
+    asked = () if group[0][1].missing else LAWS
+    fits = {law: found for law in asked if (found := _fitted(part, steps, first, how, law))}
     both = len(fits) == len(LAWS)
     preference = log_likelihood(fits["slip"]) - log_likelihood(fits["ageing"]) if both else None
-    return [
-        Hold(
-            time=one.window.event.time,
-            lasts=one.window.back - one.window.event.time,
-            velocity=one.window.event.before,
-            normal_stress=one.window.event.normal_stress,
-            creep=one.creep,
-            healing=one.healing,
-            error=one.error,
-            fits=fits,
-            preference=preference,
-            group=number,
-            missing=one.missing,
-        )
-        for one in group
-    ]
+    return [replace(hold, fits=fits, preference=preference, group=number) for _, hold in group]
 
 
 def _fitted(

@@ -14,8 +14,10 @@ from dataclasses import dataclass
 from itertools import product
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 from scipy.special import stdtrit
 
 from ..fitting.marquardt import levenberg_marquardt
@@ -37,6 +39,7 @@ _ROUNDING = 1e-6
 _ALIKE = 0.25
 """Teeth have one duration if it scatters by less than this share of a row."""
 _V0 = 1e-6
+_NATURAL = ("f0", "A", "B", "A-B", "L", "K", "softness")
 
 
 @dataclass(frozen=True)
@@ -186,6 +189,12 @@ def _descended(
     return y, ended and chi2 < _LOST**2, chi2, jacobian, told
 
 
+def _natural(p: Float[Array, " 6"]) -> Float[Array, " 7"]:
+    """Return the parameters `_NATURAL` from those of the fit (`rise_model.NAMES`)."""
+    A, B, L, K = split(p)
+    return jnp.array([p[0], A, B, A - B, L, K, jnp.exp(p[3])])
+
+
 def _result(
     means: _Means,
     law: str,
@@ -204,25 +213,17 @@ def _result(
         whole[part, part] = means.covariance[k] / np.outer(size[k], size[k])
     gain = np.linalg.pinv(jacobian)
     covariance = gain @ whole @ gain.T * max(1.0, chi2 / freedom) * means.student**2
-    A, B, L, K = (float(x) for x in split(jnp.asarray(y[: len(NAMES)])))
-    over, softness = B - A, float(np.exp(y[3]))
-    f0, unit = float(y[0]), np.eye(len(y))
-    values = {
-        "f0": (f0, unit[0]),
-        "A": (A, A * unit[1]),
-        "B": (B, A * unit[1] + over * unit[2]),
-        "A-B": (-over, -over * unit[2]),
-        "L": (L, L * (unit[2] + unit[3] - unit[4])),
-        "K": (K, K * unit[4]),
-        "softness": (softness, softness * unit[3]),
-    }
-    errors = {name: float(np.sqrt(g @ covariance @ g)) for name, (_, g) in values.items()}
+    p = jnp.asarray(y[: len(NAMES)])
+    slopes = np.asarray(jax.jacfwd(_natural)(p))
+    own = covariance[: len(NAMES), : len(NAMES)]
+    values = dict(zip(_NATURAL, np.asarray(_natural(p)).tolist(), strict=True))
+    std = np.sqrt(np.diag(slopes @ own @ slopes.T))
     away = (told - means.values) / means.stretches[:, 1:2]
     return RiseFit(
         law,
         converged,
-        {name: value for name, (value, _) in values.items()},
-        errors,
+        values,
+        dict(zip(_NATURAL, std.tolist(), strict=True)),
         float(np.sqrt(np.mean(away**2))),
         chi2,
         freedom,

@@ -3,9 +3,9 @@
 import numpy as np
 
 from ..errors import option
-from ..findings import Warned, WarningCode, is_of
+from ..findings import Warned, WarningCode
 from ..fitting import Fit
-from .fits import HowFitted, RunFit, by_step
+from .fits import RunFit, by_step
 
 MISSED = 4.5
 """Largest mean residual of neighbouring rows, in standard deviations of noise. By chance fewer than
@@ -37,19 +37,12 @@ def missed_warning(fit: Fit) -> tuple[str, ...]:
     return (Warned(text, WarningCode.MISSED),)
 
 
-def warnings_of(run: RunFit, how: HowFitted, *, told: bool = False) -> list[str]:
-    """Return the warnings of a run's fits, each with the numbers of its steps. `told` leaves out
-    warnings of steps that contradict the record, which were printed before."""
+def warnings_of(run: RunFit) -> list[str]:
+    """Return the warnings of a run's fits, each with the numbers of its steps."""
     said = []
     for step in run.steps:
         texts = (step.failed,)
         if step.fit is not None:
             texts = (*missed_warning(step.fit), *step.fit.warnings)
-        known = [text for text in texts if told and is_of(text, WarningCode.CONTRADICTED)]
-        said += [(step.number, text) for text in texts if text not in known]
-    told_of = [s.event for s in run.steps] or [e for e in run.events if e.kind == "hold"]
-    stresses = [event.normal_stress for event in told_of if event.normal_stress is not None]
-    friction = run.record.friction_unit == "1"
-    doubt = how.stiffness.doubt(stresses) if friction and how.stiffness is not None else None
-    first = [] if doubt is None else [doubt]
-    return [*first, *by_step(said)]
+        said += [(step.number, text) for text in texts]
+    return by_step(said)
