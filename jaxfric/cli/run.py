@@ -55,8 +55,7 @@ def run(
     """
     from ..report.run_page import page
     from ..report.run_report import files_of, report
-    from ..runs.content import content
-    from ..runs.findings import findings_of
+    from ..runs.findings import content, findings_of
     from ..runs.fits import HowFitted, decided_events
     from ..runs.ramps import RAMPS, stiffness_from_ramps
     from ..runs.stiffness import MachineStiffness

@@ -271,21 +271,19 @@ def _stress_events(
     """Return the events of changes of normal stress that belong to no velocity step."""
     joints = zip(events, phases, phases[1:], strict=False)
     taken = {_beside(a, b, stresses)[0] for event, a, b in joints if event.kind == "stress"}
-    out = []
-    for change in stresses:
-        if change not in taken:
-            why = _told_stress(change)
-            v = _velocity(phases, change.start)
-            out.append(
-                Event(
-                    "stress", change.start, v, v, change.start, change.stop, 0.0, change.before, why
-                )
-            )
-    return out
+    return [
+        replace(
+            _lasting("stress", c.start, c.stop, phases, _told_stress(c)), normal_stress=c.before
+        )
+        for c in stresses
+        if c not in taken
+    ]
 
 
-def _velocity(phases: Sequence[_Phase], time: float) -> float:
-    return next((p.velocity for p in reversed(phases) if p.start <= time), phases[0].velocity)
+def _lasting(kind: str, start: float, stop: float, phases: Sequence[_Phase], why: str) -> Event:
+    """Return an event during which the velocity of the load point does not change."""
+    v = next((p.velocity for p in reversed(phases) if p.start <= start), phases[0].velocity)
+    return Event(kind, start, v, v, start, stop, why=why)
 
 
 def _teeth(t: np.ndarray, friction: np.ndarray, phase: _Phase) -> list[Teeth]:
@@ -293,10 +291,9 @@ def _teeth(t: np.ndarray, friction: np.ndarray, phase: _Phase) -> list[Teeth]:
 
 
 def _teeth_event(found: Teeth, phases: Sequence[_Phase], unit: str) -> Event:
-    v = _velocity(phases, found.start)
     drop = f"{found.drop:.3g}{' N' if unit == 'N' else ''}"
     why = f"drops of {drop} every {found.period:.3g} s until {found.stop:.6g} s"
-    return Event("stick_slip", found.start, v, v, found.start, found.stop, why=why)
+    return _lasting("stick_slip", found.start, found.stop, phases, why)
 
 
 def _glitches(
@@ -308,8 +305,7 @@ def _glitches(
     """Return events for encoder jumps, and for outliers of friction away from other events."""
     t, out = record.relative_time, []
     for reset in motion.resets:
-        v = _velocity(phases, reset.time)
-        out.append(Event("glitch", reset.time, v, v, reset.time, reset.time, why=reset.told()))
+        out.append(_lasting("glitch", reset.time, reset.time, phases, reset.told()))
     joints = [p.rows.start for p in phases[1:]]
     joints = np.array(
         joints
@@ -322,8 +318,7 @@ def _glitches(
         beside = len(joints) and np.abs(joints - row).min() <= _ROWS
         if beside or any(_lies_in(time, found) for found in busy):
             continue
-        v = _velocity(phases, time)
-        out.append(Event("glitch", time, v, v, time, time, why="outlier of friction"))
+        out.append(_lasting("glitch", time, time, phases, "outlier of friction"))
     return out
 
 

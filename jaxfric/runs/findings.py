@@ -1,4 +1,4 @@
-"""Results of a run other than velocity steps: holds, stress steps, stick-slip, ramps."""
+"""Results of a run other than velocity steps, and the content of run.json."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from ..plain import entries
+from ..schemas import RUN
 from ..silent import silent
 from . import cycles as of_cycles
 from . import holds as of_holds
@@ -16,6 +17,7 @@ from .cycles import StickSlip, fit_stick_slip
 from .events import Event
 from .fits import HowFitted, RunFit
 from .holds import Hold
+from .joint import dependences, share
 from .left_out import LeftOut, left_out
 from .ramps import Ramp, disagreement, find_ramps, ramp_stiffness
 from .stress_steps import FittedStress, fit_stress_steps
@@ -45,20 +47,6 @@ class Findings:
             "ramps.csv": of_ramps.rows(self.ramps),
         }
         return {name: rows for name, rows in found.items() if rows}
-
-    def to_json(self) -> dict[str, object]:
-        """Return the entries of `run.json` for these results, in SI units."""
-        stiffness = ramp_stiffness(self.ramps)
-        return {
-            "holds": [_hold(hold) for hold in self.holds],
-            "holds_not_fitted": [
-                {"time": other.event.time, "why": other.why} for other in self.left_out
-            ],
-            "stress_steps": of_stress.to_json(self.stress_steps),
-            "ramps": [asdict(ramp) for ramp in self.ramps],
-            "stiffness_from_ramps": None if stiffness is None else asdict(stiffness),
-            "stick_slip": of_cycles.to_json(self.stick_slip),
-        }
 
     def told(self) -> list[str]:
         """Return these results as lines for a terminal."""
@@ -110,3 +98,42 @@ def findings_of(
         tuple(left_out(result.events, [hold.time for hold in holds])),
         result.record.friction_unit,
     )
+
+
+def content(run: RunFit, others: Findings) -> dict[str, object]:
+    """Return the content of run.json, in SI units."""
+    origin, shared = run.record.provenance, share(run.steps)
+    stiffness = ramp_stiffness(others.ramps)
+    return {
+        "schema": RUN,
+        "record": origin.to_json(len(run.record)),
+        "events": [
+            {
+                **entries(event, "kind", "time"),
+                "velocities": [event.before, event.after],
+                "window": [event.start, event.stop],
+                **entries(event, "normal_stress", "fitted", "why"),
+            }
+            for event in run.events
+        ],
+        "steps": [
+            {
+                "number": step.number,
+                "time": step.event.time,
+                "load_point_displacement": step.position,
+                "failed": step.failed,
+                "fit": None if step.fit is None else claimed(step.fit),
+            }
+            for step in run.steps
+        ],
+        "shared": None if shared is None else asdict(shared),
+        "holds": [_hold(hold) for hold in others.holds],
+        "holds_not_fitted": [
+            {"time": other.event.time, "why": other.why} for other in others.left_out
+        ],
+        "stress_steps": of_stress.to_json(others.stress_steps),
+        "ramps": [asdict(ramp) for ramp in others.ramps],
+        "stiffness_from_ramps": None if stiffness is None else asdict(stiffness),
+        "stick_slip": of_cycles.to_json(others.stick_slip),
+        "dependences": [asdict(one) for one in dependences(run.steps)],
+    }
