@@ -571,7 +571,8 @@ def test_the_command_of_a_change_is_complete(key, typed, line):
     if "$x" not in found:
         command, bound, _ = app.parse_args(shlex.split(found)[1:])
         assert command.__name__ == "protocol"
-        assert read_velocities(bound.arguments["velocities"]) == pytest.approx(list(change.velocities))
+        typed_again = read_velocities(bound.arguments["velocities"])
+        assert typed_again == pytest.approx(list(change.velocities))
 
 
 def test_a_no_is_followed_by_the_command_of_a_yes(monkeypatch, tmp_path):
