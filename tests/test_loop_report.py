@@ -52,27 +52,19 @@ from jaxfric.loop.verdict import Told
 from jaxfric.plot.loop import DRAWERS, FIGURES, draw_loop, residual_figure
 from jaxfric.records import VelocitySteps, from_arrays
 from jaxfric.records.record import Provenance
+from jaxfric.report.aliases import apart
 from jaxfric.report.axis_loop_text import gains_table
 from jaxfric.report.fit_text import noise_text, summary
 from jaxfric.report.loop_next import next_steps, takes_gains
 from jaxfric.report.loop_page import page
 from jaxfric.report.loop_plan import CHANGES, PlannedRun, deciding_run
+from jaxfric.report.loop_report import first_lines, headline
 from jaxfric.report.loop_report import report as report_of
-from jaxfric.report.loop_text import (
-    answer,
-    apart,
-    by_velocity,
-    candidates,
-    errors,
-    headline,
-    splitting,
-    traded,
-)
+from jaxfric.report.loop_text import by_velocity, candidates, errors, splitting
 from jaxfric.report.report import print_details
 from jaxfric.report.rig_words import AXIS, SLIDER
 from jaxfric.report.verdict_text import change, words_of_refusal
 from jaxfric.report.version import installed_version
-from jaxfric.report.words import change_words
 from jaxfric.saved import law_from_fit
 from jaxfric.stability.claims import Curve, Unseen
 
@@ -389,11 +381,10 @@ def test_each_rig_has_its_own_words(words, other, snapshot) -> None:
     loop = dataclasses.replace(make_loop("effects"), kind=kind, effects=("stribeck",))
     text, html = " ".join(printed(loop).split()), page_of(loop).text
     for shown in (text, html):
-        assert words.part in shown and words.errors in shown
-        assert not any(said in shown for said in (other.errors, other.part, other.marks))
+        assert words.part in shown
+        assert not any(said in shown for said in (other.part, other.marks))
     assert words.marks in html and words.catalogue["stribeck"].equation in html
     assert other.catalogue["stribeck"].equation not in html
-    assert ("0 s: 1 µm/s" in html) == slider and ("0 s: 0.001 mm/s" in html) != slider
     assert words.marks in figure_of(loop, "residual").axes[0].get_title(loc="left")
     snapshot(f"words_of_{kind}", {"page": html.replace(installed_version(), "1.2.3")})
 
@@ -455,14 +446,11 @@ PLANS = [
 ]  # fmt: skip
 
 
-def test_the_run_that_would_decide_is_the_one_planned(snapshot) -> None:
-    texts = {}
-    for before, wanted, asked in PLANS:
-        planned = deciding_run(before, wanted)
-        texts[f"{before.speeds}, wanted: {change_words(wanted)}"] = planned.words()
-        assert planned.options() == asked
-        assert parsed(["protocol", *shlex.split(planned.options())])
-    snapshot("plans", texts)
+@pytest.mark.parametrize(("before", "wanted", "asked"), PLANS)
+def test_the_run_that_would_decide_is_the_one_planned(before, wanted, asked) -> None:
+    planned = deciding_run(before, wanted)
+    assert planned.options() == asked
+    assert parsed(["protocol", *shlex.split(planned.options())])
 
 
 def of_rock(
@@ -610,40 +598,6 @@ def test_a_clear_verdict_says_what_the_next_run_would_show(snapshot) -> None:
 def said(why):
     """A refusal in words; empty where there is none."""
     return "" if why is None else words_of_refusal(why)
-
-
-OPEN_L2 = Refusal(Fault.NOT_FIXED, ("second_state.L2",))
-LIKE_SECOND = [
-    (("time_drift", "slip_trend"), (1490.0, OPEN_L2), []),
-    (("time_drift", "slip_trend"), (1500.0, OPEN_L2), ["20"]),
-    (("time_drift", "slip_trend"), (1500.0, Refusal(Fault.IMPOSSIBLE)), ["20"]),
-    (("time_drift", "slip_trend"), (1500.0, None), []),
-    (("time_drift", "thermal", "second_state"), (0.0, None), []),
-    (("time_drift", "thermal", "second_state"), (1500.0, OPEN_L2), ["20"]),
-]
-
-
-def test_a_loop_says_why_a_comparison_of_laws_may_say_otherwise(snapshot) -> None:
-    """Where it refused a second state that BIC asks for, or cannot tell one from other effects.
-    What would decide is in the run that is said first, else in this line."""
-    texts = {}
-    for group, (gain, why), lower in LIKE_SECOND:
-        fits = [
-            CandidateScore(("time_drift",), -1480.0, 1, 1, {}, True, True, True),
-            CandidateScore(("time_drift", "second_state"), -gain, 1, 1, {}, True, True, False, why),
-        ]
-        loop = dataclasses.replace(make_loop("ambiguous"), alias_groups=(group,), candidates=fits)
-        known = dataclasses.replace(
-            loop, separations={"time_drift": ("a known load",)}, location=()
-        )
-        for none, case in (("", loop), (", no run", known)):
-            told = [s.text for s in next_steps(case) if "jaxfric fit --compare" in s.text]
-            assert len(told) == bool(lower or "second_state" in group)
-            assert re.findall(r"BIC (\d+)", "".join(told)) == lower
-            first = next_steps(case)[0].text
-            texts[f"{group}, BIC {gain} {said(why)}{none}"] = "\n".join([first, *told])
-    assert not any("jaxfric fit --compare" in s.text for s in next_steps(make_loop("effects")))
-    snapshot("beside_compare", texts)
 
 
 def parsed(words: list[str]) -> bool:
@@ -908,31 +862,6 @@ def test_better_models_have_a_change_of_bic_below_0() -> None:
     assert widths[0] == min(widths) and -loop.gain() in widths
 
 
-TAKEN_OVER = [
-    ((21.0, 0.2), 2.0, -0.99, ["4.95", "21.30", "0.14"]),
-    ((21.0, 0.2), 2.0, -0.69, []),
-    ((21.0, 0.2), 1.4, -0.99, None),
-    ((0.3, 0.2), 2.0, -0.99, None),
-]
-
-
-def test_what_takes_the_place_of_a_known_parameter_is_told(snapshot) -> None:
-    """Coulomb friction that a logarithm of speed takes over; errors of the model alone. Last the
-    sum that is known: the slope, the value and its error."""
-    texts = {}
-    for before, std, r, known in TAKEN_OVER:
-        loop = make_loop("effects", unit="N")
-        parameters = {"F_c": _estimate(1.5, std, "N"), "log_viscous.c": _estimate(4.0, 0.2, "N")}
-        after = dataclasses.replace(loop.after, parameters=parameters, free=tuple(parameters))
-        first = dataclasses.replace(loop.before, parameters={"F_c": _estimate(*before, "N")})
-        details: Any = SimpleNamespace(covariance=np.array([[1.0, 0.2 * r], [0.2 * r, 0.04]]))
-        told = traded(dataclasses.replace(loop, before=first, after=after, details=details))
-        texts[f"F_c {before} before, {std} after, correlation {r}"] = "\n".join(told)
-        assert len(told) == (known is not None)
-        assert not known or re.findall(r"\d+\.\d\d\b", told[0])[-3:] == known
-    snapshot("traded", texts)
-
-
 def test_a_small_part_of_the_noise_is_told_wherever_noise_is(tmp_path: Path, snapshot) -> None:
     loop = make_loop("effects")
     noise = NoiseEstimate(loop.sigma, (NoisePart(0.04, "time", 0.8),))
@@ -962,8 +891,8 @@ def test_numbers_are_those_of_the_loop() -> None:
 
 
 def test_the_table_of_models_says_what_each_was(snapshot) -> None:
-    """Only the last is the model; those taken before it were on the way. Every other has its
-    reason, also that with a better BIC and a better select error, of which a tie is no evidence."""
+    """Only the last is the model; those taken before it were on the way. One that a rule
+    refused has its reason; one as good as the model is not accepted, of which a tie is no evidence."""
     loop = make_loop("effects")
     (first,) = loop.effects
     wider = (first, "velocity_dependent_L")
@@ -972,7 +901,7 @@ def test_the_table_of_models_says_what_each_was(snapshot) -> None:
     ]
     after = dataclasses.replace(loop.after, effects=wider)
     grown = dataclasses.replace(loop, candidates=tuple(scores), after=after, effects=wider)
-    table = candidates(grown, most=20)
+    table = candidates(grown)
     assert [table.rows[k][0] for k in table.marked] == [" + ".join(wider)]
     texts = {"grown": in_lines(table)}
     for gain, why in (
@@ -983,7 +912,7 @@ def test_the_table_of_models_says_what_each_was(snapshot) -> None:
             CandidateScore((first,), -1480.0, 1, 1, {}, True, True, True),
             CandidateScore(("run_in", "time_drift"), -gain, 1, 0.8, {}, True, True, False, why),
         )
-        table = candidates(dataclasses.replace(loop, candidates=fits), most=20)
+        table = candidates(dataclasses.replace(loop, candidates=fits))
         texts[f"BIC {gain} for 1480 of the model, {said(why)}"] = in_lines(table)
     snapshot("models", texts)
 
@@ -1003,23 +932,9 @@ def test_the_error_that_counts_as_noise_stands_beside_the_errors() -> None:
 
 def test_a_record_of_one_step_says_that_less_can_be_told(snapshot) -> None:
     loop = make_loop("outside_catalogue", many=False)
-    assert re.findall(r"\d+", splitting(loop)) == ["4"]
-    assert splitting(loop) in page_of(loop).text
+    (line,) = splitting(loop)
+    assert line in page_of(loop).text and not splitting(make_loop("outside_catalogue"))
     snapshot("one_step", {"printed": printed(loop, 1000)})
-
-
-def test_what_is_said_of_a_split_is_so(snapshot) -> None:
-    """A step with rows in train and in another block is both fitted and held out."""
-    loop, texts = make_loop("effects"), {}
-    for steps in (1, 2, 3, 12):
-        V = VELOCITIES[: steps + 1]
-        times = VelocitySteps(np.concatenate([[0.0], np.cumsum(150e-6 / V[:-1])]), V)
-        end = times.times[-1] + 150e-6 / V[-1]
-        blocks = split(_times(times, end, 100 * len(V)), times)
-        both = set(blocks.step[blocks.train]) & set(blocks.step[blocks.select | blocks.report])
-        assert bool(both) == (steps < 3)
-        texts[f"{steps} steps"] = splitting(dataclasses.replace(loop, blocks=blocks))
-    snapshot("splits", texts)
 
 
 @pytest.mark.parametrize(
@@ -1036,18 +951,6 @@ def test_figures(verdict: str, more: dict[str, Any], tmp_path: Path) -> None:
 
 
 # ---- the verb --------------------------------------------------------------------------------
-
-
-def test_one_sigma_is_no_floor_where_a_model_was_below_it(snapshot):
-    loop, texts = make_loop("outside_catalogue"), {}
-    for least, converged, floor in ((0.97, True, True), (0.4, True, False), (0.4, False, True)):
-        one = dataclasses.replace(
-            loop.candidates[-1], train_rms=least * loop.sigma, converged=converged
-        )
-        note = errors(dataclasses.replace(loop, candidates=(*loop.candidates, one))).note
-        assert ("0.4 σ" in note) != floor
-        texts[f"{least} sigma, converged: {converged}"] = note
-    snapshot("floor_of_errors", texts)
 
 
 @pytest.fixture
@@ -1188,20 +1091,6 @@ def test_a_velocity_without_rows_that_count_has_not_failed(snapshot):
     snapshot("velocities_without_rows", {"table": in_lines(table)})
 
 
-def test_of_many_velocities_those_with_the_largest_errors_are_shown():
-    """In the order of time; one that failed is shown, one that does not count is not."""
-    loop = make_loop("effects")
-    whole = by_velocity(loop)
-    count, steps = len(whole.rows), loop.blocks.step
-    assert by_velocity(loop, most=count) == whole
-    last = np.array([3.0, 1.0, np.nan, 2.0, np.nan, *np.ones(len(loop.after.per_step) - 5)])
-    blocks = loop.blocks._replace(**{n: loop.blocks.of(n) & (steps != 4) for n in NAMES})
-    score = dataclasses.replace(loop.after, per_step=tuple(last))
-    few = by_velocity(dataclasses.replace(loop, after=score, blocks=blocks), most=3)
-    assert [row[0] for row in few.rows] == [whole.rows[k][0] for k in (0, 2, 3)]
-    assert re.findall(r"\d+", few.note)[:2] == ["3", str(count)]
-
-
 ALIKE = [(None, True, True), (1475.0, True, True), (20.0, False, True), (20.0, True, False)]
 
 
@@ -1277,14 +1166,14 @@ def test_the_answer_on_an_axis_comes_first(snapshot) -> None:
     for verdict in ("no_missing_effect", "effects", "ambiguous", "too_weak"):
         plain = make_loop(verdict)
         loop = in_axis_words(plain)
-        first, second, third = lines = answer(loop)
+        first, second, third = lines = first_lines(loop)
         assert " ".join(printed(loop).split()).startswith(" ".join(lines))
         assert second == loop.details.short()
-        both = [f"{loop.test_error(s):.3g}" for s in (loop.before, loop.after)]
+        both = [f"{loop.test_error(s):.2f}" for s in (loop.before, loop.after)]
         assert re.findall(r"[\d.]*\d", third)[:-1] == both[: 1 + bool(loop.effects)]
         html = page_of(loop).text
-        assert all(line in html for line in lines) and answer(plain) == []
-        doubted = answer(in_axis_words(plain, doubted=True))[0]
+        assert all(line in html for line in lines)
+        doubted = first_lines(in_axis_words(plain, doubted=True))[0]
         assert (doubted == first) == (verdict in ("ambiguous", "too_weak"))
         assert verdict == "ambiguous" or all(id in doubted for id in loop.effects)
         texts[verdict], texts[f"{verdict}, doubted"] = "\n".join(lines), doubted
@@ -1366,6 +1255,6 @@ def test_an_axis_whose_verdict_is_not_sure_still_has_its_friction() -> None:
         before=dataclasses.replace(loop.before, parameters=base),
         after=dataclasses.replace(loop.after, parameters=lost),
     )
-    assert "Coulomb 0.9(11)" in answer(loop)[0]
-    found = answer(dataclasses.replace(loop, verdict="outside_catalogue"))[0]
+    assert "Coulomb 0.9(11)" in first_lines(loop)[0]
+    found = first_lines(dataclasses.replace(loop, verdict="outside_catalogue"))[0]
     assert "Coulomb 2.02(4)" in found and "viscous 3.39(7)" in found and "base" in found

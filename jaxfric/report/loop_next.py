@@ -1,29 +1,25 @@
 """What a loop means and what to do next: the next command, or the run that would decide."""
 
-import itertools
 import shlex
 from collections.abc import Sequence
 
 import numpy as np
 
-from ..effects import CATALOGUE, RunChange, separators
+from ..effects import RunChange
 from ..loop.family import listed
 from ..loop.findings import LoopCode
-from ..loop.refusal import Fault, Refusal
-from ..loop.result import CandidateScore, Loop
-from ..loop.thresholds import ACCEPT
+from ..loop.result import Loop
 from ..saved.entry import CERTAIN
-from ..units import factor, read_as
+from ..units import factor
+from .aliases import confused, likeliest
 from .location_text import grow_together
 from .loop_plan import PlannedRun, deciding_run, own_run, plannable, unplanned
 from .report import NextStep
 from .rig_words import AXIS
-from .verdict_text import where_told, words_of_refusal
+from .verdict_text import where_told
 from .words import change_words, say
 
 _MEMORY = "rate_and_state"
-_SECOND, _LAW = "second_state", "ageing"
-"""What `jaxfric fit --compare` asks of, by the ids of the loop."""
 _ROOMS = {"machine": "the machine", "drive": "the drive", "sensor": "the force sensor"}
 
 
@@ -51,9 +47,8 @@ def next_steps(loop: Loop, file: str = "loop.json") -> list[NextStep]:
     `file` is the path of the loop's JSON file; by default it is in the folder of loop.html.
     """
     file = shlex.quote(file)
-    run = _one_run(loop)
-    first = _deciding(loop, file) if run is None else _do_next(loop, run, file)
-    rest = [*_beside_compare(loop, run), *_where_none(loop, run), *_with_model(loop, file)]
+    first = [*_deciding(loop, file), *_of_families(loop)]
+    rest = [*_where_none(loop), *_with_model(loop, file)]
     if not first:
         return rest
     count = 2 if len(first) > 1 and first[1].command else 1
@@ -61,22 +56,27 @@ def next_steps(loop: Loop, file: str = "loop.json") -> list[NextStep]:
     return [*first[:count], *beside]
 
 
+def run_to_make(loop: Loop) -> str:
+    """The run that would decide the questions this record leaves open, in one line; "" if none."""
+    run = _one_run(loop)
+    return "" if run is None else say("next.run_to_make", run=run.words())
+
+
 def _step(code: str, command: str = "", **values: object) -> NextStep:
     return NextStep(say(f"next.{code}", **values), command, code=code)
 
 
+# ---- with the model ------------------------------------------------------------------------------
+
+
 def _with_model(loop: Loop, file: str) -> list[NextStep]:
     """What to do with the model where it describes the record."""
-    steps = []
-    if takes_gains(loop):
-        yours = "next.yours_both" if loop.record.friction_unit == "1" else "next.yours_mass"
-        steps.append(_step("gains", _gains_line(loop, file), yours=say(yours)))
-    known = any(one.code is LoopCode.FRICTION for one in loop.findings)
-    if known and loop.verdict in CERTAIN:
+    if loop.verdict not in CERTAIN:
+        return _next_run(loop, file)
+    steps = [_step("gains", _gains_line(loop, file))] if takes_gains(loop) else []
+    if any(one.code is LoopCode.FRICTION for one in loop.findings):
         steps.append(_step("feedforward", f"jaxfric feedforward {file}"))
-    if loop.verdict in CERTAIN:
-        steps.append(_step("predict", f"jaxfric predict {file} OTHER.csv"))
-    return [*steps, *_next_run(loop, file)]
+    return [*steps, _step("predict", f"jaxfric predict {file} OTHER.csv"), *_next_run(loop, file)]
 
 
 def takes_gains(loop: Loop) -> bool:
@@ -110,141 +110,6 @@ def _gains_line(loop: Loop, file: str) -> str:
     return " ".join([*words, f'--velocity "{"..".join(ends)} {unit}"', '--sample-time "1 ms"'])
 
 
-def _wanted(loop: Loop) -> dict[str, tuple[str, ...]]:
-    """Of every effect that the record cannot tell from others: what would."""
-    from .loop_text import confused
-
-    found = {id: loop.separations.get(id, ()) for id, _ in confused(loop)}
-    if _asks_for_second(loop):
-        found.setdefault(_SECOND, separators(CATALOGUE[_SECOND]))
-    return {id: wanted for id, wanted in found.items() if wanted}
-
-
-def _one_run(loop: Loop) -> PlannedRun | None:
-    """The run with all that would tell what this record leaves open, as far as that changes its
-    own velocities; None of an axis, and where it does not change them."""
-    own, wanted = own_run(loop), _wanted(loop)
-    if loop.words is AXIS or not wanted or not own.speeds:
-        return None
-    # time and slip grow together; a step at another velocity separates them
-    apart = grow_together(loop.location, loop.base_fit.steps.velocities)
-    another = [RunChange.DWELL] if apart else []
-    run = deciding_run(own, [*itertools.chain(*wanted.values()), *another])
-    return run if run.changes and min(run.speeds) > 0 else None
-
-
-def _do_next(loop: Loop, run: PlannedRun, file: str) -> list[NextStep]:
-    """The run to make next and what it has, then the commands that ask whether it tells."""
-    from .loop_text import confused
-
-    groups, wanted, own = dict(confused(loop)), _wanted(loop), own_run(loop)
-    told, outside = [], []
-    for id, changes in wanted.items():
-        left = unplanned(run, changes)
-        has = [one for one in changes if one not in left]
-        other = _from(id, groups[id]) if id in groups else id
-        told += [say("next.tells", effect=other, changes=change_words(has))] if has else []
-        if left:
-            outside.append(say("next.outside_one", changes=change_words(left), effect=id))
-    comes = _begins_with(run, own) and loop.verdict == "outside_catalogue"
-    values = {
-        **_values_of(run),
-        "run": run.words(),
-        "told": "; ".join(told),
-        "outside": say("next.outside", outside="; ".join(outside)) if outside else "",
-        "time": say("next.time") if _new_velocity(loop, run, own) else "",
-        "begins": say("next.begins", comes_back=say("next.comes_back")) if comes else "",
-    }
-    asks = _ask_leading(loop, file, run)
-    asks += [step for id, others in groups.items() for step in _ask(loop, file, run, id, others)]
-    return [_step("run", **values), *asks, *_of_families(loop)]
-
-
-def _values_of(run: PlannedRun) -> dict[str, str]:
-    return {
-        "velocities": read_as(run.velocities()),
-        "slip": f"{run.slip:.4g} {read_as(run.length)}",
-    }
-
-
-def run_to_make(loop: Loop) -> str:
-    """The run that would decide the questions this record leaves open, in one line; "" if none."""
-    run = _one_run(loop)
-    return "" if run is None else say("next.run_to_make", **_values_of(run))
-
-
-def _from(id: str, others: Sequence[str]) -> str:
-    return say("next.effect_from", effect=id, others=listed(others, "or"))
-
-
-def _begins_with(run: PlannedRun, own: PlannedRun) -> bool:
-    return run.speeds[: len(own.speeds)] == own.speeds
-
-
-def _new_velocity(loop: Loop, run: PlannedRun, own: PlannedRun) -> bool:
-    """Whether the run has a velocity that tells variables which grow together in this record."""
-    together = grow_together(loop.location, loop.base_fit.steps.velocities)
-    return together and not set(run.speeds) <= set(own.speeds)
-
-
-def _of_families(loop: Loop) -> list[NextStep]:
-    """Of every steady curve whose shape is not told: where that would be."""
-    return [
-        _step("family", effects=listed(family.effects), where=where_told(family))
-        for family in loop.families
-        if family.decided_by
-    ]
-
-
-def _deciding(loop: Loop, file: str) -> list[NextStep]:
-    """The runs that would tell what this record leaves open, and the plans of them."""
-    from .loop_text import confused
-
-    found = []
-    for id, others in confused(loop):
-        wanted = loop.separations.get(id)
-        if wanted:
-            values = {"others": listed(others, "or"), "changes": change_words(wanted)}
-            found.append(_step("decides", effect=id, **values))
-            if loop.words is not AXIS:
-                run = deciding_run(own_run(loop), wanted)
-                planned = say("next.planned", run=run.words())
-                found += _ask(loop, file, run, id, others, planned)
-    return [*found, *_of_families(loop)]
-
-
-def _ask(
-    loop: Loop, file: str, run: PlannedRun, id: str, others: Sequence[str], said: str = ""
-) -> list[NextStep]:
-    """The command that asks whether a run tells an effect from its likeliest rival, before it is
-    made; none where no plan can be asked for the two. `said` is put in brackets first."""
-    from .loop_text import likeliest
-
-    rivals = [other for other in likeliest(loop, id, others) if plannable(other)]
-    if not (plannable(id) and rivals):
-        return []
-    first, *more = rivals
-    notes = [said] if said else []
-    notes += [say("next.then", others=listed(more, "or"), other=first)] if more else []
-    unasked = [other for other in others if not plannable(other)]
-    notes += [say("next.unasked", others=listed(unasked, "or"))] if unasked else []
-    values = {"effect": id, "other": first, "notes": "; ".join(notes)}
-    line = f"jaxfric protocol {run.options()} --from {file} --distinguish {id},{first}"
-    return [_step("ask_more" if notes else "ask", line, **values)]
-
-
-def _ask_leading(loop: Loop, file: str, run: PlannedRun) -> list[NextStep]:
-    """The command that asks whether a run tells the two from each other that would explain most
-    but that this record does not fix; none where there are no two."""
-    singles = [one.effects[0] for one in loop.unfixed() if len(one.effects) == 1]
-    leading = [id for id in singles if plannable(id)][:2]
-    if len(leading) < 2:
-        return []
-    a, b = leading
-    line = f"jaxfric protocol {run.options()} --from {file} --distinguish {a},{b}"
-    return [_step("ask_leading", line, effect=a, other=b)]
-
-
 def _next_run(loop: Loop, file: str) -> list[NextStep]:
     """After a clear verdict on a slider: what the next run would show, by a plan of this one.
 
@@ -256,75 +121,95 @@ def _next_run(loop: Loop, file: str) -> list[NextStep]:
     possible = len(set(run.speeds)) > 1 and min(run.speeds) > 0
     if not (clear and possible and all(map(plannable, effects))):
         return []
-    notes = [say("next.own_velocities")]
     line = f"jaxfric protocol {run.options()} --from {file}"
-    if not loop.effects:
-        return [_step("size", line, notes=notes[0])]
-    first, *more = loop.effects
-    notes += [say("next.then", others=listed(more, "or"), other=first)] if more else []
-    values = {"effect": first, "notes": "; ".join(notes)}
-    return [_step("size_again", f"{line} --distinguish base,{first}", **values)]
+    first = loop.effects[0] if loop.effects else ""
+    line += f" --distinguish base,{first}" if first else ""
+    return [_step("size", line, effect=first or "an effect")]
 
 
-def _beside_compare(loop: Loop, run: PlannedRun | None = None) -> list[NextStep]:
-    """Why `jaxfric fit --compare` may ask for a second state where this loop does not, in a line.
-
-    It knows laws alone, and all rows fit them. Nothing where the loop saw no sign of such a state.
-    What would decide is said where no `run` that has it was named.
-    """
-    if loop.words is AXIS:
-        return []
-    refused, alike, told = _refused_second(loop), _like_second(loop), []
-    if refused is not None:
-        gain, why = refused
-        told.append(say("next.not_taken", gain=gain, why=words_of_refusal(why)))
-    if alike:
-        told.append(say("next.not_told", others=listed(alike, "or")))
-    if not told:
-        return []
-    decides = run is None and _asks_for_second(loop)
-    changes = change_words(separators(CATALOGUE[_SECOND]))
-    what = say("next.compare_decides", changes=changes) if decides else ""
-    return [_step("compare", told=" and ".join(told), decides=what)]
-
-
-def _like_second(loop: Loop) -> list[str]:
-    """Effects that the record cannot tell from a second state, or from each other beside one."""
-    from .loop_text import confused
-
-    groups = [{id, *others} for id, others in confused(loop)]
-    return sorted({e for g in groups if _SECOND in g for e in g - {_SECOND, _LAW}})
-
-
-def _asks_for_second(loop: Loop) -> bool:
-    """Whether another run would say if there is a second state."""
-    refused = _refused_second(loop)
-    open_ = refused is not None or bool(_like_second(loop))
-    return open_ and (refused is None or refused[1].code is Fault.NOT_FIXED)
-
-
-def _refused_second(loop: Loop) -> tuple[float, Refusal] | None:
-    """Of a second state that BIC asks for and the loop does not take: by how much BIC is lower than
-    without it, and why it is refused."""
-    known: dict[frozenset[str], CandidateScore] = {frozenset(c.effects): c for c in loop.ranked()}
-    for effects, one in known.items():
-        without = known.get(effects - {_SECOND})
-        if _SECOND not in effects or _SECOND in loop.after.effects or without is None:
-            continue
-        gain = without.delta_bic - one.delta_bic
-        if one.rejection and one.converged and one.physical and gain > ACCEPT:
-            return gain, one.rejection
-    return None
-
-
-def _where_none(loop: Loop, run: PlannedRun | None = None) -> list[NextStep]:
-    """What to do where no effect is named; to record it again where no `run` begins with it."""
+def _where_none(loop: Loop) -> list[NextStep]:
+    """What to do where no effect is named."""
     if loop.verdict == "outside_catalogue":
-        again = run is None or not _begins_with(run, own_run(loop))
-        back = say("next.comes_back")
-        look = _step("look_again", comes_back=back) if again else _step("look")
-        return [look, _step("own_effect")]
+        return [_step("look"), _step("own_effect")]
     if loop.verdict == "too_weak":
-        parts = say("next.strokes" if loop.words is AXIS else "next.steps")
-        return [_step("longer", parts=parts)]
+        return [_step("longer", part=loop.words.part)]
     return []
+
+
+# ---- what would decide ---------------------------------------------------------------------------
+
+
+def _one_run(loop: Loop) -> PlannedRun | None:
+    """The run with all that would tell what this record leaves open, as far as that changes its
+    own velocities; None of an axis, and where it does not change them."""
+    own = own_run(loop)
+    wanted = [one for id, _ in confused(loop) for one in loop.separations.get(id, ())]
+    if loop.words is AXIS or not wanted or not own.speeds:
+        return None
+    # time and slip grow together; a step at another velocity separates them
+    if grow_together(loop.location, loop.base_fit.steps.velocities):
+        wanted.append(RunChange.DWELL)
+    run = deciding_run(own, wanted)
+    return run if run != own and min(run.speeds) > 0 else None
+
+
+def _deciding(loop: Loop, file: str) -> list[NextStep]:
+    """The run that would tell what this record leaves open, and the commands that check it.
+
+    Without one run for all questions: what would answer each.
+    """
+    run, steps = _one_run(loop), []
+    if run is not None:
+        steps = [_make(loop, run), *_ask_leading(loop, file, run)]
+    for id, others in confused(loop):
+        wanted = loop.separations.get(id)
+        if run is None and wanted:
+            values = {"others": listed(others, "or"), "changes": change_words(wanted)}
+            steps.append(_step("decides", effect=id, **values))
+        if run is not None or (wanted and loop.words is not AXIS):
+            rivals = filter(plannable, likeliest(loop, id, others))
+            pair = [id, *list(rivals)[:1]]
+            steps += _ask(file, run or own_run(loop), pair)
+    return steps
+
+
+def _make(loop: Loop, run: PlannedRun) -> NextStep:
+    """The run to make next, the effects that it can tell apart, and the changes that it lacks."""
+    told, lacks = [], []
+    for id, others in confused(loop):
+        wanted = loop.separations.get(id, ())
+        left = unplanned(run, wanted)
+        if len(left) < len(wanted):
+            told.append(say("next.effect_from", effect=id, others=listed(others, "or")))
+        if left:
+            lacks.append(say("next.lacks_one", changes=change_words(left), effect=id))
+    if grow_together(loop.location, loop.base_fit.steps.velocities):
+        told.append(say("next.effect_from", effect="time", others="slip"))
+    lacking = say("next.lacks", changes="; ".join(lacks)) if lacks else ""
+    return _step("run", run=run.words(), told="; ".join(told), lacking=lacking)
+
+
+def _ask_leading(loop: Loop, file: str, run: PlannedRun) -> list[NextStep]:
+    """The command that asks whether a run tells the two from each other that would explain most
+    but that this record does not fix; none where there are no two."""
+    singles = [one.effects[0] for one in loop.unfixed() if len(one.effects) == 1]
+    return _ask(file, run, [id for id in singles if plannable(id)][:2])
+
+
+def _ask(file: str, run: PlannedRun, pair: Sequence[str]) -> list[NextStep]:
+    """The command that asks whether a run tells two effects apart, before it is made; none where
+    no plan can be asked for the two."""
+    if not (len(pair) == 2 and all(map(plannable, pair))):
+        return []
+    a, b = pair
+    line = f"jaxfric protocol {run.options()} --from {file} --distinguish {a},{b}"
+    return [_step("ask", line, effect=a, other=b)]
+
+
+def _of_families(loop: Loop) -> list[NextStep]:
+    """Of every steady curve whose shape is not told: where that would be."""
+    return [
+        _step("family", effects=listed(family.effects), where=where_told(family))
+        for family in loop.families
+        if family.decided_by
+    ]

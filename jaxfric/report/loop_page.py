@@ -5,13 +5,13 @@ from math import isfinite
 
 from ..loop.family import listed
 from ..loop.result import Loop
-from ..units import read_as
+from .aliases import apart
 from .fit_text import noise_text
 from .html import Figure, Page, origin_of, page_of, printable, words_of_page
 from .location_text import shares_told
 from .loop_next import meanings
-from .loop_report import report
-from .loop_text import apart, base_name
+from .loop_report import report, test_errors
+from .loop_text import base_name
 
 
 def page(loop: Loop, pictures: Mapping[str, bytes], *, command: str) -> str:
@@ -38,10 +38,10 @@ def page(loop: Loop, pictures: Mapping[str, bytes], *, command: str) -> str:
     ]
     declared = f" with {listed(loop.before.effects)}" if loop.before.effects else ""
     origin = loop.record.provenance
+    unit = loop.record.friction_unit
     more = {
         "sampling": str(loop.record.sampling()),
-        "friction": _friction(loop.record.friction_unit),
-        f"{loop.words.part}s": _steps(loop),
+        "friction": "coefficient" if unit == "1" else f"force in {unit}",
     }
     told = Page(
         f"{printable(origin.path)}: what does the {base_name(loop)}{declared} lack?",
@@ -53,14 +53,12 @@ def page(loop: Loop, pictures: Mapping[str, bytes], *, command: str) -> str:
         origin_of(origin, len(loop.record), command, more, f" in {loop.seconds:.1f} s"),
         words["colours"].get(loop.verdict, words["colours"]["effects"]),
     )
-    return page_of(report(loop, whole=True)._replace(notes=()), told, pictures, "loop.json")
+    return page_of(report(loop)._replace(notes=()), told, pictures, "loop.json")
 
 
 def _cards(loop: Loop) -> list[tuple[str, str]]:
     """The one pair of errors, of the report block, the effects and the noise."""
-    error = f"{loop.test_error(loop.before):.2f} σ"
-    if loop.effects:
-        error += f" → {loop.test_error(loop.after):.2f} σ"
+    error = test_errors(loop).replace("->", "σ →") + " σ"
     most = loop.held_out_threshold
     chance = f", by chance up to {most:.2f}" if isfinite(most) else ""
     short, noise = loop.after.noise.kind, noise_text(loop.after.noise)
@@ -69,16 +67,3 @@ def _cards(loop: Loop) -> list[tuple[str, str]]:
         (" + ".join(loop.effects) or "none", "effects added"),
         (short, "noise of the record" + (f": {noise}" if noise != short else "")),
     ]
-
-
-def _friction(unit: str) -> str:
-    return "coefficient" if unit == "1" else f"force in {unit}"
-
-
-def _steps(loop: Loop) -> str:
-    """Times and velocities of the steps, in words."""
-    steps = loop.base_fit.steps
-    if loop.length_unit == "m":
-        return read_as(steps.text(loop.words.speed, 4))
-    both = zip(steps.times, steps.velocities, strict=True)
-    return ", ".join(f"{t:.4g} s: {v:.4g} {loop.length_unit}/s" for t, v in both)

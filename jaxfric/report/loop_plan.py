@@ -2,7 +2,7 @@
 
 The catalogue says which change of a run separates an effect from similar ones (`separated_by`). If
 that is a `RunChange`, the plan is the record's own velocities with this change. Otherwise the plan
-is the record's own velocities unchanged, and says so.
+is the record's own velocities unchanged.
 """
 
 import dataclasses
@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..effects import CATALOGUE, RunChange
-from ..loop.family import listed
 from ..loop.result import Loop
 from ..loop.split import followed, grown, repeated, trained_steps
 from ..units import factor, read_as
@@ -36,10 +35,6 @@ class PlannedRun:
     """L2 of a second state that the loop found, in the unit of length; 0 where there is none."""
     channel: bool = False
     """Whether slip is recorded too."""
-    changes: tuple[str, ...] = ()
-    """How it differs from the record, in words."""
-    told: bool = False
-    """Whether the run that would decide is a plan at all."""
 
     @property
     def length(self) -> str:
@@ -56,10 +51,9 @@ class PlannedRun:
         return f'{text} --slip-channel "{_CHANNEL}"' if self.channel else text
 
     def words(self) -> str:
-        """How the planned run differs from the record, in words."""
-        if self.changes:
-            return say("plan.changed", changes=read_as(listed(self.changes)))
-        return say("plan.as_told" if self.told else "plan.as_it_was")
+        """The velocities, the slip at each of them, and the channel, in words."""
+        channel = say("next.channel") if self.channel else ""
+        return read_as(f"{self.velocities()}, {self.slip:.4g} {self.length} each{channel}")
 
 
 def own_run(loop: Loop) -> PlannedRun:
@@ -82,7 +76,7 @@ def deciding_run(run: PlannedRun, wanted: Iterable[str]) -> PlannedRun:
     known = {CHANGES[one] for one in wanted if one in CHANGES}
     for change in sorted(known, key=list(CHANGES.values()).index):
         run = change(run)
-    return dataclasses.replace(run, told=bool(known))
+    return run
 
 
 def unplanned(run: PlannedRun, wanted: Iterable[str]) -> tuple[str, ...]:
@@ -97,21 +91,13 @@ def plannable(id: str) -> bool:
     return id in CATALOGUE and CATALOGUE[id].channel is None
 
 
-def _changed(run: PlannedRun, words: str, speeds: tuple[float, ...] | None = None) -> PlannedRun:
-    """The run with the words of a change, and other speeds where these are the change."""
-    return dataclasses.replace(
-        run, changes=(*run.changes, words), speeds=run.speeds if speeds is None else speeds
-    )
-
-
 def _repeat(run: PlannedRun) -> PlannedRun:
-    return _longer_by(run, repeated(run.speeds), _again(run))
+    return dataclasses.replace(run, speeds=repeated(run.speeds))
 
 
 def _dwell(run: PlannedRun) -> PlannedRun:
     slow = min(run.speeds) / 3
-    words = say("plan.dwell", speed=f"{slow:.4g} {run.unit}")
-    return _longer_by(run, followed(run.speeds, (slow,), run.speeds), words)
+    return dataclasses.replace(run, speeds=followed(run.speeds, (slow,), run.speeds))
 
 
 def _up_and_down(run: PlannedRun) -> PlannedRun:
@@ -122,32 +108,17 @@ def _up_and_down(run: PlannedRun) -> PlannedRun:
     if len(set(run.speeds)) < 2 or both(run.speeds):
         return run
     known = run.speeds[-1] == run.speeds[0]
-    return _longer_by(run, grown(run.speeds, run.speeds[known:], both), _again(run))
-
-
-def _again(run: PlannedRun) -> str:
-    """That the first velocity is there again, which is no news where the run ended with it."""
-    return "" if run.speeds[-1] == run.speeds[0] else say("plan.again")
-
-
-def _longer_by(run: PlannedRun, longer: tuple[float, ...], words: str) -> PlannedRun:
-    """The run with more velocities, in `words` the first that is new (empty: it is no news)."""
-    new = longer[len(run.speeds) + bool(words) :]
-    if longer == run.speeds:
-        return run
-    more = f"{', '.join(f'{speed:.4g}' for speed in new)} {run.unit}"
-    told = say("plan.then", change=words, more=more) if words else say("plan.appended", more=more)
-    return _changed(run, told if new else words, longer)
+    return dataclasses.replace(run, speeds=grown(run.speeds, run.speeds[known:], both))
 
 
 def _longer(run: PlannedRun) -> PlannedRun:
     if run.slip > 3 * run.second_length or 4 * run.second_length > _MOST_LONGER * run.slip:
         return run
-    return dataclasses.replace(_changed(run, say("plan.longer")), slip=4 * run.second_length)
+    return dataclasses.replace(run, slip=4 * run.second_length)
 
 
 def _channel(run: PlannedRun) -> PlannedRun:
-    return dataclasses.replace(_changed(run, say("plan.channel")), channel=True)
+    return dataclasses.replace(run, channel=True)
 
 
 def _decades(run: PlannedRun) -> PlannedRun:
@@ -155,8 +126,7 @@ def _decades(run: PlannedRun) -> PlannedRun:
     if max(run.speeds) >= 100 * slow and len(set(run.speeds)) > 2:
         return run
     three = tuple(slow * 10.0**k for k in range(3))
-    speeds = followed((), three, three)
-    return _changed(run, say("plan.decades"), speeds)
+    return dataclasses.replace(run, speeds=followed((), three, three))
 
 
 CHANGES: dict[str, Callable[[PlannedRun], PlannedRun]] = {

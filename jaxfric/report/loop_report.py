@@ -2,78 +2,151 @@
 
 import math
 
-from ..loop.result import Loop
-from .estimates import friction_line
+from ..loop.axis.result import AxisDetails
+from ..loop.family import listed
+from ..loop.result import Loop, Score
+from ..loop.thresholds import FAR
+from .aliases import apart, confused
+from .estimates import friction_line, with_error
 from .loop_next import next_steps, run_to_make
 from .loop_text import (
-    answer,
-    apart,
     by_velocity,
     candidates,
     errors,
-    headline,
     length_of,
-    lines,
-    meaning,
     moved,
     rests_on,
     significance,
     splitting,
-    test_errors,
 )
 from .report import Report
-
-_MOST_CANDIDATES = 10
-_MOST_STEPS = 40
-"""Velocities or segments that a terminal shows."""
+from .rig_words import AXIS
+from .words import say
 
 
-def report(loop: Loop, *, file: str = "loop.json", whole: bool = False) -> Report:
+def report(loop: Loop, *, file: str = "loop.json") -> Report:
     """The answer, all tables, and the effects that the record can distinguish.
 
-    With `whole` all rows of the tables are shown, otherwise long tables are cut. `file` is the path
-    of the loop's JSON file in the next commands.
+    `file` is the path of the loop's JSON file in the next commands.
     """
-    steps, most = (None, len(loop.candidates)) if whole else (_MOST_STEPS, _MOST_CANDIDATES)
     tables = [
         moved(loop),
         significance(loop),
         errors(loop),
-        by_velocity(loop, most=steps),
-        candidates(loop, most=most),
+        by_velocity(loop),
+        candidates(loop),
         *([] if loop.details is None else loop.details.tables()),
         rests_on(loop),
     ]
+    reasons = [f"  - {reason}" for reason in loop.reasons]
     return Report(
         first_lines(loop),
         [table for table in tables if table.rows],
-        [*lines(loop), splitting(loop)],
+        [f"{loop.verdict}: {loop.sentence}", *reasons, *splitting(loop)],
         apart(loop),
         loop.warnings,
         next_steps=next_steps(loop, file),
     )
 
 
+def headline(loop: Loop) -> str:
+    """The verdict in a few words."""
+    code, effects = loop.verdict, list(loop.effects)
+    if loop.families:
+        others = [id for id in effects if not any(id in one.effects for one in loop.families)]
+        return say("headline.effects", effects=listed([*others, say("headline.curve")]))
+    if code == "too_weak" and loop.test_error(loop.before) > FAR * loop.held_out_threshold:
+        code = "base_misses"
+    if code == "outside_catalogue":
+        helps = loop.effects and loop.test_error(loop.after) < loop.test_error(loop.before)
+        code = ("beyond" if helps else "outside") + ("_unfixed" if loop.unfixed() else "")
+    if code == "ambiguous" and effects:
+        alike = {id: listed([id, *others], "or") for id, others in confused(loop)}
+        effects = [id for id in effects if id not in alike]
+        code = "not_confirmed" if not alike else "also_one_of" if effects else "one_of"
+        return say(f"headline.{code}", effects=listed(effects), either=listed([*alike.values()]))
+    return say(f"headline.{code}", effects=listed(effects) or "an effect")
+
+
 def first_lines(loop: Loop) -> list[str]:
     """The verdict, the friction parameters of the final model, and their meaning.
 
-    If the verdict is limited, the first reason replaces the meaning.
+    If the verdict is limited, the first reason replaces the meaning. Of an axis: its friction,
+    whether friction makes it stick-slip, and the test error.
     """
-    if told := answer(loop):  # only an axis has an answer
-        return told
-    found = headline(loop)
+    details, found = loop.details, headline(loop)
+    if isinstance(details, AxisDetails):
+        doubt = details.doubt()
+        return [
+            say("answer.friction", found=_found(loop, details)),
+            *([say("answer.not_sure", doubt=doubt)] if doubt else []),
+            details.short(),
+            say("answer.test_error", errors=test_errors(loop)),
+        ]
     if loop.verdict == "effects" and not loop.families:
         found += ", confirmed"
-    found = f"{found}. Test error {test_errors(loop, '.2f')} sigma"
+    found = f"{found}. Test error {test_errors(loop)} sigma"
     most = loop.held_out_threshold
     found += f" (noise alone gives up to {most:.2f})" if math.isfinite(most) else ""
-    caution = [f"caution: {loop.reasons[0]}"] if loop.reasons else []
-    if loop.verdict == "ambiguous" and loop.effects and not caution:
-        caution = [run_to_make(loop) or loop.sentence]
-    means = [f"{id}: {meaning(loop, id)}" for id in loop.effects if meaning(loop, id)]
-    model = loop.supported
-    rate, of = model.A_minus_B, ""
-    if model is not loop.after:
-        of = "base model, as the effects added predict the test rows worse: "
-    friction = [] if rate is None else [of + friction_line(rate, model.parameters, length_of(loop))]
-    return [f"{found}.", *friction, *(means if loop.verdict == "effects" else caution)]
+    rate, parameters = loop.supported.A_minus_B, loop.supported.parameters
+    friction = [] if rate is None else [friction_line(rate, parameters, length_of(loop))]
+    if friction and loop.supported is not loop.after:
+        friction = [say("answer.of_base", friction=friction[0])]
+    if loop.verdict == "effects":
+        told = [f"{id}: {meaning(loop, id)}" for id in loop.effects if meaning(loop, id)]
+    else:
+        told = [f"caution: {reason}" for reason in loop.reasons[:1]]
+        if loop.verdict == "ambiguous" and loop.effects and not told:
+            told = [run_to_make(loop) or loop.sentence]
+    return [f"{found}.", *friction, *told]
+
+
+def _found(loop: Loop, details: AxisDetails) -> str:
+    """What is known of the friction of an axis, with errors."""
+    if known := details.found():
+        return known
+    if details.doubted() and loop.verdict in ("no_missing_effect", "effects"):
+        return say("answer.doubted", fitted=listed([AXIS.base, *loop.effects]))
+    model = loop.before if loop.verdict == "outside_catalogue" else loop.after
+    known = _base_of(loop, model)
+    if loop.verdict == "no_missing_effect":
+        return say("answer.base", base=known)
+    if loop.verdict == "effects" and not loop.families:
+        effects = listed([named(loop, id) for id in loop.effects])
+        return say("answer.effects", base=known, effects=effects)
+    if known and model.effects != loop.after.effects:
+        known = say("answer.base_model", base=known)
+    return "; ".join(filter(None, (known, _lower(headline(loop)))))
+
+
+def _lower(text: str) -> str:
+    return f"{text[:1].lower()}{text[1:]}"
+
+
+def _base_of(loop: Loop, model: Score) -> str:
+    """Coulomb and viscous friction and the mass of an axis by a model, with errors."""
+    moving = "inertia" if length_of(loop) == "rad" else "M"
+    names, known = {"F_c": "F_c", "F_v": "F_v", "M": moving}, model.parameters
+    return ", ".join(
+        f"{say(f'answer.{code}')} {with_error(known[name], length_of(loop))}"
+        for name, code in names.items()
+        if name in known
+    )
+
+
+def test_errors(loop: Loop) -> str:
+    """Test error before and after [sigma]; one number if no effect was found."""
+    models = (loop.before, loop.after) if loop.effects else (loop.before,)
+    return " -> ".join(f"{loop.test_error(model):.2f}" for model in models)
+
+
+def named(loop: Loop, id: str) -> str:
+    """An effect with its meaning, as part of a sentence."""
+    told = meaning(loop, id)
+    return say("answer.effect", id=id, meaning=told) if told else id
+
+
+def meaning(loop: Loop, id: str) -> str:
+    """The meaning of an effect, as part of a sentence; '' for an effect without meaning."""
+    told = loop.words.catalogue[id].meaning if id in loop.words.catalogue else ""
+    return _lower(told).rstrip(".")

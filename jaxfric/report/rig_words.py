@@ -17,12 +17,8 @@ class LoopWords(NamedTuple):
     """The base model; "{law}" stands for the name of its law."""
     part: str
     """A part of the record, such as "velocity step"."""
-    piece: str
-    """A short word for `part`, such as "step"."""
     marks: str
     """Name of the marks where a part begins."""
-    errors: str
-    """Title of the errors of every part."""
     velocity: str
     """Name of the velocity of a part."""
     speed: str
@@ -36,41 +32,29 @@ class LoopWords(NamedTuple):
     """What the model predicts: the name of its axis in a figure."""
     over_path: bool
     """Whether figures are drawn over the motion, where that always advances; else over time."""
-    row: str
-    """What a row of the fit is: of an axis it is not one of the record."""
-    most: Mapping[str, float]
-    """Cap by unit on the largest value, which chooses the prefix of a figure's axis."""
 
 
 SLIDER = LoopWords(
     base="{law} law",
     part="velocity step",
-    piece="step",
     marks="velocity steps",
-    errors="Error at every velocity",
     velocity="Commanded velocity",
     speed="um/s",
     catalogue=CATALOGUE,
     quantity=quantity_of,
     force="friction",
     over_path=True,
-    row="row",
-    most={"m": 9e-3, "m/s": 9e-4, "s": 1.0},
 )
 AXIS = LoopWords(
     base="Coulomb and viscous friction",
     part="motion segment",
-    piece="segment",
     marks="stops and reversals",
-    errors="Error in every motion segment",
     velocity="Mean velocity",
     speed="mm/s",
     catalogue=AXIS_CATALOGUE,
     quantity={about.symbol: about for about in quantities(AxisRig).values()}.__getitem__,
     force="motor force",
     over_path=False,
-    row="filtered row",
-    most={},
 )
 
 

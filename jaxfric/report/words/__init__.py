@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 from ...effects import RunChange
 from .changes import CHANGES
-from .following import NEXT, PLAN
+from .following import NEXT
 from .location import LOCATION
 from .loop import CURVE, FINDING, REFUSAL, VERDICT
 from .steady import STEADY
@@ -20,7 +20,6 @@ _TABLES = {
     "refusal": REFUSAL,
     "location": LOCATION,
     "next": NEXT,
-    "plan": PLAN,
     "steady": STEADY,
     "headline": HEADLINE,
     "answer": ANSWER,
