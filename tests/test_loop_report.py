@@ -891,8 +891,8 @@ def test_numbers_are_those_of_the_loop() -> None:
 
 
 def test_the_table_of_models_says_what_each_was(snapshot) -> None:
-    """Only the last is the model; those taken before it were on the way. One that a rule
-    refused has its reason; one as good as the model is not accepted, of which a tie is no evidence."""
+    """Only the last is the model; those taken before it were on the way. One that a rule refused
+    has its reason; one as good as the model is not accepted, as a tie is no evidence."""
     loop = make_loop("effects")
     (first,) = loop.effects
     wider = (first, "velocity_dependent_L")

@@ -364,9 +364,8 @@ def test_what_is_said_of_a_family():
     decided = (Decisive(1e-4, 30.0), Decisive(2.3e-7, 5.0))
     told = concluded(found("a", "b"), curve=curve(2.0, decided=decided))
     assert told.sentence == (
-        "The model lacks b and a steady curve of velocity (a is one that fits, a quadratic in ln V"
-        " another): test error 1.00 sigma with, 1.00 without, BIC 100 lower. Steady sliding at"
-        " 100 µm/s or 0.23 µm/s would tell."
+        "The model lacks b and a steady curve of velocity (a or a quadratic in ln V): test error"
+        " 1.00 -> 1.00 sigma, BIC 100 lower. To decide: steady sliding at 100 µm/s or 0.23 µm/s."
     )
     content = family(told.families[0])
     assert (content["family"], content["effects"], content["velocities"]) == (
@@ -376,7 +375,7 @@ def test_what_is_said_of_a_family():
     )
     assert content["fitting"] == ("a quadratic in ln V",)
     assert [one.velocity for one in content["decided_by"]] == [1e-4, 2.3e-7]
-    assert "2.0 higher" in why_untold(told.families[0])
+    assert "BIC +2.0" in why_untold(told.families[0])
 
 
 def test_what_is_left_keeps_a_family_from_being_named():

@@ -14,7 +14,6 @@ from .words.location import QUESTION, VARIABLE
 _NEARLY = 0.9
 _LEAST_SHOWN = 0.005
 _LEAST_BAR = 0.01
-_RIPPLE = "periodic_in_slip"
 _TOGETHER = ("time", "slip", "time_since_step", "slip_since_step")
 """Variables that grow together after a step: where there is no second one, a function of one is a
 function of any, and their bumps differ by where they lie."""
@@ -37,11 +36,11 @@ def where_it_sits(
     best = _most_telling(location)
     if best is None:
         return ""
-    together = _alike(best, location, velocities)
-    alike = _not_told(together, velocities)
-    if together and len(velocities) == 2 and np.isfinite(best.explained):
-        return say("location.smooth", share=share_text(best.explained), alike=alike)
-    return " ".join(filter(None, [_best_in_words(best, location), alike]))
+    told = say("location.best_p", variable=_subject(best.variable), p=p_text(best.p_value))
+    if np.isfinite(best.explained):
+        subjects = _subjects([best.variable, *_rivals(best, location)], "or")
+        told = say("location.would", subjects=subjects, share=share_text(best.explained))
+    return " ".join([told, *_not_told(_alike(best, location, velocities))])
 
 
 def grow_together(
@@ -60,16 +59,13 @@ def _most_telling(location: tuple[LocationProfile, ...]) -> LocationProfile | No
     return next((p for p in location if p.p_value <= SIGNIFICANT), None)
 
 
-def _best_in_words(best: LocationProfile, location: tuple[LocationProfile, ...]) -> str:
-    if not np.isfinite(best.explained):
-        return say("location.best_p", does=_does([best.variable]), p=p_text(best.p_value))
-    names = [
+def _rivals(best: LocationProfile, location: tuple[LocationProfile, ...]) -> list[str]:
+    """The other variables that explain nearly as much alone."""
+    return [
         p.variable
         for p in location
-        if p.explained >= _NEARLY * best.explained and p.p_value <= SIGNIFICANT
+        if p is not best and p.explained >= _NEARLY * best.explained and p.p_value <= SIGNIFICANT
     ]
-    code = "one" if len(names) == 1 else "two" if len(names) == 2 else "several"
-    return say(f"location.{code}", does=_does(names), share=share_text(best.explained))
 
 
 def _alike(
@@ -81,25 +77,16 @@ def _alike(
 
     Each explains something alone, and with several steps as much. None where it can.
     """
-    one = _one_step(velocities)
+    one = len(velocities) == 2 and min(velocities) > 0
     least = 0.0 if one else _NEARLY * best.explained
     names = {p.variable for p in location if p.p_value <= SIGNIFICANT and not p.explained < least}
     alike = [name for name in _TOGETHER if name in names]
     return [] if best.variable not in alike or len(alike) < 2 else alike
 
 
-def _one_step(velocities: np.ndarray | Sequence[float]) -> bool:
-    return len(velocities) == 2 and min(velocities) > 0
-
-
-def _not_told(alike: list[str], velocities: np.ndarray | Sequence[float]) -> str:
-    """A sentence on variables that the record cannot tell apart; '' for none."""
-    if not alike:
-        return ""
-    words = listed([_subject(name) for name in alike])
-    if _one_step(velocities):
-        return say("location.alike_one_step", variables=words)
-    return say("location.alike", variables=_capital(words))
+def _not_told(alike: list[str]) -> list[str]:
+    """A sentence on variables that the record cannot tell apart; none for none."""
+    return [say("location.alike", variables=_subjects(alike, "and"))] if alike else []
 
 
 def added_shares(
@@ -141,24 +128,12 @@ def shares_told(
         return [say("location.unexplained")]
     best = next(p for p in location if p.variable == first)
     alike = _alike(best, location, velocities)
-    smooth = alike and len(velocities) == 2
-    subject = _capital(say("location.curve") if smooth else _subject(first))
-    told = [say("location.carries", subject=subject, share=share_text(share))]
-    rivals = [
-        p.variable
-        for p in location
-        if p is not best
-        and p.explained >= _NEARLY * best.explained
-        and p.p_value <= SIGNIFICANT
-        and not (alike and p.variable in _TOGETHER)
-    ]
+    told = [say("location.carries", subject=_subjects([first]), share=share_text(share))]
+    rivals = [one for one in _rivals(best, location) if not (alike and one in _TOGETHER)]
     if rivals:
-        text = listed([_subject(name) for name in rivals], "or")
-        told.append(say("location.rivals", rivals=_capital(text)))
-    told += filter(None, [_not_told(alike, velocities)])
-    if len(more) > 1:
-        told.append(say("location.bars"))
-    return told
+        told.append(say("location.rivals", rivals=_subjects(rivals, "or")))
+    told += _not_told(alike)
+    return [*told, say("location.bars")] if len(more) > 1 else told
 
 
 def variable_words(variable: str | None) -> str:
@@ -170,16 +145,10 @@ def _subject(variable: str) -> str:
     return VARIABLE.get(variable, variable)
 
 
-def _capital(text: str) -> str:
+def _subjects(variables: Sequence[str], last: str = "and") -> str:
+    """Variables as the beginning of a sentence."""
+    text = listed([_subject(name) for name in variables], last)
     return text[0].upper() + text[1:]
-
-
-def _does(variables: list[str]) -> str:
-    """What friction does that depends on one of the variables."""
-    followed = [_subject(name) for name in variables if name != _RIPPLE]
-    clauses = [say("location.follows", variables=listed(followed, "or"))] if followed else []
-    clauses += [say("location.ripples")] if _RIPPLE in variables else []
-    return " or ".join(clauses)
 
 
 def share_text(share: float) -> str:

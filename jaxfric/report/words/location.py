@@ -31,27 +31,16 @@ QUESTION: Mapping[str, str] = {
 """The structure that each test looks for, by the name of the test or variable."""
 
 LOCATION: Mapping[str, str] = {
-    "smooth": "A smooth curve would explain {share} of the residual of the base model, along any"
-    " of several variables. {alike}",
-    "best_p": "The residual of the base model {does} best ({p}).",
-    "one": "Friction that {does} would explain {share} of the residual of the base model.",
-    "two": "Friction that {does}, either alone, would explain about {share} of the residual of"
-    " the base model.",
-    "several": "Friction that {does}, each alone, would explain about {share} of the residual of"
-    " the base model.",
-    "alike_one_step": "With one velocity step {variables} grow together: only the shape of a"
-    " curve distinguishes them in this record. A second step or a hold would separate them.",
-    "alike": "{variables} explain about as much: this record cannot distinguish them. Steps at"
+    "best_p": "The residual of the base model follows {variable} best ({p}).",
+    "would": "{subjects} alone would explain {share} of the residual of the base model.",
+    "alike": "{variables} grow together in this record, which cannot distinguish them. Steps at"
     " other velocities or a hold would separate them.",
-    "follows": "follows {variables}",
-    "ripples": "ripples along the path",
     "only_noise": "The residual of the base model follows no variable more than noise does.",
     "no_shares": "This residual is too small compared with the noise to be divided into shares.",
     "nothing": "The residual of the base model is consistent with noise: there is nothing to"
     " locate.",
     "unexplained": "No variable explains the residual of the base model.",
     "carries": "{subject} explains {share} of what the model lacks.",
-    "curve": "a smooth curve",
     "rivals": "{rivals} would explain about as much in its place.",
     "bars": "Each bar below the first shows what its variable explains beyond the variables above.",
     "share": "{percent:.0f} %",

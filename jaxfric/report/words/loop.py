@@ -1,54 +1,33 @@
-"""Sentences of a closed loop: the verdict, the reasons that limit it, findings and next steps."""
+"""Sentences of a closed loop: the verdict, the reasons that limit it, and findings."""
 
 from collections.abc import Mapping
 
 VERDICT: Mapping[str, str] = {
-    "no_missing_effect": "Nothing is missing: the base model fits this record to its noise"
-    " ({before}).",
-    "effects": "The model lacks {named}: {change}, BIC {gain:.0f} lower.",
-    "effects_or_alike": "The model lacks {named}, or what looks like it ({pairs}): {change}.",
-    "curve": "The model lacks {what}: {change}, BIC {gain:.0f} lower.",
-    "curve_or_alike": "The model lacks {what}, or what looks like it ({pairs}): {change}, BIC"
-    " {gain:.0f} lower.",
-    "curve_decided": " {where} would tell.",
+    "no_missing_effect": "Nothing is missing: the base model fits this record to its noise (test"
+    " error {before:.2f} sigma).",
+    "effects": "The model lacks {what}{alike}: {change}, BIC {gain:.0f} lower.",
+    "alike": ", or what looks like it ({pairs})",
     "rivals": "{a} or {b}",
-    "base_misses": "The base model misses rows that it was not fitted to ({before}; noise alone"
-    " gives up to {most:.2f}), and no effect that explains this lowers the BIC by more than"
-    " {accept:g}. The fitted rows may not determine the base model.",
+    "decided": " To decide: {where}.",
+    "change": "test error {before:.2f} -> {after:.2f} sigma",
+    "base_misses": "The base model misses rows that it was not fitted to (test error {before:.2f}"
+    " sigma; noise alone gives up to {most:.2f}), and no effect that explains this lowers the BIC"
+    " by more than {accept:g}. The fitted rows may not determine the base model.",
     "too_weak": "An effect may be missing, but the evidence is too weak to name it: none lowers"
-    " the BIC by more than {accept:g} ({before}).",
+    " the BIC by more than {accept:g} (test error {before:.2f} sigma).",
     "too_weak_but_left": "Structure remains in the residual ({p}), but no effect lowers the BIC"
-    " by more than {accept:g} ({before}).",
-    "outside": "The missing effect is not in the catalogue.",
-    "outside_in_part": "The catalogue explains only a part of what is missing.",
-    "outside_or_changes": "The missing effect is not in the catalogue, or it changes along the"
-    " record.",
+    " by more than {accept:g} (test error {before:.2f} sigma).",
+    "outside": "The missing effect is not in the catalogue, or it changes along the record.",
+    "in_part": "Only a part of what is missing can be named.",
     "not_named": "The missing effect cannot be named.",
-    "not_all_named": "Only a part of what is missing can be named.",
-    "small_but_structured": "The residual is as small as the noise (test error {after:.2f}"
-    " sigma), but it has structure that no effect of the catalogue explains.",
-    "small_but_open": "The residual is as small as the noise (test error {after:.2f} sigma), but"
-    " it has structure. No effect whose parameters this record determines explains it.",
-    "error": "test error {before:.2f} sigma",
-    "error_falls": "test error {before:.2f} -> {after:.2f} sigma",
-    "error_does_not_fall": "test error {after:.2f} sigma with, {before:.2f} without",
-    "moved_one": "{named} fits the train block, but {moves}, and the test block is predicted no"
-    " better ({change}). {named} is not confirmed: this record leaves both possible.",
-    "moved_some": "{named} fit the train block, but {moves}, and the test block is predicted no"
-    " better ({change}). {named} are not confirmed: this record leaves both possible.",
-    "helps_one": "{named} helps ({change}) but explains only a part.",
-    "helps_some": "{named} help ({change}) but explain only a part.",
-    "little_one": "{named} changes little: {change}.",
-    "little_some": "{named} change little: {change}.",
-    "in_vain_one": "{named} fits the train block but predicts the other blocks no better"
-    " ({change}).",
-    "in_vain_some": "{named} fit the train block but predict the other blocks no better"
-    " ({change}).",
-    "takes": "{names} would explain most (BIC {lower} lower{than}), but {why}: {names} is not"
-    " confirmed.",
-    "not_fixed": "{names} would explain most (BIC {lower} lower{than}), but the fitted rows do"
-    " not determine the parameters of such a model.",
-    "than": " than that of {named}",
+    "small": "The residual is as small as the noise (test error {after:.2f} sigma), but it has"
+    " structure. No effect whose parameters this record determines explains it.",
+    "moved": "With {named} the train block is fitted better, but {moves}, and the test block is"
+    " predicted no better ({change}). This is not confirmed: the record leaves both possible.",
+    "helps": "With {named} the prediction is better ({change}).",
+    "in_vain": "With {named} the train block is fitted better, but the other blocks are predicted"
+    " no better ({change}).",
+    "would": "{names} would lower the BIC by another {lower:.0f}, but is refused: {why}.",
     "withheld": "No verdict: {why}.",
     "base_runs_away": "No verdict: the base model cannot be simulated at the parameters where its"
     " fit ended. Check the units and signs of the columns, and the stiffness of a slider.",
@@ -59,15 +38,10 @@ VERDICT: Mapping[str, str] = {
 """The sentence of a verdict, and its parts."""
 
 CURVE: Mapping[str, str] = {
-    "none": "a steady curve of velocity ({effects} {fit})",
-    "one": "a steady curve of velocity ({effects} {fit}, {shapes} another)",
-    "some": "a steady curve of velocity ({effects} {fit}, {shapes} are others)",
-    "fits": "is one that fits",
-    "fit": "together are one that fits",
+    "open": "a steady curve of velocity ({shapes})",
     "where": "steady sliding at {speeds}",
     "interpolates": "{velocities} velocities, {parameters} parameters of the curve",
-    "as_good": "{shape}: BIC {by:.1f} higher",
-    "better": "{shape}: BIC {by:.1f} lower",
+    "as_good": "{shape}: BIC {by:+.1f}",
 }
 """A curve of velocity whose shape is open."""
 
@@ -90,10 +64,10 @@ FINDING: Mapping[str, str] = {
     " friction: feedback, as of a controller that carries a weight",
     "late": " {ms:.2g} ms before",
     "never_slid": "the axis never slid: its force follows its position, with a hysteresis of at"
-    " most {share:.2g} %, which comes back over the whole stroke as in presliding. The stiffness"
+    " most {hysteresis:.2%}, which comes back over the whole stroke as in presliding. The stiffness"
     " is {stiffness:.4g} ± {std:.2g} {unit}. Such a record does not show Coulomb and viscous"
     " friction, inertia or stability: move the axis farther",
-    "more_columns": " and {more} more",
+    "more": "and more",
     "report": "test",
     "select": "validation",
     "train": "train",
