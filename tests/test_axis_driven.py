@@ -215,4 +215,4 @@ def test_a_mass_that_two_fits_have_otherwise_is_said_first(mass, std, told):
         (("after", fit),), Preparation(50.0, 1), 1e-3, record, gains, loop={"M": own}
     )
     assert bool(details.doubt()) is told
-    assert not told or ("3.1 ± 0.2" in details.doubt() and "14.5" in details.doubt())
+    assert not told or ("3.10(20)" in details.doubt() and "14.5" in details.doubt())

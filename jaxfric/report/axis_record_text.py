@@ -3,10 +3,10 @@
 import numpy as np
 
 from ..records import AxisRecord, SteadyCurve
+from ..records.axis_record import Drive
 from ..records.axis_units import shown_units
 from ..records.record import Provenance
 from ..records.strokes import Strokes, encoder_step
-from ..units import factor
 from .report import Report
 from .tables import TextTable
 
@@ -21,9 +21,10 @@ def report_axis(record: AxisRecord, strokes: Strokes) -> Report:
         low, high = float(values.min()) / size, float(values.max()) / size
         told = record.units.get(role, unit)
         lines.append(f"  {role} [{told}]: {low:.7g} to {high:.7g} {unit}")
-    lines.append(f"encoder: {_encoder(record, units)}")
+    lines.append(f"encoder: {_encoder(record, units['position'])}")
     if record.drive is not None:
-        lines.append(f"controller: {_controller(record)}")
+        length = "m" if record.coordinate == "linear" else "rad"
+        lines.append(f"controller: {_controller(record.drive, record.force_unit, length)}")
     lines += [f"note: {note}" for note in record.provenance.notes]
     table = _strokes(strokes, units)
     return Report([*lines, _turns(strokes)], [table], warnings=record.provenance.doubts)
@@ -54,37 +55,29 @@ def _rows(origin: Provenance, used: int) -> list[str]:
 
 
 def _size(unit: str) -> float:
-    """Size of one of a unit in SI; 1 where the unit is unknown."""
-    si = {"mm": "m", "mm/s": "m/s"}.get(unit)
-    return 1.0 if si is None else factor(unit, si, "unit shown")
+    """Size of a unit that is shown, in SI."""
+    return 1e-3 if unit in ("mm", "mm/s") else 1.0
 
 
-def _encoder(record: AxisRecord, units: dict[str, str]) -> str:
+def _encoder(record: AxisRecord, unit: str) -> str:
     if record.position is None:
         return "no position was recorded: it is the sum of the velocity"
-    step, unit = encoder_step(record.position), units["position"]
-    travel = float(np.ptp(record.position))
+    step = encoder_step(record.position)
     if step is None:
         return "no steps are seen in the position"
-    size = _size(unit)
-    share = f", {travel / step:.4g} of them over the travel of {travel / size:.5g} {unit}"
+    size, travel = _size(unit), float(np.ptp(record.position))
     turn = f" (about {2 * np.pi / step:.4g} a turn)" if record.coordinate == "rotary" else ""
-    return f"steps of {step / size:.4g} {unit}{turn}{share}"
+    return f"steps of {step / size:.4g} {unit}{turn}, over a travel of {travel / size:.5g} {unit}"
 
 
-def _controller(record: AxisRecord) -> str:
-    drive, length = record.drive, "m" if record.coordinate == "linear" else "rad"
-    assert drive is not None
-    force = record.force_unit
-    parts = []
-    if drive.K_p is not None:
-        parts.append(f"{drive.K_p:.6g} {force}/{length} per position error")
-    if drive.K_d is not None:
-        parts.append(f"{drive.K_d:.6g} {force} s/{length} per velocity")
-    if drive.gain is not None and not parts:
-        parts.append(f"drive gain {drive.gain:.6g} {force} per unit of the signal")
-    missing = " (no reference position)" if record.reference_position is None else ""
-    return (", ".join(parts) or "gains in part") + missing
+def _controller(drive: Drive, force: str, length: str) -> str:
+    known = (
+        (drive.K_p, f"{force}/{length} per position error"),
+        (drive.K_d, f"{force} s/{length} per velocity"),
+        (drive.gain, f"{force} per unit of the signal"),
+    )
+    parts = [f"{gain:.6g} {unit}" for gain, unit in known if gain is not None]
+    return ", ".join(parts) or "gains in part"
 
 
 def _turns(strokes: Strokes) -> str:
@@ -99,16 +92,12 @@ def _turns(strokes: Strokes) -> str:
 def _strokes(strokes: Strokes, units: dict[str, str]) -> TextTable:
     """A row for every stroke: when, how far, and how fast."""
     position, velocity = units["position"], units["velocity"]
-    size, per_second = _size(position), _size(velocity)
-    rows = [
-        (
-            f"{strokes.start[k]:.5g}",
-            f"{strokes.stop[k]:.5g}",
-            f"{strokes.travel[k] / size:+.4g}",
-            f"{abs(strokes.speed[k]) / per_second:.4g}",
-            f"{strokes.fastest[k] / per_second:.4g}",
-        )
-        for k in range(len(strokes))
-    ]
-    heads = ("from [s]", "to [s]", f"travel [{position}]", f"speed [{velocity}]", "fastest")
-    return TextTable("", heads, rows)
+    columns = {
+        "from [s]": (strokes.start, 1.0, ".5g"),
+        "to [s]": (strokes.stop, 1.0, ".5g"),
+        f"travel [{position}]": (strokes.travel, _size(position), "+.4g"),
+        f"speed [{velocity}]": (np.abs(strokes.speed), _size(velocity), ".4g"),
+        "fastest": (strokes.fastest, _size(velocity), ".4g"),
+    }
+    cells = [[f"{x / size:{form}}" for x in values] for values, size, form in columns.values()]
+    return TextTable("", tuple(columns), list(zip(*cells, strict=True)))

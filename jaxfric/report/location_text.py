@@ -8,7 +8,7 @@ from ..loop.family import listed
 from ..loop.residual_tests import p_text
 from ..loop.result import LocationProfile
 from ..loop.thresholds import SIGNIFICANT
-from .words import say
+from .words import capital, say
 from .words.location import QUESTION, VARIABLE
 
 _NEARLY = 0.9
@@ -147,8 +147,7 @@ def _subject(variable: str) -> str:
 
 def _subjects(variables: Sequence[str], last: str = "and") -> str:
     """Variables as the beginning of a sentence."""
-    text = listed([_subject(name) for name in variables], last)
-    return text[0].upper() + text[1:]
+    return capital(listed([_subject(name) for name in variables], last))
 
 
 def share_text(share: float) -> str:

@@ -1,5 +1,7 @@
 """The friction of steady speeds as text and as steady.json."""
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from ..fitting.noise import step_words
@@ -11,6 +13,7 @@ from ..plain import entries, plain
 from ..records.steady import SteadyCurve
 from ..records.steady_load import Load
 from ..schemas import STEADY
+from ..units import measured
 from .fit_text import noise_lines
 from .report import Report
 from .tables import TextTable
@@ -18,11 +21,10 @@ from .tables import TextTable
 
 def report(loop: SteadyLoop, noise: SteadyNoise | None = None) -> Report:
     """The verdict, the gains it implies, the models, and the noise if requested."""
-    told = (f"{loop.verdict}: {loop.sentence}", f"gains: {sentence(loop)}")
-    models, *rest = tables(loop)
     notes = [f"  - {note}" for note in loop.curve.provenance.notes]
-    lines = [] if noise is None else noise_text(noise, loop.curve)
-    return Report(told, [*rest, models], notes=[*notes, *lines])
+    notes += [] if noise is None else noise_text(noise, loop.curve)
+    told = (f"{loop.verdict}: {loop.sentence}", f"gains: {sentence(loop)}")
+    return Report(told, tables(loop), notes=notes)
 
 
 def sentence(loop: SteadyLoop) -> str:
@@ -36,34 +38,28 @@ def sentence(loop: SteadyLoop) -> str:
 
 def noise_text(noise: SteadyNoise, curve: SteadyCurve) -> list[str]:
     """Lines on the noise of the runs, and on the independent samples that their rows are worth."""
-    what, *rest = noise_lines(noise.estimate, "the runs")
-    lines = ["; ".join([what, *rest])]
-    lines += turn_text(noise)
+    lines = ["; ".join(noise_lines(noise.estimate, "the runs")), *turn_text(noise)]
     low, middle, high = np.quantile(noise.effective / curve.effective, [0.0, 0.5, 1.0])
+    ends = [f"{x.min():.0f} to {x.max():.0f}" for x in (noise.effective, curve.effective)]
     lines.append(
-        f"independent samples of a run: {_range(noise.effective)} by the noise of all runs,"
-        f" {_range(curve.effective)} by its own rows; the errors of the means use the"
-        f" second number. The ratio of the two is {middle:.2f} in the median, {low:.2f} to"
-        f" {high:.2f} over the runs"
+        f"independent samples of a run: {ends[0]} by the noise of all runs, {ends[1]} by its own"
+        " rows; the errors of the means use the second number. The ratio of the two is"
+        f" {middle:.2f} in the median, {low:.2f} to {high:.2f} over the runs"
     )
-    lines += step_words(noise.estimate.steps, noise.estimate.sigma, curve.provenance.path)
-    return lines
+    steps = step_words(noise.estimate.steps, noise.estimate.sigma, curve.provenance.path)
+    return [*lines, *steps]
 
 
 def turn_text(noise: SteadyNoise) -> list[str]:
-    """A line on the correlation of rows one turn apart; '' if that is not known."""
+    """A line on the correlation of rows one turn apart; none if that is not known."""
     if noise.after_a_turn is None:
         return []
     share = 100 * max(noise.after_a_turn, 0.0)
     return [f"{share:.0f} % of the variance of a run is there again one turn later"]
 
 
-def _range(samples: np.ndarray) -> str:
-    return f"{np.min(samples):.0f} to {np.max(samples):.0f}"
-
-
 def tables(loop: SteadyLoop) -> list[TextTable]:
-    """Tables of the fitted models, and of the parameters of base and final model."""
+    """Tables of the parameters of base and final model, and of the fitted models."""
     unit, speed, size = shown_units(loop.curve)
     rows = [
         (
@@ -81,37 +77,28 @@ def tables(loop: SteadyLoop) -> list[TextTable]:
         "held out: error of predicting each run from a fit without this run and its neighbours in"
         " speed. spread: differences between runs beyond the errors of their means"
     )
-    models = [TextTable("Models that were fitted", head, rows, note)]
-    names = list(dict.fromkeys([*loop.base.values, *loop.final.values]))
-    shown = [
-        (
-            name,
-            _value(loop.base, name, size),
-            _value(loop.final, name, size),
-            _unit(name, unit, speed),
-        )
-        for name in names
-    ]
+    per = f"{unit}/({speed})"
+    units = {"vs": speed, "n": "", "F_v": per, "d": per, "c": f"{per}^3"}
+    shown = []
+    for name in dict.fromkeys([*loop.base.values, *loop.final.values]):
+        own = 1.0 if name in ("vs", "n") else size
+        both = (_value(m.values.get(name), m.std.get(name), own) for m in (loop.base, loop.final))
+        shown.append((name, *both, units.get(name, unit)))
     if (load := loop.curve.load) is not None:
         per = "" if load.effect == "gravity" else f"/{speed.removesuffix('/s')}"
         for name, value, std in zip(load.names, load.values, load.std, strict=True):
-            text = f"{value / size:.4g} ± {std / size:.2g}"
+            text = _value(value, std, size)
             shown.append((f"{load.effect}.{name}", text, text, f"{unit}{per}"))
-    return [TextTable("Parameters", ("name", "before", "after", "unit"), shown), *models]
+    return [
+        TextTable("Parameters", ("name", "before", "after", "unit"), shown),
+        TextTable("Models that were fitted", head, rows, note),
+    ]
 
 
-def _value(model: SteadyModel, name: str, size: float) -> str:
-    if name not in model.values:
+def _value(value: float | None, std: float | None, size: float) -> str:
+    if value is None:
         return "–"
-    value, std = model.values[name], model.std.get(name)
-    size = 1.0 if name in ("vs", "n") else size
-    return f"{value / size:.4g}" + ("" if std is None else f" ± {std / size:.2g}")
-
-
-def _unit(name: str, force: str, speed: str) -> str:
-    return {"vs": speed, "n": "", "F_v": f"{force}/({speed})", "d": f"{force}/({speed})"}.get(
-        name, f"{force}/({speed})^3" if name == "c" else force
-    )
+    return measured(value / size, 0.0 if std is None else std / size)
 
 
 def to_json(loop: SteadyLoop, noise: SteadyNoise | None = None) -> dict:
@@ -124,7 +111,7 @@ def to_json(loop: SteadyLoop, noise: SteadyNoise | None = None) -> dict:
     def model(m: SteadyModel) -> dict:
         return {
             "effects": m.effects,
-            "parameters": {k: {"value": v, "std": m.std.get(k)} for k, v in m.values.items()},
+            "parameters": _parameters(m.values, m.values.values(), map(m.std.get, m.values)),
             "rms": m.rms,
             "validation_rms": m.heldout,
             "spread": m.spread,
@@ -161,12 +148,18 @@ def to_json(loop: SteadyLoop, noise: SteadyNoise | None = None) -> dict:
     return plain(table)
 
 
+def _parameters(
+    names: Iterable[str], values: Iterable[float], std: Iterable[float | None]
+) -> dict[str, object]:
+    rows = zip(names, values, std, strict=True)
+    return {name: {"value": value, "std": error} for name, value, error in rows}
+
+
 def _load_json(load: Load) -> dict:
     """What the force has along the travel."""
-    rows = zip(load.names, load.values, load.std, strict=True)
     return {
         "effect": load.effect,
-        "parameters": {name: {"value": value, "std": std} for name, value, std in rows},
+        "parameters": _parameters(load.names, load.values, load.std),
         **entries(load, "covariance", "centre"),
     }
 
@@ -185,11 +178,11 @@ def _noise_json(noise: SteadyNoise, curve: SteadyCurve) -> dict:
 def claim_json(gains: AxisGains) -> dict:
     """The claim on stability, with reasons; nan or None for undetermined values."""
     claim, curve = gains.claim, gains.curve
+    told: dict[str, object] = {"claim": claim.kind, "reasons": list(claim.reasons)}
     if curve is None:
-        return {"claim": claim.kind, "reasons": list(claim.reasons)}
+        return told
     return {
-        "claim": claim.kind,
-        "reasons": list(claim.reasons),
+        **told,
         "damping": claim.damping if claim.kind == "damped" else None,
         "slope_std": curve.error,
         **entries(curve, "slowest", "fastest", "above"),

@@ -14,31 +14,25 @@ from ..loop.steady.loop import (
 from ..loop.thresholds import ACCEPT
 from ..records.steady import SteadyCurve
 from ..records.steady_load import Load
-from .words import say
+from ..units import measured
+from .words import capital, say
 
 
 def sentence(loop: SteadyLoop) -> str:
     """The verdict in words."""
     curve, counted = loop.curve, Doubt.COUNTED in loop.doubts
-    text = "" if counted else _said(loop)
-    if curve.load is not None and not counted:
-        text += f" {_loaded(curve, curve.load)}"
-    if loop.doubts and not counted:
-        told = "; ".join(withheld(loop))
-        text = f"{told[0].upper()}{told[1:]}. {text}"
-    if curve.stick_slip:
-        text = f"{slips(curve, counted)} {text}".rstrip()
-    return text
+    parts = [slips(curve, counted)] if curve.stick_slip else []
+    if not counted:
+        parts += [f"{capital('; '.join(withheld(loop)))}."] if loop.doubts else []
+        parts.append(_said(loop))
+        parts += [] if curve.load is None else [_loaded(curve, curve.load)]
+    return " ".join(parts)
 
 
 def withheld(loop: SteadyLoop) -> tuple[str, ...]:
     """Why the fit gives neither friction nor gains; '' if it gives them."""
-    words = {
-        Doubt.WANDERS: lambda: wanders(loop.curve),
-        Doubt.DRIVES: lambda: _drives(loop),
-        Doubt.COUNTED: lambda: say("steady.counted"),
-    }
-    return tuple(words[one]() for one in loop.doubts)
+    own = {Doubt.WANDERS: wanders(loop.curve), Doubt.COUNTED: say("steady.counted")}
+    return tuple(own[one] if one in own else _drives(loop) for one in loop.doubts)
 
 
 def wanders(curve: SteadyCurve) -> str:
@@ -54,10 +48,9 @@ def _drives(loop: SteadyLoop) -> str:
     found = driving(loop.curve, loop.final)
     assert found is not None
     speed, force, std = found
-    what = say("steady.coulomb" if speed is None else "steady.friction")
     where = "" if speed is None else say("steady.at", speed=speed, unit=shown)
-    size = {"force": force / one, "std": std / one, "unit": unit}
-    return say("steady.drives", what=what, where=where, **size)
+    value = measured(force / one, std / one)
+    return say("steady.drives", where=where, force=f"{value} {unit}")
 
 
 def slips(curve: SteadyCurve, counted: bool) -> str:
@@ -65,33 +58,23 @@ def slips(curve: SteadyCurve, counted: bool) -> str:
 
     `counted` says whether the fit includes these runs.
     """
-    speed = shown_units(curve)[1]
+    unit = shown_units(curve)[1]
     each = "; ".join(
-        say(
-            "steady.slips_one",
-            speed=one.speed,
-            unit=speed,
-            share=100 * one.at_rest,
-            stops=one.stops,
-            moving=one.moving_speed,
-        )
+        say("steady.slips_one", one=one, unit=unit, share=100 * one.at_rest)
         for one in sorted(curve.stick_slip, key=lambda one: abs(one.speed))
     )
-    return say(
-        "steady.slips", each=each, how=say("steady.counted" if counted else "steady.not_fitted")
-    )
+    how = say("steady.counted" if counted else "steady.not_fitted")
+    return say("steady.slips", each=each, how=how)
 
 
 def _loaded(curve: SteadyCurve, load: Load) -> str:
     """What the force has along the travel, and that it is taken out."""
     unit, shown, one = shown_units(curve)
-    size, std = (x / one for x in load.size())
-    if load.effect == "gravity":
-        what = say("steady.gravity", size=size, std=std, unit=unit)
-    else:
-        per = f"{unit}/{shown.removesuffix('/s')}"
-        what = say("steady.spring", size=load.values[0] / one, std=std, unit=per)
-    return say("steady.loaded", what=what)
+    size, std = load.size()
+    if load.effect != "gravity":
+        size, unit = load.values[0], f"{unit}/{shown.removesuffix('/s')}"
+    known = f"{measured(size / one, std / one)} {unit}"
+    return say("steady.loaded", what=say(f"steady.{load.effect}", size=known))
 
 
 def _said(loop: SteadyLoop) -> str:
@@ -99,7 +82,7 @@ def _said(loop: SteadyLoop) -> str:
     unit, speed, size = shown_units(loop.curve)
     refused = [e for e in ("stribeck", "direction_asymmetry") if e not in final.effects]
     known = ", ".join(
-        f"{name} = {base.values[name] / size:.4g} ± {base.std[name] / size:.2g} {own}"
+        f"{name} = {measured(base.values[name] / size, base.std[name] / size)} {own}"
         for name, own in (("F_c", unit), ("F_v", f"{unit}/({speed})"), ("F_0", unit))
     )
     return say(

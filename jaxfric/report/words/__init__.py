@@ -37,6 +37,11 @@ def say(code: str, **values: object) -> str:
     return TEMPLATES[code].format(**values)
 
 
+def capital(text: str) -> str:
+    """The text as the beginning of a sentence."""
+    return text[:1].upper() + text[1:]
+
+
 def change_words(wanted: Iterable[str]) -> str:
     """Changes of a run that would separate effects, in words; a text stays as it is."""
     return ", ".join(CHANGES[one] if isinstance(one, RunChange) else one for one in wanted)

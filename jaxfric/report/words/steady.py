@@ -11,19 +11,17 @@ STEADY: Mapping[str, str] = {
     " load, and the errors of the means are unknown. Record {more}",
     "longer_runs": "longer runs",
     "position": "the position as well",
-    "drives": "{what} is negative{where}, {force:.3g} ± {std:.2g} {unit}: it would drive the"
-    " axis, so that the model is wrong",
-    "coulomb": "the fitted Coulomb friction",
-    "friction": "the fitted friction",
+    "drives": "the fitted friction is negative{where}, {force}: it would drive the axis, so that"
+    " the model is wrong",
     "at": " at {speed:.3g} {unit}",
     "slips": "Stick-slip: {each}; {how}.",
-    "slips_one": "at {speed:.3g} {unit} the axis rests {share:.0f} % of the time ({stops} stops)"
-    " and moves at {moving:.3g} {unit} between",
+    "slips_one": "at {one.speed:.3g} {unit} the axis rests {share:.0f} % of the time ({one.stops}"
+    " stops) and moves at {one.moving_speed:.3g} {unit} between",
     "loaded": "The force changes {what}, equally in both directions, like that of a weight or a"
     " spring. This part is subtracted from the friction; F_0 contains its value in the middle of"
     " the travel.",
-    "gravity": "with the sine of the angle, {size:.4g} ± {std:.2g} {unit} at most",
-    "spring": "with the position, {size:.4g} ± {std:.2g} {unit}",
+    "gravity": "with the sine of the angle, {size} at most",
+    "position_dependence": "with the position, {size}",
     "untested": "Whether friction lacks an effect ({effects}) is not tested",
     "ambiguous": "{untested}.",
     "too_few": "A line each way fits the runs: {known} (rms {before} {unit}). {untested}:"
