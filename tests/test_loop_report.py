@@ -60,7 +60,7 @@ from jaxfric.report.loop_page import page
 from jaxfric.report.loop_plan import CHANGES, PlannedRun, deciding_run
 from jaxfric.report.loop_report import first_lines, headline
 from jaxfric.report.loop_report import report as report_of
-from jaxfric.report.loop_text import by_velocity, candidates, errors, splitting
+from jaxfric.report.loop_text import by_velocity, candidates, errors
 from jaxfric.report.report import print_details
 from jaxfric.report.rig_words import AXIS, SLIDER
 from jaxfric.report.verdict_text import change, words_of_refusal
@@ -932,8 +932,9 @@ def test_the_error_that_counts_as_noise_stands_beside_the_errors() -> None:
 
 def test_a_record_of_one_step_says_that_less_can_be_told(snapshot) -> None:
     loop = make_loop("outside_catalogue", many=False)
-    (line,) = splitting(loop)
-    assert line in page_of(loop).text and not splitting(make_loop("outside_catalogue"))
+    line = report_of(loop).lines[-1]
+    assert "Fewer effects" in line and line in page_of(loop).text
+    assert "Fewer effects" not in printed(make_loop("outside_catalogue"), 1000)
     snapshot("one_step", {"printed": printed(loop, 1000)})
 
 

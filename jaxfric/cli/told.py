@@ -21,19 +21,30 @@ BEAT = 10.0
 """Time [s] between the following lines."""
 
 
-class Teller:
-    """Prints the message on stderr after `first` s, then after each `beat` s without output."""
+class Silent:
+    """Prints no progress, for --quiet."""
 
-    def __init__(self, *, first: float, beat: float):
-        self.longest, self.beat = first, beat
-        self.message = "starting"
+    def begin(self) -> None:
+        """Begin to print; also again after `end`."""
+
+    def __call__(self, message: str) -> None:
+        """Set the current message."""
+
+    def end(self) -> None:
+        """Stop printing; may be called twice."""
+
+
+class Lines(Silent):
+    """Prints the message on stderr after `FIRST` s, then after each `BEAT` s without output."""
+
+    def __init__(self):
+        self.silence, self.message = FIRST, "starting"
         self.begun = self.last = self.since = time.monotonic()
         self.ended = threading.Event()
         self.ended.set()
         self.begin()
 
     def begin(self) -> None:
-        """Start the thread that prints; also again after `end`."""
         if self.ended.is_set():
             self.ended.clear()
             self.last = time.monotonic()
@@ -41,28 +52,24 @@ class Teller:
             self.thread.start()
 
     def __call__(self, message: str) -> None:
-        """Set the current message."""
         self.message, self.since = message, time.monotonic()
 
     def end(self) -> None:
-        """Stop printing; may be called twice."""
         self.ended.set()
         self.thread.join()
 
     def _watch(self) -> None:
         """Print the message after every silence until `ended` is set."""
-        while not self.ended.wait(max(0.0, self.last + self.longest - time.monotonic())):
-            now = time.monotonic()
-            if now - self.last >= self.longest:
-                old = now - self.since
-                ago = f" (begun {old:.0f} s ago)" if old >= self.beat else ""
-                self.last, self.longest = now, self.beat
-                text = f"jaxfric: {now - self.begun:.0f} s: {self.message}{ago}"
-                with contextlib.suppress(OSError, ValueError):  # a closed stderr must not stop it
-                    print(text, file=sys.stderr, flush=True)
+        while not self.ended.wait(max(0.0, self.last + self.silence - time.monotonic())):
+            self.last, self.silence = time.monotonic(), BEAT
+            old = self.last - self.since
+            ago = f" (begun {old:.0f} s ago)" if old >= BEAT else ""
+            text = f"jaxfric: {self.last - self.begun:.0f} s: {self.message}{ago}"
+            with contextlib.suppress(OSError, ValueError):  # a closed stderr must not stop it
+                print(text, file=sys.stderr, flush=True)
 
 
-class Line:
+class Line(Silent):
     """A status line on a terminal."""
 
     def __init__(self):
@@ -72,56 +79,37 @@ class Line:
         self.begin()
 
     def begin(self) -> None:
-        """Show the line; also again after `end`."""
         self.status.start()
 
     def __call__(self, message: str) -> None:
-        """Set the current message."""
         from rich.markup import escape
 
         self.status.update(escape(message))
 
     def end(self) -> None:
-        """Remove the line; may be called twice."""
         self.status.stop()
 
 
-class Silent:
-    """Prints no progress, for --quiet."""
-
-    def __call__(self, message: str) -> None:
-        """Ignore the message."""
-
-    def begin(self) -> None:
-        """Do nothing."""
-
-    def end(self) -> None:
-        """Do nothing."""
+_NOW: contextvars.ContextVar[Silent | None] = contextvars.ContextVar("told", default=None)
 
 
-_NOW: contextvars.ContextVar[Teller | Line | Silent | None] = contextvars.ContextVar(
-    "told", default=None
-)
-
-
-def _begin() -> Teller | Line:
-    return Line() if sys.stderr.isatty() else Teller(first=FIRST, beat=BEAT)
+def _begin() -> Silent:
+    return Line() if sys.stderr.isatty() else Lines()
 
 
 @contextlib.contextmanager
 def telling(*, silent: bool = False) -> Generator[None]:
     """Show progress within the block, until a `told` in the block ends; if `silent`, show none."""
-    teller = Silent() if silent else _begin()
-    token = _NOW.set(teller)
+    token = _NOW.set(Silent() if silent else _begin())
     try:
-        yield
+        with told():
+            yield
     finally:
         _NOW.reset(token)
-        teller.end()
 
 
 @contextlib.contextmanager
-def told() -> Generator[Teller | Line | Silent]:
+def told() -> Generator[Silent]:
     """Yield the progress callback of the command.
 
     Progress stops at the end of the block, so that the status line does not disturb later output.
@@ -136,6 +124,5 @@ def told() -> Generator[Teller | Line | Silent]:
 
 def doing(message: str) -> None:
     """Set the current message of the progress, outside of a `told` block."""
-    teller = _NOW.get()
-    if teller is not None:
+    if (teller := _NOW.get()) is not None:
         teller(message)

@@ -8,12 +8,10 @@ import numpy as np
 from ..loop.family import listed
 from ..loop.findings import LoopCode
 from ..loop.result import Loop
-from ..loop.thresholds import ALIAS
+from ..loop.thresholds import ACCEPT, ALIAS
 from .verdict_text import where_told, why_untold
 from .words import say
 
-_TOLD = 10.0
-"""Rise of BIC with another effect in its place from which a refit distinguishes an effect."""
 _INCOMPLETE = {LoopCode.STRUCTURE, LoopCode.BLOCK, LoopCode.OTHERS}
 
 
@@ -36,8 +34,8 @@ def apart(loop: Loop) -> list[str]:
             out.append(say("apart.curve", id=id, why=why_untold(family), decides=decides))
         if id not in open_ and not families:
             out.append(say("apart.in_part" if incomplete else "apart.told", id=id))
-    pairs = [say("apart.pair", a=a, b=b, cosine=value) for a, b, value in alias_pairs(loop)]
-    return [*out, say("apart.pairs", pairs="; ".join(pairs) or "none")]
+    pairs = "; ".join(f"{a} or {b} ({cosine:.3f})" for a, b, cosine in _pairs(loop))
+    return [*out, say("apart.pairs", pairs=pairs or "none")]
 
 
 def confused(loop: Loop) -> list[tuple[str, list[str]]]:
@@ -58,22 +56,17 @@ def likeliest(loop: Loop, id: str, others: Sequence[str]) -> list[str]:
     return sorted(others, key=lambda other: math.inf if math.isnan(worse[other]) else worse[other])
 
 
-def alias_pairs(loop: Loop) -> list[tuple[str, str, float]]:
+def _pairs(loop: Loop) -> list[tuple[str, str, float]]:
     """Pairs of effects with |cosine| >= 0.95 that no refit distinguishes, most alike first."""
-    ids, cosines = loop.alias_ids, np.asarray(loop.alias_cosines)
-    found = [
-        (ids[j], ids[i], float(cosines[i, j]))
-        for i in range(len(ids))
-        for j in range(i)
-        if cosines[i, j] >= ALIAS
-        and not (_tells(loop, ids[j], ids[i]) or _tells(loop, ids[i], ids[j]))
-    ]
-    return sorted(found, key=lambda pair: -pair[2])
+    ids, alike = loop.alias_ids, np.tril(loop.alias_cosines, -1)
+    pairs = [(ids[j], ids[i], float(alike[i, j])) for i, j in np.argwhere(alike >= ALIAS)]
+    open_ = [(a, b, c) for a, b, c in pairs if not (_tells(loop, a, b) or _tells(loop, b, a))]
+    return sorted(open_, key=lambda pair: -pair[2])
 
 
 def _tells(loop: Loop, id: str, other: str) -> bool:
     """Whether a refit tells the effect `id` of the model from another."""
-    return _worse(loop, id, other) > _TOLD
+    return _worse(loop, id, other) > ACCEPT
 
 
 def _worse(loop: Loop, id: str, other: str) -> float:

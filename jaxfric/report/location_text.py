@@ -9,21 +9,13 @@ from ..loop.residual_tests import p_text
 from ..loop.result import LocationProfile
 from ..loop.thresholds import SIGNIFICANT
 from .words import capital, say
-from .words.location import QUESTION, VARIABLE
+from .words.location import VARIABLE
 
 _NEARLY = 0.9
 _LEAST_SHOWN = 0.005
-_LEAST_BAR = 0.01
 _TOGETHER = ("time", "slip", "time_since_step", "slip_since_step")
 """Variables that grow together after a step: where there is no second one, a function of one is a
 function of any, and their bumps differ by where they lie."""
-OTHERS = "others"
-"""Stands for variables of small shares."""
-
-
-def question(name: str) -> str:
-    """The structure that a test looks for, by the name of the test or variable."""
-    return QUESTION.get(name, name)
 
 
 def where_it_sits(
@@ -36,7 +28,7 @@ def where_it_sits(
     best = _most_telling(location)
     if best is None:
         return ""
-    told = say("location.best_p", variable=_subject(best.variable), p=p_text(best.p_value))
+    told = say("location.best_p", variable=variable_words(best.variable), p=p_text(best.p_value))
     if np.isfinite(best.explained):
         subjects = _subjects([best.variable, *_rivals(best, location)], "or")
         told = say("location.would", subjects=subjects, share=share_text(best.explained))
@@ -94,9 +86,8 @@ def added_shares(
 ) -> list[tuple[str | None, float]]:
     """Each variable with the share it explains further, largest first; None: not explained.
 
-    The shares add up to 1. Shares below `_LEAST_BAR`, except the first, are joined as `OTHERS`. A
-    share that noise alone often reaches counts as not explained. The result is empty if the
-    structure is no more than chance, as a whole or over any variable.
+    The shares add up to 1. A share that noise alone often reaches counts as not explained. The
+    result is empty if the structure is no more than chance, as a whole or over any variable.
     """
     seen = [p for p in location if np.isfinite(p.further)]
     known = [(p.variable, p.further) for p in seen if p.p_value <= SIGNIFICANT]
@@ -104,9 +95,7 @@ def added_shares(
         return []
     rest = max(1.0 - sum(share for _, share in known), 0.0)
     taken = sorted((pair for pair in known if pair[1] > 0), key=lambda pair: -pair[1])
-    few = [pair for k, pair in enumerate(taken) if k == 0 or pair[1] >= _LEAST_BAR]
-    small = sum(share for _, share in taken[len(few) :])
-    return [*few, *([(OTHERS, small)] if small else []), (None, rest)]
+    return [*taken, (None, rest)]
 
 
 def shares_told(
@@ -137,17 +126,14 @@ def shares_told(
 
 
 def variable_words(variable: str | None) -> str:
-    """A variable of a profile as a label; None is the part that no variable explains."""
-    return _subject("none" if variable is None else variable)
-
-
-def _subject(variable: str) -> str:
-    return VARIABLE.get(variable, variable)
+    """A variable of a profile or the structure of a test; None: what no variable explains."""
+    name = "none" if variable is None else variable
+    return VARIABLE.get(name, name)
 
 
 def _subjects(variables: Sequence[str], last: str = "and") -> str:
     """Variables as the beginning of a sentence."""
-    return capital(listed([_subject(name) for name in variables], last))
+    return capital(listed([variable_words(name) for name in variables], last))
 
 
 def share_text(share: float) -> str:

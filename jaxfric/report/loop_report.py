@@ -17,11 +17,15 @@ from .loop_text import (
     moved,
     rests_on,
     significance,
-    splitting,
 )
 from .report import Report
 from .rig_words import AXIS
-from .words import say
+from .words import lower, say
+
+_TOO_FEW = (
+    "The record has too few velocity steps to hold out whole ones, so it was split by displacement"
+    " into before, transient and tail. Fewer effects can be distinguished."
+)
 
 
 def report(loop: Loop, *, file: str = "loop.json") -> Report:
@@ -38,11 +42,12 @@ def report(loop: Loop, *, file: str = "loop.json") -> Report:
         *([] if loop.details is None else loop.details.tables()),
         rests_on(loop),
     ]
-    reasons = [f"  - {reason}" for reason in loop.reasons]
+    lines = [f"{loop.verdict}: {loop.sentence}", *(f"  - {reason}" for reason in loop.reasons)]
+    lines += [] if loop.blocks.by_step else [_TOO_FEW]
     return Report(
         first_lines(loop),
         [table for table in tables if table.rows],
-        [f"{loop.verdict}: {loop.sentence}", *reasons, *splitting(loop)],
+        lines,
         apart(loop),
         loop.warnings,
         next_steps=next_steps(loop, file),
@@ -59,7 +64,7 @@ def headline(loop: Loop) -> str:
         code = "base_misses"
     if code == "outside_catalogue":
         helps = loop.effects and loop.test_error(loop.after) < loop.test_error(loop.before)
-        code = ("beyond" if helps else "outside") + ("_unfixed" if loop.unfixed() else "")
+        code = ("beyond" if helps else code) + ("_unfixed" if loop.unfixed() else "")
     if code == "ambiguous" and effects:
         alike = {id: listed([id, *others], "or") for id, others in confused(loop)}
         effects = [id for id in effects if id not in alike]
@@ -78,10 +83,10 @@ def first_lines(loop: Loop) -> list[str]:
     if isinstance(details, AxisDetails):
         doubt = details.doubt()
         return [
-            say("answer.friction", found=_found(loop, details)),
-            *([say("answer.not_sure", doubt=doubt)] if doubt else []),
+            f"friction: {_found(loop, details)}",
+            *([f"not sure: {doubt}"] if doubt else []),
             details.short(),
-            say("answer.test_error", errors=test_errors(loop)),
+            f"test error: {test_errors(loop)} sigma (test block only; noise alone gives 1)",
         ]
     if loop.verdict == "effects" and not loop.families:
         found += ", confirmed"
@@ -91,7 +96,7 @@ def first_lines(loop: Loop) -> list[str]:
     rate, parameters = loop.supported.A_minus_B, loop.supported.parameters
     friction = [] if rate is None else [friction_line(rate, parameters, length_of(loop))]
     if friction and loop.supported is not loop.after:
-        friction = [say("answer.of_base", friction=friction[0])]
+        friction = [f"base model, as the effects added predict the test rows worse: {friction[0]}"]
     if loop.verdict == "effects":
         told = [f"{id}: {meaning(loop, id)}" for id in loop.effects if meaning(loop, id)]
     else:
@@ -106,31 +111,28 @@ def _found(loop: Loop, details: AxisDetails) -> str:
     if known := details.found():
         return known
     if details.doubted() and loop.verdict in ("no_missing_effect", "effects"):
-        return say("answer.doubted", fitted=listed([AXIS.base, *loop.effects]))
+        fitted = listed([AXIS.base, *loop.effects])
+        return f"these rows do not determine it, though the residual of {fitted} looks like noise"
     model = loop.before if loop.verdict == "outside_catalogue" else loop.after
     known = _base_of(loop, model)
-    if loop.verdict == "no_missing_effect":
-        return say("answer.base", base=known)
-    if loop.verdict == "effects" and not loop.families:
-        effects = listed([named(loop, id) for id in loop.effects])
-        return say("answer.effects", base=known, effects=effects)
     if known and model.effects != loop.after.effects:
-        known = say("answer.base_model", base=known)
-    return "; ".join(filter(None, (known, _lower(headline(loop)))))
-
-
-def _lower(text: str) -> str:
-    return f"{text[:1].lower()}{text[1:]}"
+        known += " (of the base model alone)"
+    also = lower(headline(loop))
+    if loop.verdict == "no_missing_effect":
+        also = "nothing else is missing"
+    elif loop.verdict == "effects" and not loop.families:
+        also = f"also found: {listed([_named(loop, id) for id in loop.effects])}"
+    return "; ".join(filter(None, (known, also)))
 
 
 def _base_of(loop: Loop, model: Score) -> str:
     """Coulomb and viscous friction and the mass of an axis by a model, with errors."""
-    moving = "inertia" if length_of(loop) == "rad" else "M"
-    names, known = {"F_c": "F_c", "F_v": "F_v", "M": moving}, model.parameters
+    mass = "inertia" if length_of(loop) == "rad" else "mass"
+    names, known = {"F_c": "Coulomb", "F_v": "viscous", "M": mass}, model.parameters
     return ", ".join(
-        f"{say(f'answer.{code}')} {with_error(known[name], length_of(loop))}"
-        for name, code in names.items()
-        if name in known
+        f"{name} {with_error(known[symbol], length_of(loop))}"
+        for symbol, name in names.items()
+        if symbol in known
     )
 
 
@@ -140,13 +142,13 @@ def test_errors(loop: Loop) -> str:
     return " -> ".join(f"{loop.test_error(model):.2f}" for model in models)
 
 
-def named(loop: Loop, id: str) -> str:
+def _named(loop: Loop, id: str) -> str:
     """An effect with its meaning, as part of a sentence."""
     told = meaning(loop, id)
-    return say("answer.effect", id=id, meaning=told) if told else id
+    return f"{id} ({told})" if told else id
 
 
 def meaning(loop: Loop, id: str) -> str:
     """The meaning of an effect, as part of a sentence; '' for an effect without meaning."""
     told = loop.words.catalogue[id].meaning if id in loop.words.catalogue else ""
-    return _lower(told).rstrip(".")
+    return lower(told).rstrip(".")

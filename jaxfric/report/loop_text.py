@@ -15,14 +15,27 @@ from ..loop.thresholds import ACCEPT, SIGNIFICANT
 from ..units import decimals, factor, format_si, read_as
 from .estimates import shown_unit
 from .fit_text import DIFFERENCE, noise_text, shown_name
-from .location_text import question
+from .location_text import variable_words
 from .tables import TextTable
 from .verdict_text import words_of, words_of_refusal
-from .words import say
 
 _LENGTHS = (("nm", 1e-9), ("um", 1e-6), ("mm", 1e-3), ("cm", 1e-2), ("m", 1.0))
 _MOST_PLACES = 6
 """Decimal places beyond which a number has an exponent."""
+_BLOCKS = {
+    "train": "train: fitted",
+    "select": "select: validation, used to choose the model",
+    "report": "report: test, evaluated once",
+}
+_ROLES = {
+    "model": "final model",
+    "base": "base",
+    "passed": "intermediate",
+    "tried": "not accepted",
+    "impossible": "impossible parameters",
+    "failed": "did not converge",
+}
+"""Roles of a model in the search, by `Loop.role`."""
 
 
 def errors(loop: Loop) -> TextTable:
@@ -34,16 +47,16 @@ def errors(loop: Loop) -> TextTable:
         both = [loop.before.rms[name], loop.after.rms[name]]
         of = loop.blocks.of(name)
         cells = [f"{size * v:.4g}" for v in both] + [f"{v / loop.sigma_of(of):.3f}" for v in both]
-        rows.append((say(f"table.{name}"), str(int(of.sum())), *cells))
+        rows.append((_BLOCKS[name], str(int(of.sum())), *cells))
     most = loop.held_out_threshold
-    note = say(
-        "table.errors_note",
-        sigma=", in rows held out ".join(sigma_texts(loop)),
-        target=say("table.target", most=most) if math.isfinite(most) else "",
-        noise=noise_text(loop.after.noise),
+    note = (
+        f"σ, the noise of a row, is {', in rows held out '.join(sigma_texts(loop))}; a perfect"
+        f" model scores about 1 σ. Noise is {noise_text(loop.after.noise)}"
     )
+    if math.isfinite(most):
+        note += f". The report block is consistent with noise up to {most:.2f} σ"
     head = ("block", "rows", f"rms before{within}", f"rms after{within}", "before [σ]", "after [σ]")
-    return TextTable(say("table.errors"), head, rows, note, (2,))
+    return TextTable("Error before and after", head, rows, note, (2,))
 
 
 def by_velocity(loop: Loop) -> TextTable:
@@ -57,9 +70,9 @@ def by_velocity(loop: Loop) -> TextTable:
         both = [s.per_step[k] / loop.sigma_of(here) for s in (loop.before, loop.after)]
         errors = (_finite(v, "{:.3f}") if blocks else "–" for v in both)
         shown = _speed(loop, float(velocity))
-        rows.append((f"{time:.4g} s", shown, blocks or say("table.no_row"), *errors))
+        rows.append((f"{time:.4g} s", shown, blocks or "no row counts", *errors))
     head = ("from", loop.words.velocity.lower(), "block", "before [σ]", "after [σ]")
-    return TextTable(say("table.by_velocity", part=loop.words.part), head, rows)
+    return TextTable(f"Error in every {loop.words.part}", head, rows)
 
 
 def moved(loop: Loop) -> TextTable:
@@ -71,7 +84,8 @@ def moved(loop: Loop) -> TextTable:
     rows = [_moved(loop, name, both[0].get(name), after) for name, after in both[1].items()]
     marked = tuple(k for k, row in enumerate(rows) if "." in row[0])
     head = ("name", "meaning", "before", "after ± std", "95 % interval", "shift [std]", "unit")
-    return TextTable(say("table.moved"), head, rows, say("table.shift"), marked)
+    note = "shift: after minus before, in standard deviations of the fit after"
+    return TextTable("Parameters", head, rows, note, marked)
 
 
 def _moved(loop: Loop, name: str, before: Estimate | None, after: Estimate) -> tuple[str, ...]:
@@ -89,9 +103,9 @@ def _moved(loop: Loop, name: str, before: Estimate | None, after: Estimate) -> t
 def _estimate(estimate: Estimate, size: float) -> tuple[str, str, str]:
     """Value, standard deviation and 95 % interval as text."""
     if not estimate.free:
-        return f"{estimate.value / size:.6g}", "", say("table.given")
+        return f"{estimate.value / size:.6g}", "", "given"
     if not estimate.determined or not np.isfinite(estimate.value):
-        return say("table.undetermined"), "", ""
+        return "undetermined", "", ""
     numbers = [x / size for x in (estimate.value, estimate.std, estimate.lower, estimate.upper)]
     places, power, exponent = decimals(numbers[1]), 0, ""
     if places > _MOST_PLACES:
@@ -105,13 +119,13 @@ def _meaning(loop: Loop, name: str) -> str:
     """Meaning of a parameter; empty for an effect that is not of the catalogue."""
     if name == DIFFERENCE:
         second = any(n in loop.after.parameters for n in ("second_state.B2", "B2"))
-        return say("table.weakening_all" if second else "table.weakening")
+        return f"{'all states together; ' if second else ''}below 0: weakening"
     if "." not in name:
         try:
             text = loop.words.quantity(name).text
-            return say("table.moment") if (name, loop.length_unit) == ("M", "rad") else text
+            return "moment of inertia" if (name, loop.length_unit) == ("M", "rad") else text
         except KeyError:
-            return say("table.reference") if name == "V0" else ""
+            return "reference velocity" if name == "V0" else ""
     effect, field = name.split(".", 1)
     known = parameters(loop.words.catalogue[effect]) if effect in loop.words.catalogue else {}
     return known[field].text if field in known else ""
@@ -122,10 +136,15 @@ def significance(loop: Loop) -> TextTable:
     rows = []
     for name, before in loop.before.tests.items():
         both = (p_text(p) for p in (before, loop.after.tests.get(name, math.nan)))
-        rows.append((question(name), *(p.removeprefix("p ").removeprefix("= ") for p in both)))
-    head = (say("table.left"), "p before", "p after")
-    note = say("table.tests_note", significant=SIGNIFICANT)
-    return TextTable(say("table.tests"), head, rows, note)
+        rows.append(
+            (variable_words(name), *(p.removeprefix("p ").removeprefix("= ") for p in both))
+        )
+    note = (
+        f"p below {SIGNIFICANT:g}: structure remains, not only noise (likelihood-ratio tests on"
+        " the train block, corrected for their number; those of the figure location are not)"
+    )
+    head = ("does structure remain in the residual?", "p before", "p after")
+    return TextTable("Tests for structure", head, rows, note)
 
 
 def candidates(loop: Loop) -> TextTable:
@@ -143,15 +162,20 @@ def candidates(loop: Loop) -> TextTable:
     ]
     head = ("effects", "ΔBIC", "train [σ]", "select [σ]", "")
     marked = tuple(k for k, c in enumerate(found) if loop.role(c) == "model")
-    return TextTable(say("table.candidates"), head, rows, say("table.candidates_note"), marked)
+    note = (
+        "ΔBIC below 0: better than the base. An effect must lower it by more than"
+        f" {ACCEPT:g}; of equally good models the first is kept. It counts the fit of the train"
+        " rows and the prediction of the select rows"
+    )
+    return TextTable("Models that were fitted", head, rows, note, marked)
 
 
 def _role(loop: Loop, candidate: CandidateScore) -> str:
     """Role of a model in the search and, where a rule refused it, why."""
     role, why = loop.role(candidate), candidate.rejection
     if role == "tried" and why is not None:
-        return say("table.refused", why=words_of_refusal(why))
-    return say(f"table.{role}")
+        return f"not accepted: {words_of_refusal(why)}"
+    return _ROLES[role]
 
 
 def stretches(details: RunDetails) -> list[TextTable]:
@@ -166,7 +190,8 @@ def stretches(details: RunDetails) -> list[TextTable]:
     head = ("stretch", "steps and holds", "normal stress", "level")
     unit = tidy_unit(joined.record.friction_unit)
     of = "" if unit == "1" else f" [{unit}]"
-    return [TextTable(say("table.stretches"), head, rows, say("table.level", unit=of))]
+    note = f"level{of}: friction relative to the first stretch, fitted with the rest"
+    return [TextTable("The run's stretches", head, rows, note)]
 
 
 def rests_on(loop: Loop) -> TextTable:
@@ -180,16 +205,15 @@ def rests_on(loop: Loop) -> TextTable:
             told = words_of(one) if not k else ""
             rows.append((told, f"{part.rows}", part.direction, " to ".join(dict.fromkeys(ends))))
     head = ("statement", "rows", "direction", "speeds")
-    note = say("table.rests_on_note", accept=ACCEPT)
-    return TextTable(say("table.rests_on"), head, rows, note)
+    note = (
+        "Without these rows the statement could not be made. Of an effect they are the fewest whose"
+        f" loss brings the models with and without it within a BIC of {ACCEPT:g}. Directions and"
+        " speeds are those commanded, or those of the axis"
+    )
+    return TextTable("What each statement rests on", head, rows, note)
 
 
 # ---- words and numbers ---------------------------------------------------------------------------
-
-
-def splitting(loop: Loop) -> list[str]:
-    """What it means that a record has too few steps to hold out whole ones; else nothing."""
-    return [] if loop.blocks.by_step else [say("apart.by_displacement")]
 
 
 def base_name(loop: Loop) -> str:

@@ -60,7 +60,7 @@ def slips(curve: SteadyCurve, counted: bool) -> str:
     """
     unit = shown_units(curve)[1]
     each = "; ".join(
-        say("steady.slips_one", one=one, unit=unit, share=100 * one.at_rest)
+        say("steady.slips_one", unit=unit, share=100 * one.at_rest, **one._asdict())
         for one in sorted(curve.stick_slip, key=lambda one: abs(one.speed))
     )
     how = say("steady.counted" if counted else "steady.not_fitted")

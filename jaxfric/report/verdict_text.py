@@ -15,10 +15,8 @@ from ..loop.result import Unfixed
 from ..loop.thresholds import ACCEPT, FAR, SIGNIFICANT
 from ..loop.verdict import Conclusion, Told
 from ..units import measured, read_as, speed_text
-from .location_text import question, where_it_sits
+from .location_text import variable_words, where_it_sits
 from .words import TEMPLATES, say
-
-_MOST_NAMED = 6
 
 
 def reasons(found: Conclusion) -> tuple[str, ...]:
@@ -124,7 +122,7 @@ def words_of(finding: Finding) -> str:
     code = f"finding.{finding.code}"
     match finding.code:
         case LoopCode.STRUCTURE:
-            tests = (f"{question(name)}, {p_text(p)}" for name, p in values.items())
+            tests = (f"{variable_words(name)}, {p_text(p)}" for name, p in values.items())
             return say(code, what="; ".join(tests))
         case LoopCode.BLOCK:
             return say(code, **{**values, "block": say(f"finding.{values['block']}")})
@@ -133,9 +131,7 @@ def words_of(finding: Finding) -> str:
         case LoopCode.EDGE | LoopCode.RUNS_AWAY | LoopCode.FEEDBACK | LoopCode.SPRING:
             return say("finding.withheld", why=reason_of(finding))
         case LoopCode.OTHERS:
-            columns = values["columns"]
-            more = [say("finding.more")] if len(columns) > _MOST_NAMED else []
-            return say(code, columns=", ".join([*columns[:_MOST_NAMED], *more]))
+            return say(code, columns=", ".join(values["columns"]))
         case LoopCode.EFFECT if finding.severity is not Severity.CLAIM:
             return say(f"{code}_or_alike", **values)
         case LoopCode.STABILITY if values["kind"] == "free":
@@ -147,10 +143,8 @@ def words_of(finding: Finding) -> str:
 def reason_of(finding: Finding) -> str:
     """Why a verdict is withheld."""
     values: dict[str, typing.Any] = dict(finding.values)
-    if values.get("late"):
-        values["late"] = say("finding.late", ms=1e3 * values["late"])
-    else:
-        values["late"] = ""
+    late = values.get("late")
+    values["late"] = say("finding.late", ms=1e3 * late) if late else ""
     return say(f"finding.{finding.code}", **values)
 
 

@@ -6,12 +6,11 @@ Results hold codes and values. `say` makes sentences from them; no code parses a
 from collections.abc import Iterable
 
 from ...effects import RunChange
-from .changes import CHANGES
-from .following import NEXT
+from .following import CHANGES, NEXT
+from .headline import APART, HEADLINE
 from .location import LOCATION
 from .loop import CURVE, FINDING, REFUSAL, VERDICT
 from .steady import STEADY
-from .tables import ANSWER, APART, HEADLINE, TABLE
 
 _TABLES = {
     "verdict": VERDICT,
@@ -22,8 +21,6 @@ _TABLES = {
     "next": NEXT,
     "steady": STEADY,
     "headline": HEADLINE,
-    "answer": ANSWER,
-    "table": TABLE,
     "apart": APART,
 }
 TEMPLATES: dict[str, str] = {
@@ -35,6 +32,11 @@ TEMPLATES: dict[str, str] = {
 def say(code: str, **values: object) -> str:
     """The template of a code, filled with values."""
     return TEMPLATES[code].format(**values)
+
+
+def lower(text: str) -> str:
+    """The text within a sentence."""
+    return text[:1].lower() + text[1:]
 
 
 def capital(text: str) -> str:

@@ -2,6 +2,8 @@
 
 from collections.abc import Mapping
 
+from ...effects import RunChange
+
 NEXT: Mapping[str, str] = {
     "gains": "Find the smallest gains that keep the sliding steady with this model (replace the"
     " example values by those of your machine):",
@@ -30,3 +32,15 @@ NEXT: Mapping[str, str] = {
     " it vanishes.",
 }
 """A step by its code, and its parts."""
+
+CHANGES: Mapping[RunChange, str] = {
+    RunChange.DECADES: "three velocities over two decades",
+    RunChange.REPEAT: "the first velocity repeated at the end",
+    RunChange.UP_AND_DOWN: "up and down steps",
+    RunChange.LONG_STEPS: "longer than 3 L2",
+    RunChange.SLOW_DWELL: "a slow dwell",
+    RunChange.DWELL: "a dwell",
+    RunChange.SLIP_CHANNEL: "a slip channel",
+    RunChange.LOAD_POINT_CHANNEL: "a load-point encoder channel",
+}
+"""Changes of a run that tell effects apart."""

@@ -9,26 +9,11 @@ VARIABLE: Mapping[str, str] = {
     "time_since_step": "the time since a step",
     "state": "the state",
     "periodic_in_slip": "a ripple along the path",
-    "none": "not explained",
-    "others": "all others together",
-}
-"""A variable of a profile; another is called by its name."""
-
-QUESTION: Mapping[str, str] = {
     "block_means": "slow changes along the record",
     "step_locked": "the same shape after every change of velocity",
-    "slip": "follows the slip",
-    "position": "follows the position",
-    "time": "follows time",
-    "log_velocity": "follows the velocity",
-    "velocity": "follows the velocity",
-    "state": "follows the state of the contact",
-    "time_since_step": "follows the time since a step",
-    "slip_since_step": "follows the slip since a step",
-    "since_reversal": "follows the distance since a stop",
-    "periodic_in_slip": "a ripple along the path",
+    "none": "not explained",
 }
-"""The structure that each test looks for, by the name of the test or variable."""
+"""A variable of a profile or the structure of a test; another is called by its name."""
 
 LOCATION: Mapping[str, str] = {
     "best_p": "The residual of the base model follows {variable} best ({p}).",

@@ -67,7 +67,6 @@ FINDING: Mapping[str, str] = {
     " most {hysteresis:.2%}, which comes back over the whole stroke as in presliding. The stiffness"
     " is {stiffness:.4g} ± {std:.2g} {unit}. Such a record does not show Coulomb and viscous"
     " friction, inertia or stability: move the axis farther",
-    "more": "and more",
     "report": "test",
     "select": "validation",
     "train": "train",

@@ -15,8 +15,8 @@ STEADY: Mapping[str, str] = {
     " the model is wrong",
     "at": " at {speed:.3g} {unit}",
     "slips": "Stick-slip: {each}; {how}.",
-    "slips_one": "at {one.speed:.3g} {unit} the axis rests {share:.0f} % of the time ({one.stops}"
-    " stops) and moves at {one.moving_speed:.3g} {unit} between",
+    "slips_one": "at {speed:.3g} {unit} the axis rests {share:.0f} % of the time ({stops}"
+    " stops) and moves at {moving_speed:.3g} {unit} between",
     "loaded": "The force changes {what}, equally in both directions, like that of a weight or a"
     " spring. This part is subtracted from the friction; F_0 contains its value in the middle of"
     " the travel.",
