@@ -28,11 +28,17 @@ def where_it_sits(
     best = _most_telling(location)
     if best is None:
         return ""
+    alike = _alike(best, location, velocities)
     told = say("location.best_p", variable=variable_words(best.variable), p=p_text(best.p_value))
     if np.isfinite(best.explained):
-        subjects = _subjects([best.variable, *_rivals(best, location)], "or")
+        least, seen = _NEARLY * best.explained, [p for p in location if p.p_value <= SIGNIFICANT]
+        near = [p.variable for p in seen if p is not best and p.explained >= least]
+        rivals = [one for one in near if not (alike and one in _TOGETHER)]
+        subjects = _subjects([best.variable, *rivals], "or")
         told = say("location.would", subjects=subjects, share=share_text(best.explained))
-    return " ".join([told, *_not_told(_alike(best, location, velocities))])
+    if alike:
+        told += " " + say("location.alike", variables=_subjects(alike, "and"))
+    return told
 
 
 def grow_together(
@@ -51,15 +57,6 @@ def _most_telling(location: tuple[LocationProfile, ...]) -> LocationProfile | No
     return next((p for p in location if p.p_value <= SIGNIFICANT), None)
 
 
-def _rivals(best: LocationProfile, location: tuple[LocationProfile, ...]) -> list[str]:
-    """The other variables that explain nearly as much alone."""
-    return [
-        p.variable
-        for p in location
-        if p is not best and p.explained >= _NEARLY * best.explained and p.p_value <= SIGNIFICANT
-    ]
-
-
 def _alike(
     best: LocationProfile,
     location: tuple[LocationProfile, ...],
@@ -74,11 +71,6 @@ def _alike(
     names = {p.variable for p in location if p.p_value <= SIGNIFICANT and not p.explained < least}
     alike = [name for name in _TOGETHER if name in names]
     return [] if best.variable not in alike or len(alike) < 2 else alike
-
-
-def _not_told(alike: list[str]) -> list[str]:
-    """A sentence on variables that the record cannot tell apart; none for none."""
-    return [say("location.alike", variables=_subjects(alike, "and"))] if alike else []
 
 
 def added_shares(
@@ -105,24 +97,14 @@ def shares_told(
 
     `velocities` are those of the record, as in `where_it_sits`.
     """
-    shares = added_shares(location)
+    shares, seen = added_shares(location), where_it_sits(location, velocities)
     if not shares and any(np.isfinite(p.further) for p in location):
         return [say("location.only_noise")]
-    if not shares and (seen := where_it_sits(location, velocities)):
-        return [seen, say("location.no_shares")]
     if not shares:
-        return [say("location.nothing")]
-    (first, share), *more = shares
-    if first is None:
+        return [seen, say("location.no_shares")] if seen else [say("location.nothing")]
+    if shares[0][0] is None:
         return [say("location.unexplained")]
-    best = next(p for p in location if p.variable == first)
-    alike = _alike(best, location, velocities)
-    told = [say("location.carries", subject=_subjects([first]), share=share_text(share))]
-    rivals = [one for one in _rivals(best, location) if not (alike and one in _TOGETHER)]
-    if rivals:
-        told.append(say("location.rivals", rivals=_subjects(rivals, "or")))
-    told += _not_told(alike)
-    return [*told, say("location.bars")] if len(more) > 1 else told
+    return [seen, *([say("location.bars")] if len(shares) > 2 else [])]
 
 
 def variable_words(variable: str | None) -> str:
@@ -131,7 +113,7 @@ def variable_words(variable: str | None) -> str:
     return VARIABLE.get(name, name)
 
 
-def _subjects(variables: Sequence[str], last: str = "and") -> str:
+def _subjects(variables: Sequence[str], last: str) -> str:
     """Variables as the beginning of a sentence."""
     return capital(listed([variable_words(name) for name in variables], last))
 

@@ -7,9 +7,8 @@ from collections.abc import Iterable
 
 from ...effects import RunChange
 from .following import CHANGES, NEXT
-from .headline import APART, HEADLINE
 from .location import LOCATION
-from .loop import CURVE, FINDING, REFUSAL, VERDICT
+from .loop import APART, CURVE, FINDING, HEADLINE, REFUSAL, VERDICT
 from .steady import STEADY
 
 _TABLES = {

@@ -25,8 +25,6 @@ LOCATION: Mapping[str, str] = {
     "nothing": "The residual of the base model is consistent with noise: there is nothing to"
     " locate.",
     "unexplained": "No variable explains the residual of the base model.",
-    "carries": "{subject} explains {share} of what the model lacks.",
-    "rivals": "{rivals} would explain about as much in its place.",
     "bars": "Each bar below the first shows what its variable explains beyond the variables above.",
     "share": "{percent:.0f} %",
     "small_share": "less than 1 %",
