@@ -365,7 +365,7 @@ def test_what_is_said_of_a_family():
     told = concluded(found("a", "b"), curve=curve(2.0, decided=decided))
     assert told.sentence == (
         "The model lacks b and a steady curve of velocity (a or a quadratic in ln V): test error"
-        " 1.00 -> 1.00 sigma, BIC 100 lower. To decide: steady sliding at 100 µm/s or 0.23 µm/s."
+        " 1.00 -> 1.00 sigma, BIC 100 lower. To decide: steady sliding at 100 µm/s or 230 nm/s."
     )
     content = family(told.families[0])
     assert (content["family"], content["effects"], content["velocities"]) == (

@@ -11,10 +11,9 @@ from ..loop.family import CurveFamily, listed
 from ..loop.findings import LoopCode
 from ..loop.refusal import Fault, Move, Refusal
 from ..loop.residual_tests import p_text
-from ..loop.result import Unfixed
 from ..loop.thresholds import ACCEPT, FAR, SIGNIFICANT
 from ..loop.verdict import Conclusion, Told
-from ..units import measured, read_as, speed_text
+from ..units import measured, prefixed
 from .location_text import variable_words, where_it_sits
 from .words import TEMPLATES, say
 
@@ -97,8 +96,7 @@ def _withheld(why: Finding) -> str:
 
 def where_told(family: CurveFamily) -> str:
     """Velocities that would determine the shape of a curve; '' if there are none."""
-    rotary = family.unit == "rad/s"
-    told = [read_as(speed_text(one.velocity, 2, rotary=rotary)) for one in family.decided_by]
+    told = [prefixed(one.velocity, family.unit, 3) for one in family.decided_by]
     return say("curve.where", speeds=listed(told, "or")) if told else ""
 
 
