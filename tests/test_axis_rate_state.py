@@ -170,7 +170,7 @@ def test_both_optima_at_the_worst_velocity():
     )
     assert "Nothing can be said" in found.sentence()  # what it rests on was not told
     exact = dataclasses.replace(found, curve=Curve(found.slope, 0.0, 1e-3, 0.1))
-    assert "Without k_v the axis needs k_p above" in exact.sentence()
+    assert "or stiffness k_p above" in exact.sentence()
 
 
 def test_an_axis_whose_record_does_not_fix_its_mass_has_gains():

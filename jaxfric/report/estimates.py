@@ -4,7 +4,7 @@ import re
 from collections.abc import Mapping
 
 from ..fitting import Estimate
-from ..units import factor, measured, read_as
+from ..units import decimals, factor, measured, read_as
 
 _SHORT = {"A": "a", "B": "b", "L": "D_c"}
 _STATE = re.compile(r"(?:second_state\.)?([ABL])(\d*)")
@@ -52,6 +52,15 @@ def _sign(rate: Estimate) -> str:
     if rate.lower > 0:
         return "velocity strengthening"
     return "whether velocity weakens friction is not known"
+
+
+def interval_cells(
+    value: float, std: float, low: float, high: float, size: float = 1.0
+) -> tuple[str, str, str]:
+    """Value, standard error and interval in a unit of `size`, with the digits of the error."""
+    digits = decimals(std / size)
+    mean, error, *ends = (f"{x / size:.{digits}f}" for x in (value, std, low, high))
+    return mean, error, " to ".join(ends)
 
 
 def shown_unit(estimate: Estimate, length: str) -> tuple[str, float]:

@@ -1,6 +1,5 @@
 """The parameters of a fit in the units of its record."""
 
-import dataclasses
 from typing import NamedTuple
 
 import numpy as np
@@ -12,16 +11,13 @@ from ..fitting.noise import NoiseEstimate
 from ..fitting.problem import quantity_of
 from ..fitting.result import Estimate, Fit, display_unit
 from ..stability.claims import SURE
-from ..units import decimals, factor, format_si, read_as
-from .estimates import friction_line
+from ..units import factor, format_si, read_as
+from .estimates import friction_line, interval_cells
 
 _LEAST, _SMALL = 0.005, 0.05
-"""Shares of a noise below which a part is not named, and is named as small."""
+"""Shares of a noise below which a part is not counted, and is counted as small."""
 CORRELATED = 0.7
 """|correlation| of the errors of two parameters from which it is told."""
-_ABOVE = 1.1
-
-
 DIFFERENCE = "A_minus_B"
 """The name of A less all B in files; in tables it is `shown_name`."""
 _OTHER_NAMES = {"A": "a", "B": "b", "L": "D_c"}
@@ -58,15 +54,14 @@ def rows(fit: Fit) -> list[Row]:
 def _row(name: str, meaning: str, estimate: Estimate, fit: Fit) -> Row:
     unit = display_unit("A" if name == DIFFERENCE else name, fit)
     size = factor(unit, estimate.unit, name) if unit != estimate.unit else 1.0
-    value, std = estimate.value / size, estimate.std / size
     shown = "" if unit == "1" else read_as(unit)
     if not estimate.free:
-        return Row(shown_name(name), meaning, f"{value:.6g}", "fixed", "", shown)
+        return Row(shown_name(name), meaning, f"{estimate.value / size:.6g}", "fixed", "", shown)
     if not estimate.determined:
         return Row(shown_name(name), meaning, "undetermined", "", "", shown)
-    low, high, digits = estimate.lower / size, estimate.upper / size, decimals(std)
-    texts = f"{value:.{digits}f}", f"{std:.{digits}f}", f"{low:.{digits}f} to {high:.{digits}f}"
-    return Row(shown_name(name), meaning, *texts, shown)
+    ends = estimate.lower, estimate.upper
+    cells = interval_cells(estimate.value, estimate.std, *ends, size)
+    return Row(shown_name(name), meaning, *cells, shown)
 
 
 def headline(fit: Fit) -> list[str]:
@@ -116,29 +111,15 @@ def summary(fit: Fit) -> list[str]:
 
 def _noise_line(fit: Fit) -> str:
     noise, unit = fit.noise, "" if fit.record.friction_unit == "1" else " N"
-    return f"noise {noise.sigma:.3g}{unit}, {noise_text(noise)}{_above_rms(fit)}"
+    return f"noise {noise.sigma:.3g}{unit}, {noise_text(noise)}"
 
 
 def noise_text(noise: NoiseEstimate) -> str:
-    """The text of the noise, with its small parts down to half a percent, and the removed hum."""
+    """The text of the noise, with the share of its small parts, and the removed hum."""
+    small = sum(abs(p.share) for p in noise.parts if _LEAST <= abs(p.share) < _SMALL)
+    told = noise.text() + (f" ({100 * small:.0f} % correlated, negligible)" if small else "")
     lines = " and ".join(one.text() for one in noise.hum)
-    return _of_rows(noise) + (f"; {lines} is taken out" if lines else "")
-
-
-def _of_rows(noise: NoiseEstimate) -> str:
-    told, small = noise.text(), []
-    for part in noise.parts:
-        if -_SMALL < part.share <= -_LEAST:
-            told += (
-                f", and {-100 * part.share:.0f} % by which neighbours differ more than by chance"
-            )
-        if _LEAST <= part.share < _SMALL:
-            alone = (dataclasses.replace(part, share=1.0),)
-            words = dataclasses.replace(noise, parts=alone).text()  # "100 % of its variance ..."
-            small.append(f"{100 * part.share:.0f} %{words.removeprefix('100 %')}")
-    if small and noise.kind == "white":
-        return f"{told} but for {' and '.join(small)}, too small to be given a cause"
-    return ", and ".join([told, *small])
+    return told + (f"; {lines} is taken out" if lines else "")
 
 
 def noise_lines(noise: NoiseEstimate, of: str = "the record") -> list[str]:
@@ -149,13 +130,6 @@ def noise_lines(noise: NoiseEstimate, of: str = "the record") -> list[str]:
     if noise.longest:
         lines.append(f"what lasts longer than {noise.bound()} is not taken for noise")
     return lines
-
-
-def _above_rms(fit: Fit) -> str:
-    """The reason why the noise is larger than the rms of the fit, where it is."""
-    if not fit.noise.sigma > _ABOVE * fit.rms:
-        return ""
-    return "; larger than the rms, because the fit takes up a part of noise that lasts so long"
 
 
 def _drifts(fit: Fit, drift: Drift | None) -> list[str]:
@@ -183,22 +157,11 @@ def _stability(fit: Fit, drift: Drift | None) -> list[str]:
     length = fit.record.units.get("load_point_displacement", "um")
     ends = (format_si(V, "m/s", f"{length}/s", 3) for V in (moving.min(), moving.max()))
     low, high = map(read_as, ends)
+    doubt = "; only if the model holds (see the warnings)" if drift or misfit_warning(fit) else ""
     return [
         "velocity strengthening (A > B by more than two standard errors): steady sliding is"
-        f" stable at any stiffness, from {low} to {high}{_if_the_model_holds(fit, drift)}"
+        f" stable at any stiffness, from {low} to {high}{doubt}"
     ]
-
-
-def _if_the_model_holds(fit: Fit, drift: Drift | None) -> str:
-    """A caveat where a fit misses more than noise, which its errors do not count."""
-    if drift is not None:
-        return "; not where friction drifts on as it does before the step (see the warning)"
-    if misfit_warning(fit):
-        return (
-            "; only if the model holds, which leaves more than the scatter of neighbouring rows"
-            " (see the warnings): its errors count noise"
-        )
-    return ""
 
 
 def _critical(fit: Fit) -> list[str]:
@@ -206,12 +169,11 @@ def _critical(fit: Fit) -> list[str]:
     found, unit = fit.critical(), display_unit("K", fit)
     size = factor(unit, found.stiffness.unit, "K") if unit != found.stiffness.unit else 1.0
     own, ratio = found.stiffness, found.ratio
-    digits = decimals(own.std / size)
-    value, low, high = (f"{x / size:.{digits}f}" for x in (own.value, own.lower, own.upper))
+    value, _, ends = interval_cells(own.value, own.std, own.lower, own.upper, size)
     upper = f"to {ratio.upper:.2f}" if np.isfinite(ratio.upper) else "or more"
     return [
         f"stiffness is {ratio.value:.2f} times critical (95 %: {ratio.lower:.2f} {upper};"
         " massless, undamped)",
-        f"critical stiffness {value} {read_as(unit)} (95 %: {low} to {high}; of"
+        f"critical stiffness {value} {read_as(unit)} (95 %: {ends}; of"
         f" {SAMPLES} samples of the covariance)",
     ]

@@ -4,8 +4,9 @@ from typing import NamedTuple
 
 from ..errors import either, option
 from ..posterior.inference_data import unit_name, unit_size
-from ..posterior.result import DIFFERENCE, Fitted, Posterior, Spread
-from ..units import decimals
+from ..posterior.result import DIFFERENCE, Fitted, Posterior
+from ..units import decimals, read_as
+from .estimates import interval_cells
 from .fit_text import shown_name
 
 
@@ -36,16 +37,20 @@ def posterior_rows(posterior: Posterior) -> list[PosteriorRow]:
     drawn, fitted, rows = posterior.sampled(), posterior.fitted(), []
     for name in (DIFFERENCE, *posterior.names):
         size, unit = unit_size(name, posterior.fit), unit_name(name, posterior.fit)
-        digits = decimals(about[name].std / size)
         row = PosteriorRow(
             name=shown_name(name),
             prior=priors[name].text(size) if name in priors else "",
             fit=_fitted(fitted[name], size),
-            maximum=f"{maximum[name] / size:.{digits}f}",
-            laplace=_spread(about[name], size),
-            draws=_drawn(posterior, name, drawn[name], size) if drawn else (),
-            unit="" if unit == "1" else unit.replace("um", "µm"),
+            maximum=f"{maximum[name] / size:.{decimals(about[name].std / size)}f}",
+            laplace=interval_cells(*about[name], size),
+            draws=(),
+            unit="" if unit == "1" else read_as(unit),
         )
+        if drawn:
+            chains = posterior.chains[name]
+            ess = f"{chains.ess_bulk:.0f}", f"{chains.ess_tail:.0f}"
+            cells = interval_cells(*drawn[name], size)
+            row = row._replace(draws=(*cells, f"{chains.rhat:.3f}", *ess))
         rows.append(row)
     return rows
 
@@ -57,22 +62,19 @@ def posterior_lines(posterior: Posterior) -> list[str]:
         held += (
             "; rows are weighted by it, in the whitened fit too; the ordinary fit weighs all alike"
         )
-    if posterior.draws is None:
-        return [f"Laplace approximation about the maximum; {held}", *_reweighted(posterior)]
-    chains, draws = posterior.draws.diverging.shape
-    diverging = int(posterior.draws.diverging.sum())
-    return [
-        f"{chains} chains of {draws} draws by NUTS, {diverging} divergent,"
-        f" acceptance {posterior.draws.acceptance.mean():.2f}; {held}",
-        *_reweighted(posterior),
-    ]
+    how = "Laplace approximation about the maximum"
+    if posterior.draws is not None:
+        chains, draws = posterior.draws.diverging.shape
+        how = f"{chains} chains of {draws} draws by NUTS, {int(posterior.draws.diverging.sum())}"
+        how += f" divergent, acceptance {posterior.draws.acceptance.mean():.2f}"
+    return [f"{how}; {held}", *_reweighted(posterior)]
 
 
 def _reweighted(posterior: Posterior) -> list[str]:
     """A sentence where the ordinary fit differs by how rows are weighted, else nothing."""
     ordinary, told = posterior.ordinary(), []
     for name in posterior.reweighted():
-        unit = unit_name(name, posterior.fit).replace("um", "µm")
+        unit = read_as(unit_name(name, posterior.fit))
         value = _fitted(ordinary[name], unit_size(name, posterior.fit))
         told.append(
             f"{shown_name(name).split()[0]} = {value}" + ("" if unit == "1" else f" {unit}")
@@ -88,18 +90,5 @@ def _reweighted(posterior: Posterior) -> list[str]:
 
 def _fitted(one: Fitted, size: float) -> str:
     """Value and standard deviation of a fit without priors."""
-    value, std, known = one
-    digits = decimals(std / size)
-    return f"{value / size:.{digits}f} ± {std / size:.{digits}f}" if known else "undetermined"
-
-
-def _spread(one: Spread, size: float) -> tuple[str, str, str]:
-    digits = decimals(one.std / size)
-    mean, std, low, high = (f"{x / size:.{digits}f}" for x in one)
-    return mean, std, f"{low} to {high}"
-
-
-def _drawn(posterior: Posterior, name: str, one: Spread, size: float) -> tuple[str, ...]:
-    chains = posterior.chains[name]
-    ess = f"{chains.ess_bulk:.0f}", f"{chains.ess_tail:.0f}"
-    return (*_spread(one, size), f"{chains.rhat:.3f}", *ess)
+    value, std, _ = interval_cells(one.value, one.std, one.value, one.value, size)
+    return f"{value} ± {std}" if one.determined else "undetermined"
