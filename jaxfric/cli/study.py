@@ -196,7 +196,7 @@ class _Teller:
 
 def _draw(store: str, output: options.OutputOptions) -> int:
     from ..plot.study import draw_study
-    from ..report.study_text import report_of_maps
+    from ..report.report import Report
     from ..study import load
 
     found = load(store)
@@ -211,5 +211,5 @@ def _draw(store: str, output: options.OutputOptions) -> int:
     pictures = [name for name in names if name.endswith(".png")]
     written = f"written: {folder.path}/{', '.join(pictures)} (and .svg)" if names else ""
     content = {"store": store, "figures": [str(folder.path / name) for name in names]}
-    show(report_of_maps(names), written, json_text(content), output)
+    show(Report(), written, json_text(content), output)
     return folder.close()

@@ -1,11 +1,14 @@
 """A simulated motion in words, and as the table trajectory.csv."""
 
+import io
 from collections.abc import Mapping, Sequence
+
+import numpy as np
 
 from ..gains.course import MAX_STEPS, Course, Motion
 from ..schemas import SIMULATION
 from ..simulation import RESULTS
-from ..units import factor, format_si
+from ..units import factor, format_si, prefixed
 from .report import Report
 
 _ENDS = {
@@ -27,12 +30,8 @@ def report(course: Course, law: str, width: float | None, length: str) -> Report
     if width is not None:
         speed = motion.unit("m/s")
         notes.append(f"the sign of friction turns over {width:.3g} {speed} (parameter width)")
-    if course.start == "at_rest":
-        notes.append("start: at rest, the spring unloaded")
-    if course.start == "jump" and course.jump is not None:
-        size, unit = (1.0, "rad") if length == "rad" else (1e-6, "um")
-        jump = f"{course.jump / size:.4g} {unit}"
-        notes.append(f"start: steady sliding; then the load point jumps by {jump}")
+    jump = "" if course.jump is None else f" by {prefixed(course.jump, motion.unit('m'))}"
+    notes.append(f"start: {course.start.replace('_', ' ')}{jump}")
     reached = f"{float(motion.time[-1]):.6g} s of {course.duration:.6g} s"
     notes.append(f"simulated: {reached}, {course.solver_steps} steps")
     notes += [f"ended early: {_why(course.result)}"] if early else []
@@ -71,12 +70,11 @@ def trajectory_text(motion: Motion, made: Mapping[str, str], notes: Sequence[str
     told = ("simulated by jaxfric", *(f"{name}: {text}" for name, text in made.items()), *notes)
     lines = [*(f"# {' '.join(note.split())}" for note in told), ",".join(names)]
     moved, slip, velocity = (size * x for x in (motion.load_point, motion.slip, motion.velocity))
-    columns = (motion.time, moved, motion.friction, slip, velocity)
-    lines += [
-        f"{t:.12g},{x:.10g},{f:.10g},{s:.10g},{v:.6g}"
-        for t, x, f, s, v in zip(*columns, strict=True)
-    ]
-    return "\n".join(lines) + "\n"
+    rows = np.stack([motion.time, moved, motion.friction, slip, velocity], axis=1)
+    formats = ["%.12g", "%.10g", "%.10g", "%.10g", "%.6g"]
+    out = io.StringIO()
+    np.savetxt(out, rows, formats, ",", header="\n".join(lines), comments="")
+    return out.getvalue()
 
 
 def _machine(motion: Motion) -> str:

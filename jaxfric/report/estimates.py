@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from ..fitting import Estimate
 from ..units import decimals, factor, measured, read_as
 
-_SHORT = {"A": "a", "B": "b", "L": "D_c"}
-_STATE = re.compile(r"(?:second_state\.)?([ABL])(\d*)")
+ROCK_NAMES = {"A": "a", "B": "b", "L": "D_c"}
+"""The parameters of a law by their names in rock mechanics."""
+STATE = re.compile(r"(?:second_state\.)?([ABL])(\d*)")
 """Parameters of the law and of a second state by their letter, with the number of the state."""
 
 
@@ -18,9 +19,9 @@ def friction_line(rate: Estimate, parameters: Mapping[str, Estimate], length: st
     `length`.
     """
     own = {
-        _SHORT[m[1]] + m[2]: known
+        ROCK_NAMES[m[1]] + m[2]: known
         for name, known in parameters.items()
-        if (m := _STATE.fullmatch(name))
+        if (m := STATE.fullmatch(name))
     }
     states = sorted(name for name in own if name[0] == "b")
     shown = {" - ".join(("a", *(states or ["b"]))): rate}

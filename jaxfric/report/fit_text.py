@@ -12,7 +12,7 @@ from ..fitting.problem import quantity_of
 from ..fitting.result import Estimate, Fit, display_unit
 from ..stability.claims import SURE
 from ..units import factor, format_si, read_as
-from .estimates import friction_line, interval_cells
+from .estimates import ROCK_NAMES, STATE, friction_line, interval_cells
 
 _LEAST, _SMALL = 0.005, 0.05
 """Shares of a noise below which a part is not counted, and is counted as small."""
@@ -20,7 +20,6 @@ CORRELATED = 0.7
 """|correlation| of the errors of two parameters from which it is told."""
 DIFFERENCE = "A_minus_B"
 """The name of A less all B in files; in tables it is `shown_name`."""
-_OTHER_NAMES = {"A": "a", "B": "b", "L": "D_c"}
 
 
 class Row(NamedTuple):
@@ -38,11 +37,8 @@ def shown_name(name: str) -> str:
     """A parameter with its name in rock mechanics: "A (a)", "B2 (b2)", "L (D_c)", "A-B (a-b)"."""
     if name == DIFFERENCE:
         return "A-B (a-b)"
-    last = name.rpartition(".")[2]
-    letter = last.rstrip("0123456789")
-    if letter not in _OTHER_NAMES:
-        return name
-    return f"{name} ({_OTHER_NAMES[letter]}{last[len(letter) :]})"
+    own = STATE.fullmatch(name)
+    return name if own is None else f"{name} ({ROCK_NAMES[own[1]]}{own[2]})"
 
 
 def rows(fit: Fit) -> list[Row]:

@@ -2,8 +2,6 @@
 
 import math
 
-import numpy as np
-
 from ..coordinate import unit_of
 from ..gains.requirement import FRAGILE, Requirement
 from ..gains.result import Certificate, Gains, LocalOptimum, WorstCase, norm_text
@@ -36,10 +34,10 @@ def report(gains: Gains) -> Report:
     lines += [*_largest(gains), *_at_rest(gains), certified(gains.certificate)]
     tables = [_optima(gains), _margins(gains)]
     notes = _simulation(gains)
-    return Report(_headline(gains), tables, lines, notes, gains.warnings)
+    return Report(headline(gains), tables, lines, notes, gains.warnings)
 
 
-def _headline(gains: Gains) -> list[str]:
+def headline(gains: Gains) -> list[str]:
     """Warnings, gains with margins (rounded down), scenarios, and how the motions end."""
     margins = [
         f"{name} margin {_least(worst)}"
@@ -236,14 +234,11 @@ def infeasible(found: Infeasible) -> str:
     k_p, k_v, speed, inertia = (unit_of(unit, region.coordinate) for unit in units)
     mass = "" if where["mass"] is None else f", mass {where['mass']:g} {inertia}"
     sample = f" (sample {where['sample']})" if number_of_samples(scenarios.laws) > 1 else ""
-    limited = bool(np.any(np.isfinite(region.upper)))
     limits = f"k_p up to {region.upper[0]:g} {k_p}, k_v up to {region.upper[1]:g} {k_v}"
-    which = f"within the limits ({limits})" if limited else "of any size"
-    advice = ["lower the margin", *(["widen the limits"] if limited else [])]
-    advice += [] if scenarios.delay is None else ["reduce the controller's delay"]
     return (
-        f"no gains {which} meet the requirement: {found.margin}={found.required:g} is missed"
+        f"no gains ({limits}) meet the requirement: {found.margin}={found.required:g} is missed"
         f" at velocity {where['velocity']:.3g} {speed}{mass}{sample}, where the best"
         f" compromise, k_p = {gains[0]:.3g} {k_p} and k_v = {gains[1]:.3g} {k_v}, reaches"
-        f" {found.reached:.3g}; {', '.join(advice)} or leave that scenario out"
+        f" {found.reached:.3g}; lower the margin, widen the limits, reduce the controller's delay"
+        " or leave that scenario out"
     )

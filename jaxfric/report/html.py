@@ -67,7 +67,7 @@ def words_of_page(name: str) -> dict:
 
 def html_of(title: str, report: Report) -> str:
     """A report as HTML for a notebook."""
-    parts = [f"<p><b>{escaped(title)}</b></p>", _lines(report.headline), _lines(report.lines)]
+    parts = [f"<p><b>{escape(title)}</b></p>", _lines(report.headline), _lines(report.lines)]
     parts += [_tables(report), _steps(report), _warnings(report)]
     return f'<div class="jaxfric"><style>{_NOTEBOOK}</style>{"".join(parts)}</div>'
 
@@ -79,32 +79,30 @@ def page_of(report: Report, page: Page, pictures: Mapping[str, bytes], json: str
     numbers.
     """
     first, *rest = report.headline
-    head = f"{paragraph(page.about, 'of')}<h1>{escaped(first)}</h1>{_lines(rest, 'sentence')}"
-    told = "".join(
-        f"<li><b>{escaped(name)}</b>: {escaped(words)}"
-        + (f" <code>{escaped(equation)}</code>" if equation else "")
-        + "</li>"
+    head = f"{_text('p', page.about, 'of')}{_text('h1', first)}{_lines(rest, 'sentence')}"
+    meanings = "".join(
+        f"<li>{_text('b', name)}: {escape(words)} {_text('code', equation)}</li>"
         for name, words, equation in page.meanings
     )
-    cards = "".join(f"<li><b>{escaped(b)}</b><span>{escaped(s)}</span></li>" for b, s in page.cards)
-    steps = _steps(report)
+    cards = "".join(f"<li>{_text('b', b)}{_text('span', s)}</li>" for b, s in page.cards)
+    steps, where = _steps(report), _text("p", page.where, "note")
     note = f"The same numbers, for programs, are in {json} beside this page."
     parts = [
-        f"<header>{head}{_lines(report.lines)}</header>",
-        f"<h2>What it means</h2><ul>{told}</ul>" if told else "",
-        f'<ul class="cards">{cards}</ul>',
-        f"<h2>What to do next</h2>{steps}{paragraph(page.where, 'note')}" if steps else "",
+        _tag("header", f"{head}{_lines(report.lines)}"),
+        f"<h2>What it means</h2><ul>{meanings}</ul>" if meanings else "",
+        _tag("ul", cards, "cards"),
+        f"<h2>What to do next</h2>{steps}{where}" if steps else "",
         _warnings(report),
         *(_figure(figure, pictures) for figure in page.figures),
         f"<h2>Numbers</h2>{_tables(report)}",
         f"<h2>How to read this</h2>{_list(page.terms)}",
-        f"<h2>Where this comes from</h2>{_list(page.origin)}{paragraph(note, 'note')}",
+        f"<h2>Where this comes from</h2>{_list(page.origin)}{_text('p', note, 'note')}",
     ]
     style = Path(__file__).with_name("page.css").read_text(encoding="utf-8")
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{escaped(first)} | {escaped(page.about)}</title>\n"
+        f"<title>{escape(first)} | {escape(page.about)}</title>\n"
         f"<style>{style}:root {{ --verdict: {page.colour}; }}</style>\n"
         f"</head>\n<body>\n<main>\n{chr(10).join(filter(None, parts))}\n</main>\n</body>\n</html>\n"
     )
@@ -128,52 +126,50 @@ def origin_of(
 # ---- parts ---------------------------------------------------------------------------------
 
 
-def escaped(text: str) -> str:
-    """Text with the special characters of HTML escaped."""
-    return escape(text, quote=True)
-
-
 def printable(path: str) -> str:
     """A path with a question mark for each byte that is not a character."""
     text = path.encode("utf-8", errors="replace").decode("utf-8")
     return "".join(c if c.isprintable() else "?" for c in text)
 
 
-def paragraph(text: str, kind: str) -> str:
-    """A paragraph of text; `kind` is its class."""
-    return f'<p class="{kind}">{escaped(text)}</p>'
+def _tag(name: str, inside: str, kind: str = "") -> str:
+    """An element of a class; nothing if there is nothing inside."""
+    opened = f'{name} class="{kind}"' if kind else name
+    return f"<{opened}>{inside}</{name}>" if inside else ""
 
 
-def bullets(items: Sequence[str], kind: str = "") -> str:
+def _text(name: str, text: str, kind: str = "") -> str:
+    """An element of text; nothing if there is none."""
+    return _tag(name, escape(text), kind)
+
+
+def _bullets(items: Sequence[str], kind: str = "") -> str:
     """A list of texts; nothing if there are none."""
-    inside = "".join(f"<li>{escaped(item)}</li>" for item in items)
-    return f'<ul class="{kind}">{inside}</ul>' if inside else ""
+    return _tag("ul", "".join(_text("li", item) for item in items), kind)
 
 
-def folded(title: str, content: str) -> str:
+def _folded(title: str, content: str) -> str:
     """HTML that appears after a click on its title."""
-    return f"<details><summary>{escaped(title)}</summary>{content}</details>"
+    return f"<details>{_text('summary', title)}{content}</details>"
 
 
-def html_table(table: TextTable) -> str:
-    """A table with numbers aligned right and its remark below; nothing if it has no rows."""
-    if not table.rows:
-        return ""
+def _table(table: TextTable) -> str:
+    """A table with numbers aligned right and its remark below."""
     kinds = [_column(table, k) for k in range(len(table.head))]
 
     def cells(tag: str, row: Sequence[str]) -> str:
         return "".join(
-            f"<{tag}{kind}>{escaped(cell)}</{tag}>" for cell, kind in zip(row, kinds, strict=True)
+            f"<{tag}{kind}>{escape(cell)}</{tag}>" for cell, kind in zip(row, kinds, strict=True)
         )
 
     body = "".join(
         f"<tr{' class=m' if k in table.marked else ''}>{cells('td', row)}</tr>"
         for k, row in enumerate(table.rows)
     )
-    note = paragraph(table.note, "note") if table.note else ""
     return (
-        f'<div class="scroll"><table><caption>{escaped(table.title)}</caption><thead><tr>'
-        f"{cells('th', table.head)}</tr></thead><tbody>{body}</tbody></table></div>{note}"
+        f'<div class="scroll"><table>{_text("caption", table.title)}<thead><tr>'
+        f"{cells('th', table.head)}</tr></thead><tbody>{body}</tbody></table></div>"
+        f"{_text('p', table.note, 'note')}"
     )
 
 
@@ -187,19 +183,18 @@ def _column(table: TextTable, k: int) -> str:
 def _tables(report: Report) -> str:
     """The tables, with the notes below those that are open."""
     tables = [table for table in report.tables if table.rows]
-    shown = "".join(html_table(table) for table in tables[:_OPEN])
-    rest = "".join(folded(table.title, html_table(table)) for table in tables[_OPEN:])
+    shown = "".join(map(_table, tables[:_OPEN]))
+    rest = "".join(_folded(table.title, _table(table)) for table in tables[_OPEN:])
     return f"{shown}{_lines(report.notes)}{rest}"
 
 
 def _lines(lines: Sequence[str], kind: str = "") -> str:
     """Lines below each other, as indented as they are."""
-    text = escaped("\n".join(lines))
-    return f'<div class="{f"lines {kind}".strip()}">{text}</div>' if lines else ""
+    return _text("div", "\n".join(lines), f"lines {kind}".strip())
 
 
 def _warnings(report: Report) -> str:
-    return bullets([f"warning: {text}" for text in report.warnings], "warn")
+    return _bullets([f"warning: {text}" for text in report.warnings], "warn")
 
 
 def _steps(report: Report) -> str:
@@ -207,27 +202,27 @@ def _steps(report: Report) -> str:
     steps = ""
     for step in report.next_steps:
         text = f"Also: {step.text}" if step.also else step.text
-        code = f'<pre class="scroll"><code>{escaped(step.command)}</code></pre>'
-        steps += f"<li>{escaped(text)}{code if step.command else ''}</li>"
-    return f"<ul>{steps}</ul>" if steps else ""
+        code = _tag("pre", _text("code", step.command), "scroll")
+        steps += f"<li>{escape(text)}{code}</li>"
+    return _tag("ul", steps)
 
 
 def _figure(figure: Figure, pictures: Mapping[str, bytes]) -> str:
     """A figure below its title, or folded."""
-    drawn = paragraph("This figure was not drawn.", "note")
+    drawn = _text("p", "This figure was not drawn.", "note")
     if data := pictures.get(figure.file):
         text = base64.b64encode(data).decode("ascii")
         kind = _KINDS[Path(figure.file).suffix]
         drawn = (
-            f"<figure><figcaption>{escaped(figure.caption)}</figcaption>"
-            f'<div class="scroll"><img alt="{escaped(figure.title)}"'
+            f"<figure>{_text('figcaption', figure.caption)}"
+            f'<div class="scroll"><img alt="{escape(figure.title)}"'
             f' src="data:image/{kind};base64,{text}"></div></figure>'
         )
-    content = bullets(figure.lines) + drawn
+    content = _bullets(figure.lines) + drawn
     if figure.folded:
-        return folded(figure.title, content)
-    return f"<h2>{escaped(figure.title)}</h2>{content}"
+        return _folded(figure.title, content)
+    return f"{_text('h2', figure.title)}{content}"
 
 
 def _list(terms: Sequence[tuple[str, str]]) -> str:
-    return f"<dl>{''.join(f'<dt>{escaped(a)}</dt><dd>{escaped(b)}</dd>' for a, b in terms)}</dl>"
+    return f"<dl>{''.join(_text('dt', a) + _text('dd', b) for a, b in terms)}</dl>"

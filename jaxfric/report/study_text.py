@@ -14,8 +14,6 @@ _WORDS = {"limit_cycle": "limit cycle, which is stick-slip"}
 """Codes in words, where these say more."""
 _SHOWN = 5
 """Texts of errors that are shown."""
-_NOT_PLAIN = ("escape", "failed")
-"""Codes of the end of a motion whose meaning is shown."""
 
 
 def report(found: "Dataset", seconds: float, members: int, store: str) -> Report:
@@ -26,8 +24,7 @@ def report(found: "Dataset", seconds: float, members: int, store: str) -> Report
     notes = []
     for name, counts in codes(found).items():
         about = found[name].attrs
-        meanings = about["flag_meanings"].split()
-        if name == "outcome" and list(counts) == meanings[:1]:
+        if name == "outcome" and list(counts) == about["flag_meanings"].split()[:1]:
             continue
         whole = sum(counts.values())
         shares = [
@@ -36,9 +33,6 @@ def report(found: "Dataset", seconds: float, members: int, store: str) -> Report
         ]
         asked = f" ({about['long_name']})" if name == "end" else ""
         notes.append(f"{name}{asked}: {', '.join(shares)}")
-        if name == "end":
-            texts = dict(zip(meanings, about["flag_texts"], strict=True))
-            notes += [f"  {code}: {texts[code]}" for code in _NOT_PLAIN if code in counts]
     errors = list(found.attrs["errors"].items())
     notes += [f"  {count} of them: {text}" for text, count in errors[:_SHOWN]]
     if len(errors) > _SHOWN:
@@ -85,17 +79,3 @@ def content(found: "Dataset", store: str, members: int) -> dict[str, object]:
         "errors": dict(found.attrs["errors"]),
         "warnings": list(found.attrs.get("warnings", ())),
     }
-
-
-def report_of_maps(names: list[str]) -> Report:
-    """What the figures of a study show, or why there is no map."""
-    told = []
-    if any(name.startswith("map_share_of_") for name in names):
-        told.append(
-            "map_share_of_*: the share of the samples at each point of the grid with the first code"
-        )
-    if names and not any(name.startswith("map_") for name in names):
-        told.append(
-            "no map: these are over two grid axes or more; of samples over them, of shares of codes"
-        )
-    return Report(told)
