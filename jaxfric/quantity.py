@@ -13,7 +13,7 @@ import dataclasses
 import math
 from collections.abc import Iterator
 from types import ModuleType
-from typing import overload
+from typing import Any, overload
 
 import equinox as eqx
 import jax
@@ -43,15 +43,7 @@ class Quantity:
         """The SI unit when friction is given in `force_unit` ("1" or "N")."""
         return self.unit.replace("F", force_unit)
 
-    @overload
-    def to_free(self, value: float, *, scale: Array | float = 1.0) -> float: ...
-    @overload
-    def to_free(
-        self, value: Float[Array, " *s"], *, scale: Array | float = 1.0
-    ) -> Float[Array, " *s"]: ...
-    def to_free(
-        self, value: Float[Array, " *s"] | float, *, scale: Array | float = 1.0
-    ) -> Float[Array, " *s"] | float:
+    def to_free(self, value: Any, *, scale: Array | float = 1.0) -> Any:
         """Map a value inside the bounds to an unbounded variable.
 
         Both bounds infinite: value/scale. One bound: log of the distance to the bound.
@@ -101,14 +93,12 @@ class Quantity:
         return above & (value < self.upper) & (abs(value) < math.inf)  # ty: ignore[invalid-argument-type]
 
     def _range(self) -> str:
-        if math.isinf(self.upper):
-            if math.isinf(self.lower):
-                return "it must be finite"
-            return f"it must be {self.lower:g} or more" if self.closed else self._above()
-        return f"it must lie between {self.lower:g} and {self.upper:g}"
-
-    def _above(self) -> str:
-        return "it must be above 0" if self.lower == 0 else f"it must be above {self.lower:g}"
+        if math.isfinite(self.upper):
+            return f"it must lie between {self.lower:g} and {self.upper:g}"
+        if math.isinf(self.lower):
+            return "it must be finite"
+        least = f"{self.lower:g} or more" if self.closed else f"above {self.lower:g}"
+        return f"it must be {least}"
 
 
 def quantity(

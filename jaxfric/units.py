@@ -28,10 +28,6 @@ _TORQUE = re.compile(r"(?<![A-Za-z])([mkuµμ]?N)\s?[-.* ]?\s?([cm]?m)(?![A-Za-z
 _DAMPER = re.compile(r"(?<![A-Za-z])([mkuµμ]?N)-?m-?s(?![A-Za-z])")
 _EXAMPLES = {"s": "10 s", "m": "20 um", "m/s": "2 um/s", "1/m": "1.6e-3/um", "N": "5 N"}
 _EXAMPLES |= {"Pa": "25 MPa", "N/m": "1e6 N/m", "N*s/m": "10 N*s/m", "kg": "2 kg", "Hz": "100 Hz"}
-_KNOWN = ["s", "ms", "us", "min", "hour", "m", "mm", "um", "nm", "cm", "micron", "N", "mN", "kN"]
-_KNOWN += ["MN", "Pa", "kPa", "MPa", "GPa", "kg", "g", "Hz", "kHz", "bar", "psi", "um/s", "mm/s"]
-
-
 _COMMON = {
     "": ("1", 1.0),
     **{unit: ("s", size) for unit, size in (("s", 1.0), ("ms", 1e-3), ("us", 1e-6))},
@@ -45,6 +41,8 @@ _COMMON = {
 }
 """SI unit and size of common units, which need no pint (it takes half a second to load)."""
 _COMMON_SI = {si for si, _ in _COMMON.values()}
+_KNOWN = [*_COMMON, "min", "hour", "nm", "cm", "micron", "MN", "GPa", "Hz", "kHz", "bar", "psi"]
+"""Units that are proposed in place of a misspelt one."""
 
 
 def parse_quantity(text: str, si_unit: str, what: str) -> float:

@@ -209,12 +209,6 @@ def report_of_files(fits: Sequence[TabledFit]) -> Report:
 
 def content_of_files(fits: Sequence[TabledFit]) -> dict[str, object]:
     """The content of fits.json, the fits of several records."""
-    found = [
-        {
-            "file": one.name,
-            "failed": one.failed or None,
-            "fit": None if one.fit is None else one.fit.to_json(),
-        }
-        for one in fits
-    ]
-    return {"schema": FITS, "fits": found}
+    found = [(one.name, one.failed or None, one.fit and one.fit.to_json()) for one in fits]
+    names = ("file", "failed", "fit")
+    return {"schema": FITS, "fits": [dict(zip(names, one, strict=True)) for one in found]}

@@ -28,9 +28,6 @@ def report(gains: Gains) -> Report:
     if gains.integral is not None:
         integral = f" + k_i int (x_ref - x) dt, k_i = {gains.integral:.6g} {gains.unit('N/(m s)')}"
     lines.append(f"controller: force = k_p (x_ref - x) + k_v (v_ref - v){integral}")
-    k_p, k_v = gains.region.scale
-    units = gains.unit("N/m"), gains.unit("N s/m")
-    lines.append(f"norm in units of k_p: {k_p:.5g} {units[0]}, of k_v: {k_v:.5g} {units[1]}")
     lines += [*_largest(gains), *_at_rest(gains), certified(gains.certificate)]
     tables = [_optima(gains), _margins(gains)]
     notes = _simulation(gains)
@@ -158,7 +155,8 @@ def _optima(gains: Gains) -> TextTable:
         (_how(gains, one), _kp(gains, one.kp), _kv(gains, one.kv), norm_text(one.norm))
         for one in gains.optima
     ]
-    note = "norm: what the gains minimise"
+    k_p, k_v = gains.region.scale
+    note = f"norm: of k_p/{k_p:.5g} and k_v/{k_v:.5g} (SI)"
     alone = gains.alone
     if alone is not None:
         k_p, k_v = (f"none up to {tried:.3g}" for tried in alone.tried)

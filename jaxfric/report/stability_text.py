@@ -6,7 +6,7 @@ import numpy as np
 
 from ..rig.friction import AbstractStribeck, critical_velocity, worst_slope
 from ..stability.analysis import Study
-from ..stability.delay_analysis import delay_numbers, delay_summary, intervals_over_velocity
+from ..stability.delay_analysis import delay_numbers, delay_summary
 from ..stability.margin_table import MARGINS
 from .report import Report
 from .stability_json import intervals, solutions
@@ -188,27 +188,17 @@ def _delay_law(study: Study) -> list[_Number]:
 
 def _over_velocity(study: Study) -> list[TextTable]:
     """At some of several velocities, the ends and evenly between: what holds the slider there."""
-    number, unit = len(study.points.velocity), study.unit
+    number, points, theorems = len(study.points.velocity), study.points, study.theorems
     if number < 2:
         return []
+    columns = [("velocity", points.velocity, "m/s")]
+    if not study.delayed:
+        columns.append(("k_cr", theorems.critical_stiffness, "N/m"))
+        columns.append(("w_cr", theorems.critical_frequency, "rad/s"))
+    columns.append(("k_v for all k_p", points.needed_damping, "N s/m"))
+    heads = tuple(f"{name} [{study.unit(unit)}]" for name, _, unit in columns)
     rows = np.unique(np.linspace(0, number - 1, min(number, _ROWS)).round().astype(int))
-    speed, damping = f"velocity [{unit('m/s')}]", f"k_v for all k_p [{unit('N s/m')}]"
-    V = np.asarray(study.points.velocity)[rows]
-    needed = np.asarray(study.points.needed_damping)[rows]
-    if study.delayed:
-        ends = zip(*(np.asarray(x)[rows, 0] for x in intervals_over_velocity(study)), strict=True)
-        heads = (speed, damping, f"first stable k_p [{unit('N/m')}]")
-        columns = (
-            (f"{v:.4g}", f"{k_v:.5g}", "none" if math.isinf(low) else f"{low:.5g} to {high:.5g}")
-            for v, k_v, (low, high) in zip(V, needed, ends, strict=True)
-        )
-        return [TextTable("By velocity", heads, list(columns))]
-    k_cr = np.asarray(study.theorems.critical_stiffness)[rows]
-    w_cr = np.asarray(study.theorems.critical_frequency)[rows]
-    heads = (speed, f"k_cr [{unit('N/m')}]", "w_cr [rad/s]", damping)
-    cells = [
-        (f"{v:.4g}", *(f"{x:.6g}" for x in numbers))
-        for v, *numbers in zip(V, k_cr, w_cr, needed, strict=True)
-    ]
+    table = np.stack([np.asarray(values)[rows] for _, values, _ in columns], axis=1)
+    cells = [tuple(f"{x:.6g}" for x in row) for row in table]
     note = "k_cr inf: no stiffness suffices; 0: every k_p > 0 is stable"
-    return [TextTable("By velocity", heads, cells, note)]
+    return [TextTable("By velocity", heads, cells, "" if study.delayed else note)]

@@ -1,7 +1,6 @@
-"""Closed forms of a slider with a delay law, at one velocity of a study or at all velocities."""
+"""Closed forms of a slider with a delay law, at the hardest velocity of a study."""
 
 import equinox as eqx
-import jax
 from jaxtyping import Array, Bool, Float, Int
 
 from .analysis import Study
@@ -13,7 +12,6 @@ from .delay import (
     unstable_roots,
 )
 from .kernel import DelayKernel
-from .linear import LinearFriction
 
 
 def delay_numbers(found: Study) -> tuple[float, Array, Array, Array]:
@@ -46,22 +44,3 @@ def _summary(numbers: tuple[float, Array, Array, Array], k_p: float, number: int
     lower, upper = stable_intervals(*numbers, number=number)
     exists, unstable = stable_stiffness_exists(*numbers), unstable_roots(mass, k_p, *rest)
     return DelaySummary(crossings(*numbers, number=number + 1), lower, upper, exists, unstable)
-
-
-def intervals_over_velocity(
-    found: Study, *, number: int = 1
-) -> tuple[Float[Array, "n number"], Float[Array, "n number"]]:
-    """The first stable intervals of k_p [N/m] of a delay law, one row for each velocity."""
-    mass, _, _, _ = delay_numbers(found)
-    return _intervals(mass, found.k_v, found.points.friction, number)
-
-
-@eqx.filter_jit
-def _intervals(mass: float, damping: float, friction: LinearFriction, number: int):
-    def one(friction: LinearFriction):
-        kernel = friction.kernel
-        assert isinstance(kernel, DelayKernel)
-        k_v = damping + friction.slope
-        return stable_intervals(mass, k_v, kernel.strength, kernel.delay, number=number)
-
-    return jax.vmap(one)(friction)
