@@ -105,7 +105,7 @@ def tied() -> LawComparison:
 def test_a_tie_is_said_to_be_one(tied) -> None:
     assert tied.supported is None and len(tied.rivals) == 1
     assert "cannot tell: " in tied.sentence and "slip" in tied.sentence
-    assert "less than the 10 that decide" in tied.sentence
+    assert "10 decide" in tied.sentence
 
 
 def test_bic_of_the_true_law_is_that_of_its_noise(of_slip) -> None:
@@ -225,9 +225,9 @@ def made_up(*laws, held: bool = True, rms: float = 1.0, loose: int = 0,
         ([("slip", 1, 0, 1, 50), ("ageing", 1, 11, 2, 90)], "slip",
          "is 11 below that of the ageing law with 1 state (a"),
         ([("slip", 1, 0, 1, 50), ("ageing", 1, 9, 2, 90)], None,
-         "prefers the slip law with 1 state to the ageing law with 1 state by 9.0, less than"),
+         "prefers the slip law with 1 state to the ageing law with 1 state by 9.0 (10"),
         ([("slip", 1, 0, 2, 90), ("ageing", 1, 11, 1, 50)], None, "predicts better"),
-        ([("slip", 1, 0, 2, 90), ("ageing", 1, 11, 1, 81)], "slip", "2.00 times the noise"),
+        ([("slip", 1, 0, 2, 90), ("ageing", 1, 11, 1, 81)], "slip", "is 11 below"),
         ([("slip", 1, 30, 1, 50), ("ageing", 1, 0, 1, 50)], "ageing", "30 below that of the slip"),
         (
             [("slip", 1, 12, 1, 50), ("slip", 2, 0, 1, 50), ("ageing", 1, 99, 1, 50)],

@@ -23,8 +23,7 @@ def sentence(found: LawComparison) -> str:
     one, other = (found.best_of(score.fit.law) for score in (first, others[0]))
     return (
         f"The record supports the {_law(first)}: its BIC is {amount(other.over(one))} below that of"
-        f" the {_law(other)} (a difference of {ACCEPT:g}"
-        f" decides){_held_out(found, first, others[0])}. {_second_state(found, first)}"
+        f" the {_law(other)} (a difference of {ACCEPT:g} decides). {_second_state(found, first)}"
     ).rstrip()
 
 
@@ -93,24 +92,10 @@ def _untold(found: LawComparison) -> str:
     if not rival.settled:
         return f"{words} The fit of the {_law(rival)} {ended(found, rival)}; it may be as good."
     one, other = (found.best_of(score.fit.law) for score in (first, rival))
-    gap, held = other.over(one), _held_out(found, first, rival)
-    by = f"BIC prefers the {_law(one)} to the {_law(other)} by {amount(gap)}"
-    if gap > ACCEPT:
-        return f"{words} {by}, but the {rival.fit.law} law predicts better what was held out{held}."
     return (
-        f"{words} {by}, less than the {ACCEPT:g} that decide{held}; larger velocity steps, up and"
-        " down, and holds tell friction laws apart."
-    )
-
-
-def _held_out(found: LawComparison, first: LawScore, other: LawScore) -> str:
-    """How two laws predict the steps that were held out; '' where none were."""
-    if first.held_out is None or other.held_out is None:
-        return ""
-    return (
-        f"; steps that it was not fitted to are predicted by the {_law(first)} to"
-        f" {first.held_out / found.sigma:.2f} times the noise, by the {_law(other)} to"
-        f" {other.held_out / found.sigma:.2f} times"
+        f"{words} BIC prefers the {_law(one)} to the {_law(other)} by {amount(other.over(one))}"
+        f" ({ACCEPT:g} decide, unless the other law predicts better what was held out); larger"
+        " velocity steps, up and down, and holds tell friction laws apart."
     )
 
 

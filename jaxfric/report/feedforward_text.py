@@ -42,11 +42,8 @@ def spoken(found: Feedforward, here: FrictionAt) -> str:
     """Friction at a speed in words, and how reliable the value is."""
     about, speed = found.about, f"{found.about.length}/s"
     unit = about.force_unit
-    place = (
-        ", in the middle of the travel, without ripples and weight"
-        if uses_position(found.pieces)
-        else ""
-    )
+    middle = ", in the middle of the travel, without ripples and weight"
+    place = middle if uses_position(found.pieces) else ""
     text = (
         f"Friction at {here.speed:.4g} {speed}{place}: {here.forwards.text(unit)} forwards,"
         f" {here.backwards.text(unit)} backwards; the mean of both {here.mean.text(unit)}"

@@ -1,5 +1,6 @@
 """The parameters of a fit in the units of its record."""
 
+import itertools
 from typing import NamedTuple
 
 import numpy as np
@@ -74,16 +75,15 @@ def headline(fit: Fit) -> list[str]:
     ]
 
 
-def correlations(fit: Fit, least: float = CORRELATED) -> list[str]:
-    """Pairs of parameters whose errors have a correlation of at least `least`."""
-    names, out = fit.free, []
-    for i in range(len(names)):
-        for j in range(i):
-            r = fit.correlation[i, j]
-            both = fit.parameters[names[i]].determined and fit.parameters[names[j]].determined
-            if both and abs(r) >= least:
-                out.append((abs(r), f"{names[j]} and {names[i]} {r:+.2f}"))
-    return [text for _, text in sorted(out, reverse=True)]
+def correlations(fit: Fit) -> list[str]:
+    """Pairs of parameters whose errors have a correlation of at least `CORRELATED`."""
+    names = [name for name in fit.free if fit.parameters[name].determined]
+    pairs = []
+    for one, other in itertools.combinations(names, 2):
+        r = fit.correlation[fit.free.index(one), fit.free.index(other)]
+        if abs(r) >= CORRELATED:
+            pairs.append((abs(r), f"{one} and {other} {r:+.2f}"))
+    return [text for _, text in sorted(pairs, reverse=True)]
 
 
 def summary(fit: Fit) -> list[str]:
