@@ -6,10 +6,8 @@ from collections.abc import Sequence
 
 from ..errors import InputError, option
 from .fade import Fade
-from .formula import plain_formula
 from .identified import Identified
-from .limits import low_speeds, supported_text
-from .pieces import INERTIA, PLAIN, SIGN, Piece, shape_text, uses_position
+from .pieces import INERTIA, SIGN, Piece, plain_formula, uses_position
 
 _WIDTH = 88
 _TAKEN = frozenset(
@@ -56,7 +54,7 @@ def c_code(
     static = [p for p in pieces if p.part != INERTIA and not p.ripple]
     head = [f"{name}: friction compensation from {about.source}", *_head(about, pieces, fade)]
     head += [*notes, *made_by]
-    known = f"the record supports it from {supported_text(about)}; elsewhere it is a guess"
+    known = f"the record supports it from {about.supported_text}; elsewhere it is a guess"
     lines = [
         *_comment(head),
         "#include <math.h>",
@@ -93,9 +91,9 @@ def _head(about: Identified, pieces: Sequence[Piece], fade: Fade) -> list[str]:
     return [
         f"u = {plain_formula(pieces, fade.speed).partition(' = ')[2]}",
         f"u in {about.force_unit}; {units}, all of the reference, not measured",
-        f"the record supports it from {supported_text(about)} in both directions; elsewhere it is"
+        f"the record supports it from {about.supported_text} in both directions; elsewhere it is"
         " extrapolated, a guess",
-        low_speeds(about, fade),
+        about.below,
         f"the sign fades below v_f = {fade.speed:.4g} {length}/s: {fade.why}",
     ]
 
@@ -105,35 +103,33 @@ def _constants(about: Identified, pieces: Sequence[Piece], fade: float) -> list[
     rows = [("fade_speed", fade, f"{length}/s, below it the sign fades")]
     if uses_position(pieces, ripple=False):
         rows.append(("middle_of_travel", about.middle, length))
-    shapes: dict[str, float] = {}
+    shapes = {}
     for piece in pieces:
         error = f" +- {piece.std:.2g}" if piece.std == piece.std else ", not determined alone"
-        rows.append((constant(piece), piece.value, f"{piece.unit}{error}"))
-        shapes |= piece.shapes
-    rows += [(key, value, shape_text(about, key)) for key, value in shapes.items()]
+        rows.append((_constant(piece), piece.value, f"{piece.unit}{error}"))
+        for shape, value in piece.shapes.items():
+            full = f"{piece.name.partition('.')[0]}.{shape}"
+            loose = ", not determined by the record" if full in about.loose else ""
+            name = piece.constant(shape)
+            shapes[name] = name, value, f"{about.unit(full)}{loose}"
     return [
-        f"static const double {key} = {number(value)}; /* {text} */" for key, value, text in rows
+        f"static const double {key} = {float(value)!r}; /* {text} */"
+        for key, value, text in (*rows, *shapes.values())
     ]
 
 
-def constant(piece: Piece) -> str:
+def _constant(piece: Piece) -> str:
     """The C name of a coefficient."""
     return re.sub(r"\W+", "_", piece.name)
-
-
-def number(value: float) -> str:
-    """A double as an exact C literal."""
-    text = f"{value:.17g}"
-    return text if "e" in text or "." in text else f"{text}.0"
 
 
 def _expression(pieces: Sequence[Piece]) -> list[str]:
     """The terms of the sum, one a line."""
 
     def product(piece: Piece) -> str:
-        return f"{constant(piece)} * {piece.code}" if piece.code else constant(piece)
+        return f"{_constant(piece)} * {piece.code}" if piece.code else _constant(piece)
 
-    outside = [product(p) for p in pieces if p.part in (INERTIA, PLAIN)]
+    outside = [product(p) for p in pieces if p.part != SIGN]
     level = [product(p) for p in pieces if p.part == SIGN]
     return [*outside, f"s * ({' + '.join(level)})"]
 

@@ -48,18 +48,6 @@ WHOLE: Final = 4
 _PART = {2: "half", WHOLE: "a quarter"}
 
 
-class Known(NamedTuple):
-    """The meaning of v_slow."""
-
-    why: str
-    """In words."""
-    part: Literal[2, 4] = 2
-    """v_slow/v_1."""
-
-
-SLOWEST = Known("the slowest motion that is known")
-
-
 class Memory(NamedTuple):
     """Friction deficit after a reversal, and the distance over which it decays."""
 
@@ -121,7 +109,8 @@ def fade_speed(
     acceleration: float | None = None,
     lag: float | None = None,
     unit: str = "m",
-    known: Known = SLOWEST,
+    known: str = "the slowest motion that is known",
+    part: Literal[2, 4] = 2,
 ) -> Fade:
     """Compute the fade speed by the equations of this module, and the reasons for it.
 
@@ -134,16 +123,17 @@ def fade_speed(
         reasons that need it have no speed.
     lag : t, by which the axis reverses later than the reference [s].
     unit : of the position, for the texts.
-    known : meaning of `slowest`, and v_slow/v_1.
+    known : meaning of `slowest`, for the texts.
+    part : v_slow/v_1.
 
     Play and a soft transmission are not considered.
     """
     reasons = [
         FadeReason(
             "rows",
-            slowest / known.part,
-            f"{_PART[known.part]} of {slowest:.3g} {unit}/s, {known.why};"
-            f" {100 * math.tanh(known.part):.3g} % of friction are compensated there",
+            slowest / part,
+            f"{_PART[part]} of {slowest:.3g} {unit}/s, {known};"
+            f" {100 * math.tanh(part):.3g} % of friction are compensated there",
         )
     ]
     alpha = math.nan if acceleration is None else acceleration
@@ -152,10 +142,7 @@ def fade_speed(
         rest = f"needs the acceleration of the reference at reversals, in {unit}/s^2"
     for one in memories:
         x = return_distance(one, level)
-        if x == 0:
-            told = f"after a reversal the friction deficit is {one.missing:.3g} of 2 x {level:.3g}"
-            told += f" ({one.effect}), negligible"
-            reasons.append(FadeReason("memory", 0.0, told))
+        if x == 0:  # the deficit is negligible at once
             continue
         told = f"after a reversal friction recovers over {x:.3g} {unit} ({one.effect},"
         told += f" {one.symbol} = {one.length:.3g} {unit}); "

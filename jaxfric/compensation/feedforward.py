@@ -9,8 +9,8 @@ from ..lazy import old_arguments
 from ..loop import Loop
 from ..loop.steady.loop import SteadyLoop
 from ..stability.claims import SURE
-from .curve import FrictionCurve, FrictionValues
-from .fade import WHOLE, Fade, FadeReason, Known, Memory, fade_speed
+from .curve import FrictionCurve
+from .fade import WHOLE, Fade, FadeReason, Memory, fade_speed
 from .identified import Identified, NothingToCompensate, identified
 from .pieces import Terms, terms_of
 from .result import Feedforward
@@ -71,13 +71,18 @@ def feedforward(
     if drive_gain is not None:
         about = about.at_the_drive(*parse_gain(drive_gain, about.force_unit))
     unit = about.length
-    turning = _positive(acceleration, f"{unit}/s^2", option("acceleration")) or about.acceleration
-    late = _positive(lag, "s", option("lag")) or _servo_lag(about)
-    given = _positive(fade_speed, f"{unit}/s", option("fade-speed"))
+    turning, late, given = (
+        None if value is None else positive(value, unit, option(name))
+        for name, value, unit in (
+            ("acceleration", acceleration, f"{unit}/s^2"),
+            ("lag", lag, "s"),
+            ("fade-speed", fade_speed, f"{unit}/s"),
+        )
+    )
     terms = terms_of(about)
     curve = FrictionCurve(about, terms.effects, about.middle)
     level = _sound_level(curve)
-    found = _derived(about, level, turning, late)
+    found = _derived(about, level, turning or about.acceleration, late or _servo_lag(about))
     if given is not None:
         said = f"given; derived from the model it would be {found.speed:.3g} {unit}/s"
         found = Fade(given, (FadeReason("given", given, said),))
@@ -88,16 +93,14 @@ def _derived(
     about: Identified, level: float, acceleration: float | None, lag: float | None
 ) -> Fade:
     """Compute the fade speed from the model."""
-    slowest = about.slowest_row
-    known = Known(about.slower)
+    slowest, known, part = about.slowest_row, about.slower, 2
     if about.guessed:
-        why = f"the slowest that the record supports, as {', '.join(about.bends)}"
-        why += " is not determined and slower friction is a guess"
-        slowest = about.slowest
-        known = Known(why, WHOLE)
+        slowest, part = about.slowest, WHOLE
+        known = f"the slowest that the record supports, as {', '.join(about.bends)}"
+        known += " is not determined and slower friction is a guess"
     return fade_speed(
         slowest, level, memories=_memories(about), acceleration=acceleration, lag=lag,
-        unit=about.length, known=known,
+        unit=about.length, known=known, part=part,
     )  # fmt: skip
 
 
@@ -109,6 +112,9 @@ def _result(terms: Terms, curve: FrictionCurve, fade: Fade, level: float) -> Fee
     marks = [s for s in (about.slowest, fade.speed) if low < s < about.fastest]
     speeds = np.unique([*np.geomspace(low, about.fastest, _ROWS), *marks])
     velocity = np.concatenate([-speeds[::-1], [0.0], speeds])
+    table = curve.at(velocity, fade.speed)
+    # the formula is untested outside the supported speeds
+    table = table._replace(std=np.where(about.supports(velocity), table.std, np.nan))
     return Feedforward(
         about,
         terms.pieces,
@@ -116,18 +122,12 @@ def _result(terms: Terms, curve: FrictionCurve, fade: Fade, level: float) -> Fee
         fade,
         terms.left_out,
         velocity,
-        _within(about, velocity, curve.at(velocity, fade.speed)),
+        table,
         level,
         float(max(0.0, 1 - SURE * np.max(mean.std / mean.force))),
         _least_damping(curve, fade.speed, about.slowest, about.fastest),
         _warnings(about),
     )
-
-
-def _within(about: Identified, velocity: np.ndarray, table: FrictionValues) -> FrictionValues:
-    """Return the table with errors set to nan outside the supported speeds, where the formula is
-    untested."""
-    return table._replace(std=np.where(about.supports(velocity), table.std, np.nan))
 
 
 def _supported(about: Identified) -> np.ndarray:
@@ -146,18 +146,14 @@ def _sound_level(curve: FrictionCurve) -> float:
     found = curve.mean(speed)
     mean, level = found.force, float(curve.level(speed[:1])[0])
     worst = int(np.argmin(mean))
-    if not (np.isfinite(mean).all() and mean[worst] > 0 and level > 0):
-        least = min(float(mean[worst]), level)
-        raise NothingToCompensate(
-            f"{about.source}: its friction would drive the axis ({least:.3g} {about.force_unit}"
-            f" against motion, at {float(speed[worst]):.3g} {about.length}/s), so the model is"
-            " wrong and must not be used for compensation"
-        )
     coulomb = about.values["F_c"]
-    if coulomb < -_NEGLIGIBLE * level:
+    sound = np.isfinite(mean).all() and mean[worst] > 0 and level > 0
+    if not sound or coulomb < -_NEGLIGIBLE * level:
         raise NothingToCompensate(
-            f"{about.source}: its Coulomb friction is {coulomb:.3g} {about.force_unit}: it would"
-            " drive the axis, so the model is wrong and must not be used for compensation"
+            f"{about.source}: its friction would drive the axis ({mean[worst]:.3g}"
+            f" {about.force_unit} against motion, at {float(speed[worst]):.3g} {about.length}/s;"
+            f" its Coulomb friction is {coulomb:.3g} {about.force_unit}), so the model is wrong and"
+            " must not be used for compensation"
         )
     share = np.where(np.isfinite(found.std), found.std, 0.0) / mean
     worst = int(np.argmax(share))
@@ -169,10 +165,6 @@ def _sound_level(curve: FrictionCurve) -> float:
             " compensation; record more, or slower and faster speeds"
         )
     return level
-
-
-def _positive(value: float | str | None, unit: str, what: str) -> float | None:
-    return None if value is None else positive(value, unit, what)
 
 
 def _servo_lag(about: Identified) -> float | None:
@@ -219,10 +211,8 @@ def _warnings(about: Identified) -> tuple[str, ...]:
             f" {about.length}/s the shape of the curve and its compensation are a guess"
         )
         if any(name.endswith(".v_c") and about.values[name] < about.width for name in bends):
-            told += (
-                f". v_c is set to the smallest value that the fit resolves, {about.width:.3g}"
-                f" {about.length}/s, the width of its smoothed sign"
-            )
+            told += f". v_c is set to the smallest value that the fit resolves, {about.width:.3g}"
+            told += f" {about.length}/s"
         lines.append(told)
     if loose:
         lines.append(

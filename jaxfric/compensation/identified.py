@@ -4,9 +4,10 @@ A loop.json of `jaxfric axis` gives the model after the loop, its covariance and
 record. A steady.json of `jaxfric axis` gives the final curve, with the covariance of the runs.
 """
 
+import contextlib
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -24,14 +25,7 @@ from ..quantity import Quantity, quantities
 from ..records.steady_load import Load
 from ..rig.axis import LAW, AxisRig, BaseLaw
 from ..saved.entry import verdict_words
-from ..saved.files import (
-    missing_key,
-    own_warnings,
-    read_saved,
-    refuse_damage,
-    table_damage,
-    values_of,
-)
+from ..saved.files import own_warnings, read_saved, refuse_damage, table_damage, values_of
 from ..schemas import LOOP, STEADY
 from .units import amplitude, unit_of
 
@@ -109,6 +103,21 @@ class Identified:
         """Whether the curve is unreliable below `slowest`, although slower rows count."""
         return bool(self.bends) and self.slowest > self.slowest_row
 
+    @property
+    def supported_text(self) -> str:
+        """The speed range in which the record supports the map."""
+        return f"{self.slowest:.4g} to {self.fastest:.4g} {self.length}/s"
+
+    @property
+    def below(self) -> str:
+        """What the map is below the supported speeds."""
+        speed = f"{self.length}/s"
+        told = f"Below {self.slowest:.3g} {speed} the map extrapolates the fitted curve, a guess"
+        told += " without errors"
+        if self.slowest_row < self.slowest:
+            told += f", although rows count in the fit from {self.slowest_row:.3g} {speed} on"
+        return told
+
     def supports(self, velocity: np.ndarray) -> np.ndarray:
         """Whether the record supports the curve at velocities (n)."""
         speed, near = np.abs(velocity), 1e-9 * self.fastest
@@ -176,60 +185,89 @@ def identified(model: str | Path | Loop | SteadyLoop) -> Identified:
     return (_of_axis if content["schema"] == LOOP else _of_curve)(content, str(path))
 
 
+@contextlib.contextmanager
+def _undamaged(source: str, schema: str) -> Iterator[None]:
+    """Refuse a file of which an entry is missing, or cannot be read."""
+    try:
+        yield
+    except InputError:
+        raise
+    except KeyError as error:
+        refuse_damage(Path(source), schema, f"{error} is missing")
+    except (AttributeError, TypeError, ValueError) as error:
+        refuse_damage(Path(source), schema, str(error))
+
+
+def _size(table: Content, *path: str) -> float | None:
+    """A number of at least 0 at a path of entries, or None if the file does not have it."""
+    at: object = table
+    for k, key in enumerate(path):
+        if not isinstance(at, Mapping):
+            raise TypeError(f"'{'.'.join(path[:k])}' is no table")
+        at = at.get(key)
+        if at is None:
+            return None
+    if not (isinstance(at, int | float) and 0 <= at < math.inf):
+        raise TypeError(f"'{'.'.join(path)}' is {at!r}")
+    return float(at)
+
+
 def _of_axis(content: Content, source: str) -> Identified:
     """The model after the loop of an axis."""
-    path = Path(source)
-    keys = ("law", "friction_unit", "verdict", "steps", "effects", "after", "candidates")
-    refuse_damage(path, LOOP, missing_key(content, keys))
+    with _undamaged(source, LOOP):
+        return _read_axis(content, source)
+
+
+def _read_axis(content: Content, source: str) -> Identified:
     if content["law"] != LAW:
         raise InputError(
             f"{source}: it is of a slider, not of an axis or joint; give the loop.json or"
             " steady.json of 'jaxfric axis'"
         )
-    after = content["after"]
-    refuse_damage(path, LOOP, table_damage(after, _BASE, "after."))
+    after, about = content["after"], content.get("axis") or {}
+    covariance, own = _covariance(about, after)
+    problem = table_damage({**after, "covariance": covariance}, _BASE, "after.")
+    refuse_damage(Path(source), LOOP, problem)
     values = values_of(after)
     effects = tuple(dict.fromkeys(n.partition(".")[0] for n in values if "." in n))
-    about = content.get("axis") or {}
-    refuse_damage(path, LOOP, _wrong_size(about, content["steps"]))
-    if about.get("covariance") is not None:
-        problem = table_damage({**after, "covariance": about["covariance"]})
-        refuse_damage(path, LOOP, problem and f"axis: {problem}")
-    _refuse_unconverged(content, effects, source)
-    if about.get("withheld"):
-        raise NothingToCompensate(f"{source}: {about['withheld']}")
-    _refuse_one_speed(about, source, content["friction_unit"])
-    claims = _claims(content, source)
-    gains = about.get("gains") or {}
-    width = float(about.get("sign_width") or 0.0)
-    speeds = np.abs([float(v) for _, v in content["steps"] if float(v)])
-    slowest, fastest = gains.get("slowest"), gains.get("fastest")
+    slowest, fastest = (_size(content, "axis", "gains", x) for x in ("slowest", "fastest"))
+    width, damping = _size(content, "axis", "sign_width"), _size(content, "axis", "drive", "k_v")
+    acceleration = _size(content, "axis", "acceleration")
+    speeds = [abs(float(v)) for _, v in content["steps"] if v]
+    if not speeds:
+        raise ValueError("'steps' has no motion")
+    _refuse(content, about, effects, source)
     if slowest is None or fastest is None:
-        slowest, fastest = float(speeds.min()), max(float(speeds.max()), *_centres(content))
-    covariance, own = _covariance(about, after)
+        centres = [abs(c) for c in _profile(content, "velocity")]
+        slowest, fastest = min(speeds), max([*speeds, *centres])
     return Identified(
         source,
         str(content["friction_unit"]),
         str(about.get("coordinate", "linear")),
         values,
         tuple(after["free"]),
-        covariance,
+        np.asarray(covariance, float).reshape(len(after["free"]), -1),
         tuple(n for n, item in after["parameters"].items() if not item.get("determined", True)),
         effects,
-        width,
-        2 * width or float(slowest),
-        float(slowest),
-        float(fastest),
+        width or 0.0,
+        2 * width if width else slowest,
+        slowest,
+        fastest,
         _ROWS if width else _SUPPORTED,
-        about.get("acceleration"),
+        acceleration,
         _middle(content),
         None,
-        (about.get("drive") or {}).get("k_v"),
-        str(gains.get("sentence") or ""),
+        damping,
+        _sentence(about),
         _left(content),
         (*own_warnings(content), *verdict_words(content), *own),
-        claims,
+        _claims(content),
     )
+
+
+def _sentence(about: Content) -> str:
+    """What the file says of gains."""
+    return str((about.get("gains") or {}).get("sentence") or "").strip()
 
 
 def _left(content: Content) -> tuple[float, float] | None:
@@ -243,98 +281,48 @@ def _left(content: Content) -> tuple[float, float] | None:
     return (rms, rms if rms <= most * sigma else sigma) if rms > 0 and sigma > 0 else None
 
 
-def _covariance(about: Content, after: Content) -> tuple[np.ndarray, list[str]]:
+def _covariance(about: Content, after: Content) -> tuple[object, list[str]]:
     """The covariance of the model; for an older file that of single parameters, with a warning."""
-    size = len(after["free"])
-    told, warnings = about.get("covariance"), []
-    if told is None:
-        told = after["covariance"]
-        warnings = [
-            "the file is of an older version: its errors include other models that fit as well, so"
-            " the band of friction is too wide; run 'jaxfric axis' again"
-        ]
-    return np.asarray(told, float).reshape(size, size), warnings
+    if about.get("covariance") is not None:
+        return about["covariance"], []
+    return after["covariance"], [
+        "the file is of an older version: its errors include other models that fit as well, so the"
+        " band of friction is too wide; run 'jaxfric axis' again"
+    ]
 
 
-def _wrong_size(about: object, steps: object) -> str | None:
-    """The first fault in entries other than the parameters, in words, or None."""
-    if not isinstance(about, dict):
-        return "'axis' is no table"
-    gains = about.get("gains") or {}
-    if not isinstance(gains, dict):
-        return "'axis.gains' is no table"
-    drive = about.get("drive") or {}
-    if not isinstance(drive, dict):
-        return "'axis.drive' is no table"
-    sizes = {f"axis.{key}": about.get(key) for key in ("sign_width", "acceleration")}
-    sizes["axis.drive.k_v"] = drive.get("k_v")
-    sizes |= {f"axis.gains.{key}": gains.get(key) for key in ("slowest", "fastest")}
-    for key, size in sizes.items():
-        if size is not None and not (isinstance(size, int | float) and 0 <= size < math.inf):
-            return f"'{key}' is {size!r}"
-    try:
-        moving = [float(v) for _, v in steps if math.isfinite(v) and v]  # ty: ignore[not-iterable]
-    except (TypeError, ValueError):
-        return "'steps' is no list of times and velocities"
-    return None if moving else "'steps' has no motion"
-
-
-def _refuse_unconverged(content: Content, effects: tuple[str, ...], source: str) -> None:
-    """Raise `NothingToCompensate` if no fit of the model converged in the search."""
+def _refuse(content: Content, about: Content, effects: tuple[str, ...], source: str) -> None:
+    """Raise `NothingToCompensate` if no fit of the model converged in the search, if the loop
+    withheld its friction, for a record with only one speed in each direction, and if the rows of
+    the record do not support friction at any speed."""
     candidates = content["candidates"]
-    sound = isinstance(candidates, list) and all(
-        isinstance(c, dict) and isinstance(c.get("effects"), list) for c in candidates
-    )
-    refuse_damage(Path(source), LOOP, None if sound else "the candidates are no list of models")
+    if not isinstance(candidates, list):
+        raise TypeError("the candidates are no list of models")
     same = [c for c in candidates if set(c["effects"]) == set(effects)]
+    directions = [Driven(**one) for one in about.get("driven") or []]
+    why = str(about.get("withheld") or "")
     if same and not any(c.get("converged", True) for c in same):
-        raise NothingToCompensate(
-            f"{source}: the fit of its model did not converge, so it must not be used for"
-            " compensation; run 'jaxfric axis' again, with a cleaner record or fewer effects"
-            f" ({option('exclude')})"
-        )
-
-
-def _refuse_one_speed(about: Content, source: str, force: str) -> None:
-    """Raise `NothingToCompensate` for a record with only one speed in each direction."""
-    known = about.get("driven") or []
-    try:
-        directions = [Driven(**one) for one in known]
-        single = at_one_speed(directions)
+        why = "the fit of its model did not converge, so it must not be used for compensation; run"
+        why += " 'jaxfric axis' again, with a cleaner record or fewer effects"
+        why += f" ({option('exclude')})"
+    elif not why and at_one_speed(directions):
         unit = "rad/s" if about.get("coordinate") == "rotary" else "m/s"
-        told = said("axis_loop_text.words_of_driven", directions, force, unit) if single else ""
-    except (TypeError, ValueError):
-        refuse_damage(Path(source), LOOP, "axis.driven is no list of directions")
-        return
-    if single:
-        raise NothingToCompensate(
-            f"{source}: {ONE_SPEED}, so friction is known only there ({told}); record several"
-            " speeds in both directions"
-        )
+        told = said("axis_loop_text.words_of_driven", directions, content["friction_unit"], unit)
+        why = f"{ONE_SPEED}, so friction is known only there ({told}); record several speeds in"
+        why += " both directions"
+    elif not why and content.get("findings") is not None and not _claims(content):
+        why = "no rows support its friction, so it must not be used for compensation. "
+        why += _sentence(about) or "nothing is said of its friction."
+    if why:
+        raise NothingToCompensate(f"{source}: {why}")
 
 
-def _claims(content: Content, source: str) -> tuple[Finding, ...]:
-    """The friction that the file claims, by direction; empty for a file without findings.
-
-    Raises `NothingToCompensate` if its rows do not support friction at any speed.
-    """
-    told = content.get("findings")
-    if told is None:
+def _claims(content: Content) -> tuple[Finding, ...]:
+    """The friction that the file claims, by direction; empty for a file without findings."""
+    if content.get("findings") is None:
         return ()
-    try:
-        rows = int(content["record"]["rows"])
-        found = read_findings(told, LoopCode.FRICTION, rows=rows)
-    except (TypeError, KeyError, ValueError):
-        refuse_damage(Path(source), LOOP, "the findings are no list of claims with their rows")
-        return ()
-    if not found:
-        gains = (content.get("axis") or {}).get("gains") or {}
-        said = str(gains.get("sentence") or "").strip() or "nothing is said of its friction."
-        raise NothingToCompensate(
-            f"{source}: no rows support its friction, so it must not be used for compensation."
-            f" {said}"
-        )
-    return found
+    rows = int(content["record"]["rows"])
+    return read_findings(content["findings"], LoopCode.FRICTION, rows=rows)
 
 
 def _profile(content: Content, variable: str) -> list[float]:
@@ -342,10 +330,6 @@ def _profile(content: Content, variable: str) -> list[float]:
     return [
         float(c) for m in maps if m["variable"] == variable for c in m["centres"] if c is not None
     ]
-
-
-def _centres(content: Content) -> list[float]:
-    return [abs(c) for c in _profile(content, "velocity")]
 
 
 def _middle(content: Content) -> float:
@@ -356,30 +340,25 @@ def _middle(content: Content) -> float:
 
 def _of_curve(content: Content, source: str) -> Identified:
     """The final curve of a steady.json; the covariance is computed again from the runs."""
-    path = Path(source)
-    refuse_damage(path, STEADY, missing_key(content, ("curve", "effects", "after", "gains")))
-    curve, after, gains = content["curve"], content["after"], content["gains"]
-    keys = ("speed", "force", "error", "force_unit", "coordinate")
-    problem = missing_key(curve, keys, "curve.")
-    problem = problem or missing_key(after, ("parameters", "spread"), "after.")
-    problem = problem or missing_key(gains, ("slowest", "fastest"), "gains.")
-    refuse_damage(path, STEADY, problem)
+    with _undamaged(source, STEADY):
+        return _read_curve(content, source)
+
+
+def _read_curve(content: Content, source: str) -> Identified:
     if content.get("withheld"):
         raise NothingToCompensate(f"{source}: {'; '.join(map(str, content['withheld']))}")
-    try:
-        points = np.stack([np.asarray(curve[k], float) for k in ("speed", "force", "error")], 1)
-        values = values_of(after)
-        spread, ends = float(after["spread"]), (float(gains["slowest"]), float(gains["fastest"]))
-        used = np.asarray(curve.get("fitted", np.ones(len(points))), bool)
-        shared, load = curve.get("shared_error"), content.get("load")
-        shared = None if shared is None else np.asarray(shared, float).reshape(len(points), -1)
-        load = None if load is None else _load(load)
-        numbers = (*values.values(), *ends)
-        if not (np.isfinite(points).all() and all(map(math.isfinite, numbers)) and used.any()):
-            raise ValueError
-    except (TypeError, ValueError, KeyError):
-        problem = f"{path}: damaged: a number of the curve is missing or no number; make it again"
-        raise InputError(f"{problem} with: jaxfric axis") from None
+    curve, after, gains = content["curve"], content["after"], content["gains"]
+    points = np.stack([np.asarray(curve[k], float) for k in ("speed", "force", "error")], 1)
+    values, spread = values_of(after), float(after["spread"])
+    ends = float(gains["slowest"]), float(gains["fastest"])
+    used = np.asarray(curve.get("fitted", np.ones(len(points))), bool)
+    shared = curve.get("shared_error")
+    shared = None if shared is None else np.asarray(shared, float).reshape(len(points), -1)
+    load = None if content.get("load") is None else _load(content["load"])
+    if not (np.isfinite(points).all() and np.isfinite([*values.values(), *ends]).all()):
+        raise ValueError("a number of the curve is not finite")
+    if not used.any():
+        raise ValueError("no run was fitted")
     effects, (speed, _, error) = tuple(content["effects"]), points[used].T
     within = None if shared is None else shared[used]
     names, covariance = curve_covariance(speed, error, spread, effects, values, within)
@@ -408,7 +387,7 @@ def _load(content: Content) -> Load:
     values = [content["parameters"][name]["value"] for name in names]
     arrays = [np.asarray(x, float) for x in (values, content["covariance"], content["centre"])]
     if arrays[1].shape != (len(names), len(names)) or not all(np.isfinite(x).all() for x in arrays):
-        raise ValueError
+        raise ValueError("the load along the travel has no finite covariance")
     return Load(str(content["effect"]), names, *arrays)
 
 

@@ -3,30 +3,14 @@
     u = M a + R(q, v) + s(v) G(q, v)
 
 q, v, a are position, velocity and acceleration of the reference. A term has a plain text, a LaTeX
-and a C form; `formula` and `code` format the numbers in these forms.
+and a C form; this module makes the formula of the first two, and `code` the C functions.
 """
 
-import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from ..effects import AbstractEffect, effect_of
-from ..effects.axis import (
-    AxisPositionPeriodic,
-    AxisSensorDelay,
-    AxisSensorLag,
-    AxisServoLag,
-    AxisStribeck,
-    AxisTimeDrift,
-    Cubic,
-    DirectionAsymmetry,
-    Gravity,
-    LogViscous,
-    PositionDependence,
-    Presliding,
-    RateAndState,
-)
 from ..errors import InputError, option
 from ..rig.axis import AxisRig
 from .identified import Identified
@@ -37,24 +21,117 @@ _SURE = 2.0
 """Least ratio of a compensated inertia to its standard error."""
 
 
+class Factor(NamedTuple):
+    """The function of the motion in a term; "{x}" stands for the parameter x of its effect."""
+
+    part: str
+    """`INERTIA`, `PLAIN` or `SIGN`."""
+    text: str = ""
+    """In plain text; "" for 1."""
+    latex: str = ""
+    code: str = ""
+    ripple: bool = False
+    """Whether it is a ripple or a weight, which the static map omits."""
+
+
+_LOG = Factor(SIGN, "ln(1 + |v|/{v_c})", r"\ln(1 + |v|/{v_c})", "log(1.0 + fabs(v) / {v_c})")
+
+
+def _wave(function: str) -> Factor:
+    return Factor(
+        PLAIN,
+        f"{function}(2 pi q/{{wavelength}})",
+        rf"\{function}(2\pi q/{{wavelength}})",
+        f"{function}(6.283185307179586 * q / {{wavelength}})",
+        ripple=True,
+    )
+
+
+_FACTORS = {
+    "M": Factor(INERTIA, "a", "a", "a"),
+    "F_v": Factor(PLAIN, "v", "v", "v"),
+    "F_0": Factor(PLAIN),
+    "F_c": Factor(SIGN),
+    "direction_asymmetry.d": Factor(SIGN, "v", "v", "v"),
+    "cubic.c": Factor(PLAIN, "v^3", "v^3", "v * v * v"),
+    "stribeck.fs": Factor(
+        SIGN,
+        "exp(-(|v|/{vs})^{n})",
+        r"e^{{-(|v|/{vs})^{{{n}}}}}",
+        "exp(-pow(fabs(v) / {vs}, {n}))",
+    ),
+    "log_viscous.c": _LOG,
+    "rate_and_state.A - B": _LOG,  # in steady motion the state is -B ln(1 + |v|/v_c)
+    "gravity.a": Factor(PLAIN, "sin(q)", r"\sin q", "sin(q)", ripple=True),
+    "gravity.b": Factor(PLAIN, "cos(q)", r"\cos q", "cos(q)", ripple=True),
+    "position_dependence.k": Factor(PLAIN, "q", "q", "q"),
+    "position_dependence.m": Factor(SIGN, "q", "q", "q"),
+    "position_periodic.c": _wave("cos"),
+    "position_periodic.s": _wave("sin"),
+}
+"""By effect and parameter, or by a difference of two parameters."""
+_OF_RECORD = "it belongs to the recorder, not to the axis; the friction was fitted together with it"
+_LEFT_OUT: dict[str, Callable[[Identified], str]] = {
+    "time_drift": lambda about: (
+        "it depends on the time of the record; the friction at its beginning is compensated. In the"
+        f" record the offset drifted by {about.values['time_drift.r']:.3g}"
+        f" {about.unit('time_drift.r')}, Coulomb friction by {about.values['time_drift.s']:.3g}"
+        f" {about.unit('time_drift.s')}"
+    ),
+    "presliding": lambda _: (
+        "in steady motion it adds nothing; the fade speed takes its recovery after a reversal into"
+        " account"
+    ),
+    "servo_lag": lambda about: (
+        f"the motor's force lags its command by {about.values['servo_lag.tau']:.3g} s; to"
+        " compensate the lag, add this time times the rate of change of the feedforward. The fade"
+        " speed takes the lag into account"
+    ),
+    "sensor_lag": lambda _: _OF_RECORD,
+    "sensor_delay": lambda _: _OF_RECORD,
+}
+
+
 class Piece(NamedTuple):
-    """One term: a coefficient times a factor; the factor 1 is ""."""
+    """One term: a coefficient times a factor."""
 
     name: str
     value: float
     std: float
     """Standard error; 0 for a given value, nan for an undetermined one."""
     unit: str
-    part: str
-    """`INERTIA`, `PLAIN` or `SIGN`."""
-    text: str = ""
-    latex: str = ""
-    code: str = ""
-    """The factor in C; its constants are `shapes`."""
-    shapes: Mapping[str, float] = {}
-    """Constants of the factor, by their name in C."""
-    ripple: bool = False
-    """Whether it is a ripple or a weight, which the static map omits."""
+    factor: Factor
+    shapes: dict[str, float]
+    """Parameters of the effect that are in the factor."""
+
+    @property
+    def part(self) -> str:
+        """`INERTIA`, `PLAIN` or `SIGN`."""
+        return self.factor.part
+
+    @property
+    def ripple(self) -> bool:
+        """Whether it is a ripple or a weight, which the static map omits."""
+        return self.factor.ripple
+
+    @property
+    def text(self) -> str:
+        """The factor in plain text; "" for 1."""
+        return self.factor.text.format(**{k: f"{x:.5g}" for k, x in self.shapes.items()})
+
+    @property
+    def latex(self) -> str:
+        """The factor in LaTeX."""
+        return self.factor.latex.format(**{k: latex_number(x) for k, x in self.shapes.items()})
+
+    @property
+    def code(self) -> str:
+        """The factor in C."""
+        return self.factor.code.format(**{k: self.constant(k) for k in self.shapes})
+
+    def constant(self, shape: str) -> str:
+        """The C name of a parameter in the factor."""
+        return f"{self.name.partition('.')[0]}_{shape}"
 
 
 class Terms(NamedTuple):
@@ -72,16 +149,20 @@ def terms_of(about: Identified) -> Terms:
     ------
     InputError : a friction effect without a formula.
     """
-    pieces, left_out = _base(about)
-    inside = []
+    left_out, inside = [], []
+    pieces = [_piece(about, name) for name in ("M", "F_v", "F_0", "F_c") if name in about.values]
+    if "M" not in about.values:
+        left_out.append("inertia: runs at steady speeds do not determine it")
+    elif not pieces[0].value > _SURE * pieces[0].std:
+        left_out.append("inertia: the record does not determine it")
+        del pieces[0]
     for id in about.effects:
-        effect = effect_of(id, AxisRig)
+        made = [_piece(about, name) for name in _FACTORS if name.startswith(f"{id}.")]
         if id in _LEFT_OUT:
             left_out.append(f"{id}: {_LEFT_OUT[id](about)}")
-        elif id in _MADE:
-            made = _MADE[id](about)
+        elif made:
             pieces += made
-            inside += [] if any(p.ripple for p in made) else [effect]
+            inside += [] if any(p.ripple for p in made) else [effect_of(id, AxisRig)]
         else:
             raise InputError(
                 f"effect '{id}' of {about.source} has no formula for a feedforward; run the loop"
@@ -90,147 +171,16 @@ def terms_of(about: Identified) -> Terms:
     return Terms(tuple(pieces), tuple(inside), tuple(left_out))
 
 
-def _base(about: Identified) -> tuple[list[Piece], list[str]]:
-    pieces, left_out = [], []
-    if "M" not in about.values:
-        left_out.append("inertia: runs at steady speeds do not determine it")
-    else:
-        inertia = _piece(about, "M", INERTIA, "a", "a")
-        if math.isfinite(inertia.std) and inertia.value > _SURE * inertia.std:
-            pieces.append(inertia)
-        else:
-            left_out.append("inertia: the record does not determine it")
-    pieces.append(_piece(about, "F_v", PLAIN, "v", "v"))
-    pieces.append(_piece(about, "F_0", PLAIN))
-    pieces.append(_piece(about, "F_c", SIGN))
-    return pieces, left_out
-
-
-def _piece(about: Identified, name: str, part: str, text: str = "", code: str = "") -> Piece:
-    std = about.std({name: 1.0})
-    return Piece(name, about.values[name], std, about.unit(name), part, text, text, code)
-
-
-def _direction_asymmetry(about: Identified) -> list[Piece]:
-    return [_piece(about, "direction_asymmetry.d", SIGN, "v", "v")]
-
-
-def _cubic(about: Identified) -> list[Piece]:
-    one = _piece(about, "cubic.c", PLAIN, "v^3")
-    return [one._replace(code="v * v * v")]
-
-
-def _stribeck(about: Identified) -> list[Piece]:
-    vs, n = about.values["stribeck.vs"], about.values["stribeck.n"]
-    one = _piece(about, "stribeck.fs", SIGN, f"exp(-(|v|/{_n(vs)})^{_n(n)})")
-    return [
-        one._replace(
-            latex=rf"e^{{-(|v|/{latex_number(vs)})^{{{latex_number(n)}}}}}",
-            code="exp(-pow(fabs(v) / stribeck_vs, stribeck_n))",
-            shapes={"stribeck_vs": vs, "stribeck_n": n},
-        )
-    ]
-
-
-def _log(about: Identified, piece: Piece, name: str) -> list[Piece]:
-    """A term c ln(1 + |v|/v_c); v_c is at least the width of the record's sign."""
-    v_c, constant = max(about.values[name], about.width), name.replace(".", "_")
-    return [
-        piece._replace(
-            text=f"ln(1 + |v|/{_n(v_c)})",
-            latex=rf"\ln(1 + |v|/{latex_number(v_c)})",
-            code=f"log(1.0 + fabs(v) / {constant})",
-            shapes={constant: v_c},
-        )
-    ]
-
-
-def _log_viscous(about: Identified) -> list[Piece]:
-    return _log(about, _piece(about, "log_viscous.c", SIGN), "log_viscous.v_c")
-
-
-def _rate_and_state(about: Identified) -> list[Piece]:
-    """In steady motion the state is -B ln(1 + |v|/v_c)."""
-    A, B = "rate_and_state.A", "rate_and_state.B"
-    less, std = about.values[A] - about.values[B], about.std({A: 1.0, B: -1.0})
-    one = Piece("rate_and_state.A - B", less, std, about.unit(A), SIGN)
-    return _log(about, one, "rate_and_state.v_c")
-
-
-def _position_dependence(about: Identified) -> list[Piece]:
-    pairs = (("k", PLAIN), ("m", SIGN))
-    return [_piece(about, f"position_dependence.{name}", part, "q", "q") for name, part in pairs]
-
-
-def _position_periodic(about: Identified) -> list[Piece]:
-    wave = about.values["position_periodic.wavelength"]
-    found = []
-    for name, function in (("c", "cos"), ("s", "sin")):
-        one = _piece(about, f"position_periodic.{name}", PLAIN, f"{function}(2 pi q/{_n(wave)})")
-        found.append(
-            one._replace(
-                latex=rf"\{function}(2\pi q/{latex_number(wave)})",
-                code=f"{function}(6.283185307179586 * q / position_periodic_wavelength)",
-                shapes={"position_periodic_wavelength": wave},
-                ripple=True,
-            )
-        )
-    return found
-
-
-def _gravity(about: Identified) -> list[Piece]:
-    found = []
-    for name, function in (("a", "sin"), ("b", "cos")):
-        one = _piece(about, f"gravity.{name}", PLAIN, f"{function}(q)", f"{function}(q)")
-        found.append(one._replace(latex=rf"\{function} q", ripple=True))
-    return found
-
-
-def _drift(about: Identified) -> str:
-    unit = about.unit("time_drift.r")
-    r, s = about.values["time_drift.r"], about.values["time_drift.s"]
-    return (
-        "it depends on the time of the record; the friction at its beginning is compensated."
-        f" In the record the offset drifted by {r:.3g} {unit}, Coulomb friction by {s:.3g} {unit}"
-    )
-
-
-def _bristle(about: Identified) -> str:
-    return (
-        "in steady motion it adds nothing; the fade speed takes its recovery after a reversal into"
-        " account"
-    )
-
-
-def _lag(about: Identified) -> str:
-    tau = about.values["servo_lag.tau"]
-    return (
-        f"the motor's force lags its command by {tau:.3g} s; to compensate the lag, add {tau:.3g} s"
-        " times the rate of change of the feedforward. The fade speed takes the lag into account"
-    )
-
-
-def _of_record(about: Identified) -> str:
-    return "it belongs to the recorder, not to the axis; the friction was fitted together with it"
-
-
-_MADE: dict[str, Callable[[Identified], Sequence[Piece]]] = {
-    DirectionAsymmetry.id: _direction_asymmetry,
-    Cubic.id: _cubic,
-    AxisStribeck.id: _stribeck,
-    LogViscous.id: _log_viscous,
-    RateAndState.id: _rate_and_state,
-    Gravity.id: _gravity,
-    PositionDependence.id: _position_dependence,
-    AxisPositionPeriodic.id: _position_periodic,
-}
-_LEFT_OUT: dict[str, Callable[[Identified], str]] = {
-    AxisTimeDrift.id: _drift,
-    Presliding.id: _bristle,
-    AxisServoLag.id: _lag,
-    AxisSensorLag.id: _of_record,
-    AxisSensorDelay.id: _of_record,
-}
+def _piece(about: Identified, name: str) -> Piece:
+    """A term with its error. A v_c is at least the width of the record's smoothed sign."""
+    factor, (effect, dot, symbols) = _FACTORS[name], name.rpartition(".")
+    first, *other = (f"{effect}{dot}{symbol}" for symbol in symbols.split(" - "))
+    weights = {first: 1.0} | dict.fromkeys(other, -1.0)
+    value = sum(weight * about.values[n] for n, weight in weights.items())
+    shapes = {s: about.values[f"{effect}.{s}"] for s in re.findall(r"{(\w+)}", factor.text)}
+    if "v_c" in shapes:
+        shapes["v_c"] = max(shapes["v_c"], about.width)
+    return Piece(name, value, about.std(weights), about.unit(first), factor, shapes)
 
 
 def uses_position(pieces: Sequence[Piece], *, ripple: bool = True) -> bool:
@@ -238,18 +188,39 @@ def uses_position(pieces: Sequence[Piece], *, ripple: bool = True) -> bool:
     return any(re.search(r"\bq\b", p.code) for p in pieces if ripple or not p.ripple)
 
 
-def shape_text(about: Identified, name: str) -> str:
-    """The unit of a factor's constant, by its C name, with a note if it is undetermined."""
-    full = next((full for full in about.values if full.replace(".", "_") == name), None)
-    unit = "1" if full is None else about.unit(full)
-    return f"{unit}, not determined by the record" if full in about.loose else unit
+# ---- the formula -------------------------------------------------------------------------------
 
 
-def _n(value: float) -> str:
-    return f"{value:.5g}"
+def plain_formula(pieces: Sequence[Piece], fade: float) -> str:
+    """The formula in one line, SI: "u = 95.1 a + 203 v - 3.19 + s (20.4), s = tanh(v/0.01)"."""
+    outside, level = _sums([(p, f"{abs(p.value):.5g} {p.text}".strip()) for p in pieces])
+    return f"u({_arguments(pieces)}) = {outside} + s ({level}),  s = tanh(v/{fade:.5g})"
 
 
-def latex_number(value: float, digits: int = 5) -> str:
+def latex_formula(pieces: Sequence[Piece], fade: float) -> str:
+    """The formula as LaTeX, for an equation."""
+    terms = [(p, rf"{latex_number(abs(p.value))}\,{p.latex}".removesuffix(r"\,")) for p in pieces]
+    outside, level = _sums(terms)
+    return (
+        rf"u({_arguments(pieces)}) = {outside} + s\,({level}), \qquad"
+        rf" s = \tanh(v/{latex_number(fade)})"
+    )
+
+
+def latex_number(value: float) -> str:
     """A number in LaTeX."""
-    mantissa, _, power = f"{value:.{digits}g}".partition("e")
+    mantissa, _, power = f"{value:.5g}".partition("e")
     return rf"{mantissa}\cdot 10^{{{int(power)}}}" if power else mantissa
+
+
+def _arguments(pieces: Sequence[Piece]) -> str:
+    inertia = ["a"] if any(p.part == INERTIA for p in pieces) else []
+    return ", ".join([*(["q"] if uses_position(pieces) else []), "v", *inertia])
+
+
+def _sums(terms: Sequence[tuple[Piece, str]]) -> list[str]:
+    """The sums of the terms outside the brackets of s, and within them."""
+    sums = ["", ""]
+    for piece, term in terms:
+        sums[piece.part == SIGN] += f" {'-' if piece.value < 0 else '+'} {term}"
+    return [("-" if x.startswith(" - ") else "") + x[3:] or "0" for x in sums]

@@ -15,10 +15,8 @@ from ..schemas import FEEDFORWARD
 from .code import c_code
 from .curve import FrictionCurve, FrictionValues
 from .fade import Fade
-from .formula import latex_formula, plain_formula
 from .identified import Identified
-from .limits import low_speeds, own_damping
-from .pieces import INERTIA, PLAIN, SIGN, Piece
+from .pieces import INERTIA, SIGN, Piece, latex_formula, plain_formula
 from .spot import FrictionAt, friction_at
 from .units import positive
 
@@ -142,7 +140,7 @@ class Feedforward(Described, Drawable, Tabular):
                 "slowest": about.slowest,
                 "fastest": about.fastest,
                 "rows_count_from": about.slowest_row,
-                "below": low_speeds(about, self.fade),
+                "below": about.below,
             },
             "findings": [
                 {"code": one.code, "values": one.values, "rows": ranges(one.rows)}
@@ -202,53 +200,41 @@ class Feedforward(Described, Drawable, Tabular):
     @property
     def cautions(self) -> tuple[str, ...]:
         """Sentences on correct and unsafe use."""
-        about, speed = self.about, f"{self.about.length}/s"
-        damping = f"{about.force_unit} s/{about.length}"
+        about, unit = self.about, self.about.force_unit
+        damping, own = f"{unit} s/{about.length}", about.damping
         lines = [
             "Drive it with the reference's velocity and acceleration. It is then pure feedforward"
             " and does not change stability: the gains must stabilise the axis as before"
             + (f" ({about.claim})" if about.claim else "")
         ]
-        measured = (
-            "With the measured velocity instead it is a feedback, which reduces damping:"
-            f" below the fade speed k_v must exceed {self.least_damping:.4g} {damping}"
-            f" ({own_damping(about, self.least_damping)})"
-        )
-        if self.share > 0:
-            measured += (
-                f". Then compensate at most {100 * self.share:.3g} % of the friction (two standard"
-                " errors): over-compensation causes limit cycles. Friction also changes with"
-                " temperature and load, which these errors do not include"
-            )
+        if own is None:
+            told = "that of the drive in force, which the file does not contain"
         else:
-            measured += ". As the error of friction exceeds half of it, no share is then safe"
-        lines.append(measured)
-        if any(p.name == "F_0" and p.part == PLAIN and p.value for p in self.pieces):
-            lines.append(
-                "F_0 also acts at rest, like a weight or a bias of the drive. If it is a difference"
-                " of Coulomb friction between directions, it is not needed at rest, but does not"
-                " move the axis as long as it is less than F_c"
-            )
+            told = f"the drive's own, {own:.4g} {damping}, is"
+            told += " above it" if own > self.least_damping else " not: raise it, or v_f"
+        share = (
+            f"at most {100 * self.share:.3g} % of the friction (two standard errors):"
+            " over-compensation causes limit cycles"
+            if self.share > 0
+            else "nothing, as the error of friction exceeds half of it"
+        )
+        lines.append(
+            "With the measured velocity instead it is a feedback, which reduces damping: below the"
+            f" fade speed k_v must exceed {self.least_damping:.4g} {damping} ({told}). Then"
+            f" compensate {share}"
+        )
         if about.left is not None:
             rms, noise = about.left
-            unit = about.force_unit
             text = f"Rms residual of the test block: {rms:.2g} {unit}"
-            if self.missed:
-                text += (
-                    f", noise {noise:.2g} {unit}: the misfit of {self.missed:.2g} {unit} limits"
-                    " the compensation, however small the errors of its terms"
-                )
-            else:
-                text += ", consistent with noise"
-            lines.append(text)
-        lines.append(low_speeds(about, self.fade))
-        if self.fade.speed > about.slowest:
-            lines.append(
-                f"The fade extends into the supported speeds: below {self.fade.speed:.3g} {speed}"
-                " the compensation is less than the friction of steady motion"
+            text += (
+                f", noise {noise:.2g} {unit}: the misfit of {self.missed:.2g} {unit} limits the"
+                " compensation, however small the errors of its terms"
+                if self.missed
+                else ", consistent with noise"
             )
-        missing = [one for one in self.fade.reasons if math.isnan(one.speed)]
-        if missing:
+            lines.append(text)
+        lines.append(about.below)
+        if any(math.isnan(one.speed) for one in self.fade.reasons):
             lines.append(
                 "The fade speed may be too low: the acceleration of the reference at reversals is"
                 f" unknown ({option('acceleration')})"

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import option
+from ..plain import entries
 from ..units import decimals, parse_values
 from .curve import FrictionCurve
 
@@ -57,15 +58,8 @@ class FrictionAt(NamedTuple):
 
     def to_json(self) -> dict:
         """An entry of `feedforward.json`."""
-        return {
-            "speed": self.speed,
-            "forwards": self.forwards._asdict(),
-            "backwards": self.backwards._asdict(),
-            "mean": self.mean._asdict(),
-            "sign": self.sign,
-            "without_fade": self.unfaded,
-            "supported": self.supported,
-        }
+        same = ("speed", "forwards", "backwards", "mean", "sign", "supported")
+        return {**entries(self, *same), "without_fade": self.unfaded}
 
 
 def speeds(text: str, length: str) -> list[float]:
