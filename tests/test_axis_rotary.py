@@ -16,7 +16,7 @@ from jaxfric.effects import RecordScales
 from jaxfric.errors import InputError
 from jaxfric.loop.axis.loop import _seen_by
 from jaxfric.loop.case import Offered
-from jaxfric.plot.loop import DRAWERS
+from jaxfric.plot.loop import FIGURES
 
 OFFERED = {"cubic", "log_viscous"}
 TRUTH = {"M": 0.05, "F_v": 0.04, "F_c": 0.3, "F_0": 0.02}
@@ -51,11 +51,10 @@ def joint(tmp_path, monkeypatch):
 def test_a_rotary_axis_is_told_in_radians(joint, monkeypatch):
     """Nothing is in m, N or V s/m; a figure that fails loses only itself, and exits with 1."""
 
-    def broken(loop, folder):
-        (folder / "location.png").write_text("half")
+    def broken(loop):
         raise ValueError("no ink")
 
-    monkeypatch.setitem(DRAWERS, "location", broken)
+    monkeypatch.setitem(FIGURES, "location", broken)
     code, out, err = run(*joint, "--details")
     assert code == 1
     assert err.count("no ink") == 1 and "location was not drawn" in err and "Traceback" not in err

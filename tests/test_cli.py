@@ -117,7 +117,7 @@ def test_record() -> None:
 
 
 def test_a_window_of_a_record(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("jaxfric.plot.record.draw_record", lambda *given: given[2].touch())
+    monkeypatch.setattr("jaxfric.plot.style.write", lambda figure, path: path.touch())
     code, out, err = run("inspect", "run.csv", "--from", "10 s", "--to", "100 um")
     assert code == 0 and err == ""
     assert "rows from 10 to 2" in out and "velocity steps: 1" in out and "from 10" in out
@@ -272,11 +272,11 @@ def test_a_folder_that_cannot_be_written_is_known_before_the_fit(
 
 
 def broken_figure(monkeypatch: pytest.MonkeyPatch, error: BaseException) -> None:
-    def draw(*arguments):
-        Path(arguments[1]).write_text("half")
+    def write(figure, *paths):
+        paths[0].write_text("half")
         raise error
 
-    monkeypatch.setattr("jaxfric.plot.fit.draw_fit", draw)
+    monkeypatch.setattr("jaxfric.plot.style.write", write)
 
 
 def test_an_interrupt_at_a_figure_keeps_the_numbers(

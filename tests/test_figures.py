@@ -372,16 +372,13 @@ def test_a_study_of_one_member_has_no_curves() -> None:
     assert draw_marginals(found, ["gain"], []) is None
 
 
-def test_no_legend_of_a_steady_curve_lies_on_a_panel(monkeypatch, tmp_path) -> None:
+def test_no_legend_of_a_steady_curve_lies_on_a_panel() -> None:
     """A run at any speed may have any friction: within a panel a legend hides what is there."""
     speed = np.concatenate([-np.geomspace(0.5, 20, 8)[::-1], np.geomspace(0.5, 20, 8)])
     one = np.ones(16)
     force = 2 * np.sign(speed) + np.sign(speed) * np.exp(-np.abs(speed))
     curve = SteadyCurve(speed, force, one, one, one, 0.01 * one, 0 * one, tuple("abcdefghijklmnop"))
-    drawn = []
-    monkeypatch.setattr(style, "save", lambda figure, *_: drawn.append(figure) or [])
-    steady.draw_steady(close_steady_loop(curve), tmp_path)
-    (figure,) = drawn
+    figure = steady.steady_figure(close_steady_loop(curve))
     figure.draw_without_rendering()
     legends = [*figure.legends, *(a.get_legend() for a in figure.axes if a.get_legend())]
     assert {t.get_text() for one in legends for t in one.get_texts()} >= {
@@ -456,15 +453,13 @@ def test_a_legend_of_many_words_stays_within_its_figure() -> None:
     assert " ".join(legend.get_texts()[0].get_text().split()) == words.strip()
 
 
-def test_events_of_a_run_stand_over_the_displacement(monkeypatch) -> None:
+def test_events_of_a_run_stand_over_the_displacement() -> None:
     """Whatever the load point did in a time: a hold of an hour is a place."""
     t = np.arange(0, 100.0)
     load = 1e-6 * np.minimum(t, 50.0)
     record = jf.from_arrays(t, 0.6 + 0 * t, load_point_displacement=load)
-    drawn = []
-    monkeypatch.setattr(style, "write", lambda figure, *_: drawn.append(figure))
-    plot_run.draw_events(record, [Event("hold", 50.0, 1e-6, 0.0, 50.0, 99.0)])
-    top, bottom = drawn[0].axes
+    figure = plot_run.events_figure(record, [Event("hold", 50.0, 1e-6, 0.0, 50.0, 99.0)])
+    top, bottom = figure.axes
     assert "displacement" in bottom.get_xlabel()
     np.testing.assert_allclose(top.lines[0].get_xdata(), load, atol=1e-12)
     places = [line.get_xdata()[0] for line in top.lines[1:]]

@@ -206,7 +206,7 @@ def calling_as(verb: str):
 
 
 def test_through_the_command(monkeypatch) -> None:
-    monkeypatch.setattr("jaxfric.plot.record.draw_record", lambda *given: given[2].write_text(""))
+    monkeypatch.setattr("jaxfric.plot.style.write", lambda figure, path: path.write_text(""))
     for folder, rows in (("p", 91), ("q", 90)):
         written(made(f"{folder}/run.csv"), record_text(rows))
     assert run("inspect", "p/run.csv").err == ""
@@ -240,7 +240,7 @@ def test_a_figure_that_fails_in_the_command(monkeypatch) -> None:
     def fails(*_) -> None:
         raise RuntimeError("no font")
 
-    monkeypatch.setattr(plot, "draw_record", fails)
+    monkeypatch.setattr(plot, "record_figure", fails)
     written(Path("run.csv"), record_text())
     code, out, err = run("inspect", "run.csv")
     assert code == 1 and "velocity steps: 1" in out

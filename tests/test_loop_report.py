@@ -4,7 +4,6 @@ The loops are made up: hand-written numbers, no fit.
 """
 
 import dataclasses
-import functools
 import io
 import itertools
 import json
@@ -49,7 +48,8 @@ from jaxfric.loop.result import (
 )
 from jaxfric.loop.split import NAMES, split
 from jaxfric.loop.verdict import Told
-from jaxfric.plot.loop import DRAWERS, FIGURES, draw_loop, residual_figure
+from jaxfric.plot import style
+from jaxfric.plot.loop import FIGURES, residual_figure
 from jaxfric.records import VelocitySteps, from_arrays
 from jaxfric.records.record import Provenance
 from jaxfric.report.aliases import apart
@@ -739,12 +739,7 @@ def test_where_nothing_is_placed_the_location_figure_is_no_higher_than_its_words
 
 
 def figure_of(loop: Loop, name: str) -> Figure:
-    """The figure that would be saved."""
-    drawn: list[Figure] = []
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("jaxfric.plot.style.save", lambda figure, *_: drawn.append(figure) or [])
-        DRAWERS[name](loop, Path())
-    return drawn[0]
+    return FIGURES[name](loop)
 
 
 @pytest.mark.parametrize(
@@ -868,7 +863,7 @@ def test_a_small_part_of_the_noise_is_told_wherever_noise_is(tmp_path: Path, sna
     words = noise_text(noise)
     loop = dataclasses.replace(loop, after=dataclasses.replace(loop.after, noise=noise))
     assert words in " ".join(printed(loop).split()) and words in page_of(loop).text
-    DRAWERS["noise"](loop, tmp_path)
+    style.save(FIGURES["noise"](loop), tmp_path, "noise")
     assert words in (tmp_path / "noise.svg").read_text()
     base: Any = loop.base_fit
     told = summary(dataclasses.replace(base, noise=noise))
@@ -941,9 +936,8 @@ def test_a_record_of_one_step_says_that_less_can_be_told(snapshot) -> None:
     [("effects", {}), ("outside_catalogue", {"many": False, "unit": "N", "path": HOSTILE})],
 )
 def test_figures(verdict: str, more: dict[str, Any], tmp_path: Path) -> None:
-    names = draw_loop(make_loop(verdict, **more), tmp_path)
-    assert names == [f"{name}.{kind}" for name in FIGURES for kind in ("png", "svg")]
-    for name in FIGURES:
+    for name, figure in FIGURES.items():
+        style.save(figure(make_loop(verdict, **more)), tmp_path, name)
         pixels = imread(tmp_path / f"{name}.png")[..., :3]
         assert min(pixels.shape[:2]) > 300 and np.mean(np.any(pixels < 0.9, axis=2)) > 0.01, name
         assert (tmp_path / f"{name}.svg").read_text().lstrip().startswith("<?xml")
@@ -962,14 +956,14 @@ def closed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
         asked.update(options, read=len(record))
         return make_loop("no_missing_effect")
 
-    def draw(name: str, loop: Loop, folder: Path) -> list[str]:
-        (folder / f"{name}.png").write_bytes(b"")
-        (folder / f"{name}.svg").write_bytes(b"<svg/>")
-        return [f"{name}.png", f"{name}.svg"]
+    def write(figure: None, *paths: Path) -> None:
+        for path in paths:
+            path.write_bytes(b"<svg/>" if path.suffix == ".svg" else b"")
 
     monkeypatch.setattr("jaxfric.loop.close_loop", close_loop)
     for name in FIGURES:
-        monkeypatch.setitem(DRAWERS, name, functools.partial(draw, name))
+        monkeypatch.setitem(FIGURES, name, lambda loop: None)
+    monkeypatch.setattr("jaxfric.plot.style.write", write)
     monkeypatch.chdir(tmp_path)
     written(Path("run.csv"), record_text())
     return asked

@@ -204,7 +204,7 @@ before, jaxfric = dict(jax.config.values), anew('jaxfric')
 print([p for p in {PACKAGES} if getattr(jaxfric, p).__name__ != 'jaxfric.' + p])
 print(set({PACKAGES}) - set(dir(jaxfric)))
 print(jaxfric.gains.gain_schedule.__name__, jaxfric.stability.linear.to_control.__name__)
-print(jaxfric.study.Grid.__name__, jaxfric.plot.draw_fit.__name__)
+print(jaxfric.study.Grid.__name__)
 [getattr(jaxfric, name) for name in jaxfric.__all__]
 print(all(jax.config.values[k] == v for k, v in before.items()), jax.config.jax_enable_x64)
 print(jax.config.jax_compilation_cache_dir)
@@ -213,7 +213,7 @@ for first in ('stability.theorem', 'fitting.fit', 'plot.fit'):
     print(callable(jaxfric.fit), callable(jaxfric.rice_ruina_criterion))
 """
     out, err = python(code)
-    names = ["[]", "set()", "gain_schedule to_control", "Grid draw_fit"]
+    names = ["[]", "set()", "gain_schedule to_control", "Grid"]
     assert (out.splitlines(), err) == ([*names, "True False", "None", *3 * ["True True"]], "")
 
 

@@ -191,7 +191,7 @@ def test_the_numbers_are_told_before_the_first_figure_is_drawn(tmp_path, monkeyp
         seen.update(out=sys.stdout.getvalue(), files={p.name for p in Path("o").iterdir()})
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("jaxfric.plot.run.draw_events", stopped)
+    monkeypatch.setattr("jaxfric.plot.run.events_figure", stopped)
     with pytest.raises(SystemExit, match="130"):
         run("run", "mine.csv", "--fit-stiffness", "--downsample-to", "256", "--out", "o")
     assert "1 step" in seen["out"] and "A-B" in seen["out"]

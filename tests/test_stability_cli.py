@@ -29,9 +29,9 @@ from jaxfric.plot.gain_map import (
     _of,
     draw_gain_map,
 )
-from jaxfric.plot.gains import draw_end_map, draw_gains, gains_figure
-from jaxfric.plot.style import new_figure
-from jaxfric.report.gains_text import headline
+from jaxfric.plot.gains import end_map_figure, gains_figure
+from jaxfric.plot.style import new_figure, save
+from jaxfric.report.gains_text import report as report_of
 from jaxfric.stability.analysis import steady_point
 
 SLIP = ("--law", "slip", "--parameters", "A=1 N, B=3 N, L=1 mm, V0=2 mm/s")
@@ -320,7 +320,7 @@ def golden_gains() -> Gains:
 
 
 def test_the_figure_of_gains() -> None:
-    assert draw_gains(golden_gains(), Path()) == ["gains.png", "gains.svg"]
+    save(gains_figure(golden_gains()), Path(), "gains")
     assert_figures(Path(), ["gains"])
     text = Path("gains.svg").read_text()
     for words in ("meets the requirement in every scenario", "recommended", "k_cr(k_v)"):
@@ -341,7 +341,7 @@ def test_the_figure_has_the_words_of_the_report_and_names_gains_that_are_nothing
     assert _of(least) == "optimum: stiff (norm 0)"
     checked = CheckReport(10, 9, 0, 0, 1, None, None, ())
     result = dataclasses.replace(golden_gains(), simulation=checked)
-    first, *rest = headline(result)
+    first, *rest = report_of(result).headline
     figure = gains_figure(result)
     assert figure.get_suptitle()[:60] == first[:60]
     told = [text.get_text().replace("\n", " ") for text in figure.legends[0].get_texts()]
@@ -387,7 +387,7 @@ def test_the_figure_of_ends() -> None:
     law = law_from_parameters("slip", SLIP[3]).law
     point = eqx.filter_jit(steady_point)(law, jnp.asarray(2e-3))
     options = {"point": point, "mass": 2.0, "optimum": (1488.0, 794.0)}
-    assert draw_end_map(ends, k_p, k_v, Path(), **options) == ["end_map.png", "end_map.svg"]
+    save(end_map_figure(ends, k_p, k_v, **options), Path(), "end_map")
     assert_figures(Path(), ["end_map"])
     text = Path("end_map.svg").read_text()
     assert "stick-slip goes on" in text and "runs away" not in text

@@ -12,7 +12,7 @@ from jaxfric.fitting.noise import ROTARY_CLOCKS, NoiseEstimate, NoisePart
 from jaxfric.fitting.noise.autocorrelation import autocorrelation
 from jaxfric.loop.steady.loop import close_steady_loop
 from jaxfric.loop.steady.noise import after_a_turn, steady_noise
-from jaxfric.plot import steady, style
+from jaxfric.plot import steady
 from jaxfric.records.steady import SteadyCurve
 from jaxfric.records.steady_mean import effective_samples
 from jaxfric.records.steady_run import SteadyRows
@@ -197,10 +197,7 @@ def test_a_steady_loop_has_the_noise_of_its_runs(over_the_path, monkeypatch, tmp
         "angle"
     }
     assert told["parts"][0]["unit"] == "rad"
-    drawn = []
-    monkeypatch.setattr(style, "save", lambda figure, *_: drawn.append(figure) or ["noise.png"])
-    assert steady.draw_noise(curve, noise, tmp_path) == ["noise.png"]
-    (figure,) = drawn
+    figure = steady.noise_figure(curve, noise)
     figure.draw_without_rendering()
     left, right = figure.axes
     assert (left.get_xlabel(), right.get_xlabel()) == ("lag [rows]", "speed [rpm]")

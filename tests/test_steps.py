@@ -9,7 +9,7 @@ from public_data import public_record
 
 from jaxfric.errors import InputError
 from jaxfric.fitting.fit import steps_of
-from jaxfric.plot.record import draw_record
+from jaxfric.plot.record import record_figure
 from jaxfric.records import (
     VelocitySteps,
     find_steps,
@@ -335,7 +335,8 @@ def test_figure(tmp_path: Path, mode: str) -> None:
         load_point_displacement=moved,
         load_point_velocity=steps.velocity(t) if moved is None else None,
     )
-    draw_record(record, None if mode == "no steps" else steps, tmp_path / "record.png")
+    figure = record_figure(record, None if mode == "no steps" else steps)
+    figure.savefig(tmp_path / "record.png")
     assert (tmp_path / "record.png").read_bytes()[:4] == b"\x89PNG"
 
 

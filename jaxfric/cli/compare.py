@@ -21,7 +21,7 @@ def compare_record(fitter: Fitter, laws: list[str] | None, output: options.Outpu
     measured = fitter.read(file)
     prepare_jax()
     from ..loop.compare import compare_laws
-    from ..plot.compared import draw_comparison
+    from ..plot.compared import comparison_figure
     from ..report.comparison import files_of
     from ..views import report
 
@@ -39,8 +39,7 @@ def compare_record(fitter: Fitter, laws: list[str] | None, output: options.Outpu
         content = json_text(found.to_json())
         folder.save(files_of(found) | {"compare.json": content + "\n"})
         progress("drawing the figure")
-        names = ("compare.png", "compare.svg")
-        folder.draw("the figure", lambda to: draw_comparison(found, *(to / n for n in names)))
+        folder.draw_figure("compare", lambda: comparison_figure(found))
     told_of = report(found)
     if told_of.next_steps:
         line = loop_line(current_call(), found.of_laws[0].fit.law)

@@ -50,7 +50,7 @@ def feedforward(
     from ..compensation import NothingToCompensate
     from ..compensation import feedforward as run
     from ..compensation.spot import speeds
-    from ..plot.feedforward import draw_feedforward
+    from ..plot.feedforward import feedforward_figure
     from ..report.feedforward_text import made_by, report, tex
 
     doing("computing the feedforward")
@@ -75,7 +75,7 @@ def feedforward(
             for kind, text in texts.items():
                 (to / f"feedforward.{kind}").write_text(text, encoding="utf-8")
         progress("drawing the figure")
-        folder.draw("the figure", lambda to: draw_feedforward(found, to))
+        folder.draw_figure("feedforward", lambda: feedforward_figure(found))
     told_of = report(found, asked)
     show(told_of, folder.written, content, output)
     return folder.close()

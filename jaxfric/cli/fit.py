@@ -137,7 +137,7 @@ def _fit_one(file: Path, fitter: Fitter, prior: PriorOptions, output: options.Ou
 
 
 def _save(result: "Fit", content: str, posterior: "Posterior | None", folder: Folder) -> None:
-    from ..plot.fit import draw_fit
+    from ..plot.fit import fit_figure
     from ..report.fits_table import TabledFit, files_of
 
     found = posterior if posterior is not None and posterior.found else None
@@ -149,12 +149,11 @@ def _save(result: "Fit", content: str, posterior: "Posterior | None", folder: Fo
             from ..posterior import write_netcdf
 
             write_netcdf(found, to / "posterior.nc")
-    folder.draw("the figure", lambda to: draw_fit(result, to / "fit.png", to / "fit.svg"))
+    folder.draw_figure("the figure", lambda: fit_figure(result), "fit.png", "fit.svg")
     if found is not None:
-        from ..plot.posterior import draw_posterior
+        from ..plot.posterior import posterior_figure
 
-        names = ("posterior.png", "posterior.svg")
-        folder.draw("its figure", lambda to: draw_posterior(found, *(to / n for n in names)))
+        folder.draw_figure("posterior", lambda: posterior_figure(found))
 
 
 def _report(result: "Fit", posterior: "Posterior | None") -> "Report":

@@ -99,7 +99,7 @@ def fit_files(fitter: Fitter, output: OutputOptions) -> int:
     Raises `InputError` before any fit if a file does not exist. Raises `InputError` without writing
     anything if no file can be fitted.
     """
-    from ..plot.fit import draw_fit
+    from ..plot.fit import fit_figure
     from ..report.fits_table import TabledFit, content_of_files, files_of, report_of_files
 
     files = fitter.files
@@ -139,8 +139,8 @@ def fit_files(fitter: Fitter, output: OutputOptions) -> int:
         folder.save(files_of(found) | {"fits.json": content + "\n"} | texts)
         for name, fit in fits:
             progress(f"drawing {name}")
-            draw = lambda to, fit=fit, name=name: draw_fit(fit, to / f"{name}.png")  # noqa: E731
-            folder.draw(f"the figure of {name}", draw)
+            what, draw = f"the figure of {name}", lambda fit=fit: fit_figure(fit)
+            folder.draw_figure(what, draw, f"{name}.png")
     show(report_of_files(found), folder.written, content, output)
     code = folder.close()
     failed = [one for one in found if not one.known]

@@ -14,7 +14,7 @@ import re
 import sys
 from collections.abc import Callable, Generator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
 from ..report.output import output_folder
@@ -22,6 +22,9 @@ from ..report.version import installed_version
 from ..schemas import FOLDER
 from .call import Call, current_call
 from .stamp import made_by, stamp
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 NOTES = ".jaxfric.json"
 _NOT_NAMED = {
@@ -206,6 +209,13 @@ class Folder:
             return []
         self.files += new
         return new
+
+    def draw_figure(self, what: str, make: Callable[[], "Figure"], *files: str) -> None:
+        """Add a figure as `files`, by default WHAT.png and WHAT.svg; see `draw`."""
+        from ..plot.style import write
+
+        names = files or (f"{what}.png", f"{what}.svg")
+        self.draw(what, lambda to: write(make(), *(to / name for name in names)))
 
     def draw_page(self, name: str, kind: str, page: Callable[[dict[str, bytes]], str]) -> None:
         """Add a page with all figures of this run that have the suffix `kind`, by file."""

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
@@ -15,6 +14,8 @@ from .options import Text
 from .shown import show
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from ..gains.result import Gains
 
 
@@ -125,7 +126,7 @@ def gains(
     velocities, masses = np.asarray(given.values("--velocity")), given.masses()
     sampled, delay = late.read()
     from ..gains import check_gains, find_gains
-    from ..plot.gains import draw_gains
+    from ..plot.gains import gains_figure
     from ..report import gains_json
     from ..report.gains_text import report
 
@@ -152,9 +153,9 @@ def gains(
             )
         progress("drawing figures (3 of 3)")
         content = folder.save_json("gains.json", gains_json.content(result))
-        folder.draw("gains", lambda to: draw_gains(result, to))
+        folder.draw_figure("gains", lambda: gains_figure(result))
         if map_:
-            folder.draw("end_map", lambda to: _draw_map(result, to, progress))
+            folder.draw_figure("end_map", lambda: _end_map(result, progress))
     new = tuple(line for line in result.warnings if line not in source.warnings)
     told_of = report(result)._replace(warnings=new)
     show(told_of, folder.written, content, output)
@@ -162,21 +163,20 @@ def gains(
     return code or int(bool(result.unsafe))
 
 
-def _draw_map(result: "Gains", folder: Path, progress: Callable[[str], None]) -> list[str]:
+def _end_map(result: "Gains", progress: Callable[[str], None]) -> "Figure":
     import jax.numpy as jnp
 
     from ..gains.cycle_map import cycle_map
-    from ..plot.gains import draw_end_map
+    from ..plot.gains import end_map_figure
     from ..stability.analysis import steady_point
 
     progress("mapping the ends from rest")
     found = cycle_map(result)
     scenarios, k = result.scenarios, found.scenario
-    return draw_end_map(
+    return end_map_figure(
         found.ends,
         found.k_p,
         found.k_v,
-        folder,
         point=steady_point(scenarios.law(k), jnp.asarray(scenarios.velocity[k])),
         mass=None if scenarios.mass is None else float(scenarios.mass[k]),
         optimum=(result.kp, result.kv),

@@ -67,8 +67,9 @@ def inspect(
 
 
 def _slider(measured: "Record", file: Path, steps: str | None, *, reduced: bool) -> _Inspected:
-    from ..plot.raw import draw_raw
-    from ..plot.record import draw_record
+    from ..plot.raw import raw_figure
+    from ..plot.record import record_figure
+    from ..plot.style import write
     from ..records import VelocitySteps, read_table, record_steps
     from ..records.steps import speeds_without_steps
     from ..records.teeth import slips_told
@@ -79,9 +80,9 @@ def _slider(measured: "Record", file: Path, steps: str | None, *, reduced: bool)
     found.refuse_end(measured.relative_time[-1])
 
     def draw(to: Path) -> None:
-        draw_record(measured, found, to / "record.png")
+        write(record_figure(measured, found), to / "record.png")
         if reduced:
-            draw_raw(read_table(file, raw=True), to / "raw.png")
+            write(raw_figure(read_table(file, raw=True)), to / "raw.png")
 
     doubts = filter(None, [speeds_without_steps(measured, found), slips_told(measured, found)])
     told_of = report(measured, found)._replace(warnings=list(doubts))
@@ -89,7 +90,8 @@ def _slider(measured: "Record", file: Path, steps: str | None, *, reduced: bool)
 
 
 def _axis(measured: "AxisRecord") -> _Inspected:
-    from ..plot.axis_record import draw_axis_record
+    from ..plot.axis_record import axis_record_figure
+    from ..plot.style import write
     from ..records.strokes import find_strokes
     from ..report.axis_record_text import report_axis
     from ..report.record_json import axis_content
@@ -98,14 +100,15 @@ def _axis(measured: "AxisRecord") -> _Inspected:
     return _Inspected(
         report_axis(measured, strokes)._replace(warnings=()),
         axis_content(measured, strokes),
-        lambda to: draw_axis_record(measured, strokes, to / "record.png"),
+        lambda to: write(axis_record_figure(measured, strokes), to / "record.png"),
     )
 
 
 def _steady(curve: "SteadyCurve") -> _Inspected:
-    from ..plot.axis_record import draw_curve
+    from ..plot.axis_record import curve_figure
+    from ..plot.style import write
     from ..report.axis_record_text import report_steady
     from ..report.record_json import steady_content
 
-    draw = lambda to: draw_curve(curve, to / "record.png")  # noqa: E731
+    draw = lambda to: write(curve_figure(curve), to / "record.png")  # noqa: E731
     return _Inspected(report_steady(curve), steady_content(curve), draw)

@@ -25,13 +25,13 @@ def save_loop(result: "Loop", folder: Folder, progress: Callable[[str], None]) -
 
     The page shows the figures that could be drawn.
     """
-    from ..plot.loop import DRAWERS
+    from ..plot.loop import FIGURES
     from ..report.loop_page import page
 
     content = folder.save_json("loop.json", result.to_json())
     progress("drawing figures")
-    for name, draw in DRAWERS.items():
-        folder.draw(name, lambda to, draw=draw: draw(result, to))
+    for name, figure in FIGURES.items():
+        folder.draw_figure(name, lambda figure=figure: figure(result))
     command = current_call().command
     folder.draw_page("loop.html", ".svg", lambda drawn: page(result, drawn, command=command))
     return content

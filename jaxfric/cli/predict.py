@@ -58,10 +58,10 @@ def predict(
             progress=progress,
         )
         progress("drawing figures")
-        from ..plot.prediction import draw_prediction
+        from ..plot.prediction import prediction_figure
 
         content = folder.save_json("prediction.json", result.to_json())
-        folder.draw("the figure", lambda to: draw_prediction(result, to))
+        folder.draw_figure("prediction", lambda: prediction_figure(result))
     from ..views import report
 
     show(report(result), folder.written, content, output)

@@ -93,7 +93,7 @@ def protocol(
     asked = _pair_of(how.distinguish)
     with told() as progress:
         prepare_jax()
-        from ..plot.loop import save_aliasing
+        from ..plot.aliasing import protocol_figure
         from ..protocol.base import named_pair
         from ..protocol.plan import Planned, plan
         from ..protocol.remedy import Answer, answer_of
@@ -127,8 +127,7 @@ def protocol(
         typical = how.from_ is None and how.parameters is None
         content = folder.save_json("protocol.json", found.to_json() | answer.to_json(line))
         progress("drawing figures")
-        ids, cosines = found.design.ids, found.design.cosines
-        folder.draw("aliasing", lambda to: save_aliasing(ids, cosines, to, what="this plan"))
+        folder.draw_figure("aliasing", lambda: protocol_figure(found))
     show(report(found, answer, typical=typical, command=line), folder.written, content, output)
     return folder.close()
 

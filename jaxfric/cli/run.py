@@ -121,39 +121,34 @@ def _fitted(
 
 
 def _draw_events(record: "Record", found: tuple["Event", ...], folder: Folder) -> None:
-    from ..plot.run import draw_events
+    from ..plot.run import events_figure
 
-    folder.draw(
-        "the figure of the events", lambda to: draw_events(record, found, to / "events.png")
-    )
+    figure = lambda: events_figure(record, found)  # noqa: E731
+    folder.draw_figure("the figure of the events", figure, "events.png")
 
 
 def _draw(result: "RunFit", others: "Findings", folder: Folder) -> None:
     """Draw what was found: rates, holds, the step fits, stick-slip, steps of normal stress."""
-    from ..plot.fit import draw_fit
-    from ..plot.run import draw_healing, draw_rates
-    from ..plot.run_others import draw_stick_slip, draw_stress_steps
+    from ..plot.fit import fit_figure
+    from ..plot.run import holds_figure, rates_figure
+    from ..plot.run_others import stick_slip_figure, stress_steps_figure
+    from ..plot.style import write
 
     fits = [(step.number, step.fit) for step in result.steps if step.fit is not None]
     if any(fit.converged and fit.A_minus_B.determined for _, fit in fits):
-        folder.draw("the figure of A-B", lambda to: draw_rates(result, to / "rates.png"))
+        folder.draw_figure("the figure of A-B", lambda: rates_figure(result), "rates.png")
     if holds := others.holds:
-        folder.draw(
-            "the figure of the holds",
-            lambda to: draw_healing(result.record, holds, to / "holds.png"),
-        )
+        figure = lambda: holds_figure(result.record, holds)  # noqa: E731
+        folder.draw_figure("the figure of the holds", figure, "holds.png")
     folder.draw(
         "the figures of the steps",
-        lambda to: [draw_fit(fit, to / f"step_{number:02d}.png") for number, fit in fits],
+        lambda to: [write(fit_figure(fit), to / f"step_{n:02d}.png") for n, fit in fits],
     )
     teeth = others.stick_slip
     if teeth is not None and teeth.fits:
-        folder.draw(
-            "the figure of stick-slip", lambda to: draw_stick_slip(teeth, to / "stick_slip.png")
-        )
+        figure = lambda: stick_slip_figure(teeth)  # noqa: E731
+        folder.draw_figure("the figure of stick-slip", figure, "stick_slip.png")
     stresses = others.stress_steps
     if any(step.fit is not None for step in stresses):
-        folder.draw(
-            "the figure of the stress steps",
-            lambda to: draw_stress_steps(stresses, to / "stress_steps.png"),
-        )
+        figure = lambda: stress_steps_figure(stresses)  # noqa: E731
+        folder.draw_figure("the figure of the stress steps", figure, "stress_steps.png")

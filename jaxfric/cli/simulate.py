@@ -89,15 +89,15 @@ def simulate(
             progress=progress,
         )
         progress("drawing figures")
-        from ..plot.cycle import DRAWERS
+        from ..plot.cycle import FIGURES
 
         shown = _length_shown(velocity or steps or "", given.coordinate)
         told_of = report(course, source.text, width, shown)._replace(warnings=unseen)
         warned = [f"warning: {line}" for line in (*source.warnings, *unseen)]
         notes = [*told_of.headline, *told_of.notes, *warned]
         folder.save({"trajectory.csv": trajectory_text(course.motion, made_by(), notes)})
-        for name, draw in DRAWERS.items():
-            folder.draw(name, lambda to, draw=draw: draw(course.motion, to))
+        for name, figure in FIGURES.items():
+            folder.draw_figure(name, lambda figure=figure: figure(course.motion))
     files = [str(folder.path / name) for name in folder.files]
     text = json_text(content(course, source.text, width, files))
     show(told_of, folder.written, text, output)

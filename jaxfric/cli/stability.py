@@ -59,18 +59,18 @@ def stability(
         found = dataclasses.replace(found, coordinate=given.coordinate)
         if (samples := law.samples()) is not None:
             found = with_samples(found, samples)
-        from ..plot.delay import draw_delay
-        from ..plot.stability import drawers
+        from ..plot.delay import delay_figure
+        from ..plot.stability import figures
         from ..report.stability_json import content
         from ..report.stability_text import report
 
         progress("drawing figures (2 of 2)")
         known = content(found, source.text, (*source.warnings, *unseen))
         written = folder.save_json("stability.json", known)
-        for name, draw in drawers(found).items():
-            folder.draw(name, lambda to, draw=draw: draw(found, to))
+        for name, figure in figures(found).items():
+            folder.draw_figure(name, lambda figure=figure: figure(found))
         if found.delayed:
-            folder.draw("delay_chart", lambda to: draw_delay(found, to))
+            folder.draw_figure("delay_chart", lambda: delay_figure(found))
     told_of = report(found, source.text)
     show(told_of, folder.written, written, output)
     return folder.close()

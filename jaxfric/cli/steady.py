@@ -23,7 +23,7 @@ def close_steady(
     doing(f"reading {input_name(folder)}")
     from ..loop.steady.loop import close_steady_loop
     from ..loop.steady.noise import steady_noise
-    from ..plot.steady import draw_noise, draw_steady
+    from ..plot.steady import noise_figure, steady_figure
     from ..report.steady_text import to_json
 
     curve = axis.steady(folder, reading)
@@ -36,9 +36,9 @@ def close_steady(
         noise = steady_noise(curve)
         content = target.save_json("steady.json", to_json(result, noise))
         progress("drawing the figures")
-        target.draw("curve", lambda to: draw_steady(result, to))
+        target.draw_figure("curve", lambda: steady_figure(result))
         if noise is not None:
-            target.draw("noise", lambda to: draw_noise(curve, noise, to))
+            target.draw_figure("noise", lambda: noise_figure(curve, noise))
     from ..report.steady_text import report
 
     told_of = report(result, noise)

@@ -1,7 +1,6 @@
 """The figure of how similar any two effects are in a record, or in a planned run."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,14 +14,6 @@ from .palette import BLACK, ORANGE
 
 _CELL = 0.24
 """Width of a cell [inch]."""
-
-
-def save_aliasing(
-    ids: Sequence[str], cosines: np.ndarray, folder: Path, *, added: Sequence[str] = (),
-    what: str = "this record",
-) -> list[str]:  # fmt: skip
-    """Draw |cosine| between effects, as `what` shows them; return the names of the files."""
-    return style.save(aliasing_figure(ids, cosines, added=added, what=what), folder, "aliasing")
 
 
 def protocol_figure(plan: Protocol) -> Figure:

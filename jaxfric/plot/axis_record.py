@@ -1,7 +1,5 @@
 """Figures of axis records: one record with its strokes, or a curve of steady runs."""
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -15,11 +13,6 @@ from .palette import BLACK, GREY, ORANGE
 _WINDOW = 200
 """Part of the longest stroke's rows over which speeds are averaged."""
 _STROKE = "0.93"
-
-
-def draw_axis_record(record: AxisRecord, strokes: Strokes, path: str | Path) -> None:
-    """Write the figure of a record to `path`."""
-    style.write(axis_record_figure(record, strokes), path)
 
 
 def read_axis_figure(record: AxisRecord) -> Figure:
@@ -86,8 +79,8 @@ def ordinary(values: np.ndarray) -> tuple[tuple[float, float], int]:
     return limits, int(np.sum((values < limits[0]) | (values > limits[1])))
 
 
-def draw_curve(curve: SteadyCurve, path: str | Path) -> None:
-    """Write a figure of the force of steady runs against their speed to `path`."""
+def curve_figure(curve: SteadyCurve) -> Figure:
+    """Figure of the force of steady runs against their speed."""
     rotary = curve.coordinate == "rotary"
     unit, size = ("rpm", np.pi / 30) if rotary else ("mm/s", 1e-3)
     figure, (axis,) = style.panels([2.25])
@@ -96,7 +89,7 @@ def draw_curve(curve: SteadyCurve, path: str | Path) -> None:
     name = f"motor {'torque' if rotary else 'force'}"
     style.tidy(axis, x=f"speed [{unit}]", y=(name, curve.force_unit), zero=True)
     name = printable(curve.provenance.path)
-    style.write(style.finish(figure, f"{name}: {len(curve)} steady runs, mean ± its error"), path)
+    return style.finish(figure, f"{name}: {len(curve)} steady runs, mean ± its error")
 
 
 def _speed(record: AxisRecord, strokes: Strokes) -> np.ndarray:

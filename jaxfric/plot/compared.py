@@ -1,7 +1,5 @@
 """The figure of a comparison of laws: record, friction of each law, and residual of each law."""
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -10,11 +8,6 @@ from ..runs.table import amount
 from . import style
 from .label import friction_label, printable
 from .palette import BLACK, EIGHT, HELD
-
-
-def draw_comparison(found: LawComparison, *paths: str | Path) -> None:
-    """Write the figure to each of `paths` (PNG, SVG or PDF by its ending)."""
-    style.write(comparison_figure(found), *paths)
 
 
 def comparison_figure(found: LawComparison) -> Figure:

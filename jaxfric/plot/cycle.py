@@ -1,8 +1,5 @@
 """Figures of a simulated motion: over time, and in the plane of friction and velocity."""
 
-from collections.abc import Callable
-from pathlib import Path
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -103,7 +100,5 @@ def _heading(motion: Motion) -> str:
     return f"{law_name(motion.law)}, {gains} {motion.unit('N s/m')}, {mass}"
 
 
-DRAWERS: dict[str, Callable[[Motion, Path], list[str]]] = style.drawers(
-    {"motion": _series_figure, "phase_plane": _plane_figure}
-)
-"""Functions that each write a figure of a simulation to a folder and return names written."""
+FIGURES = {"motion": _series_figure, "phase_plane": _plane_figure}
+"""Functions that make the figures of a simulated motion, by the name of the file."""

@@ -1,12 +1,11 @@
 """Stability charts of a slider with delayed friction."""
 
-from pathlib import Path
-
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from ..stability.analysis import Study
 from ..stability.delay import Crossings, crossings, is_stable
@@ -26,11 +25,9 @@ from .stability import (
 
 _CHART, _BRANCHES = 241, 10
 
-FIGURES: tuple[str, ...] = ("delay_chart",)
 
-
-def draw_delay(found: Study, folder: Path) -> list[str]:
-    """Write the charts over (k_p, k_v) and over (k_p, alpha); return the names of the files."""
+def delay_figure(found: Study) -> Figure:
+    """Figure of the charts over (k_p, k_v) and over (k_p, alpha)."""
     mass, damping, strength, delay = (jnp.asarray(x, float) for x in delay_numbers(found))
     own, law = float(found.here.slope), float(delay)  # the law's own f_v adds to k_v
     enough = abs(float(strength)) - own
@@ -54,8 +51,7 @@ def draw_delay(found: Study, folder: Path) -> list[str]:
     style.tidy(over_delay, title, x=x, y=y, grid=False)
     where = f"{speed(float(found.here.velocity), found.coordinate)}: k_f = {float(strength):.4g}"
     rig = f"{found.unit('N s/m')}, {mass_text(found.mass, found.coordinate)}"
-    style.finish(figure, f"Delay law at {where} {rig}", legend=squares)
-    return style.save(figure, folder, "delay_chart")
+    return style.finish(figure, f"Delay law at {where} {rig}", legend=squares)
 
 
 def _chart(axis: Axes, k_p: np.ndarray, y: np.ndarray, rig: tuple) -> list:

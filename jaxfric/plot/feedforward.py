@@ -20,11 +20,6 @@ _THIN = 0.006
 """Part of the height of a panel that its line covers."""
 
 
-def draw_feedforward(found: Feedforward, folder: Path) -> list[str]:
-    """Write `feedforward` to `folder` as PNG and SVG; return the names of the files."""
-    return style.save(feedforward_figure(found), folder, "feedforward")
-
-
 def feedforward_figure(found: Feedforward) -> Figure:
     """Figure of a feedforward: friction at all speeds, and close to zero speed."""
     figure, (left, right) = style.side_by_side(2, height=2.8)

@@ -1,7 +1,5 @@
 """The figure of a fit: record and model, residual, autocorrelation of the residual."""
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -19,11 +17,6 @@ from .palette import BLACK, ORANGE
 _BAND, _WIDE = "0.82", "0.93"
 _ALIKE = 1.1
 """Up to such a ratio two bands are drawn as one."""
-
-
-def draw_fit(fit: Fit, *paths: str | Path) -> None:
-    """Write the figure of a fit to each of `paths` (PNG, SVG or PDF by its ending)."""
-    style.write(fit_figure(fit), *paths)
 
 
 def fit_figure(fit: Fit) -> Figure:

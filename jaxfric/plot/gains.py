@@ -1,7 +1,5 @@
 """Figures of recommended gains: their place among all gains, and their margins."""
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -11,7 +9,7 @@ from ..gains.ends import ENDS, EndState
 from ..gains.margins import several_margins
 from ..gains.result import Gains
 from ..gains.scenarios import Scenarios
-from ..report.gains_text import headline
+from ..report.gains_text import report
 from ..stability.analysis import SteadyPoint, theorem_over_damping
 from ..stability.margin_table import MARGINS
 from . import style
@@ -36,11 +34,6 @@ _ENDS = {
 """Colour and words of every end."""
 
 
-def draw_gains(result: Gains, folder: str | Path) -> list[str]:
-    """Write gains.png and gains.svg to `folder`; return the names of the files."""
-    return style.save(gains_figure(result), Path(folder), "gains")
-
-
 def gains_figure(result: Gains) -> Figure:
     """Figure of recommended gains.
 
@@ -55,7 +48,7 @@ def gains_figure(result: Gains) -> Figure:
     law, V = result.scenarios.law(0), result.scenarios.velocity
     draw_curve(bottom, law, V, coordinate=result.coordinate)
     style.tidy(bottom, "Friction law")
-    title, *notes = headline(result)
+    title, *notes = report(result).headline
     return style.finish(figure, title, legend=legend, notes=notes)
 
 
@@ -106,18 +99,17 @@ def _least_margins(
     return {name: x.reshape(len(pairs), -1).min(axis=0) for name, x in found.items()}
 
 
-def draw_end_map(
+def end_map_figure(
     ends: EndState,
     k_p: np.ndarray,
     k_v: np.ndarray,
-    folder: str | Path,
     *,
     point: SteadyPoint | None = None,
     mass: float | None = None,
     optimum: tuple[float, float] | None = None,
     coordinate: Coordinate = "linear",
-) -> list[str]:
-    """Write the map of ends from a stuck start over the gains; the names written.
+) -> Figure:
+    """Figure of the ends from a stuck start over the gains.
 
     If the motion ends steady, the stick-slip cycle has disappeared: the first approach of section
     I.A.
@@ -147,4 +139,4 @@ def draw_end_map(
     name_gains(axis, k_p, k_v, coordinate)
     axis.set(xlim=(k_p[0], k_p[-1]), ylim=(k_v[0], k_v[-1]))
     title = f"How a stuck slider ends, simulated{where}"
-    return style.save(style.finish(figure, title, legend=legend), Path(folder), "end_map")
+    return style.finish(figure, title, legend=legend)

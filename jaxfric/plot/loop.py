@@ -2,7 +2,6 @@
 
 import itertools
 from collections.abc import Callable, Sequence
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,13 +16,11 @@ from ..loop.thresholds import ACCEPT
 from ..report.fit_text import noise_lines
 from ..report.loop_text import base_name, sigma_texts
 from . import style
-from .aliasing import aliasing_figure, save_aliasing
+from .aliasing import aliasing_figure
 from .label import printable
 from .location import location_figure, profiles_figure
 from .noise import draw_autocorrelation, mark_glitches
 from .palette import BLACK, BLUE, GREY, LIGHT, MIDDLE, ORANGE, PALE, REPORT, SELECT, TRAIN
-
-__all__ = ["DRAWERS", "FIGURES", "aliasing_figure", "draw_loop", "residual_figure", "save_aliasing"]
 
 _BLOCKS = {
     "train": (TRAIN, "train: the model is fitted here"),
@@ -245,22 +242,14 @@ def _held_out(axis: Axes, loop: Loop, tried: list[CandidateScore], colours: Sequ
     style.tidy(axis, "Error on the validation block", x="rms [σ]")
 
 
-DRAWERS: dict[str, Callable[[Loop, Path], list[str]]] = style.drawers(
-    {
-        "residual": residual_figure,
-        "noise": _noise_figure,
-        "location": location_figure,
-        "profiles": profiles_figure,
-        "aliasing": lambda loop: aliasing_figure(
-            loop.alias_ids, loop.alias_cosines, added=loop.effects
-        ),
-        "candidates": _candidates_figure,
-    }
-)
-"""Functions that each write a figure of a loop to a folder and return the names written."""
-FIGURES: tuple[str, ...] = tuple(DRAWERS)
-
-
-def draw_loop(loop: Loop, folder: str | Path) -> list[str]:
-    """Write the figures of `DRAWERS` to `folder` as PNG and SVG; return the names of the files."""
-    return [name for draw in DRAWERS.values() for name in draw(loop, Path(folder))]
+FIGURES: dict[str, Callable[[Loop], Figure]] = {
+    "residual": residual_figure,
+    "noise": _noise_figure,
+    "location": location_figure,
+    "profiles": profiles_figure,
+    "aliasing": lambda loop: aliasing_figure(
+        loop.alias_ids, loop.alias_cosines, added=loop.effects
+    ),
+    "candidates": _candidates_figure,
+}
+"""Functions that make the figures of a loop, by the name of the file."""

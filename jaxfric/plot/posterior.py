@@ -1,7 +1,5 @@
 """The figure of a posterior: every parameter, and every pair of parameters."""
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -22,11 +20,6 @@ _REACH = 3.6
 """Half width of a panel in standard deviations."""
 _CONTOUR = 5.991
 """chi-square of two degrees of freedom that 95 % are below."""
-
-
-def draw_posterior(posterior: Posterior, *paths: str | Path) -> None:
-    """Write the figure of a posterior to each of `paths` (PNG, SVG or PDF by its ending)."""
-    style.write(posterior_figure(posterior), *paths)
 
 
 def posterior_figure(posterior: Posterior) -> Figure:

@@ -11,11 +11,6 @@ from .label import printable
 from .palette import BAND, ORANGE
 
 
-def draw_prediction(found: Prediction, folder: Path) -> list[str]:
-    """Write `prediction` to `folder` as PNG and SVG; return the names of the files."""
-    return style.save(prediction_figure(found), folder, "prediction")
-
-
 def prediction_figure(found: Prediction) -> Figure:
     """Figure of a prediction: record and model, the residual, the error of the position."""
     figure, (top, middle, *last) = style.panels(

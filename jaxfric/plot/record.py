@@ -1,7 +1,5 @@
 """A figure of a record: friction and the load point, with its velocity steps."""
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -12,11 +10,6 @@ from ..records.steps import VelocitySteps
 from . import style
 from .label import friction_label, printable
 from .palette import ORANGE
-
-
-def draw_record(record: Record, steps: VelocitySteps | None, path: str | Path) -> None:
-    """Write a figure of a record to `path` (PNG, PDF or SVG by its ending)."""
-    style.write(record_figure(record, steps), path)
 
 
 def read_figure(record: Record) -> Figure:

@@ -1,7 +1,6 @@
 """The figures of a run: its events, A-B of its velocity steps, and its holds."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from matplotlib import colormaps
@@ -43,8 +42,8 @@ _NUMBER = 0.014
 # ---- events ------------------------------------------------------------------------------------
 
 
-def draw_events(record: Record, events: Sequence[Event], *paths: str | Path) -> None:
-    """Write the figure of the events to `paths`.
+def events_figure(record: Record, events: Sequence[Event]) -> Figure:
+    """Figure of the events of a run.
 
     Friction, load-point speed and normal stress are drawn against the load-point displacement.
     """
@@ -80,7 +79,7 @@ def draw_events(record: Record, events: Sequence[Event], *paths: str | Path) -> 
     ]
     title = f"{printable(record.provenance.path)}: {len(events)} events"
     title += f", {len(fitted)} steps to fit (shaded and numbered)" if fitted else ""
-    style.write(style.finish(figure, title, legend=legend), *paths)
+    return style.finish(figure, title, legend=legend)
 
 
 def _rows(record: Record, times: Sequence[float]) -> np.ndarray:
@@ -134,11 +133,6 @@ def _number(axis: Axes, places: Sequence[float]) -> None:
 
 
 # ---- rates -------------------------------------------------------------------------------------
-
-
-def draw_rates(run: RunFit, *paths: str | Path) -> None:
-    """Write A-B of all fitted steps against velocity, displacement and normal stress."""
-    style.write(rates_figure(run), *paths)
 
 
 def rates_figure(run: RunFit) -> Figure:
@@ -199,8 +193,8 @@ def _fill(axis: Axes, pairs: np.ndarray) -> None:
 # ---- holds -------------------------------------------------------------------------------------
 
 
-def draw_healing(record: Record, holds: Sequence[Hold], *paths: str | Path) -> None:
-    """Write the holds of a run: healing and creep against hold time, and friction after each."""
+def holds_figure(record: Record, holds: Sequence[Hold]) -> Figure:
+    """Figure of holds: healing and creep against hold time, and friction after each."""
     figure, (left, right) = style.side_by_side(2, height=2.6)
     force = " N" if record.friction_unit == "N" else ""
     lasts = np.array([hold.lasts for hold in holds])
@@ -228,4 +222,4 @@ def draw_healing(record: Record, holds: Sequence[Hold], *paths: str | Path) -> N
         style.samples(right, 1e6 * moved[near], f[near] - level, label, shade)
     y = style.named("friction less that before", unit)
     style.tidy(right, x="load point after the hold [µm]", y=y, zero=True)
-    style.write(style.finish(figure, "Slide-hold-slide"), *paths)
+    return style.finish(figure, "Slide-hold-slide")

@@ -1,10 +1,10 @@
 """Figures of further events of a run: steps of the normal stress, and stick-slip."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from ..runs.cycles import StickSlip, drop_by_velocity
 from ..runs.stick_slip import MIDDLE, Rises
@@ -17,8 +17,8 @@ _LAWS = {"slip": ORANGE, "ageing": SKY}
 _HEIGHT = 1.9
 
 
-def draw_stress_steps(found: Sequence[FittedStress], *paths: str | Path) -> None:
-    """Write friction around each fitted step of the normal stress, with two models.
+def stress_steps_figure(found: Sequence[FittedStress]) -> Figure:
+    """Figure of friction around each fitted step of the normal stress, with two models.
 
     The models are the fit, and the same model with alpha = 0. Friction is drawn against the
     load-point displacement since the step.
@@ -39,11 +39,11 @@ def draw_stress_steps(found: Sequence[FittedStress], *paths: str | Path) -> None
         style.tidy(axis, title, x=(f"load point since {one.time:.6g} s", "m"))
     for axis in axes[::3]:
         style.tidy(axis, y="friction coefficient")
-    style.write(style.finish(figure, "Steps of the normal stress"), *paths)
+    return style.finish(figure, "Steps of the normal stress")
 
 
-def draw_stick_slip(found: StickSlip, *paths: str | Path) -> None:
-    """Write the creep between two slips, x - (f - f_1)/K, at every velocity.
+def stick_slip_figure(found: StickSlip) -> Figure:
+    """Figure of the creep between two slips, x - (f - f_1)/K, at every velocity.
 
     The fitted laws, and the friction drop against velocity, are drawn too.
     """
@@ -52,7 +52,7 @@ def draw_stick_slip(found: StickSlip, *paths: str | Path) -> None:
         _draw_creep(axis, found, one, place)
     _draw_drops(drops, found)
     title = "Stick-slip: creep of the slider before it slips, and drop of friction"
-    style.write(style.finish(figure, title), *paths)
+    return style.finish(figure, title)
 
 
 def _draw_creep(axis: Axes, found: StickSlip, one: Rises, place: int) -> None:

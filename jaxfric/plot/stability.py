@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 from jax.typing import ArrayLike
@@ -32,17 +31,12 @@ _FAR = 1e4
 """Turns of a friction curve are looked for within this factor of the operating range."""
 GIVEN = "gains asked for"
 K_P, K_V = "stiffness or position gain k_p", "damping or velocity gain k_v"
-FIGURES: tuple[str, ...] = ("friction", "gain_map", "velocity", "root_locus")
-"""Names that `drawers` write, some for some laws only."""
 
 
-def drawers(found: Study) -> dict[str, Callable[[Study, Path], list[str]]]:
-    """Functions that each write one figure of a study to a folder, by the name of the figure.
-
-    Each function returns the names of the written files.
-    """
+def figures(found: Study) -> dict[str, Callable[[Study], Figure]]:
+    """Functions that make the figures of a study, by the name of the file."""
     maps = {} if found.delayed else {"gain_map": _map_figure, "velocity": _sweep_figure}
-    return style.drawers({"friction": _friction_figure, **maps, "root_locus": _locus_figure})
+    return {"friction": _friction_figure, **maps, "root_locus": _locus_figure}
 
 
 # ---- friction ----------------------------------------------------------------------------------

@@ -1,7 +1,5 @@
 """Figures of the friction of steady speeds: curve, models and residuals; noise of the runs."""
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -17,11 +15,6 @@ from .noise import draw_autocorrelation
 from .palette import BLACK, BLUE, GREY, ORANGE
 
 _LINE = 400
-
-
-def draw_steady(loop: SteadyLoop, folder: str | Path) -> list[str]:
-    """Write the figure `curve` to `folder` as PNG and SVG; return the names of the files."""
-    return style.save(steady_figure(loop), Path(folder), "curve")
 
 
 def steady_figure(loop: SteadyLoop) -> Figure:
@@ -65,8 +58,8 @@ def speed_shown(curve: SteadyCurve) -> tuple[float, str]:
     return (60 / (2 * np.pi), "rpm") if curve.coordinate == "rotary" else (1.0, "m/s")
 
 
-def draw_noise(curve: SteadyCurve, noise: SteadyNoise, folder: str | Path) -> list[str]:
-    """Write the figure `noise` to `folder` as PNG and SVG; return the names of the files.
+def noise_figure(curve: SteadyCurve, noise: SteadyNoise) -> Figure:
+    """Figure of the noise of steady runs.
 
     The left panel shows the autocorrelation of the runs about their means. The right panel shows
     the number of independent samples of each run, from two estimates: the rows of the run, which
@@ -77,8 +70,7 @@ def draw_noise(curve: SteadyCurve, noise: SteadyNoise, folder: str | Path) -> li
     style.tidy(left, "Rows of a run about its mean, all runs")
     _samples(right, curve, noise)
     words = [*noise_lines(noise.estimate, "the runs"), *turn_text(noise)]
-    style.finish(figure, notes=words)
-    return style.save(figure, Path(folder), "noise")
+    return style.finish(figure, notes=words)
 
 
 def _samples(axis: Axes, curve: SteadyCurve, noise: SteadyNoise) -> None:

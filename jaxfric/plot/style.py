@@ -7,9 +7,9 @@ places titles and legend and sets the type size, `save` writes the files.
 
 import math
 import textwrap
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -24,8 +24,6 @@ from ..records.joints import gaps
 from ..records.steps import VelocitySteps
 from .palette import BLACK, BLUE, GREY
 from .ticks import plain_log
-
-Result = TypeVar("Result")
 
 SINGLE, DOUBLE = 85 / 25.4, 170 / 25.4
 """Widths of one and of two columns of a journal [inch]."""
@@ -357,22 +355,6 @@ def told(value: float, unit: str, digits: int = 4) -> str:
 def named(name: str, unit: str, gap: str = " ") -> str:
     """The name of an axis and, after the `gap`, its unit in brackets; no unit if it is 1."""
     return name if unit in ("", "1") else f"{name}{gap}[{unit.replace('*', ' ')}]"
-
-
-def drawers(
-    figures: Mapping[str, Callable[[Result], Figure]],
-) -> dict[str, Callable[[Result, Path], list[str]]]:
-    """Functions that each write one of the figures of a result to a folder.
-
-    Each function returns the names of the written files.
-    """
-
-    def drawer(
-        name: str, figure: Callable[[Result], Figure]
-    ) -> Callable[[Result, Path], list[str]]:
-        return lambda result, folder: save(figure(result), folder, name)
-
-    return {name: drawer(name, figure) for name, figure in figures.items()}
 
 
 def save(figure: Figure, folder: Path, name: str) -> list[str]:
