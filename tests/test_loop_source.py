@@ -339,14 +339,14 @@ def test_a_file_is_read_by_the_entry_of_its_law_alone(tmp_path):
     [
         ({"states": 0}, "the number of states is '0'"),
         ({"effects": ["viscos"]}, "did you mean 'viscous'"),
-        ({"effects": "viscous"}, "effects are no list of texts"),
+        ({"effects": "viscous"}, "'effects' is"),
         ({"effects": ["viscous", "gain"]}, "parameter gain.g is missing"),
-        ({"coordinate": "round"}, "the coordinate is 'round'"),
-        ({"velocity": [1e-6]}, "the velocity is"),
+        ({"coordinate": "round"}, "'coordinate' is 'round'"),
+        ({"velocity": [1e-6]}, "'velocity' is"),
         ({"width": -1.0}, "'width' is -1.0"),
         ({"parameters": {}}, "not among the parameters"),
         ({"covariance": [[1.0]]}, "shape"),
-        ({"warnings": None}, "warnings are no list"),
+        ({"warnings": None}, "'warnings' is None"),
     ],
 )
 def test_a_damaged_entry_is_refused(tmp_path, change, words):

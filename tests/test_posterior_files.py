@@ -248,7 +248,7 @@ def altered(at, to, entry=None, **attributes):
         ({"entry": {"name": "slipp"}}, ["law 'slipp'"]),
         ({"friction_law": None}, ["damaged", "make it again with: jaxfric fit and a file of pr"]),
         ({"entry": {"friction_unit": None}}, ["friction_unit' is missing"]),
-        ({"entry": {"warnings": "no list"}}, ["warnings are no list"]),
+        ({"entry": {"warnings": "no list"}}, ["'warnings' is 'no list'"]),
     ],
 )
 def test_a_posterior_that_is_not_to_be_used_is_refused(folder, tmp_path, attributes, words):

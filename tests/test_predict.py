@@ -108,9 +108,7 @@ def test_an_axis_by_inverse_dynamics() -> None:
     right = jaxfric.predict(axis_model("a.json"), record)
     assert right.verdict == "noise" and right.refitted == {}
     assert right.rms == pytest.approx(0.05 / np.sqrt(10), rel=0.2)  # of means of ten rows
-    assert {c.method for c in right.comparisons} == {
-        "inverse dynamics", "inverse dynamics, as published"
-    }  # fmt: skip
+    assert {c.method for c in right.comparisons} == {"inverse dynamics"}
     heavy = jaxfric.predict(axis_model("b.json", 1.1 * M), record)
     inside = np.isfinite(heavy.predicted)
     missed = 0.1 * M * a.reshape(-1, 10).mean(axis=1)[inside]

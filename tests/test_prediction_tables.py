@@ -174,10 +174,10 @@ def test_a_record_of_one_direction_is_told():
 
 def test_an_error_is_compared_with_what_was_recorded():
     error, recorded = np.asarray([3.0, -4.0]), np.asarray([6.0, 8.0])
-    found = axis._compared("fit", "m", error, recorded, "N", 0.5)
+    found = Comparison.of("fit", "m", error, recorded, "N", 0.5)
     assert found.rms == pytest.approx(np.sqrt(12.5)) and found.relative_error == pytest.approx(0.5)
     assert found.in_sigma == pytest.approx(np.sqrt(50))
-    assert axis._compared("fit", "m", error, recorded, "N", None).in_sigma is None
+    assert Comparison.of("fit", "m", error, recorded, "N", None).in_sigma is None
 
 
 @pytest.mark.parametrize(("used", "told"), [(51, False), (34, True)])

@@ -8,6 +8,8 @@ import shlex
 from collections.abc import Callable, Generator, Sequence
 from typing import NamedTuple
 
+from ..report.version import installed_version
+
 LOOPS = ("loop", "axis")
 """Verbs that write a loop's results, into folders named `loop`."""
 
@@ -28,6 +30,12 @@ _CURRENT: contextvars.ContextVar[Call] = contextvars.ContextVar("call")
 def current_call() -> Call:
     """Return the call that is running; outside of the command an empty call."""
     return _CURRENT.get(Call("", "", {}))
+
+
+def made_by() -> dict[str, str]:
+    """Return version and command of the running call; empty outside of the command."""
+    command = current_call().command
+    return {"version": installed_version(), "command": command} if command else {}
 
 
 @contextlib.contextmanager

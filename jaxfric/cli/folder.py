@@ -20,8 +20,7 @@ from ..errors import InputError
 from ..report.output import output_folder
 from ..report.version import installed_version
 from ..schemas import FOLDER
-from .call import Call, current_call
-from .stamp import made_by, stamp
+from .call import Call, current_call, made_by
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -152,7 +151,6 @@ class Folder:
         before = notes.get(self.call.verb)
         with output_folder(self.path) as work:
             yield work
-            stamp(work)
             new = sorted(file.name for file in work.iterdir())
             if before is not None:
                 self.earlier = [name for name in before["files"] if (self.path / name).is_file()]
@@ -186,7 +184,6 @@ class Folder:
         try:
             with output_folder(self.path) as work:
                 drawing(work)
-                stamp(work)
                 new = sorted(file.name for file in work.iterdir())
                 self._note(_read_notes(self.path), work, [*self.files, *new])
         except KeyboardInterrupt:

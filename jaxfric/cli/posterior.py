@@ -35,7 +35,10 @@ class PriorOptions:
     def refuse_unusable(self) -> None:
         """Refuse options that are impossible or would not be used; called before the fit."""
         if self.draws is None and (self.chains, self.seed) != (None, None):
-            raise InputError("--chains and --seed need draws; ask for them, as in --draws 1000")
+            raise InputError(
+                "--chains and --seed need draws of a posterior; ask for them, as in --prior"
+                " priors.toml --draws 1000"
+            )
         if self.prior is None:
             if self.draws is not None:
                 raise InputError("--draws needs a posterior; give priors with --prior priors.toml")

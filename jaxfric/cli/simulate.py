@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Annotated
 
 from ..errors import InputError
 from . import options
+from .call import made_by
 from .common import OfMotion, prepare_jax, told
 from .folder import json_text
 from .shown import show
-from .stamp import made_by
 
 if TYPE_CHECKING:
     from ..coordinate import Coordinate

@@ -1,13 +1,12 @@
 """`jaxfric study`: one computation for very many sliders, in a store that survives a kill."""
 
-import contextlib
 import json
 import math
 import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -82,7 +81,8 @@ def study(
     from ..report.study_text import content, report
 
     begun = time.monotonic()
-    with told() as progress, _ended_by_sigterm():
+    before = signal.signal(signal.SIGTERM, _terminated)
+    with told() as progress:
         teller = _Teller(progress)
         try:
             found = run_study(
@@ -96,35 +96,21 @@ def study(
                 progress=teller.progress,
                 tell=teller.note,
             )
-        except KeyboardInterrupt as interrupt:
+        except KeyboardInterrupt as end:
             message = f"jaxfric: stopped: {teller.state}; to go on: {current_call().command}"
             print(message, file=sys.stderr, flush=True)
-            raise SystemExit(143 if isinstance(interrupt, _Terminated) else 130) from None
+            raise SystemExit(end.args[0] if end.args else 130) from None
+        finally:
+            signal.signal(signal.SIGTERM, before)
     told_of = report(found, time.monotonic() - begun, teller.members, destination)
     text = json_text(content(found, destination, teller.members))
     show(told_of, f"written: {destination}", text, output)
     return 0
 
 
-class _Terminated(KeyboardInterrupt):
-    """Asked to end by another process: a queue whose time is over, a machine that goes down."""
-
-
 def _terminated(*_: object) -> None:
-    raise _Terminated
-
-
-@contextlib.contextmanager
-def _ended_by_sigterm() -> Generator[None]:
-    """Within the block SIGTERM raises `_Terminated`; in the main thread only."""
-    before = signal.SIG_DFL
-    with contextlib.suppress(ValueError):  # not in the main thread
-        before = signal.signal(signal.SIGTERM, _terminated)
-    try:
-        yield
-    finally:
-        with contextlib.suppress(ValueError):
-            signal.signal(signal.SIGTERM, before)
+    """Interrupt for another process: a queue whose time is over, a machine that goes down."""
+    raise KeyboardInterrupt(143)
 
 
 def _address(file: Path) -> str:

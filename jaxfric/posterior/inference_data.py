@@ -9,7 +9,6 @@ every row at every draw is omitted: 4000 draws of 2000 rows are 64 MB.
 """
 
 import os
-import tempfile
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
@@ -93,20 +92,12 @@ def inference_data(posterior: Posterior) -> "InferenceData":
 def write_netcdf(posterior: Posterior, file: str | Path) -> None:
     """Write the posterior as netCDF, atomically."""
     path = Path(file)
-    handle, name = tempfile.mkstemp(suffix=".nc", prefix=".jaxfric-", dir=path.parent)
-    os.close(handle)
+    partial = path.with_name(f".{path.name}.partial")
     try:
-        inference_data(posterior).to_netcdf(name, engine="h5netcdf")
-        os.chmod(name, 0o666 & ~_umask())
-        os.replace(name, path)
+        inference_data(posterior).to_netcdf(str(partial), engine="h5netcdf")
+        os.replace(partial, path)
     finally:
-        Path(name).unlink(missing_ok=True)
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
+        partial.unlink(missing_ok=True)
 
 
 def unit_name(name: str, fit: Fit) -> str:

@@ -18,11 +18,10 @@ from jaxtyping import Array, Float
 
 from ..effects import effect_of
 from ..errors import InputError
-from ..fitting.axis_fit import AxisFit, inverse_dynamics
+from ..fitting.axis_fit import inverse_dynamics
 from ..fitting.axis_preparation import prepare, usual
 from ..fitting.axis_problem import AxisProblem, make_problem
 from ..fitting.encompassing import EncompassingModel
-from ..loop.axis.details import as_published
 from ..loop.axis.result import AxisRows
 from ..loop.axis.rows import rows_of
 from ..loop.axis.split import one_way
@@ -34,7 +33,6 @@ from .model import SavedModel
 from .result import Comparison, Prediction, Shift
 
 ROWS = "inverse dynamics"
-PUBLISHED = "inverse dynamics, as published"
 POSITION = "closed loop: position"
 FORCE = "closed loop: motor force"
 _BEYOND = 1.2
@@ -50,7 +48,6 @@ class _AxisSetting:
     saved: SavedModel
     record: AxisRecord
     problem: AxisProblem
-    published: AxisProblem
     rows: AxisRows
     inside: bool | None
     """Whether the recorded force contains the disturbance; None without a disturbance."""
@@ -76,16 +73,15 @@ def predict_axis(
         error = _force_error(problem, saved.values(name))[: len(used)][used]
         sigma = noise_from_differences(error)
         force = np.asarray(problem.friction)[: len(used)][used]
-        found.append(_compared(name, ROWS, error, force, unit, sigma))
-        found.append(_published(setting, name, unit))
+        found.append(Comparison.of(name, ROWS, error, force, unit, sigma))
         progress(f"closed loop: {name}")
         run = _closed_loop(setting, name)
         if run is not None and record.position is not None:
             q, f = np.asarray(run.position) - record.position, np.asarray(run.force)
             level = _position_noise(record.position)
-            found.append(_compared(name, POSITION, q, record.position, length, level))
+            found.append(Comparison.of(name, POSITION, q, record.position, length, level))
             f = f - record.motor_force
-            found.append(_compared(name, FORCE, f, record.motor_force, unit, None))
+            found.append(Comparison.of(name, FORCE, f, record.motor_force, unit, None))
             position = position or (record.relative_time, q, length)
     found.sort(key=lambda c: c.method != ROWS)
     best = list(saved.tables())[-1]
@@ -188,8 +184,7 @@ def _prepared(
         width=float(about.get("sign_width", rows.width)),
         noise_scale=noise_from_differences(prepared.force[: prepared.rows][rows.used]),
     )
-    published = as_published(problem, prepared, rows)
-    return _AxisSetting(saved, record, problem, published, rows, inside)
+    return _AxisSetting(saved, record, problem, rows, inside)
 
 
 def _free(problem: AxisProblem, values: dict[str, float]) -> Float[Array, " p"]:
@@ -208,23 +203,6 @@ def _force_error(problem: AxisProblem, values: dict[str, float]) -> np.ndarray:
     return np.asarray(_predict(problem, _free(problem, values)) - problem.friction)
 
 
-def _published(setting: _AxisSetting, name: str, unit: str) -> Comparison:
-    """Compare as in publications: rows not at rest, decimated, with the force acting at once."""
-    problem = setting.published
-    used = np.asarray(problem.weight) > 0
-    values = _fitted(setting.saved, name, ROWS)
-    error = _force_error(problem, values)[used]
-    return _compared(name, PUBLISHED, error, np.asarray(problem.friction)[used], unit, None)
-
-
-def _fitted(saved: SavedModel, name: str, method: str) -> dict[str, float]:
-    """Return the values of the fit over all rows by one method, or those of the loop."""
-    for fit in (saved.content.get("axis") or {}).get("fits", []):
-        if fit["model"] == name and fit["method"] == method:
-            return {**saved.values(name), **fit["values"]}
-    return saved.values(name)
-
-
 def _closed_loop(setting: _AxisSetting, name: str) -> ClosedLoop | None:
     """Simulate position and force of model and controller; None if the controller is not known."""
     record, problem = setting.record, setting.problem
@@ -233,7 +211,10 @@ def _closed_loop(setting: _AxisSetting, name: str) -> ClosedLoop | None:
         return None
     if drive.K_d is None or drive.position_gain is None:
         return None
-    values = _fitted(setting.saved, name, "closed-loop output error")
+    values = setting.saved.values(name)
+    for fit in (setting.saved.content.get("axis") or {}).get("fits", []):
+        if (fit["model"], fit["method"]) == (name, "closed-loop output error"):
+            values |= fit["values"]
     rig = problem.rig(_free(problem, values))
     interval = float(np.median(np.diff(record.time)))
     controller = Controller(
@@ -258,19 +239,6 @@ def _position_noise(position: np.ndarray) -> float | None:
     return max(noise, count / np.sqrt(12)) if np.isfinite(count) else None
 
 
-def _compared(
-    name: str,
-    method: str,
-    error: np.ndarray,
-    recorded: np.ndarray,
-    unit: str,
-    sigma: float | None,
-) -> Comparison:
-    rms = float(np.sqrt(np.mean(error**2)))
-    relative = float(np.linalg.norm(error) / np.linalg.norm(recorded))
-    return Comparison(name, method, rms, unit, relative, None if not sigma else rms / sigma)
-
-
 def _refit(setting: _AxisSetting, name: str) -> tuple[float, tuple[Shift, ...]]:
     """Refit all parameters of the model to this record; return the rms and their shifts."""
     saved, problem = setting.saved, setting.problem
@@ -279,16 +247,9 @@ def _refit(setting: _AxisSetting, name: str) -> tuple[float, tuple[Shift, ...]]:
     free = np.asarray([i for i, n in enumerate(names) if n in table["free"]])
     fit = inverse_dynamics(problem, np.asarray(_free(problem, values)), free)
     stds = {n: table["parameters"][n].get("std") or 0.0 for n in table["free"]}
-    shifts = tuple(
-        Shift(n, values[n], fit.values[n], float(np.hypot(stds[n], _error(fit, n))))
-        for n in (names[i] for i in free)
-    )
-    return fit.rms, shifts
-
-
-def _error(fit: AxisFit, name: str) -> float:
-    """Return the standard error of a fit's parameter; nan if it is not determined."""
-    return np.nan if name in fit.loose else fit.std[name]
+    own = {n: np.nan if n in fit.loose else fit.std[n] for n in (names[i] for i in free)}
+    shifts = (Shift(n, values[n], fit.values[n], float(np.hypot(stds[n], own[n]))) for n in own)
+    return fit.rms, tuple(shifts)
 
 
 def _notes(setting: _AxisSetting) -> tuple[str, ...]:

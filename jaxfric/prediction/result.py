@@ -33,6 +33,20 @@ class Comparison:
     """rms over the scatter of neighbouring rows of this record; None if the scatter is not
     known."""
 
+    @staticmethod
+    def of(
+        model: str,
+        method: str,
+        error: np.ndarray,
+        recorded: np.ndarray,
+        unit: str,
+        sigma: float | None,
+    ) -> "Comparison":
+        """Compare by the rows' `error` (predicted - `recorded`) and their scatter `sigma`."""
+        rms = float(np.sqrt(np.mean(error**2)))
+        relative = float(np.linalg.norm(error) / np.linalg.norm(recorded))
+        return Comparison(model, method, rms, unit, relative, rms / sigma if sigma else None)
+
 
 @dataclass(frozen=True)
 class Shift:

@@ -74,7 +74,7 @@ def predict_slider(
     _refuse_other(saved, record)
     setting = _setting(saved, record, stiffness, steps)
     comparisons, found = [], None
-    size = float(np.linalg.norm(record.friction - np.mean(record.friction)))
+    unit, varying = record.friction_unit, record.friction - np.mean(record.friction)
     for name in reversed(saved.tables()):  # the better model first
         progress(f"prediction: {name}")
         one = _descend(setting, _start(setting, name), tuple(free))
@@ -86,10 +86,7 @@ def predict_slider(
                 " stiffness of the machine that made this record"
             )
         sigma = noise_from_differences(one.error)
-        rms = float(np.sqrt(np.mean(one.error**2)))
-        relative = float(np.linalg.norm(one.error)) / size
-        unit = record.friction_unit
-        comparisons.append(Comparison(name, METHOD, rms, unit, relative, rms / sigma))
+        comparisons.append(Comparison.of(name, METHOD, one.error, varying, unit, sigma))
         found = found or one
     assert found is not None
     best = list(saved.tables())[-1]
@@ -100,7 +97,7 @@ def predict_slider(
         source=str(saved.path),
         origin=record.provenance,
         kind="slider",
-        force_unit=record.friction_unit,
+        force_unit=unit,
         comparisons=tuple(comparisons),
         refitted={name: (model[name], found.values[name]) for name in free},
         sigma=noise_from_differences(found.error),

@@ -22,8 +22,6 @@ def _errors(found: Prediction) -> TextTable:
     of = "the recorded friction less its mean" if found.kind == "slider" else "what was recorded"
     note = f"relative error: |predicted - recorded|/|recorded|, of {of}. in sigma: rms over the"
     note += " scatter of neighbouring rows of this record"
-    if found.kind == "axis":
-        note += ". As published: all rows but those at rest, decimated, the force acting at once"
     heads = ("model", "compared", "relative error", "rms", "in sigma")
     what = ("what other parameters would explain", "beyond the noise in any fit", "noise")
     shares = zip(what, found.shares().values(), strict=True)

@@ -121,18 +121,17 @@ def _damage(entry: object) -> str | None:
     always = 0 if name == LAW else fixed_states(name)
     if states not in (range(1, 10) if always is None else (always,)):
         return f"the number of states is '{states}'"
-    for key in ("effects", "warnings"):
-        if not is_lines(entry[key]):
-            return f"the {key} are no list of texts"
-    if entry["coordinate"] not in ("linear", "rotary"):
-        return f"the coordinate is '{entry['coordinate']}'"
-    for key in ("width", "reach"):
-        if not _is_size(entry[key]):
-            return f"'{key}' is {entry[key]!r}"
     pair = isinstance(seen, list) and len(seen) == 2 and all(map(_is_size, seen))
-    if not (seen is None or pair):
-        return f"the velocity is {seen!r}"
-    return table_damage(entry)
+    valid = {
+        "effects": is_lines(entry["effects"]),
+        "warnings": is_lines(entry["warnings"]),
+        "coordinate": entry["coordinate"] in ("linear", "rotary"),
+        "width": _is_size(entry["width"]),
+        "reach": _is_size(entry["reach"]),
+        "velocity": seen is None or pair,
+    }
+    wrong = next((key for key, good in valid.items() if not good), None)
+    return table_damage(entry) if wrong is None else f"'{wrong}' is {entry[wrong]!r}"
 
 
 def _is_size(number: object) -> bool:
