@@ -221,7 +221,7 @@ def test_a_study_of_nothing_but_errors_says_where_and_what(monkeypatch: pytest.M
     text = text.partition("[axes]")[0].replace('V0 = "10 um/s"', "")
     text += "[axes]\nV0 = { values = ['2 um/s', '5 um/s'] }\n[gains]\nmargin = { phase = 1 }\n"
     outcome = run("study", written(Path("study.toml"), text))
-    assert_refused(outcome, "InputError: k_p is odd", "V0 = 2e-06 m/s", "Correct the study")
+    assert_refused(outcome, "InputError: k_p is odd", "V0 = 2e-06", "Correct the study")
     assert os.listdir() == ["study.toml"]
 
 
@@ -241,13 +241,11 @@ number = 1000000000000
 """
 
 
-def test_a_huge_study_says_its_size_and_time_first() -> None:
+def test_a_huge_study_says_its_size_first() -> None:
     written(Path("study.toml"), HUGE)
     outcome = run("study", "study.toml")
     assert outcome.code == 2 and "Traceback" not in outcome.err
-    words = (
-        r"error: 1e\+12 members in \d+ chunks: up to 9 TB, and .* (days|h) at .*members/s .*--yes"
-    )
+    words = r"error: 1e\+12 members in \d+ chunks: up to 9 TB; .*--yes"
     assert re.search(words, outcome.err), outcome.err
     assert os.listdir() == ["study.toml"]
 
@@ -350,7 +348,7 @@ def test_bad_options() -> None:
     Path("a.zarr").mkdir()
     assert_refused(run("study", "study.toml", "--out", "a.zarr"), "a.zarr", "not the store")
     written(Path("b.zarr"), "text")
-    assert_refused(run("study", "study.toml", "--out", "b.zarr"), "b.zarr", "a file")
+    assert_refused(run("study", "study.toml", "--out", "b.zarr"), "b.zarr", "not the store")
     outcome = run("study", "study.toml", "--out", "c.zarr", "--scheduler", "nonsense://x")
     assert_refused_after(outcome, "--scheduler nonsense://x", "no Dask scheduler")
 

@@ -9,25 +9,26 @@ simulate the member's record, add noise that depends only on the member, and fit
 import hashlib
 import itertools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
-from typing import TYPE_CHECKING
 
+import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from ..errors import InputError, did_you_mean
+from ..motion import PiecewiseVelocity
+from ..quantity import numbered_names
+from ..records import Record, from_arrays
+from ..rig import QuasiStatic, Rig
+from ..rig.friction import AbstractRateState
+from ..simulation import RESULTS, simulate
 from ..stability.margin_table import MARGINS
 from ..study import Output
-from .parameters import number, positive, rate_state
+from .parameters import needed, number, positive, rate_state
 from .spec import Spec, StudyPart
 from .tables import Table, placed, refuse_unknown, whole
-
-if TYPE_CHECKING:
-    from jaxtyping import Array
-
-    from ..records import Record
-    from ..rig.friction import RateState
 
 GAINS_CODES = {
     "found": "Gains were found that meet the requirement.",
@@ -129,7 +130,7 @@ def make_fit(spec: Spec, table: Table, where: str) -> StudyPart:
     """Make the part of `compute = ["fit"]` from its table [fit]."""
     refuse_unknown(table, _RECORD, where)
     maker = _record(spec, table, where)
-    names = ["A", *(n for i in range(1, spec.states + 1) for n in _state(i))]
+    names = needed(spec.states)
     units = dict.fromkeys(names, "N") | {n: "m" for n in names if n[0] == "L"}
     outputs = [Output("fit", long_name="how the fit ended", codes=FIT_CODES)]
     outputs += [Output(f"fitted_{n}", units[n], f"{n} of the fit") for n in names]
@@ -137,10 +138,6 @@ def make_fit(spec: Spec, table: Table, where: str) -> StudyPart:
     outputs += [Output("rms", "N", "rms of the residual")]
     function = FitOfRecord(maker, tuple(names))
     return StudyPart(function, tuple(outputs), kind="host", chunk=_CHUNK_FITS, batch=1, mass=False)
-
-
-def _state(i: int) -> tuple[str, str]:
-    return ("B", "L") if i == 1 else (f"B{i}", f"L{i}")
 
 
 def _record(spec: Spec, table: Table, where: str, steps: int = 1) -> "Recorder":
@@ -180,14 +177,10 @@ class Recorder:
     seed: int
     steps: int
 
-    def __call__(self, varied: Mapping[str, float]) -> "tuple[Record, float, str] | None":
+    def __call__(self, varied: Mapping[str, float]) -> tuple[Record, float, str] | None:
         """Return record, stiffness [N/m] and text of its steps; None if the simulation failed."""
-        import jax.numpy as jnp
-
-        from ..records import from_arrays
-
         p = {**self.fixed, **varied}
-        L = max(p[_state(i)[1]] for i in range(1, self.states + 1))
+        L = max(p[name] for name in numbered_names(self.states)[1::2])
         far = 15 * L if self.distance is None else self.distance
         V = [p["V0"] / self.ratio if i % 2 == 0 else p["V0"] for i in range(self.steps + 1)]
         times = np.concatenate([[0.0], np.cumsum([far / v for v in V])])
@@ -195,7 +188,7 @@ class Recorder:
         ts = np.concatenate(
             [np.linspace(a, b, per, endpoint=False) for a, b in itertools.pairwise(times)]
         )
-        force, ok, possible = _simulator()(
+        force, ok, possible = _simulated(
             rate_state(self.law, p, self.states),
             p["k_p"],
             jnp.asarray(times[:-1]),
@@ -222,26 +215,14 @@ class Recorder:
         return np.random.default_rng(seed).standard_normal(number)
 
 
-@cache
-def _simulator() -> "Callable[..., tuple[Array, Array, Array]]":
-    """Return `simulate` of a massless slider, compiled once for each shape. It returns friction,
-    whether the simulation succeeded, and whether it was possible at all."""
-    import equinox as eqx
-
-    from ..motion import PiecewiseVelocity
-    from ..rig import QuasiStatic, Rig
-    from ..simulation import RESULTS, simulate
-
-    @eqx.filter_jit
-    def run(
-        law: "RateState", stiffness: float, times: "Array", velocities: "Array", ts: "Array"
-    ) -> "tuple[Array, Array, Array]":
-        rig = Rig(QuasiStatic(stiffness), law)
-        found = simulate(rig, PiecewiseVelocity(times, velocities), ts)
-        result = found.result
-        return found.force, result == RESULTS.successful, result != RESULTS.impossible
-
-    return run
+@eqx.filter_jit
+def _simulated(
+    law: AbstractRateState, stiffness: float, times: Array, velocities: Array, ts: Array
+) -> tuple[Array, Array, Array]:
+    """Simulate a massless slider; return friction, whether it succeeded, and was possible."""
+    found = simulate(Rig(QuasiStatic(stiffness), law), PiecewiseVelocity(times, velocities), ts)
+    result = found.result
+    return found.force, result == RESULTS.successful, result != RESULTS.impossible
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,7 +28,7 @@ from ..errors import InputError, option
 from ..quantity import Quantity
 from ..study import Grid, Output
 from ..study.function import Function, Kind
-from ..study.local import infer_outputs, outputs_of_shapes
+from ..study.local import error_text, infer_outputs, outputs_of_shapes
 from ..units import is_unit
 from .axes import read_grid
 from .parameters import number
@@ -147,7 +147,7 @@ def load_function(reference: str) -> Function:
         # the file's loader would use cached bytecode, which hides a change within the same second
         exec(compile(path.read_bytes(), str(path), "exec"), module.__dict__)
     except Exception as error:
-        raise InputError(f"{path}: {_text(error)}") from None
+        raise InputError(f"{path}: {error_text(error)}") from None
     function: Function | None = getattr(module, name, None)
     if function is None or not callable(function):
         raise InputError(f"{option('function', reference)}: {path} has no function '{name}'")
@@ -171,10 +171,5 @@ def _outputs(own: Own, grid: Grid, kind: Kind, reference: str, where: str) -> tu
         advice = "mend it"
         if kind != "host":
             advice = f"correct it or, if it is not written with JAX, write kind = 'host' in {where}"
-        raise InputError(f"{reference} fails: {_text(error)}; {advice}") from None
+        raise InputError(f"{reference} fails: {error_text(error)}; {advice}") from None
     return outputs_of_shapes(shapes)
-
-
-def _text(error: Exception) -> str:
-    lines = str(error).strip().splitlines()
-    return f"{type(error).__name__}: {lines[0] if lines else ''}"[:300].rstrip(" :")

@@ -123,19 +123,17 @@ def _travelling() -> Elsewhere:
     Sent by name, it would fail in the scheduler or end the worker if jaxfric or the user's package
     is missing there. Sent by code, the worker imports them and reports what is missing.
     """
-    namespace: dict[str, str | Elsewhere] = {"__name__": "__main__"}
-    exec(_CODE, namespace)
-    found = namespace["compute_elsewhere"]
-    assert not isinstance(found, str)
-    return found
+
+    def compute_elsewhere(packed: bytes, number: int, expected: dict[str, str]) -> Computed:
+        import pickle
+
+        from jaxfric.study.cluster import compute_block
+
+        return compute_block(pickle.loads(packed), number, expected)
+
+    return compute_elsewhere
 
 
-_CODE = """
-def compute_elsewhere(packed, number, expected):
-    import pickle
-    from jaxfric.study.cluster import compute_block
-    return compute_block(pickle.loads(packed), number, expected)
-"""
 _compared: set[str] = set()
 """Tasks whose code on this worker is the same as on the client."""
 

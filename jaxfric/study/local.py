@@ -198,7 +198,7 @@ def _one_by_one(
             except (KeyboardInterrupt, MemoryError):
                 raise
             except Exception as error:  # a failed member must not stop a study
-                errors[i] = _text(error)
+                errors[i] = error_text(error)
                 continue
             for name, value in row.items():
                 found[name][i] = value
@@ -207,7 +207,7 @@ def _one_by_one(
     return found | {OUTCOME: outcome}, errors
 
 
-def _text(error: Exception) -> str:
+def error_text(error: Exception) -> str:
     """Return the error as one line."""
     words = " ".join(str(error).split())
     return f"{type(error).__name__}: {words}"[:300].rstrip(" :")

@@ -149,21 +149,16 @@ class Directory(AbstractPlace):
         """Install a store that is written next to the destination and moved there."""
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            work = Path(tempfile.mkdtemp(prefix=f".{self.path.name}-", dir=self.path.parent))
+            with tempfile.TemporaryDirectory(
+                prefix=f".{self.path.name}-", dir=self.path.parent
+            ) as work:
+                made(f"{work}/store")
+                os.replace(f"{work}/store", self.path)
         except (OSError, ValueError) as error:
-            raise self._cannot(getattr(error, "strerror", None) or str(error)) from None
-        try:
-            made(str(work / "store"))
-            os.replace(work / "store", self.path)
-        except OSError as error:
-            if not error.strerror:
-                raise
-            raise self._cannot(error.strerror) from None
-        finally:
-            shutil.rmtree(work, ignore_errors=True)
-
-    def _cannot(self, reason: str) -> InputError:
-        return InputError(f"cannot write {self.shown}: {reason}; give another with {option('out')}")
+            why = getattr(error, "strerror", None) or error
+            raise InputError(
+                f"cannot write {self.shown}: {why}; give another with {option('out')}"
+            ) from None
 
     def discard(self) -> None:
         shutil.rmtree(self.path, ignore_errors=True)

@@ -139,7 +139,7 @@ def _large(task: Task) -> str:
     members, size = task.grid.size, each * task.grid.size
     if members <= _MEMBERS and size <= _BYTES:
         return ""
-    return f"{members:.3g} members in {len(task.blocks)} chunks: up to {size / 1e9:.3g} GB"
+    return f"{members:.3g} members in {len(task.blocks)} chunks: up to {size / 1e12:.3g} TB"
 
 
 def _cluster(workers: str | int) -> "contextlib.AbstractContextManager[Client | None]":

@@ -24,7 +24,7 @@ from ..silent import silent
 from .function import ERRORS, Computed, Task
 from .layout import Label, make_store, outputs_of, sampled
 from .marks import DONE, FIXED, Marks, damaged_files, fixed_checksums
-from .place import AbstractPlace, Directory, Tell
+from .place import AbstractPlace, Tell
 from .source import other_versions, versions
 
 _ROOT = "zarr.json"
@@ -146,9 +146,6 @@ def attributes(place: AbstractPlace) -> dict[str, Any]:
     ------
     InputError : no such place, or not a store of a study.
     """
-    reason = "its zarr.json is missing or says otherwise"
-    if isinstance(place, Directory) and place.path.is_file():
-        reason = "a file"
     try:
         content = place.read(_ROOT)
     except OSError as error:
@@ -169,7 +166,7 @@ def attributes(place: AbstractPlace) -> dict[str, Any]:
             " the study again into another"
         )
     if schema != STUDY:
-        raise InputError(f"{place.shown} is not the store of a study ({reason}); name that of one")
+        raise InputError(f"{place.shown} is not the store of a study; name that of one")
     return found
 
 
