@@ -223,7 +223,7 @@ def test_as_many_linearisations_are_kept_as_there_is_room_for(
     truth = jacobian(engine, memory=3.0, slope=0.0)
     asked(truth)
     index = engine.free(())
-    monkeypatch.setattr(evaluate_module, "_KEPT", int(room * truth[:, index].nbytes))
+    monkeypatch.setattr(evaluate_module, "KEPT", int(room * truth[:, index].nbytes))
     points = [np.full(truth.shape[1], float(k)) for k in range(6)]
     for z in points:
         engine.evaluator(z, index)

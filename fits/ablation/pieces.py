@@ -220,11 +220,11 @@ PIECES: dict[str, Piece] = {
     "profile at every candidate": _held_noise(),
     "many noises to screen under": _one_noise_to_screen_under(),
     "first-order starts that are moderate": _fit((Engine, "moderate", lambda *_: True)),
-    "refined times of steps": _fit((slider, "_FELT", np.inf)),
+    "refined times of steps": _fit((slider, "FELT", np.inf)),
     "fair hold": _fit((_fitting, "fair_hold", lambda problem, *_: np.ones(len(problem.hold)))),
     "dashpots": _fit((solve, "_DASHPOTS", ())),
     "further starts": _first_start_only(),
-    "kept linearisations": _speed((evaluate, "_KEPT", 0)),
+    "kept linearisations": _speed((evaluate, "KEPT", 0)),
     "shared shifts": _speed((evaluate.SharedShifts, "jacobian", _none)),
     "heavy and light effects": _speed((Evaluator, "simulated", lambda self, z, problem: problem)),
 }

@@ -21,6 +21,7 @@ from .effect import (
     AbstractPlaceEffect,
     Limit,
     RecordScales,
+    always,
 )
 
 ANGLE = "angle"
@@ -78,6 +79,9 @@ class DirectionAsymmetry(AbstractLinearAxisEffect, AbstractAxisTermEffect):
     def force(self, at: AxisPoint) -> Array:
         return self.d * at.velocity * at.sign
 
+    def physical(self) -> Bool[Array, ""]:
+        return always()
+
 
 class Cubic(AbstractLinearAxisEffect, AbstractAxisTermEffect):
     """Friction cubic in velocity: + c v^3."""
@@ -93,6 +97,9 @@ class Cubic(AbstractLinearAxisEffect, AbstractAxisTermEffect):
 
     def force(self, at: AxisPoint) -> Array:
         return self.c * at.velocity**3
+
+    def physical(self) -> Bool[Array, ""]:
+        return always()
 
 
 class AxisStribeck(AbstractAxisTermEffect):
@@ -265,6 +272,9 @@ class AxisTimeDrift(AbstractLinearAxisEffect, AbstractAxisTermEffect):
     def force(self, at: AxisPoint) -> Array:
         return (self.r + self.s * at.sign) * at.time
 
+    def physical(self) -> Bool[Array, ""]:
+        return always()
+
 
 class Presliding(AbstractAxisEffect):
     """+ a (z/x_c - sgn v) + sigma_1 z', z' = v - |v| z/x_c: after a reversal Coulomb friction
@@ -401,6 +411,9 @@ class AxisSensorDelay(AbstractLinearAxisEffect):
 
     def embed(self, rig: AxisRig) -> AxisRig:
         return eqx.tree_at(lambda r: r.delay, rig, self.d)
+
+    def physical(self) -> Bool[Array, ""]:
+        return always()
 
 
 IN_TIME = frozenset(e.id for e in (AxisServoLag, AxisSensorLag, AxisSensorDelay))

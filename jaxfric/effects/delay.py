@@ -35,7 +35,7 @@ from jaxtyping import Array, Bool, Float
 
 from ..quantity import quantity
 from ..rig import Rig
-from ..rig.friction.extended import AbstractStatelessTerm, AbstractTerm, Contact
+from ..rig.friction.extended import AbstractTerm, Contact
 from ..rig.friction.law import LOG_MAX
 from ..rig.friction.rate_state import AbstractRateState
 from .effect import AbstractHeavyEffect, extended, with_term
@@ -177,14 +177,24 @@ class FrictionalDelay(AbstractHeavyEffect[Rig]):
         return self.alpha > 0
 
 
-class _FirstOrderTerm(AbstractStatelessTerm):
+class _FirstOrderTerm(AbstractTerm):
     """The delay to first order in alpha, without states."""
 
     moves = True
+    states = 0
+    couples = False
     alpha: Float[Array, ""]
 
     def force(self, at: Contact) -> Array:
         return at.base.B[0] * self.alpha * at.V / at.base.L[0]
+
+    def rate(self, at: Contact, force: Array) -> Array:
+        del force
+        return at.state
+
+    def steady_state(self, V: Array, base: AbstractRateState, force: Array) -> Array:
+        del base, force
+        return jnp.zeros((0,), V.dtype)
 
     def shift(self, at: Contact):
         return self.force(at)

@@ -100,9 +100,9 @@ class AbstractEffect(eqx.Module, Generic[R]):
     def grid(self, scales: RecordScales) -> dict[str, tuple[float, ...]]:
         """Starting values of every shape by field name; empty without shapes."""
 
+    @abc.abstractmethod
     def physical(self) -> Bool[Array, ""]:
-        """Whether the parameters are physically possible (a lag is positive); by default all."""
-        return jax.device_put(_TRUE)
+        """Whether the parameters are physically possible (a lag is positive)."""
 
 
 class AbstractLinearEffect(AbstractEffect[R]):
@@ -121,6 +121,10 @@ class AbstractPlaceEffect(AbstractEffect[R]):
     def softest_spring(self) -> Float[Array, ""]:
         """The lowest stiffness of the effect as a spring [F/m]; a negative stiffness softens."""
 
+    def physical(self) -> Bool[Array, ""]:
+        """True: friction may rise or fall with position."""
+        return always()
+
 
 class AbstractEvolutionEffect(AbstractLinearEffect[Rig]):
     """An effect on how the states relax; it applies only to a `RateState`."""
@@ -136,6 +140,11 @@ class AbstractHeavyEffect(AbstractLinearEffect[R]):
     @abc.abstractmethod
     def embed_first_order(self, rig: R) -> R:
         """Return a rig that equals that of `embed` at the null, in value and first derivatives."""
+
+
+def always() -> Bool[Array, ""]:
+    """True, for `physical` of an effect whose parameters may have any value."""
+    return jax.device_put(_TRUE)
 
 
 def parameters(effect: AbstractEffect | type[AbstractEffect]) -> dict[str, Quantity]:

@@ -17,6 +17,7 @@ from .effect import (
     AbstractLinearEffect,
     AbstractPlaceEffect,
     RecordScales,
+    always,
     with_evolution,
     with_term,
 )
@@ -68,6 +69,9 @@ class SecondState(AbstractTermEffect):
     def grid(self, scales: RecordScales) -> dict[str, tuple[float, ...]]:
         low, high = 0.2 * scales.slip_length, max(scales.step_slip, 5 * scales.slip_length)
         return {"L2": tuple(np.geomspace(low, high, 8))}
+
+    def physical(self) -> Bool[Array, ""]:
+        return always()
 
 
 class Ageing(AbstractEvolutionEffect):
@@ -180,6 +184,9 @@ class Stribeck(AbstractEffect[Rig]):
         velocities = np.repeat(np.geomspace(scales.slowest, scales.fastest, 8), 2)
         return {"Vs": tuple(velocities), "d": (1.0, 2.0) * 8}
 
+    def physical(self) -> Bool[Array, ""]:
+        return always()
+
 
 class SlipTrend(
     AbstractLinearEffect[Rig], AbstractPlaceEffect[Rig], AbstractTermEffect, AbstractStatelessTerm
@@ -258,7 +265,7 @@ class PositionPeriodic(AbstractPlaceEffect[Rig], AbstractTermEffect, AbstractSta
         return {"wavelength": tuple(1 / np.linspace(1 / longest, 1 / shortest, count))}
 
 
-class NormalStressState(AbstractLinearEffect[Rig], AbstractTermEffect, AbstractStatelessTerm):
+class NormalStressState(AbstractLinearEffect[Rig], AbstractTermEffect):
     """dtheta/dt - alpha n'/n, n normal stress relative to the start (Linker, Dieterich 1992).
 
     The solver integrates theta + alpha ln n, so no derivative of the recorded n is needed. The
@@ -275,12 +282,21 @@ class NormalStressState(AbstractLinearEffect[Rig], AbstractTermEffect, AbstractS
     confused_with = ("time_drift",)
     separated_by = ("steps of normal stress",)
     channel = "normal_stress"
+    states = 0
     alpha: Float[Array, ""] = quantity(
         "alpha", "F", "fall of friction with normal stress", default=0.0
     )
 
     def force(self, at: Contact) -> Array:
         return jnp.zeros_like(at.V) if at.stress is None else -self.alpha * jnp.log(at.stress)
+
+    def rate(self, at: Contact, force: Array) -> Array:
+        del force
+        return at.state
+
+    def steady_state(self, V: Array, base: AbstractRateState, force: Array) -> Array:
+        del base, force
+        return jnp.zeros((0,), V.dtype)
 
     def shift(self, at: Contact):
         return None if at.stress is None else self.force(at)

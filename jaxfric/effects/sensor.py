@@ -6,7 +6,7 @@ from jaxtyping import Array, Bool, Float
 from ..quantity import quantity
 from ..rig import IdealSensor, Rig
 from ..rig.recording import ImperfectSensor
-from .effect import AbstractLinearEffect
+from .effect import AbstractLinearEffect, always
 from .run_changes import RunChange
 
 
@@ -69,6 +69,9 @@ class TimeDrift(AbstractLinearEffect[Rig]):
 
     def embed(self, rig: Rig) -> Rig:
         return _with(rig, "drift", self.r)
+
+    def physical(self) -> Bool[Array, ""]:
+        return always()
 
 
 class Gain(AbstractLinearEffect[Rig]):

@@ -15,11 +15,9 @@ from ..errors import InputError, option
 from ..fitting.abstract_problem import AbstractProblem
 from ..fitting.encompassing import EncompassingModel
 from .split import Blocks
+from .thresholds import MOST
 
 P = TypeVar("P", bound=AbstractProblem)
-
-MOST = 8
-"""Largest number of effects that a search adds; usually it ends earlier for lack of evidence."""
 
 
 class Offered(NamedTuple):
@@ -114,9 +112,9 @@ class Column(NamedTuple):
 
 
 class Sensitivities(NamedTuple):
-    """Sensitivities of effects at every shape of the effects; places count from 0."""
+    """Sensitivities of one effect at every shape; places count from 0."""
 
-    columns: tuple[Column, ...]
+    columns: list[Column]
     matrix: np.ndarray
     extra: np.ndarray
     """The columns of `matrix` in the extra rows."""
@@ -129,8 +127,8 @@ class Case(Generic[P]):
     problem: P
     """Its model is an `EncompassingModel`."""
     blocks: Blocks
-    shapes: Callable[..., Sensitivities]
-    """Function of engine, z, missing effects and scales: sensitivities at z of the effects whose
+    shapes: Callable[..., list[Sensitivities]]
+    """Function of engine, z, missing effects and scales: sensitivities at z of each effect whose
     shapes it can evaluate together."""
     shifted: np.ndarray
     """Indices of the shifts of step times that are parameters."""

@@ -56,11 +56,9 @@ from ..records.given import as_record
 from ..silent import silent
 from .engine import longest_of_steps
 from .split import Blocks, split
-from .thresholds import ACCEPT, HELD_OUT_FROM
+from .thresholds import ACCEPT, EXACT, HELD_OUT_FROM, PASSES, TRIALS
 
 _STATES = (1, 2)
-_PASSES = 2  # of parameters and noise in turn
-_TRIALS, _TOLERANCE = 60, 1e-6  # of a descent
 
 
 @dataclass(frozen=True, eq=False)
@@ -389,7 +387,7 @@ class Rival(NamedTuple):
             return profile_noise(left, family, starts, least=self.least)
 
         best = self._replace(noise=profiled(self.z, starts), ended=False)
-        for _ in range(_PASSES):
+        for _ in range(PASSES):
             found = _descend(self.problem, best.z, best.noise.noise)
             noise = profiled(found.y, (*starts, best.noise.theta))
             best = best._replace(ended=found.converged)
@@ -437,7 +435,7 @@ def _descend(problem: Problem, z: np.ndarray, noise: Noise) -> Descent:
             columns[:n] = whitened(problem.clock, weight, columns[:n], noise)
         return columns[:, 0], columns[:, 1:]
 
-    return levenberg_marquardt(both, z, ftol=_TOLERANCE, xtol=_TOLERANCE, most=_TRIALS)
+    return levenberg_marquardt(both, z, ftol=EXACT, xtol=EXACT, most=TRIALS)
 
 
 def _rivals(record: Record, fits: Sequence[Fit]) -> list[Rival]:

@@ -19,14 +19,12 @@ from .engine import Engine
 from .evaluate import Rows
 from .family import CurveFamily, Decisive, OtherShape
 from .refit import Candidate, bic
-from .thresholds import ACCEPT, GRID, REACH
+from .thresholds import ACCEPT, GRID, OF_BASE, REACH
 
 Curve = Callable[[np.ndarray], np.ndarray]
 """Maps speeds (m,) to friction (m, k)."""
 _DEGREES = {1: "a line in ln V", 2: "a quadratic in ln V", 3: "a cubic in ln V"}
 _FREE = "a value for every velocity"
-_OF_BASE = 2
-"""Parameters of the base's steady curve: level and A - B, or Coulomb and viscous friction."""
 
 
 class CurveRig(NamedTuple):
@@ -62,7 +60,7 @@ def curve_family(engine: Engine, final: Candidate, rig: CurveRig) -> CurveFamily
     for id in rig.effects:
         null[engine.model.amplitudes(id)] = 0.0
     own = engine.model.columns((*rig.effects, *rig.declared))
-    parameters = _OF_BASE + len(own)
+    parameters = OF_BASE + len(own)
 
     def added(V: np.ndarray) -> np.ndarray:
         return rig.level(final.z, V) - rig.level(null, V)
@@ -143,7 +141,7 @@ def _shapes(rig: CurveRig, speeds: np.ndarray) -> list[tuple[str, Curve]]:
         return lambda V: np.stack([(np.log(V) - centre) ** k for k in used], axis=1)
 
     found = [(words, powers(degree)) for degree, words in _DEGREES.items() if degree >= rig.lowest]
-    if rig.counted and len(speeds) - _OF_BASE > max(_DEGREES) + 1 - rig.lowest:
+    if rig.counted and len(speeds) - OF_BASE > max(_DEGREES) + 1 - rig.lowest:
         corners = np.log(speeds[1:-1])
         found.append((_FREE, lambda V: np.maximum(np.log(V)[:, None] - corners, 0.0)))
     return found

@@ -46,7 +46,7 @@ from ..threads import one_by_one, side_by_side
 from .case import Case
 from .evaluate import Evaluator, Rows
 from .split import Blocks
-from .thresholds import LEAST_MEMORY
+from .thresholds import ALONG, LEAST_MEMORY, SINCE
 
 P = TypeVar("P", bound=AbstractProblem)
 
@@ -373,10 +373,6 @@ def evaluator_of(case: Case[P], friction: np.ndarray) -> Evaluator[P]:
     return Evaluator(problem, shifts, each_of(case.model))
 
 
-ALONG, _SINCE = 24, 8
-"""Numbers of hat functions: along the record (the first columns), and since each step."""
-
-
 def smooth_columns(path: np.ndarray, step: np.ndarray, size: int) -> np.ndarray:
     """Hat functions of the path of the whole record, and of the path since a velocity step (all
     steps share a column). Every row has a `path` (n,) and a `step` (n,). The result has `size`
@@ -389,7 +385,7 @@ def smooth_columns(path: np.ndarray, step: np.ndarray, size: int) -> np.ndarray:
         rows = step == k
         x = path[rows] - path[rows][0]
         since[rows] = np.sqrt(x / max(float(x[-1]), 1e-300)) if k else 0.0
-    columns += [_hat(since, k, _SINCE) * (step > 0) for k in range(1, _SINCE)]
+    columns += [_hat(since, k, SINCE) * (step > 0) for k in range(1, SINCE)]
     return np.pad(np.stack(columns, axis=1), ((0, size - len(path)), (0, 0)))
 
 

@@ -14,16 +14,9 @@ from ..fitting.encompassing import EncompassingModel
 from ..threads import go_on
 from ..traced import traced
 from .shared import SharedShifts
+from .thresholds import AT_ONCE, HEAVY, KEPT, LONG, OF_LONG
 
 P = TypeVar("P", bound=AbstractProblem)
-
-_AT_ONCE, _OF_LONG, _LONG = 24, 16, 8192
-"""Directions per pass, and fewer for records with more rows than `_LONG`, where padding is costly.
-The third number is `_LONG`."""
-_HEAVY = 2
-"""Factor on the largest number of solver steps for a heavy effect."""
-_KEPT = 32 * 2**20
-"""Bytes of cached linearisations: fits restart at the previous optimum, so hits are frequent."""
 
 
 class Rows(NamedTuple):
@@ -72,7 +65,7 @@ class Evaluator(Generic[P]):
         """
         lighter = tuple(id for id, own in self._heavy.items() if not np.any(np.asarray(z)[own]))
         if len(lighter) < len(self._heavy):
-            problem = problem.heavier(_HEAVY)
+            problem = problem.heavier(HEAVY)
         return problem.with_model(self.model._replace(lighter=lighter)) if lighter else problem
 
     def __call__(self, z: np.ndarray, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -95,7 +88,7 @@ class Evaluator(Generic[P]):
     ) -> None:
         for array in (residual, jacobian):
             array.flags.writeable = False
-        most = max(_KEPT // max(jacobian.nbytes, 1), 2)
+        most = max(KEPT // max(jacobian.nbytes, 1), 2)
         with self._lock:
             self._known.pop(key, None)
             self._known[key] = np.array(index), residual, jacobian
@@ -116,7 +109,7 @@ class Evaluator(Generic[P]):
 
 
 def _at_once(problem: AbstractProblem) -> int:
-    return _AT_ONCE if len(problem.time) <= _LONG else _OF_LONG
+    return AT_ONCE if len(problem.time) <= LONG else OF_LONG
 
 
 def _parts(problem: AbstractProblem, directions: np.ndarray) -> int:

@@ -14,9 +14,7 @@ from jaxtyping import Array
 from ..fitting.noise import Noises, products
 from ..fitting.padding import WIDE, counted_rows
 from ..threads import side_by_side
-
-_AT_ONCE = 4  # noises per pass
-_PASSES = 4
+from .thresholds import NOISE_PASSES, NOISES_AT_ONCE
 
 
 class Evidence(NamedTuple):
@@ -49,7 +47,7 @@ class Evidence(NamedTuple):
         variance = first / self.rows
         # the noise variance weights friction against the extra rows; a few passes converge
         solved = np.zeros_like(side)
-        for _ in range(_PASSES if self.extra.any() else 1):
+        for _ in range(NOISE_PASSES if self.extra.any() else 1):
             v = variance[..., None]
             solved = _solve(gram / v[..., None] + more, side / v + more_side, used)
             left = first - 2 * np.einsum("gcp,gcp->gc", side, solved)
@@ -99,11 +97,11 @@ def evidence(
     g = len(noises.white)
 
     def some(begin: int) -> tuple[np.ndarray, np.ndarray]:
-        at = np.minimum(np.arange(begin, begin + _AT_ONCE), g - 1)
+        at = np.minimum(np.arange(begin, begin + NOISES_AT_ONCE), g - 1)
         gram, log_det = products(*rows, jax.tree.map(lambda x: x[at], noises))
         return np.asarray(gram), np.asarray(log_det)
 
-    grams, log_det = zip(*side_by_side(some, range(0, g, _AT_ONCE)), strict=True)
+    grams, log_det = zip(*side_by_side(some, range(0, g, NOISES_AT_ONCE)), strict=True)
     more = np.concatenate([extra[0][:, None], extra[1]], axis=1)
     extra_products = np.zeros(grams[0].shape[1:])
     extra_products[: m + 1, : m + 1] = more.T @ more

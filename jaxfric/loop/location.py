@@ -30,9 +30,7 @@ from .residual_tests import chi_square_tail
 from .response import Response, linear_response
 from .result import LocationProfile
 from .screen import orthonormal
-from .thresholds import MOSTLY, PRIOR, SEEN, SIGNIFICANT
-
-_COARSE, _FINE, _WAVES = 8, 16, 117
+from .thresholds import COARSE, FINE, MOSTLY, PRIOR, SEEN, SIGNIFICANT, WAVES
 
 
 class Bumps(NamedTuple):
@@ -255,19 +253,19 @@ def _variables(engine: Engine[Problem], response: Response) -> list[Bumps]:
     stepped = (k > 0).astype(float)[:, None]
     steps = _log_steps(np.abs(np.asarray(motion.velocities))[: len(jumps)])
     shortest = max(float(np.quantile(since[since > 0], 0.01)), 1e-9)
-    lengths = np.geomspace(2e-2, 1.0, _COARSE) * max(float(np.max(slipped)), 1e-12)
+    lengths = np.geomspace(2e-2, 1.0, COARSE) * max(float(np.max(slipped)), 1e-12)
     total = max(float(np.ptp(slip)), 1e-12)
-    waves = total / np.linspace(2, 60, _WAVES)  # half a period apart over the record
+    waves = total / np.linspace(2, 60, WAVES)  # half a period apart over the record
     phases = 2 * np.pi * slip[:, None] / waves
     fourier = np.stack([np.sin(phases), np.cos(phases)], axis=2).reshape(len(slip), -1)
     recent = np.log(np.maximum(since, shortest))
-    after = np.linspace(np.log(shortest), np.log(since.max()), _COARSE)
+    after = np.linspace(np.log(shortest), np.log(since.max()), COARSE)
     relaxing = np.exp(-slipped[:, None] / lengths) * steps[k][:, None]
     return [
-        Bumps("slip", "m", *hats(slip, np.linspace(slip.min(), slip.max(), _FINE))),
-        Bumps("time", "s", *hats(time, np.linspace(time[0], time[-1], _FINE))),
-        Bumps("log_velocity", "1", *hats(log_velocity, _spread(log_velocity, _COARSE))),
-        Bumps("state", "F", *hats(lag, _spread(lag, _COARSE))),
+        Bumps("slip", "m", *hats(slip, np.linspace(slip.min(), slip.max(), FINE))),
+        Bumps("time", "s", *hats(time, np.linspace(time[0], time[-1], FINE))),
+        Bumps("log_velocity", "1", *hats(log_velocity, _spread(log_velocity, COARSE))),
+        Bumps("state", "F", *hats(lag, _spread(lag, COARSE))),
         Bumps("time_since_step", "s", np.exp(after), hats(recent, after)[1] * stepped),
         Bumps("slip_since_step", "m", lengths, relaxing),
         Bumps("periodic_in_slip", "m", waves, fourier),

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -26,37 +27,25 @@ def friction_sensitivities(
     z: np.ndarray,
     missing: Sequence[type[AbstractEffect]],
     scales: RecordScales,
-) -> Sensitivities:
+) -> list[Sensitivities]:
     """Sensitivities of the missing effects that are friction terms with shape parameters."""
     problem = engine.evaluator.simulated(z, engine.problem)
     rig = rig_at(problem, z)
     response = linear_response(problem, jax.device_put(z))
     shaped = {e: starts for e in missing if (starts := shapes_of(e, scales)) and _is_term(e, rig)}
-    n, more = engine.problem.time.shape[0], len(engine.weight) * len(engine.problem.channels)
-    more += len(engine.problem.hold)
-    widths = [len(starts) * len(engine.model.amplitudes(e.id)) for e, starts in shaped.items()]
-    places = np.cumsum([0, *widths])[:-1].tolist()
-    found = engine.each(
-        lambda effect, starts, place: _shaped_columns(engine, rig, response, effect, starts, place),
+    return engine.each(
+        lambda effect, starts: _shaped_columns(engine, rig, response, effect, starts),
         shaped.keys(),
         shaped.values(),
-        places,
     )
-    columns = tuple(column for own, _, _ in found for column in own)
-    blocks = [np.zeros((n, 0)), *(block for _, block, _ in found)]
-    extras = [np.zeros((more, 0)), *(extra for _, _, extra in found)]
-    return Sensitivities(columns, np.concatenate(blocks, axis=1), np.concatenate(extras, axis=1))
 
 
-def columns_of(
-    engine: Engine, id: str, shapes: Sequence[Mapping[str, float]], place: int
-) -> list[Column]:
-    """The columns of all shapes of an effect, one after the other from index `place` on."""
+def columns_of(engine: Engine, id: str, shapes: Sequence[Mapping[str, float]]) -> list[Column]:
+    """The columns of all shapes of an effect, one after the other."""
     amplitudes = tuple(engine.model.amplitudes(id))
     found, own = [], [engine.names.index(f"{id}.{n}") for n in shapes[0]]
-    for shape in shapes:
-        at = tuple(range(place, place + len(amplitudes)))
-        place += len(amplitudes)
+    for k, shape in enumerate(shapes):
+        at = tuple(range(k * len(amplitudes), (k + 1) * len(amplitudes)))
         free = {
             i: float(engine.model.quantity(engine.names[i]).to_free(value))
             for i, value in zip(own, shape.values(), strict=True)
@@ -77,17 +66,10 @@ def _is_term(effect: type[AbstractEffect], before: Rig) -> bool:
     a, b = before.friction, after.friction
     if not (isinstance(a, ExtendedLaw) and isinstance(b, ExtendedLaw)):
         return False
-    same = all(
-        x is y
-        for x, y in zip(
-            jax.tree.leaves((a, before.machine, before.drive, before.sensor)),
-            jax.tree.leaves(
-                (ExtendedLaw(b.base, b.terms[:-1]), after.machine, after.drive, after.sensor)
-            ),
-            strict=False,
-        )
-    )
-    return same and len(b.terms) == len(a.terms) + 1
+    without = eqx.tree_at(lambda rig: rig.friction, after, ExtendedLaw(b.base, b.terms[:-1]))
+    leaves = zip(jax.tree.leaves(before), jax.tree.leaves(without), strict=False)
+    # identity, not equality: at its null a changed evolution is equal
+    return len(b.terms) == len(a.terms) + 1 and all(x is y for x, y in leaves)
 
 
 def _shaped_columns(
@@ -96,9 +78,8 @@ def _shaped_columns(
     response: Response,
     effect: type[AbstractEffect],
     shapes: Sequence[Mapping[str, float]],
-    place: int,
-) -> tuple[list[Column], np.ndarray, np.ndarray]:
-    """Descriptions and columns of all shapes of an effect: in friction, and in the extra rows."""
+) -> Sensitivities:
+    """Sensitivities of all shapes of an effect."""
     problem, names, id = engine.problem, engine.names, effect.id
     amplitudes = tuple(engine.model.amplitudes(id))
     fields = [names[at].split(".")[1] for at in amplitudes]
@@ -107,10 +88,10 @@ def _shaped_columns(
     ]
     batch = _terms(effect, rig, {name: np.array([one[name] for one in pairs]) for name in pairs[0]})
     forces = np.asarray(term_forces(response, batch))
-    found = columns_of(engine, id, shapes, place)
     scale = np.asarray(problem.coordinates.scales)[list(amplitudes)]
     friction, slip = respond(response, forces * np.tile(scale, len(shapes)))
-    return found, friction / float(problem.noise_scale), extra_rows(engine, slip)
+    friction = friction / float(problem.noise_scale)
+    return Sensitivities(columns_of(engine, id, shapes), friction, extra_rows(engine, slip))
 
 
 def _terms(

@@ -26,10 +26,7 @@ from .engine import Engine
 from .evaluate import Rows
 from .evidence import Evidence, evidence
 from .residual_tests import chi_square_tail
-from .thresholds import SEEN
-
-_DRAWS, _SEED = 60, 20  # simulated records for the Bartlett correction
-_SIZES, _MEMORIES = (-1.0, 0.0, 1.0), (-0.5, 0.0, 0.5)  # log offsets of the noise grid
+from .thresholds import DRAWS, MEMORIES, SEED, SEEN, SIZES
 
 
 class Question(NamedTuple):
@@ -54,17 +51,17 @@ def chances(
     jacobian = rows.jacobian * weight
     residual = rows.residual * engine.weight
     null = engine.noise_of_family(residual, jacobian, found.family, (found.theta,))
-    rng = np.random.default_rng(_SEED)
-    white = rng.standard_normal((len(engine.weight), _DRAWS))
+    rng = np.random.default_rng(SEED)
+    white = rng.standard_normal((len(engine.weight), DRAWS))
     drawn = coloured(engine.problem.clock, engine.weight, white, found.noise)
     asked = np.concatenate([q.columns for q in questions], axis=1) * weight
-    more = rng.standard_normal((len(rows.extra), _DRAWS))
+    more = rng.standard_normal((len(rows.extra), DRAWS))
     noises = noises_around(
         found.family,
         (null.theta, found.theta),
         engine.limits(),
-        sizes=_SIZES,
-        memories=_MEMORIES,
+        sizes=SIZES,
+        memories=MEMORIES,
         alike=True,
         white=False,
     )
@@ -78,7 +75,7 @@ def chances(
         noises,
         engine.noise.scale,
     )
-    size, p = 1 + _DRAWS, jacobian.shape[1]
+    size, p = 1 + DRAWS, jacobian.shape[1]
     every = known.products + float(found.noise.sigma) ** 2 * known.extra
     rest = _without(every, np.arange(size, size + p))
     places = np.cumsum([size, *(q.columns.shape[1] for q in questions)])

@@ -14,12 +14,7 @@ from .engine import Engine
 from .evaluate import Rows
 from .refusal import Refusal
 from .split import NAMES
-
-_PASSES = 2
-"""Descents, each with the noise of the previous residual."""
-_EXACT, _ROUGH = 1e-6, 1e-4
-"""Relative reduction of the sum of squares at which a descent ends."""
-_TRIALS = 60
+from .thresholds import EXACT, PASSES, ROUGH, TRIALS
 
 
 class Candidate(NamedTuple):
@@ -52,12 +47,12 @@ def refit(
     """
     index, z, near = engine.free(effects), engine.problem.begun(z), ()
     rows, train = engine.evaluate(z, index), engine.weight[:, None]
-    for _ in range(_PASSES):
+    for _ in range(PASSES):
         if rows.failed:
             break
         found = engine.noise_of(rows.residual * engine.weight, rows.jacobian * train, near)
         near = (found.theta,)
-        z = _descend(engine, z, index, found.noise, _EXACT if exact else _ROUGH)
+        z = _descend(engine, z, index, found.noise, EXACT if exact else ROUGH)
         rows = engine.evaluate(z, index)
     return candidate_at(engine, effects, z, rows, near)
 
@@ -81,7 +76,7 @@ def _descend(
         columns = np.concatenate([columns, more])
         return columns[:, 0], columns[:, 1:]
 
-    found = levenberg_marquardt(both, z[index], ftol=tolerance, xtol=_EXACT, most=_TRIALS)
+    found = levenberg_marquardt(both, z[index], ftol=tolerance, xtol=EXACT, most=TRIALS)
     z[index] = found.y
     return z
 

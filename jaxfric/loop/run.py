@@ -30,13 +30,9 @@ from .residual_tests import merged, p_text
 from .result import BaseModel, Loop, RunDetails
 from .slider import refuse_failed, slider_subject, with_channels
 from .split import Blocks, split_again, split_units
-from .thresholds import ACCEPT, SIGNIFICANT
+from .thresholds import ACCEPT, LATE, SIGNIFICANT, START_ROWS
 
 _NAMED = ("effects", "ambiguous")
-_LATE = 0.8
-"""Share of a phase after which friction counts as steady, for starting values."""
-_START_ROWS = 1000
-"""Most rows of a step in the fits for starting values."""
 
 
 def run_loop(
@@ -195,7 +191,7 @@ def _start(
     """Medians of A, B and L over fits of single steps with few rows; None if no step determines
     them. From other starts every slider may run away at the end of a hold."""
     found = []
-    few = dataclasses.replace(how, rows=min(how.rows, _START_ROWS))
+    few = dataclasses.replace(how, rows=min(how.rows, START_ROWS))
     for step in fit_run(record, events, few, progress=progress).steps:
         if step.fit is None or not step.fit.converged:
             continue
@@ -217,7 +213,7 @@ def _levels(joined: Joined, train: np.ndarray) -> np.ndarray:
         if phase.velocity == 0 or len(here) == 0:
             continue
         begin, end = time[here[[0, -1]]]
-        late = here[time[here] >= begin + _LATE * (end - begin)]
+        late = here[time[here] >= begin + LATE * (end - begin)]
         own = np.eye(stretches)[phase.stretch]
         rows.append([*own, np.log(phase.velocity)])
         values.append(float(np.median(joined.record.friction[late])))

@@ -12,12 +12,7 @@ import jax
 import numpy as np
 
 from ..fitting.problem import Problem
-
-# Shares of the distance back to the row before.
-_BETWEEN = np.asarray((1 / 2, 1 / 8, 1 / 32))
-_SHARE, _MOST = 0.25, 1024
-"""Share of all rows that count as coarsest, and their largest number. Longer records have finer
-rows after a step, or more rows where friction does not bend."""
+from .thresholds import BETWEEN, COARSE_SHARE, MOST_COARSE
 
 
 def seen_between(
@@ -36,8 +31,8 @@ def seen_between(
     since = speeds[step] * (time - jumps[step])
     coarse = speeds[step] * back * np.exp(-0.5 * np.maximum(since, 0.0) / (bend + length))
     chosen = np.argsort(-np.where(step > 0, coarse, 0.0), kind="stable")
-    chosen = chosen[: min(int(_SHARE * len(time)), _MOST) if number is None else number]
-    between = (time[chosen, None] - back[chosen, None] * _BETWEEN).ravel()
+    chosen = chosen[: min(int(COARSE_SHARE * len(time)), MOST_COARSE) if number is None else number]
+    between = (time[chosen, None] - back[chosen, None] * np.asarray(BETWEEN)).ravel()
     times = np.concatenate([time, between])
     order = np.argsort(times, kind="stable")
     rows = np.argsort(order)[: len(time)]

@@ -19,10 +19,7 @@ from .engine import Engine
 from .evaluate import Rows
 from .evidence import evidence
 from .refit import Candidate
-from .thresholds import SEEN
-
-_KEPT = 8
-"""Shapes of an effect that are preselected for the likelihood, under each of two noises."""
+from .thresholds import SEEN, SHAPES
 
 
 class Screened(NamedTuple):
@@ -57,7 +54,7 @@ def sensitivities(
     missing = [e for e in engine.offered if e.id not in present]
     missing = engine.addable(current.effects) if addable else missing
     shaped = engine.case.shapes(engine, current.z, missing, scales)
-    with_shapes = {column.id for column in shaped.columns}
+    with_shapes = {own.columns[0].id for own in shaped}
     plain = [e for e in missing if e.id not in with_shapes]
     index = np.concatenate([free, *(engine.model.amplitudes(e.id) for e in plain)]).astype(int)
     rows = engine.evaluate(current.z, index)
@@ -68,10 +65,11 @@ def sensitivities(
         at = tuple(range(place, place + len(amplitudes)))
         columns.append(Column(effect.id, {}, amplitudes, at))
         place += len(amplitudes)
-    for column in shaped.columns:
-        columns.append(column._replace(places=tuple(place + k for k in column.places)))
-    matrix = np.concatenate([rows.jacobian, shaped.matrix], axis=1)
-    extra = np.concatenate([rows.extra_jacobian, shaped.extra], axis=1)
+    for own in shaped:
+        columns += [c._replace(places=tuple(place + k for k in c.places)) for c in own.columns]
+        place += own.matrix.shape[1]
+    matrix = np.concatenate([rows.jacobian, *(own.matrix for own in shaped)], axis=1)
+    extra = np.concatenate([rows.extra_jacobian, *(own.extra for own in shaped)], axis=1)
     return Screening(rows, matrix, extra, tuple(range(len(free))), tuple(columns))
 
 
@@ -129,7 +127,7 @@ def _likeliest(engine: Engine, current: Candidate, seen: Screening) -> Screening
             own = orthonormal(rest[:, [p + 1 for p in column.places]])
             by_id.setdefault(column.id, []).append((float(np.sum((own.T @ rest[:, 0]) ** 2)), k))
         for found in by_id.values():
-            kept |= {k for _, k in sorted(found, reverse=True)[:_KEPT]}
+            kept |= {k for _, k in sorted(found, reverse=True)[:SHAPES]}
     columns = [seen.columns[k] for k in sorted(kept)]
     places = [*seen.base, *(p for c in columns for p in c.places)]
     moved = {p: i for i, p in enumerate(places)}
@@ -200,7 +198,7 @@ def _thinned(seen: Screening) -> Screening:
         by_id.setdefault(column.id, []).append(column)
     columns: list[Column] = []
     for found in by_id.values():
-        at = np.unique(np.linspace(0, len(found) - 1, 2 * _KEPT).round().astype(int))
+        at = np.unique(np.linspace(0, len(found) - 1, 2 * SHAPES).round().astype(int))
         columns += [found[i] for i in at]
     return seen._replace(columns=tuple(columns))
 

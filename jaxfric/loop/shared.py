@@ -16,13 +16,12 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float, Int
 
-_GROUPS = 7  # 44 steps then need one pass of derivatives, not three
-_FORGOTTEN = 0.01  # largest remaining share of a response
+from .thresholds import FORGOTTEN, GROUPS
 
 
 class SharedShifts:
     """The shifts of step times that are parameters: the first shift alone, and the other shifts in
-    groups. Each group of shifts has every `_GROUPS`-th velocity step.
+    groups. Each group of shifts has every `GROUPS`-th velocity step.
 
     `shifts` are the ascending indices of the shifts in the parameters, `begins` the ascending times
     of the delayed steps. `trails` is the displacement by which a shift of 1 delays the load point.
@@ -40,16 +39,16 @@ class SharedShifts:
     ):
         self.shifts = np.asarray(shifts, int)
         self.trails, self.rows, self.channels = trails, len(time), channels
-        self.first = np.append(np.searchsorted(time, begins), [len(time)] * _GROUPS)
+        self.first = np.append(np.searchsorted(time, begins), [len(time)] * GROUPS)
         order = np.arange(len(self.shifts))
-        self._group = np.where(order == 0, 0, 1 + (order - 1) % _GROUPS)
+        self._group = np.where(order == 0, 0, 1 + (order - 1) % GROUPS)
 
     def directions(self, index: Int[np.ndarray, " m"], size: int) -> Float[np.ndarray, "d q"]:
         """Directions of differentiation for the parameters `index`, out of `size` parameters: first
         those that are not shifts, one by one, then the first shift, then the groups.
         """
         alone = index[~np.isin(index, self.shifts)]
-        found = np.zeros((len(alone) + 1 + _GROUPS, size))
+        found = np.zeros((len(alone) + 1 + GROUPS, size))
         found[np.arange(len(alone)), alone] = 1.0
         found[len(alone) + self._group, self.shifts] = 1.0
         return found
@@ -79,10 +78,10 @@ class SharedShifts:
     def _own(self, shared: Float[np.ndarray, "n d"]) -> Float[np.ndarray, "n k"] | None:
         """Derivative of the rows of a channel by each shift; None if the remainder of one is not
         small compared with itself and with the next of its group."""
-        found, ends = np.zeros((self.rows, len(self.trails))), self.first[_GROUPS:]
+        found, ends = np.zeros((self.rows, len(self.trails))), self.first[GROUPS:]
         found[:, 0] = shared[:, 0]
         trailing = shared[:, 0] / self.trails[0]
-        before, left = np.zeros(1 + _GROUPS), np.zeros(len(self.trails))
+        before, left = np.zeros(1 + GROUPS), np.zeros(len(self.trails))
         for k, (begin, end) in enumerate(zip(self.first, ends, strict=False)):
             group, trail = self._group[k], self.trails[k]
             if k > 0:
@@ -90,9 +89,9 @@ class SharedShifts:
                 found[end:, k] = trail * trailing[end:]
                 before[group] += trail
             if end < self.rows:
-                late = slice(min(self.first[k + _GROUPS - 1], end - 1), end)
+                late = slice(min(self.first[k + GROUPS - 1], end - 1), end)
                 more = found[late, k] - trail * trailing[late]
                 left[k] = np.sqrt(np.mean(more**2) * (self.rows - end))
         size = np.linalg.norm(found, axis=0)
-        least = np.minimum(size, np.append(size, [np.inf] * _GROUPS)[_GROUPS:])
-        return found if np.all(left <= _FORGOTTEN * least) else None
+        least = np.minimum(size, np.append(size, [np.inf] * GROUPS)[GROUPS:])
+        return found if np.all(left <= FORGOTTEN * least) else None

@@ -27,9 +27,7 @@ from .nonlinear import friction_sensitivities, slider_curves
 from .result import LoopBase, LoopDetails, Score
 from .sampling import seen_between
 from .split import Blocks
-
-# Errors of step times too small to matter to a fit add up over steps to what looks like a lag.
-_FELT = 0.1
+from .thresholds import FELT
 
 
 def slider_subject(
@@ -193,7 +191,7 @@ def _problem_of(
     if steps.time_errors is not None:
         errors[: len(steps) - 1] = steps.time_errors[1:]
     jumps = np.abs(np.diff(np.asarray(problem.motion.velocities)))
-    felt = values["K"] * jumps * errors > _FELT * float(problem.noise_scale)
+    felt = values["K"] * jumps * errors > FELT * float(problem.noise_scale)
     shifts = jax.device_put((np.arange(1, size + 1), errors, np.ones(size)))
     where = lambda p: (p.shifted, p.shift_scale, p.hold)  # noqa: E731
     problem = eqx.tree_at(where, problem, shifts)

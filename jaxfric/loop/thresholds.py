@@ -1,5 +1,7 @@
 """Thresholds of the loop, each with its source. Tables and figures mark some of the thresholds."""
 
+from ..records.rows import MIN_ROWS
+
 ACCEPT = 10.0
 """Reduction of BIC that accepts an effect, or rules out a curve of another shape.
 
@@ -37,7 +39,7 @@ MANY = 5.0
 
 REFITS = 4
 """Number of most promising effects that are refitted in a round."""
-LOST_LIKELIHOOD = 2.0
+LOST_LIKELIHOOD = TIE
 """Largest rise of -2 ln L by an effect in a good fit; at its null the effect changes nothing."""
 PARTS = (0.1, 0.01, 1e-3)
 """Shares of the first-order amplitude that start a fit again if it ran away."""
@@ -55,11 +57,11 @@ LEAST_MEMORY = 10.0
 Simulated records with noise correlated over eight rows (a sixth of a step) need it: without it, BIC
 differs by up to six more between laws."""
 
-FEWEST_ROWS = 20
+FEWEST_ROWS = MIN_ROWS
 """Fewest rows of a block, a direction or a turn: fewer correlated rows determine neither mean nor
 scatter."""
 UNEXPLAINED = 0.5
-"""Residual over force above which a model explains too little."""
+"""Residual over force above which a model explains too little, in a record or in a row."""
 ENDS_OF_SPEED = (0.05, 0.95)
 """Quantiles of the speeds of a direction that bound its driven range (nine rows in ten)."""
 ONE_SPEED_RANGE = 2.0
@@ -88,6 +90,112 @@ SAME_FORCE = 0.05
 """Residual over force below which a description is complete. If position alone suffices, there is
 neither inertia nor friction. If a stated controller fails, another controller acts."""
 MOSTLY = 0.5
-"""Share of a bump above which the base absorbs most of it."""
+"""Share of a bump above which the base absorbs most of it; share of rows that are most rows."""
 PRIOR = 3.0
 """Prior standard deviation of missing friction, over the rms of the residual."""
+
+# ---- search and fits
+
+MOST = 8
+"""Largest number of effects that a search adds; usually it ends earlier for lack of evidence."""
+PASSES = 2
+"""Descents of a fit, each with the noise of the previous residual."""
+EXACT, ROUGH = 1e-6, 1e-4
+"""Relative reduction of the sum of squares at which a descent ends."""
+TRIALS = 60
+"""Most steps of a descent."""
+SHAPES = 8
+"""Shapes of an effect that are preselected for the likelihood, under each of two noises."""
+FELT = 0.1
+"""Effect of the error of a step time, over the noise, above which the time is fitted. Smaller
+errors add up over steps to what looks like a lag."""
+BETWEEN = (1 / 2, 1 / 8, 1 / 32)
+"""Times of more samples of the sensor, as shares of the distance back to the row before."""
+COARSE_SHARE, MOST_COARSE = 0.25, 1024
+"""Share of all rows that count as coarsest, and their largest number. Longer records have finer
+rows after a step, or more rows where friction does not bend."""
+LATE = 0.8
+"""Share of a phase of a run after which friction counts as steady, for starting values."""
+START_ROWS = 1000
+"""Most rows of a step of a run in the fits for starting values."""
+
+# ---- passes of computation
+
+AT_ONCE, OF_LONG, LONG = 24, 16, 8192
+"""Directions per pass, and fewer for records with more rows than `LONG`, where padding is costly.
+The third number is `LONG`."""
+HEAVY = 2
+"""Factor on the largest number of solver steps for a heavy effect."""
+KEPT = 32 * 2**20
+"""Bytes of cached linearisations: fits restart at the previous optimum, so hits are frequent."""
+GROUPS = 7
+"""Groups of step times that are delayed together: 44 steps then need one pass, not three."""
+FORGOTTEN = 0.01
+"""Largest remaining share of a response at the next step of its group."""
+NOISES_AT_ONCE, NOISE_PASSES = 4, 4
+"""Noises per pass, and passes over the weight of extra rows against friction, which converge."""
+
+# ---- residual and location
+
+ALONG, SINCE = 24, 8
+"""Numbers of hat functions: along the record (the first columns), and since each step."""
+COARSE, FINE = 8, 16
+"""Numbers of bumps over a variable; slip, time and the variables of an axis have the finer ones."""
+WAVES, AXIS_WAVES = 117, 60
+"""Numbers of wavelengths: of a slider half a period apart over the record."""
+DRAWS, SEED = 60, 20
+"""Simulated records for the Bartlett correction, and the seed of their noise."""
+SIZES, MEMORIES = (-1.0, 0.0, 1.0), (-0.5, 0.0, 0.5)
+"""Offsets of the noise grid of a likelihood ratio, in logarithms."""
+OF_BASE = 2
+"""Parameters of the base's steady curve: level and A - B, or Coulomb and viscous friction."""
+
+# ---- rows of an axis
+
+LEAST_UNIT = 1e-3
+"""Lower bound of the unit of residuals, as a share of the range of force."""
+OF_NOISE, OF_RESIDUAL = 0.5**0.5, 0.25
+"""Largest noise of the prediction, as a share of the force noise, and of the base law's residual.
+The larger of both limits applies."""
+WIDTHS = (1.0, 0.5, 0.25)
+"""Factors on the default width of the smoothed sign that are tried for a split."""
+WIDTH_IN_NOISE, WIDTH_SHARE = 2.0, 1e-3
+"""Default width of the smoothed sign: in standard deviations of the velocity noise, and at least
+this share of the largest speed."""
+STUCK = 0.05
+"""Shortest stop [s]; rows that deviate within this time of each other belong to one stretch."""
+JITTER, FEW = 0.2, 0.01
+"""Relative jitter of the time of a row, and share of such rows, that warn."""
+NEARLY_ALL = 0.99
+"""Quantile of the speeds that must exceed `CLEAR` deviations of the velocity noise. That quantile
+of normal noise alone is 2.6."""
+NEAR_ENOUGH = 0.2
+"""Tolerance of the coefficient of a disturbance around -1 and 0."""
+TRIMS, NEAR, OUTLYING = 8, 2.5, 10.0
+"""Iterations of a trimmed fit; scatters of kept rows and of outliers."""
+
+# ---- speeds that an axis supports
+
+BINS, ROWS_OF_BIN = 12, 8
+"""Bins of rows by speed, and their fewest rows."""
+LATEST, LAGS = 0.2, 101
+"""Largest delay of a controller's response in the search [s], and number of delays."""
+HYSTERESIS, BEGUN, ANEW, STEPS = 0.2, 0.15, 0.6, 0.1
+"""Thresholds for an axis that never slid: largest share of the force unexplained by position; the
+initial part of a stroke; the residual there over its mean, below which it starts anew; the same
+over its deviation, below which it is zero."""
+
+# ---- steady speeds
+
+FEWEST, FEWEST_OF_EACH = 8, 3
+"""Fewest runs in total, and in each direction, to try effects: the largest model has six parameters
+and a spread."""
+SPEEDS_OF_CURVE, POWERS = 60, (1.0, 2.0)
+"""Values of vs in the grid of a Stribeck term, and of its exponent n."""
+APART = 20.0
+"""Distance between two runs in longest correlation lengths: correlation is then exp(-20)."""
+MOST_RUNS, MOST_ROWS = 64, 16384
+"""Most runs and rows for the noise estimate; of more runs a selection, evenly over speed."""
+SIZE, MEMORY, SHORTER = 4.0, 0.9, (-3.0, -1.0)
+"""Starts of an oscillation once per turn: logarithm of the variance of both parts over white, its
+correlation length over the longest one, and logarithms of the other part's length over that."""

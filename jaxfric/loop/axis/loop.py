@@ -34,6 +34,7 @@ from ..engine import Engine
 from ..findings import LoopCode
 from ..result import BaseModel, Loop
 from ..search import Search
+from ..thresholds import LEAST_UNIT
 from .details import KnownAxis, details_of
 from .driven import OF_SPEED, UNKNOWN, at_one_speed, driven
 from .nonlinear import axis_curves, axis_sensitivities, friction_bumps
@@ -41,8 +42,6 @@ from .reading import Reading, read_rows
 from .result import AxisRows, Spring
 from .rows import rough_fit, scales_of
 from .seen import doubts, follows, spring_of
-
-_LEAST_UNIT = 1e-3  # share of the range of force
 
 
 @old_arguments(with_="include", without="exclude", most="max_effects", held="zero_order_hold")
@@ -222,7 +221,7 @@ def unit_of_residuals(force: np.ndarray) -> float:
     """Unit of residuals: about the noise. The unit of residuals has a lower bound, because a
     commanded force has no noise. Without this bound a bad fit would count as a failed simulation.
     """
-    return max(noise_from_differences(force), _LEAST_UNIT * float(np.ptp(force)))
+    return max(noise_from_differences(force), LEAST_UNIT * float(np.ptp(force)))
 
 
 def own_unit(unit: str, force: str, length: str) -> str:

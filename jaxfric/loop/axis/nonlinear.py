@@ -14,15 +14,14 @@ from ...effects.effect import AbstractEffect
 from ...fitting.axis_preparation import shifted
 from ...fitting.axis_problem import AxisProblem, shape_columns
 from ...fitting.padding import filled
-from ..case import Column, Sensitivities
+from ..case import Sensitivities
 from ..curves import Curve, CurveRig
 from ..engine import Engine
 from ..location import Bumps, hats
 from ..nonlinear import columns_of, shapes_of
 from ..refit import Candidate
+from ..thresholds import AXIS_WAVES, FINE
 from .result import AxisRows
-
-_COARSE, _WAVES = 16, 60
 
 
 def axis_sensitivities(
@@ -30,26 +29,22 @@ def axis_sensitivities(
     z: np.ndarray,
     missing: Sequence[type[AbstractEffect]],
     scales: RecordScales,
-) -> Sensitivities:
+) -> list[Sensitivities]:
     """Sensitivities of the missing effects with shape parameters: derivatives at every shape."""
     problem = engine.problem
-    columns: list[Column] = []
-    blocks, place = [np.zeros((len(engine.weight), 0))], 0
+    found = []
     for effect in missing:
         shapes = shapes_of(effect, scales)
         if not shapes:
             continue
-        found = columns_of(engine, effect.id, shapes, place)
+        columns = columns_of(engine, effect.id, shapes)
         zs = np.tile(z, (len(shapes), 1))
-        for row, column in zip(zs, found, strict=True):
+        for row, column in zip(zs, columns, strict=True):
             for i, value in column.shape.items():
                 row[i] = value
-        block = np.asarray(shape_columns(problem, jnp.asarray(zs), found[0].amplitudes))
-        columns += found
-        blocks.append(block)
-        place += block.shape[1]
-    matrix = np.concatenate(blocks, axis=1)
-    return Sensitivities(tuple(columns), matrix, np.zeros((0, matrix.shape[1])))
+        matrix = np.asarray(shape_columns(problem, jnp.asarray(zs), columns[0].amplitudes))
+        found.append(Sensitivities(columns, matrix, np.zeros((0, matrix.shape[1]))))
+    return found
 
 
 def friction_bumps(engine: Engine[AxisProblem], rows: AxisRows, *, unit: str = "m") -> list[Bumps]:
@@ -66,11 +61,11 @@ def friction_bumps(engine: Engine[AxisProblem], rows: AxisRows, *, unit: str = "
         ("time", "s", rows.time),
         ("since_reversal", unit, np.sqrt(since)),
     ):
-        centres, columns = hats(x, np.linspace(x[train].min(), x[train].max(), _COARSE))
+        centres, columns = hats(x, np.linspace(x[train].min(), x[train].max(), FINE))
         shown = centres**2 if variable == "since_reversal" else centres
         found.append(Bumps(variable, shown_unit, shown, columns))
     travel = float(np.ptp(rows.position))
-    waves = np.geomspace(travel / 100, travel, _WAVES)
+    waves = np.geomspace(travel / 100, travel, AXIS_WAVES)
     phase = 2 * np.pi * rows.position[:, None] / waves
     pairs = np.stack([np.cos(phase), np.sin(phase)], axis=2).reshape(len(phase), -1)
     found.append(Bumps("periodic_in_slip", unit, waves, pairs))

@@ -17,22 +17,25 @@ import numpy as np
 from ...errors import InputError, option
 from ...findings import Warned, WarningCode
 from ...fitting.axis_preparation import Preparation, Prepared, acceleration_noise, prepare, usual
+from ...fitting.noise.thresholds import CLEAR
 from ...records.axis_record import AxisRecord
 from ...records.axis_units import inertia_unit
 from ..split import NAMES, Blocks
-from ..thresholds import FEWEST_ROWS, LOWER_CUTOFFS, PERIODS
+from ..thresholds import (
+    FEW,
+    FEWEST_ROWS,
+    JITTER,
+    LOWER_CUTOFFS,
+    NEARLY_ALL,
+    OF_NOISE,
+    OF_RESIDUAL,
+    PERIODS,
+    STUCK,
+    WIDTHS,
+)
 from .result import AxisRows
 from .rows import holds_already, refuse_reversed, rough_fit, rows_of, unexplained_rows
 from .split import split
-
-_OF_NOISE, _OF_RESIDUAL = np.sqrt(0.5), 0.25
-"""Largest noise of the prediction, as a share of the force noise, and of the base law's residual.
-The larger of both limits applies."""
-_THRESHOLDS = (1.0, 0.5, 0.25)  # factors on the default width
-_JITTER, _FEW = 0.2, 0.01  # relative jitter of a row, and share of such rows, that warn
-_NEARLY_ALL, _CLEAR_MOTION = 0.99, 3.0
-"""Quantile of the speeds, and its lower limit in standard deviations of the velocity noise. That
-quantile of normal noise alone is 2.6."""
 
 
 class Reading(NamedTuple):
@@ -74,14 +77,14 @@ def read_rows(
 
 def _refuse_still(record: AxisRecord, prepared: Prepared, rows: AxisRows) -> None:
     """Raise `InputError` if the recorded motion does not exceed its own error."""
-    speed = float(np.quantile(np.abs(rows.velocity), _NEARLY_ALL))
-    noise = _CLEAR_MOTION * prepared.velocity_noise
+    speed = float(np.quantile(np.abs(rows.velocity), NEARLY_ALL))
+    noise = CLEAR * prepared.velocity_noise
     if speed >= noise:
         return
     unit = f"{record.length_unit}/s"
     force = float(np.max(np.abs(record.motor_force)))
     raise InputError(
-        f"{record.provenance.path}: the axis does not move: {100 * _NEARLY_ALL:.0f} % of the rows"
+        f"{record.provenance.path}: the axis does not move: {100 * NEARLY_ALL:.0f} % of the rows"
         f" are slower than {speed:.2g} {unit}, and the error of the recorded motion alone gives"
         f" {noise:.2g} {unit}. A force of {force:.3g} {record.force_unit} did not move it: use a"
         " larger one, or a finer encoder"
@@ -92,8 +95,8 @@ def _uneven(record: AxisRecord) -> str | None:
     """A warning about uneven sampling, since the motion is interpolated linearly."""
     steps = np.diff(record.time)
     middle, least, most = (1e3 * float(x) for x in (np.median(steps), steps.min(), steps.max()))
-    share = float(np.mean(np.abs(steps - np.median(steps)) > _JITTER * np.median(steps)))
-    if share < _FEW:
+    share = float(np.mean(np.abs(steps - np.median(steps)) > JITTER * np.median(steps)))
+    if share < FEW:
         return None
     text = (
         f"the rows are {least:.3g} to {most:.3g} ms apart ({middle:.3g} as a rule;"
@@ -176,7 +179,7 @@ def _cutoff(record: AxisRecord, force: np.ndarray, held: bool) -> tuple[Preparat
     mass = max(abs(float(rough.values[0])) for _, rough, _, _ in found)
     white = min(noise for *_, noise in found)
     allowed = [
-        max(_OF_NOISE * white / np.sqrt(one.decimation), _OF_RESIDUAL * rough.rms)
+        max(OF_NOISE * white / np.sqrt(one.decimation), OF_RESIDUAL * rough.rms)
         for one, rough, _, _ in found
     ]
     quiet = [f for f, most in zip(found, allowed, strict=True) if mass * f[2] < most]
@@ -215,7 +218,7 @@ def _split(
     path, unit = record.provenance.path, record.length_unit
     lower = [c for c in _candidates(record) if c.cutoff < chosen.cutoff] if free else []
     tries = [(chosen, 1.0), *((one, 1.0) for one in lower)]
-    tries += [(one, share) for share in _THRESHOLDS[1:] for one in (chosen, *lower)]
+    tries += [(one, share) for share in WIDTHS[1:] for one in (chosen, *lower)]
     interval = float(np.median(np.diff(record.time)))
     if free:  # at last short rows, which lack the removed motion
         short = usual(interval).decimation
@@ -249,13 +252,9 @@ def _split(
     raise InputError(f"{refused}. Try {option('cutoff', f'{better:.2g} Hz')}")
 
 
-_TOGETHER = 0.05
-"""Rows that differ within this time [s] of each other belong to one stretch."""
-
-
 def stretches(rows: np.ndarray, time: np.ndarray) -> str:
     """The times of some rows as text: the longest stretch, and the number of further stretches."""
-    gap = max(_TOGETHER / float(np.median(np.diff(time))), 1.0)
+    gap = max(STUCK / float(np.median(np.diff(time))), 1.0)
     parts = np.split(rows, np.flatnonzero(np.diff(rows) > gap) + 1)
     longest = max(parts, key=len)
     more = f" and {len(parts) - 1} more stretches" if len(parts) > 1 else ""

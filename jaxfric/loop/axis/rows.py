@@ -11,12 +11,19 @@ from ...errors import InputError, option
 from ...fitting.axis_preparation import Prepared
 from ...fitting.noise.thresholds import CLEAR
 from ..split import Blocks
+from ..thresholds import (
+    MOSTLY,
+    NEAR,
+    NEAR_ENOUGH,
+    OUTLYING,
+    STUCK,
+    TRIMS,
+    UNEXPLAINED,
+    WIDTH_IN_NOISE,
+    WIDTH_SHARE,
+)
 from .result import AxisRows
 from .split import segments
-
-_WIDTH_IN_NOISE = 2.0  # standard deviations of the velocity noise
-_WIDTH_SHARE = 1e-3  # of the largest speed
-_STUCK = 0.05  # [s] shortest stop
 
 
 def rows_of(
@@ -33,7 +40,7 @@ def rows_of(
     )
     fastest = float(np.max(np.abs(velocity)))
     if width is None:
-        width = max(share * _WIDTH_IN_NOISE * prepared.velocity_noise, _WIDTH_SHARE * fastest)
+        width = max(share * WIDTH_IN_NOISE * prepared.velocity_noise, WIDTH_SHARE * fastest)
     elif not 0 < width < fastest:
         raise InputError(
             f"width {width:g} {unit}/s: the axis moves at up to {fastest:g} {unit}/s; choose less"
@@ -51,7 +58,7 @@ def rows_of(
         velocity=velocity,
         path=path,
         used=prepared.inside[:n] & ~_widened(slow),
-        stuck=_long(slow, max(2, round(_STUCK / step))),
+        stuck=_long(slow, max(2, round(STUCK / step))),
         segment=segments(slow),
         width=width,
     )
@@ -90,11 +97,6 @@ def scales_of(rows: AxisRows, prepared: Prepared, blocks: Blocks) -> RecordScale
         interval=interval,
         duration=float(rows.time[-1]),
     )
-
-
-_HALF = 0.5
-_NEAR_ENOUGH = 0.2  # tolerance of a disturbance coefficient around -1 and 0
-_TRIMS, _NEAR, _FAR = 8, 2.5, 10.0  # iterations; scatters of kept rows and of outliers
 
 
 class Rough(NamedTuple):
@@ -178,15 +180,15 @@ def unexplained_rows(prepared: Prepared, used: np.ndarray, width: float) -> np.n
     and by more than ten times the scatter. Friction does not deviate so much from the base law.
     """
     keep, found = used.copy(), np.zeros(len(used), bool)
-    for _ in range(_TRIMS):
+    for _ in range(TRIMS):
         left = rough_fit(prepared, keep, width).residual
         scatter = 1.4826 * float(np.median(np.abs(left[keep])))
         far = np.abs(left) > max(
-            _FAR * scatter, _HALF * float(np.std(prepared.force[: len(used)][used]))
+            OUTLYING * scatter, UNEXPLAINED * float(np.std(prepared.force[: len(used)][used]))
         )
-        if np.mean(far[used]) > _HALF:
+        if np.mean(far[used]) > MOSTLY:
             return np.zeros(len(used), bool)
-        found, keep = far & used, used & (np.abs(left) < _NEAR * scatter)
+        found, keep = far & used, used & (np.abs(left) < NEAR * scatter)
     return found
 
 
@@ -197,6 +199,7 @@ def holds_already(coefficient: float, error: float) -> bool | None:
     motor force alone, and 0 if F includes d. The result is None if c is near neither value, because
     the motion then does not respond to d.
     """
-    if error > _HALF / CLEAR or not abs(abs(coefficient + _HALF) - _HALF) <= _NEAR_ENOUGH:
+    alone, within = abs(coefficient + 1), abs(coefficient)
+    if 2 * CLEAR * error > 1 or not min(alone, within) <= NEAR_ENOUGH:
         return None
-    return bool(coefficient > -_HALF)
+    return within < alone

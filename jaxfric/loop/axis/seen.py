@@ -23,17 +23,22 @@ from ..engine import Engine
 from ..family import listed
 from ..refit import Candidate
 from ..search import Search
-from ..thresholds import HELD_OUT, SAME_FORCE, STAIRS, UNEXPLAINED
+from ..thresholds import (
+    ANEW,
+    BEGUN,
+    BINS,
+    HELD_OUT,
+    HYSTERESIS,
+    LAGS,
+    LATEST,
+    ROWS_OF_BIN,
+    SAME_FORCE,
+    STAIRS,
+    STEPS,
+    UNEXPLAINED,
+)
 from .driven import ONE_SPEED, Driven, at_one_speed
 from .result import AxisRows, Spring
-
-_BINS, _FEWEST_ROWS = 12, 8
-_LATEST, _LAGS = 0.2, 101
-"""Largest delay of a controller's response in the search [s], and number of delays."""
-_HYSTERESIS, _BEGUN, _ANEW, _STEPS = 0.2, 0.15, 0.6, 0.1
-"""Thresholds for an axis that never slid: largest share of the force unexplained by position; the
-initial part of a stroke; the residual there over its mean, below which it starts anew; the same
-over its deviation, below which it is zero."""
 
 
 class Seen(NamedTuple):
@@ -157,7 +162,7 @@ def follows(problem: AxisProblem, rows: AxisRows, rotary: bool) -> float | None:
         matrix = np.stack([np.asarray(problem.sampler(one))[:n][here] for one in moved], axis=1)
         return float(np.std(force - matrix @ np.linalg.lstsq(matrix, force, rcond=None)[0]))
 
-    lags = np.linspace(0.0, _LATEST, _LAGS)
+    lags = np.linspace(0.0, LATEST, LAGS)
     alone = [left(late) for late in lags.tolist()]
     best = int(np.argmin(alone))
     return float(lags[best]) if alone[best] < SAME_FORCE * np.std(force) else None
@@ -176,21 +181,21 @@ def spring_of(problem: AxisProblem, rows: AxisRows) -> Spring | None:
     values = np.linalg.lstsq(line, force, rcond=None)[0]
     left = force - line @ values
     share = float(np.std(left) / max(np.std(force), 1e-300))
-    if not (values[1] > 0 and share < _HYSTERESIS):
+    if not (values[1] > 0 and share < HYSTERESIS):
         return None
     begun, against = [], []
     for k in np.unique(rows.segment):
         here = np.flatnonzero(rows.segment == k)
         way = rows.position[here] - rows.position[here[0]]
-        if len(here) < _FEWEST_ROWS or way[-1] == 0:
+        if len(here) < ROWS_OF_BIN or way[-1] == 0:
             continue
         own = np.sign(way[-1]) * left[here]
         against.append(own)
-        begun.append(own[np.abs(way) < _BEGUN * abs(way[-1])])
+        begun.append(own[np.abs(way) < BEGUN * abs(way[-1])])
     if not against:
         return None
     after, mean = (float(np.mean(np.concatenate(x))) for x in (begun, against))
-    if after > _ANEW * max(mean, 0.0) and after > _STEPS * share * float(np.std(force)):
+    if after > ANEW * max(mean, 0.0) and after > STEPS * share * float(np.std(force)):
         return None
     worth = effective_samples(left)
     std = float(np.std(left) / (np.std(rows.position) * np.sqrt(worth)))
@@ -226,7 +231,7 @@ def _above(engine: Engine[AxisProblem], found: Candidate, rows: AxisRows) -> Abo
     for sign in (1.0, -1.0):
         here = np.flatnonzero(rows.used & (sign * rows.velocity > 0))
         order = here[np.argsort(np.abs(rows.velocity[here]))]
-        number = min(_BINS, len(order) // _FEWEST_ROWS)
+        number = min(BINS, len(order) // ROWS_OF_BIN)
         for part in np.array_split(order, number) if number else []:
             speed.append(float(np.mean(rows.velocity[part])))
             excess.append(float(sign * np.mean(left[part])))
@@ -257,9 +262,9 @@ def _stairs(rows: AxisRows, prepared: Prepared) -> tuple[float, float]:
     taken, speed = prepared.taken[:n], np.abs(rows.velocity)
     moving = prepared.inside[:n] & (speed > 0)
     order = np.flatnonzero(moving)[np.argsort(speed[moving])]
-    if len(order) < _BINS * _FEWEST_ROWS:
+    if len(order) < BINS * ROWS_OF_BIN:
         return 0.0, 0.0
-    parts = np.array_split(order, _BINS)
+    parts = np.array_split(order, BINS)
     level = np.asarray([float(np.sqrt(np.mean(taken[part] ** 2))) for part in parts])
     large = level > STAIRS * prepared.floor
     count = len(large) if large.all() else int(np.argmin(large))

@@ -31,13 +31,10 @@ from ...records.steady import SteadyCurve
 from ...stability.claims import SURE, Unseen, above_curve
 from ..curves import distinct
 from ..findings import LoopCode, claims_of_friction
-from ..thresholds import ACCEPT, FEWEST_STROKES, TIE
+from ..thresholds import ACCEPT, FEWEST, FEWEST_OF_EACH, FEWEST_STROKES, TIE
 from .model import SteadyModel, fit_model
 
 STEADY_EFFECTS = ("direction_asymmetry", "stribeck", "cubic")
-FEWEST, FEWEST_OF_EACH = 8, 3
-"""Fewest runs in total, and in each direction, to try effects: the largest model has six parameters
-and a spread."""
 
 
 class Doubt(StrEnum):

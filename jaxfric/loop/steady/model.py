@@ -13,9 +13,8 @@ from scipy.optimize import minimize_scalar
 
 from ...fitting.uncertainty import normal_inverse
 from ...records.steady import SteadyCurve, force_covariance
+from ..thresholds import POWERS, SPEEDS_OF_CURVE
 
-_SPEEDS = 60  # values of vs in the grid
-_POWERS = (1.0, 2.0)  # values of n
 _NEAR = float(np.cbrt(np.finfo(float).eps))
 """Relative step of central differences that balances truncation and rounding errors."""
 
@@ -190,11 +189,11 @@ def _likeliest_shape(
         return found[2] if found[0][place] > 0 else np.inf
 
     slow, fast = np.min(np.abs(speed)), np.max(np.abs(speed))
-    grid = np.linspace(np.log(0.5 * slow), np.log(fast), _SPEEDS)
-    best = (np.inf, float(np.exp(grid[_SPEEDS // 2])), 2.0)
-    for n in _POWERS:
+    grid = np.linspace(np.log(0.5 * slow), np.log(fast), SPEEDS_OF_CURVE)
+    best = (np.inf, float(np.exp(grid[SPEEDS_OF_CURVE // 2])), 2.0)
+    for n in POWERS:
         scores = [deviance(u, n) for u in grid]
-        k = int(np.clip(np.argmin(scores), 1, _SPEEDS - 2))
+        k = int(np.clip(np.argmin(scores), 1, SPEEDS_OF_CURVE - 2))
         fine = minimize_scalar(
             lambda u, n=n: min(deviance(u, n), 1e300),
             bounds=(grid[k - 1], grid[k + 1]),

@@ -40,17 +40,10 @@ from ...fitting.noise import (
     sandwich,
 )
 from ...records.steady import SteadyCurve
-from ..thresholds import FEWEST_ROWS
+from ..thresholds import APART, FEWEST_ROWS, MEMORY, MOST_ROWS, MOST_RUNS, SHORTER, SIZE
 
-_APART = 20.0
-"""Distance between two runs in longest correlation lengths: correlation is then exp(-20)."""
-_MOST_RUNS, _MOST_ROWS = 64, 16384
-"""Most runs and rows for the noise estimate; of more runs a selection, evenly over speed."""
 _ANGLE = 1
 """Index of the clock of the path."""
-_SIZE, _MEMORY, _SHORTER = 4.0, 0.9, (-3.0, -1.0)
-"""Starts of an oscillation once per turn: logarithm of the variance of both parts over white, its
-correlation length over the longest one, and logarithms of the other part's length over that."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +94,7 @@ def steady_noise(curve: SteadyCurve) -> SteadyNoise | None:
         return None
     left = [x / (s if s > 0 else 1.0) for x, s in zip(left, scale, strict=True)]
     used = _some(moving)
-    middle = {k: _middle(len(left[k]), _MOST_ROWS // len(used)) for k in used}
+    middle = {k: _middle(len(left[k]), MOST_ROWS // len(used)) for k in used}
     clock, longest = _in_a_row([clocks[k][middle[k]] for k in used])
     residual = np.concatenate([left[k][middle[k]] for k in used])
     run = np.concatenate([np.full(len(left[k][middle[k]]), k) for k in used])
@@ -136,9 +129,9 @@ def _clock(curve: SteadyCurve, k: int) -> np.ndarray:
 
 def _some(moving: np.ndarray) -> list[int]:
     """The runs for the noise estimate, spread evenly over their order of speed."""
-    if len(moving) <= _MOST_RUNS:
+    if len(moving) <= MOST_RUNS:
         return moving.tolist()
-    return moving[np.linspace(0, len(moving) - 1, _MOST_RUNS).round().astype(int)].tolist()
+    return moving[np.linspace(0, len(moving) - 1, MOST_RUNS).round().astype(int)].tolist()
 
 
 def _middle(n: int, most: int) -> slice:
@@ -157,7 +150,7 @@ def _in_a_row(clocks: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     placed, begin = [], np.zeros(3)
     for clock in clocks:
         placed.append(clock - clock[0] + begin)
-        begin = placed[-1][-1] + _APART * longest
+        begin = placed[-1][-1] + APART * longest
     return np.concatenate(placed), longest
 
 
@@ -177,9 +170,9 @@ def _likeliest(
     found = estimate_noise(rows, least=least)
     if not rotary:
         return found
-    memory, once = math.log(_MEMORY * longest[_ANGLE]), 0.0  # logarithm of 2 pi/turn [1/rad]
+    memory, once = math.log(MEMORY * longest[_ANGLE]), 0.0  # logarithm of 2 pi/turn [1/rad]
     family = Family((Exponential.over(_ANGLE), Resonator.over(_ANGLE)))
-    starts = [np.array([_SIZE, memory + a, _SIZE, memory, once]) for a in _SHORTER]
+    starts = [np.array([SIZE, memory + a, SIZE, memory, once]) for a in SHORTER]
     turning = profile_noise(rows, family, starts, least=least)
     return max((found, turning), key=lambda one: _worth_of(one, len(residual)))
 
