@@ -200,13 +200,9 @@ def _score(
 def _moved(before: Score, after: Score) -> tuple[Move, ...]:
     """The headline parameters that move by more than `MANY` standard errors: A-B of a slider, mass
     and Coulomb friction of an axis."""
-    moves = []
-    first, last = before.A_minus_B, after.A_minus_B
-    if first is not None and last is not None:
-        moves.append(Move("A-B", first, last))
-    for name in ("M", "F_c"):
-        if name in before.parameters and name in after.parameters:
-            moves.append(Move(name, before.parameters[name], after.parameters[name]))
+    pairs = [("A-B", before.A_minus_B, after.A_minus_B)]
+    pairs += [(n, before.parameters.get(n), after.parameters.get(n)) for n in ("M", "F_c")]
+    moves = [Move(name, a, b) for name, a, b in pairs if a is not None and b is not None]
     return tuple(move for move in moves if moves_far(move))
 
 

@@ -194,8 +194,8 @@ SPEEDS_OF_CURVE, POWERS = 60, (1.0, 2.0)
 """Values of vs in the grid of a Stribeck term, and of its exponent n."""
 APART = 20.0
 """Distance between two runs in longest correlation lengths: correlation is then exp(-20)."""
-MOST_RUNS, MOST_ROWS = 64, 16384
-"""Most runs and rows for the noise estimate; of more runs a selection, evenly over speed."""
+MOST_ROWS = 16384
+"""Most rows of all runs for the noise estimate; of longer runs their middle."""
 SIZE, MEMORY, SHORTER = 4.0, 0.9, (-3.0, -1.0)
 """Starts of an oscillation once per turn: logarithm of the variance of both parts over white, its
 correlation length over the longest one, and logarithms of the other part's length over that."""

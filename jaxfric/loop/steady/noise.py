@@ -40,7 +40,7 @@ from ...fitting.noise import (
     sandwich,
 )
 from ...records.steady import SteadyCurve
-from ..thresholds import APART, FEWEST_ROWS, MEMORY, MOST_ROWS, MOST_RUNS, SHORTER, SIZE
+from ..thresholds import APART, FEWEST_ROWS, MEMORY, MOST_ROWS, SHORTER, SIZE
 
 _ANGLE = 1
 """Index of the clock of the path."""
@@ -93,7 +93,7 @@ def steady_noise(curve: SteadyCurve) -> SteadyNoise | None:
     if not len(moving):
         return None
     left = [x / (s if s > 0 else 1.0) for x, s in zip(left, scale, strict=True)]
-    used = _some(moving)
+    used = moving.tolist()
     middle = {k: _middle(len(left[k]), MOST_ROWS // len(used)) for k in used}
     clock, longest = _in_a_row([clocks[k][middle[k]] for k in used])
     residual = np.concatenate([left[k][middle[k]] for k in used])
@@ -125,13 +125,6 @@ def _clock(curve: SteadyCurve, k: int) -> np.ndarray:
     time = np.asarray(rows.time) - rows.time[0]
     number = np.asarray(rows.number, float) - rows.number[0]
     return np.stack([time, abs(curve.speed[k]) * time, number], axis=1)
-
-
-def _some(moving: np.ndarray) -> list[int]:
-    """The runs for the noise estimate, spread evenly over their order of speed."""
-    if len(moving) <= MOST_RUNS:
-        return moving.tolist()
-    return moving[np.linspace(0, len(moving) - 1, MOST_RUNS).round().astype(int)].tolist()
 
 
 def _middle(n: int, most: int) -> slice:
