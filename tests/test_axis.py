@@ -30,7 +30,7 @@ from jaxfric.fitting.encompassing import EncompassingModel
 from jaxfric.gains.axis import axis_gains
 from jaxfric.loop.axis.details import _borne
 from jaxfric.loop.axis.loop import own_unit
-from jaxfric.loop.axis.split import segments, split
+from jaxfric.loop.axis.rows import segments, split
 from jaxfric.loop.steady.loop import close_steady_loop, steady_gains
 from jaxfric.loop.steady.model import fit_model
 from jaxfric.motion import MeasuredMotion

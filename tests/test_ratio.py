@@ -18,7 +18,7 @@ from jaxfric.fitting.noise import (
     profile_noise,
 )
 from jaxfric.loop.evaluate import Rows
-from jaxfric.loop.ratio import Question, chances
+from jaxfric.loop.evidence import Question, chances
 
 pytestmark = pytest.mark.computes
 

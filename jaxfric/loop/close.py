@@ -1,4 +1,8 @@
-"""The steps of the loop: base fit, search, residual structure, verdict; for slider and axis."""
+"""The steps of the loop: base fit, search, residual structure, verdict; for slider and axis.
+
+`slider.slider_subject` makes a `Subject` for a record of steps or a run (`run`),
+`axis.loop.axis_subject` for an axis. The rest of the loop is the same for sliders, runs and axes.
+"""
 
 import dataclasses
 import time

@@ -4,6 +4,8 @@ Noise is estimated with every candidate model, because noise from a fit that lac
 absorb the effect. The parts of the noise are identified once, from the residual of the base after
 projecting out smooth columns (`learn.learn_noise`). Sizes, correlation lengths and periods of these
 parts are estimated for each candidate.
+
+The smooth columns (`smooth_columns`) are smooth functions along a record.
 """
 
 import dataclasses

@@ -3,6 +3,9 @@
 Noise is estimated from the base's residual after projecting out smooth columns, because structure
 along the record is not noise. Every function of this module returns a new engine with another noise
 model.
+
+The noise floor (`Floor`) of a record is the noise after projecting out smooth columns along the
+record. It has the largest error of every block that this noise alone explains.
 """
 
 from collections.abc import Mapping

@@ -7,7 +7,7 @@ variable is fitted alone, so the shares of structure that variables explain over
 shares add up: the best variable comes first, and each later variable has the share that it explains
 beyond the earlier ones. Profiles and their errors exclude the part that parameters of the base
 absorb. Structure that the bumps do not explain counts as noise, in the errors and in the p-values.
-The p-values include the uncertainty of the noise (`ratio`).
+The p-values include the uncertainty of the noise (`evidence`).
 """
 
 import dataclasses
@@ -23,11 +23,10 @@ from ..fitting.problem import Problem
 from ..fitting.start import HOLD
 from ..rig.friction.extended import ExtendedLaw
 from .engine import ALONG, Engine
-from .nonlinear import respond
-from .ratio import Question, chances
+from .evidence import Question, chances
+from .nonlinear import Response, linear_response, respond
 from .refit import Candidate
 from .residual_tests import chi_square_tail
-from .response import Response, linear_response
 from .result import LocationProfile
 from .screen import orthonormal
 from .thresholds import COARSE, FINE, MOSTLY, PRIOR, SEEN, SIGNIFICANT, WAVES

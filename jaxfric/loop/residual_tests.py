@@ -2,9 +2,9 @@
 
 Noise may be correlated over short distances, with a bounded correlation length. Correlation of
 neighbouring rows comes from the recorder and is not tested. The tests are likelihood ratios
-(`ratio`) of hat functions along the record or since velocity steps, and of bumps of friction over
-one variable (`location`). Each test asks whether the tested functions make the residual likelier
-than noise alone.
+(`evidence`) of hat functions along the record or since velocity steps, and of bumps of friction
+over one variable (`location`). Each test asks whether the tested functions make the residual
+likelier than noise alone.
 
 The verdict also tests the sizes of the train error and of the held-out error. All p-values are
 corrected together: under noise alone the smallest p-value falls below p in a share p of records.
@@ -19,8 +19,8 @@ def asked(tests: dict[str, float]) -> int:
 
 
 def structure(chances: dict[str, float]) -> dict[str, float]:
-    """p-values of likelihood ratios (`ratio.chances`) with Holm's correction. Small p-values mean
-    structure.
+    """p-values of likelihood ratios (`evidence.chances`) with Holm's correction. Small p-values
+    mean structure.
     """
     return holm(chances, asked(chances))
 

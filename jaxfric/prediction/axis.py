@@ -23,8 +23,7 @@ from ..fitting.axis_preparation import prepare, usual
 from ..fitting.axis_problem import AxisProblem, make_problem
 from ..fitting.encompassing import EncompassingModel
 from ..loop.axis.result import AxisRows
-from ..loop.axis.rows import rows_of
-from ..loop.axis.split import one_way
+from ..loop.axis.rows import one_way, rows_of
 from ..records.axis_record import AxisRecord
 from ..records.differences import noise_from_differences
 from ..rig.axis import AxisRig, BaseLaw

@@ -1,4 +1,7 @@
-"""The axis part of a loop's result: inverse dynamics and output error of each model, and gains."""
+"""The axis part of a loop's result: inverse dynamics and output error of each model, and gains.
+
+`axis_claims` makes the claims on friction and stability, each with the rows that support it.
+"""
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence

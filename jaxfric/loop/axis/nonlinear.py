@@ -1,4 +1,7 @@
-"""Responses of an axis to missing friction: shapes of effects, hat functions of variables."""
+"""Responses of an axis to missing friction: shapes of effects, hat functions of variables.
+
+`axis_curves` gives the steady friction curves of an axis, and their forces along its motion.
+"""
 
 from collections.abc import Sequence
 

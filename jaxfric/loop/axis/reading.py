@@ -34,8 +34,7 @@ from ..thresholds import (
     WIDTHS,
 )
 from .result import AxisRows
-from .rows import holds_already, refuse_reversed, rough_fit, rows_of, unexplained_rows
-from .split import split
+from .rows import holds_already, refuse_reversed, rough_fit, rows_of, split, unexplained_rows
 
 
 class Reading(NamedTuple):

@@ -9,6 +9,8 @@ Every run is weighted by the standard error of its mean force. Runs also differ 
 beyond these errors. This spread is estimated with each candidate model, like the noise of a loop.
 Runs that stick and slip have no steady friction. Runs that stick and slip are reported, and fitted
 only if other runs are too few for a line in each direction.
+
+`steady_findings` makes the claims, each with the runs that support it.
 """
 
 from collections.abc import Sequence
