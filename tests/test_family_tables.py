@@ -6,9 +6,18 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxfric.loop.curves import CurveRig, _sorted_out, curve_family, deciding, distinct, step_error
 from jaxfric.loop.evaluate import Rows
-from jaxfric.loop.family import CurveFamily, Decisive, OtherShape
+from jaxfric.loop.family import (
+    CurveFamily,
+    CurveRig,
+    Decisive,
+    OtherShape,
+    _sorted_out,
+    curve_family,
+    deciding,
+    distinct,
+    step_error,
+)
 from jaxfric.loop.nonlinear import followed
 from jaxfric.rig.friction import RateState
 from jaxfric.rig.friction.extended import BlendedEvolution, ExtendedLaw
@@ -100,7 +109,7 @@ def made(speeds, friction, named):
 @pytest.fixture(autouse=True)
 def known_noise(monkeypatch):
     """The BIC of the made-up engine."""
-    monkeypatch.setattr("jaxfric.loop.curves.bic", lambda engine, *rest: engine.bic(*rest))
+    monkeypatch.setattr("jaxfric.loop.family.bic", lambda engine, *rest: engine.bic(*rest))
 
 
 def truth(shape, seed=0):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jaxfric.loop.estimates import between_steps
+from jaxfric.loop.refit import between_steps
 
 STEPS, ROWS = 9, 40
 ALL = np.ones(3, bool)

@@ -21,9 +21,8 @@ from jaxfric.fitting.encompassing import EncompassingModel
 from jaxfric.fitting.problem import Channel, Model, ProblemSizes, make_problem
 from jaxfric.loop.case import Case as LoopCase
 from jaxfric.loop.engine import Engine
-from jaxfric.loop.estimates import estimates
 from jaxfric.loop.nonlinear import friction_sensitivities, linear_response, term_forces
-from jaxfric.loop.refit import bic, predictive, refit
+from jaxfric.loop.refit import bic, estimates, predictive, refit
 from jaxfric.loop.sampling import seen_between
 from jaxfric.loop.split import split
 

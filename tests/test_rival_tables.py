@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from jaxfric.loop.estimates import disagreement
+from jaxfric.loop.refit import disagreement
 from jaxfric.loop.refusal import Fault, Refusal
 from jaxfric.loop.search import near_fits, rival_fits
 

@@ -19,7 +19,6 @@ from jaxfric.fitting.noise import search as noise_search
 from jaxfric.loop import (
     close,
     engine,
-    estimates,
     evaluate,
     gates,
     learn,
@@ -201,7 +200,7 @@ PIECES: dict[str, Piece] = {
     "curve families": _gate((close, "curve_family", _none)),
     "errors between models": _gate((close, "near_fits", lambda found: [])),
     "errors between steps": _gate(
-        (estimates, "between_steps", lambda _, jacobian, *__: np.zeros(jacobian.shape[1]))
+        (refit, "between_steps", lambda _, jacobian, *__: np.zeros(jacobian.shape[1]))
     ),
     "error of the train block": _no_block_error(("train",)),
     "errors held out": _no_block_error(("select", "report")),

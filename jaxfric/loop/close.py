@@ -18,13 +18,12 @@ from ..fitting import Estimate
 from ..fitting.noise import noise_estimate, noise_words
 from ..records import Record
 from .case import Case, P
-from .curves import CurveRig, curve_family
 from .engine import Engine
-from .estimates import estimates
+from .family import CurveRig, curve_family
 from .findings import effect_findings
 from .learn import learn_noise, noise_floor
 from .location import Bumps, locate
-from .refit import Candidate, refit
+from .refit import Candidate, estimates, refit
 from .refusal import Move
 from .residual_tests import structure
 from .result import CandidateScore, Loop, LoopBase, LoopDetails, Score, ScreenedEffect

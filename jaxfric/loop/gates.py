@@ -16,8 +16,7 @@ from ..fitting import Estimate
 from ..fitting.abstract_problem import powers
 from ..fitting.uncertainty import normal_inverse
 from .engine import Engine
-from .estimates import estimates
-from .refit import Candidate
+from .refit import Candidate, estimates
 from .refusal import Fault, Move, Refusal
 from .thresholds import (
     ACCEPT,

@@ -34,8 +34,8 @@ from ..simulation.rodas import inverted
 from ..simulation.trajectory import Trajectory
 from ..traced import traced
 from .case import Column, Sensitivities
-from .curves import Curve, CurveRig
 from .engine import Engine
+from .family import Curve, CurveRig
 from .refit import Candidate
 
 

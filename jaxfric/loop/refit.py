@@ -1,20 +1,26 @@
 """Joint fits of the base and some effects. Each such fit is a candidate with a score.
 
 All parameters of a candidate are free together. The noise of a candidate is profiled before and
-after a descent. So BIC is at the likeliest parameters and at the likeliest noise.
+after a descent. So BIC is at the likeliest parameters and at the likeliest noise. `estimates` gives
+values, errors and intervals of the parameters of a candidate.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Bool, Float, Int
 
+from ..fitting import Estimate
 from ..fitting.marquardt import levenberg_marquardt
 from ..fitting.noise import Noise, innovations_of
+from ..fitting.result import tidy_unit
+from ..fitting.uncertainty import QUANTILE, determined, normal_inverse
 from .engine import Engine
 from .evaluate import Rows
 from .refusal import Refusal
 from .split import NAMES
-from .thresholds import EXACT, PASSES, ROUGH, TRIALS
+from .thresholds import EXACT, HELD_OUT_FROM, PASSES, ROUGH, SPARED, TRIALS
 
 
 class Candidate(NamedTuple):
@@ -124,4 +130,127 @@ def predictive(engine: Engine, residual: np.ndarray, noise: Noise) -> float:
         white, size = innovations_of(engine.noise.clock, weight, residual, noise)
         size += 2 * weight.sum() * np.log(sigma)
         total += sign * float(np.sum((white / sigma) ** 2) + size)
+    return total
+
+
+_LEVEL = "f0"
+
+
+def estimates(
+    engine: Engine,
+    candidate: Candidate,
+    friction_unit: str,
+    rivals: Sequence[Candidate] | None = None,
+) -> tuple[dict[str, Estimate], tuple[str, ...], np.ndarray]:
+    """Parameters by name (SI), names of the free parameters, and the covariance of these.
+
+    The estimates are by least squares under the candidate's own noise; intervals are in the
+    unbounded variables. With `rivals` (fits that are about as good) errors include the differences
+    between these models. Errors are multiplied by one factor if velocity steps disagree on the
+    base's parameters by more than the noise allows. The factor that multiplies the errors is the
+    ratio of Birge 1932 (doi:10.1103/PhysRev.40.207). The factor uses the median over parameters of
+    `between_steps`, because one step alone may fix a parameter. Steps disagree if the noise changes
+    along the record, or if a small effect is missed.
+    """
+    z = candidate.z
+    index = engine.free(candidate.effects)
+    named = np.asarray([i for i in index if i < len(engine.names)])
+    if candidate.failed:
+        spread = np.full((len(index), len(index)), np.nan)
+    else:
+        rows = engine.evaluate(z, index)
+        train = rows.jacobian * engine.weight[:, None]
+        residual = rows.residual * engine.weight
+        columns = np.concatenate([residual[:, None], train], axis=1)
+        white = engine.whiten(columns, engine.noise_of(residual, train).noise)[: engine.rows]
+        spread = normal_inverse(np.concatenate([white[:, 1:], rows.extra_jacobian]))
+        if rivals is not None:
+            used, own = engine.blocks.train, np.isin(index, engine.base)
+            step = engine.blocks.step[used]
+            columns = white[used, 0], white[used, 1:], rows.extra_jacobian
+            between = between_steps(*columns, step, own)[own] / np.diag(spread)[own]
+            factor = max(1.0, float(np.median(between)))
+            spread = factor * spread + disagreement(engine, candidate, rivals, index)
+    place = {int(i): k for k, i in enumerate(index)}
+    own = [place[int(i)] for i in named]
+    std = np.sqrt(np.diag(spread))[own]
+    away = np.zeros(len(z))
+    away[named] = QUANTILE * np.where(np.isfinite(std), std, 0.0)
+    of = engine.problem.coordinates
+    values, *ends = of.from_free(np.stack([z, z - away, z + away]))[:, named]
+    lower, upper = np.sort(ends, axis=0)
+    slopes = of.slopes(z)[named]
+    span = float(np.ptp(np.asarray(engine.problem.friction)[: engine.rows]))
+    all_std = np.zeros(len(engine.names))
+    all_std[named] = std
+    fixed = determined(engine.problem.on_host(), all_std, span)
+    found = {}
+    for k, i in enumerate(named):
+        name = engine.names[i]
+        unit = tidy_unit(engine.model.quantity(name).unit_for(friction_unit))
+        found[name] = Estimate(
+            values[k], abs(slopes[k]) * std[k], lower[k], upper[k], unit, determined=fixed[i]
+        )
+    covariance = slopes[:, None] * slopes * spread[np.ix_(own, own)]
+    return found, tuple(found), covariance
+
+
+def between_steps(
+    residual: Float[np.ndarray, " n"],
+    jacobian: Float[np.ndarray, "n m"],
+    extra: Float[np.ndarray, "e m"],
+    step: Int[np.ndarray, " n"],
+    own: Bool[np.ndarray, " m"],
+) -> Float[np.ndarray, " m"]:
+    """Jackknife variance of the parameters: leave out each velocity step of a record in turn.
+
+    Residual r, Jacobian J and additional rows E are in units of the noise; `step` numbers the step
+    of every row. To first order the parameters of a fit without step c move by
+
+        d_c = -(N - N_c)^-1 J_c^T r_c,   N = J^T J + E^T E,
+
+    and for G steps the variance is (G - 1)/G sum_c (d_c - mean)^2, for any noise. A step is not
+    left out if the errors of the parameters `own` would more than double without the step (median):
+    no other step has the same information. The result is 0 if fewer than three steps can be left
+    out.
+
+    Source: the jackknife of MacKinnon & White 1985 (doi:10.1016/0304-4076(85)90158-7), here by
+    step, within which rows are correlated.
+    """
+    moves, variance = [], np.diag(normal_inverse(np.concatenate([jacobian, extra])))
+    for c in np.unique(step):
+        out = step == c
+        rest = normal_inverse(np.concatenate([jacobian[~out], extra]))
+        if np.median(np.diag(rest)[own] / variance[own]) <= SPARED**2:
+            moves.append(rest @ jacobian[out].T @ residual[out])
+    if len(moves) < HELD_OUT_FROM:
+        return np.zeros(len(variance))
+    return (len(moves) - 1) * np.var(moves, axis=0)
+
+
+def disagreement(
+    engine: Engine, candidate: Candidate, rivals: Sequence[Candidate], index: Int[np.ndarray, " m"]
+) -> Float[np.ndarray, "m m"]:
+    """Covariance of parameters between fits of different models; `index` are their places in z.
+
+    Uncertainty about the model adds this part to the covariance of the parameters,
+
+        sum_c w_c (z_c - z)(z_c - z)^T,   w_c = exp(-BIC_c/2) / sum exp(-BIC/2)
+
+    to be added to the covariance of the fit. A parameter that only one fit has contributes 0. The
+    friction f0 contributes 0 too: an effect that adds steady friction, such as heating, changes the
+    meaning of f0. So values of f0 in different models are not comparable.
+
+    Source: Buckland, Burnham & Augustin 1997 (doi:10.2307/2533961) for errors that include the
+    choice of a model.
+    """
+    bic = np.array([candidate.bic, *(c.bic for c in rivals)])
+    weight = np.exp(-0.5 * (bic - bic.min()))
+    weight /= weight.sum()
+    total = np.zeros((len(index), len(index)))
+    level = engine.names.index(_LEVEL) if _LEVEL in engine.names else -1
+    for w, c in zip(weight[1:], rivals, strict=True):
+        both = np.isin(index, engine.free(c.effects)) & (index != level)
+        apart = np.where(both, c.z[index] - candidate.z[index], 0.0)
+        total += w * np.outer(apart, apart)
     return total

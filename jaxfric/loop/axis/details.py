@@ -24,8 +24,8 @@ from ...stability.claims import Curve, Unseen
 from ...stability.linear import linearise
 from ...stability.margins import stability_margin
 from ..engine import Engine
-from ..estimates import estimates
 from ..findings import claims_of_friction
+from ..refit import estimates
 from ..search import Search
 from ..thresholds import UNEXPLAINED
 from .driven import Driven, at_one_speed

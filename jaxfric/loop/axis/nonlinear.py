@@ -18,8 +18,8 @@ from ...fitting.axis_preparation import shifted
 from ...fitting.axis_problem import AxisProblem, shape_columns
 from ...fitting.padding import filled
 from ..case import Sensitivities
-from ..curves import Curve, CurveRig
 from ..engine import Engine
+from ..family import Curve, CurveRig
 from ..location import Bumps, hats
 from ..nonlinear import columns_of, shapes_of
 from ..refit import Candidate

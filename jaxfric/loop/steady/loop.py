@@ -31,7 +31,7 @@ from ...gains.thresholds import SPEEDS
 from ...lazy import old_arguments
 from ...records.steady import SteadyCurve
 from ...stability.claims import SURE, Unseen, above_curve
-from ..curves import distinct
+from ..family import distinct
 from ..findings import LoopCode, claims_of_friction
 from ..thresholds import ACCEPT, FEWEST, FEWEST_OF_EACH, FEWEST_STROKES, TIE
 from .model import SteadyModel, fit_model
