@@ -53,11 +53,6 @@ _RATE_STATE = quantities(RateState)
 _OF_A_STATE = re.compile(r"[BL]([2-9])")
 
 
-def names_of_laws() -> tuple[str, ...]:
-    """Names of all laws."""
-    return tuple(REGISTRY)
-
-
 def rate_state_laws() -> tuple[str, ...]:
     """Names of the laws that fits, loops and studies accept."""
     return tuple(name for name in REGISTRY if is_rate_state(name))

@@ -22,7 +22,6 @@ from .registry import (
     count_states,
     is_rate_state,
     law_quantity,
-    names_of_laws,
     rate_state,
 )
 
@@ -85,7 +84,7 @@ def law_from_parameters(kind: str, text: str) -> LawSource:
     """
     kind = id_of(kind)
     if kind not in REGISTRY:
-        raise InputError(f"law '{kind}' does not exist; there are: {', '.join(names_of_laws())}")
+        raise InputError(f"law '{kind}' does not exist; there are: {', '.join(REGISTRY)}")
     pairs = read_pairs(text, "parameters", "'A=1 N, L=1 mm'")
     law, coordinate = _built(kind, pairs)
     unsaid = is_rate_state(kind) and "f0" not in pairs

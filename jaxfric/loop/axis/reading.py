@@ -216,8 +216,7 @@ def _split(
     lower thresholds are tried."""
     path, unit = record.provenance.path, record.length_unit
     lower = [c for c in _candidates(record) if c.cutoff < chosen.cutoff] if free else []
-    tries = [(chosen, 1.0), *((one, 1.0) for one in lower)]
-    tries += [(one, share) for share in WIDTHS[1:] for one in (chosen, *lower)]
+    tries = [(one, share) for share in WIDTHS for one in (chosen, *lower)]
     interval = float(np.median(np.diff(record.time)))
     if free:  # at last short rows, which lack the removed motion
         short = usual(interval).decimation

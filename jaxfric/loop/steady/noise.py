@@ -167,12 +167,8 @@ def _likeliest(
     family = Family((Exponential.over(_ANGLE), Resonator.over(_ANGLE)))
     starts = [np.array([SIZE, memory + a, SIZE, memory, once]) for a in SHORTER]
     turning = profile_noise(rows, family, starts, least=least)
-    return max((found, turning), key=lambda one: _worth_of(one, len(residual)))
-
-
-def _worth_of(found: Found, rows: int) -> float:
-    """-BIC/2 of a noise."""
-    return found.value - 0.5 * found.family.parameters * math.log(rows)
+    worth = 0.5 * math.log(len(residual))
+    return max((found, turning), key=lambda one: one.value - worth * one.family.parameters)
 
 
 def _worth(clocks: list[np.ndarray], noise: Noise) -> np.ndarray:
