@@ -117,8 +117,12 @@ def end_of(
         equation,
         initial,
         jnp.where(possible, quarters, jnp.nan),
-        jnp.asarray(SAFETY * policy.rtol),
-        How(False, policy.max_steps, float(np.log(policy.runaway))),
+        How(
+            jnp.asarray(SAFETY * policy.rtol),
+            False,
+            policy.max_steps,
+            float(np.log(policy.runaway)),
+        ),
         watch.observe,
         watch.nothing(),
     )

@@ -2,7 +2,6 @@
 
 from ..lazy import old_names
 from .delay import simulate_delay as simulate_delay
-from .rodas import Rodas5P as Rodas5P
 from .simulate import simulate as simulate
 from .start import InitialState as InitialState
 from .start import jump_start as jump_start

@@ -19,7 +19,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..rig.axis import AxisRig
-from .steps import RealScalar
+from .ode import RealScalar
 
 _STABLE = 2.0
 

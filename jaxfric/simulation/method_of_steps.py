@@ -24,8 +24,8 @@ from numpy.polynomial import chebyshev
 
 from ..rig import Inertial
 from ..rig.friction import AbstractDelayLaw
+from .ode import RealScalar
 from .radau import radau
-from .steps import RealScalar
 
 # Points in one step. More steps are cheaper than more points: linear algebra costs their cube.
 _NODES = 16

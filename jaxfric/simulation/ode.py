@@ -18,11 +18,13 @@ through its velocity, and the drive's lag through its displacement. So no deriva
 needed.
 """
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ..errors import InputError
@@ -30,13 +32,20 @@ from ..motion import AbstractMotion, PiecewiseVelocity
 from ..rig import FirstOrderDrive, Inertial, QuasiStatic, Rig
 from ..rig.friction import AbstractInvertibleLaw, AbstractLaw, Conditions
 from .start import InitialState, law_with_states
-from .steps import RealScalar, traced_once
 
 _FOLLOWS = 3e-4
+RealScalar = int | float | Array | np.ndarray
+"""A number of diffrax: a time, a step, an order."""
+F = TypeVar("F", bound=Callable)
 
 Scalar = Float[Array, ""]
 Unknowns = dict[str, Array]
 """The scaled unknowns by name: q, psi, and phi, v or w if present."""
+
+
+def traced_once(function: F) -> F:
+    """Trace a function only once, even if a solver, its tangents and a response all call it."""
+    return eqx.filter_jit(function, inline=True)  # ty: ignore[no-matching-overload]
 
 
 class Slider(NamedTuple):
@@ -99,13 +108,9 @@ class SliderEquation(eqx.Module):
             y["w"] = jnp.zeros((2,), rest.dtype)
         return y
 
-    def derivative(self, t: RealScalar, y: Unknowns, args: None = None) -> Unknowns:
-        """Time derivative of the scaled unknowns [1/s]."""
-        del args
-        return self._rates(jnp.asarray(t), y)
-
     @traced_once
-    def _rates(self, t: Scalar, y: Unknowns) -> Unknowns:
+    def derivative(self, t: Scalar, y: Unknowns) -> Unknowns:
+        """Time derivative of the scaled unknowns [1/s]."""
         law, scale = self.law, self.law.force_scale()
         now, following = self._now(t, y)
         state_rate = law.rate(now.velocity, now.state, self._at(now.slip, t))

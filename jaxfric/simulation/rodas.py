@@ -1,4 +1,4 @@
-"""Rodas5P: a Rosenbrock method of order 5 for stiff equations, as a solver of diffrax.
+"""Rodas5P: a step of a Rosenbrock method of order 5 for stiff equations.
 
 With J = df/dy and W = 1/(h gamma) - J at the start of a step, stages k_i solve linear equations
 
@@ -19,19 +19,18 @@ Source: Steinebach 2023 (doi:10.1007/s10543-023-00967-x), coefficients in the fo
 Wanner, Solving ODEs II, IV.7.
 """
 
-from collections.abc import Sequence
-from typing import ClassVar
+from collections.abc import Callable, Sequence
+from typing import TypeVar
 
-import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, Int, PyTree
 
-from .ode import SliderEquation, Unknowns
-from .steps import RealScalar, traced_once
+from .ode import RealScalar, traced_once
 
+Y = TypeVar("Y", bound=PyTree)
 _CLOSED_FORM = 5
 """Up to this number of equations the inverse is unrolled."""
 
@@ -136,28 +135,9 @@ DENSE = np.array(
 )
 
 
-class QuarticInterpolation(diffrax.AbstractLocalInterpolation):
-    """(1 - s) y0 + s {y1 + (1 - s) [k_1 + s (k_2 + s k_3)]}, s from 0 to 1 over the step."""
-
-    t0: RealScalar  # ty: ignore[incompatible-attribute-override]
-    t1: RealScalar  # ty: ignore[incompatible-attribute-override]
-    y0: PyTree[Array]
-    y1: PyTree[Array]
-    k: PyTree[Array]
-
-    def evaluate(
-        self, t0: RealScalar, t1: RealScalar | None = None, left: bool = True
-    ) -> PyTree[Array]:
-        del left
-        if t1 is not None:
-            return jax.tree.map(jnp.subtract, self.evaluate(t1), self.evaluate(t0))
-        length = jnp.asarray(self.t1 - self.t0)
-        s = jnp.asarray(t0 - self.t0) / jnp.where(length == 0, 1.0, length)
-        return jax.tree.map(lambda y0, y1, k: quartic(s, y0, y1, k), self.y0, self.y1, self.k)
-
-
 def quartic(s: Array | float, y0: Array, y1: Array, k: Float[Array, "rows ..."]) -> Array:
-    """The interpolant of `QuarticInterpolation` at `s`; more rows of k give a higher degree."""
+    """(1 - s) y0 + s {y1 + (1 - s) [k_1 + s (k_2 + s k_3)]}, s from 0 to 1 over the step; more rows
+    of k give a higher degree."""
     inside = k[-1]
     for row in k[-2::-1]:
         inside = row + s * inside
@@ -175,69 +155,16 @@ def through(
     return jnp.einsum("ij,js...->si...", jnp.asarray(weights, y0.dtype), jnp.stack(beyond))
 
 
-class Rodas5P(diffrax.AbstractAdaptiveSolver):
-    """Rodas5P (see the module) for an `ODETerm` of real unknowns.
-
-    Differentiating the steps of this solver needs second derivatives of the equation. `simulate`
-    has its own rule of differentiation, which needs only first derivatives.
-    """
-
-    term_structure: ClassVar = diffrax.AbstractTerm
-    interpolation_cls: ClassVar = QuarticInterpolation
-
-    def order(self, terms: diffrax.AbstractTerm) -> int:
-        del terms
-        return 5
-
-    def init(
-        self,
-        terms: diffrax.AbstractTerm,
-        t0: RealScalar,
-        t1: RealScalar,
-        y0: PyTree[Array],
-        args: PyTree,
-    ) -> None:
-        """Return None: the solver has no state."""
-        del terms, t0, t1, y0, args
-
-    def func(
-        self, terms: diffrax.AbstractTerm, t0: RealScalar, y0: PyTree[Array], args: PyTree
-    ) -> PyTree[Array]:
-        return terms.vf(t0, y0, args)
-
-    def step(
-        self,
-        terms: diffrax.AbstractTerm,
-        t0: RealScalar,
-        t1: RealScalar,
-        y0: PyTree[Array],
-        args: PyTree,
-        solver_state: None,
-        made_jump: bool | Array | np.ndarray,
-    ) -> tuple[PyTree[Array], PyTree[Array], dict[str, PyTree[Array]], None, diffrax.RESULTS]:
-        del solver_state, made_jump
-        end, error, dense = _stepped(terms, t0, t1, y0, args)
-        return end, error, dense, None, diffrax.RESULTS.successful
-
-
-def stiff_step(
-    equation: SliderEquation, t0: Array, t1: Array, y0: Unknowns
-) -> tuple[Unknowns, Unknowns, Unknowns]:
-    """Return unknowns at t1, their error, and k of the interpolant (3 rows)."""
-    y1, error, dense = _stepped(diffrax.ODETerm(equation.derivative), t0, t1, y0, None)
-    return y1, error, dense["k"]
-
-
 @traced_once
-def _stepped(
-    terms: diffrax.AbstractTerm, t0: RealScalar, t1: RealScalar, y0: PyTree[Array], args: PyTree
-) -> tuple[PyTree[Array], PyTree[Array], dict[str, PyTree[Array]]]:
-    """Return the end of a step, its error and its interpolant's data."""
+def rodas_step(
+    derivative: Callable[[Array, Y], Y], t0: RealScalar, t1: RealScalar, y0: Y
+) -> tuple[Y, Y, Y]:
+    """Return the unknowns at t1, their error, and k of the interpolant `quartic` (3 rows)."""
     y, back = ravel_pytree(y0)
     h, start = jnp.asarray(t1 - t0, y.dtype), jnp.asarray(t0, y.dtype)
 
     def rate(t: Array, y: Array) -> Array:
-        return ravel_pytree(terms.vf(t, back(y), args))[0]
+        return ravel_pytree(derivative(t, back(y)))[0]
 
     def push(tangent: Array) -> tuple[Array, Array]:
         return jax.jvp(rate, (start, y), (tangent[-1], tangent[:-1]))
@@ -269,8 +196,7 @@ def _stepped(
     # a sum: XLA would call a library for a matrix product, which takes longer than the stages
     inside = sum(np.asarray(DENSE[:, i, None], y.dtype) * ks[i] for i in range(STAGES))
     error, inside = (jnp.where(least, 0.0, x) for x in (ks[-1], inside))
-    dense = {"y0": y0, "y1": back(end), "k": jax.vmap(back)(inside)}
-    return back(end), back(error), dense
+    return back(end), back(error), jax.vmap(back)(inside)
 
 
 def inverted(matrix: Float[Array, "n n"]) -> Float[Array, "n n"]:

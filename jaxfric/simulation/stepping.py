@@ -23,13 +23,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.ad_checkpoint import checkpoint_name
+from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from .blocks import renewed
 from .explicit import explicit_step
 from .ode import SliderEquation, Unknowns
-from .rodas import ROUNDINGS, quartic, stiff_step
-from .steps import padded_norm
+from .rodas import ROUNDINGS, quartic, rodas_step
 from .tangents import Knots, differentiable
 
 ROWS = 32
@@ -53,13 +53,15 @@ Both depend on rounding, which differs when a segment is recomputed: the recompu
 not end where the next one begins."""
 
 
-class How(NamedTuple):
+class How(eqx.Module):
     """How a motion is integrated."""
 
-    stiff: bool
+    tolerance: Float[Array, ""]
+    """Error of a step, relative and absolute, in the scaled unknowns."""
+    stiff: bool = eqx.field(static=True)
     """True: Rodas5P, False: Tsit5."""
-    max_steps: int
-    log_runaway: float
+    max_steps: int = eqx.field(static=True)
+    log_runaway: float = eqx.field(static=True)
     """ln of the speed, relative to the largest commanded one, at which a motion ends."""
 
 
@@ -88,6 +90,7 @@ Observer = Callable[[Seen, Underway, Underway], tuple[Seen, Bool[Array, ""]]]
 class Sampled(NamedTuple):
     """Scaled unknowns at the sample times, and how the motion ended."""
 
+    time: Float[Array, " n"]
     y: PyTree[Float[Array, "n ..."]]
     end: Float[Array, ""]
     reached: Bool[Array, ""]
@@ -95,26 +98,27 @@ class Sampled(NamedTuple):
     steps: Int[Array, ""]
 
 
-def follow(
-    equation: SliderEquation,
-    initial: Unknowns,
-    ts: Float[Array, " n"],
-    tolerance: Float[Array, ""],
-    how: How,
+def recorded(
+    equation: SliderEquation, initial: Unknowns, ts: Float[Array, " n"], how: How
 ) -> Sampled:
-    """Solve `equation` from `initial` at `ts[0]`; return the solution at the ascending times `ts`.
+    """Solve `equation` from `initial` at `ts[0]` to `ts[-1]`; return the solution at the ends of
+    the steps, `max_steps` + 1 rows of which the last repeats.
 
-    `tolerance` is the error of a step, relative and absolute, in the scaled unknowns. Derivatives
-    exist for every array of `equation`, `initial` and `ts`, except the times of jumps.
+    Derivatives exist for every array of `equation` and `initial`, except the times of jumps.
     """
-    return _followed(equation, initial, ts, _Policy(tolerance, how))
+    point, step = _begun(equation, initial, ts, how)
+    end, knots = jax.lax.scan(step, constant(point), None, length=how.max_steps)
+    knots = differentiable(equation, initial, knots)
+    rows = jnp.nonzero(knots.t1 > knots.t0, size=how.max_steps, fill_value=how.max_steps - 1)[0]
+    time = jnp.append(point.time, knots.t1[rows])
+    y = jax.tree.map(lambda y0, y1: jnp.concatenate([y0[None], y1[rows]]), initial, knots.y1)
+    return _ended(ts, time, y, end)
 
 
 def observed(
     equation: SliderEquation,
     initial: Unknowns,
     stops: Float[Array, " s"],
-    tolerance: Float[Array, ""],
     how: How,
     observe: Observer[Seen],
     seen: Seen,
@@ -125,14 +129,13 @@ def observed(
     `seen` and whether to stop. The last of the `stops` ends the motion. The result has no
     derivatives.
     """
-    equation, policy = constant(equation), _Policy(tolerance, how)
-    last = stops[-1]
+    equation, last = constant(equation), stops[-1]
     stops = jnp.minimum(jnp.append(equation.motion.breakpoints(), stops), last)
 
     def turn(carry: tuple[Underway, Seen]) -> tuple[Underway, Seen]:
         point, seen = carry
         point = _refreshed(equation, point)
-        new, _ = _step(equation, point, stops, policy)
+        new, _ = _step(equation, point, stops, how)
         more, enough = observe(seen, point, new)
         taken = new.time > point.time
         return new._replace(going=new.going & ~(taken & enough)), _choose(taken, more, seen)
@@ -146,43 +149,45 @@ def observed(
 
 _Carry = tuple[Underway, PyTree[Float[Array, "n ..."]]]
 """Current point of a motion, and the unknowns at the samples, up to that point."""
-
-
-class _Policy(eqx.Module):
-    tolerance: Float[Array, ""]
-    how: How = eqx.field(static=True)
+_Step = Callable[[Underway, None], tuple[Underway, Knots]]
 
 
 @eqx.filter_custom_jvp
-def _followed(
-    equation: SliderEquation, initial: Unknowns, ts: Float[Array, " n"], policy: _Policy
+def follow(
+    equation: SliderEquation, initial: Unknowns, ts: Float[Array, " n"], how: How
 ) -> Sampled:
+    """Solve `equation` from `initial` at `ts[0]`; return the solution at the ascending times `ts`.
+
+    Derivatives exist for every array of `equation`, `initial` and `ts`, except the times of jumps.
+    """
     rows = ROWS * max(_parts(ts), _FEWEST_PARTS)
-    carry, segment = _begun(equation, initial, ts, policy, rows=rows)
+    carry, segment = _segments(equation, initial, ts, how, rows=rows)
 
     def goes_on(carry: _Carry) -> Bool[Array, ""]:
         return eqxi.unvmap_any(carry[0].going)
 
-    return _ended(ts, *jax.lax.while_loop(goes_on, segment, carry))
+    point, ys = jax.lax.while_loop(goes_on, segment, carry)
+    return _ended(ts, ts, ys, point)
 
 
-@_followed.def_jvp
+@follow.def_jvp
 def _(primals: tuple, tangents: tuple) -> tuple[Sampled, Sampled]:
     return eqx.filter_jvp(_by_scan, primals, tangents)
 
 
 def _by_scan(
-    equation: SliderEquation, initial: Unknowns, ts: Float[Array, " n"], policy: _Policy
+    equation: SliderEquation, initial: Unknowns, ts: Float[Array, " n"], how: How
 ) -> Sampled:
-    carry, segment = _begun(equation, initial, ts, policy, rows=ROWS, parts=_parts(ts))
-    segments = -(-policy.how.max_steps // (ROWS * _parts(ts)))
+    carry, segment = _segments(equation, initial, ts, how, rows=ROWS, parts=_parts(ts))
+    segments = -(-how.max_steps // (ROWS * _parts(ts)))
     decided = jax.checkpoint_policies.save_only_these_names(_DECIDED)
     loop, length = jax.checkpoint(segment, policy=decided), segments
     while length > 1:
         turns = min(length, _FAN)
         loop = _repeated(loop, turns)
         length = -(-length // turns)
-    return _ended(ts, *loop(carry))
+    point, ys = loop(carry)
+    return _ended(ts, ts, ys, point)
 
 
 def _repeated(loop: Callable[[_Carry], _Carry], turns: int) -> Callable[[_Carry], _Carry]:
@@ -206,26 +211,34 @@ def _at(time: Array, y: Unknowns, *, going: Bool[Array, ""]) -> Underway:
 
 
 def _begun(
+    equation: SliderEquation, initial: Unknowns, ts: Float[Array, " n"], how: How
+) -> tuple[Underway, _Step]:
+    """Return the beginning of a motion, and a step of it that a member which has ended skips."""
+    fixed = constant(equation)
+    first, last = jax.lax.stop_gradient((ts[0], ts[-1]))
+    stops = jnp.minimum(jnp.append(fixed.motion.breakpoints(), jnp.inf), last)
+
+    def step(point: Underway, _: None) -> tuple[Underway, Knots]:
+        def taken(point: Underway) -> tuple[Underway, Knots]:
+            return _step(fixed, _refreshed(fixed, point), stops, how)
+
+        return jax.lax.cond(eqxi.unvmap_any(point.going), taken, _still, point)
+
+    return _at(first, initial, going=last > first), step
+
+
+def _segments(
     equation: SliderEquation,
     initial: Unknowns,
     ts: Float[Array, " n"],
-    policy: _Policy,
+    how: How,
     *,
     rows: int,
     parts: int = 1,
 ) -> tuple[_Carry, Callable[[_Carry], _Carry]]:
     """Return the start of the loop over segments, and a segment of `parts` with `rows` steps."""
-    fixed = constant(equation)
-    first, last = jax.lax.stop_gradient((ts[0], ts[-1]))
-    stops = jnp.minimum(jnp.append(fixed.motion.breakpoints(), jnp.inf), last)
-    point = _at(first, initial, going=last > first)
+    point, step = _begun(equation, initial, ts, how)
     ys = jax.tree.map(lambda y: jnp.broadcast_to(y, (ts.shape[0], *y.shape)), initial)
-
-    def step(point: Underway, _: None) -> tuple[Underway, Knots]:
-        def taken(point: Underway) -> tuple[Underway, Knots]:
-            return _step(fixed, _refreshed(fixed, point), stops, policy)
-
-        return jax.lax.cond(eqxi.unvmap_any(point.going), taken, _still, point)
 
     def part(point: Underway, _: None) -> tuple[Underway, Knots]:
         begin = point.y
@@ -260,9 +273,9 @@ def _begun(
     return (point, ys), segment
 
 
-def _ended(ts: Float[Array, " n"], point: Underway, ys: PyTree[Float[Array, "n ..."]]) -> Sampled:
+def _ended(ts: Array, time: Array, ys: PyTree[Float[Array, "n ..."]], point: Underway) -> Sampled:
     reached = ~point.ran_away & (point.time >= jax.lax.stop_gradient(ts[-1]))
-    return Sampled(ys, point.time, reached, point.ran_away, point.steps)
+    return Sampled(time, ys, point.time, reached, point.ran_away, point.steps)
 
 
 def _refreshed(equation: SliderEquation, point: Underway) -> Underway:
@@ -278,11 +291,11 @@ def _refreshed(equation: SliderEquation, point: Underway) -> Underway:
 
 
 def _step(
-    equation: SliderEquation, point: Underway, stops: Float[Array, " s"], policy: _Policy
+    equation: SliderEquation, point: Underway, stops: Float[Array, " s"], how: How
 ) -> tuple[Underway, Knots]:
     """Try one step, at most to the next of the `stops`; the last one ends the motion. A motion
     that has ended does not change."""
-    how, tolerance = policy.how, jax.lax.stop_gradient(policy.tolerance)
+    tolerance = jax.lax.stop_gradient(how.tolerance)
     t, y, slope, last = point.time, point.y, point.slope, stops[-1]
     size = _first_size(equation, slope, y, tolerance)
     size = jnp.where(point.size == 0, size, point.size)
@@ -297,7 +310,7 @@ def _step(
     before = jnp.where(lands, stop - ROUNDINGS * jnp.spacing(jnp.abs(stop)), end)
     before = checkpoint_name(jnp.where(before > t, before, end), _DECIDED)
     if how.stiff:
-        y1, error, k = stiff_step(equation, t, before, y)
+        y1, error, k = rodas_step(equation.derivative, t, before, y)
         later = slope
     else:
         y1, error, k, later = explicit_step(equation, t, before, y, slope)
@@ -353,6 +366,18 @@ def _relaxation(equation: SliderEquation) -> Float[Array, ""]:
     return slip / equation.motion.largest_speed()
 
 
+def _padded_norm(y: PyTree) -> Float[Array, ""]:
+    """sqrt(sum of squares/2): the rms of two components; components that are 0 add nothing.
+
+    With the usual mean, an absent state would loosen the tolerance of the others. A model with an
+    effect at its null would then take other steps than the model without the effect.
+    """
+    flat, _ = ravel_pytree(y)
+    square = jnp.sum(jnp.square(flat))
+    safe = jnp.where(square == 0, 1.0, square)
+    return jnp.where(square == 0, 0.0, jnp.sqrt(0.5 * safe))
+
+
 def _first_size(
     equation: SliderEquation, slope: Unknowns, y: Unknowns, tolerance: Float[Array, ""]
 ) -> Float[Array, ""]:
@@ -361,7 +386,7 @@ def _first_size(
     It is at most a small part of the spring's relaxation time. Even if the motion is steady, its
     derivatives may change, for example by an effect at its null.
     """
-    rate = padded_norm(jax.tree.map(lambda d, y: d / (1 + jnp.abs(y)), slope, y))
+    rate = _padded_norm(jax.tree.map(lambda d, y: d / (1 + jnp.abs(y)), slope, y))
     guess = tolerance**0.2 / jnp.where(rate > 0, rate, 1e-300)
     return jnp.minimum(guess, _SMALL * _relaxation(equation))
 
@@ -372,7 +397,7 @@ def _norm(
     def scaled(e: Array, a: Array, b: Array) -> Array:
         return e / (tolerance * (1 + jnp.maximum(jnp.abs(a), jnp.abs(b))))
 
-    return padded_norm(jax.tree.map(scaled, error, y0, y1))
+    return _padded_norm(jax.tree.map(scaled, error, y0, y1))
 
 
 def _between(knots: Knots, ts: Float[Array, " n"], inside: Bool[Array, " n"], ys: PyTree) -> PyTree:
