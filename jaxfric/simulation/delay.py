@@ -2,7 +2,6 @@
 
 import math
 
-import diffrax
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Bool, Float
@@ -12,14 +11,7 @@ from ..quantity import is_known
 from ..rig import Inertial, Rig
 from ..rig.friction import AbstractDelayLaw
 from .checks import is_possible, refuse_impossible
-from .method_of_steps import (
-    DelayEquation,
-    MethodOfSteps,
-    Unknowns,
-    chebyshev_series,
-    step_points,
-    without_history,
-)
+from .method_of_steps import DelayEquation, Moving, chebyshev_series, follow_delay, step_points
 from .start import InitialState
 from .trajectory import RESULTS, Trajectory, only_if
 
@@ -34,7 +26,6 @@ def simulate_delay(
     rtol: float = 1e-8,
     pieces: int = 4,
     runaway: float = 1e4,
-    adjoint: diffrax.AbstractAdjoint | None = None,
 ) -> Trajectory:
     """Simulate a slider with mass and a delay law at a constant command, after a disturbance.
 
@@ -58,8 +49,6 @@ def simulate_delay(
         20. For large oscillations (V falls to near 0) 4 steps suffice up to 10. Above these values
         raise `pieces` in proportion.
     runaway : end the simulation when the slider moves `runaway` times faster than V0.
-    adjoint : default `diffrax.ForwardMode()`. For reverse mode (`jax.grad`, `jax.vjp`) pass
-        `diffrax.RecursiveCheckpointAdjoint()`.
 
     Returns
     -------
@@ -103,28 +92,10 @@ def simulate_delay(
     equation = DelayEquation(machine, law, V0, pieces)
     elongation = jnp.zeros_like(V0) if start.elongation is None else start.elongation
     jump = jnp.zeros_like(V0) if start.velocity is None else start.velocity - V0
-    solution = diffrax.diffeqsolve(
-        diffrax.ODETerm(without_history),
-        MethodOfSteps(pieces, rtol, runaway),
-        0,
-        intervals * pieces,
-        1,
-        (jnp.stack([-equation.frequency() * elongation, jump]), V0),
-        equation,
-        saveat=diffrax.SaveAt(dense=True),
-        stepsize_controller=diffrax.ConstantStepSize(),
-        event=diffrax.Event(_out_of_range),
-        adjoint=diffrax.ForwardMode() if adjoint is None else adjoint,
-        max_steps=intervals * pieces,
-        throw=False,
-    )
-    found = _sample(rig, equation, solution, ts, elongation, runaway)
-    return only_if(possible, found)
-
-
-def _out_of_range(t: Array, y: Unknowns, args: DelayEquation, **_: object) -> Array:
-    del t, args
-    return y[1] <= 0
+    begin = jnp.stack([-equation.frequency() * elongation, jump])
+    steps = intervals * pieces
+    moved, series = follow_delay(equation, begin, steps=steps, rtol=rtol, runaway=runaway)
+    return only_if(possible, _sample(rig, equation, moved, series, ts, elongation, runaway))
 
 
 def _find_end(
@@ -159,20 +130,17 @@ def _find_end(
 def _sample(
     rig: Rig,
     equation: DelayEquation,
-    solution: diffrax.Solution,
+    moved: Moving,
+    steps: Float[Array, "steps n 2"],
     ts: Float[Array, " n"],
     elongation: Float[Array, ""],
     runaway: float,
 ) -> Trajectory:
     """The trajectory at the sample times, from the polynomials of all steps."""
     law, V0, delay = equation.law, equation.V0, equation.pieces
-    assert solution.interpolation is not None and solution.interpolation.infos is not None
-    steps = solution.interpolation.infos["coefficients"]
-    finished = solution.result == diffrax.RESULTS.successful
-    left = solution.result == diffrax.RESULTS.event_occurred
-    last = solution.stats["num_steps"] - 1
+    last = moved.steps - 1
     within, rested = _find_end(equation, steps[last], runaway)
-    end = last + jnp.where(finished, 1.0, jnp.where(left, within, 0.0))
+    end = last + jnp.where(moved.going, 1.0, jnp.where(moved.left, within, 0.0))
     asked = (ts - ts[0]) / equation.duration()
     # The tolerance covers rounding of n alpha/alpha for a last sample exactly at the end.
     enough = asked[-1] <= end * (1 + 8 * jnp.finfo(ts.dtype).eps)
@@ -183,8 +151,8 @@ def _sample(
     before = jnp.where((n >= delay)[:, None], steps[jnp.maximum(n - delay, 0), :, 1], 0.0)
     force = jax.vmap(law.force)(V0 + v, V0 + jax.vmap(chebyshev_series)(before, s))
     why = RESULTS.where(rested, RESULTS.came_to_rest, RESULTS.ran_away)
-    why = RESULTS.where(left, why, RESULTS.unresolved)
-    why = RESULTS.where(finished, RESULTS.too_few_intervals, why)
+    why = RESULTS.where(moved.left, why, RESULTS.unresolved)
+    why = RESULTS.where(moved.going, RESULTS.too_few_intervals, why)
     return Trajectory(
         time=ts,
         force=force,
@@ -194,7 +162,7 @@ def _sample(
         state=jnp.zeros((ts.shape[0], 0), force.dtype),
         result=RESULTS.where(enough, RESULTS.successful, why),
         end=jnp.where(enough, ts[-1], ts[0] + equation.duration() * end),
-        num_steps=solution.stats["num_steps"],
+        num_steps=moved.steps,
     )
 
 

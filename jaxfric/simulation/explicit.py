@@ -6,6 +6,7 @@ stage in a few loops over plain arrays.
 Source: Tsitouras 2011 (doi:10.1016/j.camwa.2011.06.002), with the tableau of diffrax.
 """
 
+import functools
 from collections.abc import Sequence
 
 import diffrax
@@ -15,44 +16,23 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .ode import SliderEquation, Unknowns
+from .rodas import through
 
 _A = [np.asarray(row, float) for row in diffrax.Tsit5.tableau.a_lower]
 _NODES = np.asarray(diffrax.Tsit5.tableau.c, float)
 _ERROR = np.asarray(diffrax.Tsit5.tableau.b_error, float)
 
-# Weight of each stage in the interpolant, a polynomial in the fraction s of the step: a factor and
-# the ascending coefficients of two polynomials; the weight is their product.
-_WEIGHTS = (
-    (
-        -1.0530884977290216,
-        (0, -1.3299890189751412, 1),
-        (0.7139816917074209, -1.4364028541716351, 1),
-    ),
-    (0.1017, (0, 0, 1), (1.2949852507374631, -2.1966568338249754, 1)),
-    (2.490627285651252793, (0, 0, 1), (1.57803468208092486, -2.38535645472061657, 1)),
-    (-16.54810288924490272, (0, 0, -1.21712927295533244, 1), (-0.61620406037800089, 1)),
-    (47.37952196281928122, (0, 0, -1.203071208372362603, 1), (-0.658047292653547382, 1)),
-    (-34.87065786149660974, (0, 0, -1.2, 1), (-0.666666666666666667, 1)),
-    (2.5, (0, 0, -1, 1), (-0.6, 1)),
-)
+_SHARES = (0.25, 0.5, 0.75)
 
 
-def _quartic_weights() -> Float[np.ndarray, "3 stages"]:
-    """Weights of the stages in k_1, k_2, k_3 of `rodas.quartic`.
-
-    For a stage of weight w(s) = b_1 s + ... + b_4 s^4, the quartic's deviation from a straight line
-    is w(s) - s w(1) = s (1 - s) [k_1 + s (k_2 + s k_3)].
-    """
-    b = np.zeros((len(_WEIGHTS), 5))
-    for i, (factor, one, two) in enumerate(_WEIGHTS):
-        product = factor * np.polynomial.polynomial.polymul(one, two)
-        b[i, : len(product)] = product
-    k3 = -b[:, 4]
-    k2 = k3 - b[:, 3]
-    return np.stack([k2 - b[:, 2], k2, k3])
-
-
-_DENSE = _quartic_weights()
+@functools.cache
+def _dense() -> Float[np.ndarray, "3 stages"]:
+    """Weights of the stages in k_1, k_2, k_3 of `rodas.quartic`: the interpolant of diffrax."""
+    with jax.ensure_compile_time_eval(), jax.enable_x64(True):
+        each = jnp.eye(len(_NODES) + 1)
+        between = diffrax.Tsit5.interpolation_cls(t0=0.0, t1=1.0, y0=0 * each[0], y1=None, k=each)
+        inside = (between.evaluate(share)[None] for share in (0.0, 1.0, *_SHARES))
+        return np.asarray(through(_SHARES, *inside)[0])
 
 
 def explicit_step(
@@ -73,7 +53,7 @@ def explicit_step(
         y = jax.tree.map(jnp.add, y0, mixed(row))
         # exactly t1, without rounding, as the next step starts there
         slopes.append(equation.derivative(t1 if node == 1 else t0 + float(node) * h, y))
-    inside = jax.tree.map(lambda *k: jnp.stack(k), *(mixed(row) for row in _DENSE))
+    inside = jax.tree.map(lambda *k: jnp.stack(k), *(mixed(row) for row in _dense()))
     return y, mixed(_ERROR), inside, slopes[-1]
 
 

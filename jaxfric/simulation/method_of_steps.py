@@ -1,8 +1,8 @@
 """The method of steps for a slider with mass and delayed friction.
 
 Derivatives jump at t0 + n alpha; between those times the motion is smooth, and the delayed velocity
-is known. The diffrax solver `MethodOfSteps` divides every delay into the same `pieces` and takes
-one step for each piece. In a step the motion is a polynomial that satisfies the equation at Radau's
+is known. `follow_delay` divides every delay into the same `pieces` and takes one step for each
+piece. In a step the motion is a polynomial that satisfies the equation at Radau's
 points (collocation). The values of the polynomial at Radau's points are the history of the step one
 delay later. So no interpolation error enters, and time measured in steps makes the delay an
 ordinary parameter. No step depends on an error estimate, so results vary smoothly.
@@ -13,18 +13,19 @@ both velocities of like size in an oscillation:
     dp/ds = h w v,   dv/ds = -h (w p + excess(v, v_delayed)/m),   w = sqrt(K/m),  h = alpha/pieces
 """
 
-import diffrax
+from typing import NamedTuple
+
 import equinox as eqx
+import equinox.internal as eqxi
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import DTypeLike
-from jaxtyping import Array, Bool, Float, PyTree
+from jaxtyping import Array, Bool, Float, Int
 from numpy.polynomial import chebyshev
 
 from ..rig import Inertial
 from ..rig.friction import AbstractDelayLaw
-from .ode import RealScalar
 from .radau import radau
 
 # Points in one step. More steps are cheaper than more points: linear algebra costs their cube.
@@ -34,11 +35,6 @@ _NEWTON_STEPS = 12
 _POINTS, _INTEGRATE = radau(_NODES)
 # Values at 0 and the points to Chebyshev coefficients.
 _TO_SERIES = np.linalg.inv(chebyshev.chebvander(np.append(-1.0, 2 * _POINTS - 1), _NODES))
-
-Unknowns = tuple[Float[Array, " 2"], Float[Array, ""]]
-"""(p, v), and the margin: see `MethodOfSteps`."""
-History = Float[Array, "pieces nodes"]
-"""v at the points of the steps of the last delay, the oldest step first."""
 
 
 class DelayEquation(eqx.Module):
@@ -72,85 +68,61 @@ class DelayEquation(eqx.Module):
         return jax.lax.stop_gradient(jnp.finfo(self.V0.dtype).eps * size)
 
 
-class Polynomial(diffrax.AbstractLocalInterpolation):
-    """The motion in one step: Chebyshev coefficients of (p, v), shape (_NODES + 1, 2)."""
+class Moving(NamedTuple):
+    """State of a motion after a step."""
 
-    t0: Float[Array, ""]  # ty: ignore[incompatible-attribute-override]
-    t1: Float[Array, ""]  # ty: ignore[incompatible-attribute-override]
-    coefficients: Float[Array, "n 2"]
+    y: Float[Array, " 2"]
+    """(p, v)."""
+    history: Float[Array, "pieces nodes"]
+    """v at the points of the steps of the last delay, the oldest step first."""
+    resolved: Bool[Array, ""]
+    """Whether every step could be resolved."""
+    left: Bool[Array, ""]
+    """Whether V left the range (0, runaway V0) at a point of a step."""
+    steps: Int[Array, ""]
 
-    def evaluate(
-        self, t0: RealScalar, t1: RealScalar | None = None, left: bool = True
-    ) -> Float[Array, " 2"]:
-        del left
-        if t1 is not None:
-            return self.evaluate(t1) - self.evaluate(t0)
-        return chebyshev_series(self.coefficients, jnp.asarray(t0) - self.t0)
+    @property
+    def going(self) -> Bool[Array, ""]:
+        """Whether the motion has not ended."""
+        return self.resolved & ~self.left
 
 
-class MethodOfSteps(diffrax.AbstractSolver):
-    """A diffrax solver for `DelayEquation` (its `args`), `pieces` steps to a delay.
+def follow_delay(
+    equation: DelayEquation, y0: Float[Array, " 2"], *, steps: int, rtol: float, runaway: float
+) -> tuple[Moving, Float[Array, "steps n 2"]]:
+    """Take steps from (p, v) = y0 after steady sliding; return the end, and the motion in each step
+    as Chebyshev coefficients of (p, v).
 
-    Unknowns: ((p, v), margin), where the margin is the least distance of V to the ends of (0,
-    runaway V0) at any point of the step. Collocation at Radau's points (Radau IIA): L-stable, of
-    order 2 _NODES - 1. The state of the solver is v at the points of the last delay, oldest step
-    first. A step fails (`dt_min_reached`) if Newton's method does not converge. A step also fails
-    if the last coefficients of its polynomial are not small. A failed step becomes a standstill.
+    Collocation at Radau's points (Radau IIA): L-stable, of order 2 _NODES - 1. A step is not
+    resolved if Newton's method does not converge, or if the last coefficients of its polynomial are
+    not small. Such a step becomes a standstill, and the motion ends.
     """
 
-    pieces: int
-    rtol: float
-    runaway: float
-
-    term_structure = diffrax.ODETerm
-    interpolation_cls = Polynomial
-
-    def order(self, terms: PyTree[diffrax.AbstractTerm]) -> int:
-        return 2 * _NODES - 1
-
-    def init(
-        self,
-        terms: PyTree[diffrax.AbstractTerm],
-        t0: RealScalar,
-        t1: RealScalar,
-        y0: Unknowns,
-        args: DelayEquation,
-    ) -> History:
-        return jnp.zeros((self.pieces, _NODES), y0[0].dtype)
-
-    def func(
-        self, terms: diffrax.AbstractTerm, t0: RealScalar, y0: Unknowns, args: DelayEquation
-    ) -> PyTree[Array]:
-        return terms.vf(t0, y0, args)
-
-    def step(
-        self,
-        terms: PyTree[diffrax.AbstractTerm],
-        t0: RealScalar,
-        t1: RealScalar,
-        y0: Unknowns,
-        args: DelayEquation,
-        solver_state: History,
-        made_jump: RealScalar,
-    ) -> tuple[Unknowns, None, dict[str, Array], History, diffrax.RESULTS]:
-        del terms, t0, t1, made_jump
-        equation, start, history = args, y0[0], solver_state
-        points, converged = _collocate(equation, start, history[0])
-        points = jnp.concatenate([start[None], points])
-        coefficients = jnp.asarray(_TO_SERIES, start.dtype) @ points
+    def taken(now: Moving) -> tuple[Moving, Array]:
+        points, converged = _collocate(equation, now.y, now.history[0])
+        history = jnp.concatenate([now.history[1:], points[None, :, 1]])
+        points = jnp.concatenate([now.y[None], points])
+        coefficients = jnp.asarray(_TO_SERIES, y0.dtype) @ points
         tail = jnp.max(jnp.abs(coefficients[-2:]))
-        resolved = tail <= self.rtol * jnp.max(jnp.abs(points)) + 100 * equation.rounding()
-        usable = resolved & converged
-        standstill = jnp.zeros_like(coefficients).at[0].set(start)
+        fine = tail <= rtol * jnp.max(jnp.abs(points)) + 100 * equation.rounding()
+        usable = fine & converged
         V = equation.V0 + points[:, 1]
-        margin = jnp.min(jnp.minimum(V, self.runaway * equation.V0 - V))
-        margin = jax.lax.stop_gradient(jnp.where(usable, margin, equation.V0))
-        result = diffrax.RESULTS.where(
-            usable, diffrax.RESULTS.successful, diffrax.RESULTS.dt_min_reached
-        )
-        dense = {"coefficients": jnp.where(usable, coefficients, standstill)}
-        history = jnp.concatenate([history[1:], points[None, 1:, 1]])
-        return (jnp.where(usable, points[-1], start), margin), None, dense, history, result
+        left = usable & (jnp.min(jnp.minimum(V, runaway * equation.V0 - V)) <= 0)
+        y = jnp.where(usable, points[-1], now.y)
+        new = Moving(y, history, usable, left, now.steps + 1)
+        new = jax.tree.map(lambda a, b: jnp.where(now.going, a, b), new, now)
+        standstill = jnp.zeros_like(coefficients).at[0].set(now.y)
+        return new, jnp.where(usable, coefficients, standstill)
+
+    def idle(now: Moving) -> tuple[Moving, Array]:
+        return now, jnp.zeros((_NODES + 1, 2), y0.dtype)
+
+    def step(now: Moving, _: None) -> tuple[Moving, Array]:
+        return jax.lax.cond(eqxi.unvmap_any(now.going), taken, idle, now)
+
+    history, yes = jnp.zeros((equation.pieces, _NODES), y0.dtype), jnp.ones((), bool)
+    begin = Moving(y0, history, yes, ~yes, jnp.zeros((), jnp.int32))
+    return jax.lax.scan(step, begin, None, length=steps)
 
 
 def _collocate(
@@ -206,13 +178,6 @@ def _residual(
     size = jnp.max(jnp.abs(z)) + a * jnp.max(jnp.abs(p)) + jnp.max(jnp.abs(braking))
     size = jnp.sqrt(jnp.finfo(z.dtype).eps) * size + 100 * a * equation.rounding()
     return z + a * p + braking, size, matrix
-
-
-def without_history(s: RealScalar, y: Unknowns, equation: DelayEquation) -> Unknowns:
-    """The vector field that diffrax requires, with steady history instead of the real one."""
-    p, v = y[0]
-    a = equation.duration() * equation.frequency()
-    return jnp.stack([a * v, -a * p - equation.braking(v, jnp.zeros_like(v))]), jnp.zeros_like(v)
 
 
 def step_points(dtype: DTypeLike) -> Float[Array, " n"]:
