@@ -408,3 +408,42 @@ def test_rows_in_blocks_are_rows_at_once(n):
     push = lambda c: in_blocks(lambda x: jnp.sin(c * x), rows[0])  # noqa: E731
     slope = jax.jvp(push, (2.0,), (1.0,))[1]
     np.testing.assert_allclose(slope, rows[0] * np.cos(2 * np.asarray(rows[0])), rtol=1e-12)
+
+
+SHORT = diffrax.PIDController(rtol=1e-9, atol=1e-9, dtmax=0.1)
+GIVEN = {
+    "quasi-static": {"adjoint": diffrax.ForwardMode()},
+    "dashpot and slow drive": {"solver": diffrax.Tsit5(), "controller": SHORT},
+    "mass and dashpot": {"controller": SHORT},
+}
+
+
+@all_rigs
+def test_the_derivative_by_what_diffrax_is_given_is_a_finite_difference(name):
+    def force(p):
+        rig, motion = RIGS[name](p)
+        return simulate_at(TIGHT, rig, motion, TS, max_steps=8192, **GIVEN[name]).force
+
+    truth, scale = differences(name)
+    value = (np.asarray(jax.jit(jax.jacfwd(force))(jnp.asarray(typical(name)))) * scale).T
+    assert_close_to_largest(value, truth, 1e-4)
+
+
+def test_a_given_adjoint_has_reverse_mode(name="quasi-static"):
+    def last(p):
+        rig, motion = RIGS[name](p)
+        adjoint = diffrax.RecursiveCheckpointAdjoint()
+        return simulate_at(TIGHT, rig, motion, TS, max_steps=2048, adjoint=adjoint).force[-1]
+
+    truth, scale = differences(name)
+    value = np.asarray(jax.jit(jax.grad(last))(jnp.asarray(typical(name)))) * scale
+    assert_close_to_largest(value, truth[:, -1], 1e-4)
+
+
+def test_the_steps_of_a_given_solver_are_recorded(name="quasi-static"):
+    rig, motion = RIGS[name](typical(name))
+    ends, solver = TS[jnp.array([0, -1])], diffrax.Kvaerno5()
+    found = jf.simulate(rig, motion, ends, at_steps=True, solver=solver)
+    assert found.time.shape == (4097,) and found.time[-1] == TS[-1]
+    own = jf.simulate(rig, motion, found.time)
+    np.testing.assert_allclose(found.force, own.force, atol=1e-4 * np.ptp(own.force))

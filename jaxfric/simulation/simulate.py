@@ -1,7 +1,8 @@
 """One entry point: `simulate(rig, motion, ts)`.
 
 `stepping` integrates the motion. The method is Tsit5 for a massless slider that is not stiff, else
-Rodas5P. `tangents` computes derivatives of every order and mode from the accepted steps.
+Rodas5P. `tangents` computes derivatives of every order and mode from the accepted steps. With a
+solver, controller or adjoint of the user `diffrax.diffeqsolve` integrates and differentiates.
 
 For stick-slip over many periods, the solver's own steps (`at_steps`) are better samples than given
 times. The steps are dense where the slider slips.
@@ -21,6 +22,7 @@ from ..motion import AbstractMotion, PiecewiseVelocity
 from ..quantity import is_known
 from ..rig import Inertial, Rig
 from .blocks import in_blocks
+from .by_diffrax import Diffrax
 from .checks import is_possible, refuse_impossible, refuse_no_steady_state
 from .ode import SliderEquation
 from .start import InitialState, law_with_states
@@ -42,6 +44,9 @@ def simulate(
     max_steps: int = 4096,
     runaway: float = 1e4,
     stiff: bool | None = None,
+    solver: diffrax.AbstractSolver | None = None,
+    controller: diffrax.AbstractStepSizeController | None = None,
+    adjoint: diffrax.AbstractAdjoint | None = None,
 ) -> Trajectory:
     """Simulate a slider, by default from steady sliding at the motion's first velocity.
 
@@ -66,6 +71,10 @@ def simulate(
     stiff : True: the stiff method Rodas5P; False: Tsit5. The spring relaxes over A/K of slip,
         the mass within A/(m V); an explicit method's steps must be shorter. None: stiff with a
         mass, or if K times the path of the load point is concrete and exceeds 3000 A.
+    solver, controller, adjoint : of diffrax. If any is given, `diffrax.diffeqsolve` simulates
+        and the adjoint differentiates (default `diffrax.ForwardMode()`); `stiff` has no effect,
+        and the default solver is `diffrax.Kvaerno5()`. With mass, give a controller with `dtmax`
+        below A/(K V): a longer first step can overflow, and its derivative is then not finite.
 
     Returns
     -------
@@ -96,12 +105,14 @@ def simulate(
     ts_used = jnp.where(possible, ts, 0.0)
     initial = jax.tree.map(lambda x: jnp.where(possible, x, 0.0), initial)
     how = How(jnp.asarray(SAFETY * rtol), stiff, max_steps, math.log(runaway))
-    found = (recorded if at_steps else follow)(equation, initial, ts_used, how)
+    given, why = Diffrax(solver, controller, adjoint), diffrax.RESULTS.max_steps_reached
+    if given.is_given():
+        found, why = given.solve(equation, initial, ts_used, how, at_steps=at_steps)
+    else:
+        found = (recorded if at_steps else follow)(equation, initial, ts_used, how)
     time = found.time if at_steps else ts
     slider = in_blocks(equation.physical, jnp.minimum(time, found.end), found.y)
-    stopped = RESULTS.where(
-        found.ran_away, RESULTS.ran_away, RESULTS.promote(diffrax.RESULTS.max_steps_reached)
-    )
+    stopped = RESULTS.where(found.ran_away, RESULTS.ran_away, RESULTS.promote(why))
     result = RESULTS.where(found.reached, RESULTS.successful, stopped)
     read, steps = rig.sensor.read(time, slider.force), found.steps
     moved = slider.velocity, slider.slip, slider.state

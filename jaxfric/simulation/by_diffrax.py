@@ -1,0 +1,85 @@
+"""A motion by `diffrax.diffeqsolve`, for a solver, controller or adjoint of the user."""
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from .ode import SliderEquation, Unknowns
+from .stepping import How, Sampled
+
+
+class Diffrax(eqx.Module):
+    """What `diffrax.diffeqsolve` is given; None is the default.
+
+    The default solver is Kvaerno5. In steady sliding the estimated error is 0, and the steps of an
+    explicit method then grow beyond its region of stability: the motion stays right, but its
+    derivatives grow without bound.
+    """
+
+    solver: diffrax.AbstractSolver | None
+    controller: diffrax.AbstractStepSizeController | None
+    adjoint: diffrax.AbstractAdjoint | None
+
+    def is_given(self) -> bool:
+        """Whether the user gave anything."""
+        return any(x is not None for x in (self.solver, self.controller, self.adjoint))
+
+    def solve(
+        self,
+        equation: SliderEquation,
+        initial: Unknowns,
+        ts: Float[Array, " n"],
+        how: How,
+        *,
+        at_steps: bool,
+    ) -> tuple[Sampled, diffrax.RESULTS]:
+        """The solution at `ts` or at the steps, and how it ended; derivatives are the adjoint's."""
+        controller = self.controller
+        if controller is None:
+            controller = diffrax.PIDController(rtol=how.tolerance, atol=how.tolerance)
+        jumps = equation.motion.breakpoints()
+        if jumps.shape[0]:  # the clipping controller refuses an empty array
+            controller = diffrax.ClipStepSizeController(controller, jump_ts=jumps)
+        found = diffrax.diffeqsolve(
+            diffrax.ODETerm(eqx.Partial(_rate, equation)),
+            diffrax.Kvaerno5() if self.solver is None else self.solver,
+            ts[0],
+            ts[-1],
+            None,
+            initial,
+            saveat=diffrax.SaveAt(t0=at_steps, steps=at_steps, dense=not at_steps),
+            stepsize_controller=controller,
+            event=diffrax.Event(eqx.Partial(_ran_away, equation, how.log_runaway)),
+            adjoint=diffrax.ForwardMode() if self.adjoint is None else self.adjoint,
+            max_steps=how.max_steps,
+            throw=False,
+        )
+        if at_steps:
+            assert found.ts is not None
+            last = found.stats["num_accepted_steps"]
+            rows = jnp.minimum(jnp.arange(found.ts.shape[0]), last)
+            time, y = jax.tree.map(lambda x: x[rows], (found.ts, found.ys))
+            end = time[-1]
+        else:
+            assert found.interpolation is not None
+            time, end = ts, found.interpolation.t1
+            y = jax.vmap(found.interpolation.evaluate)(jnp.minimum(ts, end))
+        reached = found.result == diffrax.RESULTS.successful
+        ran_away = found.result == diffrax.RESULTS.event_occurred
+        sampled = Sampled(time, y, end, reached, ran_away, found.stats["num_steps"])
+        return sampled, found.result
+
+
+# a lambda would be compiled anew at every call
+def _rate(equation: SliderEquation, t: Array, y: Unknowns, args: None) -> Unknowns:
+    del args
+    return equation.derivative(t, y)
+
+
+def _ran_away(
+    equation: SliderEquation, limit: float, t: Array, y: Unknowns, args: None, **_: object
+) -> Bool[Array, ""]:
+    del args
+    return equation.log_speed(t, y) > limit
