@@ -21,7 +21,7 @@ from jaxfric.gains import (
     law_from_parameters,
 )
 from jaxfric.gains.frontier import GainTask, Region
-from jaxfric.gains.gains import Wanted, _warnings, seek_gains
+from jaxfric.gains.gains import _warnings
 from jaxfric.gains.margins import slacks
 from jaxfric.gains.result import LocalOptimum, WorstCase
 from jaxfric.gains.scenarios import Scenarios
@@ -163,25 +163,20 @@ def test_margins_that_contradict_each_other():
     assert re.search(r"(decay|delay)=.* is missed at velocity", found.text)
 
 
-def sought(law, **asked):
-    return seek_gains(law, Wanted(**asked))
-
-
-def test_that_there_are_no_gains_is_a_value_and_then_an_error():
-    """One text, of the kind `NoGains` where gains were asked for; wrong input is not of that kind.
+def test_that_there_are_no_gains_is_an_error_of_its_kind():
+    """Of the kind `NoGains` where gains were asked for; wrong input is not of that kind.
 
     B > A needs k_p > (B - A)/L of 2 kN/m, or k_v > (B - A)/V of 1 kN s/m.
     """
     law = jf.RateState(50.0, 1.0, [3.0], [1e-3], 2e-3)
     asked = {"velocity": 2e-3, "mass": None, "margin": {"modulus": 0.2}, "upper": (1e3, 500.0)}
-    found = sought(law, **asked)
-    assert isinstance(found, Infeasible) and "k_p up to 1000 N/m" in found.text
     with pytest.raises(NoGains) as refused:
         find_gains(law, **asked)
-    assert str(refused.value) == found.text
+    assert isinstance(refused.value.found, Infeasible)
+    assert "k_p up to 1000 N/m" in str(refused.value) == refused.value.found.text
     for wrong in ({"velocity": -1.0}, {"confidence": 2.0}, {"upper": (-1.0, None)}):
         with pytest.raises(InputError) as refused:
-            sought(law, **{**asked, **wrong})
+            find_gains(law, **{**asked, **wrong})
         assert not isinstance(refused.value, NoGains)
 
 

@@ -20,20 +20,24 @@ from ..silent import silent
 from ..simulation import RESULTS, InitialState, Trajectory, jump_start, rest_start, simulate
 from ..simulation.delay import simulate_delay
 from ..simulation.trajectory import result_words
-from ..stability.analysis import Law, slider_poles
+from ..stability.analysis import Law
+from ..stability.linear import linearise
+from ..stability.margins import poles
 from .ends import ENDS, RUNAWAY, Track, classify
+from .settle import PERIODS
 
 MAX_STEPS = 16384
 """Largest number of solver steps of one simulation."""
-_RTOL = 1e-6
 _ROWS = 2000
-_PERIODS = 30.0
 _LONGER, _TRIES = 4.0, 4
 """Factor by which an unresolved default duration is stretched, and the largest number of tries."""
 _SEED = 0.02
 """Spring force of the disturbance at a constant velocity, over the law's `force_scale`."""
 _WIDTH = 1e-3
 """Width of the smoothed sign of a memoryless law, over the slowest commanded velocity."""
+
+_simulate = eqx.filter_jit(functools.partial(simulate, max_steps=MAX_STEPS, runaway=RUNAWAY))
+_classify = eqx.filter_jit(classify)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -197,17 +201,14 @@ def course_of(
 
 def _default_duration(rig: Rig, times: list[float], velocities: list[float], lead: float) -> float:
     """Duration from the slowest relevant linear mode and the time to load the spring."""
-    machine = rig.machine
     slowest = min(abs(V) for V in velocities if V)
-    mass = machine.mass if isinstance(machine, Inertial) else None
-    damping = 0.0 if machine.damping is None else machine.damping
-    s = np.asarray(slider_poles(rig.friction, slowest, mass, machine.stiffness, damping))
+    s = np.asarray(eqx.filter_jit(lambda *at: poles(linearise(*at)))(rig, jnp.asarray(slowest)))
     size = np.abs(s[np.isfinite(s)])
     size = size[size > 0]
     slow = max(size.min(), 1e-4 * size.max()) if size.size else 1.0
     if len(times) > 1:
         return times[-1] + max(times[-1] / (len(times) - 1), 1.5 / slow) + lead
-    return _PERIODS * 2 * math.pi / slow / 3 + 2 * lead
+    return PERIODS * 2 * math.pi / slow / 3 + 2 * lead
 
 
 def _simulated(
@@ -219,28 +220,15 @@ def _simulated(
         V = command.velocities[0]
         found = simulate_delay(rig, V, jnp.asarray(even), start=start, pieces=8)
     else:
-        span = jnp.asarray([0.0, duration])
-        rough = _integrator()(rig, command, span, start=start, at_steps=True)
+        moved = functools.partial(_simulate, rig, command, start=start)
+        rough = moved(jnp.asarray([0.0, duration]), at_steps=True)
         own = np.asarray(rough.time)
         ts = np.unique(np.concatenate([even, own]))
         ts = np.concatenate([ts, np.full(_ROWS + 1 + len(own) - len(ts), ts[-1])])
-        found = _integrator()(rig, command, jnp.asarray(ts), start=start, at_steps=False)
+        found = moved(jnp.asarray(ts), at_steps=False)
     keep = np.unique(np.asarray(found.time), return_index=True)[1]
     keep = keep[np.asarray(found.time)[keep] <= float(found.end) * (1 + 1e-12)]
     return found, Motion.of(found, rig, command, keep)
-
-
-@functools.cache
-def _integrator():
-    """`simulate`, compiled once for each shape."""
-    limits = {"rtol": _RTOL, "max_steps": MAX_STEPS, "runaway": RUNAWAY}
-    return eqx.filter_jit(functools.partial(simulate, **limits))
-
-
-@eqx.filter_jit
-def _classified(time, velocity, deviation, V, *, begin, end):
-    """`classify`, compiled."""
-    return classify(Track(time, velocity, deviation), V, begin=begin, end=end)
 
 
 def _ending(found: Trajectory, run: Motion, V: float, lead: float) -> tuple[str, Cycle | None]:
@@ -249,8 +237,8 @@ def _ending(found: Trajectory, run: Motion, V: float, lead: float) -> tuple[str,
         return "escape", None
     last = float(run.time[-1])
     columns = (run.time, run.velocity, run.slip - V * run.time, V, min(lead, 0.5 * last), last)
-    *seen, begin, until = (jnp.asarray(column) for column in columns)
-    end = _classified(*seen, begin=begin, end=until)
+    *seen, V0, begin, until = (jnp.asarray(column) for column in columns)
+    end = _classify(Track(*seen), V0, begin=begin, end=until)
     if bool(end.code == ENDS.steady):
         return "steady", None
     if not bool(end.code == ENDS.limit_cycle):

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import ArrayLike
@@ -15,7 +14,8 @@ from ..laws.registry import Law
 from ..rig.friction import AbstractLaw
 from ..saved.law import Result, law_source
 from ..silent import silent
-from ..stability.linear import controller_delay, integral_gain
+from ..stability.linear import controller_delay
+from ..stability.linear import integral_gain as checked_integral_gain
 from ..stability.margin_table import MARGINS, meaningless
 from ..units import parse_values
 from .frontier import GainTask, Region, alone_of, largest_alone
@@ -25,7 +25,7 @@ from .requirement import DEFAULT, Requirement, refuse_controller
 from .rest import friction_at_rest
 from .result import SHORTEST_DELAY, Gains, LocalOptimum, WorstCase
 from .scenarios import Scenarios
-from .solve import Infeasible, NoGains, Optimum, Pair, make_region, solve
+from .solve import Infeasible, NoGains, Optima, Optimum, Pair, make_region, solve
 from .thresholds import MOST_RAISED, OF_A_RANGE, ROUNDS
 from .verify import CheckReport, choose, verify
 
@@ -88,42 +88,8 @@ def find_gains(
     InputError : an invalid argument; its subclass `NoGains` if no gains within the limits meet the
         requirement.
     """
-    controller = sample_time, delay, integral_gain
-    asked = Wanted(velocity, mass, margin, confidence, scale, lower, upper, *controller, accuracy)
-    found = seek_gains(law_source(law, normal_force), asked, progress)
-    if isinstance(found, Infeasible):
-        raise NoGains(found.text)
-    return found
-
-
-class Wanted(NamedTuple):
-    """The arguments of `find_gains` other than the law."""
-
-    velocity: ArrayLike | str
-    mass: ArrayLike | str | None
-    margin: Mapping[str, float] | Requirement | str = DEFAULT
-    confidence: float = 1.0
-    scale: Pair = (None, None)
-    lower: Pair = (None, None)
-    upper: Pair = (None, None)
-    sample_time: float | None = None
-    delay: float | None = None
-    integral_gain: float | None = None
-    accuracy: float | None = None
-
-
-def seek_gains(
-    law: LawSource | Law, asked: Wanted, progress: Callable[[str], None] | None = None
-) -> Gains | Infeasible:
-    """Return the gains of `find_gains`, or `Infeasible` if none meet the requirement.
-
-    Raises
-    ------
-    InputError : an invalid argument.
-    """
-    source, tell = law_source(law, None), progress or silent
-    velocity, margin, confidence = asked.velocity, asked.margin, asked.confidence
-    mass = source.mass if asked.mass is None else asked.mass
+    source, tell = law_source(law, normal_force), progress or silent
+    mass = source.mass if mass is None else mass
     told = {
         "velocity": (velocity if isinstance(velocity, str) else None, "m/s"),
         "mass": (mass if isinstance(mass, str) else None, "kg"),
@@ -138,16 +104,56 @@ def seek_gains(
     requirement = margin if isinstance(margin, Requirement) else Requirement.with_default(margin)
     if not 0 < confidence <= 1:
         raise InputError(f"confidence is {confidence:g}; it must be above 0 and at most 1")
-    _check_pairs(asked)
-    delay = controller_delay(asked.sample_time, asked.delay)
-    k_i = integral_gain(asked.integral_gain)
-    told_late = "a sample time" if asked.delay is None else "a delay of the controller"
+    _check_pairs(scale, lower, upper)
+    told_late = "a sample time" if delay is None else "a delay of the controller"
+    delay = controller_delay(sample_time, delay)
+    k_i = checked_integral_gain(integral_gain)
     refuse_controller(requirement, source.law, mass, delay, k_i, told_late)
     scenarios = Scenarios.product(source.samples, velocity, mass, delay, k_i)
     resting = friction_at_rest(scenarios) if source.level_known else None
-    lower = _accurate(asked, resting, k_i)
-    region = make_region(scenarios, asked.scale, lower, asked.upper, coordinate)
-    task = GainTask(requirement, scenarios, region)
+    lower = _accurate(accuracy, lower, upper[0], resting, k_i)
+    region = make_region(scenarios, scale, lower, upper, coordinate)
+    solution, kept = _solved(GainTask(requirement, scenarios, region), confidence, tell)
+    if isinstance(solution, Infeasible):
+        raise NoGains(solution)
+    task, scenarios = solution.task, solution.task.scenarios
+    worst = _worst(scenarios, solution.optima[0].gains)
+    optima = [_local(task, one, minimum=True) for one in solution.optima]
+    optima += [_local(task, one, minimum=False) for one in solution.alone]
+    gains = Gains(
+        kp=optima[0].kp,
+        kv=optima[0].kv,
+        norm=optima[0].norm,
+        optima=tuple(optima),
+        margins=worst,
+        scenarios=scenarios,
+        requirement=requirement,
+        region=region,
+        confidence=confidence,
+        kept_samples=kept,
+        certificate=solution.certificate,
+        law=source.text,
+        warnings=(
+            *source.warnings,
+            *source.unseen(scenarios.velocity),
+            *_warnings(optima[0], region, worst, delay),
+        ),
+        delay=delay,
+        alone=alone_of(solution.meets, scenarios, region),
+        sample_time=sample_time,
+        rest_friction=resting,
+        accuracy=accuracy,
+    )
+    if gains.none_needed and delay is not None:
+        return replace(gains, largest=largest_alone(task))
+    return gains
+
+
+def _solved(
+    task: GainTask, confidence: float, tell: Callable[[str], None]
+) -> tuple[Optima | Infeasible, int]:
+    """Solve a task in a share of the samples of the law; return the solution and their number."""
+    scenarios = task.scenarios
     tell(f"searching over {len(scenarios)} scenarios")
     kept = samples = np.unique(scenarios.sample)
     dropped = int(np.floor((1 - confidence) * samples.size + 1e-9))
@@ -164,52 +170,19 @@ def seek_gains(
         tell(f"again without the {dropped} samples that demand the largest gains")
         few = scenarios.take(np.flatnonzero(np.isin(scenarios.sample, kept)))
         solution = solve(task.among(few))
-    if isinstance(solution, Infeasible):
-        return solution
-    task, scenarios = solution.task, solution.task.scenarios
-    worst = _worst(scenarios, solution.optima[0].gains)
-    optima = [_local(task, one, minimum=True) for one in solution.optima]
-    optima += [_local(task, one, minimum=False) for one in solution.alone]
-    gains = Gains(
-        kp=optima[0].kp,
-        kv=optima[0].kv,
-        norm=optima[0].norm,
-        optima=tuple(optima),
-        margins=worst,
-        scenarios=scenarios,
-        requirement=requirement,
-        region=region,
-        confidence=confidence,
-        kept_samples=kept.size,
-        certificate=solution.certificate,
-        law=source.text,
-        warnings=(
-            *source.warnings,
-            *source.unseen(scenarios.velocity),
-            *_warnings(optima[0], region, worst, delay),
-        ),
-        delay=delay,
-        alone=alone_of(solution.meets, scenarios, region),
-        sample_time=asked.sample_time,
-        rest_friction=resting,
-        accuracy=asked.accuracy,
-    )
-    return _bounded(gains)
+    return solution, kept.size
 
 
-def _bounded(found: Gains) -> Gains:
-    """Add the largest allowed gains if none are needed and the controller has a delay."""
-    if not found.none_needed or found.delay is None:
-        return found
-    task = GainTask(found.requirement, found.scenarios, found.region)
-    return replace(found, largest=largest_alone(task))
-
-
-def _accurate(asked: Wanted, resting: float | None, k_i: float | None) -> Pair:
+def _accurate(
+    accuracy: float | None,
+    lower: Pair,
+    high: float | None,
+    resting: float | None,
+    k_i: float | None,
+) -> Pair:
     """The lower limits of the gains, including k_p >= F_s/accuracy for a required accuracy."""
-    accuracy, (low, high) = asked.accuracy, (asked.lower[0], asked.upper[0])
     if accuracy is None:
-        return asked.lower
+        return lower
     if not accuracy > 0:
         raise InputError(f"accuracy is {accuracy:g}; it must be positive")
     if k_i is not None:
@@ -221,18 +194,17 @@ def _accurate(asked: Wanted, resting: float | None, k_i: float | None) -> Pair:
             "accuracy needs the static friction, which this law does not contain; give the level of"
             " friction (f0 of slip and ageing), or a lower limit of k_p"
         )
-    low = max(low or 0.0, resting / accuracy)
+    low = max(lower[0] or 0.0, resting / accuracy)
     if high is not None and not low < high:
         raise InputError(
             f"accuracy {accuracy:g} requires k_p >= {low:.4g} (static friction {resting:.4g}), but"
             f" the upper limit of k_p is {high:g}; raise one of them"
         )
-    return low, asked.lower[1]
+    return low, lower[1]
 
 
-def _check_pairs(asked: Wanted) -> None:
-    pairs = {"scale": asked.scale, "upper limit": asked.upper, "lower limit": asked.lower}
-    for what, pair in pairs.items():
+def _check_pairs(scale: Pair, lower: Pair, upper: Pair) -> None:
+    for what, pair in {"scale": scale, "upper limit": upper, "lower limit": lower}.items():
         for name, value in zip(("k_p", "k_v"), pair, strict=True):
             none = value == 0 and what == "lower limit"
             if value is not None and not (value > 0 or none):

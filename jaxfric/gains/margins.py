@@ -34,21 +34,11 @@ def slacks(
 ) -> np.ndarray:
     """Least slack of every scenario (columns) at every pair of gains (rows), shape (p, n)."""
     gains = np.atleast_2d(np.asarray(gains, float))
+    if not len(gains):
+        return np.empty((0, len(scenarios)))
     row, column = np.divmod(np.arange(len(gains) * len(scenarios)), len(scenarios))
-    flat = paired_slacks(requirement, scenarios, unit, gains[row], column)
-    return flat.reshape(len(gains), len(scenarios))
-
-
-def paired_slacks(
-    requirement: Requirement,
-    scenarios: Scenarios,
-    unit: np.ndarray,
-    gains: np.ndarray,
-    index: np.ndarray,
-) -> np.ndarray:
-    """Least slack of scenario `index[i]` at `gains[i]`, shape (n,)."""
     of = eqx.Partial(requirement.slack, unit=jnp.asarray(unit))
-    return _tiled(of, scenarios, gains, index, scenarios.tile) if len(index) else np.empty(0)
+    return _tiled(of, scenarios, gains[row], column, scenarios.tile).reshape(len(gains), -1)
 
 
 def _tiled(

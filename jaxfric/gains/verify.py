@@ -85,7 +85,7 @@ def verify(
     if starts:
         where = np.repeat(np.arange(len(scenarios)), len(STARTS))
         kind = np.tile(np.arange(len(STARTS)), len(scenarios))
-        ends, names = _simulated(scenarios.take(where), gains, kind, np.zeros(where.size))
+        ends, names = simulated(scenarios.take(where), gains, kind, np.zeros(where.size))
         numbers = zip(ends.velocity_amplitude, ends.period, ends.least_velocity, strict=True)
         for i, j, end, of in zip(where, kind, names, numbers, strict=True):
             told = [float(x) if np.isfinite(x) and end == "limit_cycle" else None for x in of]
@@ -131,7 +131,7 @@ def jump_sizes(scenarios: Scenarios, gains: np.ndarray, *, largest: float = 10.0
         log_ratio = (np.asarray([1.0, -1.0])[:, None, None] * grid).ravel()
         where = np.broadcast_to(np.arange(number)[:, None], grid.shape).ravel()
         kind = np.full(where.size, len(STARTS))
-        names = _simulated(scenarios.take(where), gains, kind, log_ratio)[1].reshape(grid.shape)
+        names = simulated(scenarios.take(where), gains, kind, log_ratio)[1].reshape(grid.shape)
         # the first failure on the grid, or the known one beyond it
         lost = np.concatenate([names != "steady", np.ones((2, number, 1), bool)], axis=-1)
         first = np.argmax(lost, axis=-1)[..., None]
@@ -149,20 +149,29 @@ def jump_sizes(scenarios: Scenarios, gains: np.ndarray, *, largest: float = 10.0
     return JumpSizes(up, down, list(reason))
 
 
-def _simulated(
-    scenarios: Scenarios, gains: np.ndarray, kind: np.ndarray, log_ratio: np.ndarray
+def simulated(
+    scenarios: Scenarios,
+    gains: np.ndarray,
+    kind: np.ndarray,
+    log_ratio: np.ndarray,
+    stick: np.ndarray | float = 0.0,
 ) -> tuple[EndState, np.ndarray]:
-    """Simulate one start `kind` (`_start`) in each scenario; return the ends and their names."""
+    """Simulate one start `kind` (`_start`) in each scenario; return the ends and their names.
+
+    `gains` are (k_p, k_v), of all scenarios or a row for each. A simulation lasts 30 periods of the
+    slowest mode, or of `stick` [s] if that is longer.
+    """
+    gains = np.broadcast_to(gains, (len(scenarios), 2))
+    stick = np.broadcast_to(stick, len(scenarios))
 
     def found(lane: np.ndarray) -> EndState:
         some = scenarios.take(lane)
         law = law_of(some.laws, some.sample)
         assert isinstance(law, AbstractLaw)
-        kp, kv = (jnp.full(len(some), float(g)) for g in gains)
-        mass = some.setting.mass
-        machine = QuasiStatic(kp, kv) if mass is None else Inertial(mass, kp, kv)
-        of_each = (jnp.asarray(x) for x in (some.velocity, kind[lane], log_ratio[lane]))
-        return _ends(Rig(machine, law), *of_each)
+        mass, own = some.setting.mass, jnp.asarray(gains[lane]).T
+        machine = QuasiStatic(*own) if mass is None else Inertial(mass, *own)
+        of_each = (some.velocity, kind[lane], log_ratio[lane], stick[lane])
+        return _ends(Rig(machine, law), *(jnp.asarray(x) for x in of_each))
 
     ends = in_tiles(found, len(scenarios))
     masks = [np.asarray(ends.code == getattr(ENDS, name)) for name in _NAMES]
@@ -170,17 +179,17 @@ def _simulated(
 
 
 @eqx.filter_jit
-def _ends(rigs: Rig, velocity: Array, kind: Array, log_ratio: Array) -> EndState:
+def _ends(rigs: Rig, velocity: Array, kind: Array, log_ratio: Array, stick: Array) -> EndState:
     """Ends of a batch of simulations; the poles of the linear theory define their durations."""
 
-    def one(rig: Rig, V: Array, kind: Array, log_ratio: Array) -> EndState:
+    def one(rig: Rig, V: Array, kind: Array, log_ratio: Array, stick: Array) -> EndState:
         s = poles(linearise(rig, V))
         rig = regularised(rig)
-        horizon = PERIODS * 2 * jnp.pi / slowest_mode(s)
+        horizon = PERIODS * jnp.maximum(2 * jnp.pi / slowest_mode(s), stick)
         start = _start(rig, V, kind, jnp.exp(log_ratio))
         return end_state(rig, V, start, horizon=horizon, decay=-jnp.max(s.real))
 
-    return eqx.filter_vmap(one)(rigs, velocity, kind, log_ratio)
+    return eqx.filter_vmap(one)(rigs, velocity, kind, log_ratio, stick)
 
 
 def _start(rig: Rig, V: Array, kind: Array, ratio: Array) -> InitialState:

@@ -109,19 +109,20 @@ class LeastGains:
 
     def __call__(self, varied: Mapping[str, float]) -> dict[str, float]:
         """Outputs of a member."""
-        from ..gains.gains import Wanted, seek_gains
-        from ..gains.solve import Infeasible
+        from ..gains.gains import find_gains
+        from ..gains.solve import NoGains
 
         p = {**self.fixed, **varied}
-        asked = Wanted(
-            np.asarray([p["V0"]]),
-            np.asarray([p["m"]]) if "m" in p else None,
-            self.margin,
-            scale=(self.scale[0], self.scale[1]),
-            upper=(self.upper[0], self.upper[1]),
-        )
-        found = seek_gains(rate_state(self.law, p, self.states), asked)
-        if isinstance(found, Infeasible):
+        try:
+            found = find_gains(
+                rate_state(self.law, p, self.states),
+                velocity=np.asarray([p["V0"]]),
+                mass=np.asarray([p["m"]]) if "m" in p else None,
+                margin=self.margin,
+                scale=(self.scale[0], self.scale[1]),
+                upper=(self.upper[0], self.upper[1]),
+            )
+        except NoGains:
             return {"gains": 1, "least_k_p": np.inf, "least_k_v": np.inf, "norm": np.inf}
         return {"gains": 0, "least_k_p": found.kp, "least_k_v": found.kv, "norm": found.norm}
 

@@ -116,7 +116,7 @@ def end_map_figure(
 
     Parameters
     ----------
-    ends : of shape (len(k_v), len(k_p)), as `gains.cycle_map.end_map` gives it.
+    ends : of shape (len(k_v), len(k_p)), as `gains.cycle_map.cycle_map` gives it.
     k_p, k_v : ascending gains [N/m], [N s/m], evenly or logarithmically spaced.
     point : steady sliding (`stability.analysis.steady_point`), whose linear boundaries are drawn
         with `mass`.

@@ -362,15 +362,3 @@ def _hardest(points: SteadyPoint, theorems: Theorem, delayed: bool) -> int:
     if by_stiffness and bool(jnp.all(jnp.isfinite(k_cr))):
         return int(jnp.argmax(k_cr))
     return int(jnp.argmax(points.needed_damping))
-
-
-@eqx.filter_jit
-def slider_poles(
-    law: Law,
-    velocity: Float[ArrayLike, ""],
-    mass: Float[ArrayLike, ""] | None,
-    k_p: Float[ArrayLike, ""],
-    k_v: Float[ArrayLike, ""],
-) -> Complex[Array, " n"]:
-    """Poles [1/s] of a slider about steady sliding at `velocity`; for a delay law the rightmost."""
-    return poles(_slider(linear_friction(law, jnp.asarray(velocity)), mass, k_p, k_v))

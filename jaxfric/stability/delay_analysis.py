@@ -33,14 +33,13 @@ class DelaySummary(eqx.Module):
     unstable: Int[Array, ""]
 
 
+@eqx.filter_jit
 def delay_summary(found: Study, *, number: int = 4) -> DelaySummary:
     """The closed forms of `delay` at the hardest velocity (k_p = 0 if none is given)."""
-    return _summary(delay_numbers(found), found.k_p or 0.0, number)
-
-
-@eqx.filter_jit
-def _summary(numbers: tuple[float, Array, Array, Array], k_p: float, number: int) -> DelaySummary:
-    mass, *rest = numbers
+    mass, *rest = numbers = delay_numbers(found)
     lower, upper = stable_intervals(*numbers, number=number)
-    exists, unstable = stable_stiffness_exists(*numbers), unstable_roots(mass, k_p, *rest)
+    exists, unstable = (
+        stable_stiffness_exists(*numbers),
+        unstable_roots(mass, found.k_p or 0, *rest),
+    )
     return DelaySummary(crossings(*numbers, number=number + 1), lower, upper, exists, unstable)
