@@ -15,9 +15,7 @@ from ..stability.kernel import StateSpaceKernel
 from ..stability.linear import LinearSlider
 from ..stability.margins import Analysis, damping_ratios, squared_distances, stability_margin
 from ..stability.polynomial import REAL
-
-# Highest degree whose Hurwitz determinants are formed.
-_DEGREE = 5
+from .thresholds import DEGREE
 
 
 def branches(
@@ -33,7 +31,7 @@ def branches(
         analysis = Analysis(slider)
         if name == "decay":
             characteristic = slider.polynomials()[0]
-            if characteristic.size <= _DEGREE + 1:
+            if characteristic.size <= DEGREE + 1:
                 return _hurwitz(characteristic, jnp.asarray(required), jnp.asarray(rate))
             return _once(analysis.poles, -analysis.poles.real) - required
         if name == "damping":

@@ -23,18 +23,8 @@ from ..simulation.trajectory import result_words
 from ..stability.analysis import Law
 from ..stability.linear import linearise
 from ..stability.margins import poles
-from .ends import ENDS, RUNAWAY, Track, classify
-from .settle import PERIODS
-
-MAX_STEPS = 16384
-"""Largest number of solver steps of one simulation."""
-_ROWS = 2000
-_LONGER, _TRIES = 4.0, 4
-"""Factor by which an unresolved default duration is stretched, and the largest number of tries."""
-_SEED = 0.02
-"""Spring force of the disturbance at a constant velocity, over the law's `force_scale`."""
-_WIDTH = 1e-3
-"""Width of the smoothed sign of a memoryless law, over the slowest commanded velocity."""
+from .ends import ENDS, Track, classify
+from .thresholds import DISTURBANCE, LONGER, MAX_STEPS, PERIODS, ROWS, RUNAWAY, TRIES, WIDTH
 
 _simulate = eqx.filter_jit(functools.partial(simulate, max_steps=MAX_STEPS, runaway=RUNAWAY))
 _classify = eqx.filter_jit(classify)
@@ -142,7 +132,7 @@ def rig_of(
             f" found from the force; give a mass, as in {option('mass', '2 kg')}"
         )
     if isinstance(law, AbstractStribeck) and law.width is None:
-        width = _WIDTH * min(abs(V) for V in velocities if V)
+        width = WIDTH * min(abs(V) for V in velocities if V)
         law = eqx.tree_at(
             lambda law: law.width, law, jnp.asarray(width), is_leaf=lambda x: x is None
         )
@@ -178,13 +168,13 @@ def course_of(
         lead = abs(float(start.elongation) / V) if start.elongation is not None else 0.0
     elif constant or jump is not None:
         if jump is None:
-            jump = _SEED * float(rig.friction.force_scale()) / float(rig.machine.stiffness)
+            jump = DISTURBANCE * float(rig.friction.force_scale()) / float(rig.machine.stiffness)
         kind = "jump"
         start = (
             InitialState(elongation=jump) if delayed else eqx.filter_jit(jump_start)(rig, V, jump)
         )
     whole = duration or _default_duration(rig, times, velocities, lead)
-    tries = 1 if duration or not constant else _TRIES
+    tries = 1 if duration or not constant else TRIES
     k = 1
     while True:
         of = f", try {k} of at most {tries}" if tries > 1 else ""
@@ -196,7 +186,7 @@ def course_of(
         course = Course(run, whole, steps, found.result, kind, jump, end, cycle)
         if course.seen or k == tries:
             return course
-        k, whole = k + 1, whole * _LONGER
+        k, whole = k + 1, whole * LONGER
 
 
 def _default_duration(rig: Rig, times: list[float], velocities: list[float], lead: float) -> float:
@@ -215,7 +205,7 @@ def _simulated(
     rig: Rig, command: PiecewiseVelocity, duration: float, start: InitialState | None
 ) -> tuple[Trajectory, Motion]:
     """Simulate once, sampled at even times and at the solver's own steps."""
-    even = np.linspace(0.0, duration, _ROWS + 1)
+    even = np.linspace(0.0, duration, ROWS + 1)
     if isinstance(rig.friction, AbstractDelayLaw):
         V = command.velocities[0]
         found = simulate_delay(rig, V, jnp.asarray(even), start=start, pieces=8)
@@ -224,7 +214,7 @@ def _simulated(
         rough = moved(jnp.asarray([0.0, duration]), at_steps=True)
         own = np.asarray(rough.time)
         ts = np.unique(np.concatenate([even, own]))
-        ts = np.concatenate([ts, np.full(_ROWS + 1 + len(own) - len(ts), ts[-1])])
+        ts = np.concatenate([ts, np.full(ROWS + 1 + len(own) - len(ts), ts[-1])])
         found = moved(jnp.asarray(ts), at_steps=False)
     keep = np.unique(np.asarray(found.time), return_index=True)[1]
     keep = keep[np.asarray(found.time)[keep] <= float(found.end) * (1 + 1e-12)]

@@ -6,18 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Bool, Float
 
-CLEAR = -0.22
-"""Largest ln of the ratio of amplitudes in successive windows that counts as clear decay."""
-LINEAR = 0.3
-"""Largest amplitude at which a decay between windows shorter than a cycle is accepted. A sticking
-slider has |V - V0|/V0 = 1, and the time between two slips must not be mistaken for decay."""
-CYCLES = 4
-"""Least number of cycles in the last half of a motion: two in a window."""
-SMALL = 1e-3
-"""Largest |V - V0|/V0 of a motion that counts as steady; for hunting about a target, largest |x|
-over F_s/k_p."""
-RUNAWAY = 1e9
-"""Velocity over the commanded one that counts as runaway; light sliders slip at 1e6."""
+from .thresholds import CLEAR, CYCLES, LINEAR, SMALL
 
 
 class ENDS(eqx.Enumeration):

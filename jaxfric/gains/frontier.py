@@ -16,8 +16,7 @@ from .margins import slacks
 from .natural import NaturalSizes, sizes
 from .requirement import Requirement
 from .scenarios import Scenarios, in_tiles
-
-_BISECTIONS = 28
+from .thresholds import BISECTIONS
 
 
 class Region(NamedTuple):
@@ -100,7 +99,7 @@ def lowest(
     good = accepted(tried[None, :], given[:, None])
     first, some = np.argmax(good, axis=1), good.any(axis=1)
     low, high = tried[np.maximum(first - 1, 0)], tried[first]
-    for _ in range(_BISECTIONS if some.any() else 0):
+    for _ in range(BISECTIONS if some.any() else 0):
         middle = np.where(low > 0, np.sqrt(low * high), 0.5 * high)
         good = accepted(middle, given)
         low, high = np.where(good, low, middle), np.where(good, middle, high)

@@ -21,9 +21,19 @@ from ..rig.friction import AbstractLaw, AbstractStribeck
 from ..rig.friction.law import Conditions
 from ..stability.analysis import steady_points
 from .ends import SMALL, upward
-from .thresholds import CREEP, DECAYED, GROWN, LEAST_DROP, OFFSETS, SLOWER, SPEEDS, STICKS
-
-_SAMPLES, _MAX_STEPS, _RTOL = 8001, 200_000, 1e-6
+from .thresholds import (
+    CREEP,
+    DECAYED,
+    GROWN,
+    HUNTING_RTOL,
+    HUNTING_STEPS,
+    LEAST_DROP,
+    OFFSETS,
+    PERIODS,
+    SAMPLES,
+    SLOWER,
+    SPEEDS,
+)
 
 
 class Hunting(NamedTuple):
@@ -55,8 +65,8 @@ def hunting(
         # smooth the sign just enough to simulate through rest
         width = jnp.asarray(CREEP * band / loose)
         law = eqx.tree_at(lambda one: one.width, law, width, is_leaf=lambda x: x is None)
-    duration = STICKS * loose
-    time = jnp.linspace(0.0, duration, _SAMPLES)
+    duration = PERIODS * loose
+    time = jnp.linspace(0.0, duration, SAMPLES)
     x, ended = _positions(law, jnp.asarray([mass, *gains]), jnp.asarray(band), time)
     if not np.all(ended):
         return None
@@ -91,8 +101,8 @@ def _positions(
             jnp.zeros_like(unit),
             target,
             saveat=diffrax.SaveAt(ts=time),
-            stepsize_controller=diffrax.PIDController(rtol=_RTOL, atol=1e-2 * _RTOL),
-            max_steps=_MAX_STEPS,
+            stepsize_controller=diffrax.PIDController(rtol=HUNTING_RTOL, atol=1e-2 * HUNTING_RTOL),
+            max_steps=HUNTING_STEPS,
             throw=False,
         )
         assert found.ys is not None

@@ -25,8 +25,6 @@ from .thresholds import ENOUGH, POSITIVE
 
 DEFAULT = "modulus=0.5"
 """Margin added to the named ones unless modulus is named; modulus=0 switches it off."""
-FRAGILE = 0.2
-"""Modulus margin below which a loop tolerates hardly any error of the model."""
 
 
 class Requirement(eqx.Module):

@@ -9,14 +9,10 @@ from ..coordinate import Coordinate, unit_of
 from ..described import Described, Drawable, Tabular
 from .frontier import Alone, Region
 from .hunting import Hunting
-from .requirement import FRAGILE, Requirement
+from .requirement import Requirement
 from .scenarios import Scenarios
+from .thresholds import FRAGILE, NOTHING, SHORTEST_DELAY
 from .verify import CheckReport
-
-SHORTEST_DELAY = 5e-5
-"""Least delay of a real controller [s]: 1.5 samples at 30 kHz."""
-NOTHING = 1e-7
-"""Norm, or decay [1/s], below which k_p means any k_p > 0."""
 
 
 @dataclass(frozen=True)

@@ -13,11 +13,7 @@ from ..errors import InputError
 from ..laws.registry import Law
 from ..stability.kernel import StateSpaceKernel
 from ..stability.linear import LinearFriction, Setting, linear_friction, refuse_without_steady_state
-
-_TILE = 2048
-TILE = 32
-"""Scenarios evaluated at once, if they are few or costly: one shape to compile. Margins of kernels
-that are not rational need thousands of frequencies each."""
+from .thresholds import RATIONAL_TILE, TILE
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +46,7 @@ class Scenarios:
     @property
     def tile(self) -> int:
         """Number of scenarios evaluated at once (`in_tiles`)."""
-        return _TILE if isinstance(self.friction.kernel, StateSpaceKernel) else TILE
+        return RATIONAL_TILE if isinstance(self.friction.kernel, StateSpaceKernel) else TILE
 
     @staticmethod
     def product(

@@ -17,15 +17,19 @@ from ..stability.linear import LinearFriction, Setting
 from .natural import sizes
 from .newton import sqp_step
 from .requirement import Requirement
-from .thresholds import FAR, HALVINGS, ROUNDS, SETTLED
-
-# Rays (half of them with more stiffness than damping) and radii in natural units.
-_RATIOS = np.geomspace(1e-4, 1e4, 14)
-_RADII = np.concatenate([[0.0], np.geomspace(3e-3, 3e3, 13)])
-# Worst scenarios used in a round, steps in a round, constraints in a step.
-CARRIED, _STEPS, _LOWEST_ONES = 8, 4, 6
-# Largest relative change of the norm in the first step, and the factor by which it shrinks.
-TRUST, _SHRINK = 0.5, 0.9
+from .thresholds import (
+    CARRIED,
+    FAR,
+    HALVINGS,
+    NEAREST,
+    RADII,
+    RATIOS,
+    ROUNDS,
+    SETTLED,
+    SHRINK,
+    STEPS,
+    TRUST,
+)
 
 
 class GainProblem(eqx.Module):
@@ -119,9 +123,9 @@ def _starts(problem: GainProblem) -> Float[Array, "2 2"]:
     few = problem.at(_hardest(problem))
     unit = problem.unit / problem.scale
     low, high = problem.lower / problem.scale, problem.upper / problem.scale
-    ray = np.concatenate([[[1.0, 0.0]], np.stack([1 / _RATIOS, _RATIOS], 1) ** 0.5, [[0.0, 1.0]]])
+    ray = np.concatenate([[[1.0, 0.0]], np.stack([1 / RATIOS, RATIOS], 1) ** 0.5, [[0.0, 1.0]]])
     ray = ray / np.linalg.norm(ray, axis=1)[:, None]
-    radii = jnp.asarray(_RADII)
+    radii = jnp.asarray(RADII)
 
     def point(radius: Array) -> Float[Array, "rays 2"]:
         return jnp.clip(radius[:, None] * ray * unit, low, high)
@@ -213,7 +217,7 @@ def steps(few: GainProblem, index: Int[Array, " k"], y: Float[Array, " 2"], size
         branch = (near.scenario >= 0) & (sizes > 0)
         distance = jnp.where(branch, near.c / above_zero(sizes), jnp.inf)
         limits = jnp.arange(sizes.size - 4, sizes.size)
-        number = min(_LOWEST_ONES, sizes.size - 4)
+        number = min(NEAREST, sizes.size - 4)
         rows = jnp.concatenate([jax.lax.top_k(-distance[:-4], number)[1], limits])
         length = jnp.linalg.norm(y)
         found = sqp_step(y, near.c[rows], near.g[rows], near.H[rows], size * length)
@@ -221,10 +225,10 @@ def steps(few: GainProblem, index: Int[Array, " k"], y: Float[Array, " 2"], size
         far = jnp.linalg.norm(found.d)
         d = found.d * jnp.minimum(1.0, size * length / above_zero(far))
         settled = found.feasible & (far <= SETTLED * length)
-        return Steps(jnp.clip(y + d, low, high), size * _SHRINK, near, slots, settled)
+        return Steps(jnp.clip(y + d, low, high), size * SHRINK, near, slots, settled)
 
     begin = _zeros(jax.eval_shape(step, y, size))._replace(y=y, size=size)
-    last = jax.lax.fori_loop(0, _STEPS, lambda _, state: step(state.y, state.size), begin)
+    last = jax.lax.fori_loop(0, STEPS, lambda _, state: step(state.y, state.size), begin)
     still = jnp.linalg.norm(last.y - y) <= SETTLED * jnp.linalg.norm(last.y)
     return last._replace(settled=last.settled & still)
 

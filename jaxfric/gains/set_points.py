@@ -23,10 +23,8 @@ from ..silent import silent
 from .gains import find_gains
 from .requirement import DEFAULT, Requirement
 from .scenarios import Scenarios
-from .thresholds import OF_A_RANGE
+from .thresholds import MOST_SET_POINTS, OF_A_RANGE
 from .verify import jump_sizes
-
-_MOST = 64
 
 
 @dataclass(frozen=True)
@@ -114,7 +112,7 @@ def gain_schedule(
             points.append(known[key])
         broken = [i for i in range(len(places) - 1) if not _chained(points[i], points[i + 1])]
         fine = [i for i in broken if places[i + 1] / places[i] < finest**2]
-        if not broken or fine or len(places) + len(broken) > _MOST:
+        if not broken or fine or len(places) + len(broken) > MOST_SET_POINTS:
             gap = None if not broken else (places[broken[0]], places[broken[0] + 1])
             warnings = (*law.warnings, *law.unseen([low, high]))
             coordinate = law.coordinate or "linear"

@@ -12,14 +12,8 @@ from jaxtyping import Array, ArrayLike
 from ..motion import PiecewiseVelocity
 from ..rig import Rig
 from ..simulation import RESULTS, InitialState, simulate
-from .ends import ENDS, RUNAWAY, EndState, Track, classify
-
-PERIODS = 30.0
-"""Simulated time, in periods of the slowest linear mode."""
-SPREAD = 1e6
-"""Modes slower than the fastest by more than this factor are not simulated to their end."""
-_FOLDS = 8.0  # a known decay rate stretches the horizon to a decay by exp(-8) ...
-_STRETCH = 10.0  # ... but at most by this factor
+from .ends import ENDS, EndState, Track, classify
+from .thresholds import FOLDS, RUNAWAY, SPREAD, STRETCH
 
 
 class Policy(eqx.Module):
@@ -103,8 +97,8 @@ def end_and_share(
 def stretched(horizon: Array, decay: Array) -> Array:
     """The horizon [s], stretched at most tenfold for a known positive decay [1/s]."""
     known = jnp.isfinite(decay) & (decay > 0)
-    settle = jnp.where(known, _FOLDS / jnp.where(known, decay, 1.0), 0.0)
-    return jnp.clip(settle, horizon, _STRETCH * horizon)
+    settle = jnp.where(known, FOLDS / jnp.where(known, decay, 1.0), 0.0)
+    return jnp.clip(settle, horizon, STRETCH * horizon)
 
 
 def slowest_mode(poles: Array) -> Array:

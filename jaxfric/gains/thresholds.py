@@ -1,5 +1,7 @@
 """Thresholds of the gain search and its checks, each with its reason."""
 
+import numpy as np
+
 POSITIVE = 1e-9
 """"Any positive" stiffness or damping, in natural units."""
 FEASIBLE = 1e-7
@@ -45,8 +47,6 @@ ALIKE = 1e-3
 OFFSETS = (2.0, 3.3, 5.7)
 """Initial distances to the target, in F_s/k_p, from which the slider moves at once. There are
 several, as from one of them it may stop so near its target that it sticks for very long."""
-STICKS = 30.0
-"""Simulated time, in units of the time until a stuck slider breaks loose."""
 LEAST_DROP = 0.05
 """Least drop from static to kinetic friction, over F_s: it limits the simulated time."""
 CREEP = 1e-4
@@ -55,3 +55,62 @@ DECAYED = 0.5
 """Ratio of the ranges in the last and the third quarter below which a motion decays."""
 GROWN = 10.0
 """Range of x, over the largest initial offset, above which the motion grows."""
+DEGREE = 5
+"""Highest degree of a characteristic polynomial whose Hurwitz determinants are formed; their number
+of terms grows like a factorial."""
+RATIOS, RADII = np.geomspace(1e-4, 1e4, 14), np.append(0.0, np.geomspace(3e-3, 3e3, 13))
+"""Ratios of damping to stiffness, and norms, of the gains at which a search starts, in natural
+units. Half of the ratios are below 1, so that there is a stiff and a damped start."""
+CARRIED, STEPS, NEAREST = 8, 4, 6
+"""Worst scenarios in a round of the search, steps in a round, constraints in a step."""
+TRUST, SHRINK = 0.5, 0.9
+"""Largest relative change of the norm in the first step, and the factor by which it shrinks."""
+BISECTIONS = 28
+"""Bisections of a gain between two points of a grid, to about 1e-8 of its size."""
+TILE, RATIONAL_TILE = 32, 2048
+"""Scenarios evaluated at once: one shape to compile. Margins of kernels that are not rational need
+thousands of frequencies each."""
+FRAGILE = 0.2
+"""Modulus margin below which a loop tolerates hardly any error of the model."""
+SHORTEST_DELAY = 5e-5
+"""Least delay of a real controller [s]: 1.5 samples at 30 kHz."""
+NOTHING = FEASIBLE
+"""Norm, or decay [1/s], below which k_p means any k_p > 0."""
+MOST_SET_POINTS = 64
+"""Largest number of set points of a schedule; a longer chain is reported as broken."""
+PERIODS = 30.0
+"""Simulated time, in periods of the slowest linear mode, or in times until a stuck slider breaks
+loose."""
+SPREAD = 1e6
+"""Modes slower than the fastest by more than this factor are not simulated to their end."""
+FOLDS, STRETCH = 8.0, 10.0
+"""A known decay rate stretches the simulated time to a decay by exp(-8), at most tenfold."""
+MAX_STEPS = 16384
+"""Largest number of solver steps of one simulated motion."""
+ROWS = 2000
+"""Even samples of a simulated motion, besides the solver's own steps."""
+LONGER, TRIES = 4.0, 4
+"""Factor by which an unresolved default duration is stretched, and the largest number of tries."""
+DISTURBANCE = 0.02
+"""Spring force of the disturbance at a constant velocity, over the law's `force_scale`."""
+WIDTH = 1e-3
+"""Width of the smoothed sign of a memoryless law, over the slowest commanded velocity."""
+CLEAR = -0.22
+"""Largest ln of the ratio of amplitudes in successive windows that counts as clear decay."""
+LINEAR = 0.3
+"""Largest amplitude at which a decay between windows shorter than a cycle is accepted. A sticking
+slider has |V - V0|/V0 = 1, and the time between two slips must not be mistaken for decay."""
+CYCLES = 4
+"""Least number of cycles in the last half of a motion: two in a window."""
+SMALL = 1e-3
+"""Largest |V - V0|/V0 of a motion that counts as steady; for hunting about a target, largest |x|
+over F_s/k_p."""
+RUNAWAY = 1e9
+"""Velocity over the commanded one that counts as runaway; light sliders slip at 1e6."""
+CHANGE, SEED = 0.5, 0.01
+"""Relative change of the velocity of a standard start, and the spring force added to it, over the
+law's `force_scale`."""
+FACTORS, JUMP_ROUNDS = 8, 2
+"""Velocity jumps tried in each round of the search for the basin, and the number of rounds."""
+SAMPLES, HUNTING_STEPS, HUNTING_RTOL = 8001, 200_000, 1e-6
+"""Samples, largest number of solver steps and tolerance of a slider simulated at rest."""

@@ -21,15 +21,11 @@ from ..stability.linear import linearise
 from ..stability.margins import poles
 from .ends import ENDS, EndState
 from .scenarios import Scenarios, in_tiles, law_of
-from .settle import PERIODS, end_state, slowest_mode
+from .settle import end_state, slowest_mode
+from .thresholds import CHANGE, FACTORS, JUMP_ROUNDS, PERIODS, SEED
 
 STARTS = ("faster", "slower", "spring longer", "spring shorter", "at rest")
 """The standard starts, in the order in which they are simulated."""
-_CHANGE = 0.5  # relative change of the velocity
-_SEED = 0.01  # spring force added to a velocity perturbation, in units of the force scale
-# Factors tried in each round of the search for the basin.
-_POINTS = 8
-_ROUNDS = 2
 
 
 @dataclass(frozen=True)
@@ -117,7 +113,7 @@ class JumpSizes(NamedTuple):
 
 
 def jump_sizes(scenarios: Scenarios, gains: np.ndarray, *, largest: float = 10.0) -> JumpSizes:
-    """Largest velocity jumps to the velocity of each scenario, by two rounds of `_POINTS` factors.
+    """Largest velocity jumps to the velocity of each scenario, by two rounds of `FACTORS` factors.
 
     The search misses a failure between two neighbouring factors of the first round that both
     settle.
@@ -125,9 +121,9 @@ def jump_sizes(scenarios: Scenarios, gains: np.ndarray, *, largest: float = 10.0
     number = len(scenarios)
     low, high = np.zeros((2, number)), np.full((2, number), np.inf)
     ends = np.full((2, number), "steady", object)
-    step = np.full((2, number), np.log(largest) / _POINTS)
-    for _ in range(_ROUNDS):
-        grid = low[..., None] + step[..., None] * np.arange(1, _POINTS + 1)
+    step = np.full((2, number), np.log(largest) / FACTORS)
+    for _ in range(JUMP_ROUNDS):
+        grid = low[..., None] + step[..., None] * np.arange(1, FACTORS + 1)
         log_ratio = (np.asarray([1.0, -1.0])[:, None, None] * grid).ravel()
         where = np.broadcast_to(np.arange(number)[:, None], grid.shape).ravel()
         kind = np.full(where.size, len(STARTS))
@@ -143,7 +139,7 @@ def jump_sizes(scenarios: Scenarios, gains: np.ndarray, *, largest: float = 10.0
         )
         if np.all(np.isinf(high)):
             break
-        step = np.where(np.isinf(high), 0.0, high - low) / (_POINTS + 1)
+        step = np.where(np.isinf(high), 0.0, high - low) / (FACTORS + 1)
     up, down = np.exp(low)
     reason = np.where(high[0] <= high[1], ends[0], ends[1])
     return JumpSizes(up, down, list(reason))
@@ -209,8 +205,8 @@ def standard_starts(rig: Rig, V: Float[Array, ""]) -> list[InitialState]:
     """
     jump = rig.friction.force_scale() / rig.machine.stiffness
     return [
-        _seeded(rig, velocity_start(rig, V, jnp.asarray(_CHANGE)), _SEED),
-        _seeded(rig, velocity_start(rig, V, jnp.asarray(-_CHANGE)), -_SEED),
+        _seeded(rig, velocity_start(rig, V, jnp.asarray(CHANGE)), SEED),
+        _seeded(rig, velocity_start(rig, V, jnp.asarray(-CHANGE)), -SEED),
         jump_start(rig, V, jump),
         jump_start(rig, V, -jump),
     ]

@@ -13,8 +13,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int8
 
-from ..gains.ends import SMALL, mean_and_spread, settles
-from ..gains.settle import PERIODS, STANDARD, Policy
+from ..gains.ends import mean_and_spread, settles
+from ..gains.settle import STANDARD, Policy
+from ..gains.thresholds import PERIODS, SMALL
 from ..motion import PiecewiseVelocity
 from ..rig import Rig
 from ..simulation import InitialState

@@ -14,8 +14,9 @@ import numpy as np
 from jaxtyping import Array
 
 from ..errors import InputError
-from ..gains.ends import ENDS, RUNAWAY
+from ..gains.ends import ENDS
 from ..gains.settle import Policy, end_and_share, slowest_mode, stretched
+from ..gains.thresholds import RUNAWAY
 from ..motion import PiecewiseVelocity
 from ..rig import QuasiStatic, Rig
 from ..rig.friction import AbstractInvertibleLaw, LogarithmicEffect, RateState

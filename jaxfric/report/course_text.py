@@ -5,7 +5,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ..gains.course import MAX_STEPS, Course, Motion
+from ..gains.course import Course, Motion
+from ..gains.thresholds import MAX_STEPS
 from ..schemas import SIMULATION
 from ..simulation import RESULTS
 from ..units import factor, format_si, prefixed

@@ -3,11 +3,11 @@
 import math
 
 from ..coordinate import unit_of
-from ..gains.requirement import FRAGILE, Requirement
+from ..gains.requirement import Requirement
 from ..gains.result import Certificate, Gains, LocalOptimum, WorstCase, norm_text
 from ..gains.scenarios import number_of_samples
 from ..gains.solve import Infeasible
-from ..gains.thresholds import ZERO
+from ..gains.thresholds import FRAGILE, ZERO
 from ..stability.margin_table import MARGINS
 from ..units import between, prefixed
 from .report import Report
