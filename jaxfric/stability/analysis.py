@@ -30,7 +30,7 @@ from .linear import (
     refuse_without_steady_state,
 )
 from .margins import available, is_stable, poles, several
-from .theorem import Theorem, rice_ruina_criterion
+from .theorem import Theorem, apply_theorem
 
 Law = AbstractLaw | AbstractDelayLaw
 
@@ -115,10 +115,7 @@ def theorem_over_velocity(
     points: SteadyPoint, damping: Float[ArrayLike, ""], mass: Float[ArrayLike, ""] | None
 ) -> Theorem:
     """(18)-(20) at every velocity with one k_v [force s/m] and one mass."""
-    inertia = jnp.asarray(0.0 if mass is None else mass)
-    return jax.vmap(lambda f: rice_ruina_criterion(f.kernel, f.slope + damping, inertia))(
-        points.friction
-    )
+    return jax.vmap(lambda at: apply_theorem(_slider(at, mass, 0.0, damping)))(points.friction)
 
 
 @eqx.filter_jit
@@ -126,8 +123,7 @@ def theorem_over_damping(
     friction: LinearFriction, damping: Float[ArrayLike, " v"], mass: Float[ArrayLike, ""] | None
 ) -> Theorem:
     """(18)-(20) at one velocity with every k_v [force s/m]."""
-    inertia = jnp.asarray(0.0 if mass is None else mass)
-    return jax.vmap(lambda d: rice_ruina_criterion(friction.kernel, friction.slope + d, inertia))(
+    return jax.vmap(lambda k_v: apply_theorem(_slider(friction, mass, 0.0, k_v)))(
         jnp.asarray(damping)
     )
 
@@ -318,20 +314,10 @@ def with_samples(found: Study, laws: Law) -> Study:
     """
     if found.delayed:
         return found
-    mass = jnp.asarray(0.0 if found.mass is None else found.mass)
-    sampled = _critical_of_each(logarithmic(laws), found.here.velocity, mass, found.k_v)
+    points = eqx.filter_jit(eqx.filter_vmap(steady_point, in_axes=(eqx.if_array(0), None)))
+    here = points(logarithmic(laws), found.here.velocity)
+    sampled = theorem_over_velocity(here, found.k_v, found.mass).critical_stiffness
     return dataclasses.replace(found, sampled=sampled)
-
-
-@eqx.filter_jit
-def _critical_of_each(
-    laws: Law, V: Float[Array, ""], mass: Float[Array, ""], k_v: float
-) -> Float[Array, " samples"]:
-    def one(law: Law) -> Float[Array, ""]:
-        friction = linear_friction(law, V)
-        return rice_ruina_criterion(friction.kernel, friction.slope + k_v, mass).critical_stiffness
-
-    return eqx.filter_vmap(one)(laws)
 
 
 _Numbers = tuple[Complex[Array, "*v n"], dict[str, Float[Array, "*v"]], Bool[Array, "*v"]]
