@@ -66,7 +66,7 @@ CARRIED, STEPS, NEAREST = 8, 4, 6
 TRUST, SHRINK = 0.5, 0.9
 """Largest relative change of the norm in the first step, and the factor by which it shrinks."""
 BISECTIONS = 28
-"""Bisections of a gain between two points of a grid, to about 1e-8 of its size."""
+"""Bisections of a gain between two points of a grid, to 4e-9 of their distance."""
 TILE, RATIONAL_TILE = 32, 2048
 """Scenarios evaluated at once: one shape to compile. Margins of kernels that are not rational need
 thousands of frequencies each."""

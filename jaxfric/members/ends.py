@@ -21,7 +21,8 @@ from ..rig import Rig
 from ..simulation import InitialState
 from ..simulation.checks import is_possible
 from ..simulation.ode import SliderEquation
-from ..simulation.stepping import SAFETY, How, Underway, observed
+from ..simulation.stepping import How, Underway, observed
+from ..simulation.thresholds import SAFETY
 
 CODES = {
     "steady": "The slider slides steadily, or converges to steady sliding.",

@@ -20,8 +20,7 @@ from jaxtyping import Array, Float
 
 from ..rig.axis import AxisRig
 from .ode import RealScalar
-
-_STABLE = 2.0
+from .thresholds import AXIS_STABLE
 
 _Moving = tuple[Float[Array, ""], Float[Array, ""], Float[Array, " s"]]
 """Position, velocity and the states of friction."""
@@ -58,7 +57,7 @@ def substeps(rig: AxisRig, interval: float) -> int:
     slope = abs(float(rig.coulomb)) / float(rig.width)
     slope += sum(float(state.steepest(rig.width)) for state in rig.states)
     rate = slope / float(rig.mass)
-    number = max(1.0, interval * rate / _STABLE)
+    number = max(1.0, interval * rate / AXIS_STABLE)
     return 2 ** math.ceil(math.log2(number))
 
 

@@ -9,15 +9,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, PyTree
 
 from ..threads import at_once
+from .thresholds import BLOCK
 
 T = TypeVar("T", bound=PyTree)
 
-_ROWS = 256
-"""Rows of a block: with 24 derivatives, each scalar of a row takes 49 kB a block."""
-
 
 def in_blocks(one: Callable[..., T], *rows: PyTree) -> T:
-    """`jax.vmap(one)(*rows)`, `_ROWS` rows at a time.
+    """`jax.vmap(one)(*rows)`, `BLOCK` rows at a time.
 
     For a whole record at once, every operation with many derivatives would read from main memory.
     """
@@ -35,12 +33,12 @@ def renewed(one: Callable[..., T], which: Bool[Array, " n"], old: T, *rows: PyTr
         some = eqxi.unvmap_any(jnp.any(which))
         return jax.lax.cond(some, new, lambda which, old, *rows: old, which, old, *rows)
 
-    few = which.shape[0] <= at_once(_ROWS)  # computing all then costs less than the condition
+    few = which.shape[0] <= at_once(BLOCK)  # computing all then costs less than the condition
     return new(which, old, *rows) if few else _mapped(block, (which, old, *rows))
 
 
 def _mapped(block: Callable[..., T], rows: tuple) -> T:
-    n, each = jax.tree.leaves(rows)[0].shape[0], at_once(_ROWS)
+    n, each = jax.tree.leaves(rows)[0].shape[0], at_once(BLOCK)
     if n <= each:
         return block(*rows)
     blocks = -(-n // each)

@@ -27,14 +27,11 @@ from numpy.polynomial import chebyshev
 from ..rig import Inertial
 from ..rig.friction import AbstractDelayLaw
 from .radau import radau
+from .thresholds import COLLOCATION_STEPS, NODES
 
-# Points in one step. More steps are cheaper than more points: linear algebra costs their cube.
-_NODES = 16
-_NEWTON_STEPS = 12
-
-_POINTS, _INTEGRATE = radau(_NODES)
+_POINTS, _INTEGRATE = radau(NODES)
 # Values at 0 and the points to Chebyshev coefficients.
-_TO_SERIES = np.linalg.inv(chebyshev.chebvander(np.append(-1.0, 2 * _POINTS - 1), _NODES))
+_TO_SERIES = np.linalg.inv(chebyshev.chebvander(np.append(-1.0, 2 * _POINTS - 1), NODES))
 
 
 class DelayEquation(eqx.Module):
@@ -93,7 +90,7 @@ def follow_delay(
     """Take steps from (p, v) = y0 after steady sliding; return the end, and the motion in each step
     as Chebyshev coefficients of (p, v).
 
-    Collocation at Radau's points (Radau IIA): L-stable, of order 2 _NODES - 1. A step is not
+    Collocation at Radau's points (Radau IIA): L-stable, of order 2 NODES - 1. A step is not
     resolved if Newton's method does not converge, or if the last coefficients of its polynomial are
     not small. Such a step becomes a standstill, and the motion ends.
     """
@@ -115,12 +112,12 @@ def follow_delay(
         return new, jnp.where(usable, coefficients, standstill)
 
     def idle(now: Moving) -> tuple[Moving, Array]:
-        return now, jnp.zeros((_NODES + 1, 2), y0.dtype)
+        return now, jnp.zeros((NODES + 1, 2), y0.dtype)
 
     def step(now: Moving, _: None) -> tuple[Moving, Array]:
         return jax.lax.cond(eqxi.unvmap_any(now.going), taken, idle, now)
 
-    history, yes = jnp.zeros((equation.pieces, _NODES), y0.dtype), jnp.ones((), bool)
+    history, yes = jnp.zeros((equation.pieces, NODES), y0.dtype), jnp.ones((), bool)
     begin = Moving(y0, history, yes, ~yes, jnp.zeros((), jnp.int32))
     return jax.lax.scan(step, begin, None, length=steps)
 
@@ -140,7 +137,7 @@ def _collocate(
         z, count = carry
         residual, size, _ = _residual(*known, z)
         # written so that a nan ends the iteration
-        return (jnp.max(jnp.abs(residual)) > size) & (count < _NEWTON_STEPS)
+        return (jnp.max(jnp.abs(residual)) > size) & (count < COLLOCATION_STEPS)
 
     def again(carry: tuple[Array, Array]) -> tuple[Array, Array]:
         z, count = carry
@@ -151,7 +148,7 @@ def _collocate(
     residual, _, matrix = _residual(equation, y0, v_delayed, z)
     z = z - jnp.linalg.solve(jax.lax.stop_gradient(matrix), residual)
     p, v = _motion(equation, y0, z)
-    return jnp.stack([p, v], axis=1), (count < _NEWTON_STEPS) & jnp.all(jnp.isfinite(p + v))
+    return jnp.stack([p, v], axis=1), (count < COLLOCATION_STEPS) & jnp.all(jnp.isfinite(p + v))
 
 
 def _motion(

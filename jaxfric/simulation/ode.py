@@ -32,8 +32,8 @@ from ..motion import AbstractMotion, PiecewiseVelocity
 from ..rig import FirstOrderDrive, Inertial, QuasiStatic, Rig
 from ..rig.friction import AbstractInvertibleLaw, AbstractLaw, Conditions
 from .start import InitialState, law_with_states
+from .thresholds import FOLLOWS
 
-_FOLLOWS = 3e-4
 RealScalar = int | float | Array | np.ndarray
 """A number of diffrax: a time, a step, an order."""
 F = TypeVar("F", bound=Callable)
@@ -194,8 +194,8 @@ class SliderEquation(eqx.Module):
         late = machine.mass / resistance
         fastest = jnp.maximum(V, jnp.abs(self.motion.velocity(t)))
         spring = resistance * V / (machine.stiffness * fastest)
-        matters = jnp.where(late > _FOLLOWS * spring, late / spring, _FOLLOWS)
-        time = jnp.maximum(late, spring * jnp.sqrt(_FOLLOWS / matters))
+        matters = jnp.where(late > FOLLOWS * spring, late / spring, FOLLOWS)
+        time = jnp.maximum(late, spring * jnp.sqrt(FOLLOWS / matters))
         followed = jnp.stack([jnp.log(still.velocity / V0), w[0]])
         return followed - w, time, late / time
 

@@ -29,14 +29,9 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, Int, PyTree
 
 from .ode import RealScalar, traced_once
+from .thresholds import CLOSED_FORM, ROUNDINGS
 
 Y = TypeVar("Y", bound=PyTree)
-_CLOSED_FORM = 5
-"""Up to this number of equations the inverse is unrolled."""
-
-ROUNDINGS = 8
-"""Length of the shortest steps, in roundings of time."""
-
 STAGES = 8
 GAMMA = 0.21193756319429014
 
@@ -207,7 +202,7 @@ def inverted(matrix: Float[Array, "n n"]) -> Float[Array, "n n"]:
     deadlock.
     """
     n = matrix.shape[0]
-    if n > _CLOSED_FORM:
+    if n > CLOSED_FORM:
         return jax.lax.scan(_eliminated, matrix, jnp.arange(n))[0]
     eye = np.eye(n)
     rows = [jnp.concatenate([matrix[i], jnp.asarray(eye[i], matrix.dtype)]) for i in range(n)]

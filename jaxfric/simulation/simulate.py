@@ -26,11 +26,9 @@ from .by_diffrax import Diffrax
 from .checks import is_possible, refuse_impossible, refuse_no_steady_state
 from .ode import SliderEquation
 from .start import InitialState, law_with_states
-from .stepping import SAFETY, How, follow, recorded
+from .stepping import How, follow, recorded
+from .thresholds import SAFETY, STIFF
 from .trajectory import RESULTS, Trajectory, only_if
-
-STIFF = 3000.0
-"""Load-point path over A/K (spring relaxations) above which the stiff method is faster."""
 
 
 def simulate(

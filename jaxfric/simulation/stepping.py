@@ -29,24 +29,22 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 from .blocks import renewed
 from .explicit import explicit_step
 from .ode import SliderEquation, Unknowns
-from .rodas import ROUNDINGS, quartic, rodas_step
+from .rodas import quartic, rodas_step
 from .tangents import Knots, differentiable
+from .thresholds import (
+    CAUTION,
+    FAN,
+    FEWEST_PARTS,
+    GROW,
+    MOST_PARTS,
+    ROUNDINGS,
+    ROWS,
+    SAMPLES_EACH,
+    SHRINK,
+    SMALL,
+    STABLE,
+)
 
-ROWS = 32
-"""Steps of a segment for few samples."""
-_SAMPLES_EACH, _MOST_PARTS = 256, 16
-"""A segment gets `ROWS` more steps for every 256 samples, up to 16 times `ROWS`."""
-_FEWEST_PARTS = 4
-"""Least multiple of `ROWS` without derivatives: longer segments evaluate the interpolant less."""
-_FAN = 16
-"""Segments, or groups of them, in one scan, all skipped by one condition."""
-SAFETY = 0.03
-"""Tolerance of a step over the error wanted of the motion. Errors of steps accumulate and the
-interpolant adds its own; this factor keeps the result within 10 rtol (tests/test_simulate.py)."""
-_SHRINK, _GROW, _CAUTION = 0.2, 10.0, 0.9
-_STABLE = 2.5
-"""Rate of the fastest change times the longest step. Tsit5 is stable to 3.3 for real rates."""
-_SMALL = 0.01
 _DECIDED = "decided"
 """Name of the values that reverse mode stores of a step: its end, and whether it was accepted.
 Both depend on rounding, which differs when a segment is recomputed: the recomputed segment might
@@ -160,7 +158,7 @@ def follow(
 
     Derivatives exist for every array of `equation`, `initial` and `ts`, except the times of jumps.
     """
-    rows = ROWS * max(_parts(ts), _FEWEST_PARTS)
+    rows = ROWS * max(_parts(ts), FEWEST_PARTS)
     carry, segment = _segments(equation, initial, ts, how, rows=rows)
 
     def goes_on(carry: _Carry) -> Bool[Array, ""]:
@@ -183,7 +181,7 @@ def _by_scan(
     decided = jax.checkpoint_policies.save_only_these_names(_DECIDED)
     loop, length = jax.checkpoint(segment, policy=decided), segments
     while length > 1:
-        turns = min(length, _FAN)
+        turns = min(length, FAN)
         loop = _repeated(loop, turns)
         length = -(-length // turns)
     point, ys = loop(carry)
@@ -201,7 +199,7 @@ def _repeated(loop: Callable[[_Carry], _Carry], turns: int) -> Callable[[_Carry]
 
 
 def _parts(ts: Float[Array, " n"]) -> int:
-    return int(np.clip(ts.shape[0] // _SAMPLES_EACH, 1, _MOST_PARTS))
+    return int(np.clip(ts.shape[0] // SAMPLES_EACH, 1, MOST_PARTS))
 
 
 def _at(time: Array, y: Unknowns, *, going: Bool[Array, ""]) -> Underway:
@@ -317,8 +315,8 @@ def _step(
     wrong = _norm(error, y, y1, tolerance)
     fine = jnp.isfinite(wrong)
     good = fine & (wrong <= 1)
-    factor = _CAUTION * jnp.where(fine & (wrong > 0), wrong, 1e-10) ** -0.2
-    factor = jnp.where(fine, jnp.clip(factor, _SHRINK, jnp.where(good, _GROW, 1.0)), _SHRINK)
+    factor = CAUTION * jnp.where(fine & (wrong > 0), wrong, 1e-10) ** -0.2
+    factor = jnp.where(fine, jnp.clip(factor, SHRINK, jnp.where(good, GROW, 1.0)), SHRINK)
     length = before - t
     vanished = point.going & ~good & (length <= 2 * shortest) & (not how.stiff)
     taken = checkpoint_name(point.going & good, _DECIDED)
@@ -357,7 +355,7 @@ def _longest(equation: SliderEquation, log_speed: Array) -> Float[Array, ""]:
     machine = equation.rig.machine
     if machine.damping is not None:
         time = time + machine.damping / machine.stiffness
-    return _STABLE * time
+    return STABLE * time
 
 
 def _relaxation(equation: SliderEquation) -> Float[Array, ""]:
@@ -388,7 +386,7 @@ def _first_size(
     """
     rate = _padded_norm(jax.tree.map(lambda d, y: d / (1 + jnp.abs(y)), slope, y))
     guess = tolerance**0.2 / jnp.where(rate > 0, rate, 1e-300)
-    return jnp.minimum(guess, _SMALL * _relaxation(equation))
+    return jnp.minimum(guess, SMALL * _relaxation(equation))
 
 
 def _norm(

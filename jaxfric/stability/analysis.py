@@ -31,14 +31,9 @@ from .linear import (
 )
 from .margins import available, is_stable, poles, several
 from .theorem import Theorem, apply_theorem
+from .thresholds import BEYOND_MEMORY, DELAY_POLES, FREQUENCIES
 
 Law = AbstractLaw | AbstractDelayLaw
-
-_FREQUENCIES = 257
-# Factor beyond the kernel's frequencies within which the largest Re G(i w) is searched.
-_BEYOND = 30.0
-# Poles of a delay slider that a root locus shows.
-_DELAY_POLES = 9
 
 
 class SteadyPoint(eqx.Module):
@@ -104,8 +99,8 @@ def _largest_memory(kernel: AbstractKernel) -> Float[Array, ""]:
     if isinstance(kernel, DelayKernel):
         return jnp.abs(kernel.strength)
     low, high = kernel.frequencies()
-    ends = jnp.log(low / _BEYOND), jnp.log(high * _BEYOND)
-    grid = jnp.exp(jnp.linspace(*ends, _FREQUENCIES))
+    ends = jnp.log(low / BEYOND_MEMORY), jnp.log(high * BEYOND_MEMORY)
+    grid = jnp.exp(jnp.linspace(*ends, FREQUENCIES))
     values = jax.vmap(lambda w: kernel.transform(1j * w).real)(grid)
     return jnp.maximum(jnp.maximum(jnp.max(values), kernel_total(kernel)), 0.0)
 
@@ -168,7 +163,7 @@ def root_locus(
             return poles(slider)
         gains = (k_p + friction.trend, damping + friction.slope)
         strength, delay = kernel.strength, kernel.delay
-        return rightmost_roots(slider.inertia(), *gains, strength, delay, number=_DELAY_POLES)
+        return rightmost_roots(slider.inertia(), *gains, strength, delay, number=DELAY_POLES)
 
     return jax.vmap(one)(jnp.asarray(stiffness))
 

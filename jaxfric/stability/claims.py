@@ -26,15 +26,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import option
-
-SURE = 2.0
-"""Least distance of a slope, or of A - B, from zero, in standard errors."""
-_FALSE_ALARM = 0.01
-"""Probability of finding runs above a correct curve at low speed."""
-_FEWEST = 6
-"""Least number of runs for the test of the slowest ones."""
-_LARGEST_SHARE = 0.5
-"""Largest share of the runs that may be called slow."""
+from .thresholds import FALSE_ALARM, FEWEST, LARGEST_SHARE, SURE
 
 Kind = Literal["free", "damped", "critical", "open"]
 """free: any k_p > 0 is stable. damped: any k_p > 0 is stable with enough k_v. critical: a critical
@@ -171,21 +163,21 @@ def above_curve(
     also returns None for fewer than 6 runs.
     """
     v, over, own = (np.asarray(x, float) for x in (speed, excess, error))
-    if len(v) < _FEWEST:
+    if len(v) < FEWEST:
         return None
     base = [np.ones_like(v), np.abs(v) / np.abs(v).max()]
     base += [np.sign(v)] if np.ptp(np.sign(v)) else []
     found: list[Above] = []
     for some in (np.ones(len(v), bool), v > 0, v < 0):
         order = np.flatnonzero(some)[np.argsort(np.abs(v[some]), kind="stable")]
-        for k in range(fewest, int(_LARGEST_SHARE * len(order)) + 1):
+        for k in range(fewest, int(LARGEST_SHARE * len(order)) + 1):
             slow = np.isin(np.arange(len(v)), order[:k])
             step, its_error = _step(np.stack([slow, *base], axis=1), over, own)
             found.append(Above(k, float(np.abs(v[slow]).max()), step, its_error))
     most = max(found, key=lambda one: one.excess / one.error, default=None)
     if most is None:
         return None
-    least = NormalDist().inv_cdf(1 - _FALSE_ALARM / len(found))
+    least = NormalDist().inv_cdf(1 - FALSE_ALARM / len(found))
     return most if most.excess > least * most.error else None
 
 

@@ -13,15 +13,7 @@ from jaxtyping import Array, Bool, Complex, Float, Int
 from ..rig.friction.law import NEWTON_STEPS
 from .kernel import DelayKernel
 from .linear import LinearSlider
-
-_POINTS = 2048
-# Crossings that are kept, lowest frequency first, and minima that are refined.
-_NUMBER = 64
-_MINIMA = 4
-_BEYOND = 1e2
-# Least slope over ln w at which a crossing has a derivative; below this slope rounding dominates.
-_LEAST_SLOPE = 1e-7
-_ROUNDING = 1e-12
+from .thresholds import BEYOND, CROSSINGS, LEAST_SLOPE, MINIMA, POINTS, WORSE
 
 
 def axis(slider: LinearSlider) -> Float[Array, " points"]:
@@ -40,12 +32,12 @@ def axis(slider: LinearSlider) -> Float[Array, " points"]:
     own.append(jnp.where(heavy, jnp.abs(d) / mass, low))
     own.append(jnp.abs(k) / jnp.where(d == 0, 1.0, jnp.abs(d)))
     named = jnp.stack([low, high, *[jnp.clip(x, 1e-3 * low, 1e3 * high) for x in own]])
-    ends = jnp.log(jnp.min(named) / _BEYOND), jnp.log(jnp.max(named) * _BEYOND)
-    grid = jnp.exp(jnp.linspace(*ends, _POINTS))
+    ends = jnp.log(jnp.min(named) / BEYOND), jnp.log(jnp.max(named) * BEYOND)
+    grid = jnp.exp(jnp.linspace(*ends, POINTS))
     if isinstance(kernel, DelayKernel):
         size = jnp.abs(kernel.strength) + 10 * jnp.abs(slider.damping) + jnp.abs(d)
         top = (size + jnp.sqrt(size**2 + 40 * mass * jnp.abs(k))) / (2 * mass)
-        grid = jnp.sort(jnp.concatenate([grid, jnp.linspace(0.0, top, _POINTS + 1)[1:]]))
+        grid = jnp.sort(jnp.concatenate([grid, jnp.linspace(0.0, top, POINTS + 1)[1:]]))
     return jax.lax.stop_gradient(grid)
 
 
@@ -53,7 +45,7 @@ def crossings(
     function: Callable[[Float[Array, ""]], Float[Array, ""]],
     grid: Float[Array, " points"],
     *,
-    number: int = _NUMBER,
+    number: int = CROSSINGS,
     wrapped: bool = False,
 ) -> tuple[Float[Array, " number"], Bool[Array, " number"]]:
     """The lowest zeros of `function` of frequency, and a mask of the rows that hold a zero.
@@ -84,7 +76,7 @@ def crossings(
             e, slope = jax.jvp(offset, (x,), (jnp.ones_like(x),))
             slope = jax.lax.stop_gradient(slope)
             change = e / jnp.where(slope == 0, 1.0, slope)
-            inside = (jnp.abs(slope) > _LEAST_SLOPE) & (jnp.abs(change) <= high - low)
+            inside = (jnp.abs(slope) > LEAST_SLOPE) & (jnp.abs(change) <= high - low)
             return jnp.where(inside, change, 0.0)
 
         def newton(_: Array, x: Float[Array, ""]):
@@ -114,7 +106,7 @@ def smallest(
     value = jax.lax.stop_gradient(jax.vmap(square)(points))
     inner = value[1:-1]
     lowest = jnp.where((inner <= value[:-2]) & (inner <= value[2:]), inner, jnp.inf)
-    _, best = jax.lax.top_k(-lowest, _MINIMA)
+    _, best = jax.lax.top_k(-lowest, MINIMA)
 
     def refine(x: Float[Array, ""], low: Float[Array, ""], high: Float[Array, ""]):
         def slope(x: Float[Array, ""]):
@@ -126,7 +118,7 @@ def smallest(
 
         def step(x: Float[Array, ""], to: Float[Array, ""]):
             """`to` unless it is worse than x."""
-            better = jax.lax.stop_gradient(square(to) <= square(x) * (1 + _ROUNDING))
+            better = jax.lax.stop_gradient(square(to) <= square(x) * (1 + WORSE))
             return jnp.where(better, to, x)
 
         end = jax.lax.stop_gradient(jax.lax.fori_loop(0, NEWTON_STEPS, newton, x))

@@ -36,9 +36,7 @@ from ..rig.friction.law import AbstractLaw, Conditions
 from ..units import parse_quantity
 from . import polynomial as poly
 from .kernel import AbstractKernel, DelayKernel, StateSpaceKernel
-
-_PADE = 4
-"""Order of the approximant of exp(-T s)."""
+from .thresholds import PADE
 
 
 class LinearFriction(eqx.Module):
@@ -177,7 +175,7 @@ def controller_delay(sample_time: float | None, delay: float | None) -> float | 
 
 def _pade(delay: Float[Array, ""]) -> tuple[Array, Array]:
     """Ascending coefficients of numerator and denominator of exp(-T s), order 4."""
-    n = _PADE
+    n = PADE
     powers = np.arange(n + 1)
     c = np.asarray([math.comb(n, k) / math.perm(2 * n, k) for k in powers])
     ahead = jnp.asarray(c) * jnp.asarray(delay) ** powers

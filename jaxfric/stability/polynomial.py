@@ -10,21 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
+from .thresholds import INFINITE, LARGEST, MAX_ITERATIONS, NEARLY, REAL, SPREAD
 from .undefined import is_double, root_without_derivative
-
-_MAX_ITERATIONS = 60
-# The iteration is of third order: after a change below this share of the cube root of the rounding
-# unit (1e-7 in double, 1e-4 in single precision) one more step is exact to rounding.
-_NEARLY = 0.02
-# A root of a polynomial in w^2 counts as real if |imaginary part|/|root| is below this.
-REAL = 1e-6
-# Roots may differ from the root of middle size by this number/n decades: squares of polynomials
-# must not overflow.
-_SPREAD = 140.0
-# Roots in w^2 above this are crossings at infinity.
-LARGEST = 1e40
-# Represents infinity; its square does not overflow.
-_INFINITE = 1e150
 
 
 @jax.custom_jvp
@@ -72,7 +59,7 @@ def double(c: Float[Array, " n+1"], s: Complex[Array, " n"]) -> Bool[Array, " n"
     """
     slope, curvature = derivative(c), derivative(derivative(c))
     terms = value(jnp.abs(c), jnp.abs(s))
-    return (jnp.abs(s) < 0.1 * _INFINITE) & is_double(value(slope, s), value(curvature, s), terms)
+    return (jnp.abs(s) < 0.1 * INFINITE) & is_double(value(slope, s), value(curvature, s), terms)
 
 
 def positive_roots(c: Float[Array, " n+1"]) -> tuple[Float[Array, " n"], Bool[Array, " n"]]:
@@ -165,8 +152,8 @@ def _complex(x: Array) -> Array:
 
 
 def _away_from_zero(x: Array, other: Array) -> Array:
-    """x, with its magnitude increased if needed so that |other/x| is at most `_INFINITE`."""
-    least = (jnp.abs(other) + (other == 0)) / _INFINITE
+    """x, with its magnitude increased if needed so that |other/x| is at most `INFINITE`."""
+    least = (jnp.abs(other) + (other == 0)) / INFINITE
     return jnp.where(jnp.abs(x) < least, jnp.where(x < 0, -least, least), x)
 
 
@@ -185,7 +172,7 @@ def _aberth(c: Float[Array, " n+1"]) -> Complex[Array, " n"]:
     """Aberth's iteration, root by root in real arithmetic, so that a batch is long plain loops."""
     scaled, unit, x, y = _start(c)
     n = len(x)
-    nearly = _NEARLY * float(jnp.finfo(unit.dtype).eps) ** (1 / 3)
+    nearly = NEARLY * float(jnp.finfo(unit.dtype).eps) ** (1 / 3)
 
     def step(state: _State):
         x, y, change, _, k = state
@@ -196,13 +183,13 @@ def _aberth(c: Float[Array, " n+1"]) -> Complex[Array, " n"]:
         return x, y, functools.reduce(jnp.maximum, sizes), change, k + 1
 
     def unfinished(state: _State):
-        return (state[3] > nearly**2) & (state[4] < _MAX_ITERATIONS)
+        return (state[3] > nearly**2) & (state[4] < MAX_ITERATIONS)
 
     infinite = jnp.full_like(unit, jnp.inf)
     x, y, *_ = jax.lax.while_loop(unfinished, step, (x, y, infinite, infinite, 0))
     x, y = jnp.stack(x), jnp.stack(y)
-    far = jnp.abs(x) + jnp.abs(y) > 0.1 * 10 ** (_SPREAD / n)
-    x = jnp.where(far, jnp.where(x > 0, _INFINITE, -_INFINITE), unit * x)
+    far = jnp.abs(x) + jnp.abs(y) > 0.1 * 10 ** (SPREAD / n)
+    x = jnp.where(far, jnp.where(x > 0, INFINITE, -INFINITE), unit * x)
     return jax.lax.complex(x, jnp.where(far, 0.0, unit * y))
 
 
@@ -258,7 +245,7 @@ def _start(c: Float[Array, " n+1"]):
     middle = jnp.zeros_like(slopes[0])  # if there is only one power
     for k, slope in enumerate(slopes):
         middle = jnp.where((lowest < highest) & ((lowest + highest) // 2 == k), slope, middle)
-    most = _SPREAD / n * float(np.log(10.0))
+    most = SPREAD / n * float(np.log(10.0))
     radii = [jnp.exp(jnp.clip(middle - slope, -most, most)) for slope in slopes]
     angle = 2 * np.pi * np.arange(n) / n + 0.7
     x = tuple(radii[k] * float(np.cos(angle[k])) for k in range(n))

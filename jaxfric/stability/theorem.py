@@ -22,9 +22,7 @@ from . import polynomial as poly
 from .frequency import crossings
 from .kernel import AbstractKernel, DelayKernel, StateSpaceKernel, kernel_total
 from .linear import LinearSlider, linear_friction
-
-# Factor by which the generic search extends beyond the kernel's frequencies.
-_BEYOND = 1e3
+from .thresholds import BEYOND_KERNEL
 
 
 class Theorem(eqx.Module):
@@ -150,7 +148,9 @@ def critical_points(
     implicit function theorem. A w_n at which Re G only touches f_v + k_v has no derivatives.
     """
     low, high = jax.lax.stop_gradient(kernel.frequencies())
-    grid = jnp.exp(jnp.linspace(jnp.log(low / _BEYOND), jnp.log(high * _BEYOND), points))
+    grid = jnp.exp(
+        jnp.linspace(jnp.log(low / BEYOND_KERNEL), jnp.log(high * BEYOND_KERNEL), points)
+    )
     size = jnp.where(damping == 0, 1.0, jnp.abs(damping))
 
     def excess(w: Float[Array, ""]):

@@ -6,8 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Inexact
 
-# Relative change of an equation's terms that counts as rounding, in rounding units: 2e-14.
-_ROUNDING = 100
+from .thresholds import ROUNDINGS
 
 
 @jax.custom_jvp
@@ -55,5 +54,5 @@ def is_double(
     Near a double root f = f''/2 ((x - a)^2 - d^2) has |f'| = |f'' d|, so a change of f by
     |f'|^2/(2 |f''|) makes the two roots coincide. Rounding of the terms changes f by as much.
     """
-    rounding = _ROUNDING * jnp.finfo(terms.dtype).eps
+    rounding = ROUNDINGS * jnp.finfo(terms.dtype).eps
     return jnp.abs(slope) ** 2 <= 2 * rounding * jnp.abs(curvature) * terms
