@@ -69,20 +69,6 @@ class PiecewiseVelocity(AbstractMotion):
         if is_known(self.velocities) and not np.all(np.isfinite(np.asarray(self.velocities))):
             raise InputError("velocity steps: a velocity is not finite")
 
-    @classmethod
-    def through(cls, times: ArrayLike, displacements: ArrayLike) -> "PiecewiseVelocity":
-        """The motion through measured load-point positions, linear between them.
-
-        Every sample becomes a breakpoint at which the solver stops. Use it for a few hundred clean
-        points (a ramp, a profile). For a noisy record, whose differences are noise, use
-        `records.find_steps`.
-        """
-        t, x = np.asarray(times, float), np.asarray(displacements, float)
-        if t.ndim != 1 or t.shape != x.shape or len(t) < 2 or np.any(np.diff(t) <= 0):
-            raise InputError("motion: times must ascend and match the displacements, two at least")
-        v = np.diff(x) / np.diff(t)
-        return cls(t, np.append(v, v[-1]))
-
     def padded(self, length: int) -> "PiecewiseVelocity":
         """The same motion with arrays padded to `length` by entries that are never reached."""
         n = length - self.times.shape[0]

@@ -11,7 +11,7 @@ from .frontier import Alone, Region
 from .hunting import Hunting
 from .requirement import Requirement
 from .scenarios import Scenarios
-from .thresholds import FRAGILE, NOTHING, SHORTEST_DELAY
+from .thresholds import FEASIBLE, FRAGILE, SHORTEST_DELAY
 from .verify import CheckReport
 
 
@@ -169,4 +169,4 @@ class Gains(Described, Drawable, Tabular):
 
 def norm_text(norm: float, digits: int = 5) -> str:
     """A norm as text; "0" if k_p means any stiffness."""
-    return "0" if norm < NOTHING else f"{norm:.{digits}g}"
+    return "0" if norm < FEASIBLE else f"{norm:.{digits}g}"

@@ -6,7 +6,8 @@ POSITIVE = 1e-9
 """"Any positive" stiffness or damping, in natural units."""
 FEASIBLE = 1e-7
 """Tolerance of a constraint, relative to its requirement, and of an active constraint, relative to
-|y| (gains in natural units): above the rounding error of a margin."""
+|y| (gains in natural units): above the rounding error of a margin. A smaller norm is printed as
+0."""
 ZERO = 1e-6
 """Zero in the KKT equations of |y| = min, relative to |y|: residual, multiplier times gradient,
 step along a constraint. Also for the sine between two constraints and the curvature along one.
@@ -74,8 +75,6 @@ FRAGILE = 0.2
 """Modulus margin below which a loop tolerates hardly any error of the model."""
 SHORTEST_DELAY = 5e-5
 """Least delay of a real controller [s]: 1.5 samples at 30 kHz."""
-NOTHING = FEASIBLE
-"""Norm, or decay [1/s], below which k_p means any k_p > 0."""
 MOST_SET_POINTS = 64
 """Largest number of set points of a schedule; a longer chain is reported as broken."""
 PERIODS = 30.0
