@@ -144,9 +144,15 @@ def find_gains(
         rest_friction=resting,
         accuracy=accuracy,
     )
-    if gains.none_needed and delay is not None:
-        return replace(gains, largest=largest_alone(task))
-    return gains
+    return _bounded(gains)
+
+
+def _bounded(found: Gains) -> Gains:
+    """Add the largest allowed gains if none are needed and the controller has a delay."""
+    if not found.none_needed or found.delay is None:
+        return found
+    task = GainTask(found.requirement, found.scenarios, found.region)
+    return replace(found, largest=largest_alone(task))
 
 
 def _solved(

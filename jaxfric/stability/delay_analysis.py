@@ -38,8 +38,6 @@ def delay_summary(found: Study, *, number: int = 4) -> DelaySummary:
     """The closed forms of `delay` at the hardest velocity (k_p = 0 if none is given)."""
     mass, *rest = numbers = delay_numbers(found)
     lower, upper = stable_intervals(*numbers, number=number)
-    exists, unstable = (
-        stable_stiffness_exists(*numbers),
-        unstable_roots(mass, found.k_p or 0, *rest),
-    )
+    k_p = found.k_p or 0.0
+    exists, unstable = stable_stiffness_exists(*numbers), unstable_roots(mass, k_p, *rest)
     return DelaySummary(crossings(*numbers, number=number + 1), lower, upper, exists, unstable)
