@@ -26,7 +26,7 @@ from ..coordinate import Coordinate
 from ..described import said
 from ..errors import InputError
 from ..stability.kernel import StateSpaceKernel
-from .frontier import GainTask, Region, alone, minima, sizes_of
+from .frontier import GainTask, Region, alone, minima, sizes_of, zoom
 from .kkt import kkt_of
 from .margins import several_margins
 from .natural import natural_units
@@ -127,7 +127,7 @@ def solve(task: GainTask) -> Optima | Infeasible:
     for rounds in range(1, ROUNDS + 1):
         if not starts:
             return _infeasible(carried)
-        optima = _optima(task, starts)
+        optima = _optima(task, carried, starts)
         single = alone(carried)
         worse = _violated(task, [*(o.gains for o in optima), *single])
         if not worse.size:
@@ -193,13 +193,11 @@ def optimum(task: GainTask, start: np.ndarray) -> Optimum | None:
     return None
 
 
-def _optima(task: GainTask, starts: list[np.ndarray]) -> list[Optimum]:
+def _optima(task: GainTask, carried: GainTask, starts: list[np.ndarray]) -> list[Optimum]:
     """The distinct optima, smallest norm first.
 
-    If the steps from a start do not settle, the start is kept, but only if its norm is below all
-    others. Its residual is then 1, as without any constraint. Such optima lie where a margin is not
-    differentiable. For example, the phase margin of a massless slider jumps from -0.4 to inf when
-    two crossings of |L| = 1 merge and vanish. Their norm is up to 1.4e-4 too large.
+    If the steps from a start do not settle, `zoom` refines it, but only if its norm is below all
+    others. Its residual is then 1, as without any constraint.
     """
     norm = task.region.norm
     found = [optimum(task, start) for start in starts]
@@ -210,7 +208,7 @@ def _optima(task: GainTask, starts: list[np.ndarray]) -> list[Optimum]:
     lost = [start for start, one in zip(starts, found, strict=True) if one is None]
     least = min(lost, key=norm, default=None)
     if least is not None and not (kept and kept[0].norm <= norm(least)):
-        kept.insert(0, _held(task, least, 1.0, at_limit=False))
+        kept.insert(0, _held(task, zoom(carried, least), 1.0, at_limit=False))
     return kept
 
 

@@ -68,6 +68,9 @@ TRUST, SHRINK = 0.5, 0.9
 """Largest relative change of the norm in the first step, and the factor by which it shrinks."""
 BISECTIONS = 28
 """Bisections of a gain between two points of a grid, to 4e-9 of their distance."""
+ZOOMS, ZOOM_POINTS, ABOUT = 5, 17, 1.4
+"""Successively finer grids around an optimum at which a margin jumps, points of each along both
+gains, and the range of the first as a factor."""
 TILE, RATIONAL_TILE = 32, 2048
 """Scenarios evaluated at once: one shape to compile. Margins of kernels that are not rational need
 thousands of frequencies each."""
