@@ -21,30 +21,18 @@ BEAT = 10.0
 """Time [s] between the following lines."""
 
 
-class Silent:
-    """Prints no progress, for --quiet."""
+class Teller:
+    """Prints the message on stderr after `first` s, then after each `BEAT` s without output."""
 
-    def begin(self) -> None:
-        """Begin to print; also again after `end`."""
-
-    def __call__(self, message: str) -> None:
-        """Set the current message."""
-
-    def end(self) -> None:
-        """Stop printing; may be called twice."""
-
-
-class Lines(Silent):
-    """Prints the message on stderr after `FIRST` s, then after each `BEAT` s without output."""
-
-    def __init__(self):
-        self.silence, self.message = FIRST, "starting"
+    def __init__(self, first: float):
+        self.silence, self.message = first, "starting"
         self.begun = self.last = self.since = time.monotonic()
         self.ended = threading.Event()
         self.ended.set()
         self.begin()
 
     def begin(self) -> None:
+        """Start the thread that prints; also again after `end`."""
         if self.ended.is_set():
             self.ended.clear()
             self.last = time.monotonic()
@@ -52,9 +40,11 @@ class Lines(Silent):
             self.thread.start()
 
     def __call__(self, message: str) -> None:
+        """Set the current message."""
         self.message, self.since = message, time.monotonic()
 
     def end(self) -> None:
+        """Stop printing; may be called twice."""
         self.ended.set()
         self.thread.join()
 
@@ -69,38 +59,34 @@ class Lines(Silent):
                 print(text, file=sys.stderr, flush=True)
 
 
-class Line(Silent):
+class Line:
     """A status line on a terminal."""
 
     def __init__(self):
         from rich.console import Console
 
         self.status = Console(stderr=True, highlight=False).status("starting")
+        self.begin, self.end = self.status.start, self.status.stop
         self.begin()
 
-    def begin(self) -> None:
-        self.status.start()
-
     def __call__(self, message: str) -> None:
+        """Set the current message."""
         from rich.markup import escape
 
         self.status.update(escape(message))
 
-    def end(self) -> None:
-        self.status.stop()
+
+_NOW: contextvars.ContextVar[Teller | Line | None] = contextvars.ContextVar("told", default=None)
 
 
-_NOW: contextvars.ContextVar[Silent | None] = contextvars.ContextVar("told", default=None)
-
-
-def _begin() -> Silent:
-    return Line() if sys.stderr.isatty() else Lines()
+def _begin() -> Teller | Line:
+    return Line() if sys.stderr.isatty() else Teller(FIRST)
 
 
 @contextlib.contextmanager
 def telling(*, silent: bool = False) -> Generator[None]:
     """Show progress within the block, until a `told` in the block ends; if `silent`, show none."""
-    token = _NOW.set(Silent() if silent else _begin())
+    token = _NOW.set(Teller(threading.TIMEOUT_MAX) if silent else _begin())
     try:
         with told():
             yield
@@ -109,7 +95,7 @@ def telling(*, silent: bool = False) -> Generator[None]:
 
 
 @contextlib.contextmanager
-def told() -> Generator[Silent]:
+def told() -> Generator[Teller | Line]:
     """Yield the progress callback of the command.
 
     Progress stops at the end of the block, so that the status line does not disturb later output.
