@@ -445,14 +445,6 @@ def test_the_figure_has_no_band_where_the_map_is_a_guess(tmp_path):
         assert "feedforward, extrapolated" in axis.get_legend_handles_labels()[1]
 
 
-@pytest.mark.parametrize(("part", "words"), [(0.01, "where the record"), (1e-4, "hidden by")])
-def test_a_band_that_cannot_be_seen_is_said_to_be(part, words, tmp_path):
-    """Errors of 1 % and of .01 %: the line of the map is wider than the second band."""
-    figure = jf.feedforward(saved(tmp_path, part=part)).plot()
-    (label,) = {t.get_text() for t in figure.legends[0].get_texts() if "band" in t.get_text()}
-    assert words in label
-
-
 def test_a_file_that_does_not_tell_how_fast_it_turned(tmp_path):
     found = jf.feedforward(saved(tmp_path, "presliding", axis={"acceleration": None}))
     assert found.fade.speed == pytest.approx(WIDTH)

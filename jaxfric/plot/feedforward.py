@@ -16,8 +16,6 @@ from .ticks import whole_numbers
 _CURVE = 1201
 _NEAR = 5.0
 """Half width of the panel of low speeds, in fade speeds."""
-_THIN = 0.006
-"""Part of the height of a panel that its line covers."""
 
 
 def feedforward_figure(found: Feedforward) -> Figure:
@@ -25,17 +23,14 @@ def feedforward_figure(found: Feedforward) -> Figure:
     figure, (left, right) = style.side_by_side(2, height=2.8)
     fastest = found.about.fastest
     near = min(max(_NEAR * found.fade.speed, 1e-3 * fastest), fastest)
-    known = found.curve.at(np.linspace(-fastest, fastest, _CURVE), found.fade.speed)
-    thin = 2 * QUANTILE * np.nanmax(known.std) < _THIN * np.ptp(known.force)
-    label = f"95 % band, {'hidden by the line' if thin else 'where the record supports it'}"
-    _panel(left, found, 1.04 * fastest, "All speeds", label)
-    _panel(right, found, near, "Near the reversal: its sign fades", label)
+    _panel(left, found, 1.04 * fastest, "All speeds")
+    _panel(right, found, near, "Near the reversal: its sign fades")
     path = Path(found.about.source)
     source = "/".join(printable(part) for part in (path.parent.name, path.name) if part)
     return style.finish(figure, f"Friction of {source}")
 
 
-def _panel(axis: Axes, found: Feedforward, largest: float, title: str, label: str) -> None:
+def _panel(axis: Axes, found: Feedforward, largest: float, title: str) -> None:
     about, fade, unit = found.about, found.fade.speed, f"{found.about.length}/s"
     v = np.linspace(-largest, largest, _CURVE)
     fades = f"fade: |v| < v_f = {style.told(fade, unit, 3)}"
@@ -43,7 +38,8 @@ def _panel(axis: Axes, found: Feedforward, largest: float, title: str, label: st
     curve = found.curve.at(v, fade)
     low, high = (curve.force + s * QUANTILE * curve.std for s in (-1, 1))
     known = about.supports(v)
-    style.band(axis, v, low, high, label, GREY, 0.45, known)
+    words = "95 % band, where the record supports it"
+    style.band(axis, v, low, high, words, GREY, 0.45, known)
     side = np.geomspace(1e-6 * largest, largest, _CURVE)
     sharp = [found.curve.at(sign * side, None).force for sign in (-1.0, 1.0)]
     axis.plot(

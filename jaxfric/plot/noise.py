@@ -44,22 +44,9 @@ def draw_autocorrelation(
 
 
 def beyond_text(ranges: Sequence[tuple[float, float, bool]]) -> str:
-    """Sentence on the distances at which the noise model fails; '' if there are none."""
-    if not ranges:
-        return ""
-    from ..loop.family import listed  # the loop takes a third of a second to import
-
-    parts = []
-    for more in (True, False):
-        of_side = [
-            f"{a:g}" if a == b else f"{a:g} to {b:g}" for a, b, side in ranges if side == more
-        ]
-        if of_side:
-            alike = "more" if more else "less"
-            parts.append(
-                f"rows {listed(of_side)} apart are {alike} alike than the noise model says"
-            )
-    return "beyond the band: " + "; ".join(parts)
+    """The distances at which the noise model fails; '' if there are none."""
+    told = [f"{a:g}" if a == b else f"{a:g} to {b:g}" for a, b, _ in sorted(ranges)]
+    return f"outside the band: rows {', '.join(told)} apart" if told else ""
 
 
 def mark_glitches(axis: Axes, along: np.ndarray, glitches: Glitches) -> None:
