@@ -230,7 +230,7 @@ print(len(jax.devices()))
     assert python(code) == ("2\n", "")
 
 
-@pytest.mark.parametrize("package", [jaxfric, jaxfric.stability, jaxfric.plot])
+@pytest.mark.parametrize("package", [jaxfric, jaxfric.stability])
 def test_lazy_names_resolve(package):
     """To what has their name, and nothing is both a module of the package and a name in it."""
     for name, home in package._HOMES.items():

@@ -29,8 +29,8 @@ _BLOCKS = {
 }
 _MOST_BINS, _BIN_ROWS = 18, 10
 _MOST_CANDIDATES = 14
-_LONGEST, _TITLE = 40, 0.55 * style.DOUBLE
-"""Letters of the name of a record in a title, and room in one for the names of effects [inch]."""
+_LONGEST = 40
+"""Letters of the name of a record in a title."""
 _ROLES = {
     "model": (BLUE, "the chosen model; below, its effects"),
     "base": (MIDDLE, "the base, and models on the way"),
@@ -61,15 +61,13 @@ def residual_figure(loop: Loop) -> Figure:
     if loop.effects:
         style.curve(record, place, friction + loop.after.residual, "model after", BLUE)
     style.tidy(record, "Record and model", y=style.named(words.force, loop.record.friction_unit))
-    base = base_name(loop)
-    added = f"with {_effects(loop.effects)}" if loop.effects else "no effect was added"
-    for axis, score, title in (
-        (before, loop.before, f"Before: {_effects([base, *loop.before.effects], base)}"),
-        (after, loop.after, f"After: {added}"),
-    ):
+    room = style.letters(0.85 * style.DOUBLE, style.TITLE)
+    for axis, score, when in ((before, loop.before, "Before"), (after, loop.after, "After")):
         _residual(axis, loop, -score.residual / loop.row_sigma(), place)
         mark_glitches(axis, place.x, score.noise.glitches)
-        style.tidy(axis, f"{title} (test error {loop.test_error(score):.2f} σ)")
+        names = " + ".join([base_name(loop), *score.effects])
+        title = f"{when}, test error {loop.test_error(score):.2f} σ: {names}"
+        style.tidy(axis, style.shortened(title, room))
     style.tidy(after, x=place.label)
     for axis in axes:
         _blocks(axis, loop, place.x)
@@ -80,14 +78,6 @@ def residual_figure(loop: Loop) -> Figure:
     name = style.shortened(printable(loop.record.provenance.path), _LONGEST)
     title = f"{name}: noise σ = {', in rows held out '.join(sigma_texts(loop))}"
     return style.finish(figure, title, legend=shades)
-
-
-def _effects(names: Sequence[str], base: str = "") -> str:
-    """The names of what a model has, or their number where a title has no room for all of them."""
-    text = " + ".join(names)
-    if len(text) <= style.letters(_TITLE):
-        return text
-    return f"{base} and effects" if base else f"{len(names)} effects"
 
 
 def _middle(velocities: np.ndarray) -> float:
