@@ -7,7 +7,7 @@ record. A steady.json of `jaxfric axis` gives the final curve, with the covarian
 import contextlib
 import dataclasses
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Generator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -186,7 +186,7 @@ def identified(model: str | Path | Loop | SteadyLoop) -> Identified:
 
 
 @contextlib.contextmanager
-def _undamaged(source: str, schema: str) -> Iterator[None]:
+def _undamaged(source: str, schema: str) -> Generator[None]:
     """Refuse a file of which an entry is missing, or cannot be read."""
     try:
         yield

@@ -119,7 +119,7 @@ def _band(members: "DataFrame", output: str, name: str, *, coded: bool) -> "Data
     groups = members.groupby(name)[output]
     levels = np.asarray([0.05, 0.5, 0.95])
     found = groups.value_counts(normalize=True) if coded else groups.quantile(levels)
-    return found.unstack(fill_value=0.0)  # ty: ignore[invalid-return-type]
+    return found.unstack(fill_value=0.0)  # ty: ignore[invalid-explicit-return]
 
 
 def _moving(
