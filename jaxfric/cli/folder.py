@@ -25,9 +25,6 @@ from .call import Call, current_call, made_by
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 NOTES = ".jaxfric.json"
 _NOT_NAMED = {
     # inputs without a default
