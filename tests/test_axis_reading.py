@@ -20,8 +20,9 @@ from jaxfric.effects.axis import AxisSensorDelay
 from jaxfric.fitting.axis_preparation import Preparation, acceleration_noise, prepare, usual
 from jaxfric.fitting.axis_problem import make_problem
 from jaxfric.fitting.encompassing import EncompassingModel
+from jaxfric.loop.axis.controller_check import disagreement
 from jaxfric.loop.axis.reading import _from_row_to_row, read_rows
-from jaxfric.records import axis_from_arrays, read_axis
+from jaxfric.records import Drive, axis_from_arrays, read_axis
 from jaxfric.rig.axis import AxisRig, BaseLaw
 from jaxfric.simulation.axis_closed_loop import Controller, simulate_closed_loop
 
@@ -349,3 +350,25 @@ def test_an_archive_of_numpy_is_refused_with_the_way_out(tmp_path, monkeypatch, 
     monkeypatch.chdir(tmp_path)
     np.savez("joint.npz", q=np.zeros(3))
     snapshot("axis_archive", {"npz": refusal(read_axis, "joint.npz")})
+
+
+def test_the_stated_controller_is_compared_with_the_force(snapshot):
+    drive = Drive(gain=35.0, position_gain=160.0, velocity_gain=240.0)
+    t, q, _, _ = motion()
+    reference = q + 2e-4 * np.sin(3 * t)
+    speed = np.concatenate([[0, 0], (q[2:] - q[:-2]) / (2 * H)])
+    force = 35.0 * 240.0 * (160.0 * (reference - q) - speed)
+
+    def said(motor_force, drive=drive, held=True, **more):
+        record = a_record(drive=drive, reference=reference)
+        record = dataclasses.replace(record, position=q, motor_force=motor_force, **more)
+        return disagreement(record, held=held)
+
+    assert said(force) is None and said(force + pulses(t), drive=None) is None
+    told = said(force + pulses(t)) or ""
+    wrong = int(np.count_nonzero(pulses(t)))
+    assert {str(wrong), "400", "2.2", "2.499", "4"} <= set(re.findall(r"\d[\d.]*", told))
+    assert said(force + pulses(t), disturbance_force=pulses(t)) is None
+    assert said(force, disturbance_force=pulses(t), held=False) is None
+    other = said(force, drive=dataclasses.replace(drive, position_gain=100.0)) or ""
+    snapshot("axis_controller", {"pulses beside": told, "another gain": other})

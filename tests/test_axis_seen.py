@@ -12,7 +12,7 @@ from jaxfric.fitting.axis_preparation import Preparation
 from jaxfric.fitting.axis_problem import make_problem
 from jaxfric.fitting.encompassing import EncompassingModel
 from jaxfric.loop.axis.reading import read_rows
-from jaxfric.loop.axis.seen import _stairs, _stops, doubts, slowest_told
+from jaxfric.loop.axis.seen import _stairs, _stops, doubts, held_command, slowest_told
 from jaxfric.records import axis_from_arrays
 from jaxfric.rig.axis import BaseLaw
 
@@ -131,3 +131,21 @@ def test_slower_motion_is_left_out_for_the_reason_that_decides(width, unseen, sl
     speed = np.linspace(0, 1, 1001)
     found, told = slowest_told(speed, width, "m", unseen)
     assert found == pytest.approx(slowest, abs=2e-3) and told.startswith(why)
+
+
+@pytest.mark.parametrize(
+    ("effects", "lag", "told"),
+    [
+        (("servo_lag",), 1.0, "the 1 ms of servo_lag are about half of the 2 ms from row to row"),
+        (("stribeck", "sensor_delay"), 1.4, "the 1.4 ms of sensor_delay"),
+        (("servo_lag",), 1.6, None),
+        (("servo_lag",), 0.4, None),
+        (("sensor_lag",), 1.0, None),  # a force that is recorded late is not held: it has acted
+        (("stribeck",), 1.0, None),  # a lag that is not in the model
+    ],
+)
+def test_a_lag_of_half_a_row_asks_whether_the_command_is_held(effects, lag, told):
+    values = dict.fromkeys(("servo_lag.tau", "sensor_lag.tau", "sensor_delay.d"), 1e-3 * lag)
+    found = held_command(values, effects, H)
+    asked = [told in text and "zero_order_hold=True" in text for text in found]
+    assert asked == [True] * (told is not None)

@@ -89,6 +89,8 @@ STAIRS = 4.0
 SAME_FORCE = 0.05
 """Residual over force below which a description is complete. If position alone suffices, there is
 neither inertia nor friction. If a stated controller fails, another controller acts."""
+CONTROLLER_OFF = 10.0
+"""Difference of the recorded from the stated force, in scatters, above which a row disagrees."""
 MOSTLY = 0.5
 """Share of a bump above which the base absorbs most of it; share of rows that are most rows."""
 PRIOR = 3.0

@@ -41,7 +41,7 @@ from .nonlinear import axis_curves, axis_sensitivities, friction_bumps
 from .reading import Reading, read_rows
 from .result import AxisRows, Spring
 from .rows import rough_fit, scales_of
-from .seen import doubts, follows, spring_of
+from .seen import doubts, follows, held_command, spring_of
 
 
 @old_arguments(with_="include", without="exclude", most="max_effects", held="zero_order_hold")
@@ -166,11 +166,14 @@ def axis_subject(
         }
 
     def reported(engine: Engine[AxisProblem], found: Search) -> Reported:
-        own = counted(engine)
+        own, final, hints = counted(engine), found.final, []
+        if not held:
+            interval = float(np.median(np.diff(record.time)))
+            hints = held_command(engine.values(final.z), final.effects, interval)
         return Reported(
             own.as_record(record, prepared.force),
             BaseModel(LAW, own.steps(), {"width": own.width}),
-            (*reading.warnings, *doubts(engine, found, own, reason), *cautions),
+            (*reading.warnings, *doubts(engine, found, own, reason), *hints, *cautions),
             own.used,
             own.segment,
             int(own.segment.max()) + 1,

@@ -30,9 +30,9 @@ from ..thresholds import (
     OF_NOISE,
     OF_RESIDUAL,
     PERIODS,
-    STUCK,
     WIDTHS,
 )
+from .controller_check import disagreement, stretches
 from .result import AxisRows
 from .rows import holds_already, refuse_reversed, rough_fit, rows_of, split, unexplained_rows
 
@@ -68,9 +68,9 @@ def read_rows(
     mass = inertia_unit(unit, record.length_unit)
     refuse_reversed(rough, work, record.provenance.path, unit, mass)
     notes = tuple(note for note in (*told, why, *more) if note)
-    warnings = tuple(
-        text for text in (_uneven(record), _unexplained(record, prepared, rows)) if text
-    )
+    wrong = disagreement(record, held=force is record.motor_force)
+    wrong = wrong or _unexplained(record, prepared, rows)
+    warnings = tuple(text for text in (_uneven(record), wrong) if text)
     return Reading(prepared, rows, blocks, notes, warnings)
 
 
@@ -248,12 +248,3 @@ def _split(
             " raise it"
         )
     raise InputError(f"{refused}. Try {option('cutoff', f'{better:.2g} Hz')}")
-
-
-def stretches(rows: np.ndarray, time: np.ndarray) -> str:
-    """The times of some rows as text: the longest stretch, and the number of further stretches."""
-    gap = max(STUCK / float(np.median(np.diff(time))), 1.0)
-    parts = np.split(rows, np.flatnonzero(np.diff(rows) > gap) + 1)
-    longest = max(parts, key=len)
-    more = f" and {len(parts) - 1} more stretches" if len(parts) > 1 else ""
-    return f"{time[longest[0]]:.4g} to {time[longest[-1]]:.4g} s{more}"

@@ -6,7 +6,7 @@ This module also finds speeds at which the axis stopped in mid-stroke or the low
 of the motion.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import jax
@@ -14,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from ...errors import option
 from ...fitting.axis_preparation import Prepared
 from ...fitting.axis_problem import SLOWEST, AxisProblem
 from ...fitting.uncertainty import normal_inverse
@@ -139,6 +140,22 @@ def doubts(
             f" without, by {100 * (after / before - 1):.0f} %"
         )
     return why
+
+
+def held_command(values: Mapping[str, float], effects: Sequence[str], interval: float) -> list[str]:
+    """A hint if an identified lag equals that of a zero-order hold, half of the row `interval` [s].
+
+    values : of all parameters, by name. effects : those of the final model.
+    """
+    lags = {f"{id}.{name}": id for id, name in (("servo_lag", "tau"), ("sensor_delay", "d"))}
+    return [
+        f"the {1e3 * values[name]:.2g} ms of {id} are about half of the {1e3 * interval:.2g} ms"
+        " from row to row: so late acts a command that its controller holds until the next row."
+        f" If the force is such a command, say so ({option('zero-order-hold')}):"
+        " it is taken along then"
+        for name, id in lags.items()
+        if id in effects and abs(values[name] - interval / 2) < interval / 4
+    ]
 
 
 def follows(problem: AxisProblem, rows: AxisRows, rotary: bool) -> float | None:
