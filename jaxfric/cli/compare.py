@@ -7,7 +7,7 @@ from .common import doing, effect_ids, prepare_jax, told
 from .fits import Fitter
 from .folder import choose_folder, json_text
 from .plan_line import loop_line
-from .shown import show
+from .shown import finish
 
 
 def compare_record(fitter: Fitter, laws: list[str] | None, output: options.OutputOptions) -> int:
@@ -44,5 +44,4 @@ def compare_record(fitter: Fitter, laws: list[str] | None, output: options.Outpu
     if told_of.next_steps:
         line = loop_line(current_call(), found.of_laws[0].fit.law)
         told_of = told_of._replace(next_steps=[told_of.next_steps[0]._replace(command=line)])
-    show(told_of, folder.written, content, output)
-    return folder.close()
+    return finish(told_of, folder, content, output)

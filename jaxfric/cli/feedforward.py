@@ -11,7 +11,7 @@ from . import options
 from .call import current_call
 from .common import doing, prepare_jax, told
 from .folder import choose_folder, json_text, source_name
-from .shown import show
+from .shown import finish
 
 
 @options.FLAT
@@ -71,11 +71,7 @@ def feedforward(
     with told() as progress:
         content = json_text(found.to_json(asked))
         texts = {"json": content + "\n", "c": source, "csv": found.csv(), "tex": tex(found)}
-        with folder.results() as to:
-            for kind, text in texts.items():
-                (to / f"feedforward.{kind}").write_text(text, encoding="utf-8")
+        folder.save({f"feedforward.{kind}": text for kind, text in texts.items()})
         progress("drawing the figure")
         folder.draw_figure("feedforward", lambda: feedforward_figure(found))
-    told_of = report(found, asked)
-    show(told_of, folder.written, content, output)
-    return folder.close()
+    return finish(report(found, asked), folder, content, output)

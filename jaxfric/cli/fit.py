@@ -14,7 +14,7 @@ from .compare import compare_record
 from .fits import Fitter, fit_files, for_each
 from .folder import Folder, choose_folder, json_text
 from .posterior import PriorOptions
-from .shown import show
+from .shown import finish
 
 if TYPE_CHECKING:
     from ..fitting import Fit
@@ -122,8 +122,7 @@ def _fit_one(file: Path, fitter: Fitter, prior: PriorOptions, output: options.Ou
         posterior = prior.of(result, progress)
         progress("drawing the figure")
         _save(result, content, posterior, folder)
-    show(_report(result, posterior), folder.written, content, output)
-    code = folder.close()
+    code = finish(_report(result, posterior), folder, content, output)
     if result.converged:
         return 1 if posterior is not None and posterior.warnings else code
     print(

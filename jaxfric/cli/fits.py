@@ -8,7 +8,7 @@ from ..errors import InputError
 from .common import told, warn
 from .folder import choose_folder, json_text
 from .options import ModelOptions, OutputOptions
-from .shown import show
+from .shown import finish
 
 if TYPE_CHECKING:
     from ..fitting import Fit
@@ -141,8 +141,7 @@ def fit_files(fitter: Fitter, output: OutputOptions) -> int:
             progress(f"drawing {name}")
             what, draw = f"the figure of {name}", lambda fit=fit: fit_figure(fit)
             folder.draw_figure(what, draw, f"{name}.png")
-    show(report_of_files(found), folder.written, content, output)
-    code = folder.close()
+    code = finish(report_of_files(found), folder, content, output)
     failed = [one for one in found if not one.known]
     names = ("" if one.result.startswith(one.name) else f"{one.name}: " for one in failed)
     warn((name + one.result for name, one in zip(names, failed, strict=True)), "error")

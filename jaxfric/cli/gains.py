@@ -11,7 +11,7 @@ from ..stability.margin_table import named_with_units
 from . import options
 from .common import OfMotion, prepare_jax, told
 from .options import Text
-from .shown import show
+from .shown import finish
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -157,9 +157,7 @@ def gains(
         if map_:
             folder.draw_figure("end_map", lambda: _end_map(result, progress))
     new = tuple(line for line in result.warnings if line not in source.warnings)
-    told_of = report(result)._replace(warnings=new)
-    show(told_of, folder.written, content, output)
-    code = folder.close()
+    code = finish(report(result)._replace(warnings=new), folder, content, output)
     return code or int(bool(result.unsafe))
 
 

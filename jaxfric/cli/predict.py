@@ -8,7 +8,7 @@ from cyclopts import Parameter
 from . import options
 from .common import doing, prepare_jax, refuse_unused, told
 from .folder import choose_folder, source_name
-from .shown import show
+from .shown import finish
 
 
 def predict(
@@ -64,5 +64,4 @@ def predict(
         folder.draw_figure("prediction", lambda: prediction_figure(result))
     from ..views import report
 
-    show(report(result), folder.written, content, output)
-    return folder.close()
+    return finish(report(result), folder, content, output)

@@ -6,6 +6,7 @@ from .common import stdout_console, warn
 
 if TYPE_CHECKING:
     from ..report.report import Report
+    from .folder import Folder
     from .options import OutputOptions
 
 
@@ -30,3 +31,9 @@ def show(report: "Report", written: str, content: str, output: "OutputOptions") 
         if written:
             console.print(f"\n{written}", markup=False, soft_wrap=True)
     warn(report.warnings)
+
+
+def finish(report: "Report", folder: "Folder", content: str, output: "OutputOptions") -> int:
+    """Show the report and the written files; return the exit code of the verb."""
+    show(report, folder.written, content, output)
+    return folder.close()

@@ -9,7 +9,7 @@ from . import options
 from .call import made_by
 from .common import OfMotion, prepare_jax, told
 from .folder import json_text
-from .shown import show
+from .shown import finish
 
 if TYPE_CHECKING:
     from ..coordinate import Coordinate
@@ -100,8 +100,7 @@ def simulate(
             folder.draw_figure(name, lambda figure=figure: figure(course.motion))
     files = [str(folder.path / name) for name in folder.files]
     text = json_text(content(course, source.text, width, files))
-    show(told_of, folder.written, text, output)
-    return folder.close()
+    return finish(told_of, folder, text, output)
 
 
 def _command(given: OfMotion, velocity: str | None, steps: str | None) -> "PiecewiseVelocity":

@@ -6,7 +6,7 @@ from typing import Annotated
 from ..errors import InputError
 from . import options
 from .common import OfMotion, prepare_jax, told, warn
-from .shown import show
+from .shown import finish
 
 
 def stability(
@@ -71,6 +71,4 @@ def stability(
             folder.draw_figure(name, lambda figure=figure: figure(found))
         if found.delayed:
             folder.draw_figure("delay_chart", lambda: delay_figure(found))
-    told_of = report(found, source.text)
-    show(told_of, folder.written, written, output)
-    return folder.close()
+    return finish(report(found, source.text), folder, written, output)
