@@ -2,16 +2,15 @@
 
 import functools
 import sys
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from . import options
 from .common import doing, prepare_jax, refuse_unused, told
 from .compare import compare_record
-from .fits import Fitter, fit_files, for_each
+from .fits import FitOptions, Fitter, fit_files, for_each
 from .folder import Folder, choose_folder, json_text
 from .posterior import PriorOptions
 from .shown import finish
@@ -20,27 +19,6 @@ if TYPE_CHECKING:
     from ..fitting import Fit
     from ..posterior import Posterior
     from ..report.report import Report
-
-
-@options.FLAT
-@dataclass(frozen=True)
-class FitOptions:
-    """How a model is fitted."""
-
-    reference_velocity: Annotated[options.Text, options.MORE] = None
-    """Reference velocity with unit, at which steady-state friction is f0."""
-    start: Annotated[str | None, options.MORE] = None
-    """Starting values, 'A=0.01, B=0.012, L=20 um'. Rarely needed."""
-    weighting: Annotated[Literal["ols", "gls"], options.MORE] = "ols"
-    """Ordinary least squares (ols), or generalised (gls): whitened by the noise model."""
-    profile: Annotated[bool, options.MORE] = False
-    """Intervals from the profile likelihood (slower)."""
-    downsample_to: options.DownsampleTo = None
-
-    @property
-    def of_one(self) -> bool:
-        """Whether an option is given that the batched fit of many records does not have."""
-        return self != FitOptions(reference_velocity=self.reference_velocity)
 
 
 def fit(

@@ -1,10 +1,12 @@
 """`jaxfric fit` of several files: one table with a row for each; a failed file stops no other."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple, TypeVar
 
 from ..errors import InputError
+from . import options
 from .common import told, warn
 from .folder import choose_folder, json_text
 from .options import ModelOptions, OutputOptions
@@ -13,12 +15,32 @@ from .shown import finish
 if TYPE_CHECKING:
     from ..fitting import Fit
     from ..records import Record
-    from .fit import FitOptions
 _MANY = 16
 """Number of files from which compiling a batched fit saves time."""
 _WEIGHTINGS = {"ols": "ordinary", "gls": "whitened"}
 """Names of the choices of --weighting in Python and in files."""
 _Value = TypeVar("_Value")
+
+
+@options.FLAT
+@dataclass(frozen=True)
+class FitOptions:
+    """How a model is fitted."""
+
+    reference_velocity: Annotated[options.Text, options.MORE] = None
+    """Reference velocity with unit, at which steady-state friction is f0."""
+    start: Annotated[str | None, options.MORE] = None
+    """Starting values, 'A=0.01, B=0.012, L=20 um'. Rarely needed."""
+    weighting: Annotated[Literal["ols", "gls"], options.MORE] = "ols"
+    """Ordinary least squares (ols), or generalised (gls): whitened by the noise model."""
+    profile: Annotated[bool, options.MORE] = False
+    """Intervals from the profile likelihood (slower)."""
+    downsample_to: options.DownsampleTo = None
+
+    @property
+    def of_one(self) -> bool:
+        """Whether an option is given that the batched fit of many records does not have."""
+        return self != FitOptions(reference_velocity=self.reference_velocity)
 
 
 class Fitter(NamedTuple):
@@ -30,7 +52,7 @@ class Fitter(NamedTuple):
     masses: Sequence[str | None]
     laws: Sequence[str]
     model: ModelOptions
-    how: "FitOptions"
+    how: FitOptions
     steps: str | None
 
     def one(self, number: int, record: "Record", say: Callable[[str], None]) -> "Fit":
