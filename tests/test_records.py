@@ -532,17 +532,6 @@ def test_means_that_flatten_a_peak_are_told() -> None:
         assert (blur(record, 1e-5) > 0.5) == told
 
 
-@pytest.mark.parametrize(("more", "doubts"), [(19, 0), (20, 1)])
-def test_a_clock_that_stands_still_is_told(more, doubts):
-    time = np.concatenate([np.arange(50.0), np.full(more, 49.0), 50 + np.arange(30.0)])
-    x = 1e-6 * np.arange(len(time))
-    record = from_arrays(time, 0.6 + 0 * time, load_point_displacement=x)
-    assert len(record) == 80 and record.provenance.dropped == {"equal time stamp": more}
-    assert len(record.provenance.doubts) == doubts
-    if doubts:
-        assert "still at 49 s from row 50 on, for 20 more rows" in record.provenance.doubts[0]
-
-
 def test_a_clock_that_moves_is_not_doubted():
     time = np.repeat(np.arange(100.0), 3)
     x = 1e-6 * np.arange(len(time))

@@ -52,7 +52,7 @@ def made(noise, coordinate="rotary", scales=None):
         speed_std=np.zeros(n),
         names=tuple(map(str, range(n))),
         coordinate=coordinate,
-        rows=tuple(SteadyRows(np.arange(ROWS), time, x) for x in forces),
+        rows=tuple(SteadyRows(np.arange(ROWS), time, x, 0 * x) for x in forces),
     )
 
 

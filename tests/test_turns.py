@@ -96,4 +96,4 @@ def test_runs_that_were_unwound_are_named(tmp_path):
     curve = read_steady(tmp_path)
     np.testing.assert_allclose(curve.speed, [-0.5, -0.3, -0.1, 0.1, 0.3, 0.5], rtol=1e-6)
     (told,) = (note for note in curve.provenance.notes if "turn" in note)
-    assert told.endswith("unwound where it jumps, in 0.csv, 5.csv")
+    assert told.endswith("unwound where it jumps, 1 time (0.csv, 5.csv)")

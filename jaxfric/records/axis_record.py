@@ -1,21 +1,20 @@
 """A measured record of a servo axis: time, motor force and motion, in SI units."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..described import Described, Drawable, Gridded, Tabular
 from ..errors import InputError
 from .axis_units import FORCE_UNITS, si_units
 from .held import REPEATED, columns_renewed
-from .record import Provenance, Sampling, cut, frozen, vector
+from .record import Measured, Provenance, frozen, vector
 from .rows import FileRows, refuse_few, whole_rows
 from .sizes import refuse_sizes
 from .turns import columns_unwound
-from .window import Bound, bounds
+from .window import Bound
 
 COLUMNS = (
     "time",
@@ -77,7 +76,7 @@ class AxisKind(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class AxisRecord(Described, Drawable, Gridded, Tabular):
+class AxisRecord(Measured):
     """Columns of equal length, read-only, in SI; time increases from row to row.
 
     - `time` [s], as in the file; `relative_time` starts at 0.
@@ -94,7 +93,6 @@ class AxisRecord(Described, Drawable, Gridded, Tabular):
     - `others`: columns of the file with the motion of other joints, if these joints also move.
     """
 
-    time: np.ndarray
     motor_force: np.ndarray
     position: np.ndarray | None = None
     velocity: np.ndarray | None = None
@@ -103,32 +101,13 @@ class AxisRecord(Described, Drawable, Gridded, Tabular):
     coordinate: str = "linear"
     force_unit: str = "N"
     drive: Drive | None = None
-    units: Mapping[str, str] = field(default_factory=dict)
-    provenance: Provenance = field(default_factory=Provenance)
     others: tuple[str, ...] = ()
-
-    def __len__(self) -> int:
-        return len(self.time)
-
-    @property
-    def relative_time(self) -> np.ndarray:
-        """Time since the first row [s]."""
-        return self.time - self.time[0]
+    roles: ClassVar[Iterable[str]] = COLUMNS
 
     @property
     def length_unit(self) -> str:
         """The SI unit of the position: "m" or "rad"."""
         return "rad" if self.coordinate == "rotary" else "m"
-
-    @property
-    def columns(self) -> dict[str, np.ndarray]:
-        """The recorded columns, by role."""
-        found = {role: getattr(self, role) for role in COLUMNS}
-        return {role: values for role, values in found.items() if values is not None}
-
-    def sampling(self) -> Sampling:
-        """Rows, duration and intervals."""
-        return Sampling.of(self.time)
 
     def window(self, start: Bound = None, stop: Bound = None) -> "AxisRecord":
         """Return the rows from `start` to `stop` as a new record, whose time starts at `start`.
@@ -138,8 +117,7 @@ class AxisRecord(Described, Drawable, Gridded, Tabular):
 
         Raises `InputError` if fewer than 20 rows remain, and for a bound outside the record.
         """
-        ends = bounds(self.time, None, start, stop, self.provenance.path)
-        return replace(self, **cut(self.time, self.columns, self.provenance, *ends))
+        return self._cut(None, start, stop)
 
 
 def axis_from_arrays(

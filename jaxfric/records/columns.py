@@ -12,7 +12,7 @@ from ..units import factor, has_dimension, scale
 from .axis_units import spelling
 from .record import EMPTY_ROWS, Provenance
 from .roles import AXIS, NO_COLUMN, SLIDER, Role, Schema
-from .rows import MIN_ROWS, FileRows
+from .rows import FileRows
 from .table import Table, filled_rows, with_stated
 
 _ANGLE = re.compile(r"(?i)rad|deg|rev|turn|rpm|arc|cycle")
@@ -128,7 +128,8 @@ def assign(
         if name in found
     }
     notes += [
-        f"column '{table.names[use.column]}' is {_called(role, use)}"
+        f"column '{table.names[use.column]}' is"
+        f" {role.replace('_stress', '_force') if use.si_unit == 'N' else role}"
         for role, use in uses.items()
         if folded(table.names[use.column]) != folded(role)
     ]
@@ -139,11 +140,6 @@ def assign(
 
 FORCES = {"shear_force": "shear_stress", "normal_force": "normal_stress"}
 """Roles for users who recorded forces instead of stresses."""
-
-
-def _called(role: str, use: Use) -> str:
-    """Return the name of a role for a note; a stress recorded as a force is called a force."""
-    return role.replace("_stress", "_force") if use.si_unit == "N" else role
 
 
 def spelt(unit: str | None) -> str:
@@ -253,13 +249,6 @@ def _require(table: Table, schema: Schema, found: Found) -> None:
     often = f", or state how often rows were taken: {option('column', 'time=1 kHz')}"
     rate = often if "time" in missing else ""
     if table.doubt:
-        rows = len(table.lines)
-        if max(rows, 10 * MIN_ROWS) < len(table.columns):
-            raise InputError(
-                f"{table.path}: {table.doubt}, and {rows} rows of {len(table.columns)} columns: it"
-                " looks transposed. Write a row for every sample, with a column for time and for"
-                " each quantity"
-            )
         raise InputError(
             f"{table.path}: {table.doubt}; columns are numbered #1, #2, ...: say by number which is"
             f" {', '.join(missing)}, as in {option('column', f'{missing[0]}=#1 [{unit}]')}{rate}"

@@ -49,10 +49,11 @@ def read_header(
     if len(names) == least - 1 and _count_rows(cells) and not _is_time(names[0]):
         names, below = ["row", *names], None if below is None else ["", *below]
     if not least <= len(names) <= most:
+        halved = writing.delimiter == "," and least == 2 * len(names)
+        hint = "; with decimal commas, part the columns by semicolons" if halved else ""
         doubt = (
             f"the header names {len(names)} columns, the first row has"
-            f" {len(_without_end(cells[0]))} cells; header: {written[-1].strip()[:80]}"
-            + _comma_hint(len(names), least, writing)
+            f" {len(_without_end(cells[0]))} cells; header: {written[-1].strip()[:80]}" + hint
         )
         return [f"#{i + 1}" for i in range(least)], [None] * least, doubt
     if len(names) > 1 and len(set(names)) == 1 and is_unit(names[0]):
@@ -111,12 +112,6 @@ def _usual(counts: Iterable[int]) -> int:
     """Return the most frequent count; of equally frequent ones the largest."""
     found = Counter(counts)
     return max(found, key=lambda count: (found[count], count))
-
-
-def _comma_hint(names: int, cells: int, writing: Writing) -> str:
-    if writing.delimiter == "," and cells == 2 * names:
-        return "; with decimal commas, part the columns by semicolons"
-    return ""
 
 
 def _without_end(cells: list[str]) -> list[str]:

@@ -11,6 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from .differences import runs_of
 from .lines import Lines, Sums
 from .segments import LEAST_CHANGE, MIN_ROWS, find_lines, join, settle
 
@@ -166,10 +167,8 @@ def blocks(time: np.ndarray) -> np.ndarray:
     spread = median_filter(np.abs(logs - usual), wide, mode="nearest")
     least = np.maximum(np.log(_RATE), _UNEVEN * np.maximum(spread[1:], spread[:-1]))
     changed = np.abs(after[1:] - before[:-1]) > least
-    ends = np.flatnonzero(np.diff(np.concatenate([[0], changed.astype(int), [0]])))
-    edges = ends.reshape(-1, 2).sum(axis=1) // 2 + 1
     out = [0]
-    for edge in edges:
+    for edge in runs_of(changed).sum(axis=1) // 2 + 1:
         if min(edge - out[-1], len(time) - edge) >= _BLOCK:
             out.append(int(edge))
     return np.array([*out, len(time)])

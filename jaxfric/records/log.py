@@ -74,7 +74,11 @@ def _columns(found: object) -> tuple[dict[str, list], dict[str, object]]:
     about: dict[str, object] = {k: v for k, v in found.items() if isinstance(v, str | int | float)}
     inside = [_columns(v)[0] for v in found.values() if isinstance(v, list | Mapping)]
     best: dict[str, list] = max(inside, key=_rows, default={})
-    lists = {k: v for k, v in found.items() if isinstance(v, list) and _numbers(v)}
+    lists = {
+        k: v
+        for k, v in found.items()
+        if isinstance(v, list) and any(isinstance(x, int | float) for x in v)
+    }
     longest = max(map(len, lists.values()), default=0)
     if longest > _rows(best):
         best = {k: v for k, v in lists.items() if len(v) == longest}
@@ -83,10 +87,6 @@ def _columns(found: object) -> tuple[dict[str, list], dict[str, object]]:
 
 def _rows(columns: Mapping[str, list]) -> int:
     return max(map(len, columns.values()), default=0)
-
-
-def _numbers(values: list) -> bool:
-    return any(isinstance(x, int | float) for x in values)
 
 
 def _cell(value: object) -> str:

@@ -1,7 +1,8 @@
 """A measured record of a slider: time, motion of the load point and friction, in SI units."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,7 +12,7 @@ from ..errors import InputError
 from ..units import between
 from . import standing_out
 from .roles import SLIDER
-from .rows import MIN_ROWS, FileRows, clock_doubt, refuse_few, whole_rows
+from .rows import MIN_ROWS, FileRows, refuse_few, whole_rows
 from .sizes import refuse_sizes
 from .window import Bound, bounds
 
@@ -74,28 +75,14 @@ class Sampling:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Record(Described, Drawable, Gridded, Tabular):
-    """Columns of equal length, read-only, in SI; time increases from row to row.
+class Measured(Described, Drawable, Gridded, Tabular):
+    """Columns by role over an increasing time: what records of sliders and axes share."""
 
-    - `time` [s], as in the file; `relative_time` starts at 0.
-    - `load_point_displacement` [m], `load_point_velocity` [m/s]: at least one of them.
-    - `load_point_encoder` [m], if the file has it: the measured load point, in addition to the
-      commanded displacement.
-    - `friction`: a coefficient (`friction_unit` "1") or a force ("N").
-    - `slip` [m] and `normal_stress` [Pa], if the file has them.
-    - `units`: the unit of each role in the file.
-    """
-
+    roles: ClassVar[Iterable[str]]
+    """The columns that such a record may have."""
     time: np.ndarray
-    friction: np.ndarray
-    load_point_displacement: np.ndarray | None = None
-    load_point_velocity: np.ndarray | None = None
-    slip: np.ndarray | None = None
-    normal_stress: np.ndarray | None = None
-    load_point_encoder: np.ndarray | None = None
-    friction_unit: str = "1"
-    units: Mapping[str, str] = field(default_factory=dict)
-    provenance: Provenance = field(default_factory=Provenance)
+    units: Mapping[str, str] = field(default_factory=dict, kw_only=True)
+    provenance: Provenance = field(default_factory=Provenance, kw_only=True)
 
     def __len__(self) -> int:
         return len(self.time)
@@ -108,12 +95,52 @@ class Record(Described, Drawable, Gridded, Tabular):
     @property
     def columns(self) -> dict[str, np.ndarray]:
         """The recorded columns, by role."""
-        found = {role: getattr(self, role) for role in ROLES}
+        found = {role: getattr(self, role) for role in self.roles}
         return {role: values for role, values in found.items() if values is not None}
 
     def sampling(self) -> Sampling:
         """Rows, duration and intervals."""
         return Sampling.of(self.time)
+
+    def _cut(self, moved: np.ndarray | None, start: Bound, stop: Bound) -> Self:
+        """Return the rows between two bounds; `moved` as in `window.bounds`."""
+        low, high = bounds(self.time, moved, start, stop, self.provenance.path)
+        relative, origin = self.relative_time, self.provenance
+        inside = (relative >= low) & (relative <= high)
+        count = int(inside.sum())
+        if count < MIN_ROWS:
+            raise InputError(
+                f"the window {low:g} to {high:g} s holds {count} rows of a record of"
+                f" {relative[-1]:g} s; {MIN_ROWS} are needed"
+            )
+        note = f"rows from {low:g} to {high:g} s"
+        lines = None if origin.lines is None else origin.lines[inside]
+        origin = replace(origin, notes=(*origin.notes, note), lines=lines)
+        kept = {role: frozen(values[inside]) for role, values in self.columns.items()}
+        return replace(self, **kept, provenance=origin)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Record(Measured):
+    """Columns of equal length, read-only, in SI; time increases from row to row.
+
+    - `time` [s], as in the file; `relative_time` starts at 0.
+    - `load_point_displacement` [m], `load_point_velocity` [m/s]: at least one of them.
+    - `load_point_encoder` [m], if the file has it: the measured load point, in addition to the
+      commanded displacement.
+    - `friction`: a coefficient (`friction_unit` "1") or a force ("N").
+    - `slip` [m] and `normal_stress` [Pa], if the file has them.
+    - `units`: the unit of each role in the file.
+    """
+
+    friction: np.ndarray
+    load_point_displacement: np.ndarray | None = None
+    load_point_velocity: np.ndarray | None = None
+    slip: np.ndarray | None = None
+    normal_stress: np.ndarray | None = None
+    load_point_encoder: np.ndarray | None = None
+    friction_unit: str = "1"
+    roles: ClassVar[Iterable[str]] = tuple(ROLES)
 
     def window(self, start: Bound = None, stop: Bound = None) -> "Record":
         """Return the rows from `start` to `stop` as a new record, whose time starts at `start`.
@@ -124,8 +151,7 @@ class Record(Described, Drawable, Gridded, Tabular):
         Raises `InputError` if fewer than 20 rows remain, and for a bound that is neither a time nor
         a length, or lies outside the record.
         """
-        ends = bounds(self.time, self.moved(), start, stop, self.provenance.path)
-        return replace(self, **cut(self.time, self.columns, self.provenance, *ends))
+        return self._cut(self.moved(), start, stop)
 
     def moved(self) -> np.ndarray:
         """Displacement of the load point [m], integrated from its velocity if not recorded."""
@@ -134,31 +160,6 @@ class Record(Described, Drawable, Gridded, Tabular):
         v = self.load_point_velocity
         assert v is not None
         return np.concatenate([[0.0], np.cumsum(np.diff(self.time) * (v[1:] + v[:-1]) / 2)])
-
-
-def cut(
-    time: np.ndarray,
-    columns: Mapping[str, np.ndarray],
-    origin: Provenance,
-    start: float,
-    stop: float,
-) -> dict:
-    """Return the fields of a record cut to relative time start..stop [s]; provenance has a note.
-
-    Raises `InputError` if fewer than 20 rows remain.
-    """
-    relative = time - time[0]
-    inside = (relative >= start) & (relative <= stop)
-    count = int(inside.sum())
-    if count < MIN_ROWS:
-        raise InputError(
-            f"the window {start:g} to {stop:g} s holds {count} rows of a record of"
-            f" {relative[-1]:g} s; {MIN_ROWS} are needed"
-        )
-    kept = {role: frozen(values[inside]) for role, values in columns.items()}
-    note = f"rows from {start:g} to {stop:g} s"
-    lines = None if origin.lines is None else origin.lines[inside]
-    return {**kept, "provenance": replace(origin, notes=(*origin.notes, note), lines=lines)}
 
 
 def from_arrays(
@@ -216,8 +217,6 @@ def build(
     else:
         here = {role: values[keep] for role, values in columns.items()}
         doubts = standing_out.told(origin.path, here, rows.lines[keep], si_units)
-    if (still := clock_doubt(columns["time"], origin.path, rows)) is not None:
-        doubts = (still, *doubts)
     kept = {role: frozen(values[keep]) for role, values in columns.items()}
     refuse_few(int(keep.sum()), origin.path)
     refuse_sizes(kept, si_units, units, origin.path, rows.lines[keep])

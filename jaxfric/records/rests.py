@@ -11,6 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .differences import smallest_step
+
 _SURE = 3.0
 """Rest level in standard deviations of a mean."""
 _FASTER = 3.0
@@ -98,11 +100,7 @@ def rests(
 
 def _resolved(velocity: np.ndarray) -> tuple[int, float] | None:
     """Return the least block length whose means separate rest from motion, and the rest level."""
-    values = np.unique(velocity)
-    gaps = np.diff(values)
-    gaps = gaps[gaps > 1e-9 * np.ptp(values)] if len(gaps) else gaps
-    step = float(gaps.min()) if len(gaps) else 0.0
-    size = 1
+    step, size = smallest_step(velocity), 1
     while len(velocity) // size >= _FEWEST_MEANS:
         count = len(velocity) // size
         means = velocity[: count * size].reshape(count, size).mean(axis=1)

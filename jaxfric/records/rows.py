@@ -1,6 +1,5 @@
 """Check the rows of a record: drop or refuse incomplete rows and times that go back."""
 
-import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -13,10 +12,6 @@ LARGEST, SMALLEST = 1e30, 1e-30
 
 MIN_ROWS = 20
 """Least number of rows of a record."""
-_WORD = re.compile(r"[\W_]*(?!nan|inf)[^\W\d_]", re.IGNORECASE)
-"""A word at the start of a row, after signs; "nan" and "inf" are numbers."""
-_STILL = 20
-"""A clock stands still if this many further rows have the same time."""
 _GOES_ON = 10
 """A clock has restarted if it goes on for this many rows after it went back."""
 
@@ -41,11 +36,6 @@ class FileRows:
     def part(self, rows: slice) -> "FileRows":
         """Return a slice of these rows."""
         return FileRows(self.lines[rows], self.malformed[rows], self.text)
-
-    def is_words(self, index: int) -> bool:
-        """Whether a row begins with a word or a unit, as a header line does."""
-        found = self.text(int(self.lines[index])).strip() if self.text else ""
-        return _WORD.match(found) is not None
 
     def place(self, index: int, role: str = "") -> str:
         """Return number and text of a row for a message; `role` is the role of the column."""
@@ -76,7 +66,6 @@ def whole_rows(
     finite = {role: np.abs(values) < LARGEST for role, values in columns.items()}
     bad = ~np.all(list(finite.values()), axis=0) & ~rows.malformed
     if not drop_bad:
-        _refuse_second_head(columns["time"], bad | rows.malformed, path, rows)
         _refuse_malformed(path, rows)
         _refuse_bad(finite, bad, path, rows)
     keep = ~bad & ~rows.malformed
@@ -116,42 +105,6 @@ def _refuse_restart(
         )
 
 
-def _refuse_second_head(time: np.ndarray, bad: np.ndarray, path: str, rows: FileRows) -> None:
-    """Raise `InputError` if a file holds several records, each with its own header. A header is
-    lines of words after which the clock restarts; without a time column, two or more such lines."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], bad.astype(int), [0]]))).reshape(-1, 2)
-    heads = []
-    for a, b in edges.tolist():
-        if a == 0 or b == len(bad) or not all(rows.is_words(i) for i in range(a, b)[:_GOES_ON]):
-            continue
-        rated = b - a > 1 and np.isfinite(time[a:b]).all()  # times from a rate have no gap
-        if time[b] < time[a - 1] or rated:
-            heads.append(a)
-    if not heads:
-        return
-    places = " and ".join(rows.place(head) for head in heads[:2])
-    number = len(heads) + 1
-    raise InputError(
-        f"{path}: another head begins in {places}: {number} records follow each other in this file;"
-        f" cut it there into {number} files"
-    )
-
-
-def clock_doubt(time: np.ndarray, path: str, rows: FileRows) -> str | None:
-    """Return a warning if the clock stands still over many rows, else None."""
-    moved = (time[1:] != time[:-1]) | ~np.isfinite(time[1:])
-    edges = np.flatnonzero(np.diff(np.concatenate([[True], moved, [True]])))
-    still = edges.reshape(-1, 2) if len(edges) else np.zeros((0, 2), int)
-    if not len(still) or (longest := int(np.ptp(still, axis=1).max())) < _STILL:
-        return None
-    first = int(still[np.argmax(np.ptp(still, axis=1)), 0])
-    return (
-        f"{path}: the clock stands still at {time[first]:.10g} s from {rows.place(first)} on, for"
-        f" {longest} more rows, which are left out; cut the file there ({option('to')}), or give"
-        f" the rate in place of the times, as in {option('column', 'time=10 Hz')}"
-    )
-
-
 def refuse_few(count: int, path: str) -> None:
     """Raise `InputError` if too few rows remain."""
     if count < MIN_ROWS:
@@ -171,17 +124,11 @@ def _refuse_malformed(path: str, rows: FileRows) -> None:
 def _refuse_bad(
     finite: Mapping[str, np.ndarray], bad: np.ndarray, path: str, rows: FileRows
 ) -> None:
-    """Refuse cells without a finite number; a column that ends early gets its own message."""
+    """Refuse cells without a finite number."""
     if not bad.any():
         return
     first = int(np.flatnonzero(bad)[0])
     role = next(role for role, good in finite.items() if not good[first])
-    if 0 < first < len(bad) - 1 and not finite[role][first:].any() and finite["time"][first:].all():
-        raise InputError(
-            f"{path}: columns of different length: {role} ends before {rows.place(first)}, time"
-            f" has {len(bad) - first} rows more; cut the file there, or drop those rows"
-            f" ({option('drop-bad')})"
-        )
     raise InputError(
         f"{path}: {_count(bad)} with a cell that is no finite number, the first in"
         f" {rows.place(first, role)}; mend them, or leave them out ({option('drop-bad')})"

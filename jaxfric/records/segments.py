@@ -24,6 +24,7 @@ With prefix sums the cost of fitting a line does not depend on its number of row
 
 import numpy as np
 
+from .differences import runs_of
 from .lines import Lines, Sums
 
 _NODES, _MOST_NODES, _ROWS_A_NODE = 150, 300, 40
@@ -315,9 +316,8 @@ def _glitches(sums: Sums, rows: np.ndarray) -> np.ndarray:
     parts = sums.residual(rows)
     scale = [_glitch_size(part) for part in parts]
     off = np.abs(np.concatenate(parts)) > np.repeat(scale, np.diff(rows)) + 10 * sums.floor
-    edges = np.diff(np.concatenate([[0], off.astype(int), [0]]))
     alone = np.zeros(len(off), bool)
-    for i, j in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True):
+    for i, j in runs_of(off):
         clear = not off[max(i - 5, 0) : i].any() and not off[j : j + 5].any()
         alone[i:j] = j - i <= 3 and clear
     return alone

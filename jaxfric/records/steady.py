@@ -2,6 +2,7 @@
 
 import functools
 import hashlib
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,10 +17,8 @@ from .axis_record import AxisRecord
 from .formats import suffixes
 from .read_axis import read_axis
 from .record import Provenance
-from .rests import Rests
 from .steady_load import Load, load_of, without_load
 from .steady_run import Run, SteadyRows, steady_run
-from .turns import WITHIN_A_TURN
 from .window import Bound
 
 MIN_RUNS = 4
@@ -167,6 +166,7 @@ def read_steady(
         shared = _frozen(np.stack([by for _, by in freed]) @ load.root())
     own = np.array([run.std / np.sqrt(run.effective) for run in used])
     common = np.zeros(len(used)) if shared is None else np.sum(shared**2, axis=1)
+    slowest = min(abs(run.speed) for run in used)
     return SteadyCurve(
         speed=_frozen([run.speed for run in used]),
         force=_frozen([run.force for run in used]),
@@ -177,21 +177,21 @@ def read_steady(
         speed_std=_frozen([run.speed_std for run in used]),
         names=tuple(run.name for run in used),
         uneven=tuple(run.name for run in used if run.uneven),
-        stuck=_stuck(runs, used),
+        stuck=tuple(run.name for run in runs if run.refused and run.speed < slowest),
         outliers=_frozen([run.outliers for run in used], np.int64),
         coordinate=first.coordinate,
         force_unit=first.force_unit,
         units=first.units,
         provenance=_provenance(folder, runs, used, records),
         rows=tuple(run.rows for run in used if run.rows is not None),
-        stick_slip=tuple(_slipped(run, run.rests) for run in used if run.rests is not None),
+        stick_slip=tuple(
+            StickSlipRun(run.name, run.speed, slips.at_rest, slips.fast, slips.stops)
+            for run in used
+            if (slips := run.rests) is not None
+        ),
         load=load,
         shared=shared,
     )
-
-
-def _slipped(run: Run, slips: Rests) -> StickSlipRun:
-    return StickSlipRun(run.name, run.speed, slips.at_rest, slips.fast, slips.stops)
 
 
 def _read_all(folder: Path, one: Callable[[Path], AxisRecord]) -> dict[str, AxisRecord]:
@@ -213,14 +213,11 @@ def _refuse_bad(folder: Path, bad: list[str], count: int) -> None:
     """Raise one error for all unreadable files; advice common to all of them is printed once."""
     if not bad:
         return
-    parts = [text.rpartition("; ") for text in bad]
-    advice = {tail for _, _, tail in parts}
-    shown = bad
-    if len(bad) > 1 and len(advice) == 1 and all(head for head, _, _ in parts):
-        shown = [head for head, _, _ in parts]
-    ending = f"; {advice.pop()}" if shown is not bad else ""
     more = f"; and {len(bad) - _MOST_LISTED} more" if len(bad) > _MOST_LISTED else ""
-    listed = "; ".join(shown[:_MOST_LISTED]) + more + ending
+    heads = [text.rpartition("; ") for text in bad]
+    advice = heads[0][2] if len({tail for _, _, tail in heads}) == 1 else ""
+    shown = [head if advice else text for text, (head, _, _) in zip(bad, heads, strict=True)]
+    listed = "; ".join(shown[:_MOST_LISTED]) + more + (advice and f"; {advice}")
     raise InputError(f"{folder}: {len(bad)} of {count} files cannot be read: {listed}")
 
 
@@ -249,12 +246,6 @@ def _files(folder: Path) -> list[Path]:
             + (f" ({logs} .json: logs, not looked for in a folder)" if logs else "")
         )
     return found
-
-
-def _stuck(runs: list[Run], used: list[Run]) -> tuple[str, ...]:
-    """Return the runs without a steady speed that were slower than the slowest steady run."""
-    slowest = min(abs(run.speed) for run in used)
-    return tuple(run.name for run in runs if run.refused and run.speed < slowest)
 
 
 def _check_runs(
@@ -291,30 +282,28 @@ def _provenance(
     if wild:
         count = sum(run.outliers for run in wild)
         total = sum(run.samples + run.outliers for run in used)
-        named = ", ".join(f"{run.outliers} of {run.name}" for run in wild)
-        notes.append(f"outliers: {count} of {total} rows left out: {named}")
+        notes.append(f"outliers: {count} of {total} rows left out")
     notes += [f"{run.name} is left out: {run.refused}" for run in runs if run.refused]
     notes += [f"{run.name}: {run.note}" for run in used if run.note]
-    own = {run.name: records[run.name].provenance.notes for run in used}
-    turned = [name for name, all_ in own.items() if any(WITHIN_A_TURN in note for note in all_)]
-    if turned:
-        notes.append(
-            f"the position {WITHIN_A_TURN}: unwound where it jumps, in {', '.join(turned)}"
-        )
-    common = [
-        note for note in own[used[0].name] if "recorded" not in note and WITHIN_A_TURN not in note
-    ]
-    dropped: dict[str, int] = {}
+    dropped: Counter[str] = Counter()
+    where: dict[str, list[str]] = {}
     for run in used:
-        for reason, count in records[run.name].provenance.dropped.items():
-            dropped[reason] = dropped.get(reason, 0) + count
+        origin = records[run.name].provenance
+        dropped.update(origin.dropped)
+        for note in origin.notes:
+            where.setdefault(note, []).append(run.name)
+    notes += [
+        note if len(names) == len(used) else f"{note} ({', '.join(names)})"
+        for note, names in where.items()
+        if "recorded" not in note
+    ]
     digests = "".join(records[name].provenance.sha256 for name in sorted(run.name for run in used))
     return Provenance(
         str(folder),
         hashlib.sha256(digests.encode()).hexdigest(),
         sum(records[run.name].provenance.rows_read for run in used),
-        dropped,
-        (*notes, *common),
+        dict(dropped),
+        tuple(notes),
     )
 
 

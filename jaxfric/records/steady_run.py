@@ -7,6 +7,7 @@ import numpy as np
 
 from ..errors import option
 from .axis_record import AxisRecord
+from .differences import smallest_step
 from .rests import Rests, rests
 from .rows import MIN_ROWS
 from .steady_mean import effective_samples, outliers
@@ -34,8 +35,18 @@ class SteadyRows(NamedTuple):
     """Time since the first row of the record [s]."""
     force: np.ndarray
     """Force in the unit of the curve, without the position-dependent load of the curve."""
+    speed: np.ndarray
+    """Speed [m/s or rad/s]."""
     position: np.ndarray | None = None
     """Position [m or rad]; None if not recorded."""
+
+    def part(self, rows: slice | np.ndarray) -> "SteadyRows":
+        """Return read-only copies of some of the rows."""
+        kept = [None if x is None else np.array(x[rows]) for x in self]
+        for values in kept:
+            if values is not None:
+                values.setflags(write=False)
+        return SteadyRows(*kept)  # ty: ignore[invalid-argument-type]
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,25 +73,6 @@ class Run:
     """Stick-slip of the run, whose means are then over whole cycles; None without stick-slip."""
 
 
-@dataclass(frozen=True)
-class _Rows:
-    """The rows of a run without outliers."""
-
-    number: np.ndarray
-    """Indices of the rows in the record."""
-    time: np.ndarray
-    speed: np.ndarray
-    force: np.ndarray
-    position: np.ndarray | None
-    """Position of the rows; None if not recorded."""
-
-    def part(self, rows: slice | np.ndarray) -> "_Rows":
-        """Return a slice or selection of the rows of the run."""
-        position = None if self.position is None else self.position[rows]
-        time, speed, force = self.time[rows], self.speed[rows], self.force[rows]
-        return _Rows(self.number[rows], time, speed, force, position)
-
-
 def steady_run(name: str, record: AxisRecord) -> Run:
     """Return the means of a run, or the reason why the run is refused."""
     whole = _rows(record)
@@ -104,14 +96,18 @@ def steady_run(name: str, record: AxisRecord) -> Run:
     if slips is None:
         uneven = _unevenness(part.speed, float(part.speed.mean()), record)
     else:
-        uneven = _stick_slip(slips, record)
+        uneven = (
+            f"stick-slip: at rest {100 * slips.at_rest:.0f} % of the time, in {slips.stops} stops,"
+            f" and at {shown_speed(slips.fast, record)} between"
+        )
     notes = [uneven] if uneven else []
     if cut:
         what = "start-up and {} of stop" if slips is None else "the first cycle and {} of the last"
         ends = f"{start} rows of {what.format(cut - start)}"
         notes.insert(0, f"{ends} are left out of {len(record)}")
     if len(wild):
-        notes.insert(0, _told(wild, part, record))
+        shown = ", ".join(str(k + 1) for k in wild[:3]) + ", ..." * (len(wild) > 3)
+        notes.insert(0, f"outliers left out: {len(wild)} (row {shown})")
     return Run(
         name,
         speed=mean,
@@ -123,43 +119,22 @@ def steady_run(name: str, record: AxisRecord) -> Run:
         note="; ".join(notes),
         uneven=bool(uneven),
         outliers=len(wild),
-        rows=_kept(part),
+        rows=part,
         rests=slips,
     )
 
 
-def _rests(whole: _Rows, record: AxisRecord) -> Rests | None:
+def _rests(whole: SteadyRows, record: AxisRecord) -> Rests | None:
     """Return the stick-slip of a run, from the velocity or the position, whichever resolves rest
     better."""
     speeds = [whole.speed]
     if whole.position is not None and not _of_position(record):
         speeds.append(np.gradient(whole.position, whole.time))
-    commanded = _commanded(record, whole.number)
-    found = [one for speed in speeds if (one := rests(speed, whole.force, commanded))]
-    return min(found, key=lambda one: one.level, default=None)
-
-
-def _stick_slip(slips: Rests, record: AxisRecord) -> str:
-    """Return a note on the stick-slip of a run."""
-    return (
-        f"stick-slip: at rest {100 * slips.at_rest:.0f} % of the time, in {slips.stops} stops, and"
-        f" at {shown_speed(slips.fast, record)} between"
-    )
-
-
-def _commanded(record: AxisRecord, rows: np.ndarray) -> np.ndarray | None:
-    """Return the velocity of the reference at the given rows; None if not recorded."""
     reference = record.reference_position
-    return None if reference is None else np.gradient(reference, record.relative_time)[rows]
-
-
-def _kept(part: _Rows) -> SteadyRows:
-    """Return read-only copies of the rows."""
-    kept = [np.array(x) for x in (part.number, part.time, part.force)]
-    kept += [] if part.position is None else [np.array(part.position)]
-    for values in kept:
-        values.setflags(write=False)
-    return SteadyRows(*kept)
+    if reference is not None:
+        reference = np.gradient(reference, record.relative_time)[whole.number]
+    found = [one for speed in speeds if (one := rests(speed, whole.force, reference))]
+    return min(found, key=lambda one: one.level, default=None)
 
 
 def _of_position(record: AxisRecord) -> bool:
@@ -167,7 +142,7 @@ def _of_position(record: AxisRecord) -> bool:
     return record.position is not None and (record.velocity is None or not np.any(record.velocity))
 
 
-def _rows(record: AxisRecord) -> _Rows:
+def _rows(record: AxisRecord) -> SteadyRows:
     """Return time, speed and force; without a recorded velocity differentiate the position."""
     time, speed = record.relative_time, record.velocity
     rows, position = np.arange(len(time)), record.position
@@ -179,24 +154,8 @@ def _rows(record: AxisRecord) -> _Rows:
         position = position[rows]
         speed = np.gradient(position, time[rows])
     speed = np.zeros(len(rows)) if speed is None else speed
-    found = _Rows(rows, time[rows], speed, record.motor_force[rows], position)
+    found = SteadyRows(rows, time[rows], record.motor_force[rows], speed, position)
     return found if _of_position(record) else found.part(~outliers(speed))
-
-
-def _told(wild: np.ndarray, part: _Rows, record: AxisRecord) -> str:
-    """Return a note on the excluded outliers, with the most extreme one."""
-    channels = {"motor_force": (record.motor_force, part.force)}
-    if not _of_position(record) and record.velocity is not None:
-        channels["velocity"] = (record.velocity, part.speed)
-    worst = (0.0, "")
-    for name, (values, kept) in channels.items():
-        middle, spread = float(np.median(kept)), float(np.std(kept)) + 1e-300
-        k = int(wild[np.argmax(np.abs(values[wild] - middle))])
-        text = f"row {k + 1}: {name} {values[k]:.4g}, the others {middle:.4g} ± {spread:.2g}"
-        worst = max(worst, (abs(float(values[k]) - middle) / spread, text))
-    rows = "1 outlier" if len(wild) == 1 else f"{len(wild)} outliers"
-    example = worst[1] or f"row {wild[0] + 1}"
-    return f"{rows} left out ({example})"
 
 
 def _refusal(speed: np.ndarray, whole: np.ndarray, record: AxisRecord) -> str:
@@ -225,7 +184,7 @@ def _unevenness(speed: np.ndarray, mean: float, record: AxisRecord) -> str:
 
     A steady speed with quantisation step q has a standard deviation below q.
     """
-    spread, step = float(speed.std(ddof=1)), _step(speed)
+    spread, step = float(speed.std(ddof=1)), smallest_step(speed)
     share = f"{100 * spread / abs(mean):.0f} % of its mean, {shown_speed(mean, record)}"
     if spread <= _UNEVEN * abs(mean):
         return ""
@@ -235,12 +194,6 @@ def _unevenness(speed: np.ndarray, mean: float, record: AxisRecord) -> str:
             f" {shown_speed(step, record)}, standard deviation {share}"
         )
     return f"moves unevenly: standard deviation of its speed {share}"
-
-
-def _step(speed: np.ndarray) -> float:
-    """Return the smallest step between recorded speeds; 0 for a constant."""
-    steps = np.diff(np.unique(speed))
-    return float(steps[steps > 1e-9 * np.ptp(speed)].min()) if len(steps) else 0.0
 
 
 def steady_rows(speed: np.ndarray) -> tuple[int, int]:
@@ -255,7 +208,7 @@ def steady_rows(speed: np.ndarray) -> tuple[int, int]:
     middle = means[count // 4 : count - count // 4]
     level = float(np.median(middle))
     scatter = 1.4826 * float(np.median(np.abs(middle - level)))
-    inside = np.abs(means - level) <= max(6 * scatter, 0.05 * abs(level), _step(speed))
+    inside = np.abs(means - level) <= max(6 * scatter, 0.05 * abs(level), smallest_step(speed))
     head, tail = _leading(inside), _leading(inside[::-1])
     stop = len(speed) if tail == 0 else (count - tail) * _BATCH
     return head * _BATCH, max(stop, 0)

@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from .axis_record import AxisRecord
+from .teeth import turns
 
 _LEAST_TRAVEL = 0.01
 """Least length of a stroke over the whole travel; it has also a least number of encoder steps."""
@@ -58,8 +59,8 @@ def find_strokes(record: AxisRecord) -> Strokes:
     time, position = record.relative_time, position_of(record)
     step = encoder_step(position) or 0.0
     noise = float(np.quantile(beyond_neighbours(position), 1 - _RARE))
-    turns = _all_turns(position, max(_LEAST_STEPS * step, _LEAST_NOISE * noise))
-    rows = [_moving(position, i, j) for i, j in pairwise(turns)]
+    ends = _all_turns(position, max(_LEAST_STEPS * step, _LEAST_NOISE * noise))
+    rows = [_moving(position, i, j) for i, j in pairwise(ends)]
     found = [(i, j) for i, j in rows if j > i]
     return Strokes(
         start=np.array([time[i] for i, _ in found]),
@@ -96,9 +97,9 @@ def beyond_neighbours(values: np.ndarray) -> np.ndarray:
 def _all_turns(position: np.ndarray, least: float) -> list[int]:
     """Return the `_turns` of at least 1 % of the travel, and recursively the smaller reversals
     between two of them, as at the end of a chirp."""
-    turns = _turns(position, max(_LEAST_TRAVEL * float(np.ptp(position)), least))
-    found = turns[:1]
-    for i, j in pairwise(turns):
+    ends = _turns(position, max(_LEAST_TRAVEL * float(np.ptp(position)), least))
+    found = ends[:1]
+    for i, j in pairwise(ends):
         own = position[i : j + 1]
         if len(own) < len(position):
             more = _all_turns(own, least)
@@ -111,18 +112,12 @@ def _all_turns(position: np.ndarray, least: float) -> list[int]:
 
 def _turns(position: np.ndarray, least: float) -> list[int]:
     """Return the rows of the first and last position and of reversals at least `least` apart."""
-    values = position.tolist()
-    turns, extreme, sign = [0], 0, 0
-    for i, here in enumerate(values):
-        if sign == 0:
-            if abs(here - values[0]) >= least:
-                sign, extreme = (1 if here > values[0] else -1), i
-        elif sign * (here - values[extreme]) >= 0:
-            extreme = i
-        elif sign * (values[extreme] - here) >= least:
-            turns.append(extreme)
-            sign, extreme = -sign, i
-    return [*turns, extreme] if sign else [0]
+    rows = turns(position, least)
+    if not len(rows):
+        return [0]
+    last = int(rows[-1])
+    end = last + int(np.argmax(np.abs(position[last:] - position[last])))
+    return [0, *rows[1:].tolist(), end]
 
 
 def _moving(position: np.ndarray, i: int, j: int) -> tuple[int, int]:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .differences import noise_from_differences
+from .differences import noise_from_differences, runs_of
 from .record import Record
 from .steps import VelocitySteps
 
@@ -217,9 +217,8 @@ def find_dips(friction: np.ndarray) -> list[Dip]:
     level = float(np.median(size))
     if not level or min(float((friction < 0).mean()), float((friction > 0).mean())) > 0:
         return []
-    below = np.concatenate([[0], (size < _HALF * level).astype(int), [0]])
     out = []
-    for a, b in np.flatnonzero(np.diff(below)).reshape(-1, 2).tolist():
+    for a, b in runs_of(size < _HALF * level).tolist():
         if a == 0 or b == len(size) or b - a > _LONGEST:
             continue
         row = a + int(np.argmin(size[a:b]))
@@ -253,6 +252,5 @@ def find_spikes(friction: np.ndarray) -> np.ndarray:
     # on a steep rise each row is its own median, so that the noise level is used there
     usual = np.maximum(usual, max(np.median(away), _OWN * noise_from_differences(friction)))
     off = away > _SPIKE * 1.4826 * usual
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], off.astype(int), [0]])))
-    begins, ends = edges.reshape(-1, 2).T
+    begins, ends = runs_of(off).T
     return begins[ends - begins <= _WIDE]

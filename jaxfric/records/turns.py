@@ -7,8 +7,6 @@ import numpy as np
 TURN = 2 * np.pi
 _CLOSE = 0.25
 """Moves between rows are below this part of a turn; jumps are within this part of a whole turn."""
-WITHIN_A_TURN = "is given within one turn"
-"""Text of the note on an angle that was unwrapped."""
 
 
 def unwound(angle: np.ndarray) -> tuple[np.ndarray, int]:
@@ -40,7 +38,7 @@ def columns_unwound(
     angles = [role for role in ("position", "reference_position") if role in columns]
     found = {role: unwound(columns[role]) for role in angles}
     notes = [
-        f"the {role.replace('_', ' ')} {WITHIN_A_TURN}: unwound where it jumps,"
+        f"the {role.replace('_', ' ')} is given within one turn: unwound where it jumps,"
         f" {jumps} time{'s' if jumps > 1 else ''}"
         for role, (_, jumps) in found.items()
         if jumps

@@ -29,7 +29,7 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import InputError, did_you_mean, folded
-from ...units import factor, parse_quantity
+from ...units import factor, has_dimension, parse_quantity
 from ..roles import SLIDER, Role
 from ..table import Table
 from . import operations as op
@@ -149,36 +149,30 @@ def _make(maker: _Maker, script: Path, name: str, keys: Mapping[str, object]) ->
     _known(script, where, keys, ("from", "factor", "ratio", *_STEPS))
     if ("from" in keys) == ("ratio" in keys):
         raise InputError(f"{script}, {where}: give either `from` or `ratio`")
-    number = max(maker.bench.columns) + 1
-    steps: list[tuple[str, Callable[[], tuple[np.ndarray, str]]]] = [
-        ("ratio", lambda: _ratio(maker, keys["ratio"]))
-        if "ratio" in keys
-        else ("from", lambda: _begun(maker, keys, SLIDER.roles.get(name)))
-    ]
-    steps += [
-        (key, lambda key=key: (_STEPS[key](maker, number, keys[key]), _unit_of(maker, number)))
-        for key in _STEPS
-        if key in keys
-    ]
-    for key, step in steps:
+    bench = maker.bench
+    number = max(bench.columns) + 1
+    source = "ratio" if "ratio" in keys else "from"
+    for key in (source, *(key for key in _STEPS if key in keys)):
         text = f"{where}.{key} = {_written(keys[key])}"
         if key == "from" and "factor" in keys:
             text += f", factor = {_written(keys['factor'])}"
         try:
-            values, unit = step()
-            changed = maker.bench.write(number, values, name=name, unit=unit)
+            if key == "ratio":
+                values, unit = _ratio(maker, keys[key])
+            elif key == "from":
+                values, unit = _begun(maker, keys, SLIDER.roles.get(name))
+            else:
+                column = bench.columns[number]
+                values, unit = _STEPS[key](maker, column, keys[key]), column.unit
+            changed = bench.write(number, values, name=name, unit=unit)
         except InputError as error:
             raise InputError(f"{script}, {text}: {error}") from None
-        maker.bench.done.append(Done(0, text, changed))
+        bench.done.append(Done(0, text, changed))
 
 
 def _written(value: object) -> str:
     """Write a value as in TOML, except dates."""
     return json.dumps(value, ensure_ascii=False, default=str)
-
-
-def _unit_of(maker: _Maker, number: int) -> str:
-    return maker.bench.columns[number].unit
 
 
 def _begun(maker: _Maker, keys: Mapping[str, object], role: Role | None) -> tuple[np.ndarray, str]:
@@ -205,11 +199,8 @@ def _begun(maker: _Maker, keys: Mapping[str, object], role: Role | None) -> tupl
 def _si(unit: str) -> str:
     """Return the SI unit of a unit of length, stress, time, force or velocity."""
     for si in ("m", "Pa", "s", "N", "m/s", "1"):
-        try:
-            factor(unit, si, "unit")
-        except InputError:
-            continue
-        return si
+        if has_dimension(unit, si):
+            return si
     raise InputError(f"'{unit}' is no unit of length, stress, time, force or velocity")
 
 
@@ -228,44 +219,44 @@ def _ratio(maker: _Maker, pair: object) -> tuple[np.ndarray, str]:
         return above.values / below.values * size, ""
 
 
-def _summed(maker: _Maker, number: int, value: object) -> np.ndarray:
-    values = maker.bench.columns[number].values
+def _summed(maker: _Maker, column: BenchColumn, value: object) -> np.ndarray:
+    del maker
     if value is not True:
         raise InputError("it is true, or left out")
-    return np.cumsum(values)
+    return np.cumsum(column.values)
 
 
-def _joined(maker: _Maker, number: int, value: object) -> np.ndarray:
-    values = maker.bench.columns[number].values
+def _joined(maker: _Maker, column: BenchColumn, value: object) -> np.ndarray:
+    values = column.values
     for first, last in _pairs(value):
         rows = maker.bench.rows(first, last)
         values = op.without_jump(values, rows.start, rows.stop - 1, flat=True)
     return values
 
 
-def _zeroed(maker: _Maker, number: int, value: object) -> np.ndarray:
-    values = maker.bench.columns[number].values
-    return values - values[maker.bench.row(_integer(value))]
+def _zeroed(maker: _Maker, column: BenchColumn, value: object) -> np.ndarray:
+    return column.values - column.values[maker.bench.row(_integer(value))]
 
 
-def _corrected(maker: _Maker, number: int, value: object) -> np.ndarray:
+def _corrected(maker: _Maker, column: BenchColumn, value: object) -> np.ndarray:
     """Subtract the elastic stretch of the frame; the stiffness is a text with a unit."""
     if not isinstance(value, dict) or set(value) != {"stress", "stiffness"}:
         raise InputError('write it as {stress = "shear_stress", stiffness = "0.1 MPa/um"}')
-    column, stress = maker.bench.columns[number], maker.column(value["stress"])
+    stress = maker.column(value["stress"])
     stiffness = parse_quantity(str(value["stiffness"]), "Pa/m", "stiffness")
     sizes = factor(stress.unit, "Pa", stress.name), factor(column.unit, "m", column.name)
     return op.elastically_corrected(column.values, stress.values, stiffness * sizes[1] / sizes[0])
 
 
-def _smoothed(maker: _Maker, number: int, value: object) -> np.ndarray:
+def _smoothed(maker: _Maker, column: BenchColumn, value: object) -> np.ndarray:
+    del maker
     window = _integer(value)
     if window < 1:
         raise InputError(f"a mean over {window} rows is none: write 2 or more, or leave it out")
-    return op.running_mean(maker.bench.columns[number].values, window)
+    return op.running_mean(column.values, window)
 
 
-_STEPS: dict[str, Callable[[_Maker, int, object], np.ndarray]] = {
+_STEPS: dict[str, Callable[[_Maker, BenchColumn, object], np.ndarray]] = {
     "sum": _summed,
     "jumps": _joined,
     "zero": _zeroed,
