@@ -459,8 +459,8 @@ def test_quantile_is_that_of_the_normal_distribution():
     ("options", "word"),
     [
         (dict(), "stiffness is needed"),
-        (dict(stiffness=-1.0), "positive"),
-        (dict(stiffness="0/um"), "positive"),
+        (dict(stiffness=-1.0), "above 0"),
+        (dict(stiffness="0/um"), "above 0"),
         (dict(stiffness="5 um"), "stiffness"),
         (dict(stiffness="1e-30/um"), "is its unit right"),
         (dict(stiffness=1e3, law="age"), "slip, ageing"),

@@ -32,7 +32,7 @@ def true(record):
 
 def seen(record):
     forward, sign = forward_steps(record, steps_of(record, None))
-    return steepest_loading(record, sign, forward)
+    return steepest_loading(record.relative_time, sign * record.friction, forward)
 
 
 def test_the_least_stiffness_is_below_the_true_one_and_near_it(record):
@@ -134,7 +134,9 @@ def test_no_true_stiffness_is_called_too_large(ratio, L):
     drive = 1e-6 * np.where(time < 10, time, 10 + ratio * (time - 10))
     friction = moved.y[0] + 1e-5 * rng.standard_normal(len(time))
     record = jaxfric.from_arrays(time, friction, load_point_displacement=drive)
-    found = steepest_loading(record, 1.0, VelocitySteps([0.0, 10.0], [V0, ratio * V0]))
+    found = steepest_loading(
+        record.relative_time, record.friction, VelocitySteps([0.0, 10.0], [V0, ratio * V0])
+    )
     assert found is not None and found.stiffness < K
     assert doubts(found, K, "1") == ()
     assert len(doubts(found, 100 * K, "1")) == 1

@@ -10,6 +10,7 @@ from jaxtyping import Array, Float
 from ..errors import option
 from ..findings import Warned, WarningCode
 from ..records import Record, VelocitySteps
+from ..records.rows import MIN_ROWS
 from ..units import format_si, read_as
 from .drift import drift_warning
 from .misfit import misfit_warning
@@ -34,9 +35,8 @@ from .uncertainty import (
 
 NEAR_EDGE = 2.0
 """K/K_cr below which steps of a usual size may leave the basin of steady sliding."""
-_OTHER, _ROWS = 1.5, 20
-"""Steps contradict their record if stated and recorded speed differ by this factor, over at least
-so many rows."""
+_OTHER = 1.5
+"""Steps contradict their record if stated and recorded speed differ by this factor."""
 
 
 def correlation_of(covariance: np.ndarray) -> np.ndarray:
@@ -65,6 +65,8 @@ def assemble(
     counted = misfit[np.asarray(problem.weight)[: len(record)] > 0]
     spread = covariance(problem, np.asarray(solution.jacobian), noise)
     ended = solution.converged and not failed
+    moving = f"still moving after {solution.trials} iterations"
+    result = "every trial ran away" if failed else "converged" if ended else moving
     estimates, matrix = _estimates(record, steps, sign, problem, solution, spread, ended, profile)
     names, unit = problem.model.names(), record.friction_unit
     for name, value in (("K", problem.stiffness), ("V0", problem.V0), ("m", problem.mass)):
@@ -85,7 +87,7 @@ def assemble(
         rms=float(np.sqrt(np.mean(counted**2))),
         noise=noise_estimate(noise, scale, longest, glitches=glitches, steps=written),
         converged=ended,
-        result="every trial ran away" if failed else _result_words(solution),
+        result=result,
         iterations=solution.trials,
         weighting="ordinary" if problem.noise is None else "whitened",
         warnings=(),
@@ -105,13 +107,6 @@ def _misfit(problem: Problem, solution: Solution, rows: int) -> np.ndarray:
         seen = dataclasses.replace(problem, noise=None, weight=jax.device_put(every))
         plain = known_at(seen, solution.z).residual
     return np.asarray(plain)[:rows] * float(problem.noise_scale)
-
-
-def _result_words(solution: Solution) -> str:
-    """Words for the end of the search."""
-    if solution.converged:
-        return "converged"
-    return f"still moving after {solution.trials} iterations"
 
 
 def _refined(
@@ -202,7 +197,7 @@ def contradicted(record: Record, steps: VelocitySteps) -> list[str]:
     segment = np.searchsorted(steps.times, time, side="right") - 1
     for k, stated in enumerate(steps.velocities):
         rows = np.flatnonzero(segment == k)
-        if len(rows) < _ROWS:
+        if len(rows) < MIN_ROWS:
             continue
         own = time[rows] - np.mean(time[rows])
         found = own @ motion[rows] / (own @ own)

@@ -25,12 +25,12 @@ from ..simulation.axis_closed_loop import Controller, closed_loop, substeps
 from .axis_problem import AxisProblem
 from .encompassing import EncompassingModel
 from .marquardt import Descent, levenberg_marquardt
+from .padding import FEW
 from .uncertainty import normal_inverse
 
 _TOLERANCE = 1e-9
 _TRIALS = 60
 _COMPARED = 10  # output error compares every 10th sample
-_AT_ONCE = 8  # columns of a Jacobian per call
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -126,10 +126,10 @@ class _Setting(NamedTuple):
 
 def _solve(both: Callable, z: np.ndarray, free: np.ndarray) -> Descent:
     """Least squares over the parameters `free`; returns a point of all parameters. `both` returns
-    the residual and `_AT_ONCE` columns of the Jacobian: a fixed number is compiled only once."""
+    the residual and `FEW` columns of the Jacobian: a fixed number is compiled only once."""
     z = np.array(z)
-    beyond = (0, -len(free) % _AT_ONCE)
-    parts = np.pad(free, beyond, constant_values=len(z)).reshape(-1, _AT_ONCE)
+    beyond = (0, -len(free) % FEW)
+    parts = np.pad(free, beyond, constant_values=len(z)).reshape(-1, FEW)
 
     def at(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         z[free] = y

@@ -35,7 +35,7 @@ _SLOW = 200.0  # [Hz] slower records keep all rows
 _SLOW_CUTOFF_SHARE = 0.2
 _RIPPLE = 0.05  # with `_PASS`, the filter of scipy.signal.decimate
 _PASS = 0.8
-_EDGE = 0.2  # [s]
+_EDGE = 0.2  # [s] excluded at both ends, where a zero-phase filter sees samples on one side only
 _UNEVEN = 0.01  # relative jitter of intervals above which rows are interpolated
 _MARGIN = 0.5  # [s] padding at both ends against wrap-around of the FFT
 _SAME_ROWS = 0.49  # share of the default cutoff down to which rows keep their length
@@ -46,13 +46,11 @@ _SAMPLES = 20  # fewest samples of the motion per long row
 class Preparation(NamedTuple):
     """How an axis record is filtered.
 
-    `cutoff` [Hz] of the Butterworth filter of the position; `decimation`: samples per row; `edge`
-    [s] is excluded at both ends, where a zero-phase filter sees samples on one side only.
+    `cutoff` [Hz] of the Butterworth filter of the position; `decimation`: samples per row.
     """
 
     cutoff: float
     decimation: int
-    edge: float = _EDGE
 
 
 def usual(interval: float, cutoff: float | None = None) -> Preparation:
@@ -75,11 +73,6 @@ def usual(interval: float, cutoff: float | None = None) -> Preparation:
         rows = round(rows * first / cutoff)
     thin = max(rows // _SAMPLES, 1)
     return Preparation(cutoff, thin * round(rows / thin))
-
-
-def _thinned(every: int) -> int:
-    """Thinning factor of the motion for rows of `every` samples: a divisor of `every`."""
-    return next(k for k in range(max(every // _SAMPLES, 1), 0, -1) if every % k == 0)
 
 
 class AbstractSampler(eqx.Module):
@@ -232,14 +225,15 @@ def prepare(
     every = chosen.decimation
     more = (0, -(-bucket(len(time), 1024) // every) * every - len(time))
     size = len(time) + more[1]
-    thin = _thinned(every)
+    # thinning of the motion: a divisor of the samples per row
+    thin = next(k for k in range(max(every // _SAMPLES, 1), 0, -1) if every % k == 0)
     kept = slice(thin // 2, None, thin)
     motion = _motion(smooth, interval, more, kept, of_position=position is not None)
     along, recording = _samplers(size, interval, every, thin)
     padded = np.pad(recorded, more, "edge")
     acting = 0.5 * (padded + np.concatenate([padded[:1], padded[:-1]])) if held else padded
     at = (np.arange(size // every) * every + kept.start + 0.5 * (every - thin)) * interval
-    inside = (at >= chosen.edge) & (at <= time[-1] - chosen.edge)
+    inside = (at >= _EDGE) & (at <= time[-1] - _EDGE)
     return Prepared(
         motion,
         Means(every // thin),
@@ -267,12 +261,12 @@ def _refuse_unusable(chosen: Preparation, time: np.ndarray, interval: float, cou
             f"cutoff {chosen.cutoff:g} Hz: choose one above 0 and below half the sampling rate,"
             f" {0.5 / interval:g} Hz"
         )
-    if time[-1] < 4 * chosen.edge or len(time) < 100:
+    if time[-1] < 4 * _EDGE or len(time) < 100:
         raise InputError(
             f"the record lasts {time[-1]:.3g} s in {count} rows"
             + (f" ({len(time)} at their usual interval)" if len(time) != count else "")
-            + f"; {4 * chosen.edge:g} s and 100 rows are needed at any cutoff: both ends, of"
-            f" {chosen.edge:g} s, are left out"
+            + f"; {4 * _EDGE:g} s and 100 rows are needed at any cutoff: both ends, of"
+            f" {_EDGE:g} s, are left out"
         )
     if len(time) < _FEWEST_ROWS * chosen.decimation:
         raise InputError(
@@ -292,7 +286,7 @@ def _low_pass(raw: np.ndarray, cutoff: float, interval: float) -> np.ndarray:
 def _white(raw: np.ndarray, smooth: np.ndarray, chosen: Preparation, interval: float) -> float:
     """White error of the motion, from the part that the default low-pass removes. A lower cutoff
     would remove motion too."""
-    above, edge = usual(interval).cutoff, round(chosen.edge / interval)
+    above, edge = usual(interval).cutoff, round(_EDGE / interval)
     least = smooth if above == chosen.cutoff else _low_pass(raw, above, interval)
     scatter = float(np.std((raw - least)[edge : len(raw) - edge]))
     return scatter / np.sqrt(max(1 - 2 * above * interval, 1e-3))

@@ -21,7 +21,6 @@ from ..units import read_as
 from .result import Fit
 
 _BLOCKS = 8
-_FEWEST_ROWS = 5 * _BLOCKS
 _RARE, _CONTRADICTED = 1e-3, 1e-2
 """Significance levels: of a drift if the model has no slip trend; of a wrong slip trend."""
 
@@ -47,7 +46,7 @@ def drift_before(fit: Fit) -> Drift | None:
         return None
     time = fit.record.relative_time
     before = np.flatnonzero((time >= times[0]) & (time < times[1]))
-    if len(before) < _FEWEST_ROWS:
+    if len(before) < 5 * _BLOCKS:
         return None
     x = fit.steps.displacement(time)
     left = np.asarray(fit.record.friction) - fit.predicted

@@ -36,7 +36,7 @@ class EncompassingModel(NamedTuple):
         if "." not in name:
             return self.base.quantity(name)
         effect, field = name.split(".")
-        return parameters(self._effect(effect))[field]
+        return next(parameters(e)[field] for e in self.effects if e.id == effect)
 
     def rig(
         self, values: Float[Array, " p"], V0: Float[Array, ""], stiffness: Float[Array, ""]
@@ -76,9 +76,6 @@ class EncompassingModel(NamedTuple):
             for i in self.columns((id,))
             if not math.isfinite(self.quantity(self.names()[i]).lower)
         ]
-
-    def _effect(self, id: str) -> type[AbstractEffect]:
-        return next(e for e in self.effects if e.id == id)
 
 
 def names_of(effect: type[AbstractEffect]) -> tuple[str, ...]:

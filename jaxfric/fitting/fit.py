@@ -50,7 +50,7 @@ from .problem import (
     quantity_of,
 )
 from .result import Fit, unit_of
-from .solve import Solution, known_at, solve
+from .solve import DESCENTS, Solution, known_at, solve
 from .solved import Solved
 from .stages import Begun, FitTask, averaged, first_stage, one_state_model, second_stage
 from .start import one_state_starts
@@ -59,7 +59,6 @@ from .uncertainty import data_part, fair_hold
 WEIGHTINGS = ("ordinary", "whitened")
 _MAX_STATES = 3
 _BLUR = 0.5  # flattening of the peaks that warns, in units of the noise
-_DESCENTS = 3  # at most, until one converges
 
 
 def fit(
@@ -115,20 +114,15 @@ def fit(
     Not supported: a fitted mass, more than 3 states.
     """
     require_float64()
-    record = as_record(record)
     model = wanted_model(law, states, fit_stiffness, slip_trend)
     if weighting not in WEIGHTINGS:
         raise InputError(f"weighting '{weighting}' is not known; choose {' or '.join(WEIGHTINGS)}")
-    K, m = _stiffness(stiffness, record, fit_stiffness), _mass(mass, record)
     progress("velocity steps")
-    steps = steps_of(record, steps)
-    record, warnings = (record, ()) if rows is None else few_rows(record, rows, steps)
-    task = _task(record, steps, model, K, reference_velocity, m)
-    progress(f"compiling, then fitting {len(record)} rows")
+    task = task_of(record, stiffness, mass, steps, model, reference_velocity, rows=rows)
+    progress(f"compiling, then fitting {len(task.record)} rows")
     problem, solution = _solve_in_stages(task, start, progress)
     profiles = progress if profile else None
-    found = finished(task, problem, solution, whitened=weighting == "whitened", profile=profiles)
-    return dataclasses.replace(found, warnings=(*warnings, *found.warnings))
+    return finished(task, problem, solution, whitened=weighting == "whitened", profile=profiles)
 
 
 def task_of(
@@ -138,32 +132,41 @@ def task_of(
     steps: VelocitySteps | str | None,
     model: Model,
     reference_velocity: float | str | None,
+    *,
+    rows: int | None = None,
 ) -> FitTask:
     """The task that `fit` solves; raises the same errors as `fit`."""
     record = as_record(record)
-    K, m = _stiffness(stiffness, record, model.fit_stiffness), _mass(mass, record)
-    return _task(record, steps_of(record, steps), model, K, reference_velocity, m)
-
-
-def _task(
-    record: Record,
-    steps: VelocitySteps,
-    model: Model,
-    stiffness: float | None,
-    reference_velocity: float | str | None,
-    mass: float | None = None,
-) -> FitTask:
-    if stiffness is not None:
-        _refuse_soft(stiffness, record, steps)
-    V0 = _reference(reference_velocity, steps)
+    unit, doubts = record.friction_unit, ()
+    if stiffness is None and not model.fit_stiffness:
+        raise InputError(
+            f"stiffness is needed, in {unit_of('K', unit)} (as in"
+            f" {option('stiffness', '1.6e-3/um')}), or fit it ({option('fit-stiffness')})"
+        )
+    K, m = _stated(stiffness, "K", "stiffness", unit), _stated(mass, "m", "mass", unit)
+    steps = steps_of(record, steps)
+    if rows is not None:
+        record, doubts = few_rows(record, rows, steps)
+    if K is not None:
+        _refuse_soft(K, record, steps)
+    V0 = _stated(reference_velocity, "V0", option("reference-velocity"), unit)
     forward, sign = forward_steps(record, steps)
     model = model._replace(regularised=bool(np.any(forward.velocities < 0)))
-    said = ()
-    if stiffness is not None and not model.fit_stiffness:
-        seen, unit = steepest_loading(record, sign, forward), record.friction_unit
-        refuse_contradicted(seen, stiffness, unit)
-        said = loading_doubts(seen, stiffness, unit)
-    return FitTask(record, forward, sign, model, stiffness, V0, mass, said, steps)
+    if K is not None and not model.fit_stiffness:
+        seen = steepest_loading(record.relative_time, sign * record.friction, forward)
+        refuse_contradicted(seen, K, unit)
+        doubts = (*doubts, *loading_doubts(seen, K, unit))
+    V0 = float(abs(steps.velocities[0])) if V0 is None else V0
+    return FitTask(record, forward, sign, model, K, V0, m, doubts, steps)
+
+
+def _stated(value: float | str | None, name: str, what: str, friction_unit: str) -> float | None:
+    """A stated parameter in SI, by its number or its text with a unit; None stays None."""
+    if value is None:
+        return None
+    if isinstance(value, str):
+        value = parse_quantity(value, unit_of(name, friction_unit), what)
+    return quantity_of(name).check(float(value), what)
 
 
 def finished(
@@ -198,7 +201,7 @@ def finished(
 def _settled(problem: Problem, solution: Solution) -> Solution:
     """The solution of a descent from `solution`, repeated until one converges. A model that is far
     from its record converges slowly where a step time crosses a row."""
-    for _ in range(_DESCENTS):
+    for _ in range(DESCENTS):
         solution = solve(problem, np.asarray(solution.z)[None], refine=1)
         if solution.converged:
             break
@@ -290,31 +293,6 @@ def forward_steps(record: Record, steps: VelocitySteps) -> tuple[VelocitySteps, 
     return mirrored, -1.0 if begin < 0 else 1.0
 
 
-def _stiffness(stiffness: float | str | None, record: Record, fit_stiffness: bool) -> float | None:
-    unit = unit_of("K", record.friction_unit)
-    if stiffness is None:
-        if not fit_stiffness:
-            raise InputError(
-                f"stiffness is needed, in {unit} (as in {option('stiffness', '1.6e-3/um')}), or"
-                f" fit it ({option('fit-stiffness')})"
-            )
-        return None
-    value = (
-        parse_quantity(stiffness, unit, "stiffness") if isinstance(stiffness, str) else stiffness
-    )
-    if not np.isfinite(value) or value <= 0:
-        raise InputError(f"stiffness is {value:g} {unit}; it must be positive")
-    return float(value)
-
-
-def _mass(mass: float | str | None, record: Record) -> float | None:
-    if mass is None:
-        return None
-    unit = unit_of("m", record.friction_unit)
-    value = parse_quantity(mass, unit, "mass") if isinstance(mass, str) else float(mass)
-    return quantity_of("m").check(value, "mass")
-
-
 def _refuse_soft(K: float, record: Record, steps: VelocitySteps) -> None:
     """Refuse a stiffness so low that the whole load-point path changes friction less than noise."""
     noise = noise_from_differences(record.friction)
@@ -326,14 +304,6 @@ def _refuse_soft(K: float, record: Record, steps: VelocitySteps) -> None:
             f" {1e6 * path:.4g} um, the spring force would change by {K * path:.2g}, less than the"
             f" noise ({noise:.2g}); {UNIT_RIGHT}"
         )
-
-
-def _reference(reference: float | str | None, steps: VelocitySteps) -> float:
-    if reference is None:
-        return float(abs(steps.velocities[0]))
-    if isinstance(reference, str):
-        reference = parse_quantity(reference, "m/s", "reference velocity")
-    return quantity_of("V0").check(float(reference), option("reference-velocity"))
 
 
 def _solve_in_stages(

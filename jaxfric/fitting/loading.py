@@ -18,9 +18,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import InputError, option
-from ..records import Record, VelocitySteps
+from ..records import VelocitySteps
 from ..units import format_si, read_as
-from .start import average
+from .means import average
 
 UNIT_RIGHT = "is its unit right? It is friction per length, as in 1.6e-3/um"
 """Advice in the refusal of a stiffness."""
@@ -29,10 +29,9 @@ _CLEAR = 5.0
 _LARGE = 0.1
 """this share of the range of friction."""
 _IMPOSSIBLE, _DOUBTFUL = 10.0, 1.5
-"""Ratios of the least to the stated stiffness: the first refuses it, the second warns."""
-_STIFF = 10.0
-"""Ratio that warns: stated stiffness over the one of a rise one row earlier. It is large because a
-step by a factor of 2 needs some 3 times the path of the bare spring for its half rise."""
+"""Ratios of the least to the stated stiffness: the first refuses it, the second warns. A stated
+stiffness above `_IMPOSSIBLE` times that of a rise one row earlier warns too. This ratio is large:
+a step by a factor of 2 needs some 3 times the path of the bare spring for its half rise."""
 
 
 class Loading(NamedTuple):
@@ -51,13 +50,14 @@ class Loading(NamedTuple):
         return self.rise / self.path
 
 
-def steepest_loading(record: Record, sign: float, steps: VelocitySteps) -> Loading | None:
+def steepest_loading(
+    time: np.ndarray, friction: np.ndarray, steps: VelocitySteps
+) -> Loading | None:
     """The rise of friction that needs the stiffest spring; None if no velocity step shows a rise.
 
-    The velocity `steps` begin forwards (`fit.forward_steps`). `sign` is the sign of friction for
-    such steps.
+    The velocity `steps` begin forwards (`fit.forward_steps`), and `friction` has the sign of such
+    steps. `time` [s] counts from the first row.
     """
-    time, friction = record.relative_time, sign * record.friction
     size, found, earlier = float(np.ptp(friction)), [], []
     ends = np.append(steps.times[1:], time[-1])
     errors = np.zeros(len(steps)) if steps.time_errors is None else steps.time_errors
@@ -103,7 +103,7 @@ def doubts(loading: Loading | None, K: float, friction_unit: str) -> tuple[str, 
     """A warning for a stiffness below the least possible one, or far above the observed one."""
     if loading is None:
         return ()
-    if _STIFF * loading.earlier < K:
+    if _IMPOSSIBLE * loading.earlier < K:
         return (
             f"friction rises as on a spring of about {_number(loading.stiffness, friction_unit)},"
             f" not of {_number(K, friction_unit)}: after the step at {loading.time:.4g} s by"

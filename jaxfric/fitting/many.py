@@ -11,7 +11,6 @@ get a second and third descent, from other starting values.
 
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -19,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..errors import InputError, option
+from ..errors import InputError
 from ..records import Record, VelocitySteps
 from ..rig.friction import AbstractEvolution
 from ..silent import silent
@@ -31,7 +30,7 @@ from .noise import NO_GLITCHES, least_noise, noise_of, recorded_steps
 from .padding import bucket, filled
 from .problem import FAILED_MISFIT, Model, Problem
 from .result import Fit
-from .solve import NOISE_REACHED, Solution, descent, on_host
+from .solve import DESCENTS, MOST_POINTS, NOISE_REACHED, Solution, descent, on_host
 from .solved import Solved
 from .stages import Begun, FitTask, averaged, first_stage, one_state_model, second_stage
 from .start import (
@@ -46,11 +45,9 @@ _AT_ONCE = 32
 """Most records in a batch: more wait longer for the slowest, fewer leave vector units idle."""
 _FEW = 4
 """Records in the smallest batch. Sizes grow by factors of eight, since each is compiled."""
-_POINTS = (6, 12, 80)
+_POINTS = (6, 12, MOST_POINTS)
 """Points after which a descent is cut the first, second and third time."""
-_DESCENTS = 3
 NOISES = ("estimated", "white")
-_FEWEST_ROWS = 8
 _SCATTER = 4.0
 """Two standard errors of the noise variance from differences, times sqrt(rows). Without this margin
 four of 16 records of 500 rows would be fitted twice more for nothing."""
@@ -95,7 +92,7 @@ def fit_many(
     Raises
     ------
     InputError : before any computation: an argument out of range; a record (named by its index)
-        without a step, with non-finite values, too few rows, or times that do not ascend.
+        without a step, or with a stiffness that its rows contradict.
     """
     require_float64()
     model = wanted_model(law, states, fit_stiffness, slip_trend)
@@ -104,12 +101,12 @@ def fit_many(
     asked = list(records)
     stated = {"stiffness": stiffness, "mass": mass, "steps": steps}
     each = [_for_each(given, asked, name) for name, given in stated.items()]
+    models = [model] * len(asked)
     tasks = []
-    for i, own in enumerate(zip(asked, *each, strict=True)):
-        try:
-            tasks.append(_task(*own, model, reference_velocity))
-        except InputError as wrong:
-            raise InputError(f"record {i}: {wrong}") from None
+    for i, task in enumerate(_tasks(asked, *each, models, reference_velocity)):
+        if isinstance(task, InputError):
+            raise InputError(f"record {i}: {task}")
+        tasks.append(task)
     return fit_tasks(tasks, noise=noise, progress=progress)
 
 
@@ -150,20 +147,35 @@ def fit_what_can_be(
 ) -> list[Fit | str]:
     """Fit many records, each with its own stiffness, mass and law; refused ones give the reason."""
     require_float64()
-    ends: list[Fit | str] = [""] * len(records)
-    tasks: dict[int, FitTask] = {}
-    for i, (record, K, m, law) in enumerate(zip(records, stiffness, mass, laws, strict=True)):
-        model = wanted_model(law, states, fit_stiffness, slip_trend)
+    models = [wanted_model(law, states, fit_stiffness, slip_trend) for law in laws]
+    tasks = _tasks(records, stiffness, mass, [steps] * len(laws), models, reference_velocity)
+    able = [task for task in tasks if isinstance(task, FitTask)]
+    fits = iter(fit_tasks(able, progress=progress))
+    return [next(fits) if isinstance(task, FitTask) else str(task) for task in tasks]
+
+
+def _tasks(
+    records: Sequence[Record | str | Path],
+    stiffness: Sequence,
+    mass: Sequence,
+    steps: Sequence,
+    models: Sequence[Model],
+    reference_velocity: float | str | None,
+) -> list[FitTask | InputError]:
+    """The task of each record, or the reason to refuse it."""
+    found: list[FitTask | InputError] = []
+    for own in zip(records, stiffness, mass, steps, models, strict=True):
         try:
-            tasks[i] = _task(record, K, m, steps, model, reference_velocity)
+            found.append(task_of(*own, reference_velocity))
         except InputError as wrong:
-            ends[i] = str(wrong)
-    for i, fit in zip(tasks, fit_tasks(list(tasks.values()), progress=progress), strict=True):
-        ends[i] = fit
-    return ends
+            found.append(wrong)
+    return found
 
 
-def _ended(tasks: list[FitTask], progress: Callable[[str], None]) -> "list[_Ended]":
+_Ended = tuple[Problem, Solution]
+
+
+def _ended(tasks: list[FitTask], progress: Callable[[str], None]) -> list[_Ended]:
     """The best solution of each record; all tasks have the same model."""
     progress(f"fitting {len(tasks)} records")
     ended = _best(_with_starts(tasks))
@@ -185,36 +197,6 @@ def _for_each(given: object, records: list, name: str) -> list:
             " for each"
         )
     return several
-
-
-def _task(record: Record | str | Path, *stated: Any) -> FitTask:
-    """`task_of` after a check of the rows."""
-    if isinstance(record, Record):
-        _refuse_bad(record)
-    return task_of(record, *stated)
-
-
-def _refuse_bad(record: Record) -> None:
-    time, friction = np.asarray(record.time), np.asarray(record.friction)
-    if len(time) < _FEWEST_ROWS:
-        raise InputError(f"it has {len(time)} rows; a fit needs {_FEWEST_ROWS}: leave it out")
-    bad = np.flatnonzero(~(np.isfinite(time) & np.isfinite(friction)))
-    if len(bad):
-        raise InputError(
-            f"row {bad[0]} is not finite ({len(bad)} such rows): drop them, as by"
-            f" {option('drop-bad')}"
-        )
-    still = np.flatnonzero(~(np.diff(time) > 0))
-    if len(still):
-        raise InputError(
-            f"time does not ascend from row {still[0]} to row {still[0] + 1}: sort the rows and"
-            " drop those that repeat a time"
-        )
-
-
-class _Ended(NamedTuple):
-    problem: Problem
-    solution: Solution
 
 
 # --- batches ---------------------------------------------------------------------------------
@@ -312,7 +294,7 @@ def _with_starts(tasks: list[FitTask]) -> list[Begun]:
     evolution = first_evolution(model.law)
     found = _in_batches(lambda batch: _grids(batch, evolution, model.slip_trend), sought)
     return [
-        first_stage(task, own.best(linear, misfit, model, _DESCENTS), on_host=True)
+        first_stage(task, own.best(linear, misfit, model, DESCENTS), on_host=True)
         for task, own, (linear, misfit) in zip(tasks, sought, found, strict=True)
     ]
 
@@ -321,10 +303,10 @@ def _with_more_states(tasks: list[FitTask], ended: list[_Ended]) -> list[Begun]:
     """The many-state problem of each record, with starts from the motion of its one-state fit."""
     each = [averaged(task) for task in tasks]
     size = bucket(max(len(data.time) for data in each), 64)
-    problems, zs = [end.problem for end in ended], [np.asarray(end.solution.z) for end in ended]
+    problems, zs = [problem for problem, _ in ended], [np.asarray(end.z) for _, end in ended]
     moved = _in_batches(_motions, problems, zs, [filled(data.time, size) for data in each])
     return [
-        second_stage(task, data, problem, z, tuple(x[: len(data.time)] for x in own), _DESCENTS)
+        second_stage(task, data, problem, z, tuple(x[: len(data.time)] for x in own), DESCENTS)
         for task, data, problem, z, own in zip(tasks, each, problems, zs, moved, strict=True)
     ]
 
@@ -336,7 +318,7 @@ def _best(begun: list[Begun]) -> list[_Ended]:
     """The best of up to three descents of each problem; one descent if it reaches the noise."""
     best: list[Solution | None] = [None] * len(begun)
     zs = [own.problem.coordinates.to_free(own.starts) for own in begun]
-    for k in range(_DESCENTS):
+    for k in range(DESCENTS):
         open_ = [
             i for i, own in enumerate(begun) if k < len(own.starts) and not _fits(best[i], own)
         ]
@@ -345,9 +327,7 @@ def _best(begun: list[Begun]) -> list[_Ended]:
         for i, point in zip(open_, found, strict=True):
             best[i] = _better(best[i], point)
     return [
-        _Ended(own.problem, on_host(end))
-        for own, end in zip(begun, best, strict=True)
-        if end is not None
+        (own.problem, on_host(end)) for own, end in zip(begun, best, strict=True) if end is not None
     ]
 
 

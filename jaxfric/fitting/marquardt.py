@@ -26,15 +26,13 @@ def levenberg_marquardt(
     ftol: float,
     xtol: float,
     most: int,
-    known: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> Descent:
     """Descend from `start` to a least-squares point.
 
     `both` gives residual (r,) and Jacobian (r, p) at a point (p,). The solver calls `both` once per
-    point, for at most `most` points. `known` holds residual and Jacobian at `start`, if they are
-    already computed.
+    point, for at most `most` points.
     """
-    last = {} if known is None else {start.tobytes(): known}
+    last: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
 
     def at(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         key = y.tobytes()

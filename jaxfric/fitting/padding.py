@@ -24,11 +24,11 @@ def filled(x: np.ndarray, size: int, fill: float | None = None) -> np.ndarray:
     return out
 
 
-WIDE = 48
-"""Multiple of columns to pad rare passes to: larger, so that fewer shapes are compiled."""
+FEW, WIDE = 8, 48
+"""Multiples of columns to pad to; the larger for rare passes, so that fewer shapes are compiled."""
 
 
-def padded_columns(columns: np.ndarray, *, size: int = 8) -> Float[np.ndarray, "n m"]:
+def padded_columns(columns: np.ndarray, *, size: int = FEW) -> Float[np.ndarray, "n m"]:
     """Pad with zero columns to a multiple of `size`, so that JAX compiles few array shapes."""
     more = -columns.shape[1] % size
     return columns if not more else np.pad(columns, ((0, 0), (0, more)))

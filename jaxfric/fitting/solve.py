@@ -23,7 +23,7 @@ from .problem import FAILED_MISFIT, Problem
 # Misfit per sample below which no further start is tried: the fit has reached the noise
 # (estimated from second differences of the record).
 NOISE_REACHED = 1.1
-_TRIALS = (10, 80)  # usual and largest number of points of a descent
+DESCENTS, MOST_POINTS = 3, 80  # descents of a record, and points of a descent, at most
 _DASHPOTS = (
     1e-2,
     2e-3,
@@ -69,7 +69,7 @@ def _held(z: Float[Array, " q"], args: tuple[Problem, Array, Array]) -> Float[Ar
 
 
 def descend(
-    problem: Problem, z: np.ndarray, free: np.ndarray | None = None, *, most: int = _TRIALS[1]
+    problem: Problem, z: np.ndarray, free: np.ndarray | None = None, *, most: int = MOST_POINTS
 ) -> Solution:
     """A descent with NumPy arrays; `free` holds the indices of free parameters, None: all."""
     which = np.ones(len(z), bool)
@@ -100,7 +100,7 @@ def solve(
     problem: Problem,
     starts: np.ndarray,
     *,
-    refine: int = 3,
+    refine: int = DESCENTS,
     progress: Callable[[str], None] = silent,
 ) -> Solution:
     """Minimise the sum of squared residuals from up to `refine` of the `starts`, best first.
@@ -109,10 +109,10 @@ def solve(
     the descent and the duration of the previous one.
     """
     samples = float(np.sum(np.asarray(problem.weight) > 0))
-    most, few = min(refine, len(starts)), f"{_TRIALS[0]} to {_TRIALS[1]} trials"
+    most = min(refine, len(starts))
     found: list[Solution] = []
     told = f"descent {{}} of at most {most} over {int(samples)} rows, {{}}"
-    progress(told.format(1, f"{few}, the first compiled where it must be"))
+    progress(told.format(1, f"up to {MOST_POINTS} trials, the first compiled where it must be"))
     for begun, ended in _in_turn(problem, starts, most):
         found.append(ended)
         if ended.cost < NOISE_REACHED * samples or len(found) == most:

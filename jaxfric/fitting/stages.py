@@ -11,9 +11,10 @@ import numpy as np
 from ..laws.registry import evolution_of
 from ..records import Record, VelocitySteps
 from ..records.differences import noise_from_differences
+from .means import Averaged, average
 from .noise import least_noise, recorded_steps
 from .problem import Model, Problem, ProblemSizes, RigModel, make_problem
-from .start import Averaged, OneStateMotion, average, more_state_starts, split_state
+from .start import OneStateMotion, more_state_starts, split_state
 
 FELT = 0.25
 """Above this share of the noise of a row a known change of friction matters to a fit."""

@@ -34,6 +34,8 @@ from ..records import VelocitySteps
 from ..rig.friction import AbstractEvolution, AgeingEvolution, SlipEvolution
 from ..rig.friction.law import NEWTON_STEPS
 from ..traced import traced
+from .loading import Loading, steepest_loading
+from .means import INTERVALS, Averaged, average
 from .noise.thresholds import SAME_VELOCITY
 from .padding import FEWEST, bucket, filled
 from .problem import Model
@@ -46,7 +48,7 @@ _GRID_PAIRS = 16  # slip lengths of the grid for two or more states
 class Fineness(NamedTuple):
     """Resolution of the search for starting values."""
 
-    intervals: int = 160
+    intervals: int = INTERVALS
     """Approximate number of means of the record."""
     A: tuple[float, ...] = tuple(np.geomspace(0.6, 8.0, 9))
     """Values of A, in units of the largest jump per unit of ln V."""
@@ -62,39 +64,6 @@ COARSE = Fineness(48, tuple(np.geomspace(0.7, 5.0, 5)), (-0.5, 0.0, 0.7), 8, 5)
 """For many records: a tenth of the time, and rarely another minimum."""
 
 
-class Averaged(NamedTuple):
-    """Means over intervals: end [s], mean time [s], friction and number of rows of each."""
-
-    end: np.ndarray
-    time: np.ndarray
-    friction: np.ndarray
-    rows: np.ndarray
-
-
-def average(
-    t: np.ndarray, f: np.ndarray, steps: VelocitySteps, *, intervals: int = FINE.intervals
-) -> Averaged:
-    """Average a record over intervals that begin at every velocity step and grow geometrically."""
-    edges = [np.zeros(1)]
-    times = steps.times[steps.times < t[-1]]
-    per_segment = max(16, intervals // len(times))
-    for start, end in zip(times, np.append(times[1:], t[-1]), strict=True):
-        rows = np.count_nonzero((t >= start) & (t < end))
-        first = (end - start) * min(2.0 / max(rows, 1), 0.25)
-        growth = 1.0 + 4.0 / per_segment
-        n = int(np.ceil(np.log1p((growth - 1) * (end - start) / first) / np.log(growth)))
-        widths = first * growth ** np.arange(max(n, 1))
-        edges.append(start + (end - start) * np.cumsum(widths) / widths.sum())
-    edge = np.unique(np.concatenate(edges))
-    edge[-1] = np.nextafter(max(edge[-1], t[-1]), np.inf)
-    which = np.clip(np.searchsorted(edge, t, side="right") - 1, 0, len(edge) - 2)
-    count = np.bincount(which, minlength=len(edge) - 1)
-    safe = np.maximum(count, 1)
-    mean_t = np.bincount(which, t, minlength=len(edge) - 1) / safe
-    mean_f = np.bincount(which, f, minlength=len(edge) - 1) / safe
-    return Averaged(edge[1:], np.where(count > 0, mean_t, edge[1:]), mean_f, count.astype(float))
-
-
 def seek(
     t: np.ndarray,
     f: np.ndarray,
@@ -107,7 +76,8 @@ def seek(
     """The input of the search for one-state starts of a record, as NumPy arrays."""
     t, f, steps = _before_reversal(t, f, steps)
     data = average(t, f, steps, intervals=fineness.intervals)
-    grid = _grid(data, steps, stiffness, fineness)
+    rise = steepest_loading(t, f, steps) if stiffness is None else None
+    grid = _grid(data, steps, stiffness, rise, fineness)
     # padded to a few sizes, so that other records need no compilation
     grid_columns: Any = grid.T
     size = bucket(len(data.time), FEWEST if fineness == FINE else 64)
@@ -159,7 +129,11 @@ def _before_reversal(
 
 
 def _grid(
-    data: Averaged, steps: VelocitySteps, stiffness: float | None, fineness: Fineness
+    data: Averaged,
+    steps: VelocitySteps,
+    stiffness: float | None,
+    rise: Loading | None,
+    fineness: Fineness,
 ) -> np.ndarray:
     """Values of A, B, L and K to try, one row each."""
     times, velocities = steps.times, steps.velocities
@@ -189,7 +163,7 @@ def _grid(
     travel = float(np.sum(np.abs(velocities) * np.diff(np.append(times, data.end[-1]))))
     Ls = np.geomspace(max(0.3 * min(resolved, travel), 1e-5 * travel), travel, fineness.L)
     if stiffness is None:
-        steepest = _steepest_loading(data, steps, travel)
+        steepest = max(2 * np.ptp(friction) / max(travel, 1e-300), rise.stiffness if rise else 0.0)
         Ks = np.geomspace(0.8 * steepest, 20.0 * steepest, fineness.K)
     else:
         Ks = np.array([stiffness])
@@ -201,26 +175,6 @@ def _grid(
     )
     B = A - slope + offset
     return np.stack([A, np.where(B == 0, 1e-3 * A, B), L, K], axis=1)
-
-
-def _steepest_loading(data: Averaged, steps: VelocitySteps, travel: float) -> float:
-    """Approximate lower bound of the stiffness, from the loading after the steps."""
-    full = data.rows > 0
-    times, velocities = steps.times, steps.velocities
-    load = steps.displacement(data.time[full])
-    friction = data.friction[full]
-    steepest = 2.0 * np.ptp(friction) / max(travel, 1e-300)
-    for k in range(1, len(times)):
-        after = np.flatnonzero(data.time[full] >= times[k])[:4]
-        if len(after) == 4:
-            stretch = np.abs(
-                load[after]
-                - load[after[0]]
-                - velocities[k - 1] * (data.time[full][after] - data.time[full][after[0]])
-            )
-            rise = np.abs(friction[after] - friction[after[0]])
-            steepest = max(steepest, float(np.max(rise[1:] / np.maximum(stretch[1:], 1e-300))))
-    return steepest
 
 
 class Members(NamedTuple):

@@ -9,7 +9,7 @@ from .estimate import NoiseEstimate
 
 _FEWEST, _PAIRED, _MOST, _SOME = 30, 40, 60, 400  # fewest pairs; lags; rows of exact sums; pairs
 _CHANCE, _RANGES = 0.05, 4  # significance level; most ranges reported
-BAND = 1.96
+BAND = float(-ndtri(_CHANCE / 2))
 """Half width of a 95 % band [standard errors]."""
 
 

@@ -116,7 +116,7 @@ class NoiseEstimate:
     def written(self) -> bool:
         """Whether quantisation explains most of the white part of the noise."""
         white = self.sigma**2 * (1 - self.correlated_share)
-        return least_noise(self.steps) ** 2 > const.MOST_OF_WHITE * white
+        return 2 * least_noise(self.steps) ** 2 > white
 
     def resolved(self, apart: np.ndarray) -> "NoiseEstimate":
         """The noise as far as the sampling resolves it. `apart` (k,) is the distance of close rows

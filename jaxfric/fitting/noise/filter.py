@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ...traced import traced
-from ..padding import Numbers, padded_columns
+from ..padding import FEW, WIDE, Numbers, padded_columns
 from . import thresholds as const
 from .model import Noise, distances
 from .parts import AbstractPart, Matrix
@@ -255,9 +255,7 @@ def innovations_of(
     clock: Float[Numbers, "n *k"], weight: Float[Numbers, " n"], column: np.ndarray, noise: Noise
 ) -> tuple[np.ndarray, float]:
     """`innovations` of one column (n,), padded to eight to share a compilation."""
-    white, size = _innovations(
-        clock, weight, padded_columns(column[:, None], size=const.FEW), noise
-    )
+    white, size = _innovations(clock, weight, padded_columns(column[:, None]), noise)
     return np.asarray(white)[:, 0], float(size)
 
 
@@ -268,7 +266,7 @@ def whitened(
     if noise.is_white:  # nothing to filter
         size = np.broadcast_to(noise.sigma * np.asarray(noise.scale), len(columns))
         return columns * (np.asarray(weight) > 0)[:, None] / size[:, None]
-    wide = const.FEW if columns.shape[1] <= const.FEW or len(columns) > const.LONG else const.MANY
+    wide = FEW if columns.shape[1] <= FEW else WIDE
     parts = []
     for begin in range(0, columns.shape[1], wide):
         part = columns[:, begin : begin + wide]

@@ -89,7 +89,7 @@ def prediction_errors(
         when, on = (np.asarray(x)[turn] for x in (clock, weight))
         white = whitened(when, on, columns[turn], noise._replace(scale=scale))
         left, free = taken_out(white)
-        found.append((left / np.sqrt(np.maximum(free, const.SHARE_OF_GLITCHES)))[turn])
+        found.append((left / np.sqrt(np.maximum(free, const.RARE)))[turn])
     return found[0], found[1]
 
 
@@ -124,7 +124,7 @@ def standing_out(
 
     size, freedom = _law(np.concatenate([ahead, back]))
     # noise alone exceeds the limit once in a hundred records of so many rows
-    beyond = -float(stdtrit(freedom, 0.5 * const.CHANCE_OF_GLITCH / (const.LONGEST_GLITCH * n)))
+    beyond = -float(stdtrit(freedom, 0.5 * const.RARE / (const.LONGEST_GLITCH * n)))
     limit = size * beyond if size > 0 else np.inf
     found = np.zeros(n, bool)
     for side in (1, -1):
@@ -189,7 +189,7 @@ def find_glitches(
     count = int(found.sum())
     if not count:
         return before
-    if count + len(known) > const.SHARE_OF_GLITCHES * (len(rows) + len(known)):
+    if count + len(known) > const.RARE * (len(rows) + len(known)):
         return before if known else Glitches((), beyond, count)
     return Glitches(tuple(sorted([*known, *rows[found].tolist()])), beyond)
 

@@ -121,7 +121,7 @@ def find_hum(
     for _ in range(const.LINES_TRIED):
         pieces = [p for p in (_piece(rest, time, path, rows) for rows in cut) if p is not None]
         f = _likeliest(pieces, rest, barred)
-        if f is None or len(found) == const.LINES:
+        if f is None:
             break
         resolving = [p for p in pieces if p.resolves(f)]
         power = np.array([p.exact(rest, np.array([f]))[0] for p in resolving])
@@ -163,15 +163,18 @@ def _piece(left: np.ndarray, time: np.ndarray, path: np.ndarray, rows: np.ndarra
     when = time[rows]
     lasting = float(when[-1] - when[0]) * len(rows) / (len(rows) - 1)
     # if rows come in bursts, cells are limited by their mean interval
-    cell = max(float(np.median(np.diff(when))), lasting / (const.BURST * len(rows))) / const.CELLS
+    cell = max(float(np.median(np.diff(when))), lasting / (const.FINER * len(rows))) / const.FINER
     size = int(np.ceil(lasting / cell)) * const.FINER
     place = np.round((when - when[0]) / cell).astype(int)
     values = np.bincount(place, left[rows] - np.mean(left[rows]), size)
-    last = size // (2 * const.CELLS)  # half a cycle a row
+    last = size // (2 * const.FINER)  # half a cycle a row
     power = np.abs(np.fft.rfft(values)[: last + 1]) ** 2 / len(rows)
     angle = np.pi * np.arange(last + 1) / last
-    frequency = angle / (2 * np.pi * const.CELLS * cell)
-    first = max(const.CYCLES * const.FINER, int(np.searchsorted(frequency, const.LOWEST)))
+    frequency = angle / (2 * np.pi * const.FINER * cell)
+    first = max(
+        const.CYCLES * const.FINER,
+        int(np.searchsorted(frequency, const.CYCLES / const.LONGEST_PIECE)),
+    )
     if first >= last:  # fewer than two frequencies
         return None
     around = _smooth(power, angle)

@@ -8,9 +8,6 @@ CRITICAL = 1e-3
 """Lower bound of |w| and s of a resonator: at critical damping they are 0, and 1/w is infinite."""
 BLOCK = 512
 """Rows that are whitened before their products are added: they then fit in the cache."""
-FEW, MANY, LONG = 8, 64, 1 << 16
-"""Columns per whitening pass, few or many, so that few shapes are compiled. Above `LONG` rows
-memory is limiting, so passes have few columns."""
 ALTERNATING = 0.98
 """Largest negative part, as a share of its limit. At the limit the spectrum is 0 at zero frequency,
 and the filter divides by 0."""
@@ -84,8 +81,6 @@ ALIKE = 0.2
 it."""
 SWING_SEEN = 1.5
 """w of a resonator above which its oscillation is visible: it decays by a factor 66 per period."""
-MOST_OF_WHITE = 0.5
-"""Share of the white variance above which the white part counts as quantisation."""
 
 # ---- by velocity step
 
@@ -109,10 +104,9 @@ COARSE = 2.0
 
 LONGEST_GLITCH = 3
 """Largest number of rows of a glitch."""
-CHANCE_OF_GLITCH = 0.01
-"""Probability that noise alone makes a record of this length show one glitch."""
-SHARE_OF_GLITCHES = 0.01
-"""Largest share of rows that may be glitches: more frequent outliers belong to the noise."""
+RARE = 0.01
+"""Probability that noise alone makes a record of this length show one glitch. Also the largest
+share of rows that may be glitches: more frequent outliers belong to the noise."""
 BODY, SHOULDER = 0.5, 0.93
 """Quantiles of absolute prediction errors that determine their law: a hundredth of outliers and
 their neighbours hardly change them."""
@@ -147,23 +141,20 @@ SAME_VELOCITY = 0.9
 LONGEST_PIECE, ROWS_OF_PIECE = 10.0, 1000
 """Shortest duration [s] and fewest rows of a piece, if the step has them. The mains stay in phase
 for some ten seconds."""
-LOWEST = 1.0
-"""Lowest frequency of a line [Hz]. Below are oscillating servos, and temperature, which is no
-noise."""
 FEWEST_OF_PIECE, CYCLES, CYCLES_FITTED = 80, 10, 4
 """Fewest rows and cycles of a piece for a search: below, friction changes after a step look alike.
-Fewest cycles in a piece to fit a known line to it."""
+Fewest cycles in a piece to fit a known line to it. `CYCLES` in the longest piece are 1 Hz: below
+are oscillating servos, and temperature, which is no noise."""
 HALF_A_CYCLE = 1e-6
 """Tolerance for two rows per cycle, where cosine and sine coincide: of the determinant relative to
 that of many cycles, and of the frequency relative to half a cycle per row."""
 GOES_ON = 0.7
 """Power of a piece over that of its halves: 1 for hum, 0.5 for a line in one half only."""
-CELLS, FINER, TRIED_AROUND = 4, 4, 41
-"""Cells per row, frequencies per cycle in a piece, and frequencies tried around the best."""
-BURST = 4
-"""Largest ratio of the mean to the median interval of rows that widens the frequency range."""
+FINER, TRIED_AROUND = 4, 41
+"""Cells per row, frequencies per cycle in a piece, and the largest ratio of the mean to the median
+interval of rows that widens the frequency range; frequencies tried around the best."""
 SLOW, EACH_COSINE, COSINES = 3, 20, (2, 24)
 """Cycles per piece below which the surrounding noise is not fitted; frequencies per cosine, and
 range of the number of cosines."""
-LINES_TRIED, LINES = 8, 6
-"""Most lines tested, and most lines accepted."""
+LINES_TRIED = 8
+"""Most lines tested."""
