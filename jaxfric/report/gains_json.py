@@ -7,6 +7,7 @@ from ..gains.hunting import Hunting
 from ..gains.result import Gains
 from ..plain import entries, plain
 from ..schemas import GAINS
+from .stability_json import UNITS
 
 _KINDS = ("stiffness", "damping")
 
@@ -14,7 +15,6 @@ _KINDS = ("stiffness", "damping")
 def content(gains: Gains) -> dict:
     """The content of `gains.json`, schema `schemas.GAINS`; SI, null for infinite numbers."""
     region, scenarios, unsafe = gains.region, gains.scenarios, list(gains.unsafe)
-    units = ("N/m", "N s/m", "N/(m s)", "m/s", "kg")
     result = {
         "schema": GAINS,
         "law": gains.law,
@@ -24,15 +24,10 @@ def content(gains: Gains) -> dict:
         "fragile": gains.fragile,
         **entries(gains, "kp", "kv"),
         "ki": gains.integral or 0.0,
-        "units": dict(
-            zip(("kp", "kv", "ki", "velocity", "mass"), map(gains.unit, units), strict=True)
-        ),
+        "units": {name: gains.unit(unit) for name, unit in UNITS.items()},
         "norm": gains.norm,
         "scales": _pair(region.scale),
-        "limits": {
-            "kp": [region.lower[0], region.upper[0]],
-            "kv": [region.lower[1], region.upper[1]],
-        },
+        "limits": _pair(np.stack([region.lower, region.upper], axis=1)),
         "required": dict(zip(gains.requirement.names, gains.requirement.values, strict=True)),
         "optima": gains.optima,
         "at_rest": {

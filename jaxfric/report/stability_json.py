@@ -12,6 +12,9 @@ from ..stability.analysis import Study
 from ..stability.delay_analysis import delay_numbers, delay_summary
 from ..stability.margin_table import MARGINS
 
+UNITS = {"kp": "N/m", "kv": "N s/m", "ki": "N/(m s)", "velocity": "m/s", "mass": "kg"}
+"""Linear units of the numbers in the JSON of a slider."""
+
 
 def content(study: Study, law: str, warnings: Sequence[str] = ()) -> dict:
     """The content of stability.json, schema `schemas.STABILITY`; SI, null for infinite numbers.
@@ -26,14 +29,7 @@ def content(study: Study, law: str, warnings: Sequence[str] = ()) -> dict:
         "kp": study.k_p,
         "kv": study.k_v,
         "ki": study.k_i or 0.0,
-        "units": {
-            "kp": study.unit("N/m"),
-            "kv": study.unit("N s/m"),
-            "ki": study.unit("N/(m s)"),
-            "velocity": study.unit("m/s"),
-            "mass": study.unit("kg"),
-            "force": study.unit("N"),
-        },
+        "units": {name: study.unit(unit) for name, unit in (UNITS | {"force": "N"}).items()},
         "controller_delay": study.late,
         "velocity": here.velocity,
         "friction": {
@@ -103,8 +99,8 @@ def _delay_content(study: Study) -> dict:
 def solutions(study: Study) -> list[tuple[float, float]]:
     """Solutions w_n of equation (19) [rad/s], and the stiffness at each [N/m]."""
     found = study.theorem
-    pairs = zip(np.asarray(found.frequencies), np.asarray(found.stiffnesses), strict=True)
-    return [(float(w), float(k)) for w, k in sorted(pairs) if math.isfinite(w)]
+    pairs = zip(found.frequencies.tolist(), found.stiffnesses.tolist(), strict=True)
+    return sorted((w, k) for w, k in pairs if math.isfinite(w))
 
 
 def intervals(study: Study) -> list[tuple[float, float, float, float]]:
@@ -112,15 +108,12 @@ def intervals(study: Study) -> list[tuple[float, float, float, float]]:
     if not study.delayed:
         return []
     summary = delay_summary(study)
-    lower, upper, found = np.asarray(summary.lower), np.asarray(summary.upper), summary.crossings
-    known = {0.0: 0.0}
-    for branch in ("plus", "minus"):
-        k = np.asarray(getattr(found, f"{branch}_stiffness"))
-        w = np.asarray(getattr(found, f"{branch}_frequency"))
-        known |= {float(a): float(b) for a, b in zip(k, w, strict=True)}
-    rows = zip(lower, upper, strict=True)
-    return [
-        (float(a), float(b), known.get(float(a), math.inf), known.get(float(b), math.inf))
-        for a, b in rows
-        if math.isfinite(a)
-    ]
+    found, known = summary.crossings, {0.0: 0.0}
+    for k, w in (
+        (found.plus_stiffness, found.plus_frequency),
+        (found.minus_stiffness, found.minus_frequency),
+    ):
+        known |= dict(zip(k.tolist(), w.tolist(), strict=True))
+    ends = zip(summary.lower.tolist(), summary.upper.tolist(), strict=True)
+    inf = math.inf
+    return [(a, b, known.get(a, inf), known.get(b, inf)) for a, b in ends if math.isfinite(a)]
