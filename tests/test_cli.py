@@ -226,7 +226,11 @@ def test_a_fit_that_did_not_converge_claims_nothing_and_nobody_takes_it(monkeypa
         return assemble.assemble(record, steps, sign, early, **options)
 
     before = run("fit", "run.csv", *STIFFNESS, "--out", "good")
+    good = Path("good/fit.json").read_bytes()
     monkeypatch.setattr(sys.modules["jaxfric.fitting.fit"], "assemble", ended_early)
+    code, _, err = run("fit", "run.csv", *STIFFNESS, "--out", "good")
+    assert (before.code, code) == (0, 1) and "good keeps the fit that converged" in err
+    assert Path("good/fit.json").read_bytes() == good
     code, out, err = run("fit", "run.csv", *STIFFNESS, "--out", "run-fit")
     assert code == 1
     assert err.splitlines()[-1].startswith("jaxfric: error: the fit did not converge (still moving")

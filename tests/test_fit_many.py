@@ -76,6 +76,20 @@ def test_derivatives_of_the_fit_by_its_record_are_those_of_refits(fits):
     assert np.max(np.abs(exact - refits)) < 1e-4 * np.max(np.abs(exact))
 
 
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"time": lambda t, f: np.where(np.arange(len(t)) == 7, t[6], t)}, "record 1: time does"),
+        ({"friction": lambda t, f: np.where(t > t[9], f, np.nan)}, "record 1: row 0 is not finite"),
+    ],
+)
+def test_bad_records_are_named_by_their_index(change, words):
+    t, f = np.asarray(RECORDS[1].time), np.asarray(RECORDS[1].friction)
+    bad = dataclasses.replace(RECORDS[1], **{k: make(t, f) for k, make in change.items()})
+    with pytest.raises(jaxfric.InputError, match=words):
+        jaxfric.fit_many([RECORDS[0], bad], stiffness=STIFFNESS[:2], steps=STEPS[:2])
+
+
 def test_bad_arguments_are_refused():
     with pytest.raises(jaxfric.InputError, match=r"record 1: stiffness: stiffness \(K\) is -1"):
         jaxfric.fit_many(RECORDS[:2], stiffness=[STIFFNESS[0], -1.0], steps=STEPS[:2])

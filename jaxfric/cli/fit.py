@@ -1,6 +1,7 @@
 """`jaxfric fit`: rate-and-state friction from a record."""
 
 import functools
+import json
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -97,9 +98,18 @@ def _fit_one(file: Path, fitter: Fitter, prior: PriorOptions, output: options.Ou
     with told() as progress:
         result = fitter.one(0, measured, progress)
         content = json_text(result.to_json())
-        posterior = prior.of(result, progress)
-        progress("drawing the figure")
-        _save(result, content, posterior, folder)
+        kept = not result.converged and _has_converged(folder.path / "fit.json")
+        posterior = None if kept else prior.of(result, progress)
+        if not kept:
+            progress("drawing the figure")
+            _save(result, content, posterior, folder)
+    if kept:  # a failed run loses no result
+        print(
+            f"jaxfric: error: the fit did not converge ({result.result}). {folder.path} keeps"
+            " the fit that converged there before; give another folder with --out",
+            file=sys.stderr,
+        )
+        return 1
     code = finish(_report(result, posterior), folder, content, output)
     if result.converged:
         return 1 if posterior is not None and posterior.warnings else code
@@ -111,6 +121,13 @@ def _fit_one(file: Path, fitter: Fitter, prior: PriorOptions, output: options.Ou
         file=sys.stderr,
     )
     return 1
+
+
+def _has_converged(file: Path) -> bool:
+    try:
+        return json.loads(file.read_text()).get("converged") is True
+    except (OSError, ValueError, AttributeError):
+        return False
 
 
 def _save(result: "Fit", content: str, posterior: "Posterior | None", folder: Folder) -> None:

@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..errors import InputError
+from ..errors import InputError, option
 from ..records import Record, VelocitySteps
 from ..rig.friction import AbstractEvolution
 from ..silent import silent
@@ -48,6 +48,7 @@ _FEW = 4
 _POINTS = (6, 12, MOST_POINTS)
 """Points after which a descent is cut the first, second and third time."""
 NOISES = ("estimated", "white")
+_FEWEST_ROWS = 8
 _SCATTER = 4.0
 """Two standard errors of the noise variance from differences, times sqrt(rows). Without this margin
 four of 16 records of 500 rows would be fitted twice more for nothing."""
@@ -92,7 +93,8 @@ def fit_many(
     Raises
     ------
     InputError : before any computation: an argument out of range; a record (named by its index)
-        without a step, or with a stiffness that its rows contradict.
+        without a step, with non-finite values, too few rows, or times that do not ascend, or
+        with a stiffness that its rows contradict.
     """
     require_float64()
     model = wanted_model(law, states, fit_stiffness, slip_trend)
@@ -166,10 +168,31 @@ def _tasks(
     found: list[FitTask | InputError] = []
     for own in zip(records, stiffness, mass, steps, models, strict=True):
         try:
+            _refuse_bad(own[0])
             found.append(task_of(*own, reference_velocity))
         except InputError as wrong:
             found.append(wrong)
     return found
+
+
+def _refuse_bad(record: Record | str | Path) -> None:
+    if not isinstance(record, Record):  # `read` checks the rows of a file
+        return
+    time, friction = np.asarray(record.time), np.asarray(record.friction)
+    if len(time) < _FEWEST_ROWS:
+        raise InputError(f"it has {len(time)} rows; a fit needs {_FEWEST_ROWS}: leave it out")
+    bad = np.flatnonzero(~(np.isfinite(time) & np.isfinite(friction)))
+    if len(bad):
+        raise InputError(
+            f"row {bad[0]} is not finite ({len(bad)} such rows): drop them, as by"
+            f" {option('drop-bad')}"
+        )
+    still = np.flatnonzero(~(np.diff(time) > 0))
+    if len(still):
+        raise InputError(
+            f"time does not ascend from row {still[0]} to row {still[0] + 1}: sort the rows and"
+            " drop those that repeat a time"
+        )
 
 
 _Ended = tuple[Problem, Solution]
