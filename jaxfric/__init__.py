@@ -1,7 +1,7 @@
 """Differentiable sliders that stick-slip: simulate, fit, control.
 
-The names below, and the folders of the package (`jaxfric.gains`, `jaxfric.study`), are loaded on
-first use, so importing the package is fast and changes nothing. Fitting needs 64-bit numbers:
+jaxfric loads its names and folders (`jaxfric.gains`, `jaxfric.study`) on first use. Importing
+jaxfric is therefore fast and changes no settings. Fitting needs 64-bit numbers:
 `jax.config.update("jax_enable_x64", True)`.
 """
 

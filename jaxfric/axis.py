@@ -1,7 +1,8 @@
 """Servo axes: friction from the motor force and the encoder, over both directions.
 
-This module collects the names of an axis' loop, which are defined in `jaxfric.loop.axis`,
-`jaxfric.loop.steady`, `jaxfric.effects.axis` and `jaxfric.fitting.axis_preparation`.
+This module collects the names for fits of a servo axis. The names are defined in
+`jaxfric.loop.axis`, `jaxfric.loop.steady`, `jaxfric.effects.axis` and
+`jaxfric.fitting.axis_preparation`.
 """
 
 from .effects import AXIS_CATALOGUE as AXIS_CATALOGUE

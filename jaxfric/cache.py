@@ -9,11 +9,11 @@ from .errors import InputError
 def cache_compiled(folder: str | Path | None = None) -> Path:
     """Cache compiled functions in a folder, for this process and later ones; return the folder.
 
-    A first fit or loop spends most of its time on tracing and compiling. This function turns on
-    JAX's persistent cache for all later compilations, and also caches traced functions in the
-    folder. The command `jaxfric` calls it; importing the package does not. The default `folder` is
-    JAX_COMPILATION_CACHE_DIR if set, else the command's folder in the user's cache folder. You may
-    delete the folder at any time.
+    A first fit or loop spends most of its time on tracing and compiling. `cache_compiled` turns on
+    JAX's persistent cache for all later compilations, and also caches traced functions in `folder`.
+    The command `jaxfric` calls `cache_compiled`; importing jaxfric does not. The default `folder`
+    is the environment variable JAX_COMPILATION_CACHE_DIR, or else jaxfric's folder in the user's
+    cache folder. You may delete the cache folder at any time.
 
     Raises
     ------

@@ -1,8 +1,8 @@
-"""Lines and rotations: a slider in m and N, a joint in rad and N m.
+"""Coordinates of a rig: linear for a slider (m and N), rotary for a joint (rad and N m).
 
 A joint has the same equations as a slider, with a moment of inertia [kg m^2] for the mass, k_p in N
-m/rad and k_v in N m s/rad. The package writes all units for linear motion; `unit_of` converts a
-unit to rotation.
+m/rad and k_v in N m s/rad. jaxfric writes all units for linear motion; `unit_of` converts a unit to
+rotation.
 """
 
 import re
@@ -31,10 +31,10 @@ def agreed(told: Mapping[str, tuple[str | None, str]], law: Coordinate | None = 
     """Return the coordinate that the units of quantities imply; "linear" if they imply none.
 
     **Arguments:** `told` maps names to the text of a quantity (None: not given) and its linear SI
-    unit; `law` is the coordinate of the law, None if both are possible. Units of neither kind are
-    ignored here; the caller refuses them when it reads the quantity.
+    unit; `law` is the coordinate of the law, None if both are possible. The function ignores units
+    that are neither linear nor rotary; the caller refuses such units when it reads the quantity.
 
-    Raises `InputError` if two quantities, or one and the law, disagree.
+    Raises `InputError` if two quantities, or a quantity and the law, imply different coordinates.
     """
     found = {} if law is None else {law: "the law"}
     for what, (text, si_unit) in told.items():

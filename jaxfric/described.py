@@ -1,8 +1,8 @@
 """Mixins that give a result its text, figure and tables in a notebook and a terminal.
 
 `jaxfric.views` and `jaxfric.report` make texts, figures and tables from the result alone. The
-mixins here find the view of a class by name, on first use, so that results do not import views. A
-result inherits only the mixins that apply to the result.
+mixins of this module find the view of a class by name, on first use, so that results do not import
+views. A result inherits only the mixins that apply to the result.
 """
 
 import importlib
@@ -40,7 +40,7 @@ class Described:
         return _shown(self, "html")
 
     def summary(self) -> str:
-        """The result as text: the tables and sentences that the command prints."""
+        """Return the result as text: the tables and sentences that the command prints."""
         return _shown(self, "summary")
 
 
@@ -50,8 +50,8 @@ class Drawable:
     def plot(self) -> "Figure":
         """Draw the same figure as the command; return a matplotlib Figure.
 
-        A notebook shows the figure as the last line of a cell; `.savefig("name.png")` writes the
-        figure.
+        A notebook shows the figure if the call is the last line of a cell; `.savefig("name.png")`
+        writes the figure.
         """
         return _shown(self, "figure")
 
@@ -60,9 +60,9 @@ class Tabular:
     """A result that is a table."""
 
     def to_pandas(self) -> "DataFrame":
-        """The result as a DataFrame, SI; `attrs` contains warnings and convergence.
+        """Return the result as a DataFrame in SI units; `attrs` contains warnings and convergence.
 
-        Raises `InputError` without pandas: `pip install "jaxfric[notebook]"`.
+        Raises `InputError` if pandas is not installed: `pip install "jaxfric[notebook]"`.
         """
         return _shown(self, "pandas")
 
@@ -71,9 +71,9 @@ class Gridded:
     """A result with arrays over the rows of a record, or over time."""
 
     def to_xarray(self) -> "Dataset":
-        """The result as a Dataset, SI, with `units` of every variable; `attrs` contains warnings.
+        """Return the result as a Dataset in SI units; `attrs` contains warnings.
 
-        Raises `InputError` without xarray: `pip install "jaxfric[notebook]"`.
+        Raises `InputError` if xarray is not installed: `pip install "jaxfric[notebook]"`.
         """
         return _shown(self, "xarray")
 
@@ -82,8 +82,8 @@ class Drawn:
     """A result with random draws, such as a posterior."""
 
     def to_arviz(self) -> "InferenceData":
-        """The draws as ArviZ InferenceData, in the units of the record.
+        """Return the draws as ArviZ InferenceData, in the units of the record.
 
-        Raises `InputError` without ArviZ: `pip install "jaxfric[posterior]"`.
+        Raises `InputError` if ArviZ is not installed: `pip install "jaxfric[posterior]"`.
         """
         return _shown(self, "arviz")

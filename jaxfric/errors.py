@@ -4,9 +4,9 @@ Failures of a computation are values (a `result` on every result object). Invali
 `InputError`: one line with the fault, its place and the remedy. The command prints that line and
 exits with code 2.
 
-The remedy names an option of the command (`--drop-bad`, `--steps '0 s: 2 um/s'`). Outside of the
-command the remedy names the argument of Python (`drop_bad=True`, `steps="0 s: 2 um/s"`). `option`
-and `either` choose between the two.
+The remedy names an option of the command (`--drop-bad`, `--steps '0 s: 2 um/s'`). In Python the
+remedy names a Python argument (`drop_bad=True`, `steps="0 s: 2 um/s"`). The functions `option` and
+`either` choose between option and argument.
 """
 
 import contextlib
@@ -34,7 +34,7 @@ _LIKE = 0.55
 
 @contextlib.contextmanager
 def words_of_the_command() -> Generator[None]:
-    """Within the block `option` names options of the command, else Python arguments."""
+    """Within the `with` block `option` names options of the command, else Python arguments."""
     before, _of_the_command[0] = _of_the_command[0], True
     try:
         yield
@@ -52,8 +52,8 @@ class InputError(ValueError):
 def option(name: str, *values: object) -> str:
     """An option in a message, with its value if one is proposed: `--steps '0 s: 2 um/s'`.
 
-    Outside of the command the text is the argument of Python. `either` gives a text that differs in
-    another way. `column` takes several values, ROLE=NAME each.
+    In Python the text is a Python argument instead. `either` serves for texts that differ in
+    another way. The option `column` takes several values, each of the form ROLE=NAME.
 
     >>> option("drop-bad"), option("stiffness", "1.6e-3/um")
     ('drop_bad=True', 'stiffness="1.6e-3/um"')
@@ -77,7 +77,7 @@ def option(name: str, *values: object) -> str:
 
 
 def either(command: str, python: str) -> str:
-    """The text for the audience: of the command, or of Python."""
+    """Return the text for users of the command, or the text for users of Python."""
     return command if _of_the_command[0] else python
 
 
@@ -98,5 +98,5 @@ def did_you_mean(name: str, known: Iterable[str], *, listed: bool = True) -> str
 
 
 def folded(name: str) -> str:
-    """A name without case, blanks and signs, for comparison: Load-Point_Disp is loadpointdisp."""
+    """A name without case, blanks and signs, to compare names: Load-Point_Disp is loadpointdisp."""
     return re.sub(r"[\W_]+", "", name.lower()).replace("µ", "μ")

@@ -1,7 +1,7 @@
-"""Statements of results as data: a code, values, and the rows of the record that support them.
+"""Findings: statements of results as data, with a code, values and the supporting rows.
 
-A claim holds only for the speeds and directions of the rows that support it. A record without such
-rows does not support the claim.
+A claim holds only for the speeds and directions of the rows that support it. A record supports no
+claim for speeds at which the record has no rows.
 """
 
 import typing
@@ -112,9 +112,9 @@ class Finding:
     """Mask of the rows of the record that support it (n)."""
 
     def to_json(self, velocity: np.ndarray) -> dict[str, object]:
-        """The finding as JSON: code, severity and values; its rows as ranges [first, last + 1]; the
-        directions and speeds of its rows. `velocity` (n) is the velocity of every row of the
-        record.
+        """Return the finding as JSON: code, severity, values, and the rows that support the
+        finding. Rows are given as ranges [first, last + 1], with directions and speeds. `velocity`
+        (n) is the velocity of every row of the record.
         """
         return {
             "code": self.code.value,
@@ -179,8 +179,8 @@ def deciding_rows(
 
     The model without the claim is refitted to fewer rows, which absorbs part of the difference d.
     The difference that remains between the two models is min_b sum (d - J b)^2. The rows with the
-    largest terms of this sum are removed, one twentieth at a time, until the sum is at most
-    `least`.
+    largest squared difference are removed, one twentieth of the remaining rows at a time, until the
+    sum is at most `least`.
     """
     kept = used & np.isfinite(difference)
     while kept.any():

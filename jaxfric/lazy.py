@@ -1,7 +1,7 @@
 """Names of a package that are imported on first use, and names of an earlier version.
 
-A package writes `__getattr__, __dir__ = loader(__name__, HOMES, ...)`. Importing it then loads
-nothing; each name is imported once, on first use.
+A package writes `__getattr__, __dir__ = loader(__name__, HOMES, ...)`. Importing such a package
+loads no module; each name is imported once, on first use.
 """
 
 import functools
@@ -23,8 +23,8 @@ def loader(
     """`__getattr__` and `__dir__` of a package.
 
     `homes` maps each name to the module of the package that defines the name ("rig.friction").
-    `modules` are the modules and folders of the package that are names themselves. A name in both
-    raises `ValueError`. `renamed` maps old names to new ones (`old_names`).
+    `modules` lists modules and folders of the package that users import by name. A name in both
+    `homes` and `modules` raises `ValueError`. `renamed` maps old names to new ones (`old_names`).
     """
     own, old = tuple(modules), old_names(package, renamed)
     if both := sorted(set(own) & set(homes)):
@@ -50,7 +50,8 @@ def old_names(package: str, renamed: Mapping[str, str]) -> Callable[[str], objec
     """`__getattr__` of a package for names of an earlier version, which work for one more version.
 
     `renamed` maps each old name to the new name, or to the path of the new name below the package
-    ("gains.find_gains"). Each use raises a `DeprecationWarning` at the caller's line.
+    ("gains.find_gains"). Each use of an old name raises a `DeprecationWarning` at the caller's
+    line.
     """
 
     def get(name: str) -> object:
@@ -66,10 +67,11 @@ def old_names(package: str, renamed: Mapping[str, str]) -> Callable[[str], objec
 
 
 def old_arguments(**renamed: str) -> Callable[[F], F]:
-    """Decorator: the function also takes arguments under names of an earlier version.
+    """Decorator: the decorated function also takes arguments under names of an earlier version.
 
     The old names work for one more version. `renamed` maps each old name to the new name. Each use
-    raises a `DeprecationWarning` at the caller's line. A call with both names raises `TypeError`.
+    of an old name raises a `DeprecationWarning` at the caller's line. A call with both the old and
+    the new name raises `TypeError`.
     """
 
     def decorated(function: F) -> F:

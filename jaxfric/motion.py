@@ -29,7 +29,7 @@ class AbstractMotion(eqx.Module):
 
     @abc.abstractmethod
     def velocity(self, t: Float[Array, ""]) -> Float[Array, ""]:
-        """Velocity [m/s]; at a jump, the value after it."""
+        """Velocity [m/s]; at a velocity jump, the velocity after the jump."""
 
     @abc.abstractmethod
     def breakpoints(self) -> Float[Array, " n"]:
@@ -47,9 +47,9 @@ class AbstractMotion(eqx.Module):
 class PiecewiseVelocity(AbstractMotion):
     """Velocity steps, holds (0) and reversals (negative): constant velocity between times.
 
-    `times` [s] are ascending. Each of the `velocities` [m/s] applies from its time to the next
-    time, the last velocity forever. Entries with `times = inf` are padding and are never reached
-    (see `padded`), so that motions of different length share one compilation.
+    `times` [s] are ascending. Each of the `velocities` [m/s] applies until the next time; the last
+    velocity applies forever. Entries with `times = inf` are padding and are never reached (see
+    `padded`), so that motions of different length share one compilation.
     """
 
     times: Float[Array, " n"]
@@ -102,7 +102,7 @@ class PiecewiseVelocity(AbstractMotion):
 
 
 class MeasuredMotion(eqx.Module):
-    """Measured motion of an axis at the full encoder rate, padded by rest at its end. SI."""
+    """Measured motion of an axis at the full encoder rate, padded by rest after the motion. SI."""
 
     time: Float[Array, " N"]
     position: Float[Array, " N"]

@@ -10,7 +10,7 @@ def read_pairs(
 ) -> dict[str, str]:
     """Read texts by name, in order, from "A=1 N, L=1 mm" or from several texts such as "A=1 N".
 
-    Messages use `what` (their kind), an `example` and the `form` of a pair.
+    Error messages use `what` (the kind of the texts), an `example` and the `form` of a pair.
 
     Raises
     ------

@@ -5,8 +5,8 @@ unbounded variable for fitting, the tables, the file headers and the documentati
 this `Quantity`, so they always agree.
 
 Units are SI. A friction law may be written for a force in newtons or for a coefficient (force over
-normal force); the equations are the same. `F` in a unit means either: stiffness has the unit `F/m`,
-which is N/m for a force and 1/m for a coefficient.
+normal force); the equations are the same. `F` in a unit stands for N or 1: stiffness has the unit
+`F/m`, which is N/m for a force and 1/m for a coefficient.
 """
 
 import dataclasses
@@ -46,8 +46,8 @@ class Quantity:
     def to_free(self, value: Any, *, scale: Array | float = 1.0) -> Any:
         """Map a value inside the bounds to an unbounded variable.
 
-        Both bounds infinite: value/scale. One bound: log of the distance to the bound.
-        Two bounds: logit of the position between them. `scale` only serves the first case.
+        Without finite bounds the variable is value/scale, with one bound the log of the distance to
+        this bound. With two bounds the variable is the logit of the position between both bounds.
         """
         if math.isinf(self.lower) and math.isinf(self.upper):
             return value / scale
@@ -148,7 +148,7 @@ def as_floats(value: ArrayLike | None) -> Array | None:
 def array_module(value: object) -> ModuleType:
     """JAX's NumPy for JAX arrays, else NumPy.
 
-    NumPy is used because JAX compiles every function for every shape.
+    NumPy arrays stay in NumPy because JAX compiles every function for every array shape.
     """
     return jnp if isinstance(value, jax.Array) else np
 
@@ -163,7 +163,7 @@ def quantities(module: eqx.Module | type) -> dict[str, Quantity]:
 
 
 def is_known(value: object) -> bool:
-    """Whether an array is concrete, not traced or only a shape."""
+    """Whether an array has concrete values: neither traced, nor only a shape."""
     return isinstance(value, np.ndarray | jax.Array) and not isinstance(value, Tracer)
 
 

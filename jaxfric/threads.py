@@ -20,7 +20,7 @@ class Abandoned(BaseException):
 def cores() -> int:
     """Number of threads to use: `NPROC` (as for XLA) or the number of cores, at most 8.
 
-    The limit exists because each thread needs its own memory.
+    The limit of 8 threads exists because each thread needs its own memory.
     """
     return min(int(os.environ.get("NPROC", "0")) or os.cpu_count() or 1, _MOST)
 
@@ -46,8 +46,8 @@ def on_processor() -> bool:
 def side_by_side(one: Callable[..., T], *inputs: Iterable) -> list[T]:
     """`list(map(one, *inputs))` on `cores()` threads, with the caller's floating-point precision.
 
-    Calls of `side_by_side` from within one of these threads run on that thread, one after the
-    other. After an error or Ctrl-C the function ends when all running calls have ended or reached
+    Calls of `side_by_side` from within a worker thread run on this thread, one after the other.
+    After an error or Ctrl-C `side_by_side` ends when all running calls have ended or reached
     `go_on`.
     """
     asked = list(zip(*inputs, strict=True))
@@ -72,7 +72,7 @@ def side_by_side(one: Callable[..., T], *inputs: Iterable) -> list[T]:
 
 
 def one_by_one(one: Callable[..., T], *inputs: Iterable) -> list[T]:
-    """`list(map(one, *inputs))` on this thread."""
+    """`list(map(one, *inputs))` on the caller's thread."""
     return [one(*each) for each in zip(*inputs, strict=True)]
 
 

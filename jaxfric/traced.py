@@ -1,14 +1,14 @@
 """A disk cache of traced functions, so that later processes need not trace them again.
 
 Before JAX can load a function compiled by another process, JAX must trace the function again in
-Python. For a model with every effect, tracing takes far longer than loading. `traced` is
-`eqx.filter_jit`; if `cache_compiled` was called, `traced` also stores the trace as StableHLO
+Python. For a model with every effect, tracing takes far longer than loading. `traced` compiles as
+`eqx.filter_jit` does; if `cache_compiled` was called, `traced` also stores the trace as StableHLO
 (`jax.export`) in the cache.
 
-The key of an entry is everything the trace depends on: shapes and types of the arrays, all other
-arguments, the source of this package, versions and settings of JAX and its libraries. Functions
-with foreign code, such as an effect of your own, are never stored. An unreadable file is replaced.
-The folder may be deleted at any time.
+The key of a cache entry is everything that the trace depends on: shapes and types of the arrays,
+all other arguments, the source of this package, versions and settings of JAX and its libraries.
+Functions with foreign code, such as an effect of your own, are never stored. An unreadable cache
+file is replaced. You may delete the cache folder at any time.
 """
 
 import functools
@@ -51,7 +51,7 @@ _tables: list[Mapping[str, object]] = []
 
 
 def depends_on(table: Mapping[str, object]) -> None:
-    """Declare that traced functions look up `table` by names among their arguments."""
+    """Declare that traced functions look up entries of `table` by names that are arguments."""
     _tables.append(table)
 
 

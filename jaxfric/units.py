@@ -1,7 +1,8 @@
 """Conversion of text with a unit to a number in SI.
 
-All other code uses SI. pint parses uncommon units; it is loaded for the first of them. Spellings
-of practice are understood: um, µm, micron(s), microns/s, sec, MPa, s^-1, 1, -.
+All other code uses SI. The package pint parses uncommon units, and is loaded on the first such
+unit. Common spellings of laboratories are understood: um, µm, micron(s), microns/s, sec, MPa, s^-1,
+1, -.
 """
 
 import functools
@@ -78,7 +79,7 @@ _PREFIXES = ((1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 
 
 def prefixed(value: float, unit: str, digits: int = 4) -> str:
-    """A value with the largest prefix k, m, µ or n that leaves 1 or more: "1.757 kN/m"."""
+    """Format a value with the largest prefix k, m, µ or n that gives 1 or more: "1.757 kN/m"."""
     size, prefix = next((one for one in _PREFIXES if abs(value) >= one[0]), (1.0, ""))
     return f"{value / size:.{digits}g} {prefix}{unit}"
 
@@ -127,14 +128,14 @@ def factor(unit_text: str, si_unit: str, what: str) -> float:
 
 
 def scale(values: _Values, size: float) -> _Values:
-    """values * size, by division if 1/size is an integer, so that 10 um is exactly 1e-5 m."""
+    """Return values * size, by division if 1/size is an integer: 10 um is exactly 1e-5 m."""
     whole = round(1 / size) if 0 < abs(size) < 1 else 0
     exact = whole != 0 and math.isclose(whole * size, 1, rel_tol=1e-15)
     return values / whole if exact else values * size  # ty: ignore[invalid-explicit-return]
 
 
 def unit_in(text: str) -> str:
-    """The unit of a quantity, a list or a range; "" if there is none."""
+    """Return the unit in the text of a quantity, a list or a range; "" if there is none."""
     return _split(re.split(r",|\.\.", text)[-1])[1]
 
 
@@ -281,8 +282,9 @@ def decimals(std: float) -> int:
 def measured(value: float, error: float, *, short: bool = False) -> str:
     """A value with its standard error in brackets, in units of the last digit: 0.00592(29).
 
-    The error has two digits; with `short` it has one digit, or two if the first digit is a 1. Large
-    numbers have an exponent, as 3.34(36)e8. Without an error the value has four digits.
+    The standard error has two digits. With `short` the error has one digit, or two digits if the
+    first digit is a 1. Large numbers have an exponent, as 3.34(36)e8. Without an error the value
+    has four digits.
     """
     if not (math.isfinite(error) and error > 0):
         return f"{value:.4g}"

@@ -1,9 +1,9 @@
 """The least-squares problem of a record of a slider or an axis.
 
-The parameters of a model form one vector of unbounded variables. A positive quantity enters by its
-logarithm, a signed quantity divided by a typical size of the record. The unit of a quantity selects
-its typical size. Residuals are (predicted - recorded)/noise_scale. Excluded rows of the record have
-weight 0.
+The parameters of a model form one vector of unbounded variables. A positive quantity enters as its
+logarithm; a signed quantity is divided by a typical size of the record. The unit of a quantity
+selects its typical size. Residuals are (predicted - recorded)/noise_scale. Excluded rows of the
+record have weight 0.
 """
 
 import abc
@@ -58,7 +58,7 @@ class Coordinates(NamedTuple):
     """Maps p natural parameter values [SI] to p + `shifts` unbounded variables, and back again.
 
     The last `shifts` variables shift the times of velocity steps. The result is a NumPy array if
-    the input is one. Leading axes of an array are batch axes.
+    the input is a NumPy array. Leading axes of an array are batch axes.
     """
 
     quantities: tuple[Quantity, ...]
@@ -98,7 +98,7 @@ class Coordinates(NamedTuple):
 
 
 class AbstractProblem(eqx.Module):
-    """A record and a model of it. The fitted signal is `friction`, for an axis the motor force."""
+    """A record and a model. The fitted signal `friction` is the motor force for an axis."""
 
     time: eqx.AbstractVar[Float[Array, " n"]]
     friction: eqx.AbstractVar[Float[Array, " n"]]
@@ -132,12 +132,12 @@ class AbstractProblem(eqx.Module):
 
     @abc.abstractmethod
     def heavier(self, factor: int) -> Self:
-        """A copy of this problem whose simulations may take `factor` times as many steps."""
+        """A copy of this problem whose simulations may take `factor` times as many solver steps."""
 
     @abc.abstractmethod
     def late_steps(self) -> tuple[np.ndarray, np.ndarray]:
         """Time [s] of every velocity step whose time is fitted. The second result is the
-        displacement [m] by which a shift of 1 in a step time delays the load point.
+        displacement [m] by which the load point lags if a shift variable is 1.
         """
 
     @abc.abstractmethod

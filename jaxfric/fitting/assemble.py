@@ -170,7 +170,7 @@ def _estimates(
 
 
 def noise_wanders(clock: Float[Array, "n k"], noise: Noise) -> bool:
-    """Whether most of the variance has a correlation length at the upper limit of the search."""
+    """Whether most of the noise has a correlation length at the upper limit of the noise search."""
     longest = longest_memory(clock)
     slow = [part.share for part in noise.parts if np.asarray(part.rates) @ longest < 1 / 0.9]
     return bool(np.sum(slow) > 0.5)
@@ -249,7 +249,7 @@ def _warn(fit: Fit, moved: list[tuple[int, float]], *, wanders: bool) -> Fit:
 
 
 def edge_warnings(K: float, critical: float) -> list[str]:
-    """Warnings if K is below or near the critical stiffness; none if no positive one exists."""
+    """Warnings if K is below or near the critical stiffness; none for a critical stiffness <= 0."""
     if not critical > 0 or NEAR_EDGE * critical <= K:
         return []
     ratio = f"K/K_cr = {K / critical:.2f}"

@@ -56,9 +56,9 @@ class AxisFit(Described, Tabular):
 def inverse_dynamics(problem: AxisProblem, z: np.ndarray, free: np.ndarray) -> AxisFit:
     """Ordinary least squares of the prepared force over the rows of non-zero weight.
 
-    `relative_error` is the residual over the recorded force of the fitted rows, as usual in
-    robotics. `free` holds the indices of the fitted parameters. `z` holds the starting values of
-    fitted parameters and the values of fixed ones.
+    `relative_error` is the norm of the residual divided by the norm of the recorded force in the
+    fitted rows, as usual in robotics. `free` holds the indices of the fitted parameters. `z` holds
+    the starting values of fitted parameters and the values of fixed ones.
     """
     found = _solve(lambda z, index: _force_error(problem, z, index), z, free)
     used = np.asarray(problem.weight) > 0
@@ -70,11 +70,11 @@ def inverse_dynamics(problem: AxisProblem, z: np.ndarray, free: np.ndarray) -> A
 def output_error(
     problem: AxisProblem, z: np.ndarray, free: np.ndarray, record: AxisRecord
 ) -> AxisFit | None:
-    """Fit the simulated position by least squares; None without a controller or a mass.
+    """Fit the simulated position by least squares; return None without a controller or a mass.
 
-    The fit compares every tenth sample of the position. The simulated controller is that of
-    `closed_loop`; the recorded disturbance is added to its force. Lags and delays of the motor
-    force are not simulated.
+    The fit compares every tenth sample of the position. `closed_loop` gives the simulated
+    controller. The recorded disturbance is added to the controller's force. Lags and delays of the
+    motor force are not simulated.
     """
     drive, reference = record.drive, record.reference_position
     if drive is None or reference is None or record.position is None:

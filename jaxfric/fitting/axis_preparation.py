@@ -2,18 +2,18 @@
 
 The position passes a zero-phase low-pass (Butterworth, 4th order, forwards and backwards) and
 central differences. A row replaces several samples. If rows are long, 20 to 39 samples of the
-filtered motion are kept per row. So many samples represent the whole passband of the low-pass, and
-more samples would only cost time. Recorded and predicted forces are then reduced to rows in the
-same way, by one of
+filtered motion are kept per row. Twenty samples per row represent the whole passband of the
+low-pass; more samples would only cost time. One of three methods reduces both recorded and
+predicted forces to rows:
 
-- `Means`: means of consecutive samples. White noise stays white in such means, so the loop uses
-  them.
+- `Means`: means of consecutive samples. White noise stays white in means of consecutive samples, so
+  the loop uses `Means`.
 - the low-pass of longer rows: zero phase, magnitude 1/sqrt(1 + (f/f_N)^8), f_N half the row rate.
   The passed and the aliased power of this low-pass add up to 1 within 5 %, so white noise stays
-  white. This low-pass removes most of the force above 2 f_N, where the low-pass of the position
-  removes motion.
-- `Decimator`: zero-phase low-pass (Chebyshev, 8th order, forwards and backwards), then sampling,
-  as usual in robotics; published errors refer to these rows.
+  white. The low-pass of longer rows removes most of the force above the row rate 2 f_N, where the
+  low-pass of the position removes motion.
+- `Decimator`: zero-phase low-pass (Chebyshev, 8th order, forwards and backwards), then sampling, as
+  usual in robotics. Published errors of robots refer to rows from `Decimator`.
 """
 
 import abc
@@ -46,7 +46,8 @@ _SAMPLES = 20  # fewest samples of the motion per long row
 class Preparation(NamedTuple):
     """How an axis record is filtered.
 
-    `cutoff` [Hz] of the Butterworth filter of the position; `decimation`: samples per row.
+    `cutoff` [Hz] is the cutoff of the position's Butterworth filter, `decimation` the number of
+    samples per row.
     """
 
     cutoff: float
@@ -58,7 +59,7 @@ def usual(interval: float, cutoff: float | None = None) -> Preparation:
 
     Records sampled more slowly than 200 Hz keep all rows, with a cutoff at a fifth of the sampling
     rate. A given `cutoff` [Hz] above half of the default does not change the length of rows. Short
-    rows are worth more than the motion that a low-pass with such a cutoff removes. With a `cutoff`
+    rows give a fit more information than a low-pass with such a cutoff removes. With a `cutoff`
     below half of the default cutoff, a row of a fast record lasts 1/cutoff. All forces are then
     low-passed at half the cutoff, because the filtered motion lacks higher frequencies.
     """
@@ -126,8 +127,8 @@ def shifted(
     late: Float[Array, ""],
 ) -> Float[Array, " N"]:
     """signal + lag signal', advanced by `lead`, delayed by `late` (first-order lag); to second
-    order in the times. In the sum over the samples of a row differences cancel, so a jump of the
-    signal does no harm.
+    order in the times. Differences of samples cancel in the sum over a row, so a jump of the signal
+    does no harm.
     """
     slope = jnp.asarray(jnp.gradient(signal)) / interval
     bend = jnp.asarray(jnp.gradient(slope)) / interval
@@ -203,10 +204,10 @@ def prepare(
     preparation: Preparation | None = None,
     held: bool = False,
 ) -> Prepared:
-    """Filter and pad a record; all SI. Position or velocity may be missing.
+    """Filter and pad a record in SI units. Position or velocity may be missing.
 
     An unevenly sampled record is interpolated to its median sampling interval. With a zero-order
-    hold (`held`) the recorded force acts half a sample late. `force` is then the mean of two
+    hold (`held`) the recorded force acts half a sample late, so `force` is the mean of two
     neighbouring samples.
 
     Raises

@@ -75,19 +75,19 @@ class AxisProblem(AbstractProblem):
         return bool(least >= -NEGLIGIBLE * self.sizes.force)
 
     def plain(self) -> "AxisProblem":
-        """The problem itself: its residuals are in units of `noise_scale`, not whitened."""
+        """Return the problem itself: its residuals are in units of `noise_scale`, not whitened."""
         return self
 
     def heavier(self, factor: int) -> "AxisProblem":
-        """The problem itself: inverse dynamics takes no solver steps."""
+        """Return the problem itself, because inverse dynamics takes no solver steps."""
         return self
 
     def late_steps(self) -> tuple[np.ndarray, np.ndarray]:
-        """Empty: an axis has no step times to fit."""
+        """Return empty results, because an axis has no step times to fit."""
         return np.zeros(0), np.zeros(0)
 
     def begun(self, z: np.ndarray) -> np.ndarray:
-        """`z` with a mass that is not negligible.
+        """Return `z` with a mass that is not negligible.
 
         The fit of a base model that lacks a spring or gravity drives the mass towards zero. Near
         zero mass the force does not depend on the logarithm of the mass, so a later fit could not

@@ -45,7 +45,7 @@ class Estimated(Protocol):
 
 
 def amplitudes(fit: Estimated) -> list[str]:
-    """Names of A and all B, with the B of effects ("second_state.B2"); empty without an A."""
+    """Names of A and all B, also of effects ("second_state.B2"); empty if the law has no A."""
     letters = {n: n.rpartition(".")[2].rstrip("0123456789") for n in fit.parameters}
     names = [n for n, letter in letters.items() if letter in ("A", "B")]
     return names if any(letters[n] == "A" for n in names) else []
@@ -67,9 +67,9 @@ def difference(fit: Estimated) -> tuple[float, float]:
 def rate_dependence(fit: Estimated, span: float = 0.0) -> Estimate:
     """A minus all B as an `Estimate`, in the unit of friction; interval: +-1.96 standard errors.
 
-    A - B is determined if A and all B are determined, or if half of its interval is less than the
-    `span` of friction in the record. The steady friction before and after a velocity step can fix A
-    - B even if the friction peak of the step is not resolved.
+    A - B is determined if A and all B are determined, or if half of the interval of A - B is less
+    than the `span` of friction in the record. The steady friction before and after a velocity step
+    can fix A - B even if the friction peak of the step is not resolved.
     """
     names = amplitudes(fit)
     value, std = difference(fit)
@@ -87,8 +87,8 @@ def rate_dependence(fit: Estimated, span: float = 0.0) -> Estimate:
 
 
 def critical_stiffness_of(law: AbstractRateState) -> float:
-    """Critical stiffness without mass and damping [friction/m]. A `RateState` law uses equation
-    (25) of the theory, another law equations (18)-(20) at V0.
+    """Critical stiffness without mass and damping [friction/m]. For a `RateState` law the value is
+    from equation (25) of the theory, for another law from equations (18)-(20) at V0.
     """
     return float(_critical(law))
 
@@ -151,8 +151,8 @@ class Critical:
 def critical_of(fit: Estimated, model: Model, value: float, *, known: bool) -> Critical:
     """The critical stiffness `value` of a fit of `model`, with intervals.
 
-    `known`: all parameters of the critical stiffness are determined; otherwise the results are
-    undetermined too.
+    `known` says whether all parameters of the critical stiffness are determined; if not, the
+    critical stiffness is undetermined too.
     """
     K, V0 = fit.parameters["K"], fit.parameters["V0"].value
     unit, ratio = K.unit, K.value / value if value > 0 else np.inf

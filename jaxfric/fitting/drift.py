@@ -3,9 +3,9 @@
 Before the first velocity step sliding is steady, so modelled friction changes by the slip trend
 alone. The rows before the first step are cut into eight blocks of equal size. A line through the
 block means of the residual over load-point displacement gives the missing drift. The standard error
-of the drift follows from the scatter of the block means about the line. So the standard error of
-the drift accounts for noise that is correlated within a block. The p-value of the drift is from
-Student's t with six degrees of freedom.
+of the drift follows from the scatter of the block means about the line. The standard error of the
+drift therefore accounts for noise that is correlated within a block. The p-value of the drift is
+from Student's t with six degrees of freedom.
 """
 
 import math
@@ -37,8 +37,8 @@ class Drift(NamedTuple):
 
 
 def drift_before(fit: Fit) -> Drift | None:
-    """The drift of friction that a fit lacks before the first velocity step. None without a step,
-    without motion before the first step, or with too few rows.
+    """The drift of friction that a fit lacks before the first velocity step. The result is None
+    without a step, without motion before the first step, or with too few rows.
     """
     times, velocities = fit.steps.times, fit.steps.velocities
     moving = velocities[velocities != 0]
@@ -70,7 +70,7 @@ def chance(slope: float, error: float, freedom: int) -> float:
 
 
 def told_drift(fit: Fit) -> Drift | None:
-    """The drift of a fit; None if not significant, or if it shifts A - B by less than its error."""
+    """The drift of a fit; None if not significant, or if A - B shifts by less than its error."""
     found = drift_before(fit) if fit.converged else None
     most = _CONTRADICTED if fit.model.slip_trend else _RARE
     if found is None or found.p >= most or not found.shift > fit.A_minus_B.std:
@@ -79,7 +79,7 @@ def told_drift(fit: Fit) -> Drift | None:
 
 
 def is_contradicted(fit: Fit) -> bool:
-    """Whether the rows before the step contradict the fitted slip trend."""
+    """Whether the rows before the first step contradict the fitted slip trend."""
     return fit.model.slip_trend and told_drift(fit) is not None
 
 
@@ -97,8 +97,9 @@ def drift_warning(fit: Fit) -> tuple[str, ...]:
 
 
 def of_drift(values: Mapping[str, typing.Any], asking: str) -> Warned:
-    """The warning about a drift. `values` are slope, error, shift and the fitted slip trend (None:
-    not fitted), in the unit of friction and per m. `asking` is the option that fits a slip trend.
+    """The warning about a drift. `values` are slope and error of the drift, the shift of A - B, and
+    the fitted slip trend (None: not fitted), in the unit of friction and per m. `asking` is the
+    option that fits a slip trend.
     """
     unit = "" if values["unit"] == "1" else f" {read_as(values['unit'])}"
     slope, trend = values["slope"], values["trend"]

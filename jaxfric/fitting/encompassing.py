@@ -1,4 +1,4 @@
-"""The encompassing model of all candidates: a base model that contains every effect at its null.
+"""The encompassing model of all candidates: a base model with every effect switched off.
 
 One compilation of the residual and its Jacobian serves every candidate model, because a candidate
 only chooses which parameters are free.
@@ -20,7 +20,7 @@ R = TypeVar("R")
 
 
 class EncompassingModel(NamedTuple):
-    """A base model and effects. The parameter "viscous.c" is field c of the effect `viscous`."""
+    """A base model and effects. The parameter "viscous.c" is field c of effect `viscous`."""
 
     base: ParametricModel
     effects: tuple[type[AbstractEffect], ...]
@@ -28,7 +28,7 @@ class EncompassingModel(NamedTuple):
     """Ids of heavy effects that are expanded to first order; valid only at their null."""
 
     def names(self) -> tuple[str, ...]:
-        """Parameter names of the base, then those of the effects in order."""
+        """Parameter names of the base model, then parameter names of the effects in order."""
         return (*self.base.names(), *(name for e in self.effects for name in names_of(e)))
 
     def quantity(self, name: str) -> Quantity:

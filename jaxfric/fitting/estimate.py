@@ -7,8 +7,8 @@ from dataclasses import dataclass
 class Estimate:
     """One parameter in SI: value, standard deviation, 95 % interval.
 
-    `free` is False for a parameter with a given value; its standard deviation is 0. `determined` is
-    False if the record does not fix a free parameter: value, std and interval then mean nothing.
+    `free` is False for a parameter with a given value, whose standard deviation is 0. `determined`
+    is False if the record does not fix a free parameter: value, std and interval then mean nothing.
     `profiled` is True if the interval is from the profile likelihood, and False if it is from the
     covariance.
     """

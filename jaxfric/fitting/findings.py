@@ -22,9 +22,9 @@ class FitCode(StrEnum):
 def stability_finding(
     claim: Claim, fit: Estimated, solved: Solved | None, rows: int
 ) -> tuple[Finding, ...]:
-    """The finding of a stability `claim`; empty if the claim is open. The finding rests on the few
-    rows, out of `rows`, that decide the sign of A - B. Without these rows A - B differs from 0 by
-    less than two of its standard errors.
+    """The finding of a stability `claim`; empty if the claim is open. The finding refers to the few
+    of the `rows` that decide the sign of A - B. Without the deciding rows A - B would differ from 0
+    by less than two standard errors.
     """
     if claim.kind == "open" or solved is None:
         return ()

@@ -3,9 +3,9 @@
 `weighting="ordinary"` minimises the plain sum of squares, as published fits do.
 `weighting="whitened"` weights the residual by the estimated noise, which is more precise if noise
 is correlated. The standard errors of both weightings account for correlated noise. Detected step
-times are fitted too if their errors change friction by more than the noise allows. With `rows`
-neighbouring rows of the record are averaged before the fit. A fit of averaged rows is faster in
-proportion, and its errors use the noise of the averages.
+times are fitted too if their errors change friction by more than the noise allows. The option
+`rows` averages neighbouring rows of the record before the fit. The time of a fit is proportional to
+the number of averaged rows. The errors of such a fit use the noise of the averages.
 """
 
 import dataclasses
@@ -111,7 +111,7 @@ def fit(
     ------
     InputError : float64 is off, an argument is out of range, or the record has no step.
 
-    Not supported: a fitted mass, more than 3 states.
+    A fit of the mass, and more than 3 states, are not supported.
     """
     require_float64()
     model = wanted_model(law, states, fit_stiffness, slip_trend)
@@ -135,7 +135,7 @@ def task_of(
     *,
     rows: int | None = None,
 ) -> FitTask:
-    """The task that `fit` solves; raises the same errors as `fit`."""
+    """Return the task that `fit` solves; raise the same errors as `fit`."""
     record = as_record(record)
     unit, doubts = record.friction_unit, ()
     if stiffness is None and not model.fit_stiffness:
@@ -209,13 +209,13 @@ def _settled(problem: Problem, solution: Solution) -> Solution:
 
 
 def assembled(task: FitTask, solved: Solved, profile: Callable[[str], None] | None = None) -> Fit:
-    """The `Fit` of a solution and its noise; `profile` as in `assemble`."""
+    """Return the `Fit` of a solution and its noise; `assemble` explains `profile`."""
     found = assemble(task.record, task.given, task.sign, solved, profile=profile)
     return dataclasses.replace(found, warnings=(*task.doubts, *found.warnings))
 
 
 def require_float64() -> None:
-    """Raises `InputError` where JAX has 32-bit numbers."""
+    """Raise `InputError` if JAX uses 32-bit numbers."""
     if not jax.config.jax_enable_x64:  # ty: ignore[missing-attribute]
         raise InputError(
             "fit needs 64-bit numbers: add jax.config.update('jax_enable_x64', True) after "
@@ -233,7 +233,7 @@ def few_rows(record: Record, rows: int, steps: VelocitySteps) -> tuple[Record, t
 
 
 def wanted_model(law: str, states: int, fit_stiffness: bool, slip_trend: bool) -> Model:
-    """The requested model. Raises `InputError` if it does not exist."""
+    """Return the requested model. Raise `InputError` if there is no such model."""
     law = known_law(law)
     always = fixed_states(law)
     if not 1 <= states <= _MAX_STATES:

@@ -6,11 +6,11 @@ point:
 
     K >= (f_2 - f_1)/(x_m2 - x_m1)
 
-A step to a higher speed shows this bound best: friction rises by the direct effect while the spring
-stretches. The bound uses half of the rise of friction, which noise blurs least, and ignores single
-outliers. The record also gives an upper bound: a much stiffer spring would show the rise of
-friction one row earlier. For a step by the factor r to V the slider moves with at most V/r^(1/2),
-until friction has risen by half of the direct effect.
+A step to a higher speed gives the highest bound on K: friction rises by the direct effect while the
+spring stretches. The bound on K uses half of the rise of friction, because noise affects this half
+least, and ignores single outliers. The record also gives an upper bound: a much stiffer spring
+would show the rise of friction one row earlier. After a velocity step by the factor r to V, the
+slider moves at most at V/r^(1/2) until friction has risen by half of the direct effect.
 """
 
 from typing import NamedTuple
@@ -55,8 +55,8 @@ def steepest_loading(
 ) -> Loading | None:
     """The rise of friction that needs the stiffest spring; None if no velocity step shows a rise.
 
-    The velocity `steps` begin forwards (`fit.forward_steps`), and `friction` has the sign of such
-    steps. `time` [s] counts from the first row.
+    The velocity `steps` begin forwards (`fit.forward_steps`), and `friction` has the sign that
+    belongs to forward steps. `time` [s] counts from the first row.
     """
     size, found, earlier = float(np.ptp(friction)), [], []
     ends = np.append(steps.times[1:], time[-1])
@@ -91,7 +91,7 @@ def _held(rise: np.ndarray) -> np.ndarray:
 
 
 def refuse_contradicted(loading: Loading | None, K: float, friction_unit: str) -> None:
-    """Raise `InputError` for a stated stiffness far below the least one that the rows allow."""
+    """Raise `InputError` for a stated stiffness far below the least that the rows allow."""
     if loading is not None and loading.stiffness > _IMPOSSIBLE * K:
         raise InputError(
             f"stiffness is {_number(K, friction_unit)}, and the rows contradict it:"
@@ -100,7 +100,7 @@ def refuse_contradicted(loading: Loading | None, K: float, friction_unit: str) -
 
 
 def doubts(loading: Loading | None, K: float, friction_unit: str) -> tuple[str, ...]:
-    """A warning for a stiffness below the least possible one, or far above the observed one."""
+    """Warn of a stiffness below the least possible stiffness, or far above the observed one."""
     if loading is None:
         return ()
     if _IMPOSSIBLE * loading.earlier < K:

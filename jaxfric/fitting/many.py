@@ -1,8 +1,9 @@
 """`fit_many(records, stiffness=...)`: many records of velocity steps by a few compiled calls.
 
-Records are padded to a few sizes. Records of one size are fitted in batches: starting values from a
-coarse grid, then one descent by `minimise`. An evaluated point of a descent costs one simulation
-with all tangents. Averages, errors and warnings are computed record by record.
+Records are padded to a few sizes. Records of one size are fitted in batches: a coarse grid gives
+starting values, then `minimise` runs one descent. Each evaluated point of a descent costs one
+simulation with the derivatives by all parameters. Averages, errors and warnings are computed record
+by record.
 
 A batch takes as long as its slowest record. To save time, a descent is stopped after a few points,
 and unfinished records continue in new batches. Only records whose misfit still exceeds their noise
@@ -70,8 +71,8 @@ def fit_many(
 ) -> list[Fit]:
     """Fit f0, A, B_i, L_i (and K, and a slip trend) to each of many records of velocity steps.
 
-    Parameters agree with those of `jaxfric.fit` within a thousandth of their standard errors. Only
-    `jaxfric.fit` has the options `weighting`, `profile`, `rows` and `start`.
+    Fitted parameters agree with those of `jaxfric.fit` within a thousandth of their standard
+    errors. Only `jaxfric.fit` has the options `weighting`, `profile`, `rows` and `start`.
 
     Parameters
     ----------
@@ -147,7 +148,7 @@ def fit_what_can_be(
     reference_velocity: float | str | None,
     progress: Callable[[str], None],
 ) -> list[Fit | str]:
-    """Fit many records, each with its own stiffness, mass and law; refused ones give the reason."""
+    """Fit many records, each with its own stiffness, mass and law; return a reason if refused."""
     require_float64()
     models = [wanted_model(law, states, fit_stiffness, slip_trend) for law in laws]
     tasks = _tasks(records, stiffness, mass, [steps] * len(laws), models, reference_velocity)

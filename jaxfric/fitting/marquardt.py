@@ -8,8 +8,8 @@ from scipy.optimize import least_squares
 
 
 class Descent(NamedTuple):
-    """End of a descent: the last point with its residual and Jacobian. Also whether the solver
-    reports convergence, and the number of evaluated points.
+    """End of a descent: the last point with its residual and Jacobian. Other fields say whether the
+    solver reports convergence, and give the number of evaluated points.
     """
 
     y: np.ndarray

@@ -11,7 +11,7 @@ INTERVALS = 160
 
 
 class Averaged(NamedTuple):
-    """Means over intervals: end [s], mean time [s], friction and number of rows of each."""
+    """Means over intervals: end [s], mean time [s], friction, number of rows."""
 
     end: np.ndarray
     time: np.ndarray

@@ -10,11 +10,12 @@ A descent ends when the next Gauss-Newton step d = -(J^T J)^-1 J^T r is small:
     |J d| <= rtol |r|/sqrt(n) + atol.
 
 If the residual r is noise, |r|/sqrt(n) is the standard deviation of the noise. The ratio of |J d|
-to this standard deviation is the length of the step d in standard errors of the parameters. With
-rtol = 1e-3 a descent therefore ends within a thousandth of a standard error of the parameters. This
-test of convergence does not depend on the units of z and r. A trial whose residual is not finite,
-or is huge (a slider that ran away), is rejected. The step after a rejected trial is shorter. If
-only ever shorter steps are accepted, the descent ends within 30 rtol.
+to the standard deviation of the noise is the length of the step d in standard errors of the
+parameters. With rtol = 1e-3 a descent therefore ends within a thousandth of a standard error of the
+parameters. The test of convergence does not depend on the units of z and r. A trial whose residual
+is not finite, or is huge (a slider that ran away), is rejected. The step after a rejected trial is
+shorter. A descent also ends if a full step is within 30 rtol and rejected trials have made the next
+step very short.
 
 Derivatives of the minimum z*(p) come from F(z, p) = J^T r = 0 (the implicit function theorem):
 
@@ -22,7 +23,7 @@ Derivatives of the minimum z*(p) come from F(z, p) = J^T r = 0 (the implicit fun
 
 F_z is the true Hessian, not the J^T J of Gauss and Newton, so the derivative is exact even if the
 residual is large. The descent itself is not differentiated. Second derivatives of the minimum
-differentiate the rule for dz*/dp again, which needs third derivatives of r by z.
+differentiate the rule for dz*/dp again, which needs third derivatives of the residual r by z.
 """
 
 from collections.abc import Callable
@@ -103,8 +104,8 @@ def minimise(
     args : any pytree, passed on to `residual`.
     rtol : the last step in standard errors of the parameters.
     atol : the last step in units of the residual's norm, for residuals that vanish.
-    max_steps : most evaluations of residual and Jacobian; may be traced. With 1 only `z0` is
-        evaluated.
+    max_steps : most evaluations of residual and Jacobian; may be traced. With `max_steps` = 1 only
+        `z0` is evaluated.
 
     Returns
     -------

@@ -27,8 +27,8 @@ def scatter(fit: Fit) -> float:
 
 def misfit_warning(fit: Fit) -> tuple[str, ...]:
     """Warning if the residual is far above the scatter of neighbouring rows. The warning names
-    possible causes, and the command that distinguishes these causes. It names a drift even if the
-    residual shows none, because a fit may absorb a drift as a slow evolution.
+    possible causes, and the command that distinguishes these causes. The warning names a drift even
+    if the residual shows no drift, because a fit may absorb a drift as slow state evolution.
     """
     if not fit.converged or not (times := excess(fit)) >= EXCESS:
         return ()

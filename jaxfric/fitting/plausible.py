@@ -2,13 +2,14 @@
 
 A fit can end far outside the range of the record: a slip length longer than the total slip,
 amplitudes that cancel each other, a stiffness so low that the whole load-point path has no effect.
-At such parameters the valley of the misfit is curved and the linearised error is meaningless. A
-parameter outside the following bounds is therefore reported as undetermined.
+At parameters outside the range of the record the valley of the misfit is curved, and the linearised
+error is meaningless. A parameter outside the following bounds is therefore reported as
+undetermined.
 
-    L   between 1/100 of the least slip from row to row and the slip of the whole record
-    A, |B|   up to 30 times the range of friction per e-fold of the largest change of velocity
-    f0  within 10 ranges of friction of the recorded values
-    K   large enough that the whole load-point path changes its force by more than the noise
+- L lies between 1/100 of the least slip from row to row and the slip of the whole record.
+- A and |B| are at most 30 times the range of friction per e-fold of the largest velocity change.
+- f0 lies within 10 ranges of friction of the recorded values.
+- K is large enough that the whole load-point path changes the spring force by more than the noise.
 """
 
 import numpy as np
@@ -24,8 +25,8 @@ def bounds_of(
 ) -> tuple[float, float] | None:
     """Least and largest plausible value of a parameter [SI]; None if the record sets no bounds.
 
-    `time` [s] from the first row, `friction` with the sign of the fit; `noise` is the scatter of
-    neighbouring rows [force].
+    `time` [s] counts from the first row; `friction` has the sign of the fit. `noise` is the scatter
+    of neighbouring rows [force].
     """
     kind = name if name == "f0" else name.rstrip("0123456789")
     low, high = float(friction.min()), float(friction.max())

@@ -4,10 +4,10 @@ Parameters form one vector of unbounded variables: positive quantities by their 
 ones in units of a force typical of the record. Records are padded with rows of zero weight to a few
 sizes, so that JAX need not compile again for another record.
 
-Times of velocity steps are uncertain if they are detected in a noisy displacement. With a stiff
-spring an error of a hundredth of a second in a step time causes a misfit. If this error matters,
+Times of velocity steps are uncertain if detected in a noisy displacement. With a stiff spring an
+error of a hundredth of a second in a step time causes a misfit. If errors of step times matter,
 step times are parameters too, in units of their standard error. One more residual constrains each
-of these step times.
+fitted step time.
 """
 
 import dataclasses
@@ -102,7 +102,7 @@ class Channel(eqx.Module):
 
     Errors of step times accumulate in a position, but cancel in the difference between this
     position and the recorded command. The noise of a channel is white. The zero of a channel is
-    unknown, so only deviations from its mean with weights `anchor` count.
+    unknown, so only deviations from the channel's mean count, with weights `anchor`.
     """
 
     values: Float[Array, " n"]
@@ -158,7 +158,7 @@ class Problem(AbstractProblem):
 
     def late_steps(self) -> tuple[np.ndarray, np.ndarray]:
         """Time [s] of every velocity step whose time is fitted. The second result is the
-        displacement [m] by which a shift of 1 in a step time delays the load point.
+        displacement [m] by which the load point lags if a shift variable is 1.
         """
         here = self.on_host()
         V, shifted = here.motion.velocities, here.shifted
@@ -195,15 +195,15 @@ class Problem(AbstractProblem):
         """A copy of this problem with an additional dashpot that stops a runaway.
 
         At the largest commanded speed the force of the dashpot is `strength` times the force scale.
-        This force is small in steady motion, but dominant at 1/strength times the largest commanded
-        speed.
+        The force of the dashpot is small in steady motion, but dominant at 1/strength times the
+        largest commanded speed.
         """
         here = self.on_host()
         dashpot = jax.device_put(strength * here.force_scale / here.motion.largest_speed())
         return eqx.tree_at(lambda p: p.damping, self, dashpot, is_leaf=lambda x: x is None)
 
     def heavier(self, factor: int) -> "Problem":
-        """A copy of this problem whose simulations may take `factor` times as many steps."""
+        """A copy of this problem whose simulations may take `factor` times as many solver steps."""
         return dataclasses.replace(self, max_steps=factor * self.max_steps)
 
     def possible(self, z: Float[Array, " q"] | np.ndarray) -> bool:
@@ -300,9 +300,9 @@ def step_times_at(problem: Problem, z: Float[Array | np.ndarray, " q"]) -> Float
 
 
 class ProblemSizes(NamedTuple):
-    """Scales of a problem; F is the unit of friction. Reference velocity [m/s]; stiffness [F/m];
-    noise [F], the unit of residuals; force [F], the unit of unbounded signed parameters; mass [F
-    s^2/m], None if negligible.
+    """Scales of a problem; F is the unit of friction. The noise [F] is the unit of residuals, the
+    force [F] the unit of unbounded signed parameters. The mass [F s^2/m] is None if negligible.
+    Other scales are a reference velocity [m/s] and a stiffness [F/m].
     """
 
     V0: float
@@ -331,8 +331,8 @@ def make_problem(
     """Pad a record (time from 0 [s], friction) to a bucket size and attach the scales.
 
     `shifted` holds the indices of the velocity steps whose times are parameters; `steps` must then
-    have `time_errors`. With `on_host` all arrays stay in NumPy, for problems that are sent to the
-    device in batches.
+    have `time_errors`. If `on_host` is True, all arrays stay in NumPy, for problems that are sent
+    to the device in batches.
     """
     n, clock = len(time), clock_of(time, steps)
     path = clock[:, 1]
@@ -377,7 +377,7 @@ def make_problem(
 def most_steps(velocities: int) -> int:
     """Largest number of solver steps for a simulation with this number of velocities.
 
-    A tenfold velocity step of the slip law takes 100 solver steps at 8 times the critical
+    A tenfold velocity step under the slip law takes 100 solver steps at 8 times the critical
     stiffness, 180 at 3 times, 300 at 2 times. A simulation may take 256 solver steps per velocity,
     but at least 4096 in total. The limit is a power of two, because JAX compiles anew for each
     limit.

@@ -111,8 +111,8 @@ class Fit(Described, Drawable, Gridded, Tabular):
 
     @functools.cached_property
     def with_trend(self) -> tuple[float, float] | None:
-        """A minus all B and its standard error if a slip trend were fitted too, to first order.
-        None if the fit already has a slip trend or did not converge.
+        """A minus all B and its standard error if a slip trend were fitted too, to first order. The
+        result is None if the fit already has a slip trend or did not converge.
         """
         if self.solved is None or not self.converged or self.model.slip_trend:
             return None
@@ -122,7 +122,7 @@ class Fit(Described, Drawable, Gridded, Tabular):
 
     def stability(self) -> Claim:
         """The stability claim from A and all B (and L, for a critical stiffness). The claim is made
-        only if a fitted slip trend would not change it.
+        only if a fitted slip trend would not change the claim.
         """
         return held_with_trend(self.claim(), self.with_trend)
 

@@ -106,7 +106,7 @@ def solve(
     """Minimise the sum of squared residuals from up to `refine` of the `starts`, best first.
 
     No further start is tried once a descent reaches the noise. `progress` receives the number of
-    the descent and the duration of the previous one.
+    the descent and the duration of the previous descent.
     """
     samples = float(np.sum(np.asarray(problem.weight) > 0))
     most = min(refine, len(starts))

@@ -22,8 +22,8 @@ class Solved(NamedTuple):
     written: float
 
     def gradient(self, weights: Mapping[str, int]) -> np.ndarray:
-        """Gradient (q,) of a weighted sum of natural parameters by the unbounded variables. The
-        gradient is 0 by the shifts of step times.
+        """Gradient (q,) of a weighted sum of natural parameters by the unbounded variables.
+        Derivatives by the shifts of step times are 0.
         """
         names, z = self.problem.model.names(), np.asarray(self.solution.z)
         slopes = self.problem.coordinates.slopes(z)[: len(names)]

@@ -54,8 +54,8 @@ def prepare(
     """The least-squares problem of a record that first moves forwards; `on_host` as in
     `make_problem`.
 
-    The time of a velocity step is a parameter if its error changes friction by more than `FELT`
-    times the noise.
+    The time of a velocity step is a parameter if the error of this time changes friction by more
+    than `FELT` times the noise.
     """
     friction = sign * record.friction
     noise_scale = max(noise_from_differences(friction), least_noise(recorded_steps(friction)))
@@ -115,7 +115,7 @@ def first_stage(task: FitTask, starts: np.ndarray, *, on_host: bool = False) -> 
 
 def averaged(task: FitTask) -> Averaged:
     """Means of the record over intervals that contain rows. The second stage evaluates the motion
-    at the mean times of these intervals.
+    at the mean times of the averaging intervals.
     """
     data = average(task.record.relative_time, task.sign * task.record.friction, task.steps)
     return Averaged(*(x[data.rows > 0] for x in data))

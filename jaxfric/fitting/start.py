@@ -1,18 +1,19 @@
 """Starting values from the data, without a guess of the user.
 
 Starts for one state. The record is averaged over intervals that are short after a velocity step and
-grow with the time since the step. Over these intervals sliders are simulated for a whole grid of
-(A, B, L) at once (and K if K is free). Implicit Euler steps are coarse but finite for any
-parameters. The range of A comes from the jumps of friction. The range of B comes from the steady
-levels, the range of L from the resolved and the total slip. Linear least squares gives f0 (and a
-slip trend) for each slider. The best few distinct points of the grid are the starts.
+grow with the time since the step. Over the averaging intervals sliders are simulated for a whole
+grid of (A, B, L) at once (and K if K is free). Implicit Euler steps are coarse but finite for any
+parameters. The range of A in the grid comes from the jumps of friction. The range of B comes from
+the steady levels, the range of L from the resolved and the total slip. Linear least squares gives
+f0 (and a slip trend) for each simulated slider. The best few distinct points of the grid are the
+starts.
 
 `held` advances a state over an interval at constant velocity. A law other than a `RateState` has no
 separate states, so its search begins like that of the slip law.
 
 Starts for more states. A one-state fit gives the slider's velocity without the noise of the record.
-The velocity of the one-state fit drives the evolution of the states: theta = B h, where h, the
-state of B = 1, is
+The velocity of the one-state fit drives the evolution of the states theta = B h. The state h for B
+= 1 follows one of two laws:
 
     slip     dh/dx = -(h + ln(V/V0))/L
     ageing   h = ln(V0 Theta/L),   dTheta/dt = 1 - V Theta/L
@@ -106,7 +107,7 @@ def one_state_starts(
 ) -> np.ndarray:
     """The best `number` one-state starts, rows in the order of `model.names()` for one state.
 
-    With `stiffness` None, the stiffness K is scanned from 0.8 to 20 times the steepest loading
+    If `stiffness` is None, the stiffness K is scanned from 0.8 to 20 times the steepest loading
     rate.
     """
     sought = seek(t, f, steps, V0=V0, stiffness=stiffness)
@@ -216,7 +217,7 @@ class Sought(NamedTuple):
 
         `linear` (m, 2) and `misfit` (m,) are from `grid_misfit`. If friction drifts slowly, the
         misfit has a second valley at long L, next to the valley of the evolution after velocity
-        steps. The coarse grid does not show which of the two valleys is deeper.
+        steps. The coarse grid does not show which valley of the misfit is deeper.
         """
         grid = np.stack(self.members, axis=1)
         misfit = np.where(np.isfinite(misfit), misfit, np.inf)
@@ -258,7 +259,8 @@ def held(
     """States, one per trial slider, after `time` [s] at the constant velocities exp(u) V0.
 
     The result is exact for the slip law, where theta relaxes to -B ln(V/V0) over L. The result is
-    exact for the ageing law too, where Theta relaxes to L/V. Other laws use an exponential step,
+    exact for the ageing law too, where Theta relaxes to L/V. Under other laws the states advance by
+    an exponential step:
 
         theta + t (1 - exp(-z))/z dtheta/dt,   z = -t d(dtheta/dt)/dtheta,
 
@@ -357,8 +359,8 @@ def _linear_part(
 
 
 class OneStateMotion(NamedTuple):
-    """Slider motion from a one-state fit: times [s], friction, velocity and slip. Also the square
-    roots of the numbers of averaged rows.
+    """Slider motion from a one-state fit: times [s], friction, velocity and slip. `weight` holds
+    the square roots of the numbers of averaged rows.
     """
 
     time: np.ndarray

@@ -19,7 +19,8 @@ def shift_with_trend(
     solved: Solved, weights: Mapping[str, int], way: np.ndarray
 ) -> tuple[float, float]:
     """Change of a weighted sum of parameters if a trend over the displacement `way` (n) is fitted
-    too. Also the standard error of the weighted sum in the fit with a trend [unit of friction].
+    too. The second result is the standard error of the weighted sum in the fit with a trend [unit
+    of friction].
     """
     problem, solution = solved.problem, solved.solution
     n, jacobian = len(problem.time), np.asarray(solution.jacobian)

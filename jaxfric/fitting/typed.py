@@ -16,8 +16,8 @@ def typed_parameters(
     names: Sequence[str] = ("f0", "A", "B", "L", "K", "slip_trend"),
     example: str = "A=0.01, L=20 um",
 ) -> dict[str, float]:
-    """Parameters (SI) by name, from text such as "A=0.01, B=0.012, L=20 um". Messages name `what`
-    the parameters describe and show an `example`.
+    """Parameters (SI) by name, from text such as "A=0.01, B=0.012, L=20 um". Error messages say
+    `what` the parameters describe and show an `example`.
 
     Raises `InputError` for text of another form, or for a unit that does not fit its parameter.
     """

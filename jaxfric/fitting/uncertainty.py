@@ -47,8 +47,8 @@ def inverse_root(jacobian: Float[Array, "n p"] | np.ndarray) -> np.ndarray:
 def spread_of(jacobian: Float[Array, "n p"] | np.ndarray, middle: np.ndarray) -> np.ndarray:
     """G middle G, G = (J^T J)^-1: the covariance of the parameters if that of J^T r is `middle`.
 
-    Along a direction in the null space of J, J^T r is 0 for any parameters. Parameters along such a
-    direction keep the very large error from G, instead of an error of 0.
+    Along a direction in the null space of J, J^T r is 0 for any parameters. Parameters along a null
+    direction of J keep the very large error from G, instead of an error of 0.
     """
     root, blind = _root(jacobian)
     inside = root.T @ middle @ root
@@ -94,7 +94,8 @@ def fair_hold(problem: Problem, solution: Solution, noise: Noise) -> np.ndarray:
     """Weights that balance the shifts of step times with a record of coloured noise.
 
     Ordinary least squares treats all rows as independent and so overstates the precision of the
-    record. The weights are multiplied by the ratio of the true to the nominal variance of a shift.
+    record. The weights of step times are multiplied by the ratio of the true to the nominal
+    variance of a shift.
     """
     _, jacobian = data_part(problem, solution)
     inverse = normal_inverse(jacobian)
@@ -107,7 +108,7 @@ def determined(problem: AbstractProblem, std: np.ndarray, span: float) -> list[b
     """Whether the record determines each parameter, given the errors of the unbounded variables.
 
     A positive parameter is determined if its 95 % interval is shorter than a decade. A signed
-    parameter is determined if half of its interval is less than the `span` of friction in the
+    parameter is determined if half of its 95 % interval is less than the `span` of friction in the
     record. A parameter with an error of 0 is undetermined, because no record determines a parameter
     exactly.
     """

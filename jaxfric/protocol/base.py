@@ -1,4 +1,4 @@
-"""The base model of a plan: typical, from parameters of the user, or from a file."""
+"""The base model of a plan, with typical parameters, the user's parameters, or those of a file."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -71,7 +71,7 @@ def base_of_file(path: Path) -> Base:
 def named_pair(
     ids: tuple[str, str], law: str, with_: Sequence[str], without: Sequence[str]
 ) -> tuple[str, str]:
-    """Return the pair of effects with the ids of a plan; the name of the base's law means the base.
+    """Return the pair of effects with the ids of a plan; the name of the base law means the base.
 
     Raises `InputError` for an effect of the base, and for an effect that the plan does not know.
     """

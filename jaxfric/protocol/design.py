@@ -87,7 +87,7 @@ class Design:
         return tuple(sorted(found, key=lambda pair: -pair[2]))
 
     def pair(self, a: str, b: str) -> Pair:
-        """Return whether the plan distinguishes two of `ids`, or one of `ids` and `BASE`."""
+        """Return whether the plan distinguishes two effects in `ids`, or one effect and `BASE`."""
         of_id = {s.id: s for s in self.smallest}
         effects = [of_id[id] for id in (a, b) if id != BASE]
         known = {s.id: s.amplitude for s in effects if s.amplitude is not None}
@@ -103,7 +103,7 @@ class Design:
         return Pair((a, b), cosine, True, sizes)
 
     def likes(self, *ids: str) -> tuple[tuple[str, str, float], ...]:
-        """Return indistinguishable pairs of one of `ids` and an effect outside of `ids`."""
+        """Return indistinguishable pairs of one effect in `ids` and one effect outside of `ids`."""
         return tuple(p for p in self.pairs() if len({p[0], p[1]} & set(ids)) == 1)
 
     def too_small(

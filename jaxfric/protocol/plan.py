@@ -5,8 +5,8 @@ base with guessed or previously fitted parameters. The part of a sensitivity tha
 parameters can absorb is projected out. To first order in the effects, the cosine of two remaining
 sensitivities shows whether the effects look alike. The length of a sensitivity shows how large its
 effect must be to be detected. No data are needed. Cosines and lengths are also computed for several
-changes of the plan. All variants have arrays of one size, so that JAX compiles once. A channel that
-is not recorded is present with very large noise.
+changes of the plan. All variants of the plan have arrays of one size, so that JAX compiles once. A
+channel that is not recorded is present with very large noise.
 """
 
 import math

@@ -56,8 +56,8 @@ def remedy(plan: Protocol, ids: tuple[str, str], known: Mapping[str, float]) -> 
 
     Shorter changes are excluded (`Protocol.no_shorter`). An additional channel needs another
     instrument, so that changes without an additional channel come first, in order of duration. If
-    no change is enough, the nearest change is returned. The result is None if the plan needs no
-    change, or if no change helps.
+    no change distinguishes the effects, the change that comes nearest is returned. The result is
+    None if the plan needs no change, or if no change helps.
     """
     possible = [(c, c.design) for c in plan.no_shorter() if c.design is not None]
     lacks = {c.key: _lack(design, ids, known) for c, design in possible}

@@ -81,8 +81,8 @@ class AxisRecord(Measured):
 
     - `time` [s], as in the file; `relative_time` starts at 0.
     - `motor_force`, in `force_unit`: "N", "N m", or "%" of a rated torque that is not known.
-    - `position` [m or rad], `velocity` [m/s or rad/s]: at least one of them.
-    - `reference_position` [m or rad] where the file has it.
+    - `position` [m or rad], `velocity` [m/s or rad/s]: at least one of the two is recorded.
+    - `reference_position` [m or rad], if the file has a reference.
     - `disturbance_force`, in `force_unit`: force added to the controller's output at the motor
       (pulses, an excitation), if the file has it. The disturbance has the sign convention of the
       motor force. The file does not tell whether the recorded motor force already contains the

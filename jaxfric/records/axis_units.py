@@ -12,7 +12,7 @@ FORCE_UNITS = {"linear": "N", "rotary": "N m"}
 
 
 def inertia_unit(force: str, length: str) -> str:
-    """Return the unit of mass for a unit of force, also "%", and a length in "m" or "rad"."""
+    """Return the unit of mass for a unit of force (or "%") and of length ("m" or "rad")."""
     return {"N": "kg", "N m": "kg m^2"}.get(force, f"{force} s^2/{length}")
 
 

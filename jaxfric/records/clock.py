@@ -28,8 +28,9 @@ def is_clock_format(cell: str) -> bool:
 def seconds(cells: Sequence[str], what: str) -> tuple[np.ndarray, str]:
     """Return seconds since the midnight before the first time (NaN for other cells), and a note.
 
-    A time without a date counts as the next day's if it is more than half a day before the last
-    time. If several rows share each whole second, these rows are spread evenly over the second.
+    A time without a date belongs to the next day if it is more than half a day before the time in
+    the previous row. If several rows share each whole second, these rows are spread evenly over the
+    second.
 
     Raises `InputError` if some times have a date and others have none.
     """

@@ -24,7 +24,7 @@ _PER_CENT = {"%": 1.0, "percent": 1.0, "per cent": 1.0, "‰": 0.1, "permille": 
 
 
 class Use(NamedTuple):
-    """Column `column` of a table; 1 `unit`, as written in the file, is `size` `si_unit`."""
+    """A used column of a table; `size` converts its `unit` in the file to `si_unit`."""
 
     column: int
     unit: str

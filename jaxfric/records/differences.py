@@ -1,4 +1,4 @@
-"""What differences of neighbouring rows show: the noise level, the resolution, runs of rows."""
+"""Noise level, resolution and runs of rows, from differences of neighbouring rows."""
 
 import numpy as np
 

@@ -24,7 +24,8 @@ _KEY = re.compile(r'\s*"?[A-Za-z][^;"]*:"?\s*;')
 def is_epos(data: bytes, path: str = "") -> bool:
     """Whether a text begins with a line `key:;value`, and its columns have a row of units.
 
-    A named first column with numbers directly below is ordinary delimited text with remarks.
+    A file whose first column has a name, with numbers directly below the names, is ordinary
+    delimited text.
     """
     del path
     if not _is_key(_lines(delimited.decode(data[:2000]))[0]):

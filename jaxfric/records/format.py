@@ -7,12 +7,12 @@ from .table import Table
 
 
 class Format(NamedTuple):
-    """A file format: `knows` recognises its files, and `parse` reads one as a `Table`.
+    """A file format: `knows` recognises files of the format, `parse` reads a file as a `Table`.
 
-    `knows` and `parse` take the contents of a file, and its path for messages and the suffix.
-    `parse` raises `InputError` for damaged contents. `suffixes` such as ".csv" select the files in
-    a folder of runs. `raw` returns the columns exactly as written, for a reduction script. `raw` is
-    None if `parse` already does so.
+    `knows` and `parse` take the contents and the path of a file. The path gives the suffix, and
+    names the file in messages. `parse` raises `InputError` for damaged contents. `suffixes` such as
+    ".csv" select the files in a folder of runs. `raw` returns the columns exactly as written, for a
+    reduction script. `raw` is None if `parse` already returns columns as written.
     """
 
     name: str

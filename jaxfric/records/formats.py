@@ -34,8 +34,8 @@ def read_table(path: str | Path, *, raw: bool = False) -> Table:
     a MATLAB file or xlook's binary format. `raw` keeps the columns exactly as written, for a
     reduction script.
 
-    Raises `InputError` for a missing path, a directory, an empty file, a file in none of these
-    formats, and a file without a header.
+    Raises `InputError` for a missing path, a directory, an empty file, a file of an unknown format,
+    and a file without a header.
     """
     path = Path(path)
     data = _load(path)

@@ -18,8 +18,8 @@ def read_friction_table(path: Path) -> tuple[np.ndarray, np.ndarray, str, Coordi
 
     Raises
     ------
-    InputError : other columns than one of speed and one of friction, units of linear motion mixed
-        with those of rotation, a cell without a number.
+    InputError : other columns than one of speed and one of friction, linear units mixed with rotary
+        units, a cell without a number.
     """
     table = read_table(path)
     found: dict[str, list[tuple[int, float, Coordinate | None]]] = {"speed": [], "friction": []}

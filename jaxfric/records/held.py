@@ -17,9 +17,9 @@ _MANY = 0.3
 def held_for(values: np.ndarray) -> int:
     """Return the number of rows that repeat each measured value; 1 if every row is measured.
 
-    Repeats are found only if at least 98 % of the values last for about this number of rows or
-    more. A slow axis also keeps the same encoder count for many rows. But its count changes by one,
-    not by several, and such a record has no repeats.
+    Repeats of n rows are found only if at least 98 % of the values last for about n rows or more. A
+    slow axis also keeps the same encoder count for many rows, but its count changes by one. A
+    record whose count changes by one has no repeats.
     """
     changed = np.flatnonzero(np.diff(values)) + 1
     if len(changed) < _FEWEST:
@@ -43,9 +43,9 @@ def columns_renewed(
     """Return one row for each measured value of the motion: columns, row numbers, and a note.
 
     Without repeated values the columns are unchanged and the row numbers None. If consecutive
-    measurements were equal, one row is kept for each of these measurements. Another column with
-    repeats gives its value in the middle of each repeat, which was measured nearest in time. A
-    column with a new value in each row gives the mean of its values around the kept row.
+    measurements were equal, one row is kept for each of these measurements. If another column also
+    has repeats, the value in the middle of each repeat is kept, which was measured nearest in time.
+    A column with a new value in each row gives the mean of its values around the kept row.
     """
     role = "position" if "position" in columns else "velocity"
     rows, n = held_for(columns[role]), len(columns[role])

@@ -1,8 +1,8 @@
 """Find the joints of a piecewise linear fit, its slopes, and their standard errors.
 
 If the sampling rate changes with the velocity, slowly sampled segments have few rows. In a run of
-hours a hold of minutes may contain none of the candidate rows of `find_lines`. So lines are found
-first in every block of one sampling interval, then again within every line found. Finally all
+hours a hold of minutes may contain none of the candidate rows of `find_lines`. Therefore lines are
+found first in every block of one sampling interval, then again within every line. Finally all
 joints are tested together on all rows.
 """
 
@@ -77,8 +77,9 @@ def fit_broken_line(
 
 
 def gaps(time: np.ndarray) -> np.ndarray:
-    """Return the rows before a pause of the recorder: the next interval is more than five times
-    each of the eleven intervals on either side."""
+    """Return the rows before a pause of the recorder. A pause is more than five times as long as
+    each of the eleven row intervals on either side.
+    """
     steps = np.diff(time)
     around = np.lib.stride_tricks.sliding_window_view(np.pad(steps, _AROUND), 2 * _AROUND + 1)
     others = np.delete(around, _AROUND, axis=1).max(axis=1)

@@ -2,8 +2,8 @@
 
 A MATLAB file is a header of 128 bytes, then elements; an element is a tag (type, size), then a
 body. An array is an element whose parts are elements: flags, dimensions, name, values. The values
-of an array have the smallest type that holds all values. SciPy's reader trusts the tags, so that
-some damaged files crash the process.
+of an array have the smallest type that holds all values. SciPy's MATLAB reader does not check the
+tags of elements, so some damaged files crash the process.
 """
 
 import struct

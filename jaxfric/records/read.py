@@ -41,8 +41,8 @@ def read(
       `{"load_point_velocity": "10 um/s"}` a constant speed of the load point.
     - `drop_bad`: leave out incomplete rows instead of refusing the file.
     - `reduce`: a reduction script that converts what the press recorded to columns with units: an
-      xlook command file, or TOML (`jaxfric.records.reduction.toml_script`).
-      `provenance.reduction` lists what each step did.
+      xlook command file, or TOML (`jaxfric.records.reduction.toml_script`). `provenance.reduction`
+      lists what each step of the script did.
 
     **Returns:** a `Record`; its `provenance` lists assumptions and omitted rows.
 

@@ -55,9 +55,10 @@ def read_axis(
       rate or interval.
     - `drive_gain`: motor force per control signal, "35.15 N/V" ("0.05 N m/A" for a current).
     - `position_gain`, `velocity_gain`: kp [1/s] and kv of cascaded control, force = kv (kp
-      (reference - position) - velocity): "160 1/s", and "240 V s/m" for a control signal or
-      "8436 N s/m" for a motor force. With both gains and a reference, the closed loop is simulated.
-    - `rated_torque`: the torque of 100 %, "9.84 mN m"; without it the force stays in "%".
+      (reference - position) - velocity): "160 1/s", and "240 V s/m" for a control signal or "8436 N
+      s/m" for a motor force. If both gains and a reference are known, the closed loop is simulated.
+    - `rated_torque`: the torque of 100 %, "9.84 mN m"; without a rated torque the force stays in
+      "%".
     - `flip_sign`: change the sign of the "force", of the "motion", or (True, "both") of both.
     - `drop_bad`: leave out incomplete rows instead of refusing the file.
 

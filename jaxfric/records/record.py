@@ -76,7 +76,7 @@ class Sampling:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Measured(Described, Drawable, Gridded, Tabular):
-    """Columns by role over an increasing time: what records of sliders and axes share."""
+    """Base of the records of sliders and axes: columns by role over an increasing time."""
 
     roles: ClassVar[Iterable[str]]
     """The columns that such a record may have."""
@@ -125,7 +125,8 @@ class Record(Measured):
     """Columns of equal length, read-only, in SI; time increases from row to row.
 
     - `time` [s], as in the file; `relative_time` starts at 0.
-    - `load_point_displacement` [m], `load_point_velocity` [m/s]: at least one of them.
+    - `load_point_displacement` [m], `load_point_velocity` [m/s]: at least one of the two is
+      recorded.
     - `load_point_encoder` [m], if the file has it: the measured load point, in addition to the
       commanded displacement.
     - `friction`: a coefficient (`friction_unit` "1") or a force ("N").

@@ -14,9 +14,9 @@ _SHARE = 0.25
 def with_signs(table: Table) -> tuple[Table, dict[int, str]]:
     """Return the table with unsigned columns corrected, and a note for each column's number.
 
-    All cells of an unsigned column are integers from 0 on: some in the first quarter of 2^16 (or
-    2^32), some in the last quarter, none between. Subtracting 2^16 from the cells in the last
-    quarter must reduce the column's largest jump to less than half. The condition on the jump
+    All cells of an unsigned column are integers from 0 to 2^16 (or 2^32): some in the first quarter
+    of this range, some in the last quarter, none between. Subtracting 2^16 from the cells in the
+    last quarter must reduce the column's largest jump to less than half. The condition on the jump
     excludes a column of times with a gap.
     """
     columns, notes = list(table.columns), {}

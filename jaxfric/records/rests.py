@@ -55,9 +55,9 @@ def rests(
 ) -> Rests | None:
     """Return the stick-slip of a run; None if the axis moves evenly or noise hides its motion.
 
-    velocity, force : of every row (n). reference : the commanded velocity (n), or None.
-    A drive that stops on purpose is not stick-slip: its reference rests too, or the force falls
-    during rest. In stick-slip the force rises during rest.
+    velocity, force : of every row (n). reference : the commanded velocity (n), or None. A drive
+    that stops on purpose shows no stick-slip: the reference rests too, or the force falls during
+    rest. In stick-slip the force rises during rest.
     """
     width = _resolved(velocity)
     if width is None:

@@ -20,8 +20,8 @@ class Role(NamedTuple):
 
     `unit` is the SI unit of the role, `turning` its SI unit on a rotary axis ('' for none);
     `others` are further allowed units. `example` is a common spelling of a unit. `aliases` are
-    other names of the role, folded, the most certain first. `need` is a word: a record needs one
-    column for every word, from any role with this word.
+    other names of the role, folded, the most certain first. Roles with the same word in `need` are
+    alternatives: a record needs a column for one of these roles.
     """
 
     name: str

@@ -3,8 +3,8 @@
 When an encoder is reset or wraps, its position jumps by far more than the load point moves between
 neighbouring rows. Friction does not respond to a jump of the encoder; a real motion would change
 friction through the spring. `without_resets` subtracts the jump. Motion that the encoder missed
-during a pause of the recorder is added. The conditions are equal velocities before and after the
-pause, and no response of friction.
+during a pause of the recorder is added. Missed motion is added only if velocities before and after
+the pause are equal, and friction does not respond.
 """
 
 from dataclasses import dataclass

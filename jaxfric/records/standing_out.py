@@ -20,10 +20,11 @@ _ADVANCE = ("load_point_displacement", "load_point_encoder", "slip")
 def standing_out(role: str, values: np.ndarray) -> np.ndarray:
     """Return a mask (n,) of the cells of a column that are far from both neighbouring cells.
 
-    The distance of a cell is measured from the interval between its neighbours. The first and the
-    last cell use the two cells next to them. The distance of a cell is compared with the distances
-    of other cells, without the m = max(3, n/100) farthest cells on either side. If more than m
-    cells would be outliers, no cell is an outlier: large jumps are usual in this column.
+    The distance of a cell is measured from the interval between its neighbours. For the first and
+    the last cell, the two nearest cells replace the neighbours. The distance of a cell is compared
+    with the distances of other cells, without the m = max(3, n/100) farthest cells on either side.
+    If more than m cells would be outliers, no cell is an outlier: large jumps are usual in this
+    column.
 
     Limitation: two wrong cells next to each other, and small errors, are not found.
     """
@@ -48,7 +49,7 @@ def standing_out(role: str, values: np.ndarray) -> np.ndarray:
 def told(
     path: str, columns: Mapping[str, np.ndarray], lines: np.ndarray, units: Mapping[str, str]
 ) -> tuple[str, ...]:
-    """Return a warning for every column with outlier cells: where, which value, what to do.
+    """Return a warning for every column with outlier cells: position, value and remedy.
 
     `units` are the SI units of the columns, `lines` the line numbers of the rows.
     """

@@ -52,16 +52,18 @@ class SteadyCurve:
     """One row for each run at a steady speed, sorted by speed; arrays are read-only, in SI.
 
     - `speed`: mean, signed [m/s or rad/s]; `speed_std`: standard deviation of its samples.
-    - `force`: mean without the `load` along the travel; `std`: standard deviation of its samples,
-      in `force_unit` ("N", "N m" or "%").
+    - `force`: mean force along the travel, minus the `load`; `std`: standard deviation of its
+      samples, in `force_unit` ("N", "N m" or "%").
     - `samples`: number of used rows; `outliers`: number of excluded outliers (None: not known);
       `effective`: number of independent samples (`effective_samples` of the force).
     - `error`: standard error of `force`, sqrt(std^2 / effective + the part of `shared`); `shared`
       [R, p]: the part from p independent errors of the load, which are common to all runs.
-    - `names`: paths of the runs below the folder; `uneven`: runs that moved unevenly, or whose
-      speed is recorded too coarsely to decide; `stuck`: slower runs that were excluded because they
-      stood still, turned back or were not steady; `stick_slip`: runs with stick-slip at one
-      commanded speed, which count as uneven and are averaged over whole cycles.
+    - `names`: paths of the runs below the folder.
+    - `uneven`: runs that moved unevenly, or whose speed is recorded too coarsely to decide.
+    - `stuck`: slower runs that were excluded because they stood still, turned back or were not
+      steady.
+    - `stick_slip`: runs with stick-slip at one commanded speed, which count as uneven and are
+      averaged over whole cycles.
     - `load`: force that depends on the position, subtracted from `force` and `rows`; None if none
       is found, or without positions.
     - `rows`: for every run, the rows that its means use (empty: not kept).
@@ -99,8 +101,9 @@ class SteadyCurve:
 
     @property
     def wanders(self) -> bool:
-        """Whether the force drifts so slowly that the errors of its means are not known: half of
-        the runs whose force is not constant have fewer than 10 independent samples."""
+        """Whether the force drifts so slowly that the errors of mean forces are not known: half of
+        the runs whose force is not constant have fewer than 10 independent samples.
+        """
         noisy = self.std > _CONSTANT * np.max(np.abs(self.force))
         return bool(noisy.any() and np.median(self.effective[noisy]) < _FEWEST_SAMPLES)
 
@@ -129,14 +132,14 @@ def read_steady(
 ) -> SteadyCurve:
     """Read a folder of runs at steady speeds, at any depth, as one friction-velocity curve.
 
-    If positions are recorded, the `Load` is subtracted, with a note. The `Load` is a force that
-    depends on position and is equal in both directions: the weight of a joint, a spring. Outliers
-    (`outliers`) are excluded from the means, with a note. Runs with stick-slip (`rests`) are
-    averaged over whole cycles. A run is steady if the mean speeds of its ten parts differ from its
-    overall mean by less than 10 % (or by noise alone). Rows of a start-up or a stop are excluded by
-    the speed of these rows. Runs that are not steady, stand still, or have no determined direction
-    are excluded with a note. The speed is the recorded velocity, else the derivative of the
-    position.
+    If positions are recorded, the `Load` is subtracted from the forces, with a note. The `Load` is
+    a force that depends on position and is equal in both directions: the weight of a joint, a
+    spring. Outliers (`outliers`) are excluded from the means, with a note. Runs with stick-slip
+    (`rests`) are averaged over whole cycles. A run is steady if the mean speeds of its ten parts
+    differ from its overall mean by less than 10 % (or by noise alone). Rows of a start-up or a stop
+    are recognised by speed, and excluded. Runs that are not steady, stand still, or have no
+    determined direction are excluded with a note. The speed is the recorded velocity, else the
+    derivative of the position.
 
     **Arguments:** as for `read_axis`. `window` is a time interval since each run's first row
     (seconds, or "0.6 s"; None: no bound). Only rows in the window are used. A window removes a

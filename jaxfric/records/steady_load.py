@@ -41,8 +41,8 @@ class Load:
     - `names`, `values` and `covariance` of the parameters of the force. Further parameters, if
       found, are of friction that depends on position: m of a linear axis, a_friction sin q +
       b_friction cos q of a joint.
-    - `centre`: mean over the travel of every column of the fit; the load of this mean stays in the
-      offset of the curve.
+    - `centre`: mean over the travel of every column of the fit; the mean load stays in the offset
+      of the friction-velocity curve.
     """
 
     effect: str
@@ -63,7 +63,7 @@ class Load:
 
     @property
     def both_ways(self) -> int:
-        """Number of parameters, the first in `names`, of the force equal in both directions."""
+        """Number of parameters of the force equal in both directions; `names` begins with these."""
         return len(_NAMES["rotary" if self.effect == "gravity" else "linear"])
 
     def size(self) -> tuple[float, float]:
@@ -102,8 +102,9 @@ def load_of(runs: Sequence[Run], coordinate: str) -> Load | None:
 
 
 def without_load(load: Load, run: Run, coordinate: str) -> tuple[Run, np.ndarray]:
-    """Return a run without the load, with new means and errors, and the derivative (p,), times -1,
-    of the run's mean force by the load's parameters."""
+    """Return a run without the load, with new means and errors. The second result is the derivative
+    (p,), times -1, of the run's mean force by the load's parameters.
+    """
     assert run.rows is not None and run.rows.position is not None
     columns = _columns(run.rows.position, coordinate) - load.centre
     if len(load.names) > columns.shape[1]:

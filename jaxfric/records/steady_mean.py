@@ -22,9 +22,9 @@ def outliers(values: ArrayLike) -> np.ndarray:
     The scale is the largest of three values, with m = max(3, n/100). Two values are the (n - m)-th
     smallest distance from the median, and the median distance, each divided by its value for
     Gaussian noise of scale 1. The third value is the smallest step between samples (for a constant,
-    its magnitude/6). So no sample is excluded from Gaussian noise, a ripple, or stick-slip with
-    more than m far samples. A kept sample moves the mean by at most 6 scales/n. More than m wrong
-    cells can remain.
+    its magnitude/6). Therefore no sample is excluded from Gaussian noise, from a ripple, or from
+    stick-slip with more than m samples far from the median. A kept sample moves the mean by at most
+    6 scales/n. If more than m cells are wrong, wrong cells can remain.
 
     Fewer than 10 samples have no outliers. Limitation: errors in more than m rows are not found.
     """
@@ -50,8 +50,8 @@ def effective_samples(values: ArrayLike) -> float:
     time, W the first lag with W >= 5 tau(W) (automatic windowing: A. Sokal, Monte Carlo Methods in
     Statistical Mechanics, 1996, sec. 3). Subtracting the mean lowers the autocovariances by the
     variance of the mean; this variance is added again (U. Wolff, Comput. Phys. Commun. 156 (2004)
-    143, sec. 3.3). A fast ripple may end the window before slow changes appear. So n = var(x) /
-    var(mean) is also computed with means of 5 rows, and the smaller number is returned.
+    143, sec. 3.3). A fast ripple may end the window of lags before slow changes appear. Therefore n
+    = var(x) / var(mean) is also computed with means of 5 rows, and the smaller number is returned.
 
     A constant counts as 1 sample. Limitation: in runs shorter than about 50 tau, tau is
     underestimated.

@@ -199,9 +199,10 @@ def _unevenness(speed: np.ndarray, mean: float, record: AxisRecord) -> str:
 def steady_rows(speed: np.ndarray) -> tuple[int, int]:
     """Return the first row of the steady part of a run, and the row after the last steady row.
 
-    Means of 5 rows are compared with the median of the means in the middle half. A start-up ends
-    with the first three consecutive means within six times their scatter (at least 5 % of the
-    median and one quantisation step).
+    Means of 5 rows are compared with the median of the means in the middle half of the run. A
+    start-up ends with the first three consecutive means near this median. A mean near the median
+    deviates by at most six times the scatter of the means, 5 % of the median, or one quantisation
+    step, whichever is largest.
     """
     count = len(speed) // _BATCH
     means = speed[: count * _BATCH].reshape(count, _BATCH).mean(axis=1)

@@ -115,11 +115,11 @@ def find_steps(
 
     A continuous piecewise linear function is fitted to the displacement, which is never
     differenced. A step must change the velocity by 7 % of the larger velocity. The height of a step
-    is |v2 - v1| T1 T2 / (T1 + T2) for velocities v1 and v2 that last T1 and T2. The height must be
-    25 times the scatter about the line, or about 8 times the scatter if `friction` responds to the
-    step. Ripple, drift and isolated glitches give no steps. Sampling may be uneven, and change with
-    the velocity; noise may be correlated. A velocity counts as a hold, exactly 0, if the load point
-    moves by less than twice the scatter.
+    is |v2 - v1| T1 T2 / (T1 + T2) for velocities v1 and v2 that last T1 and T2. The height of a
+    step must be 25 times the scatter about the line, or about 8 times the scatter if `friction`
+    responds to the step. Ripple, drift and isolated glitches give no steps. Sampling may be uneven,
+    and change with the velocity; noise may be correlated. A velocity counts as a hold, exactly 0,
+    if the load point moves by less than twice the scatter.
 
     **Arguments:** `time` [s], increasing; `displacement` [m], at least 20 rows; `friction` of the
     same rows in any unit, or None.

@@ -30,7 +30,7 @@ class Strokes:
     """The strokes of an axis: arrays with one entry for each stroke, in SI (m or rad).
 
     - `start`, `stop`: time since the first row [s], without the rest at either end.
-    - `travel`: signed; `speed`: mean, signed; `fastest`: the largest magnitude.
+    - `travel` and mean `speed` have a sign; `fastest` is the largest magnitude of the speed.
     """
 
     start: np.ndarray

@@ -60,11 +60,11 @@ class Table:
 
 
 def filled_rows(blank: np.ndarray | None, used: Iterable[int], count: int) -> slice:
-    """Return the rows without the few at the start and end in which a used column is empty.
+    """Drop the few rows at the start and at the end in which a used column is empty.
 
     Recorders start before their sensors. Columns computed from neighbouring rows (a speed, a
-    smoothed force) lack the first and last rows. Many empty rows stay; a later check refuses a
-    column with many empty rows.
+    smoothed force) lack the first and last rows. The function keeps many empty rows; a later check
+    refuses a column with many empty rows.
     """
     most = max(_FEW, int(_FEW_SHARE * count))
     if blank is None:

@@ -81,10 +81,10 @@ def find_teeth(time: np.ndarray, friction: np.ndarray) -> list[Teeth]:
     """Find intervals of stick-slip in rows at one velocity: four or more consecutive teeth.
 
     A tooth is a rise and a drop of similar height; the drop is at least three times as fast as the
-    rise (after the first tooth more than twice). Correlated noise falls as fast as the noise rises.
-    In stick-slip a rise compensates the drop before it. If friction still rises from tip to tip by
-    half of a drop or more, the teeth are noise on the flank of a larger tooth. If friction rises in
-    this way, or if no tooth is found, the search continues with larger teeth.
+    rise (after the first tooth more than twice). Correlated noise, unlike a tooth, falls as fast as
+    it rises. In stick-slip a rise compensates the drop before it. If friction still rises from tip
+    to tip by half of a drop or more, the teeth are noise on the flank of a larger tooth. If
+    friction rises from tip to tip, or if no tooth is found, the search continues with larger teeth.
     """
     if len(time) < 4 * _TEETH:
         return []
@@ -200,7 +200,7 @@ def slips_told(record: Record, steps: VelocitySteps) -> str | None:
 
 
 class Dip(NamedTuple):
-    """Friction falls to `lowest` at `row`; `rows` lie below the level on either side."""
+    """Friction falls to `lowest` at `row`; `rows` lie below friction on either side of the dip."""
 
     row: int
     rows: slice

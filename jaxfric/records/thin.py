@@ -1,10 +1,10 @@
 """Downsample a record by block averaging: means over k neighbouring rows.
 
-The time of a fit is proportional to the number of rows, and recorders often write more rows than
-friction needs. In means over k rows white noise falls by sqrt(k); noise that is correlated over
-more than k rows does not change. A fit estimates both kinds of noise from the means, so that the
-errors of its parameters stay correct. No mean spans a velocity step; the last rows before a step,
-fewer than k, are dropped. The first row is kept, because times count from the first row. Averaging
+The time of a fit is proportional to the number of rows, and recorders often write more rows than a
+fit needs. In means over k rows white noise falls by sqrt(k); noise that is correlated over more
+than k rows does not change. A fit estimates both kinds of noise from the means, so that the errors
+of its parameters stay correct. No mean spans a velocity step; the last rows before a step, fewer
+than k, are dropped. The first row is kept, because times count from the first row. Averaging
 flattens a peak by 1/24 of its second difference; `blur` compares this flattening with the noise of
 the means.
 """

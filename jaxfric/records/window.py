@@ -15,7 +15,7 @@ def bounds(
     """Return start and end of a window as times since the first row [s].
 
     A displacement, in either direction, is converted to the time at which `moved` [m] first reaches
-    this displacement. An axis moves back and forth: its `moved` is None, and only times are
+    this displacement. For an axis, which moves back and forth, `moved` is None and only times are
     accepted.
 
     Raises `InputError` for text that is neither a time nor a length, a length for an axis, a length

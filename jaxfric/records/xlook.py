@@ -1,10 +1,10 @@
 """xlook's binary format (Penn State rock mechanics): header in big-endian order, then columns.
 
-Header: 20 bytes name, four 4-byte integers (rows, columns, sweep, date). Then slots of 84 bytes,
-each for a column: name (13), unit (13), gain (4), comment (50), rows (4). Old files have 16 slots,
-newer files 32; the size of the file shows which. The name of an unused column is `no_val`. Data:
-one column after the other, single or double precision, in the byte order of the machine that wrote
-the file.
+The header is a name of 20 bytes and four 4-byte integers (rows, columns, sweep, date). Slots of 84
+bytes follow, one for each column: name (13), unit (13), gain (4), comment (50), rows (4). Old files
+have 16 slots, newer files 32; the size of the file shows the number of slots. The name of an unused
+column is `no_val`. The data follow: one column after the other, single or double precision, in the
+byte order of the machine that wrote the file.
 """
 
 import struct

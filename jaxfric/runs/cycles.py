@@ -7,11 +7,12 @@ a rise, and L from the creep before the tip of a rise. A law is preferred if its
 smaller than that of the other law.
 
 No parameters are reported if the law does not describe the rises, or if inertia matters during
-creep: T V of the order of L, where T is the period of free oscillation of the slider and V the
-velocity of the load point.
+creep. Inertia matters if T V is of the order of L, for a slider with the period T of free
+oscillation and a load point with the velocity V.
 
-Results are not validated for T V above L/10, stiffness above half of the critical one, fewer than
-60 rows for each tooth, and normal stresses that differ between intervals.
+Results are not validated in four cases: a period T of free oscillation above L/(10 V), a stiffness
+above half of the critical stiffness, fewer than 60 rows for each tooth, and normal stresses that
+differ between intervals.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -148,7 +149,7 @@ def _error(values: np.ndarray) -> float:
 
 
 def disagreement(found: StickSlip | None, given: MachineStiffness | None) -> str | None:
-    """Return a sentence if the given stiffness is not that of the teeth, else None."""
+    """Return a sentence if the given stiffness differs from that of the saw teeth, else None."""
     if found is None or given is None or found.law is None:
         return None
     own, stress = found.claimed(found.law).get("K"), found.fits[found.law].stress

@@ -117,8 +117,8 @@ def find_events(record: Record, *, stiffness: MachineStiffness | None = None) ->
     **Arguments:** `record`; `stiffness` or None: a stiffness separates steady sliding better from
     loading.
 
-    The search is not validated for runs that reverse during shear (cycles), and for records of
-    angles.
+    The search for events is not validated for runs that reverse during shear (cycles), and for
+    records of angles.
     """
     motion = run_motion(record)
     t = record.relative_time
@@ -350,6 +350,6 @@ def _windowed(record: Record, event: Event, events: Sequence[Event]) -> Event:
 
 
 def end_of(event: Event) -> float:
-    """Return the end of an event [s]: only stick-slip and changes of stress last for a time."""
+    """Return the end of an event [s]; only stick-slip and changes of stress have a duration."""
     lasts = event.kind == "stick_slip" or (event.kind == "stress" and event.before == event.after)
     return event.stop if lasts else event.time

@@ -49,7 +49,7 @@ class Findings:
         return {name: rows for name, rows in found.items() if rows}
 
     def told(self) -> list[str]:
-        """Return these results as lines for a terminal."""
+        """Return the results of a run as lines for a terminal."""
         return [
             *of_holds.told(self.holds, self.unit, self.left_out),
             *of_stress.told(self.stress_steps),

@@ -80,7 +80,8 @@ def window_of(record: Record, event: Event) -> tuple[Record, VelocitySteps]:
 
 def by_step(said: Iterable[tuple[int, str]]) -> list[str]:
     """Merge pairs (step number, warning): one line for each code or text, with all its step
-    numbers. The values in the line are those of the first of these steps."""
+    numbers. The values in a line are those of the first step with the warning.
+    """
     alike: dict[str, list[tuple[int, str]]] = {}
     for number, text in said:
         alike.setdefault(getattr(text, "code", None) or text, []).append((number, text))

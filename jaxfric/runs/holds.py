@@ -56,8 +56,8 @@ class Hold:
     of the peak after the hold above the level before the hold, with standard `error`. `fits` are
     the converged fits by law, to all holds with the same number `group`. `preference` is the
     log-likelihood ln L of the slip law minus ln L of the ageing law; None without both fits.
-    `missing` is unrecorded motion of the load point [m] (`missing_motion`). With missing motion the
-    hold was shorter than recorded, and neither law is tested.
+    `missing` is unrecorded motion of the load point [m] (`missing_motion`). If motion is missing,
+    the hold was shorter than recorded, and neither law is tested.
     """
 
     time: float
@@ -181,10 +181,11 @@ def missing_motion(
 ) -> float:
     """Return the unrecorded motion of the load point after the start of a `hold` [s], in m.
 
-    Friction cannot rise by more than K u, the load of the spring. A larger rise shows motion
-    without rows, or motion that an encoder reset hides. The result is 0 if the excess is within
-    noise (with at least the `spread` of sliding before the hold), if a stiffness up to twice as
-    large would explain the excess, and if the record has no displacement.
+    A spring of stiffness K whose load point moves by u raises friction by at most K u. A larger
+    rise of friction shows motion without rows, or motion that an encoder reset hides. The result is
+    0 if the excess rise is within noise (with at least the `spread` of sliding before the hold).
+    The result is also 0 if a stiffness up to twice as large would explain the excess rise, or if
+    the record has no displacement.
     """
     u = part.load_point_displacement
     if u is None or not stiffness:

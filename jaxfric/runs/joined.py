@@ -2,11 +2,11 @@
 
 No model describes the time between windows: changes of normal stress, unloading, pauses of the
 recorder. Adjacent windows form one stretch. A later phase at another velocity, before friction is
-steady, also belongs to the stretch. The fit of a single step must omit this phase; the joined
-motion need not. Before each later stretch the joined motion slides at the stretch's first velocity.
-This sliding is as long as the real motion of the load point, and at least as long as a typical
-phase. So every stretch begins in steady sliding. Slip continues as in the run; time continues only
-within a stretch.
+steady, also belongs to the stretch. The fit of a single step must omit such an unsteady phase; the
+joined motion can include it. Before each later stretch the joined motion slides at the stretch's
+first velocity. The sliding before a stretch is as long as the real motion of the load point, and at
+least as long as a typical phase. Therefore every stretch begins in steady sliding. Slip continues
+as in the run; time continues only within a stretch.
 """
 
 from collections.abc import Sequence
@@ -98,7 +98,7 @@ class Joined:
         return VelocitySteps(times, np.array([p.velocity for p in self.phases]))
 
     def stress(self) -> NormalStress | None:
-        """Return normal stress over its value in the first stretch; None if constant or unknown."""
+        """Return normal stress divided by the first stretch's; None if constant or unknown."""
         levels = [s.normal_stress for s in self.stretches]
         if any(level is None for level in levels) or self.record.friction_unit != "1":
             return None

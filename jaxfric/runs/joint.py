@@ -1,7 +1,7 @@
 """Common parameters of the steps of a run, and their dependence on velocity, path and stress.
 
-Every step has estimates y = (A, B_1, .., ln L_1, ..) with a covariance C that includes the noise
-of its rows. If the steps share one y, the most likely y is
+Every velocity step has estimates y = (A, B_1, .., ln L_1, ..) with a covariance C that includes the
+noise of its rows. If the steps share one y, the most likely y and the statistic Q are:
 
     y = S sum_i C_i^-1 y_i,   S = (sum_i C_i^-1)^-1,
     Q = sum_i (y_i - y)^T C_i^-1 (y_i - y),
@@ -14,14 +14,15 @@ each step.
 A weighted line through the n steps (`weighted`) tests whether a quantity depends on velocity
 (`mean_velocity` of a step), displacement or normal stress. The error of the line's slope follows
 from the errors of the fits, or is larger if the steps scatter more about the line. Few steps
-determine their scatter poorly, so p-values are from Student's t with n - 2 degrees of freedom. They
-are multiplied by the number of tests (Bonferroni). For 5 steps, t = 7 gives p = .006, or .05 after
-correction for 9 tests. Parameters of steps may differ by far more than their errors although no
-line is significant.
+determine their scatter poorly, so p-values are from Student's t with n - 2 degrees of freedom. The
+p-values are multiplied by the number of tests (Bonferroni). For 5 steps, t = 7 gives p = .006, or
+.05 after correction for 9 tests. Parameters of steps may differ by far more than their errors
+although no line is significant.
 
 Friction that changes with slip biases A-B. Every step is also fitted with a trend over slip, which
-shifts its A-B by d_i; s_i is the standard error of this shift. If sum_i (d_i/s_i)^2, chi-square
-with n degrees of freedom, is significant, the lines of A-B use the estimates with a trend.
+shifts its A-B by d_i; s_i is the standard error of this shift. If the sum of (d_i/s_i)^2 over the n
+steps, chi-square with n degrees of freedom, is significant, the lines of A-B use the estimates with
+a trend.
 """
 
 from collections.abc import Sequence
@@ -150,7 +151,7 @@ _QUANTITIES = ("A", "A-B", "ln L")
 def dependences(steps: Sequence[StepFit]) -> list[Dependence]:
     """Test the dependence of A, A-B and L on velocity, displacement and normal stress.
 
-    A test needs at least four steps, and a variable that changes.
+    The test of a dependence needs at least four steps, and a variable that changes.
     """
     found = []
     for quantity in _QUANTITIES:

@@ -1,21 +1,23 @@
 """The stiffness of machine and specimen, from ramps during which the slider sticks.
 
 When the load point moves back, or moves on after a hold or after unloading, friction is so far
-below sliding friction that the slider does not slip. At 10 % below sliding friction, which is 5 A
-or more for most rocks, the slider slips at less than 1 % of the load point's velocity. Shear stress
-then changes by the stiffness k per metre of the load point: k = cov(time, stress)/cov(time,
-position). The noise of both channels does not bias k (Wald 1940, Ann. Math. Stat. 11, 284-300, on
-lines with errors in both). Without a normal stress the result is the stiffness K of friction.
+below sliding friction that the slider does not slip. For most rocks 10 % of sliding friction is 5 A
+or more. At 10 % below sliding friction the slider then slips at less than 1 % of the load point's
+velocity. While the slider sticks, shear stress changes by the stiffness k per metre of the load
+point: k = cov(time, stress)/cov(time, position). The noise of both channels does not bias k (Wald
+1940, Ann. Math. Stat. 11, 284-300, on lines with errors in both). Without a normal stress the
+result is the stiffness K of friction.
 
 A ramp is used if its parts (sixths, with enough rows) have similar slopes; two halves would also
-agree for an S-shaped ramp. Otherwise the first half of the ramp is tested, then the first quarter,
-and so on. Slopes differ because unloading is softer at low load, and because the slider begins to
-slip at the end of a reload. If the second half is stiffer than the first, the press was not yet in
-contact, and the ramp is not used. The first loading of a press is not used either, because this
-loading seats and crushes the specimen. A phase of motion directly after another forward phase is
-not used, either. Ramps need no fit, so that `--stiffness ramps` and the report of a run give the
-same value. The error of a ramp includes the scatter of its blocks, and half the deviation of its
-worst part. A press may be stiffer for the small changes after a velocity step than along a ramp.
+agree for an S-shaped ramp. If the slopes differ, the first half of the ramp is tested, then the
+first quarter, and so on. Slopes differ because unloading is softer at low load, and because the
+slider begins to slip at the end of a reload. If the second half is stiffer than the first, the
+press was not yet in contact, and the ramp is not used. The first loading of a press is not used
+either, because this loading seats and crushes the specimen. A phase of motion directly after
+another forward phase is not used, either. Ramps need no fit, so that `--stiffness ramps` and the
+report of a run give the same stiffness. The error of a ramp's slope includes the scatter of the
+ramp's blocks, and half the deviation of the worst part. A press may be stiffer for the small
+changes after a velocity step than along a ramp.
 """
 
 from collections.abc import Sequence
@@ -99,7 +101,7 @@ def find_ramps(record: Record, events: Sequence[Event]) -> tuple[Ramp, ...]:
     """Find the ramps of a run, whose record must have no encoder resets.
 
     The result does not depend on whether `events` were found with a stiffness. A phase of motion
-    directly after another phase, called a step or a reload, gives no ramp. The friction of this
+    directly after another phase, called a step or a reload, gives no ramp. The friction of such a
     phase starts at the level of the rows before the phase.
     """
     t = record.relative_time
@@ -197,7 +199,8 @@ def _slope(rows: _RampRows) -> tuple[float, float]:
 
 def ramp_stiffness(ramps: Sequence[Ramp]) -> RampStiffness | None:
     """Return the weighted mean of all ramps; the error of the mean includes the scatter of the
-    ramps (Birge 1932, Phys. Rev. 40, 207-227). None if no ramp has a slope."""
+    ramps (Birge 1932, Phys. Rev. 40, 207-227). The result is None if no ramp has a slope.
+    """
     known = [(r.slope, r.error) for r in ramps if r.slope is not None and r.error is not None]
     if not known:
         return None

@@ -6,7 +6,7 @@ the rows. Errors use the full covariance of the teeth, in which all parts of a r
 (sandwich: Huber 1967, Proc. 5th Berkeley Symp. 1, 221-233). The errors are widened if the misfit of
 the means is larger than the scatter of teeth, and by Student's t for the number of teeth. The
 duration of a slip is the duration of the drops. If the rows do not resolve the drops, the duration
-is known to a factor `_VAGUE`.
+of a slip is known within a factor `_VAGUE`.
 """
 
 from collections.abc import Sequence

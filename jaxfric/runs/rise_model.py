@@ -1,20 +1,20 @@
 """The rise of friction from the foot of a saw tooth to its tip, by rate-and-state friction.
 
-After the foot the slider moves so slowly that inertia is negligible,
+After the foot the slider moves so slowly that inertia is negligible:
 
     f = f0 + A ln(v/V0) + theta,   df/dt = K (V - v),   with the slip or ageing law for theta,
 
-until the slider's velocity v diverges in a finite time; then friction drops. K is the stiffness, V
-the velocity of the load point. Friction is highest where v passes V. The only memory of the last
-slip is the state theta. At the foot theta is the steady state of the velocity v_s at which the
-slider stopped:
+The equations hold until the slider's velocity v diverges in a finite time; then friction drops. K
+is the stiffness, V the velocity of the load point. Friction is highest when the slider's velocity v
+passes V. The only memory of the last slip is the state theta. At the foot theta is the steady state
+of the velocity v_s at which the slider stopped:
 
     theta = theta_ss(v_s),   v_s = (2 pi/T_s) sqrt(L drop/K)
 
 T_s is the period of free oscillation of mass and spring. A slip is half of a free oscillation,
 during which friction hardly changes; v_s is the velocity of the slider at a distance L before the
-end of the slip. Under the ageing law T_s matters little. The model is invalid if inertia matters
-during creep, that is for T_s V of the order of L.
+end of the slip. Under the ageing law the period T_s matters little. The model is invalid if inertia
+matters during creep, that is for T_s V of the order of L.
 """
 
 import jax
@@ -120,8 +120,10 @@ def rises(
     law: str,
     V0: Float[Array, ""],
 ) -> tuple[Array, Array, Array, Array]:
-    """Return `_rise` of n intervals, (n, parts) and (n,), its derivatives by p, (n, parts, 6), and
-    by the foot of each interval, (n, parts)."""
+    """Return friction in the parts of the rises of n intervals (n, parts), and whether each rise
+    ends in a slip (n,). Further results are the derivatives of friction by p (n, parts, 6), and by
+    the foot of each interval (n, parts).
+    """
 
     def one(p: Array, foot: Array, stretch: Array) -> tuple[Array, tuple[Array, Array]]:
         found, slips = _rise(p, foot, stretch, law, V0)

@@ -85,7 +85,7 @@ class Rises:
 
     @property
     def swing(self) -> float:
-        """Period of oscillation [s] from the duration of a slip; a bound if not `resolved`."""
+        """Period of oscillation [s] from the duration of a slip; a bound for unresolved drops."""
         return 2 * max((_HIGH - _LOW) * self.fall, self.row) / _COSINE
 
     @property

@@ -19,7 +19,8 @@ _OFF, _FAR = 0.1, 3.0
 
 def departure(given: float, found: float, error: float) -> str | None:
     """Return the deviation of a given stiffness from a measured one with a standard error, as in
-    "31 % above"; None if they agree."""
+    "31 % above"; None if both agree.
+    """
     if abs(given - found) <= max(_OFF * found, _FAR * error):
         return None
     share = 100 * (given / found - 1)

@@ -2,8 +2,8 @@
 
 The recorded stress, without isolated rows, is approximated by a polyline within a tolerance (Ramer,
 1972, Comput. Graph. Image Process. 1, 244-256; Douglas & Peucker, 1973, Cartographica 10, 112-122).
-Segments steeper than a servo's drift are changes. Adjacent steep segments form one change. The
-strokes of one move of the press, with the overshoot, form one change, too.
+Segments of the polyline steeper than a servo's drift are changes of stress. Adjacent steep segments
+form one change. The strokes of one move of the press, with the overshoot, form one change, too.
 """
 
 from typing import NamedTuple

@@ -1,8 +1,9 @@
 """The fit of one step of the normal stress: priors, rows, and least squares in units of the noise.
 
 The fit minimises |W r(z)|^2 + (z - z_0)^T P (z - z_0). r is the residual of the parameters z, and
-z_0 the prior mean. W whitens r by the noise in the residual of a first fit. P is the inverse prior
-covariance of A, B, L, K and the ramp. Errors follow from the covariance (J^T W^T W J + P)^-1.
+z_0 the prior mean. W whitens the residual r by the noise in the residual of a first fit. P is the
+inverse prior covariance of A, B, L, K and the ramp. Errors follow from the covariance (J^T W^T W J
++ P)^-1.
 """
 
 from collections.abc import Sequence
@@ -52,9 +53,10 @@ class Prior(NamedTuple):
 
 
 class StressFit(NamedTuple):
-    """Parameters (SI) by name with standard errors, and whether the search converged. Further: the
-    factor that widened the prior's errors, rms of the residual, noise of neighbouring rows, and
-    predicted friction with and without alpha."""
+    """Parameters (SI) by name with standard errors, and whether the search converged. Other fields
+    are the factor that widened the prior's errors, the rms of the residual, the noise of
+    neighbouring rows, and predicted friction with and without alpha.
+    """
 
     values: dict[str, float]
     errors: dict[str, float]

@@ -2,7 +2,7 @@
 
 A slider without mass on a spring slides steadily at V under a normal stress sigma_1. After this
 sliding the normal stress changes to sigma_2, piecewise linearly. With n = sigma/sigma_1 and
-friction f = tau/sigma
+friction f = tau/sigma the equations of motion are:
 
     n f = f_1 + K (V t - x),    f = f0 + A ln(dx/dt/V) + theta (+ s x),
     dtheta/dt = g(theta, dx/dt) - alpha n'/n,

@@ -26,8 +26,9 @@ _ONE = (1 / 3, 0.24)
 
 
 class StressRamp(NamedTuple):
-    """Times of the corners [s], stresses at the corners over the initial stress, and the covariance
-    of the start [s] and of the logarithm of the duration (as in `stress_problem`)."""
+    """Times of the corners [s], stresses at the corners divided by the initial stress, and the
+    covariance of the start [s] and of the logarithm of the duration (as in `stress_problem`).
+    """
 
     corners: np.ndarray
     ratios: np.ndarray

@@ -136,7 +136,7 @@ def xlook_rows(run: RunFit) -> list[dict[str, Cell]]:
     """Return rows with the column names of xlook's fits; Dc in um, lin_term in 1/um, wc 0.
 
     wc is xlook's weight control, and these fits do not weight rows. Undetermined values are None,
-    blank cells, as in `rows`.
+    shown as blank cells, as in `rows`.
     """
     out: list[dict[str, Cell]] = []
     for step in run.steps:
@@ -189,8 +189,8 @@ def headline(run: RunFit) -> str:
 def ask_on(run: RunFit) -> str:
     """Return advice for steps whose fits miss a part of the record; '' without such steps.
 
-    For fits without a slip trend the advice is to fit one, because a trend is often mistaken for
-    evolution. For fits with a slip trend the advice is to search for another effect.
+    For fits without a slip trend the advice is to fit a trend, because a trend is often mistaken
+    for evolution. For fits with a slip trend the advice is to search for another effect.
     """
     fits = {step.number: step.fit for step in run.steps if step.fit and misses(step)}
     if not fits:

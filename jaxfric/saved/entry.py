@@ -14,7 +14,7 @@
     width, reach    of an axis' record [m/s], [m]
     warnings        lines to read before using the law
 
-For files of older versions, this module makes the entry from other entries of the file.
+For files of older versions, this module makes the entry "friction_law" from other entries.
 """
 
 import math
@@ -141,7 +141,7 @@ def _is_size(number: object) -> bool:
 def law_entry(content: Mapping) -> dict[str, Any]:
     """Make the entry "friction_law" of a fit.json or loop.json from its other entries, `content`.
 
-    Raises KeyError, TypeError, ValueError or AttributeError if these entries are damaged.
+    Raises KeyError, TypeError, ValueError or AttributeError if `content` is damaged.
     """
     fit, law = content["schema"] == FIT, content["law"]
     axis, table = law == LAW, _table(content)
@@ -201,7 +201,7 @@ def seen_velocities(velocities: Sequence[float]) -> list[float] | None:
 
 
 def open_words(what: str, claim: Claim, of: str) -> list[str]:
-    """Warn if a result (`what`) supports no claim on stability, but only on its `of`."""
+    """Warn if a result (`what`) supports no claim on stability; the warning names its `of`."""
     if claim.kind != "open":
         return []
     return [

@@ -28,8 +28,8 @@ def law_from_fit(
     """Return the law of a fit, posterior or loop in newtons, with samples of the law's uncertainty.
 
     Samples are drawn from the covariance of a fit or a loop, or taken from the draws of a
-    posterior. The law has the regularised direct effect. Its `warnings` are the warnings of the
-    result, and a warning of effects that the law omits.
+    posterior. The law has the regularised direct effect. The `warnings` of the law are the warnings
+    of the result, and a warning of effects that the law omits.
 
     Parameters
     ----------

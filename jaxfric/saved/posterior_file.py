@@ -1,6 +1,6 @@
 """Read a law from a Posterior, or from the netCDF that `jaxfric fit --prior` wrote.
 
-The file is HDF5: h5py reads it, and ArviZ is not needed.
+The netCDF file is HDF5, so h5py reads the file without ArviZ.
 """
 
 import contextlib

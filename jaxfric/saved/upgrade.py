@@ -1,10 +1,10 @@
 """Convert files of earlier versions to the current form; all renamed keys are listed here.
 
 Changes from version 1 to 2 (a fit, a loop or steady curves): some keys have other names.
-`delta_bic` is negative if a model is better than the base; in version 1 it was positive. A given
-parameter has no std and no interval; in version 1 its std was 0. The support of a finding has keys;
-in version 1 of a fit and of steady curves it was a list. Files before version 2 may have old ids of
-effects.
+`delta_bic` is negative if a model is better than the base; in version 1 it was positive. A
+parameter with a given value has no std and no interval; in version 1 its std was 0. The support of
+a finding has keys; in version 1 of a fit and of steady curves it was a list. Files before version 2
+may have old ids of effects.
 """
 
 from collections.abc import Mapping

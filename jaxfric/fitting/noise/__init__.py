@@ -1,12 +1,15 @@
 """The noise of a record: its model, its estimate, and disturbances that are not row noise.
 
-- `parts`, `model`: white noise and a sum of correlated parts, each with a clock of its own.
-- `filter`, `covariance`, `likelihood`: one Kalman filter for any number of parts; errors and
-  effective numbers of rows; restricted likelihoods of many noises at once.
-- `search`, `spectrum`: which parts a residual has; a fast test for whiteness.
+- `parts`, `model`: white noise and a sum of parts, each correlated over its own clock (time, path
+  or rows).
+- `filter`, `covariance`, `likelihood`: a Kalman filter, the errors of parameters under a noise, and
+  the restricted likelihoods of noises.
+- `search` finds the noise parts of a residual; `spectrum` tests quickly whether a residual is
+  white.
 - `by_step`: scale of the noise, and its correlation length in rows ("pace"), in every velocity
   step.
-- `hum`, `glitches`, `quantisation`: lines of constant frequency, outliers, steps of a recorder.
+- `hum`, `glitches`, `quantisation` find spectral lines of constant frequency, outliers, and
+  rounding steps of a recorder.
 - `estimate`: the noise of a result, as JSON and as text.
 """
 

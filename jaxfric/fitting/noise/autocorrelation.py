@@ -14,7 +14,7 @@ BAND = float(-ndtri(_CHANCE / 2))
 
 
 def clocks(time: np.ndarray, path: np.ndarray, pace: np.ndarray | None = None) -> np.ndarray:
-    """Clocks at every row (n, 4): time, load-point path, row number, and rows over the `pace`."""
+    """Clocks at every row (n, 4): time, load-point path, row number, and rows per `pace`."""
     moved = np.cumsum(np.abs(np.diff(path, prepend=path[:1])))
     own = np.zeros(len(time)) if pace is None else np.cumsum(1 / pace)
     return np.stack([time, moved, np.arange(float(len(time))), own], axis=1)
@@ -35,8 +35,9 @@ class Autocorrelation(NamedTuple):
         """Ranges of distances between rows at which the noise model contradicts the record. Each
         range has a first and last distance, and whether rows are more correlated than in the model.
 
-        All distances of such a range are outside the 95 % band of the noise model. At one distance
-        or more the deviation is significant after Bonferroni correction for all distances.
+        In a contradicting range all distances are outside the 95 % band of the noise model. At one
+        or more of these distances the deviation is significant after Bonferroni correction for all
+        distances.
         """
         z = (self.value - self.model) / self.error
         rare = -ndtri(0.5 * _CHANCE / max(len(z), 1))

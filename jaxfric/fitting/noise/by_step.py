@@ -1,9 +1,9 @@
 """Noise whose size or pace (correlation length in rows) differs between velocity steps.
 
 The settings of a recorder may change with velocity. If the settings change, neighbouring rows are
-almost independent at one velocity and almost equal at another. Size and pace of a step are
-estimated from the residual, after projecting out smooth functions along the record. A likelihood
-decides whether steps need a size or pace of their own (`loop.learn.learn_noise`).
+almost independent at one velocity and almost equal at another. Size and pace of the noise in a step
+are estimated from the residual, after projecting out smooth functions along the record. A
+likelihood decides whether steps need a size or pace of their own (`loop.learn.learn_noise`).
 """
 
 import numpy as np
@@ -16,9 +16,9 @@ from .filter import taken_out
 def scale_of_steps(white: np.ndarray, step: np.ndarray, train: np.ndarray) -> np.ndarray:
     """rms of the whitened residual in each row's velocity step (n,), relative to the train rows.
 
-    `white`: whitened residual and smooth columns (n, 1 + m); `step`: velocity step of each row.
-    Held-out velocity steps have scales of their own. The mean square of the scale over the `train`
-    rows is 1.
+    `white` (n, 1 + m) holds the whitened residual and smooth columns, `step` the velocity step of
+    each row. Held-out velocity steps have scales of their own. The mean square of the scale over
+    the `train` rows is 1.
     """
     left, free = taken_out(white)
     squares, degrees = (np.bincount(step, x) for x in (left**2, free))

@@ -73,8 +73,8 @@ def rms_error(clock: Float[Numbers, "n *k"], used: ArrayLike, noise: Noise) -> f
     """Relative standard error of the rms of noise over the `used` rows (a mask or 0 and 1).
 
     The error is sqrt(sum_ij (s_i s_j rho_ij)^2/2)/sum_i s_i^2, with the correlation rho and the
-    scale s of rows. Correlated rows count less in the error of the rms, and so do rows with a
-    smaller scale than others.
+    scale s of rows. Correlated rows, and rows with a small scale, count less in the error of the
+    rms.
     """
     sizes = np.asarray(used, float) * np.asarray(noise.scale) ** 2
     return math.sqrt(0.5 * float(_squares(clock, sizes, noise))) / max(float(sizes.sum()), 1e-300)

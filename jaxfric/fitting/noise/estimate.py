@@ -87,7 +87,7 @@ def _plain(size: float) -> str:
 @dataclass(frozen=True)
 class NoiseEstimate:
     """Noise of the residual: standard deviation (unit of friction) and correlated parts, the larger
-    first. The rest of the variance is white.
+    first. The rest of the noise variance is white.
     """
 
     sigma: float
@@ -120,7 +120,8 @@ class NoiseEstimate:
 
     def resolved(self, apart: np.ndarray) -> "NoiseEstimate":
         """The noise as far as the sampling resolves it. `apart` (k,) is the distance of close rows
-        on every clock. A part with little correlation over this distance counts as white.
+        on every clock. A noise part with little correlation over the distance `apart` counts as
+        white.
         """
         parts = tuple(
             part
@@ -168,7 +169,7 @@ class NoiseEstimate:
         return total
 
     def to_json(self) -> dict:
-        """The noise as JSON values, null for infinite ones; correlation lengths in SI or rows."""
+        """The noise as JSON values, null for infinite values; correlation lengths in SI or rows."""
         return {
             "correlated_share": self.correlated_share if math.isfinite(self.sigma) else None,
             "parts": [
@@ -202,8 +203,9 @@ def noise_estimate(
 ) -> NoiseEstimate:
     """The `NoiseEstimate` of a `noise` in units of `scale`.
 
-    `longest`: longest correlation length of the noise search on every clock. `by_step`: pace and
-    scale of every velocity step, if steps differ. Other arguments are fields of `NoiseEstimate`.
+    `longest` is the longest correlation length of the noise search on every clock. `by_step` holds
+    pace and scale of every velocity step, if steps differ. Other arguments are fields of
+    `NoiseEstimate`.
     """
     parts = []
     for part in noise.parts:

@@ -4,9 +4,9 @@ The time of the filter is linear in the number of rows. Rows may be unevenly sam
 rows are skipped. A noise has few states, so loops over states are unrolled to scalar operations.
 Products of small matrices in every row would take longer.
 
-The quasi-separable kernels of tinygp solve the same equations, but with one coordinate for all
-terms. But tinygp lacks separate clocks, a part of negative variance, skipped rows, and the
-restricted likelihood of many columns.
+The quasi-separable kernels of the package tinygp solve the same equations, but with one coordinate
+for all terms. The package tinygp lacks separate clocks, a part of negative variance, skipped rows,
+and the restricted likelihood of many columns.
 """
 
 from collections.abc import Iterable, Sequence
@@ -69,7 +69,8 @@ def filtered(
     backwards: bool = False,
 ) -> tuple[Carried, tuple[Float[Array, "n m"], Float[Array, " n"]]]:
     """Whitened columns (innovations) of columns of scale 1, and the log of the inverse innovation
-    variance of each row, (n,). With `backwards` the columns are computed from their innovations.
+    variance of each row, (n,). If `backwards` is True, the filter computes the columns from their
+    innovations.
 
     Rows not `used` are skipped; `white` is the share of white noise. The filter continues from the
     state `begun` and returns its last state.
@@ -187,7 +188,7 @@ def coloured(
     white: Float[Numbers, "n m"],
     noise: Noise,
 ) -> Float[Array, "n m"]:
-    """Columns of this noise from columns of white noise of variance 1: the inverse of `whiten`.
+    """Convert columns of white noise of variance 1 to columns of this noise: inverse of `whiten`.
 
     Rows of zero weight return 0.
     """
@@ -254,7 +255,7 @@ _innovations = traced(innovations)
 def innovations_of(
     clock: Float[Numbers, "n *k"], weight: Float[Numbers, " n"], column: np.ndarray, noise: Noise
 ) -> tuple[np.ndarray, float]:
-    """`innovations` of one column (n,), padded to eight to share a compilation."""
+    """`innovations` of one column (n,), padded to eight columns to share a compilation."""
     white, size = _innovations(clock, weight, padded_columns(column[:, None]), noise)
     return np.asarray(white)[:, 0], float(size)
 

@@ -3,23 +3,23 @@
 Every row is predicted from the rows before it and from the rows after it, with the estimated noise
 (one Kalman pass each way). Take a run of one to three rows: the first row is predicted from the
 rows before it, the last row from the rows after it. The run is a glitch if both prediction errors
-exceed a limit with the same sign. None of the three rows on either side of the run may exceed six
-tenths of this limit. A step of friction is no glitch, because the row before the step deviates from
-the rows after it, with opposite sign. Longer events, and peaks that rise and fall smoothly, are no
-glitches either.
+exceed a limit with the same sign. The errors of the three rows on either side of the run must stay
+below six tenths of the limit. A step of friction is no glitch, because the row before the step
+deviates from the rows after it, with opposite sign. Longer events, and peaks that rise and fall
+smoothly, are no glitches either.
 
-Noise alone exceeds the limit once in a hundred records of the same length. The limit is in units of
-the median prediction error of the same velocity step. The noise differs between velocity steps, and
-a median, unlike a standard deviation, is robust. The limit for glitches is from Student's t,
-because noise need not be normally distributed. The degrees of freedom of Student's t follow from
-the median and the 93rd percentile of the prediction errors. Outliers in one percent of the rows
-hardly change these two percentiles. If the noise has heavy tails, the limit is higher, and almost
-no row is excluded. Rows next to a velocity step never count as glitches: friction is steep after a
-step, and a model may lack an effect.
+Noise alone exceeds the limit for glitches once in a hundred records of the same length. The limit
+for glitches is in units of the median prediction error of the same velocity step. The noise differs
+between velocity steps, and a median, unlike a standard deviation, is robust. The limit for glitches
+is from Student's t, because noise need not be normally distributed. The degrees of freedom of
+Student's t follow from the median and the 93rd percentile of the prediction errors. Outliers in one
+percent of the rows hardly change the median and the 93rd percentile. If the noise has heavy tails,
+the limit is higher, and almost no row is excluded. Rows next to a velocity step never count as
+glitches: friction is steep after a step, and a model may lack an effect.
 
 Source: Chang, Tiao & Chen 1988 (doi:10.1080/00401706.1988.10488367) for single outliers and level
-shifts by predictions. Not supported: glitches at more than a hundredth of the rows, or longer than
-three rows.
+shifts by predictions. Glitches at more than a hundredth of the rows, or longer than three rows, are
+not supported.
 """
 
 from statistics import NormalDist
@@ -62,8 +62,8 @@ NO_GLITCHES = Glitches()
 
 def beside_steps(step: np.ndarray) -> np.ndarray:
     """Mask (n,) of rows near a change of `step`: three rows before the change, since its time may
-    be wrong. After the change, as many rows as a tenth of the shorter of the two steps, but five to
-    ten.
+    be wrong. After the change the mask covers a tenth of the shorter of the two velocity steps, but
+    five to ten rows.
     """
     near = np.zeros(len(step), bool)
     edges = np.flatnonzero(np.diff(step)) + 1
@@ -81,7 +81,8 @@ def prediction_errors(
     standard deviations (n,).
 
     Column 0 of `columns` (n, m) is the residual. The other columns are directions that a model may
-    still fit; they are projected out. Rows of `weight` 0 are skipped and return 0.
+    still fit; the function projects these directions out. Rows of `weight` 0 are skipped and return
+    0.
     """
     found = []
     for turn in (slice(None), slice(None, None, -1)):
@@ -96,9 +97,9 @@ def prediction_errors(
 def in_sizes_of_steps(
     ahead: np.ndarray, back: np.ndarray, step: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Prediction errors (n,) both ways over their median in the same velocity step, scaled to unit
-    variance for normal noise. The median of a step with few rows is shrunk towards the median of
-    all steps.
+    """Forward and backward prediction errors (n,), divided by their median in the same velocity
+    step, and scaled to unit variance for normal noise. The median of a step with few rows is shrunk
+    towards the median of all steps.
     """
     size, every = np.ones(len(step)), np.concatenate([ahead, back])
     whole = float(np.median(np.abs(every)))

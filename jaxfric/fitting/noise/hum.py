@@ -1,21 +1,21 @@
 """Hum: lines of constant frequency, such as the mains, in the residual of a record.
 
 The frequency of a wave along the path is proportional to velocity; the frequency of hum is
-constant. To tell hum from waves, the residual is cut into pieces of constant velocity. The
-periodogram of each piece is divided by the spectrum of the surrounding noise. That spectrum is a
-cosine series, fitted to the logarithm of the periodogram. The periodograms of all pieces are added
-at equal frequency. A spectral line is hum if it is significant in the sum over pieces,
+constant. To distinguish hum from waves, the residual is cut into pieces of constant velocity. The
+periodogram of each piece is divided by the spectrum of the surrounding noise. The spectrum of the
+noise is a cosine series, fitted to the logarithm of the periodogram. The periodograms of all pieces
+are added at equal frequency. A spectral line is hum if it is significant in the sum over pieces,
 
     P = sum_i |sum_j r_j exp(2 pi i f t_j)|^2/(n_i S_i(f)),   under noise alone Gamma(pieces, 1).
 
 Hum must persist through both halves of a piece, unlike ringing after a velocity step. Hum must also
-be significant at two velocities, and no wave along the path may explain as much. A line at a single
-velocity may be a wave or hum; only at a frequency of the mains does it count as hum. Every piece
-has its own amplitude and phase of the hum, by least squares. Frequencies that the sampling does not
-resolve are not searched.
+be significant at two velocities, and no wave along the path may explain as much of the residual. A
+spectral line at a single velocity may be a wave or hum. Such a line counts as hum only at a
+frequency of the mains. Every piece has its own amplitude and phase of the hum, by least squares.
+Frequencies that the sampling does not resolve are not searched.
 
 Source: Lomb 1976 (doi:10.1007/BF00648343) and Scargle 1982 (doi:10.1086/160554) for uneven rows.
-Here rows are binned into cells of a quarter of the row interval, which lowers the power P by at
+This module bins rows into cells of a quarter of the row interval, which lowers the power P by at
 most 5 %.
 """
 

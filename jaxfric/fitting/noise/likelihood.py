@@ -27,7 +27,7 @@ def products(
     scale: Float[Numbers, " *n"],
     noises: Noises,
 ) -> tuple[Float[Array, "g m m"], Float[Array, " g"]]:
-    """Products of columns whitened by every noise of sigma 1, and log-determinants."""
+    """Products of whitened columns, and the log-determinant, for every noise of sigma 1."""
     scale, used = jnp.broadcast_to(scale, weight.shape), weight > 0
     each = const.BLOCK if len(weight) % const.BLOCK == 0 else len(weight)
     rows = (distances(clock), used, columns / scale[:, None])

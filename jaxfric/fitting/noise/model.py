@@ -64,7 +64,7 @@ def noise_of(
     """White noise plus an exponential part with this `share` of the variance. `memory` is the
     correlation length of that part on every clock, infinite on clocks that the part does not use.
 
-    Shapes: `memory` (k,) or (), all others ().
+    `memory` has the shape (k,) or (), all other arguments the shape ().
     """
     rates = np.atleast_1d(1 / np.asarray(memory, float))
     parts = (Exponential(np.asarray(share, float), rates),) if share else ()

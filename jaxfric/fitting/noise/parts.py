@@ -12,8 +12,9 @@ the noise of a differentiated position.
 
 To add a kind of noise part, write a class in this module and add the class to `KINDS`.
 
-Sources: Foreman-Mackey et al. 2017 (doi:10.3847/1538-3881/aa9332) for such terms in linear time;
-Kelly et al. 2014 (doi:10.1088/0004-637X/788/1/33) for filters of white noise at uneven sampling.
+Sources: Foreman-Mackey et al. 2017 (doi:10.3847/1538-3881/aa9332) for such noise terms in linear
+time; Kelly et al. 2014 (doi:10.1088/0004-637X/788/1/33) for filters of white noise at uneven
+sampling.
 """
 
 import abc
@@ -87,7 +88,7 @@ class AbstractPart(eqx.Module):
     @classmethod
     @abc.abstractmethod
     def at(cls, theta: Float[np.ndarray, "g q"], limits: Limits, clock: int) -> "AbstractPart":
-        """Parts from parameters; `share` is the variance of a part over that of white noise."""
+        """Parts from parameters; `share`: variance of a part divided by that of white noise."""
 
     @classmethod
     @abc.abstractmethod
@@ -107,7 +108,7 @@ class AbstractPart(eqx.Module):
 
     @classmethod
     def over(cls, clock: int) -> Term:
-        """This kind of part over one clock."""
+        """The `Term` of this kind of part, correlated over one clock."""
         return Term(cls, clock)
 
     def forgotten(self, away: Float[Numbers, "n k"]) -> Float[Array, "*g n"]:
@@ -244,8 +245,8 @@ class Resonator(AbstractPart):
         return 1.0, 1 + jnp.where(beta > 0, beta, -(self._damped() ** 2))
 
     def transition(self, away: Float[Numbers, "n k"]) -> Matrix:
-        """Transition matrix from the solution of the oscillator's equation. Sines take half the
-        time of a filter, so sines are computed once, and only if some part oscillates.
+        """Transition matrix from the solution of the oscillator's equation. Computing sines takes
+        half the time of a filter, so sines are computed once, and only if some part oscillates.
         """
         d = self.forgotten(away)
         beta, s = jnp.asarray(self.beta)[..., None], self._damped()[..., None]
@@ -269,7 +270,7 @@ class Resonator(AbstractPart):
 
     @classmethod
     def joins(cls, others: Sequence[type[AbstractPart]], *, either_sign: bool) -> bool:
-        """Only once: a record has at most one resonator."""
+        """Whether no resonator is present yet: a record has at most one resonator."""
         del either_sign
         return cls not in others
 

@@ -2,9 +2,10 @@
 
 A recorder that rounds to steps of q makes errors of up to q/2, q/sqrt(12) rms (Bennett 1948,
 doi:10.1002/j.1538-7305.1948.tb01340.x). Rounding errors are independent from row to row if noise or
-signal changes by about a step. With independent rounding errors the white part of the noise has a
-variance of at least q^2/12, even if the likelihood prefers less. If the rest of the noise is much
-smaller than a step, rounding errors are not independent and the rows form a staircase.
+signal changes by about a rounding step. With independent rounding errors the white part of the
+noise has a variance of at least q^2/12, even if the likelihood prefers a smaller variance. If the
+rest of the noise is much smaller than a step, rounding errors are not independent and the rows form
+a staircase.
 """
 
 import math

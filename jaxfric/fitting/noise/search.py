@@ -1,7 +1,7 @@
 """Estimates the noise of a residual by restricted likelihood: white, plus a few correlated parts.
 
-A `Family` lists the parts of a noise and their clocks. Damped Newton steps find the parameters of a
-family (logarithms). The derivatives are finite differences of the likelihood between noises that
+A `Family` lists the parts of a noise and their clocks. Damped Newton steps find the logarithms of a
+family's parameters. The derivatives are finite differences of the likelihood between noises that
 are evaluated in one pass (`likelihood`).
 
 `estimate_noise` starts from white noise and adds a part if this lowers the BIC. `profile_noise`
@@ -43,7 +43,7 @@ class Family(NamedTuple):
     ) -> tuple["Family", np.ndarray]:
         """The family with one more part, and the parameters (g, q) of the new family. The
         parameters join `theta` of this family and `new` (g, p) of the added part. Parts with few
-        parameters come first, so few orders are compiled.
+        parameters come first, so few orders of parts are compiled.
         """
         at = sum(kind.parameters < term.kind.parameters for kind, _ in self.terms)
         terms = self.terms[:at], self.terms[at:]
@@ -57,7 +57,7 @@ class Family(NamedTuple):
         return np.split(theta, ends, axis=-1) if self.terms else []
 
     def bounds(self, limits: Limits) -> tuple[np.ndarray, np.ndarray]:
-        """Least and largest parameters of the family, (q,) each."""
+        """Lower and upper bounds of the family's parameters, (q,) each."""
         ends = [
             end
             for kind, k in self.terms
@@ -149,7 +149,7 @@ class Found(NamedTuple):
 
 
 def longest_memory(clock: Float[Numbers, "n *k"]) -> np.ndarray:
-    """Longest correlation length of a fit's noise on every clock (k,): `LONGEST` times its span."""
+    """Longest correlation length of a fit's noise on every clock (k,): `LONGEST` times the span."""
     return const.LONGEST * np.ptp(np.asarray(clock).reshape(len(clock), -1), axis=0)
 
 
@@ -228,8 +228,8 @@ def noises_around(
     """Noises of a family around and between some parameters `thetas`; `white` adds white noise.
 
     `sizes` and `memories` are offsets of ln(size) and ln(correlation length) from points between
-    the first and last theta. Offsets of correlation lengths are equal for all parts. With `alike`
-    offsets of sizes are equal for all parts too.
+    the first and last theta. Offsets of correlation lengths are equal for all parts. If `alike` is
+    True, offsets of sizes are equal for all parts too.
     """
     first, last, number = thetas[0], thetas[-1], len(family.terms)
     each = zip(*[sizes] * number, strict=True) if alike else itertools.product(sizes, repeat=number)
@@ -265,9 +265,9 @@ def estimate_noise(
 ) -> Found:
     """Restricted maximum-likelihood noise of a residual with its Jacobian (`noise_rows`).
 
-    With `either_sign` negative correlation is allowed (even sampling). `least` is the smallest
-    standard deviation of the white part, for example from quantisation. If a noise `like` is given
-    and not white, the parts of `like` are kept, and only their sizes are estimated.
+    If `either_sign` is True, negative correlation is allowed (even sampling). `least` is the
+    smallest standard deviation of the white part, for example from quantisation. If a noise `like`
+    is given and not white, the parts of `like` are kept, and only their sizes are estimated.
     """
     part, larger = stretches(record, const.SOUGHT), stretches(record, const.SIZED)
     if like is None or not like.family.parameters:

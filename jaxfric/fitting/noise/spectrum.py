@@ -1,23 +1,24 @@
 """Test from the spectrum whether a residual is white, in a millisecond.
 
 The noise search whitens a record under hundreds of noises. If the noise is white, the spectral test
-avoids most of this work. In a piece of a record all clocks advance evenly, so every noise part is
-stationary from row to row. The Fourier coefficients of such a piece are nearly independent. Let s_j
-be the variance of Fourier coefficient j, for a noise of total variance 1. Up to a constant, the
-restricted likelihood is
+avoids most of the whitening. In a piece of a record all clocks advance evenly, so every noise part
+is stationary from row to row. The Fourier coefficients of such a piece are nearly independent. Let
+s_j be the variance of Fourier coefficient j, for a noise of total variance 1. The restricted
+likelihood L follows from the spectrum, up to a constant:
 
     -2 log L = N log(sum_j I_j/s_j / N) + sum_j (1 - h_j) log s_j,   N = sum_j (1 - h_j)
 
 I is the periodogram of the residual. h_j is the share of coefficient j that the fit absorbs, from
 an orthonormal basis of the Jacobian. Neighbouring Fourier coefficients are summed over bands in
-which no part changes noticeably. Sampled at even distances d, an exponential part has the spectrum
+which the spectrum of no noise part changes noticeably. An exponential part, sampled at even
+distances d, has the spectrum S(w):
 
     S(w) = (1 - r^2)/(1 - 2 r cos w + r^2),   r = exp(-d)
 
 and other parts are sums of such spectra, with complex r.
 
-The test needs only a rough bound, so edges of pieces and uneven rows within a piece are neglected.
-The test gives no result if the rows are too uneven for pieces.
+The test for whiteness needs only a rough bound, so it neglects edges of pieces and uneven rows
+within a piece. The test gives no result if no piece of the record has even rows.
 
 Source: Whittle 1953 (doi:10.1007/BF02590998) for the likelihood of a spectrum.
 """

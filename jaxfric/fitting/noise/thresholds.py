@@ -1,4 +1,4 @@
-"""Constants of the noise model that are chosen, not derived; each with its reason."""
+"""Constants of the noise model that are chosen, not derived, with the reason for each."""
 
 # ---- the filter
 

@@ -1,8 +1,8 @@
 """Reduction: convert what a press recorded to columns with units, by the laboratory's own script.
 
 `operations` has the arithmetic. `bench` has the numbered columns that a script works on, and the
-log of its steps. `xlook_script` runs command files of xlook, `toml_script` scripts in TOML.
-`reduce` opens a file and reduces it.
+log of the script's steps. `xlook_script` runs command files of xlook, `toml_script` scripts in
+TOML. `reduce` opens a file and reduces it.
 """
 
 from .bench import Bench as Bench

@@ -33,7 +33,7 @@ class BenchColumn:
 
     @property
     def shown(self) -> str:
-        """The name, with the unit if there is one."""
+        """The name of the column, with the unit if there is one."""
         return f"{self.name} [{self.unit}]" if self.unit else self.name
 
 
@@ -42,7 +42,7 @@ class Bench:
     """Columns by number, from 1, and the line of each row in the file.
 
     All columns have equally many rows. Methods raise `InputError` for columns or rows that do not
-    exist; the message does not name the script, the caller adds it.
+    exist; the caller adds the name of the script to the message.
     """
 
     columns: dict[int, BenchColumn]

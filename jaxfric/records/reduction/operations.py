@@ -1,8 +1,8 @@
 """Operations of a reduction: functions of arrays (n,) that do not change their input.
 
 The arithmetic is that of xlook (github.com/PennStateRockandSedimentMechanics/xlook, `array.c` and
-`special.c`), so that a script gives the same numbers as in xlook. The one exception are the last
-rows of a smoothed interval, where xlook removes the wrong row.
+`special.c`), so that a script gives the same numbers as in xlook. Results differ from xlook only in
+the last rows of a smoothed interval, where xlook removes the wrong row.
 """
 
 import numpy as np
@@ -14,7 +14,8 @@ _AT_ONCE = 1_000_000  # largest number of values in windows that are processed a
 
 def without_jump(values: np.ndarray, first: int, last: int, *, flat: bool) -> np.ndarray:
     """Shift all rows from `last` on so that row `last` gets the value of row `first`, to remove an
-    encoder reset; with `flat` the rows between get this value too."""
+    encoder reset; with `flat` the rows between `first` and `last` get this value too.
+    """
     out = values.copy()
     out[last:] -= values[last] - values[first]
     if flat:
@@ -27,7 +28,7 @@ def elastically_corrected(
 ) -> np.ndarray:
     """Subtract the elastic stretch of the frame from a displacement: x - (tau - tau_0)/k.
 
-    `stiffness` k is in units of stress over those of displacement.
+    `stiffness` k has the unit of stress divided by the unit of displacement.
     """
     if stiffness == 0:
         raise InputError("the stiffness is 0")
@@ -77,7 +78,7 @@ def running_slope(x: np.ndarray, y: np.ndarray, window: int) -> np.ndarray:
     """Return dy/dx by least squares over `window` rows (odd) centred at each row.
 
     Rows near the start get the slope of the first full window. As in xlook, rows near the end get
-    that of the window before the last. The slope is NaN where x is constant.
+    the slope of the window before the last. The slope is NaN where x is constant.
     """
     half = _half(window, len(x))
     wide = 2 * half + 1

@@ -12,13 +12,13 @@
     [rows]
     remove = [[86283, 86283]]
 
-Keys of a column, in the order of execution: `from`, `factor`, or `ratio`; `sum` (true: the column
-holds intervals), `jumps`, `zero`, `elastic` (`{stress = "shear_stress", stiffness = "0.1 MPa/um"}`:
-subtract the elastic stretch of the frame) and `smooth` (number of rows of a running mean). Keys of
-`rows`: `from`, `to`, `remove` and `rising` (a column; rows where it does not rise are removed).
-Rows are those of the file, counted from 0. A column of the file may be written with its unit, "Weg
-[mm]". The record has the columns made here. If none of them is its time, motion or friction, a
-column of the file with such a header is used.
+A column has these keys, in the order of execution: `from`, `factor`, or `ratio`; `sum` (true: the
+column holds intervals), `jumps`, `zero`, `elastic` (`{stress = "shear_stress", stiffness = "0.1
+MPa/um"}`: subtract the elastic stretch of the frame) and `smooth` (number of rows of a running
+mean). `rows` has the keys `from`, `to`, `remove` and `rising` (a column; rows where this column
+does not rise are removed). Row numbers are those of the file, counted from 0. A column of the file
+may be written with its unit, "Weg [mm]". The record has the columns that the script makes. If the
+script makes no time, motion or friction, a column of the file with a matching header is used.
 """
 
 import json
@@ -76,7 +76,7 @@ def _parted(name: str, unit: str = "") -> tuple[str, str]:
 
 
 def run_toml(table: Table, script: Path) -> tuple[Table, tuple[Done, ...]]:
-    """Reduce a table by the file `script` (see above); return it and what each key did.
+    """Reduce a table by the file `script`; return the reduced table and what each key did.
 
     Raises `InputError`, with the key, for a file that is not TOML, an unknown key, a value of the
     wrong type, a column or row that does not exist, and a unit of another dimension.

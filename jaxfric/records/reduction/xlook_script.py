@@ -66,7 +66,8 @@ def _number(word: str, what: str, kind: Callable[[str], float]) -> float:
 
 
 def run_xlook(table: Table, script: Path) -> tuple[Table, tuple[Done, ...]]:
-    """Reduce a table by xlook's commands in the file `script`; return it and what each command did.
+    """Reduce a table by xlook's commands in the file `script`; return the table and each command's
+    log.
 
     Raises `InputError`, with the line, for an unknown command, missing arguments, a column or row
     that does not exist, division by a column of zeros, and a script that removes all rows or cannot
