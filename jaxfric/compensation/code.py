@@ -29,8 +29,8 @@ def c_code(
     """Return the source of NAME_friction(v) and NAME_feedforward(v, a), for -std=c99.
 
     The source includes only math.h. If friction depends on position, the feedforward is
-    NAME_feedforward(q, v, a). NAME_friction then holds for the middle of the travel, without
-    ripples and weight.
+    NAME_feedforward(q, v, a). If friction depends on position, NAME_friction holds for the middle
+    of the travel, without ripples and weight.
 
     Parameters
     ----------

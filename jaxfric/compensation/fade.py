@@ -1,9 +1,10 @@
 """The fade speed, below which a compensation of friction should fade.
 
-Axis friction jumps by twice its level when the velocity changes sign. A feedforward with such a
-jump is early: the axis reverses later than its reference, and friction recovers over a distance.
-Until feedforward and friction agree, the compensation pushes the axis with up to twice the friction
-level. So the part of the feedforward that changes sign with the velocity v is multiplied by
+Axis friction jumps by twice its level when the velocity changes sign. A feedforward that jumps with
+the reference is too early: the axis reverses later than its reference, and friction recovers over a
+distance. Until feedforward and friction agree, the compensation pushes the axis with up to twice
+the friction level. So the part of the feedforward that changes sign with the velocity v is
+multiplied by
 
     s(v) = tanh(v/v_f),    v_f = max(v_1, v_2, v_3)
 
@@ -14,15 +15,16 @@ level. So the part of the feedforward that changes sign with the velocity v is m
 v_slow is the lowest speed of rows that count in the fit, or of steady runs. The record may support
 the friction only from a higher speed on, if few rows are slower. Between v_slow and the lowest
 supported speed the fitted curve is an extrapolation. If the curve contains an undetermined speed
-scale, the extrapolation is unreliable and must fade, without reducing the supported friction. Then
-v_1 is a quarter of the lowest supported speed, at which s = 0.999.
+scale, the extrapolation is unreliable and must fade, without reducing the supported friction. For a
+curve with an undetermined speed scale, v_1 is a quarter of the lowest supported speed, at which s =
+0.999.
 
 alpha is the acceleration of the reference at the reversal. The reference has the speed sqrt(2 alpha
 x) a distance x after the reversal, and the speed alpha t a time t after the reversal.
 
 x is the distance within which friction is far from its steady value. The deficit D right after a
-reversal decays as exp(-x/l). For a bristle that carries the part a of the level G, D = 2 a and l =
-x_c. For rate-and-state friction after sliding at V, D = B ln(1 + V/v_c) and l = L. A bristle that
+reversal decays as exp(-x/l). A bristle that carries the part a of the level G has D = 2 a and l =
+x_c. Rate-and-state friction after sliding at V has D = B ln(1 + V/v_c) and l = L. A bristle that
 carries the whole level (Dahl's, a = G) has the deficit 2 G/e at x = l. The deficit 2 G/e defines x
 in all cases:
 
@@ -36,7 +38,7 @@ Armstrong-Helouvry, Dupont and Canudas de Wit (1994, doi:10.1016/0005-1098(94)90
 Astrom, Canudas de Wit, Gafvert and Lischinsky (1998, doi:10.1016/S0947-3580(98)70113-X); presliding
 over a distance: Canudas de Wit, Olsson, Astrom and Lischinsky (1995, doi:10.1109/9.376053). Servo
 drives fade linearly over a speed set by the user (VSTFR of Beckhoff's AX2000). The rule v_f =
-max(v_1, v_2, v_3) is this project's own.
+max(v_1, v_2, v_3) for the fade speed is a choice of jaxfric.
 """
 
 import math

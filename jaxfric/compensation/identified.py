@@ -100,7 +100,7 @@ class Identified:
 
     @property
     def guessed(self) -> bool:
-        """Whether the curve is unreliable below `slowest`, although slower rows count."""
+        """Whether the curve is unreliable below `slowest`, although the fit has slower rows."""
         return bool(self.bends) and self.slowest > self.slowest_row
 
     @property
@@ -110,7 +110,7 @@ class Identified:
 
     @property
     def below(self) -> str:
-        """What the map is below the supported speeds."""
+        """Text on the friction map below the supported speeds."""
         speed = f"{self.length}/s"
         told = f"Below {self.slowest:.3g} {speed} the map extrapolates the fitted curve, a guess"
         told += " without errors"

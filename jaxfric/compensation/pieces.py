@@ -3,7 +3,8 @@
     u = M a + R(q, v) + s(v) G(q, v)
 
 q, v, a are position, velocity and acceleration of the reference. A term has a plain text, a LaTeX
-and a C form; this module makes the formula of the first two, and `code` the C functions.
+and a C form. This module makes the formula in plain text and in LaTeX; the module `code` makes the
+C functions.
 """
 
 import re
@@ -31,7 +32,7 @@ class Factor(NamedTuple):
     latex: str = ""
     code: str = ""
     ripple: bool = False
-    """Whether it is a ripple or a weight, which the static map omits."""
+    """Whether the term is a ripple or a weight, which the static map omits."""
 
 
 _LOG = Factor(SIGN, "ln(1 + |v|/{v_c})", r"\ln(1 + |v|/{v_c})", "log(1.0 + fabs(v) / {v_c})")
@@ -111,7 +112,7 @@ class Piece(NamedTuple):
 
     @property
     def ripple(self) -> bool:
-        """Whether it is a ripple or a weight, which the static map omits."""
+        """Whether the term is a ripple or a weight, which the static map omits."""
         return self.factor.ripple
 
     @property

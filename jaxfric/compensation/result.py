@@ -94,9 +94,10 @@ class Feedforward(Described, Drawable, Tabular):
         return friction_at(self.curve, self.fade.speed, speed)
 
     def columns(self) -> dict[str, np.ndarray]:
-        """The table by column: velocity, force, standard error and 95 % band of the force, and its
-        basis. Errors are nan outside the supported speeds; the basis is "record" or "guess". Column
-        names contain the units."""
+        """The table by column: velocity, force, standard error and 95 % band of the force, and the
+        basis of the force. Errors are nan outside the supported speeds; the basis is "record" or
+        "guess". Column names contain the units.
+        """
         force, std = self.table.force, self.table.std
         unit, speed = self.about.force_unit, f"{self.about.length}/s"
         return {
@@ -109,7 +110,7 @@ class Feedforward(Described, Drawable, Tabular):
         }
 
     def csv(self) -> str:
-        """The table as CSV. Commas only separate columns; an unknown error is empty."""
+        """The table as CSV. Commas only separate columns; fields of unknown errors are empty."""
         columns = self.columns()
         rows = zip(*columns.values(), strict=True)
         lines = [",".join(_cell(x) for x in row) for row in rows]

@@ -1,4 +1,4 @@
-"""The catalogue of effects that a model may lack, by room."""
+"""The catalogue of effects that a model may lack, by part of the rig."""
 
 from .axis import AbstractAxisEffect as AbstractAxisEffect
 from .catalogue import AXIS_CATALOGUE as AXIS_CATALOGUE

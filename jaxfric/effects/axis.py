@@ -134,12 +134,12 @@ class AxisStribeck(AbstractAxisTermEffect):
 class LogViscous(AbstractAxisEffect, AbstractAxisTerm):
     """+ c ln(1 + |v|/v_c) sgn v: friction that grows with speed, at a decreasing rate.
 
-    Well below the speed v_c this friction is viscous, c v/v_c. Above v_c this friction grows by c
-    per factor e in speed, as for a shear-thinning lubricant. (The asinh of the speed in Eyring
-    1936, doi:10.1063/1.1749836, is also first linear and then logarithmic.) The speed v_c is at
-    least the width of the smoothed sign; below this width friction is not modelled. If all speeds
-    of a record are far above v_c, a change of v_c acts like Coulomb friction. Such a record
-    determines c but not v_c.
+    Well below the speed v_c logarithmic friction is viscous, with the force c v/v_c. Above the
+    speed v_c logarithmic friction grows by c for each factor e in speed, as for a shear-thinning
+    lubricant. (The asinh of the speed in Eyring 1936, doi:10.1063/1.1749836, is also first linear
+    and then logarithmic.) The speed v_c is at least the width of the smoothed sign; below this
+    width friction is not modelled. If all speeds of a record are far above v_c, a change of v_c
+    acts like Coulomb friction. Such a record determines c but not v_c.
     """
 
     id = "log_viscous"
@@ -211,7 +211,8 @@ class AxisPositionPeriodic(AbstractAxisTermEffect, AbstractPlaceEffect[AxisRig])
 class Gravity(AbstractLinearAxisEffect, AbstractAxisTermEffect, AbstractPlaceEffect[AxisRig]):
     """+ a sin q + b cos q, q in radians: torque m g l of a joint's load, for any zero of the angle.
 
-    For rotary axes only. q is the joint's angle; on the motor's side of a gear the period differs.
+    For rotary axes only. The angle q is that of the joint; on the motor side of a gear the period
+    of the torque differs.
     """
 
     id = "gravity"
@@ -278,7 +279,8 @@ class AxisTimeDrift(AbstractLinearAxisEffect, AbstractAxisTermEffect):
 
 class Presliding(AbstractAxisEffect):
     """+ a (z/x_c - sgn v) + sigma_1 z', z' = v - |v| z/x_c: after a reversal Coulomb friction
-    recovers over a distance. With sigma_1 = 0 the bristle is Dahl's, otherwise LuGre's.
+    recovers over a distance. With sigma_1 = 0 the bristle follows Dahl's model, otherwise the LuGre
+    model.
 
     The damping sigma_1 acts only while the bristle bends: at low speed, within a few lengths x_c of
     a reversal. So a force of sigma_1 times the speed of a stroke never occurs. A record may

@@ -6,25 +6,27 @@ the present value u = ln V/V0 approximates the past value,
     u(t - alpha) ~ u - alpha u' + (alpha^2/2) H(s) u'',   H(s) = (1 + n s)/(1 + b1 s + b2 s^2)
 
 With b1 = alpha/2, b2 = alpha^2/12, n = alpha/6 the filter is the [2/2] Pade approximant of
-exp(-alpha s). The poles of the Pade approximant, at 3.5/alpha, are stiff for a small delay. So the
-filter has a time constant c that keeps its poles below 2/c. The constant c is in crossings; in one
-crossing, L/V, the contact renews itself. With a = alpha V/L and nu = c/(1 + 2a/(3c)):
+exp(-alpha s). The poles of the Pade approximant, of magnitude 3.5/alpha, make the equations stiff
+if the delay alpha is small. An additional time constant c of the filter limits the magnitude of the
+filter's poles to 2/c. The unit of the time constant c is a crossing, the time L/V in which the
+contact renews itself. With a = alpha V/L and nu = c/(1 + 2a/(3c)):
 
     b1 = a/2 + nu,   b2 = a^2/12 + a nu/3 + c^2/4,   n = a/6 + nu
 
-The filter is exact to second order in alpha, and nearly exact to third order. The filter's states
-are y = u/(1 + b1 s + b2 s^2) and its rate z. With d = (u - y - b1 z)/b2, y'' = d and
+The filter is exact to second order in the delay alpha, and nearly exact to third order. The
+filter's states are y = u/(1 + b1 s + b2 s^2) and the rate z of y. With d = (u - y - b1 z)/b2, y'' =
+d and
 
     u(t - alpha) ~ u - g u' + (a^2/2) [d - (n/b2) (z + b1 d)],   g = a c nu/(4 b2)
 
-The derivative u' is not computed. B V g u'/L = B g V'/L is part of theta', so the solver integrates
-theta - B g V/L.
+The derivative u' is not computed. The term B V g u'/L = B g V'/L is part of theta', so the solver
+integrates theta - B g V/L.
 
 The velocity V_p that defines a crossing is a third state of the filter. With the slider's velocity
-V instead of V_p, d would need u'. A constant velocity instead of V_p would make the equations stiff
-where the slider is slow. The state ln V_p follows the faster of slider and load point within c/2
-crossings. L/V_p, a and the filter's coefficients change with V_p, so the equations contain their
-rates.
+V instead of V_p, the filter would need the derivative u'. A constant velocity instead of V_p would
+make the equations stiff where the slider is slow. The state ln V_p follows the faster of slider and
+load point within c/2 crossings. The filter's coefficients change with V_p, so the equations contain
+the rates of the coefficients.
 """
 
 from typing import NamedTuple
@@ -146,8 +148,9 @@ def _log(ratio: Float[Array, ""]) -> Float[Array, ""]:
 class FrictionalDelay(AbstractHeavyEffect[Rig]):
     """theta_ss = -B ln(V(t - alpha)/V0), slip law.
 
-    A filter of the present velocity replaces the history of velocity (see this module). The table
-    gives the error relative to the effect, compared with a solution by the method of steps (SciPy):
+    A filter of the present velocity replaces the history of velocity (`effects.delay`). The table
+    gives the error of the filter over the effect of the delay, compared with a solution by the
+    method of steps (SciPy):
 
         alpha V/L     0.03   0.1    0.3    1      3       of the fastest velocity
         K L/A = 1     0.3 %  0.8 %  1.6 %  2.1 %  2.4 %

@@ -1,8 +1,8 @@
-"""An effect: a modification of one room of a rig, with a null that changes nothing.
+"""An effect: a modification of one part of a rig, with a null that changes nothing.
 
-An effect holds its parameters; without arguments it is at its null. `embed(rig)` returns the rig
-with the effect. At the null, the rig with the effect predicts the same as `rig`, to rounding. So a
-fit without the effect is a special case of the fit with the effect.
+An effect holds its parameters; an effect made without arguments is at its null. `embed(rig)`
+returns the rig with the effect. At the null, the rig with the effect predicts the same as `rig`, to
+rounding. So a fit without the effect is a special case of the fit with the effect.
 
 A parameter is an amplitude or a shape. An amplitude is unbounded and has the null 0. A shape (a
 length, a time, a velocity) has no influence while the amplitudes are 0. Fits start each shape from
@@ -133,8 +133,8 @@ class AbstractEvolutionEffect(AbstractLinearEffect[Rig]):
 class AbstractHeavyEffect(AbstractLinearEffect[R]):
     """An effect that is costly to simulate, with a cheap first-order form at its null.
 
-    Most candidate models of a loop do not contain the effect, and need only its derivatives at the
-    null.
+    Most candidate models of a loop do not contain a costly effect, and need only the derivatives of
+    this effect at its null.
     """
 
     @abc.abstractmethod
@@ -180,7 +180,7 @@ def ids_of(value: str | Sequence[str]) -> tuple[str, ...]:
 
 
 def id_of(name: str) -> str:
-    """The current name of an effect or its parameter; translates names of older files."""
+    """The current name of an effect or of an effect's parameter, given an older name."""
     return _RENAMED.get(name, name)
 
 

@@ -268,9 +268,9 @@ class PositionPeriodic(AbstractPlaceEffect[Rig], AbstractTermEffect, AbstractSta
 class NormalStressState(AbstractLinearEffect[Rig], AbstractTermEffect):
     """dtheta/dt - alpha n'/n, n normal stress relative to the start (Linker, Dieterich 1992).
 
-    The solver integrates theta + alpha ln n, so no derivative of the recorded n is needed. The
-    effect needs a rig with a `normal_stress`. In a rig with a `normal_stress` the machine pulls
-    against n f, with or without this effect.
+    The solver integrates theta + alpha ln n, so it needs no derivative of the recorded stress n.
+    The effect needs a rig with a `normal_stress`. In a rig with a `normal_stress` the machine pulls
+    against n f, with or without a normal_stress effect.
     """
 
     id = "normal_stress"

@@ -57,8 +57,8 @@ class Damping(AbstractLinearEffect[Rig]):
 class Inertia(AbstractHeavyEffect[Rig]):
     """m dV/dt = pull - friction, for a base without mass: the velocity lags the force balance.
 
-    See `simulation.ode`. The table gives the error relative to the effect, compared with a solution
-    with mass (SciPy):
+    See `simulation.ode`. The table gives the error over the effect of the mass, compared with a
+    solution with mass (SciPy):
 
         sqrt(m/K) V/L   0.03    0.1     0.3     1       of the fastest velocity
         K L/A = 1       50 %    14 %    3 %     0.2 %
@@ -66,8 +66,8 @@ class Inertia(AbstractHeavyEffect[Rig]):
         K L/A = 6               0.6 %   0.04 %          ringing
 
     The table holds for velocity steps of up to a factor of ten. The error is large only where the
-    mass hardly matters. The first-order form may be wrong by half of the effect if the mass delays
-    the velocity for long. Long means more than a tenth of the spring's relaxation time.
+    mass hardly matters. If the mass delays the velocity by more than a tenth of the spring's
+    relaxation time, the first-order form may be wrong by half of the effect.
     """
 
     id = "inertia"

@@ -21,8 +21,8 @@ corrected for the apparatus.
 
 For an axis the law is an `AxisLaw`: friction and its states near a steady velocity, in one
 direction. The gains of an axis are computed from an `AxisLaw` too. Without rate_and_state, axis
-friction has no memory in steady motion, because a bristle stays bent. An axis without such memory
-has no critical stiffness, so its law is refused.
+friction has no memory in steady motion, because a bristle stays bent. If friction of an axis has no
+memory, the axis has no critical stiffness, so its law is refused.
 """
 
 from collections.abc import Callable, Mapping, Sequence

@@ -1,7 +1,7 @@
 """An immutable record of a slider, a run or an axis, prepared for the loop.
 
-A `Case` holds the least-squares problem of a record. A `close.Subject` adds the functions that a
-loop's results need.
+A `Case` holds the least-squares problem of a record. A `close.Subject` adds the functions that the
+results of a loop need.
 """
 
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -36,7 +36,8 @@ class Offered(NamedTuple):
 
         Raises
         ------
-        InputError : with the text of `refusal`, if a requested effect needs such a channel.
+        InputError : with the text of `refusal`, if a requested effect needs a channel that is not
+            given.
         """
         seen = tuple(e for e in self.effects if e.channel in (None, *channels))
         lost = [e for e in self.effects if e not in seen and e.id in self.with_]
@@ -53,7 +54,7 @@ def offered(
     most: int,
     effect_of: Callable[[str], type[AbstractEffect]],
 ) -> Offered:
-    """The effects that a loop may add: those of a catalogue and the user's own.
+    """The effects that a loop may add: effects of a catalogue and effects of the user.
 
     Raises
     ------
@@ -102,7 +103,7 @@ _ALL, _USUAL = Choice(), NoiseBounds()
 
 
 class Column(NamedTuple):
-    """One shape of one effect: shape parameters by index in z, and indices of the amplitudes."""
+    """One shape of one effect: shape parameters and amplitudes, by index in the vector z."""
 
     id: str
     shape: dict[int, float]
@@ -112,7 +113,7 @@ class Column(NamedTuple):
 
 
 class Sensitivities(NamedTuple):
-    """Sensitivities of one effect at every shape; places count from 0."""
+    """Sensitivities of one effect at every shape, as columns of one matrix."""
 
     columns: list[Column]
     matrix: np.ndarray
@@ -122,7 +123,7 @@ class Sensitivities(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Case(Generic[P]):
-    """A least-squares problem that contains all effects, and the use of each row."""
+    """A least-squares problem that contains all effects, with the block of each row."""
 
     problem: P
     """Its model is an `EncompassingModel`."""

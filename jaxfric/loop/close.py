@@ -1,7 +1,8 @@
 """The steps of the loop: base fit, search, residual structure, verdict; for slider and axis.
 
-`slider.slider_subject` makes a `Subject` for a record of steps or a run (`run`),
-`axis.loop.axis_subject` for an axis. The rest of the loop is the same for sliders, runs and axes.
+`slider.slider_subject` makes a `Subject` for a record of velocity steps or for a run.
+`axis.loop.axis_subject` makes a `Subject` for an axis. The rest of the loop is the same for
+sliders, runs and axes.
 """
 
 import dataclasses
@@ -35,7 +36,7 @@ from .verdict import conclude
 
 
 class Reported(NamedTuple):
-    """Record and base of a loop for reports, with the rows over which models are scored."""
+    """Record and base model of a loop for reports, with the rows on which models are scored."""
 
     record: Record
     base: LoopBase
@@ -55,8 +56,8 @@ class Reported(NamedTuple):
 class Subject(Generic[P]):
     """A case with the functions that the loop and its results need for this kind of record.
 
-    The functions of a subject are called with the engine after the noise estimate, which excludes
-    outliers.
+    The functions of a subject are called with the engine after the noise estimate. This engine
+    excludes outliers.
     """
 
     case: Case[P]
@@ -151,7 +152,7 @@ def close(subject: Subject[P], *, most: int, begun: float, progress: Callable[[s
 
 
 def declared(subject: Subject[P]) -> np.ndarray:
-    """Starting parameters of the base with its declared effects, each at its best shape."""
+    """Starting parameters of the base with the declared effects, each effect at its best shape."""
     case, z = subject.case, subject.start
     if not case.choice.always:
         return z

@@ -1,15 +1,16 @@
 """Comparison of friction laws on one record.
 
-Every law is fitted with one state and with two. The fits are ranked by
+Every law is fitted with one state variable and with two. The fits are ranked by
 
     BIC = -2 ln L + p ln n,
 
 L is the maximum likelihood of the residual over the p parameters of the law and the parameters of
-the noise. n is the effective number of rows, less than all rows if their noise is correlated. Each
-law has its own noise, but the noise of all laws has the same parts: those of the law with the
-lowest BIC. With white noise BIC would count correlated rows many times, and some law would always
-win by hundreds. The correlation length of the noise is at most a tenth of a velocity step (ten rows
-in steps of fewer than a hundred), so that noise cannot replace a law.
+the noise. n is the effective number of rows, which is smaller than the number of rows if noise is
+correlated. The noise is estimated for each law. The noise models of all laws have the same parts:
+the parts found with the law of the lowest BIC. If correlated noise were taken for white noise, BIC
+would count the same information many times, and some law would always win by hundreds. The
+correlation length of the noise is at most a tenth of a velocity step, or ten rows if the step has
+fewer than a hundred rows. So noise cannot replace a law.
 
 With three velocity steps or more, each law is also fitted without about a third of the steps
 (`loop.split`). Each law then predicts the steps that its fit left out.
@@ -63,11 +64,11 @@ _STATES = (1, 2)
 
 @dataclass(frozen=True, eq=False)
 class LawScore:
-    """The score of one law with a number of states. `bic` is None if it could not be fitted.
+    """The score of one law with a number of states. `bic` is None if the law could not be fitted.
 
     A fit that did not converge (`fit.converged`) may have the BIC of its last point. A second state
-    that the record does not show can cause such a fit. The BIC of such a fit supports no claim; it
-    only shows whether fewer states suffice for the law.
+    that the record does not show can prevent convergence. The BIC of a fit that did not converge
+    supports no claim; this BIC only shows whether fewer states suffice for the law.
     """
 
     fit: Fit
@@ -158,9 +159,9 @@ class LawComparison(Described, Drawable, Tabular):
     @property
     def rivals(self) -> tuple[LawScore, ...]:
         """Scores of other laws that remain possible. A law remains possible if its BIC is within
-        `ACCEPT` of the best, or if it predicts the held-out steps better. A law also remains
-        possible if its fit, with states that the law needs, did not converge at a BIC within
-        `ACCEPT`.
+        `ACCEPT` of the lowest BIC, or if it predicts the held-out steps better. A law also remains
+        possible if a fit with states that the law needs did not converge, and has a BIC within
+        `ACCEPT` of the lowest BIC.
         """
         if not self.of_laws:
             return ()
@@ -367,14 +368,14 @@ class Rival(NamedTuple):
         return float(np.clip(np.sum(white**2) * float(noise.sigma) ** 2, 2.0, self.rows))
 
     def bic(self, rows: float, more: int = 0) -> float:
-        """BIC for a number of independent rows, with `more` parameters in addition to the law's."""
+        """BIC for a number of independent rows, with `more` parameters besides those of the law."""
         p = len(self.fit.free)
         deviance = np.sum(np.square(self.z[p:])) - 2 * self.noise.value
         return float(deviance + (p + more) * np.log(rows))
 
     @property
     def cost(self) -> float:
-        """BIC that counts every row, and the parameters of the noise in addition to the law's."""
+        """BIC that counts all rows as independent, and the parameters of law and noise."""
         return self.bic(self.rows, self.noise.family.parameters)
 
     def under(self, family: Family, starts: Sequence[np.ndarray]) -> "Rival":
@@ -461,8 +462,9 @@ def _rivals(record: Record, fits: Sequence[Fit]) -> list[Rival]:
 
 
 def likeliest(rivals: Sequence[Rival], progress: Callable[[str], None] = silent) -> list[Rival]:
-    """Every law with its likeliest noise, where all laws have the same parts of noise. Each law
-    finds a family of noise; the chosen one gives some law the lowest `cost`.
+    """Every law with its likeliest noise; the noise models of all laws have the same parts. Each
+    law proposes a family of noise models. The chosen family is the one with which some law has the
+    lowest `cost`.
 
     The noise search of one law may miss its best family. A family found for another law may then be
     likelier for both laws.

@@ -2,8 +2,8 @@
 
 Noise is estimated with every candidate model, because noise from a fit that lacks an effect would
 absorb the effect. The parts of the noise are identified once, from the residual of the base after
-projecting out smooth columns (`learn.learn_noise`). Sizes, correlation lengths and periods of these
-parts are estimated for each candidate.
+projecting out smooth columns (`learn.learn_noise`). Sizes, correlation lengths and periods of the
+noise parts are estimated for each candidate.
 
 The smooth columns (`smooth_columns`) are smooth functions along a record.
 """
@@ -121,7 +121,7 @@ class Engine(Generic[P]):
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Names of the parameters; the last entries of z, shifts of step times, have no names."""
+        """Names of the parameters; shifts of step times, at the end of z, have no names."""
         return self.model.names()
 
     @cached_property
@@ -151,7 +151,7 @@ class Engine(Generic[P]):
         return tuple(e for e in absent if self.apart((*effects, e.id)))
 
     def apart(self, effects: tuple[str, ...]) -> bool:
-        """Whether no two effects, except those of the base, are in one group of `Choice.one_of`."""
+        """Whether no group of `Choice.one_of` has two of the effects, not counting the base."""
         groups = self.case.choice.one_of
         together = [group & {*self.always, *effects} for group in groups]
         return all(len(own) < 2 or own <= set(self.always) for own in together)
@@ -167,8 +167,8 @@ class Engine(Generic[P]):
         return dict(zip(self.names, natural.tolist(), strict=True))
 
     def law(self, id: str, z: np.ndarray) -> np.ndarray | None:
-        """`z` with the amplitudes of an effect that turn the base into another known law. None if
-        the effect turns the base into no known law.
+        """The parameters `z`, with the amplitudes of an effect that turn the base into another
+        known law. The result is None if the effect turns the base into no known law.
         """
         (effect,) = (e for e in self.model.effects if e.id == id)
         if not effect.law:
@@ -182,20 +182,21 @@ class Engine(Generic[P]):
     def moderate(self, z: np.ndarray, start: np.ndarray) -> bool:
         """Whether no positive parameter of the base changes by more than a factor of ten.
 
-        A first-order start with a larger change is useless. In such a start two sensitivities are
-        nearly parallel, as for a second state with the length of the first, and amplitudes diverge.
+        A first-order start that changes a parameter by more than a factor of ten is useless. The
+        sensitivities of two effects are then nearly parallel, and the amplitudes of the two effects
+        diverge. An example is a second state with the slip length of the first state.
         """
         positive = [i for i in self.base if np.isfinite(self.model.quantity(self.names[i]).lower)]
         return bool(np.all(np.abs(start - z)[positive] < np.log(10)))
 
     def physical(self, effects: tuple[str, ...], z: np.ndarray) -> bool:
-        """Whether the parameters of some effects are physically possible."""
+        """Whether the parameters of the given effects are physically possible."""
         return all(bool(effect.physical()) for effect in self._effects(effects, z))
 
     def beyond(
         self, effects: tuple[str, ...], z: np.ndarray, scales: RecordScales
     ) -> tuple[str, ...]:
-        """Names of parameters of some effects that a record with these scales cannot resolve."""
+        """Names of parameters of given effects that a record with given scales cannot resolve."""
         own = self._effects(effects, z)
         return tuple(f"{effect.id}.{name}" for effect in own for name in beyond(effect, scales))
 
@@ -231,12 +232,12 @@ class Engine(Generic[P]):
         return self.padded(self.blocks.train | self.blocks.select)
 
     def padded(self, rows: np.ndarray) -> np.ndarray:
-        """A mask of the record's rows, as weights of all rows of the problem with padding (N,)."""
+        """Weights (N,) of all rows of the padded problem, from a mask of the record's rows."""
         return np.pad(rows.astype(float), (0, len(self.noise.clock) - len(rows)))
 
     @cached_property
     def problem(self) -> P:
-        """The problem with the train rows, and clocks and friction of the noise model."""
+        """The problem with the weight of the train rows, clocks and friction of the noise model."""
         found = jax.device_put((self.weight, self.noise.clock, self.noise.friction))
         where = lambda p: (p.weight, p.clock, p.friction)  # noqa: E731
         return eqx.tree_at(where, self.case.problem, found)
@@ -248,15 +249,15 @@ class Engine(Generic[P]):
 
     @cached_property
     def smooth(self) -> np.ndarray:
-        """Smooth columns along the record, which do not count as noise."""
+        """Smooth columns along the record; changes along these columns do not count as noise."""
         return smooth_columns(self.case.path, self.blocks.step, len(self.weight))
 
     @cached_property
     def each(self) -> Callable[..., list]:
         """Maps over candidates, on all cores.
 
-        With a user's own effects candidates run serially: such an effect may call batched LAPACK,
-        and two parallel calls of batched LAPACK deadlock.
+        If the user adds effects, candidates run serially: an effect of the user may call batched
+        LAPACK, and two parallel calls of batched LAPACK deadlock.
         """
         return each_of(self.model)
 
@@ -288,7 +289,8 @@ class Engine(Generic[P]):
         near: tuple[np.ndarray, ...] = (),
     ) -> FoundNoise:
         """Noise of the train block, with the directions of `columns` projected out. If the parts of
-        the noise are known, only their values are estimated, with `near` as additional starts.
+        the noise are known, only the values of the parts are estimated, with `near` as additional
+        starts.
         """
         if self.noise.family is None:
             return self.noise_afresh(residual, columns)
@@ -356,7 +358,7 @@ class Engine(Generic[P]):
 
 def longest_of_steps(clock: np.ndarray, steps: int) -> np.ndarray:
     """Longest correlation length of the noise on every clock, (k,): a tenth of the mean length of a
-    velocity step, but at least ten rows. `clock` (n, k) has the record's rows.
+    velocity step, but at least ten rows. `clock` (n, k) has one row for each row of the record.
     """
     rows = np.median(np.diff(clock, axis=0), axis=0)
     return np.maximum(LEAST_MEMORY * rows, longest_memory(clock) / steps)

@@ -1,12 +1,13 @@
-"""The residual of a problem and its Jacobian, a fixed number of directions at a time.
+"""The residual of a problem and its Jacobian, computed for a few directions at a time.
 
 `SharedShifts` takes derivatives by several step times at once. Delaying a velocity step changes
-friction from that step until the slider has slipped a few L. So a group of steps far from each
-other can be delayed together. The change of friction between one step of a group and the next step
-of the group belongs to the first of the two. One change is permanent: the load point trails by dV
-dt, which matters if friction depends on slip. The permanent change is the same for all steps, so it
-is computed from the first step, delayed alone. The rows before the next step of a group show
-whether any other change remains.
+friction from that step until the slider has slipped a few L. So a group of velocity steps far from
+each other can be delayed together. A change of friction between two successive steps of a group is
+due to the first of the two steps. A delay dt of a step by dV also makes the load point trail by dV
+dt from then on. The permanent displacement of the load point matters if friction depends on slip.
+The permanent change of friction has the same form for all steps, and is computed from the first
+step, which is delayed alone. The rows just before the next step of a group show whether the
+response to a step has decayed.
 
 Source: Curtis, Powell and Reid, On the estimation of sparse Jacobian matrices, J. Inst. Maths
 Applics 13 (1974).
@@ -34,8 +35,8 @@ class SharedShifts:
 
     `shifts` are the ascending indices of the shifts in the parameters, `begins` the ascending times
     of the delayed steps. `trails` is the displacement by which a shift of 1 delays the load point.
-    `time` is the time of the rows of one channel. The residual has all `channels` in turn, then one
-    row for each shift.
+    `time` is the time of the rows of one channel. The residual has the rows of all `channels`, one
+    channel after another, then one row for each shift.
     """
 
     def __init__(
@@ -54,7 +55,8 @@ class SharedShifts:
 
     def directions(self, index: Int[np.ndarray, " m"], size: int) -> Float[np.ndarray, "d q"]:
         """Directions of differentiation for the parameters `index`, out of `size` parameters: first
-        those that are not shifts, one by one, then the first shift, then the groups.
+        the parameters that are not shifts, one by one, then the first shift, then the groups of
+        shifts.
         """
         alone = index[~np.isin(index, self.shifts)]
         found = np.zeros((len(alone) + 1 + GROUPS, size))
@@ -65,8 +67,8 @@ class SharedShifts:
     def jacobian(
         self, along: Float[np.ndarray, "r d"], index: Int[np.ndarray, " m"], size: int
     ) -> Float[np.ndarray, "r m"] | None:
-        """The Jacobian by the parameters `index` from the derivatives along the `directions`. None
-        if the response to a step has not decayed before the next step of its group.
+        """The Jacobian by the parameters `index` from the derivatives along the `directions`. The
+        result is None if the response to a step has not decayed before the next step of its group.
         """
         is_shift = np.isin(index, self.shifts)
         alone = len(index) - int(is_shift.sum())
@@ -112,8 +114,8 @@ P = TypeVar("P", bound=AbstractProblem)
 class Rows(NamedTuple):
     """Residual and Jacobian of all rows at some parameters.
 
-    `residual` and `jacobian` have all rows of the record and its padding, in any block. The extra
-    rows, of unit variance, are other channels in the train block and shifts of step times.
+    `residual` and `jacobian` have all rows of the record, in every block, and padding. The extra
+    rows, of unit variance, hold other channels in the train block and shifts of step times.
     """
 
     residual: np.ndarray
@@ -148,10 +150,10 @@ class Evaluator(Generic[P]):
         self._lock = threading.Lock()
 
     def simulated(self, z: np.ndarray, problem: P) -> P:
-        """The problem to simulate at `z`: first-order effects replace costly effects at their null.
+        """The problem to simulate at `z`; costly effects at their null get a first-order form.
 
-        The replaced problem needs another compilation, which pays because most candidates lack
-        costly effects.
+        The problem with first-order forms needs another compilation. This compilation pays, because
+        most candidates lack costly effects.
         """
         lighter = tuple(id for id, own in self._heavy.items() if not np.any(np.asarray(z)[own]))
         if len(lighter) < len(self._heavy):

@@ -1,4 +1,4 @@
-"""Likelihoods of many linear candidates at once, each with its own best noise.
+"""Likelihoods of many linear candidates at once, each candidate with its likeliest noise.
 
 Columns are whitened under every noise model of a grid, and only the products of columns are stored.
 The likelihood of any choice of columns is then a small linear problem. So the noise is profiled for
@@ -9,15 +9,16 @@ both models.
 
     LR = 2 (max ln L with the columns of a question - max ln L without them)
 
-A question asks whether certain columns explain structure in a residual. Both likelihoods are
-maximised over the parameters of the fit and over sizes and correlation lengths of the noise. Noise
-fitted to a residual with structure absorbs this structure. If the tested directions are left out of
-the noise fit, the fit hardly determines the noise in these directions. The likelihood ratio LR
-decides between the two descriptions.
+A question asks whether certain columns explain structure in a residual. Both likelihoods of the
+ratio LR are maximised over the parameters of the fit and over sizes and correlation lengths of the
+noise. Noise fitted to a residual with structure absorbs this structure. If the tested directions
+are left out of the noise fit, the fit hardly determines the noise in these directions. The
+likelihood ratio LR decides between structure and noise.
 
 If the record is short compared with the correlation length, LR exceeds its chi-square distribution.
-A bootstrap Bartlett correction therefore divides LR by a factor. The factor is the mean of LR in
-simulated records of the estimated noise alone, over the degrees of freedom, but at least 1.
+A bootstrap Bartlett correction therefore divides LR by a factor. The Bartlett factor is the mean of
+LR in simulated records of the estimated noise alone, divided by the degrees of freedom, but at
+least 1.
 
 Sources: Bartlett 1937 (doi:10.1098/rspa.1937.0109) for the correction; Rocke 1989, J. Am. Stat.
 Assoc. 84, 598, for its bootstrap.
@@ -133,7 +134,7 @@ def evidence(
 
 
 class Question(NamedTuple):
-    """Possible structure in a residual, as any combination of some columns."""
+    """Possible structure in a residual: any linear combination of some columns."""
 
     name: str
     columns: np.ndarray
@@ -147,8 +148,8 @@ def chances(
 ) -> dict[str, float]:
     """p-value of every question about the residual of the train block, under noise alone.
 
-    `rows` are the residual and Jacobian of a model, whose parameters are free in every maximum.
-    `found` is the noise after projecting out smooth columns.
+    `rows` are the residual and Jacobian of a model. All parameters of the model are free in each
+    maximised likelihood. `found` is the noise after projecting out smooth columns.
     """
     weight = engine.weight[:, None]
     jacobian = rows.jacobian * weight

@@ -1,17 +1,17 @@
-"""A family of steady-state curves of velocity, if a record does not determine the curve's shape.
+"""Steady friction curves of other shapes, if a record does not determine the shape of the curve.
 
-A record measures steady friction f_ss(V) at its own velocities; between these velocities only
-transients contain information. A curve with as many parameters as velocities fits any values, and a
-curve of another shape may fit as well. If several curves fit, a steady curve is certainly missing,
-but the record does not determine which curve.
+A record measures steady friction f_ss(V) only at the recorded velocities V; between recorded
+velocities only transients contain information. A curve with as many parameters as recorded
+velocities fits any values of friction, and a curve of another shape may fit as well. If several
+curves fit, a steady curve is certainly missing, but the record does not determine which curve.
 
-`curve_family` fits curves of other shapes, to first order about the fit. Another curve replaces the
-steady curve that the fit added, together with the steady curve of the base (f0, A and B of a
-slider). A curve that fits changes friction along the motion only little. So a change of the curve
-passes through the linearised dynamics, and all other parameters follow by linear least squares.
-Each shape is one least-squares problem under the noise of the fit. The BIC of a shape is computed
-with the noise of that shape, as for any candidate model. The other shapes are polynomials in ln V,
-and broken lines in ln V with a value for every velocity.
+`curve_family` fits curves of other shapes, to first order about the fit of the loop. Each other
+curve replaces the steady curve that the loop added, together with the steady curve of the base (f0,
+A and B of a slider). A curve of another shape that fits well changes friction along the motion only
+little. So the response to such a change is linear, and linear least squares give all other
+parameters. Each shape is one least-squares problem under the noise of the fit. The BIC of a shape
+is computed with noise estimated for this shape, as for any candidate model. The other shapes are
+polynomials in ln V, and broken lines in ln V with a value for every velocity.
 """
 
 from collections.abc import Callable, Sequence
@@ -45,7 +45,7 @@ class Decisive(NamedTuple):
 
 
 class CurveFamily(NamedTuple):
-    """The effects of a fit that are steady curves of velocity, and curves of other shapes."""
+    """The effects of a fit that are steady friction curves, and curves of other shapes."""
 
     effects: tuple[str, ...]
     """Ids of the effects of the fit that are steady curves."""
@@ -66,7 +66,7 @@ class CurveFamily(NamedTuple):
 
     @property
     def interpolates(self) -> bool:
-        """Whether the curve has as many parameters as there are velocities."""
+        """Whether the curve has as many parameters as there are recorded velocities."""
         return self.velocities is not None and self.velocities <= self.parameters
 
     @property
@@ -113,7 +113,7 @@ class CurveRig(NamedTuple):
 
 
 def curve_family(engine: Engine, final: Candidate, rig: CurveRig) -> CurveFamily | None:
-    """Other shapes in place of the steady curves of a fit; None without such a curve."""
+    """Curves of other shapes in place of the steady curves of a fit; None if the fit has none."""
     if not rig.effects or final.failed:
         return None
     speeds = distinct(rig.speeds)
@@ -235,8 +235,8 @@ def deciding(
     grid: np.ndarray, levels: np.ndarray, speeds: np.ndarray, error: float
 ) -> tuple[Decisive, ...]:
     """At most three velocities at which curves differ most. Each gap between recorded speeds, and
-    the range on either side of all recorded speeds, gives one velocity. At such a velocity curves
-    differ by more than 3 standard errors.
+    the range on either side of all recorded speeds, gives one velocity. At each of the returned
+    velocities the curves differ by more than 3 standard errors.
 
     grid : speeds (m,). levels : friction of every curve there (c, m). speeds : recorded speeds,
     ascending. error : standard error of the mean of one more step.

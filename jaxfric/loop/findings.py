@@ -51,7 +51,7 @@ class LoopCode(StrEnum):
 def effect_findings(
     engine: "Engine", search: "Search", verdict: str, used: np.ndarray
 ) -> list[Finding]:
-    """A finding for each effect of a model, with the rows that decide for it; mask `used` (n).
+    """A finding for each effect of a model, with its supporting rows; `used` (n) is a mask.
 
     The severity of the finding is "claim" if the verdict is "effects", else "open".
     """
@@ -84,8 +84,8 @@ def claims_of_friction(
     used: np.ndarray,
 ) -> list[Finding]:
     """Findings of friction in each of the `ways` (direction, sign, slowest and fastest speed). A
-    finding of stability between the speeds `ends` follows unless `kind` is "open". Each finding
-    rests on the rows `used` (n) whose `velocity` (n) is in its range.
+    finding of stability between the speeds `ends` is added unless `kind` is "open". Each finding
+    rests on the rows `used` (n) whose `velocity` (n) is in the speed range of the finding.
     """
     speed = np.abs(velocity)
 
@@ -111,7 +111,8 @@ def left_over(
     least: float,
 ) -> list[Finding]:
     """Findings against a model: residual structure (p below `least`), and blocks with a larger
-    error than noise explains. `errors` are (block, error, largest error from noise) in sigma.
+    error than noise explains. `errors` holds for each block its name, its error and the largest
+    error from noise, in sigma.
     """
     found = []
     structure = {name: p for name, p in tests.items() if p < least}

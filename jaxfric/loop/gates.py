@@ -1,8 +1,8 @@
 """The rules by which a search refuses a model, in order. Each rule is a function of a `Trial`.
 
-A gate (one such rule) returns a `Refusal`: a code with the value and the threshold, or with the
-parameters concerned. `refusal.SOURCES` gives the source of each rule. `loop.json` lists the refusal
-of every tried model.
+A gate (a rule of refusal) returns a `Refusal`: a code with the value and the threshold, or a code
+with the parameters concerned. `refusal.SOURCES` gives the source of each rule. `loop.json` lists
+the refusal of every tried model.
 """
 
 import math
@@ -83,7 +83,7 @@ IN_PLACE: tuple[Gate, ...] = (fixed, takes_nothing)
 
 
 def refusal_of(trial: Trial, gates: Sequence[Gate] | None = None) -> Refusal | None:
-    """The first refusal of the gates, by default all; None if the model may be accepted."""
+    """The first refusal by the given gates (default: all); None if the model may be accepted."""
     asked = GATES if gates is None else gates
     return next((why for gate in asked if (why := gate(trial)) is not None), None)
 
@@ -109,9 +109,9 @@ def not_fixed(engine: Engine, candidate: Candidate, scales: RecordScales) -> tup
     change friction by more than the largest recorded friction. A shape parameter is undetermined if
     its error is as large as its value, or if it lies outside the range of the record. Outside the
     range are a length beyond twice the path, a time beyond twice the duration, and a velocity far
-    from all recorded ones. The effect's own limits count too. Pure shape parameters, such as a
-    bounded exponent, need not be determined: their values are held fixed when the errors of other
-    parameters are computed.
+    from all recorded ones. Limits that the class of the effect sets for its parameters count too.
+    Pure shape parameters, such as a bounded exponent, need not be determined: their values are held
+    fixed when the errors of other parameters are computed.
     """
     own = engine.model.columns(candidate.effects)
     shapes = [i for i in own if _is_shape_only(engine, i)]
@@ -141,8 +141,8 @@ def not_fixed(engine: Engine, candidate: Candidate, scales: RecordScales) -> tup
 def loose(parts: list[Part], force: float, scales: RecordScales) -> tuple[str, ...]:
     """Names of the undetermined parameters of one effect. `force` is the largest recorded force.
 
-    If an effect has several amplitudes (a sine and a cosine), only the one largest over its error
-    must be determined.
+    If an effect has several amplitudes (a sine and a cosine), only the amplitude with the smallest
+    relative error must be determined.
     """
     amplitudes = [p for p in parts if p.amplitude]
     found = [p.name for p in parts if not _possible(p, force, scales)]
@@ -204,11 +204,12 @@ def taken(
 
     A rate-and-state term with a long L mimics inertia. A presliding spring mimics Coulomb friction,
     and heating mimics a weakening evolution. A wrong effect may fit as well as the right one, but a
-    wrong effect changes parameters of the base. Take a parameter of known sign that is determined
-    without the effect. The effect takes this parameter over if the sign changes or the value falls
-    below its error. Mass and Coulomb friction of an axis are also taken over if they fall below a
-    third. Exception (`of_place`): an effect of position may take over mass and Coulomb friction,
-    because in its absence accelerations replace the missing weight.
+    wrong effect changes parameters of the base. The effect takes over a parameter of known sign
+    that is determined without the effect if, with the effect, the sign changes or the value falls
+    below its error. An effect also takes over mass or Coulomb friction of an axis if the value
+    falls below a third of the value without the effect. Exception (`of_place`): an effect of
+    position may take over mass and Coulomb friction. Without an effect of position, accelerations
+    replace the missing weight in the fit.
     """
     both = [Move(n, before[n], after[n]) for n in _ONE_SIGN if n in before and n in after]
     return tuple(m for m in both if _is_taken(*m) and not (of_place and m.name in _WHOLE))

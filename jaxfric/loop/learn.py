@@ -1,11 +1,10 @@
-"""Estimates the noise model of a record: hum, outliers, correlated parts, pace and scale of steps.
+"""Estimates the noise of a record: hum, outliers, correlated parts, rate and scale of each step.
 
 Noise is estimated from the base's residual after projecting out smooth columns, because structure
-along the record is not noise. Every function of this module returns a new engine with another noise
-model.
+along the record is not noise. A function that changes the noise model returns a new engine.
 
 The noise floor (`Floor`) of a record is the noise after projecting out smooth columns along the
-record. It has the largest error of every block that this noise alone explains.
+record. For every block, `Floor` also has the largest error that noise alone explains.
 """
 
 from collections.abc import Mapping
@@ -52,10 +51,10 @@ def seek_parts(engine: Engine, z: np.ndarray) -> Engine:
 def learn_noise(engine: Engine, base: Candidate) -> tuple[Engine, Candidate]:
     """The engine with the noise model from a fit of the base, and the fit under this noise.
 
-    All later candidates have the same parts of noise; sizes, correlation lengths and periods of
-    these parts are estimated anew. Velocity steps get their own pace or scale of noise if this
-    lowers the BIC. Outliers are excluded from all blocks, and hum is subtracted from the record. If
-    outliers or hum are found, the base is refitted and its noise estimated anew.
+    All later candidates have the same parts of noise; sizes, correlation lengths and periods of the
+    parts are estimated for each candidate. Each velocity step gets a separate rate or scale of the
+    noise if this lowers the BIC. Outliers are excluded from all blocks, and hum is subtracted from
+    the record. If outliers or hum are found, the base is refitted and its noise estimated anew.
     """
     if engine.case.bounds.by_step:
         quiet = _without_hum(engine, base)
@@ -262,8 +261,8 @@ def _level(
 
 
 def largest_rms(chance: float) -> float:
-    """The rms over sigma that noise exceeds with probability `SIGNIFICANT`/`ASKED` (Bonferroni).
-    `chance` is the relative standard error of the rms of noise.
+    """The ratio of rms to sigma that noise alone exceeds with probability `SIGNIFICANT`/`ASKED`
+    (Bonferroni). `chance` is the relative standard error of the rms of noise.
     """
     from scipy.special import ndtri  # scipy.stats takes half a second to import
 

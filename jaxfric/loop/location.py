@@ -5,9 +5,9 @@ the base. The variables are slip, velocity, state, time, time or slip since the 
 wavelength. Friction differs along the variable whose bumps explain most of the structure. Each
 variable is fitted alone, so the shares of structure that variables explain overlap. The `further`
 shares add up: the best variable comes first, and each later variable has the share that it explains
-beyond the earlier ones. Profiles and their errors exclude the part that parameters of the base
-absorb. Structure that the bumps do not explain counts as noise, in the errors and in the p-values.
-The p-values include the uncertainty of the noise (`evidence`).
+beyond the earlier variables. Profiles of missing friction, and errors of profiles, exclude the part
+that parameters of the base absorb. In the errors and in the p-values, structure that the bumps do
+not explain counts as noise. The p-values include the uncertainty of the noise (`evidence`).
 """
 
 import dataclasses
@@ -46,7 +46,7 @@ class Bumps(NamedTuple):
         return self.columns.shape[1] == 2 * len(self.centres)
 
     def groups(self) -> list[np.ndarray]:
-        """Groups of columns that are fitted together: all bumps, or the two of one wavelength."""
+        """Groups of columns that are fitted together: all bumps, or a sine and its cosine."""
         return np.split(self.columns, len(self.centres), axis=1) if self.pairs else [self.columns]
 
 
@@ -67,8 +67,8 @@ def locate(
     engine: Engine, base: Candidate, found: Found, bumps: Sequence[Bumps]
 ) -> tuple[tuple[LocationProfile, ...], dict[str, float]]:
     """Profiles of missing friction over every variable, and p-values of all tests of the residual
-    under noise alone. The variable that explains most comes first; the p-values have no common
-    correction.
+    under noise alone. The variable that explains most comes first. The p-values are not corrected
+    for the number of tests.
 
     `found` is the noise after projecting out smooth columns.
     """
@@ -120,9 +120,9 @@ def further_shares(
 ) -> list[float]:
     """Share of the structure that each variable explains beyond the variables before it.
 
-    Forward selection takes first the variable that explains most structure, then the one that
-    explains most of the remaining structure, while this is significant. Shares are at least 0 and
-    add up to at most 1; no variable explains the rest. All shares are nan without significant
+    Forward selection takes first the variable that explains most structure, then the variable that
+    explains most of the remaining structure, while this part is significant. Shares are at least 0
+    and add up to at most 1; no variable explains the rest. All shares are nan without significant
     structure (`share_of`).
 
     Parameters
@@ -170,9 +170,9 @@ def _best_group(
 def share_of(gain: float, degrees: int, whole: tuple[float, float]) -> float:
     """Share of the structure that columns with `degrees` of freedom explain, from their `gain`.
 
-    `whole` is the sum of squares in units of the noise, and its degrees of freedom. The sum of
-    squares beyond its degrees of freedom is structure. The result is nan if this excess is not
-    significant.
+    `whole` is the sum of squares in units of the noise, and its degrees of freedom. The excess of
+    the sum of squares over its degrees of freedom is structure. The result is nan if the structure
+    is not significant.
     """
     squares, rows = whole
     if chi_square_tail(squares, int(rows)) > SIGNIFICANT:
@@ -181,7 +181,7 @@ def share_of(gain: float, degrees: int, whole: tuple[float, float]) -> float:
 
 
 def friction_bumps(engine: Engine[Problem], base: Candidate) -> list[Bumps]:
-    """Bumps of friction, sent through the linearised slider."""
+    """Responses of the linearised slider to bumps of friction."""
     response = linear_response(
         engine.evaluator.simulated(base.z, engine.problem), jax.device_put(base.z)
     )

@@ -53,10 +53,10 @@ def close_loop(
     ----------
     record, stiffness, law, steps : as in `jaxfric.fit`.
     events : the events of a whole run, from `runs.fits.decided_events`, which also returns the
-        record with a corrected encoder. All fitted steps and holds are then fitted together: they
-        share all parameters except the level, which each stretch has for itself. `stiffness` may be
-        stress per length, "0.16 MPa/um"; it scales with the normal stress of a stretch over that of
-        the first.
+        record with a corrected encoder. All fitted steps and holds are then fitted together. All
+        stretches share the parameters, except the friction level, which is fitted for each stretch.
+        `stiffness` may be stress per length, "0.16 MPa/um"; in each stretch this stiffness scales
+        with the normal stress over that of the first stretch.
     include : ids of effects that belong to the base; exclude : ids of excluded effects.
     own : your own effects, in addition to the catalogue.
     max_effects : largest number of effects added, 0 to `case.MOST`.
@@ -65,9 +65,9 @@ def close_loop(
 
     Returns
     -------
-    Loop. The verdict is a value: once the base fit converges, no record raises an exception. In a
-    run, `level2`, `level3`, ... are the friction of later stretches minus the friction of the
-    first.
+    Loop. Once the base fit converges, every record gets a verdict, and none raises an exception. In
+    a run, `level2`, `level3`, ... are the friction of later stretches minus the friction of the
+    first stretch.
 
     Raises
     ------

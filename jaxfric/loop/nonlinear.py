@@ -1,8 +1,8 @@
-"""Sensitivities of every shape of an effect: responses of the linearised slider to its force.
+"""Sensitivities of an effect at every shape: responses of the linearised slider to a force.
 
 `Response` is the linear response of the record to a small additional friction force g(t). The
 slider is linearised along its own motion, y' = A(t) y + b(t) g(t). The response to any number of
-forces then needs no further solution of the equation of motion. This linear response serves to rank
+forces then needs no further solution of the equation of motion. The linear response serves to rank
 many shapes of an effect, and to locate missing friction in slip, velocity, state or time without a
 catalogue. The linear equation is solved by the midpoint rule on half the sampling intervals of the
 record.
@@ -79,7 +79,7 @@ def _probed(equation: SliderEquation, g: Float[Array, " 2"]) -> SliderEquation:
 
 
 class Response(eqx.Module):
-    """The linearised slider along its motion; arrays over `middle`, the midpoints of intervals."""
+    """The slider linearised along its motion; arrays hold values at `middle` of each interval."""
 
     rig: Rig
     time: Float[Array, " n"]
@@ -150,7 +150,7 @@ def linear_response(problem: Problem, z: Float[Array, " q"]) -> Response:
     rows = jax.vmap(lambda y: ravel_pytree(y)[0])(jax.tree.map(lambda x: x[1:], ys))
 
     def all_of(t: Array, y: Array, g: Array) -> tuple[Array, Array, Array]:
-        """Rate, force and slip at one time, in one function to trace it once."""
+        """Rate, force and slip at one time, in one function so that JAX traces the model once."""
         probed = _probed(equation, g)
         rate = ravel_pytree(probed.derivative(t, back(y)))[0]
         now = probed.physical(t, back(y))
@@ -262,7 +262,7 @@ def columns_of(engine: Engine, id: str, shapes: Sequence[Mapping[str, float]]) -
 
 
 def shapes_of(effect: type[AbstractEffect], scales: RecordScales) -> list[dict[str, float]]:
-    """Starting values of an effect's shapes, place by place."""
+    """Starting values of the shape parameters of an effect, one dictionary per shape."""
     grid = null(effect).grid(scales)
     return [dict(zip(grid, row, strict=True)) for row in zip(*grid.values(), strict=True)]
 
@@ -315,7 +315,7 @@ def _terms(
 
 
 def respond(response: Response, forces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Response of friction and slip to many forces, computed in passes of one compiled width."""
+    """Response of friction and slip to many forces, computed in batches of one compiled size."""
     parts = []
     for begin in range(0, forces.shape[1], WIDE):
         part = forces[:, begin : begin + WIDE]

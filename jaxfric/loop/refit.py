@@ -1,8 +1,8 @@
 """Joint fits of the base and some effects. Each such fit is a candidate with a score.
 
 All parameters of a candidate are free together. The noise of a candidate is profiled before and
-after a descent. So BIC is at the likeliest parameters and at the likeliest noise. `estimates` gives
-values, errors and intervals of the parameters of a candidate.
+after a descent. So BIC is computed at the likeliest parameters and the likeliest noise. `estimates`
+gives values, errors and intervals of the parameters of a candidate.
 """
 
 from collections.abc import Sequence
@@ -142,13 +142,13 @@ def estimates(
     friction_unit: str,
     rivals: Sequence[Candidate] | None = None,
 ) -> tuple[dict[str, Estimate], tuple[str, ...], np.ndarray]:
-    """Parameters by name (SI), names of the free parameters, and the covariance of these.
+    """Parameters by name (SI), names of the free ones, and the covariance of free parameters.
 
     The estimates are by least squares under the candidate's own noise; intervals are in the
     unbounded variables. With `rivals` (fits that are about as good) errors include the differences
-    between these models. Errors are multiplied by one factor if velocity steps disagree on the
-    base's parameters by more than the noise allows. The factor that multiplies the errors is the
-    ratio of Birge 1932 (doi:10.1103/PhysRev.40.207). The factor uses the median over parameters of
+    between these fits. Errors are multiplied by one factor if velocity steps disagree on the base's
+    parameters by more than the noise allows. The factor that multiplies the errors is the ratio of
+    Birge 1932 (doi:10.1103/PhysRev.40.207). The factor uses the median over parameters of
     `between_steps`, because one step alone may fix a parameter. Steps disagree if the noise changes
     along the record, or if a small effect is missed.
     """
@@ -233,13 +233,13 @@ def disagreement(
 ) -> Float[np.ndarray, "m m"]:
     """Covariance of parameters between fits of different models; `index` are their places in z.
 
-    Uncertainty about the model adds this part to the covariance of the parameters,
+    Uncertainty about the model adds the following part to the covariance of the fit,
 
         sum_c w_c (z_c - z)(z_c - z)^T,   w_c = exp(-BIC_c/2) / sum exp(-BIC/2)
 
-    to be added to the covariance of the fit. A parameter that only one fit has contributes 0. The
-    friction f0 contributes 0 too: an effect that adds steady friction, such as heating, changes the
-    meaning of f0. So values of f0 in different models are not comparable.
+    A parameter that only one of the fits has contributes 0. The friction f0 contributes 0 too: an
+    effect that adds steady friction, such as heating, changes the meaning of f0. So values of f0 in
+    different models are not comparable.
 
     Source: Buckland, Burnham & Augustin 1997 (doi:10.2307/2533961) for errors that include the
     choice of a model.

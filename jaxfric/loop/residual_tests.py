@@ -7,14 +7,15 @@ over one variable (`location`). Each test asks whether the tested functions make
 likelier than noise alone.
 
 The verdict also tests the sizes of the train error and of the held-out error. All p-values are
-corrected together: under noise alone the smallest p-value falls below p in a share p of records.
+corrected together: for noise alone, the smallest corrected p-value is below any level p in at most
+a share p of records.
 """
 
 import math
 
 
 def asked(tests: dict[str, float]) -> int:
-    """Number of tests of one verdict: residual tests, and tests of the sizes of two errors."""
+    """Number of tests of one verdict: residual tests, and two tests of the size of an error."""
     return len(tests) + 2
 
 
@@ -42,10 +43,11 @@ def holm(raw: dict[str, float], asked: int) -> dict[str, float]:
 
 
 def merged(p: float, q: float) -> float:
-    """Combined p-value of two with any dependence: twice their geometric mean.
+    """Combined p-value of two dependent p-values: twice the geometric mean of the two.
 
-    The chance that p q <= e^2 is at most x + e^2/x for any x (Makarov 1981, doi:10.1137/1126086):
-    2 e at best. For more than two see Vovk and Wang 2020 (doi:10.1093/biomet/asaa027).
+    For two p-values p and q, the chance that the product p q is at most e^2 is at most x + e^2/x
+    for any number x (Makarov 1981, doi:10.1137/1126086). The least of these bounds is 2 e. For more
+    than two p-values see Vovk and Wang 2020 (doi:10.1093/biomet/asaa027).
     """
     return min(1.0, 2 * math.sqrt(p * q))
 

@@ -47,7 +47,7 @@ class Score:
 
     @property
     def A_minus_B(self) -> Estimate | None:
-        """A minus all B (a - b), including a second state, with its error; None without an A.
+        """A minus the sum of all B, with the error of A - B; None if the law has no A.
 
         A - B leaves out effects that depend on velocity alone (viscous, a Stribeck curve).
         """
@@ -75,7 +75,7 @@ _OPEN = (Fault.NOT_FIXED, Fault.TAKES)
 
 
 class Unfixed(NamedTuple):
-    """A model likelier than the accepted one, refused because the record leaves parameters open.
+    """A model likelier than the accepted model, but refused as its parameters are undetermined.
 
     The missing effect may then be in the catalogue, but the record does not determine which effect
     is missing.
@@ -124,7 +124,7 @@ class LocationProfile:
     """Missing friction as a function of one variable: amplitudes of bumps in the friction law.
 
     The bumps pass through the dynamics before the comparison with the residual. So the profile
-    shows where friction differs, not where the record differs.
+    shows where friction differs from the model, not where the record differs from the model.
     """
 
     variable: str
@@ -249,7 +249,7 @@ class Loop(Described, Drawable, Gridded, Tabular):
         return "rad" if rotary else "m"
 
     def shifts(self) -> dict[str, float]:
-        """Shift of every base parameter by the added effects, in errors of the fit after."""
+        """Shift of every base parameter by the added effects, in errors of the final model."""
         moved = {}
         for name, before in self.before.parameters.items():
             after = self.after.parameters[name]
@@ -294,7 +294,7 @@ class Loop(Described, Drawable, Gridded, Tabular):
         return list(once.values())
 
     def gain(self) -> float | None:
-        """Fall of BIC from the base to the accepted model; None if no candidate is this model."""
+        """Fall of BIC from base to accepted model; None if the accepted model is no candidate."""
         model = frozenset(self.after.effects)
         own = (0.0 - c.delta_bic for c in self.ranked() if frozenset(c.effects) == model)
         return next(own, None)

@@ -2,8 +2,9 @@
 
 The simulated sensor interpolates friction linearly between times, and a lag shorter than the row
 interval needs the slope of friction at the row. After a velocity step friction bends within the
-slip A/K, which a machine may cross within one row. Without intermediate times the loop identified a
-sensor lag as a lag of the drive, which is simulated exactly as part of the motion.
+slip A/K, which the slider may cross within one row interval. Without intermediate times the loop
+took a lag of the sensor for a lag of the drive. A lag of the drive is simulated exactly, as part of
+the motion.
 """
 
 import dataclasses
@@ -20,9 +21,9 @@ def seen_between(
 ) -> Problem:
     """A copy of the problem whose sensor also samples friction before the coarsest rows.
 
-    `bend` and `length` [m] are A/K and L. The coarsest rows are the `number` rows soon after a
-    velocity step with the most slip since the previous row. The default of `number` depends on the
-    problem's size only.
+    `bend` and `length` [m] are A/K and L. Of the rows soon after a velocity step, the coarsest are
+    the `number` rows with the most slip since the previous row. The default of `number` depends on
+    the problem's size only.
     """
     time = np.asarray(problem.time)
     back = np.diff(time, prepend=time[0])

@@ -1,4 +1,4 @@
-"""Screens all effects and their shapes, to first order, for those that would explain a residual.
+"""Screens all effects at all shapes, to first order, for effects that would explain a residual.
 
 One Jacobian at the null of all effects holds the sensitivities of effects without shape parameters.
 For effects with shapes, `Case.shapes` gives the sensitivities of every shape. The likelihood of
@@ -150,9 +150,10 @@ def _start(z: np.ndarray, free: np.ndarray, column: Column, weights: np.ndarray)
 def aliases(engine: Engine, current: Candidate, scales: RecordScales) -> tuple[tuple, np.ndarray]:
     """Pairs of effect ids, and the |cosine| between the two sensitivities of each pair.
 
-    Sensitivities are orthogonal to those of the fitted parameters, under the noise of the fit. For
-    effects with several amplitudes the largest cosine of any combination counts. For effects with
-    shapes the cosine of the closest shape counts. Effects in the fit have their fitted shape.
+    Sensitivities are first made orthogonal to the sensitivities of the fitted parameters, under the
+    noise of the fit. For effects with several amplitudes the largest cosine of any combination
+    counts. For effects with shapes the cosine of the closest shape counts. Effects that are already
+    in the fit have the fitted shape.
     """
 
     def seen(gone: str) -> tuple[Screening, np.ndarray] | None:
@@ -212,9 +213,9 @@ def alias_cosines(
 ) -> tuple[tuple[str, ...], np.ndarray]:
     """Effect ids, and the |cosine| between the whitened sensitivities of every two effects (e, e).
 
-    Sensitivities are projected orthogonal to the base. The cosine of two effects is that of the
-    least principal angle, and the largest over all shapes. `absent` has the sensitivities at the
-    fit without an effect.
+    Sensitivities are projected orthogonal to the base. The cosine of two effects is the cosine of
+    the least principal angle, and the largest over all shapes. For each effect of the fit, `absent`
+    has the sensitivities at a fit without this effect.
     """
     free = list(engine.free(current.effects))
     parts: dict[str, list[np.ndarray]] = {}

@@ -2,9 +2,9 @@
 
 The search fits the base and its noise, then screens all effects to first order. The most promising
 effects are refitted jointly with the base. The search accepts the best model that no gate refuses.
-Screening, refitting and acceptance repeat until every model is refused. Then the search drops
-needless effects, and tries to replace each effect by its aliases. Each step of the search returns a
-new `Search`.
+Screening, refitting and acceptance repeat until every further model is refused. Then the search
+drops needless effects, and tries to replace each effect by similar effects (aliases). Each step of
+the search returns a new `Search`.
 """
 
 from collections.abc import Callable, Sequence
@@ -88,7 +88,7 @@ def search(
     progress: Callable[[str], None],
 ) -> Search:
     """Find the effects that the base model lacks. `start` has the starting parameters of the base,
-    as a vector of the encompassing model.
+    as a parameter vector of the model with all effects.
     """
     progress("base fit of the train block")
     engine = seek_parts(engine, start)
@@ -210,10 +210,11 @@ def refit_safely(
     (`AbstractEffect.law`).
 
     `current` is a fit without the effect. If two sensitivities are nearly parallel, first-order
-    amplitudes are opposite and a hundred times too large. A second state with the length of the
-    first is an example. A refit also counts as failed if it is less likely on the train rows than
-    `current`. With the effect at its null, the refit is as likely as `current`. A good fit that
-    predicts the validation rows badly has not failed: a nearer start ends at the same parameters.
+    amplitudes are opposite and a hundred times too large. An example is a second state with the
+    slip length of the first state. A refit also counts as failed if it is less likely on the train
+    rows than `current`. A refit with the effect at its null would be as likely as `current`. A good
+    fit that predicts the validation rows badly has not failed: a start nearer to the null ends at
+    the same parameters.
     """
     own = engine.model.columns((one.id,))
 
@@ -319,9 +320,9 @@ def rival_fits(search: Search, id: str) -> dict[str, Candidate]:
 
 
 def near_fits(search: Search) -> list[Candidate]:
-    """The best fit of every other tried set of effects. Left out are sets that a gate refused,
-    except for weak evidence or undetermined parameters. The true model may be among these fits, so
-    standard errors include the differences between them.
+    """The best fit of every other tried set of effects. Sets that a gate refused are left out,
+    unless the reason was weak evidence or undetermined parameters. The true model may be among the
+    near fits, so standard errors include the differences between near fits.
     """
     found: dict[frozenset[str], Candidate] = {}
     for c in sorted(search.tried, key=lambda c: c.bic):

@@ -50,7 +50,7 @@ def slider_subject(
     of these steps [s]. `levels` is the friction of later stretches of a run minus that of the first
     stretch. `changed` adds further properties of the record to the problem. `shown` holds record
     and base for reports, `thinning` the warnings about averaging. `details` makes further results
-    from the score after.
+    from the score of the final model.
     """
     known, more, shown = base_fit.parameters, dict(levels or {}), shown or (record, base_fit)
     problem, felt = _problem_of(record, base_fit, found_steps, blocks, asked.effects, len(more))
@@ -86,7 +86,7 @@ def edge_of(base_fit: Fit) -> float | None:
 
 
 def slider_warnings(base_fit: Fit, edge: float | None) -> list[str]:
-    """Warnings of the loop, and warnings of the base fit except on noise or missing effects."""
+    """Warnings of the loop, and warnings of the base fit that concern neither noise nor effects."""
     warnings = repeated(base_fit.warnings)
     if edge is not None and edge < NEAR_EDGE:
         warnings.append(
@@ -119,7 +119,7 @@ def _start_of(
 
 
 def scales_of(record: Record, steps: VelocitySteps, slip_length: float) -> RecordScales:
-    """Scales of a record with these velocity steps; `slip_length` is L [m]."""
+    """Scales of a record with the given velocity steps; `slip_length` is L [m]."""
     time = record.relative_time
     inside = np.clip(np.append(steps.times, time[-1]), 0, time[-1])
     ends = np.asarray(steps.displacement(inside))
@@ -137,9 +137,7 @@ def scales_of(record: Record, steps: VelocitySteps, slip_length: float) -> Recor
 
 
 def with_channels(record: Record, law: str, asked: Offered, *, stress: bool) -> Offered:
-    """The offered effects without those that the law does not allow, or that need a column that the
-    record lacks.
-    """
+    """The offered effects that the law allows, and for which the record has the needed columns."""
     refuse_untaken(law, (e for e in asked.effects if e.id in asked.with_))
     taken = asked._replace(effects=tuple(e for e in asked.effects if takes(law, e)))
     columns = {name for name in record.columns if name != "normal_stress" or stress}

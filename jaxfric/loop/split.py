@@ -35,7 +35,7 @@ class Blocks(NamedTuple):
         return {"train": self.train, "select": self.select, "report": self.report}[name]
 
     def short(self) -> tuple[str, int] | None:
-        """The first block with fewer than 20 rows, and its number of rows; None if all suffice."""
+        """The first block with fewer than 20 rows, and its number of rows; None without one."""
         sizes = {name: int(self.of(name).sum()) for name in NAMES}
         return next((pair for pair in sizes.items() if pair[1] < FEWEST_ROWS), None)
 
@@ -45,11 +45,12 @@ def split(time: np.ndarray, steps: VelocitySteps) -> Blocks:
 
     With three velocity steps or more, about the last sixth of the steps is the test block. As many
     steps before the test block are the validation block. If there are enough steps, the first step
-    at the fastest and the first at the slowest velocity train. With two steps, the second step is
-    the test block, and the last quarter of the first step, by displacement, is the validation
-    block. With a single step, the rows before the step and the first 60 % of the step (the
-    transient) train. The two halves of the remaining rows are validation and test block. A hold and
-    the step after the hold count as one step. Of three holds or more, the longest hold trains.
+    at the fastest velocity and the first step at the slowest velocity belong to the train block.
+    With two steps, the second step is the test block, and the last quarter of the first step, by
+    displacement, is the validation block. With a single step, the rows before the step and the
+    first 60 % of the step (the transient) are the train block. The two halves of the remaining rows
+    are validation and test block. A hold and the step after the hold count as one step. Of three
+    holds or more, the longest hold belongs to the train block.
 
     Raises
     ------
@@ -78,7 +79,7 @@ def split(time: np.ndarray, steps: VelocitySteps) -> Blocks:
 
 
 def trained_steps(speeds: Sequence[float] | np.ndarray) -> np.ndarray:
-    """Mask (n,) of the velocities of a record whose rows mostly train, according to `split`."""
+    """Mask (n,) of the velocities whose rows are mostly in the train block that `split` makes."""
     number = np.arange(len(speeds))
     last = len(speeds) - 1
     if last < 3:
@@ -90,14 +91,15 @@ def followed(
     speeds: Sequence[float], new: Sequence[float], after: Sequence[float]
 ) -> tuple[float, ...]:
     """The velocities with the `new` velocities appended. The velocities `after` follow, again and
-    again, until all new velocities train: held-out velocities cannot support an effect.
+    again, until the train block has all new velocities. Held-out velocities cannot support an
+    effect.
     """
     place = slice(len(speeds), len(speeds) + len(new))
     return grown((*speeds, *new), after, lambda found: bool(np.all(trained_steps(found)[place])))
 
 
 def repeated(speeds: Sequence[float]) -> tuple[float, ...]:
-    """The velocities, with the first one repeated at the end if it does not yet train."""
+    """The velocities; the first is repeated at the end unless it returns in the train block."""
     if comes_back(speeds):
         return tuple(speeds)
     first, *others = speeds
@@ -114,7 +116,7 @@ def comes_back(speeds: Sequence[float]) -> bool:
 def grown(
     speeds: Sequence[float], after: Sequence[float], enough: Callable[[list[float]], bool]
 ) -> tuple[float, ...]:
-    """The velocities with `after` appended in a cycle until there are `enough`."""
+    """The velocities with the velocities `after` appended in a cycle until `enough` is true."""
     found = list(speeds)
     for more in itertools.cycle(after):
         if enough(found):
@@ -131,7 +133,7 @@ def split_units(
 
     As in `split`, about the last sixth of the units is the test block, and as many units before the
     test block are the validation block. Sliding before a step or hold belongs to the previous unit.
-    The longest hold trains, because friction laws differ most in long holds.
+    The longest hold belongs to the train block, because friction laws differ most in long holds.
 
     Raises
     ------
@@ -152,7 +154,7 @@ def split_units(
 def split_again(
     time: np.ndarray, phase: np.ndarray, unit: np.ndarray, velocity: np.ndarray, before: Blocks
 ) -> Blocks | None:
-    """Blocks that hold out other units than `before`, if possible as many. All other units train.
+    """Blocks that hold out units other than the units held out in `before`, if possible as many.
 
     Arguments are as in `split_units`. The result is None if fewer than two units remain, or too few
     rows.

@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 def imported_arviz(tries: int = 3) -> "ModuleType":
     """Import ArviZ without its FutureWarning.
 
-    On import ArviZ writes the date of that warning into its cache folder. If two processes write to
-    this cache at once, one process misses its file and imports ArviZ again.
+    On import ArviZ writes the date of its FutureWarning into a cache folder. If two processes write
+    to the cache folder of ArviZ at once, one process misses its file and imports ArviZ again.
 
     Raises
     ------

@@ -47,7 +47,7 @@ class Laplace(NamedTuple):
 
 
 def root_of(at: Point) -> np.ndarray:
-    """R with R R^T = H^-1."""
+    """A root R of the covariance: R R^T = H^-1."""
     own = np.diag(np.sqrt(np.maximum(np.asarray(at.prior_information), 0.0)))
     return inverse_root(np.vstack([np.asarray(at.jacobian), own]))
 

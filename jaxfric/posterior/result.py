@@ -89,7 +89,7 @@ class Posterior(Described, Drawable, Drawn, Tabular):
 
     @property
     def fit_name(self) -> str:
-        """The name of `fitted` in reports; under white noise "fit", as the weights are equal."""
+        """The name of `fitted` in reports: "whitened fit", or "fit" if the noise is white."""
         same = self.whitened is None and self.fit.weighting == "ordinary"
         return "fit" if same else "whitened fit"
 

@@ -3,8 +3,8 @@ Hoffman & Gelman (2014, JMLR 15, 1593).
 
 Chains move in units of the Laplace approximation, y = y_MAP + R u. In these units the posterior is
 roughly standard normal, so the mass matrix is the identity. Only the step size is adapted. Chains
-run one after another. In parallel all chains would wait for the longest tree and the slowest
-simulation, which takes longer on few cores. Each chain starts at a draw of the Laplace
+run one after another. Parallel chains would all wait for the longest tree and the slowest
+simulation, so parallel chains take longer on few cores. Each chain starts at a draw of the Laplace
 approximation.
 """
 

@@ -1,4 +1,4 @@
-"""A rig and its four rooms: drive, machine, friction, sensor."""
+"""A rig and its four parts: drive, machine, friction, sensor."""
 
 from .drive import AbstractDrive as AbstractDrive
 from .drive import FirstOrderDrive as FirstOrderDrive

@@ -2,9 +2,9 @@
 
     M q'' + F_v q' + F_c sgn(q') + F_0 + terms(q, q', t, z) = F                       (base law)
 
-F is the motor force [N]; for a rotary axis F is a torque and M an inertia. F_0 is the offset, z the
-states of friction. sgn is smoothed over a width w: sgn(v) ~ tanh(v/w). Effects add terms, a lag of
-the motor force, or a delay of the encoder.
+F is the motor force [N]; for a rotary axis F is a torque and M an inertia. F_0 is the offset, and z
+are the states of friction. sgn is smoothed over a width w: sgn(v) ~ tanh(v/w). Effects add terms, a
+lag of the motor force, or a delay of the encoder.
 """
 
 import abc
@@ -81,7 +81,7 @@ class AxisRig(eqx.Module):
     def friction(
         self, position: Array, velocity: Array, time: Array, states: Sequence[Array]
     ) -> Array:
-        """Total force against motion without inertia [F]; `states`: values of the rig's states."""
+        """Total force against motion without inertia [F]; `states` are those of the rig."""
         sign = self.sign(velocity)
         at = AxisPoint(position, velocity, time, sign)
         force = self.viscous * velocity + self.coulomb * sign + self.offset

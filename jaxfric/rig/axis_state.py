@@ -5,7 +5,7 @@ A state relaxes to a steady value while the axis moves in either direction, and 
     state' = (|v|/length) (steady(v) - state)
 
 Between two rows of a measured motion the solution of this equation is exact. An associative scan
-joins the rows.
+combines the exact solutions of all rows.
 """
 
 import abc
@@ -92,9 +92,10 @@ class AxisRateState(AbstractAxisState):
         theta' = (|v|/L) (theta_ss - theta),   theta_ss = -B ln(1 + |v|/v_c)
 
     theta [F] is the state. Far above the cut-off velocity v_c these equations are the slip law of
-    Ruina (1983, doi:10.1029/JB088iB12p10359). Equations (3)-(5) of the 1994 note state the slip
-    law; here V0 = v_c, and f0 is Coulomb friction. Below v_c friction levels off, whereas ln(V/V0)
-    diverges. The state theta evolves with slip in either direction and keeps its value at rest.
+    Ruina (1983, doi:10.1029/JB088iB12p10359). Equations (3)-(5) of the 1994 note on PD control and
+    stick-slip state the slip law; here V0 = v_c, and f0 is Coulomb friction. Below the cut-off
+    velocity v_c friction levels off, whereas ln(V/V0) diverges. The state theta evolves with slip
+    in either direction and keeps its value at rest.
     """
 
     A: Float[Array, ""] = quantity("A", "F", "direct effect")
@@ -105,9 +106,8 @@ class AxisRateState(AbstractAxisState):
     def along(self, motion: MeasuredMotion) -> Float[Array, " N"]:
         """theta, at its steady value in the first row.
 
-        The result is exact under two conditions. Velocity is linear in time between two rows. The
-        steady value theta_ss is linear in distance between two rows, or between a row and a
-        reversal.
+        The result is exact under two conditions: velocity is linear in time between two rows, and
+        theta_ss is linear in distance between two rows, or between a row and a reversal.
         """
         v = motion.velocity
         last = jnp.concatenate([v[:1], v[:-1]])

@@ -2,7 +2,7 @@
 
 A spring and a dashpot in parallel, or the equivalent PD gains of a controller, pull a mass.
 Stiffness is in N/m if friction is a force. If friction is a coefficient, stiffness is divided by
-the normal force, in 1/m.
+the normal force and has the unit 1/m.
 """
 
 import equinox as eqx
@@ -24,9 +24,9 @@ class QuasiStatic(AbstractMachine):
     f(V, state) = K (x_m - x) + k_v (V_m - V). The law must be invertible in the velocity V.
 
     An optional small `mass` makes the velocity lag behind the velocity of the force balance (see
-    `simulation.ode`). Instead of this lag, `first_order` subtracts the inertia m dV/dt from the
-    pull on the slider. With `first_order` the acceleration dV/dt is that of the massless balance,
-    which is cheaper and exact to first order in m.
+    `simulation.ode`). Instead of a lag of velocity, `first_order` subtracts the inertia m dV/dt
+    from the pull on the slider. With `first_order` the acceleration dV/dt is that of the massless
+    balance, which is cheaper and exact to first order in m.
     """
 
     stiffness: Float[Array, ""] = quantity("K", "F/m", "stiffness", lower=0.0)

@@ -1,7 +1,8 @@
 """Recorded normal stress on the contact: a smooth function of time through noisy data.
 
 Friction is a coefficient f, and the pull balances n f. n(t) is the normal stress relative to the
-start. How a change of n acts on the state of friction is defined by the law (`effects`).
+start. The law (`effects`) defines how a change of the normal stress n acts on the state of
+friction.
 """
 
 import equinox as eqx
@@ -121,9 +122,9 @@ def stress_of_levels(
 def moved_stress(time: ArrayLike, stress: ArrayLike) -> float:
     """Relative standard deviation of a recorded normal stress, without the noise of its gauge.
 
-    The result is the square root of the covariance of two smoothed histories. One history is of the
-    even rows, the other of the odd rows. The noise that remains after smoothing is independent in
-    the two histories.
+    The result is the square root of the covariance of two smoothed histories. One history smooths
+    the even rows, the other history smooths the odd rows. The noise that remains after smoothing is
+    independent in the two histories.
     """
     t, s = np.asarray(time, float), np.asarray(stress, float)
     halves = [recorded_stress(t[k::2], s[k::2], knots=_OF_A_HALF) for k in (0, 1)]

@@ -11,7 +11,7 @@ from .sensor import AbstractSensor, IdealSensor
 
 
 class Rig(eqx.Module):
-    """The four rooms of a rig, through which a signal passes in one direction.
+    """The four parts of a rig. A signal passes from the drive to the sensor, in one direction only.
 
     All forces are in one unit: newtons, or friction coefficient (see `quantity`). `normal_stress`
     is n(t), the recorded normal stress relative to the start; None if it is constant. With n(t) the

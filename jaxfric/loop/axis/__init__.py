@@ -1,1 +1,1 @@
-"""The axis as a rig of the loop: its rows, shapes, curves and results."""
+"""The loop for a servo axis: rows of the record, shapes of effects, steady curves and results."""

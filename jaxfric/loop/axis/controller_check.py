@@ -15,7 +15,7 @@ from ..thresholds import CONTROLLER_OFF, SAME_FORCE, STUCK
 
 
 def stated_force(record: AxisRecord) -> np.ndarray | None:
-    """Force of the stated control law for the measured signals; None without a stated law."""
+    """Force by the stated control law for the measured signals; None without a stated law."""
     drive, reference, position = record.drive, record.reference_position, record.position
     if drive is None or reference is None or position is None:
         return None
@@ -61,7 +61,7 @@ def disagreement(record: AxisRecord, *, held: bool) -> str | None:
 
 
 def stretches(rows: np.ndarray, time: np.ndarray) -> str:
-    """The times of some rows as text: the longest stretch, and the number of further stretches."""
+    """Times of some rows as text: the longest stretch, and the number of other stretches."""
     gap = max(STUCK / float(np.median(np.diff(time))), 1.0)
     parts = np.split(rows, np.flatnonzero(np.diff(rows) > gap) + 1)
     longest = max(parts, key=len)

@@ -1,6 +1,6 @@
-"""The axis part of a loop's result: inverse dynamics and output error of each model, and gains.
+"""The axis part of a loop's result: fits by inverse dynamics and by output error, and gains.
 
-`axis_claims` makes the claims on friction and stability, each with the rows that support it.
+`axis_claims` makes claims on friction and stability; each claim lists the rows that support it.
 """
 
 import dataclasses
@@ -35,8 +35,8 @@ from .seen import Seen, seen
 
 
 def as_published(problem: AxisProblem, prepared: Prepared, rows: AxisRows) -> AxisProblem:
-    """The least-squares problem as in published fits of an axis: all rows that are not stuck, the
-    usual filter, and no zero-order hold of the force.
+    """The least-squares problem as in published fits of an axis: it uses all rows that are not
+    stuck, the usual low-pass filter, and no zero-order hold of the force.
     """
     weight = np.zeros(len(prepared.time))
     weight[: prepared.rows] = prepared.inside[: prepared.rows] & ~rows.stuck
@@ -72,10 +72,10 @@ def details_of(
     missed: float,
     progress: Callable[[str], None],
 ) -> AxisDetails:
-    """Inverse dynamics and output error of the base and of the final model, over all rows. Also the
-    gains, and the claims on friction and stability that the rows `counted` support. `told` are the
-    final parameters of the loop, for comparison with the fits. `missed` is the test error beyond
-    its noise [F].
+    """Fits of the base and of the final model by inverse dynamics and by output error, over all
+    rows. The result also has the gains, and the claims on friction and stability that the rows
+    `counted` support. `told` are the final parameters of the loop, for comparison with the fits.
+    `missed` is the error of the test block beyond noise [F].
     """
     record, reading, directions, spring, withheld, others = known
     problem = engine.case.problem
@@ -129,10 +129,11 @@ def details_of(
 
 
 def turning_acceleration(rows: AxisRows, acceleration: np.ndarray) -> float:
-    """Median over strokes of the largest `acceleration` [m/s^2]; the array has n or more rows.
+    """Median over strokes of the largest `acceleration` [m/s^2] in each stroke.
 
-    Strokes of constant acceleration, and sines, reverse with this largest acceleration. Strokes
-    that begin and end softly reverse with a smaller acceleration.
+    Strokes of constant acceleration, and sines, reverse with the largest acceleration of the
+    stroke. Strokes that begin and end softly reverse with a smaller acceleration. The array
+    `acceleration` has n or more rows.
     """
     size = np.abs(acceleration[: len(rows.time)])
     largest = [float(np.max(size[rows.segment == k])) for k in np.unique(rows.segment)]
@@ -173,9 +174,9 @@ def axis_claims(
 ) -> tuple[Finding, ...]:
     """Claims on friction in each direction over the supported speeds, and on stability.
 
-    No claim is made if a reason against the fitted friction concerns all speeds. Exception: if each
-    direction was driven at one speed, its friction is claimed, because that friction is measured,
-    not fitted.
+    No claim is made if the fitted friction is in doubt at all speeds. Exception: if each direction
+    was driven at one speed only, the friction at this speed is claimed, because this friction is
+    measured, not fitted.
     """
     curve, single = details.gains.curve, at_one_speed(directions)
     if details.withheld or curve is None or (details.doubted() and not single):

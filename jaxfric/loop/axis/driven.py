@@ -1,8 +1,8 @@
-"""The range of speeds in each direction of an axis, in which claims on friction hold.
+"""The range of speeds over which claims on friction hold, in each direction of an axis.
 
 With one speed per direction, v+ and v-, a record determines two forces only: F_0 + F_c + F_v v+ and
-F_0 - F_c - F_v v-. These two forces determine neither the three parameters F_0, F_c and F_v nor the
-slope of friction over speed.
+F_0 - F_c - F_v v-. Two forces determine neither the three parameters F_0, F_c and F_v nor the slope
+of friction over speed.
 """
 
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ ONE_SPEED = "each direction was driven at one speed"
 
 
 class Driven(NamedTuple):
-    """One direction of a record. Nine in ten used rows lie between `slowest` and `fastest`."""
+    """One direction of a record. Nine in ten used rows have speeds from `slowest` to `fastest`."""
 
     direction: str
     """"forwards" or "backwards"."""
@@ -39,7 +39,7 @@ class Driven(NamedTuple):
 
     @property
     def one_speed(self) -> bool:
-        """Whether `fastest` is less than twice `slowest`."""
+        """Whether the `fastest` speed is less than twice the `slowest` speed."""
         return self.fastest < ONE_SPEED_RANGE * self.slowest
 
 

@@ -1,7 +1,7 @@
-"""`close_axis_loop(record)`: find what Coulomb and viscous friction lack on an axis.
+"""`close_axis_loop(record)`: find the effects that Coulomb and viscous friction lack.
 
-By inverse dynamics the motor force for the measured motion is compared with the recorded force. The
-axis loop has the same search, evidence, tests and verdict as `jaxfric.loop`.
+Inverse dynamics gives the motor force for the measured motion, to compare with the recorded force.
+Search, evidence, tests and verdict are the same for an axis as for a slider (`jaxfric.loop`).
 """
 
 import dataclasses
@@ -70,8 +70,9 @@ def close_axis_loop(
     zero_order_hold : the force is a sampled command that the controller holds until the next
         row, so it acts half a row later; by default true if the record has a drive.
 
-    Rows slower than twice `width`, reversals and neighbouring rows are excluded, since static
-    friction equals any applied force. Whole motion segments are held out.
+    Rows slower than twice `width`, rows at reversals, and neighbours of these rows are excluded. On
+    a stuck axis, static friction equals the applied force, whatever the friction law. Whole motion
+    segments are held out.
 
     Raises
     ------
@@ -109,11 +110,11 @@ def _seen_by(record: AxisRecord, asked: Offered) -> Offered:
 def axis_subject(
     record: AxisRecord, reading: Reading, asked: Offered, *, held: bool
 ) -> Subject[AxisProblem]:
-    """The `Subject` of an axis record with prepared rows. `held`: the recorded force is a command
-    with zero-order hold.
+    """The `Subject` of an axis record with prepared rows. `held` is true if the recorded force is a
+    command with zero-order hold.
 
-    Effects that shift force against motion in time form one group, of which a model has at most
-    one. Effects that the record cannot show are tried only on request.
+    Effects that shift force against motion in time form one group. A model has at most one effect
+    of this group. Effects that the record cannot show are tried only on request.
     """
     prepared, rows = reading.prepared, reading.rows
     weight = np.zeros(len(prepared.time))
@@ -221,15 +222,17 @@ def _start(problem: AxisProblem, reading: Reading) -> np.ndarray:
 
 
 def unit_of_residuals(force: np.ndarray) -> float:
-    """Unit of residuals: about the noise. The unit of residuals has a lower bound, because a
-    commanded force has no noise. Without this bound a bad fit would count as a failed simulation.
+    """Unit of residuals: about the standard deviation of the noise. The unit of residuals has a
+    lower bound, because a commanded force has no noise. Without a lower bound of the unit a bad fit
+    would count as a failed simulation.
     """
     return max(noise_from_differences(force), LEAST_UNIT * float(np.ptp(force)))
 
 
 def own_unit(unit: str, force: str, length: str) -> str:
-    """Convert `unit` of a parameter of a linear axis to forces in `force` and lengths in `length`:
-    rad for m; kg m^2, or % s^2/rad, for kg."""
+    """Convert the `unit` of a parameter of a linear axis to the units `force` and `length`. On a
+    rotary axis rad replaces m, and kg m^2 or % s^2/rad replaces kg.
+    """
     if unit == "kg":
         return inertia_unit(force, length)
     begins = force if unit.startswith(force) else ""

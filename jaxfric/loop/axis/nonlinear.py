@@ -1,6 +1,7 @@
-"""Responses of an axis to missing friction: shapes of effects, hat functions of variables.
+"""Responses of an axis to missing friction: to effects of every shape and to hat functions.
 
-`axis_curves` gives the steady friction curves of an axis, and their forces along its motion.
+`axis_curves` gives the steady friction curves of an axis, and the force of each curve along the
+motion.
 """
 
 from collections.abc import Sequence
@@ -33,7 +34,7 @@ def axis_sensitivities(
     missing: Sequence[type[AbstractEffect]],
     scales: RecordScales,
 ) -> list[Sensitivities]:
-    """Sensitivities of the missing effects with shape parameters: derivatives at every shape."""
+    """Derivatives of the force by the amplitudes of missing effects, at every shape of effects."""
     problem = engine.problem
     found = []
     for effect in missing:
@@ -51,7 +52,7 @@ def axis_sensitivities(
 
 
 def friction_bumps(engine: Engine[AxisProblem], rows: AxisRows, *, unit: str = "m") -> list[Bumps]:
-    """Waves, and hat functions of position, velocity, time and distance since reversal."""
+    """Bumps of friction over position, velocity, time and distance since reversal, and waves."""
     since = rows.path.copy()
     for k in np.unique(rows.segment):
         here = rows.segment == k
@@ -79,9 +80,9 @@ def friction_bumps(engine: Engine[AxisProblem], rows: AxisRows, *, unit: str = "
 def axis_curves(
     engine: Engine[AxisProblem], final: Candidate, rows: AxisRows, unit: str
 ) -> CurveRig:
-    """The steady curves of a fit that change sign with velocity, over the speeds of train and
-    validation rows. `unit` is the unit of the position. Below the slowest of these speeds the
-    curves are constant, because slower rows are not used.
+    """The steady friction curves of a fit that change sign with velocity, over the speeds of train
+    and validation rows. `unit` is the unit of the position. Below the slowest speed of these rows
+    the curves are constant, because slower rows are not used.
     """
     problem = engine.problem
     known = engine.blocks.train | engine.blocks.select

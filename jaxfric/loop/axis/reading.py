@@ -1,13 +1,14 @@
-"""Turns an axis record into rows of the loop: low-pass, sign, disturbance, threshold.
+"""Prepares the rows of an axis record: low-pass filter, sign of force, disturbance, slowest speed.
 
-The cutoff of the position's low-pass also sets the number of rows. Encoder noise, differentiated
-twice and times the mass, is noise of the predicted force. The chosen cutoff is the highest at which
-this noise has less than half the variance of the recorded force's noise. A higher cutoff would hide
-friction in encoder noise, a lower cutoff would lose motion and rows. The noise of the recorded
-force is the scatter from row to row of the base law's residual, at its minimum over cutoffs. High
-cutoffs add encoder noise to the scatter of the residual, low cutoffs add structure. If too few rows
-for a split are faster than the velocity noise, lower cutoffs, then a lower threshold, then shorter
-rows are tried.
+The cutoff of the low-pass filter of the position also sets the number of rows. Encoder noise,
+differentiated twice and multiplied by the mass, is noise of the predicted force. The chosen cutoff
+is the highest at which the noise variance of the predicted force is less than half the noise
+variance of the recorded force. A higher cutoff would hide friction in encoder noise, a lower cutoff
+would lose motion and rows. The noise of the recorded force is the scatter of the base law's
+residual from row to row, minimised over cutoffs. High cutoffs add encoder noise to the scatter of
+the residual, low cutoffs add structure. A record may have too few rows faster than the velocity
+noise to form train, validation and test blocks. Then lower cutoffs are tried, then a lower speed
+threshold, then shorter rows.
 """
 
 from typing import NamedTuple
@@ -52,7 +53,7 @@ class Reading(NamedTuple):
 def read_rows(
     record: AxisRecord, *, preparation: Preparation | None, width: float | None, held: bool
 ) -> Reading:
-    """The rows of an axis record for the loop, with notes on the choices of the preparation.
+    """The rows of an axis record for the loop, with notes on how the rows were prepared.
 
     Raises
     ------

@@ -19,7 +19,10 @@ from .driven import Driven
 
 @dataclass(frozen=True, eq=False)
 class AxisRows:
-    """Decimated rows of a record (n); masks `used` and `stuck`; `width` of the smoothed sign."""
+    """The n decimated rows of a record, with masks of `used` and of `stuck` rows.
+
+    `width` is the width of the smoothed sign of the velocity.
+    """
 
     time: np.ndarray
     position: np.ndarray
@@ -31,7 +34,7 @@ class AxisRows:
     width: float
 
     def steps(self) -> VelocitySteps:
-        """Begin [s] and mean velocity of every motion segment."""
+        """Start time [s] and mean velocity of every motion segment."""
         count = int(self.segment.max()) + 1
         first = [int(np.argmax(self.segment == k)) for k in range(count)]
         mean = [float(np.mean(self.velocity[self.segment == k])) for k in range(count)]
@@ -60,7 +63,7 @@ class Spring(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class AxisDetails:
-    """Inverse dynamics and output error of base and final model, over all moving rows; gains."""
+    """Gains, and fits of base and final model by inverse dynamics and by output error."""
 
     fits: tuple[tuple[str, AxisFit], ...]
     """Pairs of "before" or "after" and a fit."""
@@ -103,22 +106,24 @@ class AxisDetails:
         return said("axis_loop_text.short", self)
 
     def found(self) -> str:
-        """Results, as text, that hold even if one speed per direction leaves the friction
-        parameters open, or if the force is feedback. The text is '' for other records.
+        """Results, as text, for a record that leaves the friction parameters open: each direction
+        has one speed only, or the force only responds to position. The text is '' for other
+        records.
         """
         return said("axis_loop_text.found", self)
 
     def doubt(self) -> str:
-        """Mass and friction parameters, as text, for which least squares over all rows differs from
-        the loop by more than the errors and a factor of 1.5; '' if none.
+        """Text that names the mass and friction parameters for which the loop and least squares
+        over all rows disagree; '' if none. Two values disagree if they differ by more than their
+        errors and by more than a factor of 1.5.
         """
         return said("axis_loop_text.doubt", self)
 
     def doubted(self) -> bool:
-        """Whether a reason against the fitted slope of friction concerns all speeds."""
+        """Whether the fitted slope of friction is in doubt at all speeds."""
         curve = self.gains.curve
         return curve is not None and any(np.isinf(one.speed) for one in curve.unseen)
 
     def to_json(self) -> dict:
-        """The entry "axis" of `loop.json`: preparation, gains, fits; `drive` in force units."""
+        """The entry "axis" of `loop.json`: preparation, fits and gains; `drive` in force units."""
         return said("loop_json.axis", self)

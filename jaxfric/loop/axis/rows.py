@@ -97,7 +97,7 @@ def _long(slow: np.ndarray, rows: int) -> np.ndarray:
 
 
 def scales_of(rows: AxisRows, prepared: Prepared, blocks: Blocks) -> RecordScales:
-    """Lengths, velocities and times of the train rows, as starting values of effects' shapes."""
+    """Lengths, velocities and times of the train rows, to start the shapes of effects."""
     speed = np.abs(rows.velocity[blocks.train])
     moving = speed[speed > 2 * rows.width]
     interval = float(prepared.time[1] - prepared.time[0])
@@ -168,7 +168,7 @@ def refuse_reversed(rough: Rough, work: float, path: str, force_unit: str, mass_
 
     Friction dissipates, so `work`, the mean of F v over the rows [F m/s], is positive for motion
     back and forth. Negative work and significantly negative friction mean that force or motion has
-    a wrong sign. If the mass is negative too, the force has the wrong sign.
+    a wrong sign. If the fitted mass is negative too, the recorded force has the wrong sign.
     """
     if work >= 0 or rough.dissipation > -CLEAR * rough.its_error:
         return
@@ -191,8 +191,9 @@ def refuse_reversed(rough: Rough, work: float, path: str, force_unit: str, mass_
 def unexplained_rows(prepared: Prepared, used: np.ndarray, width: float) -> np.ndarray:
     """Mask of rows at which the force is far from the base law of all other rows.
 
-    The mask holds rows whose force deviates by more than half the standard deviation of the force,
-    and by more than ten times the scatter. Friction does not deviate so much from the base law.
+    The mask holds rows whose force deviates from the base law by more than half the standard
+    deviation of the force, and by more than ten times the scatter of the residual. Missing effects
+    of friction cause smaller deviations from the base law.
     """
     keep, found = used.copy(), np.zeros(len(used), bool)
     for _ in range(TRIMS):
@@ -208,11 +209,11 @@ def unexplained_rows(prepared: Prepared, used: np.ndarray, width: float) -> np.n
 
 
 def holds_already(coefficient: float, error: float) -> bool | None:
-    """Whether the recorded force F includes a disturbance d, from c in the fit F = ... + c d.
+    """Whether the recorded force F includes a disturbance d, by the coefficient c in F = ... + c d.
 
-    Motor force plus disturbance act on the axis. The coefficient c is therefore -1 if F is the
-    motor force alone, and 0 if F includes d. The result is None if c is near neither value, because
-    the motion then does not respond to d.
+    Motor force and disturbance act on the axis together. The coefficient c of the disturbance d is
+    therefore -1 if F is the motor force alone, and 0 if F includes d. The result is None if c is
+    near neither -1 nor 0, because the motion then does not respond to d.
     """
     alone, within = abs(coefficient + 1), abs(coefficient)
     if 2 * CLEAR * error > 1 or not min(alone, within) <= NEAR_ENOUGH:
@@ -223,7 +224,7 @@ def holds_already(coefficient: float, error: float) -> bool | None:
 def segments(slow: np.ndarray) -> np.ndarray:
     """Index of the motion segment of each row; `slow` marks rows that stop or turn.
 
-    Rows at which the axis stops or turns belong to the segment before.
+    Rows at which the axis stops or turns belong to the preceding motion segment.
     """
     begins = ~slow & np.concatenate([[False], slow[:-1]])
     begins[: int(np.argmax(~slow)) + 1] = False  # the first motion is segment 0
@@ -232,11 +233,11 @@ def segments(slow: np.ndarray) -> np.ndarray:
 
 def split(segment: np.ndarray, used: np.ndarray, velocity: np.ndarray, path: str) -> Blocks:
     """Blocks of whole motion segments. The last sixth of the rows is the test block, the sixth
-    before the test block is the validation block. All other rows train.
+    before the test block is the validation block. All other rows are the train block.
 
-    The fastest segment of each direction always trains. The slowest segment with enough rows trains
-    too, if validation and test block remain long enough. `used` marks the used rows, `path` names
-    the record in messages.
+    The fastest segment of each direction always belongs to the train block. The slowest segment
+    with enough rows belongs to the train block too, if validation and test block remain long
+    enough. `used` marks the used rows, `path` names the record in messages.
 
     Raises
     ------

@@ -1,9 +1,9 @@
-"""Speeds at which an axis record supports the fitted steady friction; reasons at other speeds.
+"""Speeds at which an axis record supports the fitted friction, and reasons why others have none.
 
-The rule for claims is in `jaxfric.stability.claims`. This module computes the input of the rule:
-the standard error of the fitted slope of friction, and rows at low speed that lie above the fit.
-This module also finds speeds at which the axis stopped in mid-stroke or the low-pass removed stairs
-of the motion.
+The rule for claims is in `jaxfric.stability.claims`. This module computes the input of the rule for
+claims: the standard error of the fitted slope of friction, and rows at low speed that lie above the
+fit. This module also finds speeds at which the axis stopped in mid-stroke, or at which the low-pass
+filter removed stop-and-go motion.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -63,9 +63,9 @@ def seen(
     directions: Sequence[Driven],
     withheld: str,
 ) -> Seen:
-    """Support of the slope of friction in the final fit of a `search`; `unit` of the position, for
-    texts. A speed in only one of the `directions` is not supported. No speed is supported if the
-    verdict is `withheld` (a reason, as text).
+    """Support of the slope of friction in the final fit of a `search`; `unit` is the unit of the
+    position, for texts. A speed that was driven in only one of the `directions` is not supported.
+    No speed is supported if the verdict is `withheld` (a reason, as text).
     """
     found = search.final
     speed = np.abs(rows.velocity[rows.used])
@@ -143,7 +143,7 @@ def doubts(
 
 
 def held_command(values: Mapping[str, float], effects: Sequence[str], interval: float) -> list[str]:
-    """A hint if an identified lag equals that of a zero-order hold, half of the row `interval` [s].
+    """A hint if a fitted lag equals the lag of a zero-order hold, half of the row `interval` [s].
 
     values : of all parameters, by name. effects : those of the final model.
     """
@@ -162,7 +162,7 @@ def follows(problem: AxisProblem, rows: AxisRows, rotary: bool) -> float | None:
     """Delay of the force behind the position [s] if the force depends on position alone; else None.
 
     A force that moves the axis accelerates its mass and overcomes friction. The force of a
-    controller that only carries a weight just responds to the position. The result is None if the
+    controller that only carries a weight depends on the position alone. The result is None if the
     position, delayed by up to 0.2 s, leaves more than a twentieth of the force unexplained.
     """
     here, n = rows.used, len(rows.time)
@@ -186,12 +186,13 @@ def follows(problem: AxisProblem, rows: AxisRows, rotary: bool) -> float | None:
 
 
 def spring_of(problem: AxisProblem, rows: AxisRows) -> Spring | None:
-    """The spring of an axis that never slid; None if it slides.
+    """The spring of an axis that never slid; None if the axis slides.
 
-    The force of an axis that never slid is a line over position, within a fifth of the force's
-    standard deviation. Also, just after a reversal the residual against the motion is less than 0.6
-    of its mean. This ratio of residuals is 1 for Coulomb friction and 0.64 for viscous friction
-    along a sine. The ratio is at most 0.4 for a bristle that bends within the stroke.
+    The force of an axis that never slid is a linear function of position, within a fifth of the
+    force's standard deviation. Also, just after a reversal the residual force against the motion is
+    less than 0.6 of the mean residual force against the motion. The ratio of these two residuals is
+    1 for Coulomb friction and 0.64 for viscous friction along a sine. For a bristle that bends
+    within the stroke, the ratio of the two residuals is at most 0.4.
     """
     force = np.asarray(problem.friction)[: len(rows.time)]
     line = np.stack([np.ones_like(rows.position), rows.position - rows.position.mean()], axis=1)

@@ -5,12 +5,12 @@
          + fs exp(-(|v|/vs)^n) sgn v, fs > 0, n = 1 or 2     stribeck
          + c v^3                             cubic
 
-Every run is weighted by the standard error of its mean force. Runs also differ by a spread tau
-beyond these errors. This spread is estimated with each candidate model, like the noise of a loop.
-Runs that stick and slip have no steady friction. Runs that stick and slip are reported, and fitted
-only if other runs are too few for a line in each direction.
+Every run is weighted by the standard error of its mean force. Mean forces of runs also differ by a
+spread tau beyond their standard errors. The spread tau is estimated with each candidate model, like
+the noise of a loop. Runs that stick and slip have no steady friction. Runs that stick and slip are
+reported, and fitted only if other runs are too few for a line in each direction.
 
-`steady_findings` makes the claims, each with the runs that support it.
+`steady_findings` makes the claims; each claim lists the runs that support it.
 """
 
 from collections.abc import Sequence
@@ -123,10 +123,10 @@ def close_steady_loop(
     """Fit the curve, then add effects of `STEADY_EFFECTS` one by one.
 
     The effects `include` belong to the base, the effects `exclude` are not tried. An accepted
-    effect lowers BIC by more than 10 and predicts held-out runs better (each held out with its
-    neighbours in speed). The friction of an accepted effect is dissipative, and the runs determine
-    its parameters. With fewer than 8 runs, or fewer than 3 in one direction, only the base is
-    fitted.
+    effect lowers BIC by more than 10 and predicts held-out runs better (each run is held out with
+    its neighbours in speed). The friction of an accepted effect is dissipative, and the runs
+    determine its parameters. With fewer than 8 runs, or fewer than 3 in one direction, only the
+    base is fitted.
 
     Raises
     ------

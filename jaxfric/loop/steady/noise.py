@@ -1,16 +1,16 @@
 """The noise of runs at steady speeds: the residual of the rows of each run about its mean.
 
 Every run has its own noise scale, the standard deviation of the rows of the run. All runs share one
-noise of the family of `fitting.noise`. The clocks of this noise are time, path (mean speed times
-time) and rows. Runs at different speeds and sampling rates determine over which clock the noise is
-correlated. On every clock the runs are placed so far apart that different runs are uncorrelated.
-The restricted likelihood removes the mean of each run; otherwise a long correlation would be
-underestimated. Runs that stick and slip are excluded if other runs exist.
+noise of the family of `fitting.noise`. The clocks of the noise are time, path (mean speed times
+time) and row number. Runs at different speeds and sampling rates determine over which clock the
+noise is correlated. On every clock the runs are placed so far apart that different runs are
+uncorrelated. The restricted likelihood removes the mean of each run; otherwise a long correlation
+would be underestimated. Runs that stick and slip are excluded if other runs exist.
 
-A rotary axis often has noise that oscillates once per turn. A noise search part by part from white
-noise misses this oscillation, because the correlation of neighbouring rows is fitted first. So for
-a rotary axis the search has an additional start with one oscillation per turn. Not supported:
-several oscillations per turn, which two noise parts cannot model.
+A rotary axis often has noise that oscillates once per turn. A search that adds noise parts one by
+one to white noise misses this oscillation, because the search fits the correlation of neighbouring
+rows first. So for a rotary axis the search has an additional start with one oscillation per turn.
+Not supported: several oscillations per turn, which two noise parts cannot model.
 """
 
 import math
@@ -53,11 +53,11 @@ class SteadyNoise:
     - `estimate`: `sigma` [unit of force] is the standard deviation in a run of scale 1; `scale` of
       every run [R] has a mean square of 1 over all runs (0 if a force never changes).
     - `clock`: time [s], path [m or rad] and row number of the n rows of the estimate [n, 3], with
-      the runs far apart; `residual`: their residuals in units of the run's scale [n]; `run`: the
-      run of each row [n].
+      the runs far apart; `residual`: the residuals of these rows in units of the run's scale [n];
+      `run`: the run of each row [n].
     - `effective`: effective number of independent samples of each run under the noise [R].
     - `after_a_turn`: autocorrelation of rows one turn apart, over all runs of at least two turns;
-      None if there is none, or for a linear axis.
+      None if no run is so long, or for a linear axis.
     """
 
     estimate: NoiseEstimate
@@ -188,8 +188,8 @@ def _worth(clocks: list[np.ndarray], noise: Noise) -> np.ndarray:
 def after_a_turn(angles: list[np.ndarray], left: list[np.ndarray]) -> float | None:
     """Autocorrelation of rows one turn apart, over all runs of at least two turns.
 
-    `angles` [rad] increase with the rows of a run; `left` is its residual in units of its scale.
-    The value one turn later is interpolated between two rows.
+    `angles` [rad] increase with the rows of a run; `left` is the residual of the run in units of
+    the run's scale. The value one turn later is interpolated between two rows.
     """
     products, squares = [], []
     for angle, x in zip(angles, left, strict=True):

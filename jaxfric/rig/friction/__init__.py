@@ -1,4 +1,4 @@
-"""Friction laws: one room of the rig."""
+"""Friction laws: one part of the rig."""
 
 from .delay import AbstractDelayLaw as AbstractDelayLaw
 from .delay import HessSoom as HessSoom

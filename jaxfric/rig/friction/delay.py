@@ -2,7 +2,7 @@
 
 A delay law has no state variables; its memory is the velocity over the last `delay` seconds.
 Interface, simulation and stability theory of a delay law therefore differ from those of
-`AbstractLaw`. Linearised about steady sliding at V (26)-(29):
+`AbstractLaw`. Equations (26)-(29) linearise the law about steady sliding at V:
 
     f_v = df/dV_now,   g(t) = k_f delta(t - alpha),   G(s) = k_f exp(-alpha s)
 
@@ -49,7 +49,7 @@ class HessSoom(AbstractDelayLaw):
 
     f(t) = c0 V(t - alpha) + c1/(1 + c2 V(t - alpha)^2)
 
-    This force does not depend on the velocity now: f_v = 0 (27).
+    The Hess-Soom force does not depend on the present velocity: f_v = 0 (27).
     """
 
     c0: Float[Array, ""] = quantity("c0", "F s/m", "viscous friction", lower=0.0, closed=True)

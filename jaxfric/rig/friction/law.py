@@ -2,7 +2,7 @@
 
 In the time domain a law is `force(V, state, at)` and `rate(V, state, at)`. In the frequency domain
 a law is an instantaneous term and a memory kernel at a steady velocity. Automatic differentiation
-gives both, so laws do not define the frequency domain form.
+gives the instantaneous term and the memory kernel, so laws do not define the frequency domain form.
 """
 
 import abc
@@ -39,8 +39,9 @@ class Conditions(NamedTuple):
 class AbstractLaw(eqx.Module):
     """A friction law with a vector of state variables.
 
-    Forces are in newtons, or dimensionless (friction coefficient): the equations are the same. The
-    whole rig must use either newtons or friction coefficients. Velocity V in m/s, time in s.
+    Forces are in newtons, or dimensionless (friction coefficient): the equations are the same for
+    both. The whole rig must use either newtons or friction coefficients. Velocity V is in m/s, time
+    in s.
     """
 
     @abc.abstractmethod

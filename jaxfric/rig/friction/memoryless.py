@@ -3,8 +3,8 @@
     f = [c0 + c1 |V| + c2 exp(-(|V|/c3)^c4)] sgn V                                  (1)
 
 The curve falls where sliding speed lets a lubricant carry load (the Stribeck effect) and rises
-again with viscous drag. Two laws share the curve (1). `GeneralStribeck` has the exponent c4 as a
-parameter. `GaussianStribeck`, equation (14), is the curve with c4 = 2.
+again with viscous drag. Two friction laws use the curve (1). `GeneralStribeck` has the exponent c4
+as a parameter. `GaussianStribeck`, equation (14), is the curve with c4 = 2.
 
 Sources: equations (1) and (13)-(17) of the 1994 note on PD control and stick-slip; the
 curve in this form after Armstrong-Helouvry, Dupont & Canudas de Wit (1994,
@@ -27,8 +27,8 @@ class AbstractStribeck(AbstractLaw):
 
     With `width` None the sign is exact: f(0) = 0, and f(+-0) = +-(c0 + c2). With a `width` w the
     sign is tanh(V/w), continuous through rest and reversal, and exact to rounding for |V| > 20 w.
-    Near rest friction then has the slope (c0 + c2)/w, so a stuck slider creeps. Choose the width w
-    far below the Stribeck velocity c3 and every velocity of interest.
+    Near rest the smoothed friction has the slope (c0 + c2)/w, so a stuck slider creeps. Choose the
+    width w far below the Stribeck velocity c3 and every velocity of interest.
     """
 
     c0: eqx.AbstractVar[Float[Array, ""]]
@@ -44,8 +44,8 @@ class AbstractStribeck(AbstractLaw):
     def force(self, V: Scalar, state: States, at: Conditions) -> Scalar:
         """Friction force (1) [F] at velocity `V` [m/s].
 
-        Derivatives are finite everywhere. At V = 0 with the exact sign the derivatives are 0,
-        unlike the one-sided derivatives.
+        Derivatives are finite everywhere. At V = 0 with the exact sign the computed derivatives are
+        0, unlike the one-sided derivatives.
         """
         del state, at
         speed = jnp.abs(V)
@@ -95,8 +95,8 @@ class GeneralStribeck(AbstractStribeck):
 class GaussianStribeck(AbstractStribeck):
     """Memoryless example (14): c0 + c1 V + c2 exp(-(V/c3)^2) for V > 0.
 
-    The law is (1) with c4 = 2 and the same c0..c3. For V < 0 the force is continued as an odd
-    function: [c0 + c1 |V| + c2 exp(-(V/c3)^2)] sgn V.
+    The law is curve (1) with the exponent c4 = 2 and the same parameters c0 to c3. For V < 0 the
+    force is continued as an odd function: [c0 + c1 |V| + c2 exp(-(V/c3)^2)] sgn V.
     """
 
     c0: Float[Array, ""] = quantity("c0", "F", "Coulomb friction", lower=0.0, closed=True)
@@ -128,8 +128,8 @@ def worst_slope(law: AbstractStribeck) -> Scalar:
 
         f_v(V_cr) = c1 - (c2/c3) c4 w^w exp(-w),
 
-    For c4 = 2 this is (17), c1 - sqrt(2) (c2/c3) exp(-1/2). For c4 = 1 the result is the limit
-    c1 - c2/c3 at V -> 0. For c4 < 1 the slope is unbounded at V -> 0, and the result is -inf.
+    For c4 = 2 the result is (17), c1 - sqrt(2) (c2/c3) exp(-1/2). For c4 = 1 the result is the
+    limit c1 - c2/c3 at V -> 0. For c4 < 1 the slope is unbounded at V -> 0, and the result is -inf.
     """
     n = law.exponent()
     inside = n > 1

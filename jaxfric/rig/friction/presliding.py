@@ -23,9 +23,9 @@ class Dahl(AbstractLaw):
     The steady curve is f_c sgn V + viscous V. For gamma = 1 the bristle force approaches f_c
     exponentially over the distance f_c/sigma. For gamma > 1 the bristle force approaches f_c more
     slowly, for gamma < 1 within a finite distance. If |z| exceeds f_c (by rounding, or at the
-    start), z returns to f_c. The power then acts on the magnitude of 1 - z/f_c sgn V and keeps the
-    sign. Within 1e-12 f_c of full sliding the power is continued linearly, because for gamma < 1
-    its slope would be infinite.
+    start), z returns to f_c. The exponent gamma then acts on the magnitude of 1 - z/f_c sgn V,
+    whose sign is kept. Within 1e-12 f_c of full sliding the power is continued linearly, because
+    for gamma < 1 its slope would be infinite.
 
     About steady sliding at V > 0: f_v = `viscous`, and the memory kernel is zero.
     """

@@ -24,7 +24,7 @@ from .law import LOG_MAX, NEWTON_STEPS, AbstractInvertibleLaw, Conditions, Scala
 
 
 class AbstractEvolution(eqx.Module):
-    """How the states relax, in force units; `r = |V|/V0`."""
+    """How the states of friction relax, in force units, with `r = |V|/V0`."""
 
     @abc.abstractmethod
     def rate(self, r: Scalar, theta: States, B: States, L: States, V0: Scalar) -> States:
@@ -66,7 +66,7 @@ class AgeingEvolution(AbstractEvolution):
 class AbstractDirectEffect(eqx.Module):
     """The instantaneous response of friction to velocity, and its inverse.
 
-    `rest` is f0 plus all parts independent of velocity (states, slip, time).
+    `rest` is f0 plus all parts of friction that do not depend on velocity (states, slip, time).
     """
 
     @abc.abstractmethod

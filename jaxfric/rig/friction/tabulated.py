@@ -2,9 +2,9 @@
 
     F(V) = F_i + (V - v_i) (F_{i+1} - F_i)/(v_{i+1} - v_i)      between the rows i and i + 1
 
-The slope at a speed is the slope between the two neighbouring rows. There is no smoothing, so the
-slope includes the scatter of the rows. A table has no memory. If a memory of length L is assumed,
-friction follows the curve over the distance L,
+The slope at a speed is the slope between the two neighbouring rows. The table is not smoothed, so
+the slope includes the scatter of the rows. A table has no memory. If a memory of length L is
+assumed, friction follows the curve over the distance L,
 
     f = z,   dz/dt = |V|/L (F(V) - z),
 
