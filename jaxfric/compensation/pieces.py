@@ -23,7 +23,7 @@ _SURE = 2.0
 
 
 class Factor(NamedTuple):
-    """The function of the motion in a term; "{x}" stands for the parameter x of its effect."""
+    """The function of the motion in a term; "{x}" stands for parameter x of the term's effect."""
 
     part: str
     """`INERTIA`, `PLAIN` or `SIGN`."""

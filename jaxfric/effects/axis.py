@@ -139,7 +139,7 @@ class LogViscous(AbstractAxisEffect, AbstractAxisTerm):
     lubricant. (The asinh of the speed in Eyring 1936, doi:10.1063/1.1749836, is also first linear
     and then logarithmic.) The speed v_c is at least the width of the smoothed sign; below this
     width friction is not modelled. If all speeds of a record are far above v_c, a change of v_c
-    acts like Coulomb friction. Such a record determines c but not v_c.
+    acts like Coulomb friction. A record with only speeds far above v_c determines c but not v_c.
     """
 
     id = "log_viscous"
@@ -285,8 +285,8 @@ class Presliding(AbstractAxisEffect):
     The damping sigma_1 acts only while the bristle bends: at low speed, within a few lengths x_c of
     a reversal. So a force of sigma_1 times the speed of a stroke never occurs. A record may
     therefore determine the bristle but not the damping sigma_1. The length x_c must be short enough
-    for friction to recover within half of the travel. A noticeable negative damping is refused,
-    because it would feed energy into the motion.
+    for friction to recover within half of the travel. A noticeable negative damping sigma_1 is
+    refused, because it would feed energy into the motion.
     """
 
     id = "presliding"

@@ -159,7 +159,7 @@ def separators(effect: AbstractEffect | type[AbstractEffect]) -> tuple[str, ...]
 
 
 def beyond(effect: AbstractEffect, scales: RecordScales) -> tuple[str, ...]:
-    """Field names of the parameters that a record with these `RecordScales` cannot determine."""
+    """Field names of the parameters that a record with given `RecordScales` cannot determine."""
     return tuple(name for name, limit in effect.limits.items() if bool(limit(effect, scales)))
 
 
@@ -223,8 +223,8 @@ def evolution_of(law: ExtendedLaw) -> BlendedEvolution | None:
 def extended(rig: Rig) -> ExtendedLaw:
     """The rig's friction as an `ExtendedLaw` whose base can blend evolutions.
 
-    An ageing law becomes a blend with q = 1, any other law a blend with q = 0. The equations of the
-    law stay the same. A rate-and-state law with its own class is unchanged.
+    An ageing law becomes a blend with q = 1, any other law a blend with q = 0. The extended law has
+    the same equations as the law of the rig. A rate-and-state law with its own class is unchanged.
     """
     law = rig.friction
     if isinstance(law, ExtendedLaw):

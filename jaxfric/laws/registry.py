@@ -5,9 +5,9 @@ To add a law, write its class in a file of `rig.friction` and add an entry to `R
 loops, gains, simulations, margins and studies then accept the name of the new law.
 
 Rate-and-state laws (`AbstractRateState`) have the parameters f0, A, B and L, B2 and L2, ..., V0 and
-slip_trend. A subclass of `AbstractRateState` takes these rate-and-state parameters and `direct` as
-keyword arguments. The class variable `number` of a law fixes its number of states. Fits, loops and
-studies accept only rate-and-state laws. Any other law has the parameters that its class declares.
+slip_trend. A subclass of `AbstractRateState` takes f0, A, B, L, ... and `direct` as keyword
+arguments. The class variable `number` of a law fixes its number of states. Fits, loops and studies
+accept only rate-and-state laws. Any other law has the parameters that its class declares.
 """
 
 import re
@@ -83,7 +83,7 @@ def evolution_of(name: str) -> AbstractEvolution | None:
 
 
 def takes(name: str, effect: type[AbstractEffect]) -> bool:
-    """Whether a model with this law can have the effect."""
+    """Whether a model with the given law can have the given effect."""
     return evolution_of(name) is not None or not issubclass(effect, AbstractEvolutionEffect)
 
 

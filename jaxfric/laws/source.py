@@ -54,7 +54,7 @@ class LawSource:
     """Whether the absolute level of friction is known; False if f0 is assumed."""
 
     def unseen(self, velocities: Sequence[float] | np.ndarray) -> tuple[str, ...]:
-        """Warn if some `velocities` [m/s] are a factor of 2 outside those of the record."""
+        """Warn if some `velocities` [m/s] are a factor of 2 outside the range of the record."""
         V = np.abs(np.asarray(velocities, float))
         V = V[V > 0]
         if self.seen is None or V.size == 0:

@@ -32,7 +32,7 @@ class Offered(NamedTuple):
     def seen_by(
         self, channels: Collection[str], refusal: Callable[[type[AbstractEffect]], str]
     ) -> "Offered":
-        """The offered effects without those that need a channel other than the given ones.
+        """The offered effects, without effects that need a channel which is not given.
 
         Raises
         ------

@@ -1,8 +1,8 @@
 """The steps of the loop: base fit, search, residual structure, verdict; for slider and axis.
 
 `slider.slider_subject` makes a `Subject` for a record of velocity steps or for a run.
-`axis.loop.axis_subject` makes a `Subject` for an axis. The rest of the loop is the same for
-sliders, runs and axes.
+`axis.loop.axis_subject` makes a `Subject` for an axis. After its subject is made, a loop is the
+same for sliders, runs and axes.
 """
 
 import dataclasses

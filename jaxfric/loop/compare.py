@@ -8,7 +8,7 @@ L is the maximum likelihood of the residual over the p parameters of the law and
 the noise. n is the effective number of rows, which is smaller than the number of rows if noise is
 correlated. The noise is estimated for each law. The noise models of all laws have the same parts:
 the parts found with the law of the lowest BIC. If correlated noise were taken for white noise, BIC
-would count the same information many times, and some law would always win by hundreds. The
+would count the same information many times, and BIC would always favour some law by hundreds. The
 correlation length of the noise is at most a tenth of a velocity step, or ten rows if the step has
 fewer than a hundred rows. So noise cannot replace a law.
 
@@ -18,7 +18,7 @@ With three velocity steps or more, each law is also fitted without about a third
 Texts for users are made in `report.comparison`.
 
 Sources: Schwarz 1978 (doi:10.1214/aos/1176344136) for BIC; Kass and Raftery 1995
-(doi:10.1080/01621459.1995.10476572) for the meaning of its differences.
+(doi:10.1080/01621459.1995.10476572) for the meaning of differences of BIC.
 """
 
 import dataclasses
@@ -107,7 +107,7 @@ class LawScore:
         return np.inf if self.bic is None or other.bic is None else self.bic - other.bic
 
     def predicts_better(self, other: "LawScore") -> bool:
-        """Whether this law predicts the held-out steps decidedly better than another."""
+        """Whether this law predicts the held-out steps decidedly better than another law does."""
         own, others = self.held_out_deviance, other.held_out_deviance
         return own is not None and others is not None and others - own > ACCEPT
 
@@ -466,8 +466,8 @@ def likeliest(rivals: Sequence[Rival], progress: Callable[[str], None] = silent)
     law proposes a family of noise models. The chosen family is the one with which some law has the
     lowest `cost`.
 
-    The noise search of one law may miss its best family. A family found for another law may then be
-    likelier for both laws.
+    The noise search of one law may miss the best family of noise. A family of noise found for
+    another law may then be likelier for both laws.
     """
     tried = []
     for family in dict.fromkeys(one.noise.family for one in rivals):

@@ -183,8 +183,9 @@ class Engine(Generic[P]):
         """Whether no positive parameter of the base changes by more than a factor of ten.
 
         A first-order start that changes a parameter by more than a factor of ten is useless. The
-        sensitivities of two effects are then nearly parallel, and the amplitudes of the two effects
-        diverge. An example is a second state with the slip length of the first state.
+        start is useless because the sensitivities of two effects are nearly parallel, and the
+        amplitudes of the two effects diverge. An example is a second state with the slip length of
+        the first state.
         """
         positive = [i for i in self.base if np.isfinite(self.model.quantity(self.names[i]).lower)]
         return bool(np.all(np.abs(start - z)[positive] < np.log(10)))

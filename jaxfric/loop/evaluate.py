@@ -3,7 +3,7 @@
 `SharedShifts` takes derivatives by several step times at once. Delaying a velocity step changes
 friction from that step until the slider has slipped a few L. So a group of velocity steps far from
 each other can be delayed together. A change of friction between two successive steps of a group is
-due to the first of the two steps. A delay dt of a step by dV also makes the load point trail by dV
+due to the first step of the two. A delay dt of a step by dV also makes the load point trail by dV
 dt from then on. The permanent displacement of the load point matters if friction depends on slip.
 The permanent change of friction has the same form for all steps, and is computed from the first
 step, which is delayed alone. The rows just before the next step of a group show whether the
@@ -152,8 +152,8 @@ class Evaluator(Generic[P]):
     def simulated(self, z: np.ndarray, problem: P) -> P:
         """The problem to simulate at `z`; costly effects at their null get a first-order form.
 
-        The problem with first-order forms needs another compilation. This compilation pays, because
-        most candidates lack costly effects.
+        The problem with first-order forms needs another compilation. The additional compilation
+        pays, because most candidates lack costly effects.
         """
         lighter = tuple(id for id, own in self._heavy.items() if not np.any(np.asarray(z)[own]))
         if len(lighter) < len(self._heavy):

@@ -4,16 +4,16 @@ Columns are whitened under every noise model of a grid, and only the products of
 The likelihood of any choice of columns is then a small linear problem. So the noise is profiled for
 each of hundreds of candidates at the cost of one candidate.
 
-`chances` makes likelihood-ratio tests for structure in a residual, with the noise estimated under
-both models.
+`chances` makes likelihood-ratio tests for structure in a residual, with the noise estimated both
+with and without the structure.
 
     LR = 2 (max ln L with the columns of a question - max ln L without them)
 
 A question asks whether certain columns explain structure in a residual. Both likelihoods of the
 ratio LR are maximised over the parameters of the fit and over sizes and correlation lengths of the
-noise. Noise fitted to a residual with structure absorbs this structure. If the tested directions
-are left out of the noise fit, the fit hardly determines the noise in these directions. The
-likelihood ratio LR decides between structure and noise.
+noise. Noise fitted to a residual with structure absorbs the structure. If the noise fit leaves out
+the tested directions, it hardly determines the noise in the tested directions. The likelihood ratio
+LR decides between structure and noise.
 
 If the record is short compared with the correlation length, LR exceeds its chi-square distribution.
 A bootstrap Bartlett correction therefore divides LR by a factor. The Bartlett factor is the mean of

@@ -8,10 +8,10 @@ curves fit, a steady curve is certainly missing, but the record does not determi
 `curve_family` fits curves of other shapes, to first order about the fit of the loop. Each other
 curve replaces the steady curve that the loop added, together with the steady curve of the base (f0,
 A and B of a slider). A curve of another shape that fits well changes friction along the motion only
-little. So the response to such a change is linear, and linear least squares give all other
-parameters. Each shape is one least-squares problem under the noise of the fit. The BIC of a shape
-is computed with noise estimated for this shape, as for any candidate model. The other shapes are
-polynomials in ln V, and broken lines in ln V with a value for every velocity.
+little. So the response to a change of the curve is nearly linear, and linear least squares give all
+other parameters. Each shape is one least-squares problem under the noise of the fit. The BIC of a
+shape is computed with noise estimated for this shape, as for any candidate model. The other shapes
+are polynomials in ln V, and broken lines in ln V with a value for every velocity.
 """
 
 from collections.abc import Callable, Sequence

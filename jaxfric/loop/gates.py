@@ -41,7 +41,7 @@ class Trial(NamedTuple):
 
     @property
     def gain(self) -> float:
-        """Reduction of BIC from the current model to this trial."""
+        """Reduction of BIC from the current model to the trial model."""
         return self.current.bic - self.candidate.bic
 
 
@@ -109,9 +109,9 @@ def not_fixed(engine: Engine, candidate: Candidate, scales: RecordScales) -> tup
     change friction by more than the largest recorded friction. A shape parameter is undetermined if
     its error is as large as its value, or if it lies outside the range of the record. Outside the
     range are a length beyond twice the path, a time beyond twice the duration, and a velocity far
-    from all recorded ones. Limits that the class of the effect sets for its parameters count too.
-    Pure shape parameters, such as a bounded exponent, need not be determined: their values are held
-    fixed when the errors of other parameters are computed.
+    from all recorded ones. The class of an effect may set further limits to parameters. Pure shape
+    parameters, such as a bounded exponent, need not be determined: their values are held fixed when
+    the errors of other parameters are computed.
     """
     own = engine.model.columns(candidate.effects)
     shapes = [i for i in own if _is_shape_only(engine, i)]

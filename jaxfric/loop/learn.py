@@ -39,7 +39,7 @@ from .thresholds import ASKED, HELD_OUT, SEEN, SIGNIFICANT, TRAIN_FLOOR
 
 def seek_parts(engine: Engine, z: np.ndarray) -> Engine:
     """The engine with provisional parts of noise, from the residual of the base at `z`. Fits before
-    `learn_noise` use these parts.
+    `learn_noise` use these provisional parts of noise.
     """
     rows = engine.evaluate(z, engine.free(()))
     if rows.failed:

@@ -53,10 +53,10 @@ def close_loop(
     ----------
     record, stiffness, law, steps : as in `jaxfric.fit`.
     events : the events of a whole run, from `runs.fits.decided_events`, which also returns the
-        record with a corrected encoder. All fitted steps and holds are then fitted together. All
-        stretches share the parameters, except the friction level, which is fitted for each stretch.
-        `stiffness` may be stress per length, "0.16 MPa/um"; in each stretch this stiffness scales
-        with the normal stress over that of the first stretch.
+        record with a corrected encoder. With `events`, all fitted steps and holds of the run are
+        fitted together. All stretches share the parameters, except the friction level, which is
+        fitted for each stretch. `stiffness` may be stress per length, "0.16 MPa/um"; in each
+        stretch this stiffness scales with the normal stress over that of the first stretch.
     include : ids of effects that belong to the base; exclude : ids of excluded effects.
     own : your own effects, in addition to the catalogue.
     max_effects : largest number of effects added, 0 to `case.MOST`.

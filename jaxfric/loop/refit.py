@@ -1,4 +1,4 @@
-"""Joint fits of the base and some effects. Each such fit is a candidate with a score.
+"""Joint fits of the base and some effects. Each joint fit is a candidate with a score.
 
 All parameters of a candidate are free together. The noise of a candidate is profiled before and
 after a descent. So BIC is computed at the likeliest parameters and the likeliest noise. `estimates`

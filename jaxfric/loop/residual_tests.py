@@ -46,8 +46,8 @@ def merged(p: float, q: float) -> float:
     """Combined p-value of two dependent p-values: twice the geometric mean of the two.
 
     For two p-values p and q, the chance that the product p q is at most e^2 is at most x + e^2/x
-    for any number x (Makarov 1981, doi:10.1137/1126086). The least of these bounds is 2 e. For more
-    than two p-values see Vovk and Wang 2020 (doi:10.1093/biomet/asaa027).
+    for any number x (Makarov 1981, doi:10.1137/1126086). The least bound for the product p q is 2
+    e, at x = e. For more than two p-values see Vovk and Wang 2020 (doi:10.1093/biomet/asaa027).
     """
     return min(1.0, 2 * math.sqrt(p * q))
 

@@ -77,8 +77,8 @@ _OPEN = (Fault.NOT_FIXED, Fault.TAKES)
 class Unfixed(NamedTuple):
     """A model likelier than the accepted model, but refused as its parameters are undetermined.
 
-    The missing effect may then be in the catalogue, but the record does not determine which effect
-    is missing.
+    The missing effect may be in the catalogue even if the record does not determine which effect is
+    missing.
     """
 
     effects: tuple[str, ...]

@@ -93,12 +93,12 @@ def asked_twice(
     and holds, the blocks of `again`. There is no second search if `again` returns None, because a
     run has too few steps and holds.
 
-    A few steps may hold all information about an effect. If the steps with this information are
-    held out, the search supports no effect, or an effect that does not predict these steps. The
-    result of the second search is returned if it names an effect, leaves no structure in the
-    residual, and is significant even for two searches. If both searches find the same effects, the
-    residuals of both searches together must also have no structure. If the second search fails or
-    is interrupted, the result of the first search is returned.
+    A few steps may hold all information about an effect. If all steps with information about an
+    effect are held out, the search supports no effect, or an effect that does not predict these
+    steps. The result of the second search is returned if it names an effect, leaves no structure in
+    the residual, and is significant even for two searches. If both searches find the same effects,
+    the residuals of both searches together must also have no structure. If the second search fails
+    or is interrupted, the result of the first search is returned.
     """
     found = search(blocks)
     other = None if found.verdict in _NAMED else again()

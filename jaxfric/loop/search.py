@@ -2,9 +2,9 @@
 
 The search fits the base and its noise, then screens all effects to first order. The most promising
 effects are refitted jointly with the base. The search accepts the best model that no gate refuses.
-Screening, refitting and acceptance repeat until every further model is refused. Then the search
-drops needless effects, and tries to replace each effect by similar effects (aliases). Each step of
-the search returns a new `Search`.
+Screening, refitting and acceptance repeat until every further model is refused. At the end the
+search drops needless effects, and tries to replace each effect by similar effects (aliases). Each
+step of the search returns a new `Search`.
 """
 
 from collections.abc import Callable, Sequence
@@ -205,16 +205,16 @@ def _at_null(engine: Engine, z: np.ndarray, ids: set[str]) -> np.ndarray:
 def refit_safely(
     engine: Engine, effects: tuple[str, ...], one: Screened, current: Candidate
 ) -> Candidate:
-    """Refit from the first-order start. If this start fails, start from smaller and smaller parts
-    of the effect. The last start is the fit of the law that the effect turns the base into
-    (`AbstractEffect.law`).
+    """Refit from the first-order start. If the first-order start fails, start from smaller and
+    smaller amplitudes of the effect. The last start is the fit of the law that the effect turns the
+    base into (`AbstractEffect.law`).
 
     `current` is a fit without the effect. If two sensitivities are nearly parallel, first-order
     amplitudes are opposite and a hundred times too large. An example is a second state with the
     slip length of the first state. A refit also counts as failed if it is less likely on the train
-    rows than `current`. A refit with the effect at its null would be as likely as `current`. A good
-    fit that predicts the validation rows badly has not failed: a start nearer to the null ends at
-    the same parameters.
+    rows than `current`. With the effect at its null, a refit would be as likely as the fit
+    `current`. A good fit that predicts the validation rows badly has not failed: a start nearer to
+    the null ends at the same parameters.
     """
     own = engine.model.columns((one.id,))
 

@@ -47,10 +47,10 @@ def slider_subject(
     """The subject of a slider's record and its base fit.
 
     `found_steps` are the velocity steps detected in the load point, `fitted_times` the fitted times
-    of these steps [s]. `levels` is the friction of later stretches of a run minus that of the first
-    stretch. `changed` adds further properties of the record to the problem. `shown` holds record
-    and base for reports, `thinning` the warnings about averaging. `details` makes further results
-    from the score of the final model.
+    of these steps [s]. `levels` is the friction of later stretches of a run minus the friction of
+    the first stretch. `changed` adds further properties of the record to the problem. `shown` holds
+    record and base for reports, `thinning` the warnings about averaging. `details` makes further
+    results from the score of the final model.
     """
     known, more, shown = base_fit.parameters, dict(levels or {}), shown or (record, base_fit)
     problem, felt = _problem_of(record, base_fit, found_steps, blocks, asked.effects, len(more))

@@ -73,7 +73,7 @@ class Told(NamedTuple):
 
     @property
     def helped(self) -> bool:
-        """Whether the test error falls when it is rounded to two decimals."""
+        """Whether added effects lower the test error, with errors rounded to two decimals."""
         return round(self.after, 2) < round(self.before, 2)
 
 

@@ -50,8 +50,9 @@ class AbstractPrior(eqx.Module):
         """Open interval in which the parameter [SI] has a density; reversed if it has none."""
 
     def curve(self, at: np.ndarray, unit: float) -> tuple[np.ndarray, np.ndarray]:
-        """The values of `at` inside the support, in a unit of size `unit` [SI], and the density
-        per unit there."""
+        """The values of `at` inside the support, in a unit of size `unit` [SI], and the prior
+        density per unit at each of these values.
+        """
         low, high = self.support()
         kept = at[(at * unit > low) & (at * unit < high)]
         y = jnp.asarray([self.variable(float(x)) for x in kept * unit], float)

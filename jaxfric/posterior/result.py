@@ -107,7 +107,9 @@ class Posterior(Described, Drawable, Drawn, Tabular):
 
     def reweighted(self) -> tuple[str, ...]:
         """Names of parameters for which `fit` and the whitened fit differ by more than the larger
-        of the two errors. The cause of this difference is the weighting, not the priors."""
+        of the two errors. The cause of a difference between the two fits is the weighting, not the
+        priors.
+        """
         pairs = zip(self.fitted().items(), self.ordinary().values(), strict=True)
         return tuple(
             name

@@ -1,11 +1,11 @@
 """Draws of a log posterior by NUTS, in the form of blackjax. NUTS is the no-U-turn sampler of
 Hoffman & Gelman (2014, JMLR 15, 1593).
 
-Chains move in units of the Laplace approximation, y = y_MAP + R u. In these units the posterior is
-roughly standard normal, so the mass matrix is the identity. Only the step size is adapted. Chains
-run one after another. Parallel chains would all wait for the longest tree and the slowest
-simulation, so parallel chains take longer on few cores. Each chain starts at a draw of the Laplace
-approximation.
+Chains move in units of the Laplace approximation, y = y_MAP + R u. In units of the Laplace
+approximation the posterior is roughly standard normal, so the mass matrix is the identity. Only the
+step size is adapted. Chains run one after another. Parallel chains would all wait for the longest
+tree and the slowest simulation, so parallel chains take longer on few cores. Each chain starts at a
+draw of the Laplace approximation.
 """
 
 import importlib.metadata

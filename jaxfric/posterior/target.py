@@ -5,11 +5,11 @@
 r is the residual that `jaxfric.fit` minimises with its weighting "whitened". Under the noise that
 the fit found, the residual r is uncorrelated and has unit variance. The noise is fixed at the
 estimate of the fit; the uncertainty of the noise is not included. An "ordinary" fit estimates the
-same noise but weights all rows equally. So an ordinary fit may differ from the maximum of the
-posterior by more than a standard error, for any priors. A posterior is therefore compared with the
-whitened fit. Outliers are excluded as in the fit. y holds one variable for each parameter
-(`distributions`), then the fitted shifts of step times in units of their errors. The prior N(0, 1)
-of the shifts is part of the residual r; padding shifts are fixed at 0.
+same noise as a "whitened" fit but weights all rows equally. So an ordinary fit may differ from the
+maximum of the posterior by more than a standard error, for any priors. A posterior is therefore
+compared with the whitened fit. Outliers are excluded as in the fit. y holds one variable for each
+parameter (`distributions`), then the fitted shifts of step times in units of their errors. The
+prior N(0, 1) of the shifts is part of the residual r; padding shifts are fixed at 0.
 
 A failed simulation counts as a large finite misfit with zero gradient. One solve in forward mode
 computes the derivatives J with all tangents. The gradient of the log likelihood is -r^T J.

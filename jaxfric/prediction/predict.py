@@ -35,10 +35,11 @@ def predict(
     of the controller, the simulated closed loop is compared, too (position and motor force from the
     reference and the disturbance).
 
-    The residual is compared with two other quantities: the scatter of neighbouring rows, which is
-    the noise of this record, and the residual of the same model refitted to this record. If the
-    residual of the refit is clearly smaller, the parameters have changed. If the residual of the
-    refit exceeds the noise, the model lacks an effect for this record, or the noise is correlated.
+    The residual of the prediction is compared with the scatter of neighbouring rows, which is the
+    noise of the record. The residual is also compared with the residual of the same model refitted
+    to the record. If the residual of the refit is clearly smaller, the parameters have changed. If
+    the residual of the refit exceeds the noise, the model lacks an effect for this record, or the
+    noise is correlated.
 
     Parameters
     ----------

@@ -107,8 +107,9 @@ class Prediction(Described, Drawable, Gridded, Tabular):
 
     def shares(self) -> dict[str, float]:
         """Return shares of the mean square residual: removable by a refit ("parameters"), misfit of
-        the refit beyond noise ("model"), and scatter of neighbouring rows. The sum of these shares
-        is 1."""
+        the refit beyond noise ("model"), and scatter of neighbouring rows. The sum of the three
+        shares is 1.
+        """
         whole = self.rms**2
         best = min(self.refit_rms**2, whole)
         noise = min(self.sigma**2, best)

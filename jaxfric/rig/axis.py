@@ -81,7 +81,7 @@ class AxisRig(eqx.Module):
     def friction(
         self, position: Array, velocity: Array, time: Array, states: Sequence[Array]
     ) -> Array:
-        """Total force against motion without inertia [F]; `states` are those of the rig."""
+        """Total force against motion without inertia [F]; `states` has the rig's states."""
         sign = self.sign(velocity)
         at = AxisPoint(position, velocity, time, sign)
         force = self.viscous * velocity + self.coulomb * sign + self.offset

@@ -4,8 +4,8 @@ A state relaxes to a steady value while the axis moves in either direction, and 
 
     state' = (|v|/length) (steady(v) - state)
 
-Between two rows of a measured motion the solution of this equation is exact. An associative scan
-combines the exact solutions of all rows.
+Between two rows of a measured motion the equation of the state is solved exactly. An associative
+scan combines the exact solutions of all rows.
 """
 
 import abc
@@ -91,11 +91,11 @@ class AxisRateState(AbstractAxisState):
         force sgn(v) [A ln(1 + |v|/v_c) + theta]
         theta' = (|v|/L) (theta_ss - theta),   theta_ss = -B ln(1 + |v|/v_c)
 
-    theta [F] is the state. Far above the cut-off velocity v_c these equations are the slip law of
-    Ruina (1983, doi:10.1029/JB088iB12p10359). Equations (3)-(5) of the 1994 note on PD control and
-    stick-slip state the slip law; here V0 = v_c, and f0 is Coulomb friction. Below the cut-off
-    velocity v_c friction levels off, whereas ln(V/V0) diverges. The state theta evolves with slip
-    in either direction and keeps its value at rest.
+    theta [F] is the state. Far above the cut-off velocity v_c the equations are those of the slip
+    law of Ruina (1983, doi:10.1029/JB088iB12p10359). Equations (3)-(5) of the 1994 note on PD
+    control and stick-slip state the slip law; here V0 = v_c, and f0 is Coulomb friction. Below the
+    cut-off velocity v_c friction levels off, whereas ln(V/V0) diverges. The state theta evolves
+    with slip in either direction and keeps its value at rest.
     """
 
     A: Float[Array, ""] = quantity("A", "F", "direct effect")

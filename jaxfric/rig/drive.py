@@ -1,6 +1,6 @@
 """Drive: from the commanded motion to the motion of the load point.
 
-A drive computes how far the load point trails the command. The machine subtracts this lag distance
+A drive computes how far the load point trails the command. The machine subtracts the lag distance
 from the commanded motion. So a drive adds no state to the solver, and a time constant near zero
 does not make the equations stiff.
 """

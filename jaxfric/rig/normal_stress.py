@@ -70,8 +70,8 @@ def recorded_stress(time: ArrayLike, stress: ArrayLike, *, knots: int = _KNOTS) 
     """Smooth a recorded normal stress: `time` from the start of the record [s], `stress` > 0.
 
     Neighbouring rows are averaged down to at most `knots` points. A cubic smoothing spline (SciPy's
-    `make_smoothing_spline`) fits these points; generalised cross-validation chooses its smoothness.
-    The spline is divided by its value at the first row.
+    `make_smoothing_spline`) fits the averaged points; generalised cross-validation chooses the
+    smoothness of the spline. The spline is divided by its value at the first row.
 
     Raises
     ------

@@ -12,9 +12,9 @@ class LateSteps(AbstractDrive):
     """A drive that starts its k-th velocity `delays[k]` later, to first order in the delay.
 
     From the commanded time t_k on, the load point trails the command by a further (V_k - V_(k-1))
-    delays[k]. The velocity itself still changes at t_k; this error lasts only as long as the delay.
-    In return the model is differentiable in the delay. With a jump of velocity at a shifted time
-    the model would not be differentiable.
+    delays[k]. The velocity itself still changes at t_k; the error of velocity lasts only as long as
+    the delay. In return the model is differentiable in the delay. With a jump of velocity at a
+    shifted time the model would not be differentiable.
     """
 
     drive: AbstractDrive

@@ -113,8 +113,8 @@ def axis_subject(
     """The `Subject` of an axis record with prepared rows. `held` is true if the recorded force is a
     command with zero-order hold.
 
-    Effects that shift force against motion in time form one group. A model has at most one effect
-    of this group. Effects that the record cannot show are tried only on request.
+    A model has at most one of the effects that shift force against motion in time. Effects that the
+    record cannot show are tried only on request.
     """
     prepared, rows = reading.prepared, reading.rows
     weight = np.zeros(len(prepared.time))

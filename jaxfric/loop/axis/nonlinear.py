@@ -81,8 +81,8 @@ def axis_curves(
     engine: Engine[AxisProblem], final: Candidate, rows: AxisRows, unit: str
 ) -> CurveRig:
     """The steady friction curves of a fit that change sign with velocity, over the speeds of train
-    and validation rows. `unit` is the unit of the position. Below the slowest speed of these rows
-    the curves are constant, because slower rows are not used.
+    and validation rows. `unit` is the unit of the position. Below the slowest speed of train and
+    validation rows the curves are constant, because slower rows are not used.
     """
     problem = engine.problem
     known = engine.blocks.train | engine.blocks.select

@@ -7,8 +7,8 @@ variance of the recorded force. A higher cutoff would hide friction in encoder n
 would lose motion and rows. The noise of the recorded force is the scatter of the base law's
 residual from row to row, minimised over cutoffs. High cutoffs add encoder noise to the scatter of
 the residual, low cutoffs add structure. A record may have too few rows faster than the velocity
-noise to form train, validation and test blocks. Then lower cutoffs are tried, then a lower speed
-threshold, then shorter rows.
+noise to form train, validation and test blocks. If rows are too few, lower cutoffs are tried, then
+a lower speed threshold, then shorter rows.
 """
 
 from typing import NamedTuple

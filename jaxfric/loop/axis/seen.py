@@ -1,4 +1,4 @@
-"""Speeds at which an axis record supports the fitted friction, and reasons why others have none.
+"""Speeds at which an axis record supports the fitted friction, and reasons against other speeds.
 
 The rule for claims is in `jaxfric.stability.claims`. This module computes the input of the rule for
 claims: the standard error of the fitted slope of friction, and rows at low speed that lie above the
@@ -189,10 +189,11 @@ def spring_of(problem: AxisProblem, rows: AxisRows) -> Spring | None:
     """The spring of an axis that never slid; None if the axis slides.
 
     The force of an axis that never slid is a linear function of position, within a fifth of the
-    force's standard deviation. Also, just after a reversal the residual force against the motion is
-    less than 0.6 of the mean residual force against the motion. The ratio of these two residuals is
-    1 for Coulomb friction and 0.64 for viscous friction along a sine. For a bristle that bends
-    within the stroke, the ratio of the two residuals is at most 0.4.
+    force's standard deviation. Just after a reversal of an axis that never slid, the residual force
+    against the motion is less than 0.6 of the mean residual force against the motion. The ratio of
+    the residual just after a reversal to the mean residual is 1 for Coulomb friction and 0.64 for
+    viscous friction along a sine. For a bristle that bends within the stroke, this ratio of
+    residuals is at most 0.4.
     """
     force = np.asarray(problem.friction)[: len(rows.time)]
     line = np.stack([np.ones_like(rows.position), rows.position - rows.position.mean()], axis=1)

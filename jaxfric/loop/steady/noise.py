@@ -8,9 +8,10 @@ uncorrelated. The restricted likelihood removes the mean of each run; otherwise 
 would be underestimated. Runs that stick and slip are excluded if other runs exist.
 
 A rotary axis often has noise that oscillates once per turn. A search that adds noise parts one by
-one to white noise misses this oscillation, because the search fits the correlation of neighbouring
-rows first. So for a rotary axis the search has an additional start with one oscillation per turn.
-Not supported: several oscillations per turn, which two noise parts cannot model.
+one to white noise misses an oscillation once per turn, because the search fits the correlation of
+neighbouring rows first. So for a rotary axis the search has an additional start with one
+oscillation per turn. Not supported: several oscillations per turn, which two noise parts cannot
+model.
 """
 
 import math

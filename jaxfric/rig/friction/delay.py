@@ -1,8 +1,8 @@
 """Friction with a time lag: friction depends on the velocity one delay ago.
 
-A delay law has no state variables; its memory is the velocity over the last `delay` seconds.
-Interface, simulation and stability theory of a delay law therefore differ from those of
-`AbstractLaw`. Equations (26)-(29) linearise the law about steady sliding at V:
+A delay law has no state variables; its memory is the velocity over the last `delay` seconds. So
+interface, simulation and stability theory of a delay law differ from those of an `AbstractLaw`.
+Equations (26)-(29) linearise the law about steady sliding at V:
 
     f_v = df/dV_now,   g(t) = k_f delta(t - alpha),   G(s) = k_f exp(-alpha s)
 

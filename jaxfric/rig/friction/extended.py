@@ -9,10 +9,10 @@ A term may also change the evolution of the states. If theta' contains the rate 
 h(V, n), the solver integrates theta - h. The term adds h as a force, and `shift` adds h to theta in
 the evolution, so h is never differentiated.
 
-In steady sliding at V all rates vanish. A term's states then follow from V alone. If a term
-couples, its states follow from V and the total friction force f, which contains the term's force.
-The term of frictional heat couples in this way. However many terms couple, the total force f is the
-only unknown,
+In steady sliding at V all rates vanish. In steady sliding the states of a term follow from V alone,
+unless the term couples. If a term couples, its states follow from V and the total friction force f,
+which contains the term's force. For example, the term of frictional heat couples to f. However many
+terms couple, the total force f is the only unknown,
 
     f = F(V, z(V, f))
 
@@ -103,7 +103,7 @@ class AbstractStatelessTerm(AbstractTerm):
 
 
 class ExtendedLaw(AbstractInvertibleLaw):
-    """A base law and its terms; the states are those of the base, then of the terms in order."""
+    """A base law and its terms, with the states of the base, then the states of each term."""
 
     base: AbstractRateState
     terms: tuple[AbstractTerm, ...] = ()
