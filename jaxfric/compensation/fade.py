@@ -4,7 +4,7 @@ Axis friction jumps by twice its level when the velocity changes sign. A feedfor
 the reference is too early: the axis reverses later than its reference, and friction recovers over a
 distance. Until feedforward and friction agree, the compensation pushes the axis with up to twice
 the friction level. So the part of the feedforward that changes sign with the velocity v is
-multiplied by
+multiplied by a factor s:
 
     s(v) = tanh(v/v_f),    v_f = max(v_1, v_2, v_3)
 

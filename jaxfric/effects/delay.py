@@ -1,7 +1,7 @@
 """A delay of friction as an ordinary differential equation, no stiffer than sliding itself.
 
-The slip law with the velocity of a time alpha ago is a delay equation. Here a rational filter of
-the present value u = ln V/V0 approximates the past value,
+The slip law with the velocity of a time alpha ago is a delay equation. Here a rational filter H(s)
+of the present value u = ln V/V0 approximates the past value u(t - alpha):
 
     u(t - alpha) ~ u - alpha u' + (alpha^2/2) H(s) u'',   H(s) = (1 + n s)/(1 + b1 s + b2 s^2)
 

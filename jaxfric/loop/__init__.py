@@ -1,4 +1,4 @@
-"""Closing the loop: find the effect that a model lacks, add it, report before and after."""
+"""The loop: find the effects that a model lacks, add them, report the model before and after."""
 
 from .compare import LawComparison as LawComparison
 from .compare import LawScore as LawScore

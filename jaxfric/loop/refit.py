@@ -205,7 +205,7 @@ def between_steps(
     """Jackknife variance of the parameters: leave out each velocity step of a record in turn.
 
     Residual r, Jacobian J and additional rows E are in units of the noise; `step` numbers the step
-    of every row. To first order the parameters of a fit without step c move by
+    of every row. To first order, leaving out step c moves the parameters of the fit by d_c:
 
         d_c = -(N - N_c)^-1 J_c^T r_c,   N = J^T J + E^T E,
 
@@ -231,9 +231,9 @@ def between_steps(
 def disagreement(
     engine: Engine, candidate: Candidate, rivals: Sequence[Candidate], index: Int[np.ndarray, " m"]
 ) -> Float[np.ndarray, "m m"]:
-    """Covariance of parameters between fits of different models; `index` are their places in z.
+    """Covariance of parameters between fits of different models; `index`: the parameters in z.
 
-    Uncertainty about the model adds the following part to the covariance of the fit,
+    Uncertainty about the model increases the covariance of the fit. The added part is
 
         sum_c w_c (z_c - z)(z_c - z)^T,   w_c = exp(-BIC_c/2) / sum exp(-BIC/2)
 

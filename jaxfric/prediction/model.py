@@ -44,7 +44,7 @@ class SavedModel(NamedTuple):
         return {name: self.content[name] for name in names}
 
     def values(self, name: str) -> dict[str, float]:
-        """Return the parameters (SI) of the model with this name in `tables`."""
+        """Return the parameters (SI) of the model that has a given name in `tables`."""
         return values_of(self.tables()[name])
 
     def effects(self) -> tuple[str, ...]:

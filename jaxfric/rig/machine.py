@@ -26,7 +26,7 @@ class QuasiStatic(AbstractMachine):
     An optional small `mass` makes the velocity lag behind the velocity of the force balance (see
     `simulation.ode`). Instead of a lag of velocity, `first_order` subtracts the inertia m dV/dt
     from the pull on the slider. With `first_order` the acceleration dV/dt is that of the massless
-    balance, which is cheaper and exact to first order in m.
+    balance. The first-order form is cheaper, and exact to first order in the mass m.
     """
 
     stiffness: Float[Array, ""] = quantity("K", "F/m", "stiffness", lower=0.0)

@@ -25,7 +25,7 @@ class Dahl(AbstractLaw):
     slowly, for gamma < 1 within a finite distance. If |z| exceeds f_c (by rounding, or at the
     start), z returns to f_c. The exponent gamma then acts on the magnitude of 1 - z/f_c sgn V,
     whose sign is kept. Within 1e-12 f_c of full sliding the power is continued linearly, because
-    for gamma < 1 its slope would be infinite.
+    for gamma < 1 the slope of the power would be infinite.
 
     About steady sliding at V > 0: f_v = `viscous`, and the memory kernel is zero.
     """
