@@ -14,6 +14,8 @@ _WORDS = {"limit_cycle": "limit cycle, which is stick-slip"}
 """Codes in words, where these say more."""
 _SHOWN = 5
 """Texts of errors that are shown."""
+_NOT_PLAIN = ("escape", "failed")
+"""Codes of the end of a motion whose meaning is shown."""
 
 
 def report(found: "Dataset", seconds: float, members: int, store: str) -> Report:
@@ -24,7 +26,8 @@ def report(found: "Dataset", seconds: float, members: int, store: str) -> Report
     notes = []
     for name, counts in codes(found).items():
         about = found[name].attrs
-        if name == "outcome" and list(counts) == about["flag_meanings"].split()[:1]:
+        meanings = about["flag_meanings"].split()
+        if name == "outcome" and list(counts) == meanings[:1]:
             continue
         whole = sum(counts.values())
         shares = [
@@ -33,6 +36,9 @@ def report(found: "Dataset", seconds: float, members: int, store: str) -> Report
         ]
         asked = f" ({about['long_name']})" if name == "end" else ""
         notes.append(f"{name}{asked}: {', '.join(shares)}")
+        if name == "end":
+            texts = dict(zip(meanings, about["flag_texts"], strict=True))
+            notes += [f"  {code}: {texts[code]}" for code in _NOT_PLAIN if code in counts]
     errors = list(found.attrs["errors"].items())
     notes += [f"  {count} of them: {text}" for text, count in errors[:_SHOWN]]
     if len(errors) > _SHOWN:

@@ -75,6 +75,10 @@ class LinearSlider(eqx.Module):
         found = found if self.integral is None else found + self.integral / s
         return found if self.delay is None else found * jnp.exp(-self.delay * s)
 
+    def plant(self, s: Complex[Array, ""]) -> Complex[Array, ""]:
+        """P(s)   (11) [m/(s force)]."""
+        return s / (self.inertia() * s**2 + self.controller(s))
+
     def characteristic(self, s: Complex[Array, ""]) -> Complex[Array, ""]:
         """m s^2 + (k_v + f_v) s + k_p + f_x + k_i/s - s G(s) [force/m]: zero at the poles."""
         friction = self.friction
