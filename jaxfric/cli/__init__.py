@@ -1,4 +1,4 @@
-"""The command: thin verbs over the public functions, one file each.
+"""The command `jaxfric`: each verb has one file and calls the public functions.
 
 Every verb has `--json` (one JSON document on stdout, and nothing else there), `--quiet` (nothing of
 progress on stderr) and `--out FOLDER`. Exit codes:
@@ -12,7 +12,7 @@ progress on stderr) and `--out FOLDER`. Exit codes:
 | 130, 143 | interrupted, ended by another process |
 | 141 | the program that read the output has ended |
 
-A verb imports what it needs when it runs, so that `jaxfric --help` is quick.
+A verb imports modules only when the verb runs, so that `jaxfric --help` is quick.
 """
 
 from .app import main as main

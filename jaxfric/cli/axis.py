@@ -1,4 +1,4 @@
-"""`jaxfric axis`: friction of a servo axis, further effects, and the damping against stick-slip."""
+"""`jaxfric axis`: friction of a servo axis, other effects, and damping that prevents stick-slip."""
 
 from typing import TYPE_CHECKING, Annotated
 
@@ -38,17 +38,17 @@ def axis(
     """Identify Coulomb and viscous friction, other effects, and damping that prevents stick-slip.
 
     The record holds motor force and encoder position of a servo axis that moves back and forth. The
-    command fits mass, friction and an offset, and tests the residual. It then tries every effect of
-    the catalogue, to find what else the axis has. Last it gives the damping k_v that the controller
-    needs.
+    command fits mass, friction and an offset, and tests the residual. The command then tries every
+    effect of the catalogue, to find effects that the model lacks. Last, the command computes the
+    damping k_v that the controller needs.
 
     The command writes loop.html, loop.json and the figures residual, noise, location, profiles,
-    aliasing and candidates to the output folder. The default folder is ./NAME-loop/, with the
-    options that differ from their default in its name.
+    aliasing and candidates to the output folder. The default folder is ./NAME-loop/; options that
+    differ from their default are part of the folder's name.
 
-    A folder instead of a file holds runs at steady speeds, each a table of columns. Every run is
-    one point of the friction-velocity curve; --from and --to cut all runs alike. The command then
-    writes steady.json and the figures curve and noise.
+    If the input is a folder, each file in the folder is a run at a steady speed, a table of
+    columns. Every run is one point of the friction-velocity curve; --from and --to cut all runs
+    alike. The command then writes steady.json and the figures curve and noise.
     """
     checked_most(max_effects)
     if file.is_dir():

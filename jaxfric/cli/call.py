@@ -1,4 +1,4 @@
-"""The current call: its verb, its command line, and the options that differ from the default."""
+"""The current call of the command: verb, command line, and options that differ from the default."""
 
 import contextlib
 import contextvars
@@ -28,12 +28,12 @@ _CURRENT: contextvars.ContextVar[Call] = contextvars.ContextVar("call")
 
 
 def current_call() -> Call:
-    """Return the call that is running; outside of the command an empty call."""
+    """Return the running call of the command; outside of the command return an empty call."""
     return _CURRENT.get(Call("", "", {}))
 
 
 def made_by() -> dict[str, str]:
-    """Return version and command of the running call; empty outside of the command."""
+    """Return version and command line of the running call; empty outside of the command."""
     command = current_call().command
     return {"version": installed_version(), "command": command} if command else {}
 

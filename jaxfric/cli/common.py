@@ -1,4 +1,4 @@
-"""Helpers that several verbs share: quantities of options, setup of JAX, warnings."""
+"""Functions that several verbs use: quantities of options, setup of JAX, warnings."""
 
 import contextlib
 import os
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def refuse_unused(by: str, options: Mapping[str, object], instead: str = "") -> None:
-    """Raise `InputError` for given options that would not be used; `by` names the reason."""
+    """Raise `InputError` for options that would have no effect; `by` names the reason."""
     wrong = [option for option, given in options.items() if given]
     if wrong:
         raise InputError(
@@ -28,8 +28,9 @@ def refuse_unused(by: str, options: Mapping[str, object], instead: str = "") -> 
 def prepare_jax(*, gpu: bool = False) -> None:
     """Set JAX to 64 bits, whole compiled loops, and a compilation cache in the user's cache folder.
 
-    JAX then runs on the CPU, unless JAX_PLATFORMS is set: a record needs many small computations in
-    turn, which take ten times as long on a GPU. With `gpu` JAX uses a GPU if there is one.
+    JAX then runs on the CPU, unless JAX_PLATFORMS is set. A record needs many small computations
+    one after the other, which take ten times as long on a GPU. With `gpu` JAX uses a GPU if one
+    exists.
     """
     doing("loading JAX")
     _keep_freed_memory()
@@ -79,7 +80,8 @@ def warn(lines: Iterable[str], kind: str = "warning") -> None:
 def stdout_console(width: int = 120) -> "Console":
     """Return a rich console for stdout.
 
-    If stdout is no terminal, the console is `width` columns wide, or COLUMNS if that is larger.
+    If stdout is no terminal, the console is `width` columns wide, or as wide as COLUMNS if COLUMNS
+    is larger.
     """
     from rich.console import Console
 
@@ -89,7 +91,7 @@ def stdout_console(width: int = 120) -> "Console":
 
 
 def optional_quantity(text: str | None, unit: str, option: str) -> float | None:
-    """Return the quantity of a text in `unit`; None for None."""
+    """Read a quantity from a text and return it in `unit`; return None for None."""
     from ..units import parse_quantity
 
     return None if text is None else parse_quantity(text, unit, option)
@@ -166,7 +168,7 @@ class OfMotion:
 
 
 def effect_ids(texts: list[str] | None, option: str) -> tuple[str, ...]:
-    """Return the distinct effect ids of an option that may be repeated and may hold commas."""
+    """Return distinct effect ids of a repeated option, or of ids joined by commas."""
     found = [id.strip() for text in texts or [] for id in text.split(",")]
     if texts and not all(found):
         raise InputError(

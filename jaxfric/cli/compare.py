@@ -11,7 +11,7 @@ from .shown import finish
 
 
 def compare_record(fitter: Fitter, laws: list[str] | None, output: options.OutputOptions) -> int:
-    """Compare laws on the first record, write and print the comparison; return the exit code."""
+    """Compare laws on the first record; write and print the comparison; return the exit code."""
     file, stiffness, model = fitter.files[0], fitter.stiffnesses[0], fitter.model
     if model.fit_stiffness == (stiffness is not None):
         raise InputError(

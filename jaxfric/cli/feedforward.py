@@ -17,7 +17,7 @@ from .shown import finish
 @options.FLAT
 @dataclass(frozen=True)
 class MapOptions:
-    """The motion and the units of the controller that runs the feedforward."""
+    """Options: motion and units of the controller that runs the feedforward."""
 
     at: options.Text = None
     """Print the friction at these speeds first, forwards and backwards: "50 mm/s", "1, 5 rad/s"."""
@@ -43,8 +43,8 @@ def feedforward(
     """Compensate the friction of an axis or joint: formula, C function, table, and fade speed.
 
     The controller computes the compensation from velocity and acceleration of the reference, and
-    adds it to its output. Writes feedforward.c, .csv, .tex, .json and the figure feedforward to the
-    output folder, by default ./MODEL-feedforward/.
+    adds the compensation to its output. The command writes feedforward.c, .csv, .tex, .json and the
+    figure feedforward to the output folder, by default ./MODEL-feedforward/.
     """
     prepare_jax()
     from ..compensation import NothingToCompensate

@@ -46,11 +46,11 @@ def fit(
 ) -> int:
     """Fit A, B and L (rate-and-state friction) to a record of velocity steps.
 
-    Writes fit.json, a table row for a paper (table.csv, table.tex), fit.png and fit.svg to the
-    output folder, by default ./NAME-fit/. Options that differ from their default are part of the
-    folder's name, as in ./NAME-fit-ageing/. With --prior the command also writes posterior.nc. For
-    several files (jaxfric fit *.csv) the command prints and writes one table with a row for each
-    file. If a file cannot be fitted, its row gives the reason, and the exit code is 1.
+    The command writes fit.json, a table row for a paper (table.csv, table.tex), fit.png and fit.svg
+    to the output folder, by default ./NAME-fit/. Options that differ from their default are part of
+    the folder's name, as in ./NAME-fit-ageing/. With --prior the command also writes posterior.nc.
+    For several files (jaxfric fit *.csv) the command prints and writes one table with a row for
+    each file. If a file cannot be fitted, its row gives the reason, and the exit code is 1.
 
     With --compare the command fits several laws to one record. If the record has three or more
     steps, each law also predicts steps that it was not fitted to. The command prints which law the

@@ -1,4 +1,4 @@
-"""`jaxfric fit` of several files: one table with a row for each; a failed file stops no other."""
+"""`jaxfric fit` of several files: one table with a row for each file, also if a fit fails."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -39,12 +39,12 @@ class FitOptions:
 
     @property
     def of_one(self) -> bool:
-        """Whether an option is given that the batched fit of many records does not have."""
+        """Whether the call has an option that the batched fit of many records does not support."""
         return self != FitOptions(reference_velocity=self.reference_velocity)
 
 
 class Fitter(NamedTuple):
-    """How several records are read and fitted, with a stiffness, mass and law for each file."""
+    """Settings to read and fit several records, with a stiffness, mass and law for each file."""
 
     files: Sequence[Path]
     read: "Callable[[Path], Record]"
@@ -81,7 +81,7 @@ class Fitter(NamedTuple):
     def together(
         self, records: "dict[int, Record]", say: Callable[[str], None]
     ) -> "dict[int, Fit | str]":
-        """Fit the records, by number of file, in one batch; a failed one returns its reason."""
+        """Fit the records, by number of file, in one batch; for a failed fit return the reason."""
         from ..fitting.many import fit_what_can_be
 
         fits = fit_what_can_be(
@@ -114,7 +114,7 @@ def for_each(files: Sequence[Path], values: Sequence[_Value], option: str) -> Se
 
 
 def fit_files(fitter: Fitter, output: OutputOptions) -> int:
-    """Fit every file, write and print the table; return the exit code, 1 if a file failed.
+    """Fit every file, write and print the table; return the exit code (1: a fit failed).
 
     `_MANY` or more files are fitted in one batch, if all options allow it.
 

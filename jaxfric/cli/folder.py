@@ -1,8 +1,9 @@
-"""The output folder of a command: its name, and the earlier files that a run replaces.
+"""Choose and write the output folder of a command, and replace files of earlier runs.
 
-Every output folder holds a hidden file, `.jaxfric.json`. For every verb the file lists the command,
-the input files and the written files. From this list the next run knows which files it replaces,
-which files of an earlier run are stale, and whether the default name belongs to another input.
+Every output folder holds a hidden file, `.jaxfric.json`. For every verb, `.jaxfric.json` lists the
+command, the input files and the written files. From this list the next run finds the files to
+replace and the stale files of an earlier run. The list also shows whether the folder belongs to
+another input.
 """
 
 import contextlib
@@ -74,15 +75,15 @@ def _short_digest(text: str) -> str:
 
 
 def source_name(file: Path) -> str:
-    """Return the name of a saved result; for a standard file name, the name of its folder."""
+    """Return the name of a saved result; for a standard file name return the folder's name."""
     folder = file.parent.name
     return folder if folder and file.stem in ("fit", "loop", "posterior", "steady") else file.stem
 
 
 def input_name(path: Path) -> str:
-    """Return the name of an input: a file's without suffix, a folder's in full (`0.096kg`).
+    """Return the name of an input: of a file without suffix, of a folder in full (`0.096kg`).
 
-    The folder "." has its real name.
+    For the folder "." the function returns the folder's real name.
     """
     if path.name in ("", ".."):
         return path.resolve().name
@@ -96,8 +97,8 @@ def choose_folder(
 
     The default name leaves out the options `unnamed`, because `source` already contains them.
     Raises `InputError` if the folder cannot be written, or if a run would overwrite results of
-    another record in the folder. Under a default name all inputs must be the same, not only the
-    record.
+    another record in the folder. In a folder with the default name all inputs must be the same as
+    before, not only the record.
     """
     call = current_call()
     given = {name: value for name, value in call.given.items() if name not in unnamed}
@@ -111,7 +112,7 @@ def choose_folder(
 
 @dataclasses.dataclass
 class Folder:
-    """An output folder during a run; a verb writes its results, then figures, then closes it."""
+    """An output folder during a run; a verb writes results, then figures, then calls `close`."""
 
     path: Path
     call: Call
@@ -127,9 +128,9 @@ class Folder:
     def refuse_another_input(self, *, asked_for: bool = False) -> None:
         """Raise `InputError` if the folder holds results of this verb for another input.
 
-        An input is the same if its path or its content is the same. In a folder `asked_for` with
-        --out only the first input counts, the record. A second run with another prior or other
-        events may replace the results.
+        An input is the same if its path or its content is the same. If the folder was given by
+        --out (`asked_for`), only the first input is compared, which is the record. A second run
+        with another prior or other events may replace the results.
         """
         before = _read_notes(self.path).get(self.call.verb, {}).get("inputs", [])
         for old, new in zip(before, self._inputs()[: 1 if asked_for else None], strict=False):
@@ -142,10 +143,10 @@ class Folder:
 
     @contextlib.contextmanager
     def results(self) -> Generator[Path]:
-        """Yield a temporary folder for the results, whose files move here at the end of the block.
+        """Yield a temporary folder; at the end of the block its files move to the output folder.
 
-        The files replace the files of the same verb's last run. Files that this run does not write
-        again are deleted. Files of other verbs stay.
+        The moved files replace the files of the same verb's last run. Files of the last run that
+        the new run does not write again are deleted. Files of other verbs stay.
         """
         notes = _read_notes(self.path)
         before = notes.get(self.call.verb)
@@ -177,9 +178,10 @@ class Folder:
         return content
 
     def draw(self, what: str, drawing: Callable[[Path], object]) -> list[str]:
-        """Add `what`, a figure or page; if drawing it fails, only this figure is missing.
+        """Add `what`, a figure or page; a failure of drawing leaves all other files intact.
 
-        `drawing` writes to the folder of its argument. Returns the names of the new files.
+        `drawing` is a function that writes into the folder that it is given. The method returns the
+        names of the new files.
         """
         try:
             with output_folder(self.path) as work:
@@ -215,7 +217,7 @@ class Folder:
         self.draw(what, lambda to: write(make(), *(to / name for name in names)))
 
     def draw_page(self, name: str, kind: str, page: Callable[[dict[str, bytes]], str]) -> None:
-        """Add a page with all figures of this run that have the suffix `kind`, by file."""
+        """Add a page that shows all figures of this run with the suffix `kind`."""
 
         def write(to: Path) -> None:
             files = [file for file in self.files if file.endswith(kind)]
@@ -226,12 +228,12 @@ class Folder:
 
     @property
     def written(self) -> str:
-        """The line that lists the files of this run."""
+        """Text line that lists the files written by this run."""
         return f"written: {self.path}/{', '.join(self.files)}"
 
     @property
     def replaced(self) -> str:
-        """The line that lists the replaced files; '' if there are none."""
+        """Text line that lists the replaced files; '' if no file was replaced."""
         if not self.earlier:
             return ""
         return f"replaced in {self.path}: {', '.join(self.earlier)}, written by {self.made_by}"

@@ -88,9 +88,9 @@ def gains(
 ) -> int:
     """Find the smallest PD gains whose stability margins hold over velocities, masses and samples.
 
-    Writes gains.json and figures to the output folder, by default ./NAME-gains/. NAME is the name
-    of the law, or of the folder of the fit. Options that differ from their default are part of the
-    folder's name.
+    The command writes gains.json and figures to the output folder, by default ./NAME-gains/. NAME
+    is the name of the law, or of the folder of the fit. Options that differ from their default are
+    part of the folder's name.
     """
     import numpy as np
 

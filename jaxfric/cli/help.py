@@ -1,7 +1,7 @@
-"""`--help` of a verb prints the options that a first user needs; `--help-all` prints all options.
+"""`--help` of a verb prints the most important options; `--help-all` prints all options.
 
-`--help` fits on one screen. `--help` leaves out the options of the group `options.MORE`, and prints
-only the first sentence of an option's help. cyclopts prints `--help-all`.
+The text of `--help` fits on one screen. The text leaves out options of the group `options.MORE`,
+and shows only the first sentence of an option's help. The library cyclopts prints `--help-all`.
 """
 
 import inspect
@@ -19,7 +19,7 @@ FLAGS = ("--help", "-h", ALL)
 
 
 def print_first(name: str, verb: cyclopts.App) -> None:
-    """Print usage, purpose and the first options of a verb."""
+    """Print usage, purpose and the most important options of a verb."""
     from rich.table import Table
     from rich.text import Text
 

@@ -32,17 +32,18 @@ def loop(
     reading: options.RecordOptions = options.RecordOptions(),
     output: options.OutputOptions = options.OutputOptions(),
 ) -> int:
-    """Name the effect that a fitted model lacks, add it, and report the error before and after.
+    """Name the effect that a fitted model lacks, add this effect, and compare errors before and
+    after.
 
     The command fits the base model to a slider's record of velocity steps, tests the residual, and
     tries every effect of the catalogue. It writes loop.html, loop.json and the figures residual,
     noise, location, profiles, aliasing and candidates to the output folder. The default folder is
-    ./NAME-loop/, with the options that differ from their default in its name. For a servo axis use
-    'jaxfric axis'.
+    ./NAME-loop/; options that differ from their default are part of the folder's name. For a servo
+    axis use 'jaxfric axis'.
 
     For a whole run (--run, --events) all steps and holds are fitted together. All steps and holds
-    share A, B, L and the effects. Every segment between changes of normal stress has its own
-    friction level. Whole steps are held out.
+    share A, B, L and the effects. Every segment between two changes of normal stress has a separate
+    friction level. For testing, whole steps are held out.
     """
     if steps is not None and (run or events is not None):
         raise InputError(

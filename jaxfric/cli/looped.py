@@ -23,7 +23,7 @@ def checked_most(most: int) -> None:
 def save_loop(result: "Loop", folder: Folder, progress: Callable[[str], None]) -> str:
     """Write loop.json, the figures and the page; return the JSON text.
 
-    The page shows the figures that could be drawn.
+    The page loop.html shows the figures that could be drawn.
     """
     from ..plot.loop import FIGURES
     from ..report.loop_page import page

@@ -1,8 +1,9 @@
-"""Options that several verbs share, each declared here once.
+"""Options that several verbs share; this module declares each option once.
 
 A group of options is a frozen dataclass, which cyclopts flattens into single options. The docstring
-of a field is the option's help. `--help` prints the first sentence of this docstring, only for
-options of the group "Parameters". `--help-all` prints the whole help of all options (see `help`).
+of a field is the option's help. `--help` prints the first sentence of the docstring, and only
+options of the group "Parameters". `--help-all` prints the whole docstrings of all options (see
+`help`).
 """
 
 from collections.abc import Sequence
@@ -42,7 +43,7 @@ def required(option: Parameter, unless: str = "") -> Parameter:
 
 
 def named(type_: object, tokens: Sequence[Token]) -> str:
-    """Return the path or URL of an option; refuse an empty text, which `Path` would read as "."."""
+    """Return the path or URL of an option; refuse an empty text, which `Path` reads as "."."""
     text = tokens[0].value
     if not text.strip():
         raise InputError(
@@ -57,7 +58,7 @@ def named(type_: object, tokens: Sequence[Token]) -> str:
 @FLAT
 @dataclass(frozen=True)
 class OutputOptions:
-    """Output folder of a verb, and what it prints."""
+    """Options for the output folder and the printed text of a verb."""
 
     out: Annotated[str | None, Parameter(converter=named)] = None
     """Output folder. A folder that holds results of another record is refused. For a study: the
@@ -89,7 +90,7 @@ File = Annotated[
 @FLAT
 @dataclass(frozen=True)
 class RecordOptions:
-    """How the rows of a slider's or an axis's record are read."""
+    """Options for reading the rows of a slider's or an axis' record."""
 
     column: Annotated[list[str] | None, Parameter(name="--column")] = None
     """Assign a column to a role, ROLE=NAME or 'ROLE=NAME [UNIT]'. May be repeated. Roles: time,
@@ -122,7 +123,7 @@ class RecordOptions:
         return read_pairs(self.column or (), "--column", example, form="ROLE=NAME") or None
 
     def windowed(self, record: AnyRecord) -> AnyRecord:
-        """Return the rows of a record between --from and --to."""
+        """Return the part of a record between the options --from and --to."""
         if self.since is None and self.until is None:
             return record
         return record.window(self.since, self.until)  # ty: ignore[invalid-explicit-return]
@@ -164,7 +165,7 @@ DriveGain = Annotated[
 @FLAT
 @dataclass(frozen=True)
 class AxisOptions:
-    """Gains and signs that turn the columns of a servo axis into force and motion."""
+    """Options: gains and signs that turn the columns of a servo axis into force and motion."""
 
     drive_gain: DriveGain = None
     position_gain: Annotated[Text, MORE] = None
@@ -211,7 +212,7 @@ class AxisOptions:
 
     @property
     def flipped(self) -> str | Literal[False]:
-        """Return which signs to change: "force", "motion" or "both"; False for none."""
+        """Return which signs to change: "force", "motion" or "both"; False for no sign."""
         if self.flip_sign is None:
             return False
         return self.flip_sign[0] if len(set(self.flip_sign)) == 1 else "both"
@@ -285,7 +286,7 @@ class ModelOptions:
 @FLAT
 @dataclass(frozen=True)
 class EffectOptions:
-    """Effects that the base model has, and effects that the loop must not try."""
+    """Options: effects in the base model, and effects that the loop must not try."""
 
     include: list[str] | None = None
     """Effects that the base model has from the start: ids, separated by commas."""
@@ -324,7 +325,7 @@ Parameters = Annotated[
 @FLAT
 @dataclass(frozen=True)
 class LawOptions:
-    """A friction law in newtons, from a file or by name with parameters."""
+    """Options: a friction law in newtons, from a file or by name with parameters."""
 
     from_: From = None
     law: Annotated[str | None, LAW] = None
@@ -336,7 +337,7 @@ class LawOptions:
     this distance friction has no memory, so that only damping can stabilise the slider."""
 
     def source(self, *, samples: int = 0, seed: int = 0) -> "LawSource":
-        """Return the law with this number of samples."""
+        """Return the law of these options, with the given number of samples."""
         from ..laws.source import law_from_parameters
         from ..saved.law import law_from_fit
 
@@ -364,9 +365,10 @@ class LawOptions:
         return law_from_parameters(self.law, self.parameters)
 
     def samples(self, number: int = 256) -> "Samples | None":
-        """Return samples of the law; None without a file, or if parameters are undetermined.
+        """Return posterior samples of the law; None without a file, or with undetermined
+        parameters.
 
-        In the second case `source` has already printed a warning.
+        If parameters are undetermined, `source` has already printed a warning.
         """
         from ..laws.source import without_first
         from ..saved.law import law_from_fit

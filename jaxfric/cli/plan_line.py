@@ -1,4 +1,4 @@
-"""Command lines of next calls: the current call with changed options."""
+"""Command lines to try next: the current call with changed options."""
 
 import re
 import shlex
@@ -21,10 +21,10 @@ _SPELT = {"since": "--from", "until": "--to"}
 
 
 def command_line(verb: str, argument: str, given: Mapping[str, object]) -> str:
-    """Return the shell command of a verb with the options `given` by their names in Python.
+    """Return the shell command of a verb; `given` holds its options by their Python names.
 
-    Options of output are left out. Several values of an option are joined by commas, except for
-    --column, whose values may hold commas.
+    The returned command has no options of output. Several values of an option are joined by commas,
+    except for --column, whose values may hold commas.
     """
     words = [f"jaxfric {verb}", _quoted(argument)]
     for name, value in given.items():
@@ -41,11 +41,11 @@ def command_line(verb: str, argument: str, given: Mapping[str, object]) -> str:
 
 
 def run_line(call: Call) -> str:
-    """Return the next command after a `jaxfric run` whose fits miss the steps.
+    """Return the next command after a `jaxfric run` whose fits do not describe the steps.
 
-    The next command is the same call with --slip-trend. If that was already given, the next command
-    is the loop over the run. The text is empty if the loop would have no stiffness, and outside of
-    the command.
+    The next command is the same call with --slip-trend. If --slip-trend was already given, the next
+    command is `jaxfric loop` over the run. The text is empty if `jaxfric loop` would have no
+    stiffness, or if no command is running.
     """
     from ..runs.ramps import RAMPS
 
@@ -62,6 +62,7 @@ def run_line(call: Call) -> str:
 
 def loop_line(call: Call, law: str) -> str:
     """Return the `jaxfric loop` command for the record of a `jaxfric fit --compare`, with `law`.
+    The text is empty if `jaxfric loop` would have no stiffness, or if no command is running.
 
     The text is empty if the loop would have no stiffness, and outside of the command.
     """
@@ -74,7 +75,8 @@ def loop_line(call: Call, law: str) -> str:
 
 
 def changed_line(call: Call, change: "Change") -> str:
-    """Return the shell command of a `jaxfric protocol` call with a change of its plan.
+    """Return the shell command of a `jaxfric protocol` call with a change of its plan. The returned
+    command has no options of output. The text is empty if the call gave no velocities.
 
     Options of output are left out. The text is empty if the call gave no velocities.
     """

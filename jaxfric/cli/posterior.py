@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 @options.FLAT
 @dataclass(frozen=True)
 class PriorOptions:
-    """Priors of the fit, and number of posterior draws."""
+    """Options: priors of the fit, and number of posterior draws."""
 
     prior: Path | None = None
     """Find the posterior too, with the priors of this TOML file. Example: [priors] A = {normal =
@@ -33,7 +33,7 @@ class PriorOptions:
         return 4 if self.chains is None else self.chains
 
     def refuse_unusable(self) -> None:
-        """Refuse options that are impossible or would not be used; called before the fit."""
+        """Before the fit, refuse options that are impossible or would have no effect."""
         if self.draws is None and (self.chains, self.seed) != (None, None):
             raise InputError(
                 "--chains and --seed need draws of a posterior; ask for them, as in --prior"
@@ -51,7 +51,7 @@ class PriorOptions:
             refuse_few(self.draws, self._chains)
 
     def check(self, law: str, of: options.ModelOptions, friction_unit: str) -> None:
-        """Refuse priors of parameters that this model does not have; called before the fit."""
+        """Before the fit, refuse priors of parameters that the model does not have."""
         from ..fitting.problem import Model
         from ..laws.registry import known_law
         from ..posterior.priors import priors_of, read_priors

@@ -31,8 +31,9 @@ def predict(
 ) -> int:
     """Predict a record with a saved model, and test whether the error is consistent with noise.
 
-    For a slider only f0 is fitted to the new record, for an axis no parameter. Writes
-    prediction.json and figures to the output folder, by default ./RECORD-by-MODEL-predict/.
+    For a slider only the friction level f0 is fitted to the new record; for an axis no parameter is
+    fitted. The command writes prediction.json and figures to the output folder, by default
+    ./RECORD-by-MODEL-predict/.
     """
     prepare_jax()
     from ..prediction import predict as run

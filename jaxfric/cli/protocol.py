@@ -1,4 +1,4 @@
-"""`jaxfric protocol`: which effects can a planned sequence of velocity steps distinguish?"""
+"""`jaxfric protocol`: find the effects that a planned sequence of velocity steps distinguishes."""
 
 import dataclasses
 from typing import TYPE_CHECKING, Annotated
@@ -23,7 +23,7 @@ EXAMPLES = {"--slip-per-step": "150um", "--stiffness": "5e-3/um", "--noise": "3e
 @options.FLAT
 @dataclasses.dataclass(frozen=True)
 class PlanOptions:
-    """The planned experiment, and the pair of effects to distinguish."""
+    """Options: the planned experiment, and the pair of effects to distinguish."""
 
     slip_per_step: options.Text = None
     """Required: load-point motion at each velocity, 150um."""
@@ -45,7 +45,7 @@ class PlanOptions:
     parameters: options.Parameters = None
 
     def base(self) -> "Base":
-        """The base model, from the options or from the file of --from."""
+        """Return the base model, from the options or from the file of --from."""
         from ..protocol.base import base_of_file, base_of_text
         from ..units import has_dimension
 
@@ -81,10 +81,10 @@ def protocol(
     effects: options.EffectOptions = options.EffectOptions(),
     output: options.OutputOptions = options.OutputOptions(),
 ) -> int:
-    """Before an experiment, compute which effects it can distinguish, and how to improve it.
+    """Compute which effects a planned experiment can distinguish, and how to improve its plan.
 
-    Writes protocol.json and the figure aliasing to the output folder, by default ./protocol/.
-    Options that differ from their default are part of the folder's name.
+    The command writes protocol.json and the figure aliasing to the output folder, by default
+    ./protocol/. Options that differ from their default are part of the folder's name.
     """
     declared, excluded = effects.ids()
     commanded = read_velocities(velocities)
@@ -146,9 +146,9 @@ def _pair_of(texts: list[str] | None) -> tuple[str, str] | None:
 
 
 def read_velocities(text: str) -> list[float]:
-    """Velocities [m/s] of a text in their order.
+    """Read velocities [m/s] from a text, in the order of the text.
 
-    A number without a unit has the unit of the last number.
+    A velocity without a unit has the unit of the last velocity in the text.
     """
     from ..units import parse_quantity
 

@@ -1,6 +1,6 @@
-"""Old names of verbs and options, which work for one more version with a note.
+"""Old names of verbs and options, which still work in this version and print a note.
 
-Old names occur only here: the command line is rewritten before it is parsed.
+Old names occur only in this module: it rewrites the command line before parsing.
 """
 
 from collections.abc import Sequence
@@ -36,7 +36,8 @@ GONE = {
 def in_new_words(words: Sequence[str]) -> tuple[list[str], list[str]]:
     """Return a command line with the current names, and notes on the names that were replaced.
 
-    `--rows` of a protocol, the number of samples at each velocity, keeps its name.
+    The option `--rows` of `jaxfric protocol`, the number of samples at each velocity, keeps its
+    name.
     """
     verb, *rest = words or [""]
     if verb in GONE:

@@ -44,14 +44,14 @@ def run(
     reading: options.RecordOptions = options.RecordOptions(),
     output: options.OutputOptions = options.OutputOptions(),
 ) -> int:
-    """Find all velocity steps of a run, fit them, and write the table.
+    """Find and fit all velocity steps of a run, and write a table of the fits.
 
     A run is an hour or a day of a press: steps, holds and changes of normal stress, with changing
     sampling rates. The command writes every event to events.toml; edit that file and pass it with
     --events. The command also writes run.json, run.html and figures. The tables of the steps are
     table.csv, table_xlook.csv and table.tex. The tables of other events are holds.csv,
     stress_steps.csv, stick_slip.csv, ramps.csv and stick_slip_laws.csv. The default output folder
-    is ./NAME-run/, with the options that differ from their default in its name.
+    is ./NAME-run/; options that differ from their default are part of the folder's name.
     """
     from ..report.run_page import page
     from ..report.run_report import files_of, report

@@ -1,4 +1,4 @@
-"""What a verb prints: the answer on one screen, the whole report with --details, or JSON."""
+"""Print the result of a verb: a short answer, the whole report with --details, or JSON."""
 
 from typing import TYPE_CHECKING
 
@@ -14,7 +14,7 @@ def show(report: "Report", written: str, content: str, output: "OutputOptions") 
     """Print the report, the next commands and the line `written` of the files; then the warnings.
 
     With `output.json` only the text `content` is printed. Without `output.details` at most 20 lines
-    are printed if the terminal is wide enough.
+    are printed on a terminal that is wide enough.
     """
     if output.json:
         print(content)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 @options.FLAT
 @dataclasses.dataclass(frozen=True)
 class MotionOptions:
-    """Start and duration of a motion."""
+    """Options: start and duration of a motion."""
 
     duration: options.Text = None
     """Simulated time, '20 s'. By default until the end state is recognised."""
@@ -43,9 +43,9 @@ def simulate(
 ) -> int:
     """Simulate a slider: stick-slip or steady sliding, from rest or from a disturbance.
 
-    Writes trajectory.csv, which 'jaxfric inspect' and 'jaxfric fit' read, and figures to the output
-    folder, by default ./NAME-simulate/. NAME is the name of the law, or of the folder of the fit.
-    Options that differ from their default are part of the folder's name.
+    The command writes trajectory.csv, which 'jaxfric inspect' and 'jaxfric fit' read, and figures
+    to the output folder, by default ./NAME-simulate/. NAME is the name of the law, or of the folder
+    of the fit. Options that differ from their default are part of the folder's name.
     """
     if (velocity is None) == (steps is None):
         raise InputError("give one of --velocity '2 um/s' and --steps '0 s: 1 um/s, 10 s: 10 um/s'")

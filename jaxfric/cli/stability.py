@@ -22,8 +22,8 @@ def stability(
 ) -> int:
     """Show the linear stability of steady sliding: critical stiffness, damping, poles, margins.
 
-    Writes stability.json and figures to the output folder, by default ./NAME-stability/. NAME is
-    the name of the law, or of the folder of the fit.
+    The command writes stability.json and figures to the output folder, by default
+    ./NAME-stability/. NAME is the name of the law, or of the folder of the fit.
     """
     if velocity is None:
         raise InputError("--velocity is missing; give one, '5 um/s', or a range, '1..100 um/s'")

@@ -15,9 +15,9 @@ def close_steady(
     reading: options.RecordOptions,
     output: options.OutputOptions,
 ) -> int:
-    """Run the loop on the friction curve of steady runs, write and print it.
+    """Run the loop on the friction curve of steady runs; write and print the result.
 
-    Returns the exit code.
+    The function returns the exit code.
     """
     declared, excluded = effects.ids()
     doing(f"reading {input_name(folder)}")

@@ -1,4 +1,4 @@
-"""`jaxfric study`: one computation for very many sliders, in a store that survives a kill."""
+"""`jaxfric study`: compute results for very many sliders; a killed study can be continued."""
 
 import json
 import math
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 @options.FLAT
 @dataclass(frozen=True)
 class StudyOptions:
-    """Computation of a study, or drawing of its store."""
+    """Options for computing a study, or for drawing its store."""
 
     function: str | None = None
     """Your own function of the parameters, FILE.py:NAME, in place of the key compute."""
@@ -60,9 +60,9 @@ def study(
 ) -> int:
     """Run a parameter study: margins, end states, gains, fits or loops over axes and samples.
 
-    Results go to a Zarr store, chunk by chunk. The same command continues a study that was stopped
-    or killed. The command then verifies the checksum of each chunk, and computes damaged chunks
-    again.
+    Results are written to a Zarr store, chunk by chunk. Repeat the command to continue a study that
+    was stopped or killed. A continued study verifies the checksum of each chunk, and computes
+    damaged chunks again.
     """
     from ..study.store import require_packages
 

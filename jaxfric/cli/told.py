@@ -1,11 +1,11 @@
 """Progress of the command on stderr.
 
 A terminal shows one status line that changes. A file, a pipe or a notebook gets one line every ten
-seconds. The line has the elapsed time, the last message ("trial 3 of at most 80"), and the age of
-an old message.
+seconds. The progress line has the elapsed time, the last message ("trial 3 of at most 80"), and the
+age of an old message.
 
-Progress starts before the verb imports anything, and the first line comes early, because importing
-JAX takes many seconds on a busy machine. Quick commands print no progress.
+Progress starts before the verb imports any module, because importing JAX takes many seconds on a
+busy machine. Quick commands print no progress.
 """
 
 import contextlib
@@ -32,7 +32,7 @@ class Teller:
         self.begin()
 
     def begin(self) -> None:
-        """Start the thread that prints; also again after `end`."""
+        """Start the thread that prints progress; it can start again after `end`."""
         if self.ended.is_set():
             self.ended.clear()
             self.last = time.monotonic()
@@ -85,7 +85,7 @@ def _begin() -> Teller | Line:
 
 @contextlib.contextmanager
 def telling(*, silent: bool = False) -> Generator[None]:
-    """Show progress within the block, until a `told` in the block ends; if `silent`, show none."""
+    """Show progress within the block, until a `told` in the block ends; not if `silent`."""
     token = _NOW.set(Teller(threading.TIMEOUT_MAX) if silent else _begin())
     try:
         with told():

@@ -1,4 +1,4 @@
-"""Loops that XLA compiles as one piece, for the command, tests and benchmarks."""
+"""Make XLA compile each loop as one function, for the command, tests and benchmarks."""
 
 import os
 
@@ -12,11 +12,12 @@ def whole_loops() -> bool:
     """Make XLA compile each loop as one function; return whether XLA will do so.
 
     The setting holds for this process and its children. By default XLA dispatches each loop
-    iteration separately; the overhead exceeds the cost of a solver step or of a filter row. With
-    loops of up to 128 MiB as one function, a simulation takes 0.3 of the time, one simulation in a
-    batch 0.55, a `jaxfric loop` 0.75 to 0.9. The function sets `XLA_FLAGS` in the environment, so
-    call it before JAX computes anything. It does nothing if `XLA_FLAGS` already has such an option,
-    and from jaxlib 0.12 on, where such loops are the default.
+    iteration separately; the overhead exceeds the cost of a solver step or of a filter row. If XLA
+    compiles loops of up to 128 MiB as one function, a simulation takes 0.3 of the default time. One
+    simulation in a batch takes 0.55, a `jaxfric loop` 0.75 to 0.9 of the default time. The function
+    sets `XLA_FLAGS` in the environment, so call it before JAX computes anything. The function does
+    nothing if `XLA_FLAGS` already has an option on loop size. The function also does nothing from
+    jaxlib 0.12 on, which compiles each loop as one function by default.
     """
     from importlib.metadata import version
 

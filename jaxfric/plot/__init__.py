@@ -1,4 +1,5 @@
 """Figures, from result objects only.
 
-`..._figure` makes the figure of a result, as its method `.plot()` does; `style.write` writes it.
+A function `..._figure` makes the figure of a result, as the result's method `.plot()` does.
+`style.write` writes a figure to files.
 """

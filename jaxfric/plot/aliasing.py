@@ -1,4 +1,4 @@
-"""The figure of how similar any two effects are in a record, or in a planned run."""
+"""Draw how similar any two effects are in a record, or in a planned experiment."""
 
 from collections.abc import Sequence
 
@@ -17,14 +17,14 @@ _CELL = 0.24
 
 
 def protocol_figure(plan: Protocol) -> Figure:
-    """Figure of the |cosine| between effects, as a planned protocol would show them."""
+    """Figure of the |cosine| between effects in a planned experiment."""
     return aliasing_figure(plan.design.ids, plan.design.cosines, what="this plan")
 
 
 def aliasing_figure(
     ids: Sequence[str], cosines: np.ndarray, *, added: Sequence[str] = (), what: str = "this record"
 ) -> Figure:
-    """Figure of the |cosine| between effects, as `what` shows them; marks `added` effects."""
+    """Figure of the |cosine| between effects in `what`; marks the `added` effects."""
     cosines, number = np.asarray(cosines, float), len(ids)
     below = np.tri(number, k=-1, dtype=bool)
     width = min(max(style.SINGLE, 1.4 + _CELL * number), style.DOUBLE)

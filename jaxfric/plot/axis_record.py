@@ -68,9 +68,10 @@ def axis_record_figure(record: AxisRecord, strokes: Strokes) -> Figure:
 
 
 def ordinary(values: np.ndarray) -> tuple[tuple[float, float], int]:
-    """Axis limits that few outliers do not affect, and the number of values beyond the limits.
+    """Axis limits that a few outliers do not affect, and the number of values beyond the limits.
 
-    No value is beyond if all lie within four times the range of 99 % of the values.
+    The limits contain all values if all values lie within four times the range of 99 % of the
+    values.
     """
     low, high = (float(x) for x in np.quantile(values, [0.005, 0.995]))
     limits = low - (high - low), high + (high - low)

@@ -1,4 +1,4 @@
-"""The figure of a comparison of laws: record, friction of each law, and residual of each law."""
+"""Draw a comparison of friction laws: record, and friction and residual of each law."""
 
 import numpy as np
 from matplotlib.figure import Figure

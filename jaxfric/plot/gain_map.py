@@ -1,4 +1,4 @@
-"""The map of gains for a recommendation: the gains that every scenario accepts, and the optima."""
+"""Draw the map of gains: the gains that meet the requirement in every scenario, and the optima."""
 
 from collections.abc import Callable
 
@@ -25,8 +25,9 @@ _MEANS = {"stiff": "stiffness", "damped": "damping"}
 def draw_gain_map(axis: Axes, result: Gains) -> list:
     """Draw the gains that all scenarios accept, the limits of the linear theory, and the optima.
 
-    Only a few of thousands of scenarios are evaluated: those that are the worst at some gains of a
-    coarser grid, or at an optimum. Returns further artists for the legend.
+    Only a few of thousands of scenarios are evaluated. An evaluated scenario is the worst one at
+    some gains of a coarser grid, or at an optimum. The function returns further artists for the
+    legend.
     """
     k_cr_at, needed = _boundary(result.scenarios)
     k_p, k_v = _map_axes(result, k_cr_at, needed)

@@ -1,4 +1,4 @@
-"""Figures of recommended gains: their place among all gains, and their margins."""
+"""Draw recommended gains on a map of all gains, and their stability margins."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -37,8 +37,9 @@ _ENDS = {
 def gains_figure(result: Gains) -> Figure:
     """Figure of recommended gains.
 
-    Panels: the map of gains with what all scenarios accept, both boundaries of the linear
-    theory and the optima; the required margins against velocity; the friction curve.
+    The first panel maps the gains that all scenarios accept, both boundaries of the linear theory,
+    and the optima. The other panels show the required margins against velocity, and the friction
+    curve.
     """
     figure = style.new_figure(style.DOUBLE, 4.9)
     grid = figure.add_gridspec(2, 2, width_ratios=[1.45, 1])
@@ -109,10 +110,10 @@ def end_map_figure(
     optimum: tuple[float, float] | None = None,
     coordinate: Coordinate = "linear",
 ) -> Figure:
-    """Figure of the ends from a stuck start over the gains.
+    """Figure that shows, over the gains, how a motion ends that starts at rest.
 
-    If the motion ends steady, the stick-slip cycle has disappeared: the first approach of section
-    I.A.
+    If the motion ends in steady sliding, the stick-slip cycle has disappeared. This is the first
+    approach of section I.A of the note.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Names of files and of axes, as figures and reports show them."""
+"""Format names of files and of axes for figures and reports."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Figures of the variables that the residual follows: their shares, and a profile over each."""
+"""Draw the variables that explain the residual: the share of each, and a profile over each."""
 
 import textwrap
 from collections.abc import Sequence
@@ -35,7 +35,7 @@ _VARIABLES = {
 
 
 def location_figure(loop: Loop) -> Figure:
-    """A sentence, and one bar for the share of missing friction that each variable explains.
+    """Figure with one bar for the share of missing friction that each variable explains.
 
     The bars and the unexplained rest add up to 100 %.
     """
@@ -67,7 +67,7 @@ def _bars(axis: Axes, shares: Sequence[tuple[str | None, float]]) -> None:
 
 
 def profiles_figure(loop: Loop) -> Figure:
-    """A panel for each variable: the missing friction over it, as a sum of bumps in the law."""
+    """Figure with one panel for each variable: missing friction as a function of the variable."""
     figure, panels = style.side_by_side(len(loop.location), height=1.75)
     for axis, profile in zip(panels, loop.location, strict=False):
         _profile(axis, profile, loop, readable(loop)[0])

@@ -46,7 +46,7 @@ _ROLES = {
 
 
 def residual_figure(loop: Loop) -> Figure:
-    """The figure `residual`: record with the model before and after, and the residual of each."""
+    """The figure `residual`: record, models before and after adding effects, and both residuals."""
     place = style.along(
         loop.base_fit.steps, loop.record.relative_time, over_path=loop.words.over_path
     )

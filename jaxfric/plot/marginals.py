@@ -1,4 +1,4 @@
-"""Curves of a study: each output over each parameter, for all values of the other parameters."""
+"""Draw each output of a study over each parameter, for all values of the other parameters."""
 
 import textwrap
 from collections.abc import Mapping, Sequence
@@ -34,12 +34,12 @@ Pair: TypeAlias = tuple[str, str]
 
 
 def draw_marginals(found: "Dataset", outputs: Sequence[str], coded: Sequence[str]) -> Figure | None:
-    """Draw each output over each parameter: the median and a range of 90 %, or shares.
+    """Draw each output over each parameter: the median and the central 90 %, or shares of codes.
 
-    Outputs in `coded` are codes; their shares are drawn. All panels of an output share one scale.
-    Of many panels those are drawn in which the output changes most. The title names the outputs
-    that have no panel: they have no number, or are constant. Returns None if no parameter varies,
-    or no output has a number.
+    For an output in `coded`, the shares of its codes are drawn. All panels of an output share one
+    scale. If there are many panels, only the panels in which the output changes most are drawn. The
+    title names the outputs without a panel; such an output has no number or is constant. Returns
+    None if no parameter varies, or no output has a number.
     """
     members, sides = _members(found, outputs)
     bands = {

@@ -23,9 +23,9 @@ def draw_autocorrelation(
 ) -> None:
     """Draw the measured autocorrelation and a 95 % band.
 
-    With `model` the noise model is drawn too, and the band is the one expected for a record like
-    this. Without `model` the band is that of white noise. Labels state where the autocorrelation
-    leaves the band. `part`: as for `autocorrelation`.
+    With `model` the noise model is drawn too, and the band is the one expected for a record of this
+    length. Without `model` the band is that of white noise. Labels state where the autocorrelation
+    leaves the band. For `part` see `autocorrelation`.
     """
     found = autocorrelation(clock, residual, noise if model else NoiseEstimate(noise.sigma), part)
     lag, value, modelled, error = found
@@ -44,7 +44,7 @@ def draw_autocorrelation(
 
 
 def beyond_text(ranges: Sequence[tuple[float, float, bool]]) -> str:
-    """The distances at which the noise model fails; '' if there are none."""
+    """Name the distances at which the noise model fails; '' if the model fails nowhere."""
     told = [f"{a:g}" if a == b else f"{a:g} to {b:g}" for a, b, _ in sorted(ranges)]
     return f"outside the band: rows {', '.join(told)} apart" if told else ""
 

@@ -2,7 +2,8 @@
 
 Readers with protanopia, deuteranopia or tritanopia can distinguish the colours of one figure, too.
 `tests/test_colours.py` simulates how such readers see each pair of a figure (Machado et al. 2009,
-doi:10.1109/TVCG.2009.113). Add a new colour there to the group of its figure.
+doi:10.1109/TVCG.2009.113). Add each new colour in `tests/test_colours.py` to the group of its
+figure.
 """
 
 BLUE, ORANGE, GREY, BLACK = "#1f4e79", "#c8501e", "0.55", "0.15"

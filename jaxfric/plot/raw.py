@@ -1,4 +1,4 @@
-"""Columns of a file by row number, because reduction scripts count rows."""
+"""Draw the columns of a file against row number, because reduction scripts use row numbers."""
 
 from pathlib import Path
 

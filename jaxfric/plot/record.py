@@ -1,4 +1,4 @@
-"""A figure of a record: friction and the load point, with its velocity steps."""
+"""Draw a record: friction, load-point motion, and velocity steps."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -21,8 +21,8 @@ def record_figure(record: Record, steps: VelocitySteps | None) -> Figure:
     """Figure of a record: friction; displacement and velocity of the load point.
 
     The horizontal axis is the displacement of the load point if it always advances, else time. With
-    `steps`, the commanded displacement is subtracted from the measured one. With `steps` None only
-    the measured values are drawn.
+    `steps`, the commanded displacement is subtracted from the measured one. If `steps` is None,
+    only the measured values are drawn.
     """
     place = style.along(steps, record.relative_time)
     recorded = record.load_point_displacement is not None

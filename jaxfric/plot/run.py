@@ -1,4 +1,4 @@
-"""The figures of a run: its events, A-B of its velocity steps, and its holds."""
+"""Draw a run: its events, A-B of its velocity steps, and its holds."""
 
 from collections.abc import Sequence
 
@@ -138,8 +138,8 @@ def _number(axis: Axes, places: Sequence[float]) -> None:
 def rates_figure(run: RunFit) -> Figure:
     """Figure of A-B of the steps against velocity, displacement and normal stress.
 
-    Only steps that determine A-B are drawn. Hollow points mark a fit that misses a part of its
-    record.
+    Only velocity steps that determine A-B are drawn. A hollow point marks a fit that does not
+    describe its step.
     """
     found = [s for s in run.steps if s.fit and s.fit.converged and s.fit.A_minus_B.determined]
     pairs = np.array([difference(step.fit) for step in found if step.fit is not None])
@@ -194,7 +194,7 @@ def _fill(axis: Axes, pairs: np.ndarray) -> None:
 
 
 def holds_figure(record: Record, holds: Sequence[Hold]) -> Figure:
-    """Figure of holds: healing and creep against hold time, and friction after each."""
+    """Figure of holds: healing and creep against hold time, and friction after each hold."""
     figure, (left, right) = style.side_by_side(2, height=2.6)
     force = " N" if record.friction_unit == "N" else ""
     lasts = np.array([hold.lasts for hold in holds])

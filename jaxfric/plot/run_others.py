@@ -1,4 +1,4 @@
-"""Figures of further events of a run: steps of the normal stress, and stick-slip."""
+"""Draw further events of a run: steps of the normal stress, and stick-slip."""
 
 from collections.abc import Sequence
 
@@ -20,8 +20,8 @@ _HEIGHT = 1.9
 def stress_steps_figure(found: Sequence[FittedStress]) -> Figure:
     """Figure of friction around each fitted step of the normal stress, with two models.
 
-    The models are the fit, and the same model with alpha = 0. Friction is drawn against the
-    load-point displacement since the step.
+    The two models are the fit, and the same model with alpha = 0 (no effect of normal stress on the
+    state). Friction is drawn against the load-point displacement since the step.
     """
     shown = [one for one in found if one.fit is not None and one.rows is not None]
     figure, axes = style.side_by_side(len(shown), height=_HEIGHT)
@@ -45,7 +45,7 @@ def stress_steps_figure(found: Sequence[FittedStress]) -> Figure:
 def stick_slip_figure(found: StickSlip) -> Figure:
     """Figure of the creep between two slips, x - (f - f_1)/K, at every velocity.
 
-    The fitted laws, and the friction drop against velocity, are drawn too.
+    The figure also shows the fitted laws, and the friction drop against velocity.
     """
     figure, (*axes, drops) = style.side_by_side(len(found.used) + 1, height=_HEIGHT)
     for place, (one, axis) in enumerate(zip(found.used, axes, strict=True)):

@@ -1,4 +1,4 @@
-"""Parts that the figures of a study share: a parameter as an axis, and colours of codes."""
+"""Shared parts of the figures of a study: a parameter as an axis, and colours of codes."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
@@ -32,7 +32,7 @@ class Side(NamedTuple):
 
 
 def side_of(found: "Dataset", name: str) -> Side:
-    """A parameter of a study, as an axis; it is a dimension or a sampled column."""
+    """A parameter of a study as an axis of a figure; the parameter may be a sampled column."""
     about = found[name]
     values = np.asarray(about.values, float)
     unit = about.attrs.get("units", "1")
@@ -43,10 +43,10 @@ def side_of(found: "Dataset", name: str) -> Side:
 
 
 def by_factors(values: np.ndarray) -> bool:
-    """Whether listed values grow by factors rather than by equal steps: 1, 3, 10, not 1, 2, 3.
+    """Whether listed values grow by factors (1, 3, 10) rather than by equal steps (1, 2, 3).
 
-    Values that grow by factors are positive and span more than a factor of `_FAR`. Their logarithms
-    are more evenly spaced than the values.
+    Values that grow by factors are positive and span more than a factor of `_FAR`. The logarithms
+    of such values are more evenly spaced than the values.
     """
     listed = np.unique(values)
     if len(listed) < 2 or listed[0] <= 0 or listed[-1] < _FAR * listed[0]:

@@ -1,4 +1,4 @@
-"""Figures of a stability study: friction against velocity, critical stiffness, map, root locus."""
+"""Draw a stability study: friction-velocity curve, critical stiffness, map of gains, root locus."""
 
 import math
 from collections.abc import Callable
@@ -34,7 +34,7 @@ K_P, K_V = "stiffness or position gain k_p", "damping or velocity gain k_v"
 
 
 def figures(found: Study) -> dict[str, Callable[[Study], Figure]]:
-    """Functions that make the figures of a study, by the name of the file."""
+    """Functions that make the figures of a stability study, by the name of the file."""
     maps = {} if found.delayed else {"gain_map": _map_figure, "velocity": _sweep_figure}
     return {"friction": _friction_figure, **maps, "root_locus": _locus_figure}
 
@@ -106,7 +106,7 @@ def draw_boundaries(axis: Axes, k_v: np.ndarray, k_cr: np.ndarray, needed: float
 
 
 def name_gains(axis: Axes, k_p: np.ndarray, k_v: np.ndarray, coordinate: Coordinate) -> None:
-    """Set limits and names of the axes of a map over k_p and k_v."""
+    """Set limits and labels of the axes of a map over k_p and k_v."""
     axis.set(xlim=(0, k_p[-1]), ylim=(0, k_v[-1]))
     units = unit_of("N/m", coordinate), unit_of("N s/m", coordinate)
     style.tidy(axis, x=(K_P, units[0]), y=(K_V, units[1]), grid=False)
@@ -149,7 +149,7 @@ def gain_axes(found: Study) -> tuple[np.ndarray, np.ndarray]:
 
 
 def stiffness_shown(k_cr_at: Callable[[np.ndarray], ArrayLike], needed: float) -> float:
-    """A stiffness above the part of k_cr(k_v) with little damping; 0 if no k_cr is positive."""
+    """A k_p above the curve k_cr(k_v) at small k_v; 0 if no k_cr is positive."""
     if needed <= 0:
         return 0.0
     k_cr = np.asarray(k_cr_at(np.linspace(0.02, 0.25, _FEW) * needed))
@@ -163,7 +163,7 @@ def from_zero(largest: float, number: int) -> np.ndarray:
 
 
 def own_stiffness(found: Study) -> float:
-    """A stiffness to show if the law names none: at critical damping by k_v, or 1 kN/m."""
+    """Default stiffness k_p of a map: the one critically damped by k_v, or 1 kN/m."""
     need = max(float(found.here.needed_damping), found.k_v)
     return 1e3 if found.mass is None or need == 0 else 4 * need**2 / found.mass
 
@@ -293,7 +293,7 @@ def _poles(axis: Axes, s: np.ndarray, colour: str, label: str) -> None:
 
 
 def delay_stiffness(found: Study, *, number: int = 3) -> float:
-    """A k_p [N/m] below which the first `number` stable intervals, or crossings, lie."""
+    """A k_p [N/m] above the first `number` stable intervals, or above the first crossings."""
     known = delay_summary(found)
     plus = known.crossings.plus_stiffness[:number]
     ends = [float(k) for k in (*known.upper[:number], *plus) if math.isfinite(k)]

@@ -1,4 +1,4 @@
-"""Figures of the friction of steady speeds: curve, models and residuals; noise of the runs."""
+"""Draw friction at steady speeds (curve, models and residuals), and the noise of the runs."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,7 +18,7 @@ _LINE = 400
 
 
 def steady_figure(loop: SteadyLoop) -> Figure:
-    """Figure of friction at steady speeds: runs, base and model, and the residual of each."""
+    """Figure of friction at steady speeds: runs, base model, final model, and both residuals."""
     curve = loop.curve
     unit, _, size = shown_units(curve)
     factor, shown = speed_shown(curve)
@@ -54,7 +54,7 @@ def steady_figure(loop: SteadyLoop) -> Figure:
 
 
 def speed_shown(curve: SteadyCurve) -> tuple[float, str]:
-    """Factor from SI and unit in which a speed is shown."""
+    """Return the unit in which a speed is shown, and its factor from SI."""
     return (60 / (2 * np.pi), "rpm") if curve.coordinate == "rotary" else (1.0, "m/s")
 
 
@@ -62,8 +62,8 @@ def noise_figure(curve: SteadyCurve, noise: SteadyNoise) -> Figure:
     """Figure of the noise of steady runs.
 
     The left panel shows the autocorrelation of the runs about their means. The right panel shows
-    the number of independent samples of each run, from two estimates: the rows of the run, which
-    give the error of its mean, and the noise of all runs.
+    two estimates of the number of independent samples of each run. One estimate uses the rows of
+    the run alone, which give the error of its mean. The other estimate uses the noise of all runs.
     """
     figure, (left, right) = style.side_by_side(2, height=2.4)
     draw_autocorrelation(left, noise.clock, noise.residual, noise.estimate, part=noise.run)

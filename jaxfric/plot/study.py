@@ -1,4 +1,4 @@
-"""Figures of a study: maps over two parameters, and curves over one.
+"""Draw a study: maps over two parameters, and curves over one parameter.
 
 The figures need only the Dataset of a store: its attributes hold names, units, codes and their
 meanings. Outputs with further dimensions (motions in time) are not drawn.
@@ -38,11 +38,12 @@ _OF_CYCLES = ("velocity_amplitude", "slip_amplitude", "period", "period_spread")
 def draw_study(found: "Dataset", folder: Path) -> list[str]:
     """Write a map of every output over the two longest dimensions, and all marginal curves.
 
-    `found` is the Dataset of a store (`study.load`). Further dimensions are shown in up to four
-    panels, or at their middle value. For samples over a grid of two dimensions or more, the map of
-    a coded output shows the share of samples with the first code. No map is drawn of an output
-    without any number, or of the spread of periods if all cycles are regular. Returns the names of
-    the files, none if no parameter varies.
+    `found` is the Dataset of a store (`study.load`). Further dimensions of an output are shown in
+    up to four panels, or at the middle value of the dimension. If the grid has samples and two or
+    more dimensions, the map of a coded output shows the share of samples with the first code. No
+    map is drawn of an output without any number, or of the spread of periods if all cycles are
+    regular. The function returns the names of the files. If no parameter varies, no file is
+    written.
     """
     found = _without_noise(found)
     known, dims = list(map(str, found.data_vars)), tuple(map(str, found["outcome"].dims))

@@ -1,7 +1,7 @@
 """The style of all figures: widths of a journal, type size, panels, legends, units, and files.
 
-A figure is one or two columns of a journal wide, and its letters have `LETTERS` points in print. To
-draw a figure: `panels` makes the axes, `samples` and `curve` draw records and models, `finish`
+A figure is as wide as one or two columns of a journal. The type size in print is `LETTERS` points.
+To draw a figure: `panels` makes the axes, `samples` and `curve` draw records and models, `finish`
 places titles and legend and sets the type size, `save` writes the files.
 """
 
@@ -46,16 +46,16 @@ _PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n"}
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """A figure [inch] that belongs to no window and to no global state."""
+    """Make a figure of a given size [inch] without a window or global state of pyplot."""
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 
 
 def panels(heights: Sequence[float], *, last_alone: bool = False) -> tuple[Figure, list[Axes]]:
-    """A figure of panels of some `heights` [inch] below each other, over one horizontal axis.
+    """Make a figure of stacked panels of given `heights` [inch] that share one horizontal axis.
 
-    With `last_alone` the last panel has a horizontal axis of its own.
+    With `last_alone` the last panel has a separate horizontal axis.
     """
     figure = new_figure(DOUBLE, sum(heights) + 0.75)
     grid = figure.add_gridspec(len(heights), 1, height_ratios=heights)
@@ -73,9 +73,9 @@ def panels(heights: Sequence[float], *, last_alone: bool = False) -> tuple[Figur
 def side_by_side(
     count: int, *, height: float, most: int = 3, share: bool = False, sharey: bool = False
 ) -> tuple[Figure, list[Axes]]:
-    """A figure of panels of one `height` [inch] in rows of at most `most` panels.
+    """Make a figure of panels of one `height` [inch], with at most `most` panels in a row.
 
-    With `sharey` the panels have one vertical axis, with `share` also one horizontal axis.
+    With `sharey` the panels share the vertical axis. With `share` the panels share both axes.
     """
     columns = max(min(count, most), 1)
     rows = max(-(-count // columns), 1)
@@ -94,12 +94,12 @@ def tidy(
     axis: Axes, title: str | None = None, *, x: str | tuple[str, str] = "",
     y: str | tuple[str, str] = "", log: str = "", grid: bool = True, zero: bool = False,
 ) -> None:  # fmt: skip
-    """Style a drawn panel: a title of one line at the left, names of its axes.
+    """Style a drawn panel: a one-line title at the left, and labels of both axes.
 
-    A name without a unit is the whole label of an axis. A name with an SI unit belongs to an axis
-    drawn in SI: its numbers are shown with a suitable prefix. `log` names logarithmic axes, "x",
-    "y" or "xy"; `grid` draws a light grid; `zero` draws a line at 0. A name or title that is not
-    given stays as it is.
+    An axis name without a unit is the whole label of the axis. An axis whose name has an SI unit is
+    drawn in SI, and its numbers are shown with a suitable prefix. `log` names logarithmic axes,
+    "x", "y" or "xy"; `grid` draws a light grid; `zero` draws a line at 0. Names and titles that are
+    not given stay unchanged.
     """
     if title is not None:
         axis.set_title(title, loc="left", fontsize=TITLE, parse_math=False)
@@ -140,7 +140,7 @@ def finish(
     figure: Figure, title: str = "", *, legend: Sequence[Artist] = (), notes: Sequence[str] = (),
     colour: str = "black",
 ) -> Figure:  # fmt: skip
-    """The figure with a title of one line, letters of one size, and a legend below its panels.
+    """Finish a figure with a one-line title, type of one size, and a legend below the panels.
 
     The legend explains the artists in `legend`, then all labelled artists of the panels, and ends
     with `notes`, which are text without a symbol.
@@ -164,12 +164,12 @@ def finish(
 
 
 def shortened(text: str, most: int) -> str:
-    """A text of at most `most` letters; a longer text is cut and ends in "..."."""
+    """Shorten a text to at most `most` letters; a shortened text ends in "..."."""
     return text if len(text) <= most else f"{text[: most - 4].rstrip()} ..."
 
 
 def letters(width: float, size: float = LETTERS) -> int:
-    """Number of letters of a size [pt] in a line of `width` [inch]."""
+    """Number of letters of a type size [pt] that fit into a line of `width` [inch]."""
     return int(72 * width / (_LETTER * size))
 
 
@@ -225,7 +225,7 @@ class Along(NamedTuple):
 
 
 def along(steps: VelocitySteps | None, time: np.ndarray, *, over_path: bool = True) -> Along:
-    """Displacement of the load point if it always advances, else time, since the first row."""
+    """Load-point displacement since the first row if the load point always advances, else time."""
     pauses = gaps(time) + 1 if len(time) > 1 else np.zeros(0, int)
     over_time = "time since the first row", "s"
     if steps is None:
@@ -246,7 +246,7 @@ def curve(
     axis: Axes, place: Along, y: np.ndarray, label: str | None = None, colour: str = BLUE,
     style: str = "-", width: float = 1.0,
 ) -> None:  # fmt: skip
-    """Draw values computed at the rows as a line, broken at pauses of the recorder."""
+    """Draw values computed at the rows of a record as a line, broken at pauses of the recorder."""
     x, y = (np.insert(np.asarray(v, float), place.pauses, np.nan) for v in (place.x, y))
     axis.plot(x, y, color=colour, lw=width, ls=style, label=label, zorder=2)
 
@@ -266,7 +266,7 @@ def band(
     axis: Axes, x: np.ndarray, low: np.ndarray, high: np.ndarray, label: str | None, colour: str,
     alpha: float = 1.0, where: np.ndarray | None = None,
 ) -> None:  # fmt: skip
-    """Draw a range over x, where the range is known."""
+    """Draw a range of y against x, wherever the range is known."""
     where = None if where is None else where.tolist()
     axis.fill_between(
         x, low, high, where=where, color=colour, alpha=alpha, lw=0, label=label, zorder=1
@@ -277,7 +277,7 @@ def mark(
     axis: Axes, x: float | np.ndarray, y: float | np.ndarray, marker: str, label: str | None,
     colour: str = BLACK, *, face: str | None = None, size: float = 6.0,
 ) -> None:  # fmt: skip
-    """Draw highlighted points, above everything else, and also beyond the panel's border."""
+    """Draw highlighted points above all other artists, also beyond the panel's border."""
     axis.plot(
         x, y, marker, color=colour, mfc=face or colour, ms=size, ls="", mew=1.2, label=label,
         zorder=6, clip_on=False,
@@ -294,7 +294,7 @@ def mark_steps(axes: Sequence[Axes], place: Along, label: str = "velocity step")
 def stairs(
     axis: Axes, place: Along, velocities: np.ndarray, colour: str = BLACK, label: str = ""
 ) -> None:
-    """Draw the commanded velocities in the unit of the panel, each with its number if it fits."""
+    """Draw the commanded velocities in the panel's unit, and their numbers where space allows."""
     ends = np.append(place.starts, place.x[-1])
     axis.stairs(velocities, ends, baseline=None, color=colour, lw=1.3, label=label)
     if np.all(velocities > 0):
@@ -315,10 +315,10 @@ def stairs(
 def shade(
     axis: Axes, x: np.ndarray, y: np.ndarray, codes: np.ndarray, colours: Mapping[str, str]
 ) -> list[Artist]:
-    """Colour a map by whole numbers, which are positions among the names of `colours`.
+    """Colour a map by whole numbers; each number is a position in the list of `colours`.
 
-    The rows of `codes` follow y. x and y are the middles of cells, or their borders. Returns the
-    legend squares of the colours that occur.
+    The rows of `codes` run along y. x and y are centres or borders of the cells. The function
+    returns the legend squares of the colours that occur.
     """
     codes, limits = np.asarray(codes, int), (-0.5, len(colours) - 0.5)
     colour_of = ListedColormap(list(colours.values()))
@@ -331,7 +331,7 @@ def shade(
 
 
 def prefixed(largest: float, unit: str) -> tuple[float, str]:
-    """A factor, and a unit with prefix, that bring sizes up to `largest` to 1...1000."""
+    """Return a factor and a prefixed unit in which `largest` lies between 1 and 1000."""
     if unit in ("", "1", "%") or not (math.isfinite(largest) and largest > 0):
         return 1.0, unit
     if 0.1 <= largest < 1:
@@ -342,18 +342,18 @@ def prefixed(largest: float, unit: str) -> tuple[float, str]:
 
 
 def most(values: np.ndarray) -> float:
-    """The largest absolute finite value; 0 if there is none."""
+    """The largest absolute finite value; 0 without finite values."""
     return float(np.max(np.abs(values), where=np.isfinite(values), initial=0.0))
 
 
 def told(value: float, unit: str, digits: int = 4) -> str:
-    """A value as text, with a prefix of its unit."""
+    """Write a value as text, with a prefix of its unit."""
     size, text = prefixed(abs(value), unit)
     return f"{size * value:.{digits}g} {text.replace('*', ' ')}"
 
 
 def named(name: str, unit: str, gap: str = " ") -> str:
-    """The name of an axis and, after the `gap`, its unit in brackets; no unit if it is 1."""
+    """The name of an axis and, after `gap`, its unit in brackets; the unit "1" is not shown."""
     return name if unit in ("", "1") else f"{name}{gap}[{unit.replace('*', ' ')}]"
 
 
@@ -365,10 +365,10 @@ def save(figure: Figure, folder: Path, name: str) -> list[str]:
 
 
 def write(figure: Figure, *paths: str | Path, dpi: float = DOTS) -> None:
-    """Write a figure to each of `paths`, PNG, SVG or PDF by its ending.
+    """Write a figure to each of `paths`, as PNG, SVG or PDF by the path's ending.
 
-    `Figure.savefig` would compute the layout of the figure again for each file, which takes as
-    long.
+    `Figure.savefig` would compute the layout of the figure again for each file. The layout takes as
+    long as the writing.
     """
     engine = figure.get_layout_engine()
     if engine is not None:

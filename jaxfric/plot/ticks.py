@@ -11,8 +11,8 @@ _MANY_DECADES = 1.6
 def whole_numbers(axes: Axes, which: str, *, most: int = 5, least: float = 0.0) -> None:
     """Write the numbers of a linear axis, "x" or "y", in full, without an offset "+3.036e2".
 
-    The axis has at most `most` + 1 numbers. Limits closer together than the part `least` of their
-    middle are moved apart, so that constant values look constant.
+    The axis has at most `most` + 1 numbers. If the range of the axis is less than the fraction
+    `least` of the middle value, the range is widened. So constant values look constant.
     """
     axis = axes.xaxis if which == "x" else axes.yaxis
     axis.set_major_locator(MaxNLocator(most, steps=[1, 2, 2.5, 5, 10]))
@@ -25,10 +25,10 @@ def whole_numbers(axes: Axes, which: str, *, most: int = 5, least: float = 0.0) 
 
 
 def plain_log(axes: Axes, which: str, size: float = 1.0) -> None:
-    """Make an axis, "x" or "y", logarithmic, with numbers such as 0.1, 20 or 1000, not powers.
+    """Make an axis, "x" or "y", logarithmic, with numbers such as 0.1 or 1000, not as powers of 10.
 
-    Each number is the drawn value times `size`, a power of 10. A short axis has at least two
-    numbers, also if its limits change later.
+    Each number on the axis is the drawn value times `size`, a power of 10. A short axis has at
+    least two numbers, also if the limits of the axis change later.
     """
     axes.set(**{f"{which}scale": "log"})
     axis = axes.xaxis if which == "x" else axes.yaxis
@@ -47,8 +47,9 @@ def plain_log(axes: Axes, which: str, size: float = 1.0) -> None:
 def shown_digits(low: float, high: float) -> str:
     """Leading digits of the ticks from `low` to `high` that have a number; "" for all ticks.
 
-    A long axis has numbers at powers of ten, if there are two. A shorter one also has numbers at 2
-    and 5 times these powers, if there are two. Otherwise every tick has one.
+    A long axis with at least two powers of ten has numbers at powers of ten only. On a shorter
+    axis, ticks at 2 and 5 times a power of ten have numbers too. If fewer than two numbers would
+    result, every tick has a number.
     """
     if math.log10(high / low) > _MANY_DECADES and _count("1", low, high) > 1:
         return "1"

@@ -12,7 +12,7 @@ _MOST = 50
 
 
 def trajectory_figure(found: Trajectory) -> Figure:
-    """Figure of a trajectory; of a batch its first members, superimposed."""
+    """Figure of a trajectory; for a batch the first members are drawn over each other."""
     figure, axes = style.panels([1.4, 1.4, 1.4])
     members = int(np.prod(np.shape(found.end)))
     times = np.broadcast_to(np.asarray(found.time, float), np.shape(found.force))

@@ -1,4 +1,4 @@
-"""Effects that a record cannot distinguish: which, and what is said of every added effect."""
+"""Find the effects that a record cannot distinguish, and put them into words."""
 
 import math
 from collections.abc import Sequence
@@ -16,11 +16,12 @@ _INCOMPLETE = {LoopCode.STRUCTURE, LoopCode.BLOCK, LoopCode.OTHERS}
 
 
 def apart(loop: Loop) -> list[str]:
-    """Sentences on every added effect: is it distinguished from others? Then the alike pairs.
+    """Say whether the record distinguishes each added effect, then list the alike pairs.
 
-    Effects may look alike to first order. A refit with one in place of the other distinguishes them
-    if its BIC is worse by more than 10. If structure remains in the residual, no added effect is
-    distinguished from all others: it may partly stand for another effect.
+    Two effects may look alike to first order. A refit replaces one effect by the other. The refit
+    distinguishes the two effects if it raises BIC by more than 10. If structure remains in the
+    residual, no added effect is distinguished from all other effects: the added effect may partly
+    represent another one.
     """
     out, open_ = [], dict(confused(loop))
     incomplete = _INCOMPLETE.intersection(one.code for one in loop.findings)
@@ -39,7 +40,7 @@ def apart(loop: Loop) -> list[str]:
 
 
 def confused(loop: Loop) -> list[tuple[str, list[str]]]:
-    """Added effects that neither the record nor a refit distinguishes from others."""
+    """Added effects that neither the record nor a refit distinguishes from other effects."""
     found = []
     for id, *others in loop.alias_groups:
         alike = [other for other in others if not _tells(loop, id, other)]
@@ -50,7 +51,7 @@ def confused(loop: Loop) -> list[tuple[str, list[str]]]:
 def likeliest(loop: Loop, id: str, others: Sequence[str]) -> list[str]:
     """The effects that may replace the effect `id`, the best refit first.
 
-    Effects without a refit follow, the most similar first.
+    Effects that were not refitted come last in the list, the most similar first.
     """
     worse = {other: _worse(loop, id, other) for other in others}
     return sorted(others, key=lambda other: math.inf if math.isnan(worse[other]) else worse[other])

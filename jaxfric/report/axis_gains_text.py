@@ -6,7 +6,7 @@ from ..gains.axis_result import AxisGains, Shown
 
 
 def sentence(gains: AxisGains, unit: Shown, velocity: Shown) -> str:
-    """The short text, with the slope of friction and what a late controller needs.
+    """The short text, the slope of friction, and the damping needed with a controller delay.
 
     `unit` is the displayed unit of damping, `velocity` the displayed unit of velocity.
     """

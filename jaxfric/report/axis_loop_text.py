@@ -1,4 +1,4 @@
-"""What only the loop of an axis reports: the fits of its models, the gains, and the friction."""
+"""Parts of a report that only an axis has: fits of its models, gains, and friction."""
 
 from collections.abc import Sequence
 
@@ -24,9 +24,10 @@ def short(details: AxisDetails) -> str:
 
 
 def found(details: AxisDetails) -> str:
-    """What is known of friction if the record leaves its parameters open; '' otherwise.
+    """Say what is known of friction if its parameters are undetermined; '' otherwise.
 
-    The parameters stay open if each direction has only one speed, or if the force is feedback.
+    The friction parameters are undetermined if each direction has only one speed, or if the force
+    is feedback.
     """
     if details.withheld or not at_one_speed(details.driven):
         return details.withheld
@@ -35,7 +36,7 @@ def found(details: AxisDetails) -> str:
 
 
 def words_of_driven(directions: Sequence[Driven], force: str, speed: str) -> str:
-    """Friction of each direction at its own speed; `force` and `speed` are units."""
+    """Friction of each direction at the speed of that direction; `force` and `speed` are units."""
     each = (
         f"{one.force:.4g}{'' if np.isnan(one.error) else f' ± {one.error:.2g}'} {force}"
         f" {one.direction} at {one.speed:.3g} {speed} ({one.slowest:.3g} to {one.fastest:.3g})"
@@ -47,8 +48,8 @@ def words_of_driven(directions: Sequence[Driven], force: str, speed: str) -> str
 def doubt(details: AxisDetails) -> str:
     """Name mass and friction that differ between the loop and a least-squares fit of all rows.
 
-    Only differences larger than the errors and than a factor of 1.5 are named; '' if there are
-    none.
+    A difference is named only if it exceeds both its error and a factor of 1.5. The result is ''
+    without such differences.
     """
     fit = details.fits[-1][1] if details.fits else None
     told = [
@@ -75,7 +76,7 @@ def stability(details: AxisDetails) -> str:
 
 
 def tables(details: AxisDetails) -> list[TextTable]:
-    """Tables of the parameters of both fits with their errors, and of the gains."""
+    """Tables: parameters of both fits with standard errors; gains of the axis."""
     fits, unit = [fit for _, fit in details.fits], _length(details)
     names = list(dict.fromkeys(name for fit in fits for name in fit.values))
     rows: list[tuple[str, ...]] = []

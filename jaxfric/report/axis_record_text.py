@@ -12,7 +12,7 @@ from .tables import TextTable
 
 
 def report_axis(record: AxisRecord, strokes: Strokes) -> Report:
-    """Columns, dropped rows, sampling, encoder and controller, and a table of the strokes."""
+    """Report an axis record: columns, dropped rows, sampling, encoder, controller and strokes."""
     units = shown_units(record.coordinate, record.force_unit)
     lines = _rows(record.provenance, len(record))
     lines.append(f"sampling: {record.sampling()}")
@@ -31,7 +31,7 @@ def report_axis(record: AxisRecord, strokes: Strokes) -> Report:
 
 
 def report_steady(curve: SteadyCurve) -> Report:
-    """A table of the runs (speed, force and error of the force), and the left-out runs."""
+    """A table of steady runs (speed, force and error of the force), and the excluded runs."""
     rotary = curve.coordinate == "rotary"
     unit, size = ("rpm", np.pi / 30) if rotary else ("mm/s", 1e-3)
     lines = _rows(curve.provenance, int(curve.samples.sum()))

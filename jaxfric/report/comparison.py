@@ -28,10 +28,11 @@ def sentence(found: LawComparison) -> str:
 
 
 def next_step(found: LawComparison) -> str:
-    """Say which command or record to use after the comparison; '' if nothing is open.
+    """Say which command or record to use after the comparison; '' if no question remains.
 
-    A second state may be asked for: the loop may answer otherwise, for the reason given here. Or
-    the law of one state misses more than noise: the loop then searches for the missing effect.
+    If the comparison suggests a second state, the text explains why `jaxfric loop` may decide
+    differently. If the law of one state leaves more than noise, `jaxfric loop` searches for the
+    missing effect.
     """
     if not found.of_laws:
         return ""
@@ -54,7 +55,7 @@ def next_step(found: LawComparison) -> str:
 
 
 def warnings(found: LawComparison) -> tuple[str, ...]:
-    """What a user must know before using the sentence."""
+    """Warnings to read before using the conclusion of the comparison."""
     unfitted = [score for score in found.scores if score.bic is None]
     told = [f"{score.name}: could not be fitted ({score.fit.result})" for score in unfitted]
     best = found.ranked[0] if found.ranked else None
@@ -77,7 +78,7 @@ def _law(score: LawScore) -> str:
 
 
 def ended(found: LawComparison, score: LawScore) -> str:
-    """Text in the row of a law whose fit gives no valid numbers; '' for a valid fit."""
+    """Text in place of the numbers of a law whose fit is not valid; '' for a valid fit."""
     if found.needless(score):
         return "not determined, not needed"
     if score.fit.converged:

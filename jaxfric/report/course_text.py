@@ -1,4 +1,4 @@
-"""A simulated motion in words, and as the table trajectory.csv."""
+"""Describe a simulated motion in words, and write it as the table trajectory.csv."""
 
 import io
 from collections.abc import Mapping, Sequence
@@ -21,10 +21,10 @@ _ENDS = {
 
 
 def report(course: Course, law: str, width: float | None, length: str) -> Report:
-    """Say how the motion ends; then describe law, machine, start and course of the motion.
+    """Say how a simulated motion ends, then describe its law, machine, start and course.
 
     Lengths are in the unit `length`. Around zero velocity, friction changes its sign over the
-    assumed `width` [m/s].
+    assumed range of velocity `width` [m/s].
     """
     motion, early = course.motion, course.result != RESULTS.successful
     notes = [law, _machine(motion)]

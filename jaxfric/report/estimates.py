@@ -1,4 +1,4 @@
-"""The friction parameters of a result in one line: a - b, a, b and D_c with their errors."""
+"""State the friction parameters of a result in one line: a - b, a, b, D_c and their errors."""
 
 import re
 from collections.abc import Mapping
@@ -15,8 +15,8 @@ STATE = re.compile(r"(?:second_state\.)?([ABL])(\d*)")
 def friction_line(rate: Estimate, parameters: Mapping[str, Estimate], length: str) -> str:
     """Line such as "a - b = −0.01101(1), a = ..., b = ..., D_c = ... µm: velocity weakening."
 
-    `rate` is A minus the sum of all B ("a - b - b2" with two states). Lengths are in the unit
-    `length`.
+    `rate` is the rate dependence, A minus the sum of all B ("a - b - b2" with two states). Lengths
+    are in the unit `length`.
     """
     own = {
         ROCK_NAMES[m[1]] + m[2]: known
@@ -58,7 +58,7 @@ def _sign(rate: Estimate) -> str:
 def interval_cells(
     value: float, std: float, low: float, high: float, size: float = 1.0
 ) -> tuple[str, str, str]:
-    """Value, standard error and interval in a unit of `size`, with the digits of the error."""
+    """Format value, standard error and interval in a unit of `size`; the error sets the digits."""
     digits = decimals(std / size)
     mean, error, *ends = (f"{x / size:.{digits}f}" for x in (value, std, low, high))
     return mean, error, " to ".join(ends)

@@ -1,4 +1,4 @@
-"""A feedforward as text: its terms, its fade speed, and the conditions for using it."""
+"""Describe a feedforward as text: its terms, its fade speed, and the conditions for use."""
 
 import math
 from collections.abc import Sequence
@@ -64,7 +64,7 @@ def spoken(found: Feedforward, here: FrictionAt) -> str:
 
 
 def report(found: Feedforward, asked: Sequence[FrictionAt] = ()) -> Report:
-    """Friction at the requested speeds, the formula and its terms, and the conditions for use."""
+    """Report friction at the requested speeds, the feedforward's formula, and its conditions."""
     told = [*(f"{spoken(found, here)}." for here in asked), found.sentence, found.formula]
     notes = [f"  - left out: {line}" for line in found.left_out]
     notes += [f"  - {line}" for line in found.cautions]

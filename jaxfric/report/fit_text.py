@@ -35,7 +35,7 @@ class Row(NamedTuple):
 
 
 def shown_name(name: str) -> str:
-    """A parameter with its name in rock mechanics: "A (a)", "B2 (b2)", "L (D_c)", "A-B (a-b)"."""
+    """The name of a parameter with its name in rock mechanics: "A (a)", "L (D_c)", "A-B (a-b)"."""
     if name == DIFFERENCE:
         return "A-B (a-b)"
     own = STATE.fullmatch(name)
@@ -43,7 +43,7 @@ def shown_name(name: str) -> str:
 
 
 def rows(fit: Fit) -> list[Row]:
-    """One row each for A-B, the free parameters in the order of the fit, and given parameters."""
+    """Make one row each for A-B, for every free parameter, and for every given parameter."""
     first = _row(DIFFERENCE, "below 0: weakening", fit.A_minus_B, fit)
     return [first, *(_row(n, quantity_of(n).text, e, fit) for n, e in fit.parameters.items())]
 
@@ -62,7 +62,7 @@ def _row(name: str, meaning: str, estimate: Estimate, fit: Fit) -> Row:
 
 
 def headline(fit: Fit) -> list[str]:
-    """a - b, a, b and D_c with their meaning for stability, and the size of the residual."""
+    """State a - b, a, b, D_c, their meaning for stability, and the size of the residual."""
     if not fit.converged:
         return ["the fit did not converge: its numbers mean nothing"]
     drift = told_drift(fit)
@@ -111,7 +111,7 @@ def _noise_line(fit: Fit) -> str:
 
 
 def noise_text(noise: NoiseEstimate) -> str:
-    """The text of the noise, with the share of its small parts, and the removed hum."""
+    """Describe the noise, the share of its small components, and the removed hum."""
     small = sum(abs(p.share) for p in noise.parts if _LEAST <= abs(p.share) < _SMALL)
     told = noise.text() + (f" ({100 * small:.0f} % correlated, negligible)" if small else "")
     lines = " and ".join(one.text() for one in noise.hum)
@@ -119,7 +119,7 @@ def noise_text(noise: NoiseEstimate) -> str:
 
 
 def noise_lines(noise: NoiseEstimate, of: str = "the record") -> list[str]:
-    """Lines on the noise: its size, steps of the recorder, and its longest correlation."""
+    """Describe the noise: standard deviation, quantisation step, and longest correlation."""
     lines = [f"noise of {of}: {noise_text(noise)}"]
     if noise.written:
         lines.append(f"its white part is mostly the recorder's steps of {noise.steps:.2g}")

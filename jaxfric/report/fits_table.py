@@ -1,7 +1,7 @@
 """Several fits as one table with a row for each: for a terminal, as CSV and as LaTeX.
 
-A-B is the first column, because the sign of A-B says whether steady sliding can be unstable. A
-failed fit keeps its row, with the reason in place of numbers.
+A-B is the first column, because the sign of A-B says whether steady sliding can be unstable. The
+row of a failed fit gives the reason of the failure in place of numbers.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -34,8 +34,7 @@ _MARKS = {
 class TabledFit(NamedTuple):
     """A row of the table: the name, and the fit or the reason why there is no fit.
 
-    The row also holds further cells by column head, and a remark on a fit whose numbers are not
-    valid.
+    The row also holds further cells by column head. A fit whose numbers are not valid has a remark.
     """
 
     name: str
@@ -46,7 +45,7 @@ class TabledFit(NamedTuple):
 
     @property
     def known(self) -> bool:
-        """Whether the fit succeeded, so that its parameters are valid."""
+        """Whether the fit succeeded and its parameters are valid."""
         return self.fit is not None and self.fit.converged
 
     @property
@@ -119,7 +118,7 @@ def csv_rows(fits: Sequence[TabledFit], head: str) -> list[dict[str, Cell]]:
 def text_table(
     fits: Sequence[TabledFit], head: str, title: str, *, records: bool = False
 ) -> TextTable:
-    """The table for a terminal or a page; for several `records` also the given values of each."""
+    """Make the table for terminal or page; several `records` also show their given values."""
     columns, more, names = _columns(fits, records), _more(fits), short_names(fits)
     own = [f"{c.head} [{c.unit}]" if c.unit else c.head for c in columns]
     rows: list[tuple[str, ...]] = []
@@ -132,7 +131,7 @@ def text_table(
 
 
 def latex_text(fits: Sequence[TabledFit], head: str, *, records: bool = False) -> str:
-    """A LaTeX table (booktabs): a-b, a, b and D_c with errors; `records`: see `text_table`."""
+    """Make a LaTeX table of a-b, a, b, D_c and errors; for `records` see `text_table`."""
     columns, more = _columns(fits, records), _more(fits)
     heads = (
         [head, *(c.latex for c in columns), *map(plain, more)],
@@ -171,7 +170,7 @@ def _marks(one: TabledFit) -> list[str]:
 
 
 def short_names(fits: Sequence[TabledFit]) -> list[str]:
-    """The names without their folders, if they still differ."""
+    """File names without folders, if these short names are distinct."""
     names = [one.name for one in fits]
     last = [PurePath(name).name for name in names]
     return last if len(set(last)) == len(set(names)) else names
@@ -186,8 +185,8 @@ def files_of(fits: Sequence[TabledFit]) -> dict[str, str]:
 
 
 def report_of_files(fits: Sequence[TabledFit]) -> Report:
-    """How many records are fitted, the range of a - b and its sign; the table of all fits, and
-    their warnings with the files of each."""
+    """Report the number of fitted records, the range and sign of a - b, a table of all fits, and
+    each warning with its files."""
     files: dict[str, list[str]] = {}
     for one in fits:
         for text in () if one.fit is None else one.fit.warnings:

@@ -56,7 +56,7 @@ def content(gains: Gains) -> dict:
 
 
 def hunting_entry(found: Hunting) -> dict:
-    """The entry `hunting`: whether hunting grows, or amplitude and period; null for none."""
+    """The JSON entry `hunting`: growth, or amplitude and period; null without hunting."""
     grows = found.amplitude is not None and not np.isfinite(found.amplitude)
     return plain({**found._asdict(), "grows": grows})
 

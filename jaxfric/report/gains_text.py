@@ -1,4 +1,4 @@
-"""Gains as text: the answer, tables of optima and margins, and the evidence."""
+"""Report gains as text: the answer, tables of optima and margins, and the evidence."""
 
 import math
 
@@ -19,7 +19,7 @@ _ANY = {"gain": 1e6, "delay": 1e4}
 
 
 def report(gains: Gains) -> Report:
-    """The gains with their margins, the scenarios, all optima, the evidence."""
+    """Report the gains, their margins, scenarios, all optima, and evidence of optimality."""
     lines = [gains.law, f"required: {required(gains.requirement)}{_accuracy(gains)}"]
     if gains.delay is not None:
         samples = "" if gains.sample_time is None else " (1.5 samples)"
@@ -35,7 +35,7 @@ def report(gains: Gains) -> Report:
 
 
 def headline(gains: Gains) -> list[str]:
-    """Warnings, gains with margins (rounded down), scenarios, and how the motions end."""
+    """State warnings, gains, margins (rounded down), scenarios, and how simulated motions end."""
     margins = [
         f"{name} margin {_least(worst)}"
         for name, worst in gains.margins.items()
@@ -87,7 +87,7 @@ def _doubts(gains: Gains) -> list[str]:
 
 
 def certified(known: Certificate) -> str:
-    """How well the gains meet the conditions of an optimum, and that no smaller gains do."""
+    """Say how well gains meet the optimality conditions, and whether smaller gains suffice."""
     text = f"optimality conditions met to {known.kkt_residual:.1e}; "
     if known.kkt_residual > ZERO:
         text = "they meet all that is required; that they are the smallest is not shown; "
@@ -127,7 +127,7 @@ def _at_rest(gains: Gains) -> list[str]:
 
 
 def required(what: Requirement) -> str:
-    """The required margins, and which of them is the default."""
+    """State the required margins, and mark the default margin."""
     told = [f"{name} >= {value:g}" for name, value in zip(what.names, what.values, strict=True)]
     if what.kept:  # the default comes first
         told[0] += " (the default)"
@@ -225,7 +225,7 @@ def _simulation(gains: Gains) -> list[str]:
 
 
 def infeasible(found: Infeasible) -> str:
-    """If no gains meet the requirement: by how much the best ones miss it, and what to do."""
+    """Say by how much the best gains miss an infeasible requirement, and what to do."""
     _, scenarios, region = found.task
     where, gains = found.scenario, found.gains
     units = ("N/m", "N s/m", "m/s", "kg")

@@ -1,6 +1,6 @@
 """A report as HTML: for a notebook, and as one page with its figures.
 
-A page needs no network, no scripts and no other file.
+An HTML page of this module needs no network, no scripts and no other file.
 """
 
 import base64
@@ -41,7 +41,7 @@ class Figure(NamedTuple):
 
 
 class Page(NamedTuple):
-    """The parts of a page besides its report, in the order of the page."""
+    """Parts of an HTML page besides the report, in the order in which the page shows them."""
 
     about: str
     """The question, above the headline."""
@@ -75,8 +75,8 @@ def html_of(title: str, report: Report) -> str:
 def page_of(report: Report, page: Page, pictures: Mapping[str, bytes], json: str) -> str:
     """A report as a whole page.
 
-    `pictures` are the figures that could be drawn, by file. `json` is the file with the same
-    numbers.
+    `pictures` are the figures that could be drawn, by file. `json` names the JSON file that holds
+    the numbers of the report.
     """
     first, *rest = report.headline
     head = f"{_text('p', page.about, 'of')}{_text('h1', first)}{_lines(rest, 'sentence')}"
@@ -111,7 +111,7 @@ def page_of(report: Report, page: Page, pictures: Mapping[str, bytes], json: str
 def origin_of(
     origin: Provenance, rows: int, command: str, more: Mapping[str, str], seconds: str = ""
 ) -> list[tuple[str, str]]:
-    """The origin of a result: record, `rows` of the record, `more` facts, version and command."""
+    """Describe the origin of a result: record, its `rows`, `more` facts, version and command."""
     dropped = ", ".join(f"{n} {reason}" for reason, n in origin.dropped.items()) or "none"
     return [
         ("record", printable(origin.path)),
@@ -127,7 +127,7 @@ def origin_of(
 
 
 def printable(path: str) -> str:
-    """A path with a question mark for each byte that is not a character."""
+    """Return a path as text, with a question mark for each byte that is not a character."""
     text = path.encode("utf-8", errors="replace").decode("utf-8")
     return "".join(c if c.isprintable() else "?" for c in text)
 

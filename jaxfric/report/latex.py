@@ -36,7 +36,7 @@ def _line(cells: Sequence[str]) -> str:
 
 
 def latex_cells(cells: Sequence[str] | None, count: int = 4) -> list[str]:
-    """Numbers in math mode; "no fit" across all columns if there are none or all are blank."""
+    """Put numbers in math mode, or "no fit" across all columns if no number is given."""
     if cells is None or not any(cells):
         return [rf"\multicolumn{{{count}}}{{c}}{{no fit}}"]
     return [f"${cell}$" if cell else "" for cell in cells]

@@ -1,4 +1,4 @@
-"""Words for the variables that the residual follows, and for the share that each explains."""
+"""Name the variables that explain the residual, and the share that each variable explains."""
 
 from collections.abc import Sequence
 
@@ -21,9 +21,9 @@ function of any, and their bumps differ by where they lie."""
 def where_it_sits(
     location: tuple[LocationProfile, ...], velocities: np.ndarray | Sequence[float] = ()
 ) -> str:
-    """The variables that explain the residual best, in words; '' if noise explains it as well.
+    """Name the variables that explain the residual best; '' if noise explains the residual too.
 
-    `velocities` are those of the record in their order; empty if they do not matter.
+    `velocities` are the record's velocities in order of time; empty if velocities do not matter.
     """
     best = _most_telling(location)
     if best is None:
@@ -44,9 +44,10 @@ def where_it_sits(
 def grow_together(
     location: tuple[LocationProfile, ...], velocities: np.ndarray | Sequence[float]
 ) -> bool:
-    """Whether the record cannot separate the best variable from others that grow with it.
+    """Whether the best variable cannot be separated from other variables that grow together with
+    it.
 
-    Steps at other velocities would separate such variables.
+    Velocity steps at other velocities would separate two variables that grow together.
     """
     best = _most_telling(location)
     return best is not None and bool(_alike(best, location, velocities))
@@ -76,10 +77,11 @@ def _alike(
 def added_shares(
     location: tuple[LocationProfile, ...],
 ) -> list[tuple[str | None, float]]:
-    """Each variable with the share it explains further, largest first; None: not explained.
+    """Return the share that each variable adds, largest first; None is the unexplained share.
 
     The shares add up to 1. A share that noise alone often reaches counts as not explained. The
-    result is empty if the structure is no more than chance, as a whole or over any variable.
+    result is empty if the structure of the residual is not significant, as a whole or over any
+    variable.
     """
     seen = [p for p in location if np.isfinite(p.further)]
     known = [(p.variable, p.further) for p in seen if p.p_value <= SIGNIFICANT]
@@ -95,7 +97,7 @@ def shares_told(
 ) -> list[str]:
     """The result of `added_shares` in words, a sentence a line.
 
-    `velocities` are those of the record, as in `where_it_sits`.
+    `velocities` are the record's velocities, as in `where_it_sits`.
     """
     shares, seen = added_shares(location), where_it_sits(location, velocities)
     if not shares and any(np.isfinite(p.further) for p in location):
@@ -108,7 +110,7 @@ def shares_told(
 
 
 def variable_words(variable: str | None) -> str:
-    """A variable of a profile or the structure of a test; None: what no variable explains."""
+    """Name a variable of a profile or the structure of a test; None is the unexplained rest."""
     name = "none" if variable is None else variable
     return VARIABLE.get(name, name)
 

@@ -93,12 +93,12 @@ def family(curve: CurveFamily) -> dict[str, object]:
 
 
 def run(details: RunDetails) -> dict[str, object]:
-    """The entry of a run: its stretches between interruptions."""
+    """The JSON entry of a run lists its stretches between interruptions."""
     return {"stretches": details.joined.stretches}
 
 
 def axis(details: AxisDetails) -> dict[str, object]:
-    """The entry "axis": preparation, gains and fits; `drive` is in force."""
+    """The JSON entry "axis": preparation, gains and fits; `drive` is given in force."""
     drive, gains = details.record.drive, details.gains
     least = entries(gains, "worst_velocity", "slope", "least_damping", "velocity_gain", "stiff")
     if gains.claim.kind == "open":

@@ -1,4 +1,4 @@
-"""What a loop means and what to do next: the next command, or the run that would decide."""
+"""Say what a loop's result means, and which command or experiment to try next."""
 
 import shlex
 from collections.abc import Sequence
@@ -24,10 +24,10 @@ _ROOMS = {"machine": "the machine", "drive": "the drive", "sensor": "the force s
 
 
 def meanings(loop: Loop) -> list[tuple[str, str, str]]:
-    """For every added effect: its id and place in the model, its meaning, and its equation.
+    """Return id, place in the model, meaning and equation of every added effect.
 
-    Meaning and equation come from the catalogue; both are empty for an effect outside the
-    catalogue.
+    Meaning and equation of an effect come from the catalogue. Both are empty for an effect outside
+    the catalogue.
     """
     found = []
     for id in loop.effects:
@@ -38,11 +38,12 @@ def meanings(loop: Loop) -> list[tuple[str, str, str]]:
 
 
 def next_steps(loop: Loop, file: str = "loop.json") -> list[NextStep]:
-    """The steps that follow from the verdict, the most informative first.
+    """Next steps that follow from the loop's verdict, the most informative step first.
 
-    A question that the record leaves open gives the run that would decide, and a command that
-    checks this run. Gains follow if `jaxfric gains` accepts the loop, and for an axis the
-    feedforward. If the model describes the record, the last step is a test on another record.
+    If the record leaves a question open, a step describes the experiment that would decide. The
+    step includes a command that checks the planned experiment. The next step is `jaxfric gains` if
+    it accepts the loop, and for an axis `jaxfric feedforward`. If the model describes the record,
+    the last step is a test on another record.
 
     `file` is the path of the loop's JSON file; by default it is in the folder of loop.html.
     """
@@ -57,7 +58,7 @@ def next_steps(loop: Loop, file: str = "loop.json") -> list[NextStep]:
 
 
 def run_to_make(loop: Loop) -> str:
-    """The run that would decide the questions this record leaves open, in one line; "" if none."""
+    """Describe in one line the experiment that would answer the open questions, or ""."""
     run = _one_run(loop)
     return "" if run is None else say("next.run_to_make", run=run.words())
 
@@ -84,7 +85,7 @@ def takes_gains(loop: Loop) -> bool:
 
     Conditions: the verdict says that the model describes the record, the catalogue has all effects
     of the model, and the record determines all free parameters. For an axis, friction must also
-    have a memory (rate_and_state), in newtons and metres.
+    have a memory (rate_and_state), and units must be newtons and metres.
     """
     after = loop.after
     known = set(after.effects) <= set(loop.words.catalogue)

@@ -15,7 +15,7 @@ from .loop_text import base_name
 
 
 def page(loop: Loop, pictures: Mapping[str, bytes], *, command: str) -> str:
-    """The page of a loop with the SVG `pictures` that could be drawn; `command` made the page."""
+    """Make the page of a loop with the drawn SVG `pictures`; `command` is the command line."""
     words = words_of_page("loop")
     lines = {
         "location.svg": shares_told(loop.location, loop.base_fit.steps.velocities),

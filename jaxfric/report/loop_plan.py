@@ -1,8 +1,8 @@
 """Plan the run that would decide the questions a record leaves open, for `jaxfric protocol`.
 
-The catalogue says which change of a run separates an effect from similar ones (`separated_by`). If
-that is a `RunChange`, the plan is the record's own velocities with this change. Otherwise the plan
-is the record's own velocities unchanged.
+The catalogue's entry `separated_by` says which change of an experiment separates an effect from
+similar effects. If the entry is a `RunChange`, the plan repeats the record's velocities with this
+change. Otherwise the plan repeats the record's velocities unchanged.
 """
 
 import dataclasses
@@ -25,7 +25,7 @@ _CHANNEL = "0.1 um"
 
 @dataclass(frozen=True)
 class PlannedRun:
-    """Velocities in the record's unit of speed, each over `slip` in its unit of length."""
+    """A planned run: velocities in the record's unit, each held over the distance `slip`."""
 
     speeds: tuple[float, ...]
     slip: float
@@ -42,22 +42,22 @@ class PlannedRun:
         return self.unit.removesuffix("/s")
 
     def velocities(self) -> str:
-        """The velocities in their order, with their unit."""
+        """The planned velocities in order of time, with their unit."""
         return f"{', '.join(f'{v:.4g}' for v in self.speeds)} {self.unit}"
 
     def options(self) -> str:
-        """The options that give this run to `jaxfric protocol`."""
+        """Command-line options that pass the planned run to `jaxfric protocol`."""
         text = f'"{self.velocities()}" --slip-per-step "{self.slip:.4g} {self.length}"'
         return f'{text} --slip-channel "{_CHANNEL}"' if self.channel else text
 
     def words(self) -> str:
-        """The velocities, the slip at each of them, and the channel, in words."""
+        """Describe velocities, slip at each velocity, and extra channel of the planned run."""
         channel = say("next.channel") if self.channel else ""
         return read_as(f"{self.velocities()}, {self.slip:.4g} {self.length} each{channel}")
 
 
 def own_run(loop: Loop) -> PlannedRun:
-    """The record's own velocities, as many as a plan accepts."""
+    """A plan with the record's velocities, up to the number that a plan accepts."""
     steps, unit = loop.base_fit.steps, loop.words.speed
     size = factor(unit, "m/s", "velocity")
     speeds = steps.velocities[steps.velocities != 0][:_MOST_STEPS] / size
@@ -72,7 +72,7 @@ def own_run(loop: Loop) -> PlannedRun:
 
 
 def deciding_run(run: PlannedRun, wanted: Iterable[str]) -> PlannedRun:
-    """The record's run with each `wanted` change of a run made once."""
+    """The plan that repeats the record's velocities and makes each `wanted` change once."""
     known = {CHANGES[one] for one in wanted if one in CHANGES}
     for change in sorted(known, key=list(CHANGES.values()).index):
         run = change(run)
@@ -87,7 +87,7 @@ def unplanned(run: PlannedRun, wanted: Iterable[str]) -> tuple[str, ...]:
 
 
 def plannable(id: str) -> bool:
-    """Whether a plan can test an effect: it is in the catalogue and needs no further channel."""
+    """Whether a plan can test an effect: known to the catalogue, without a further channel."""
     return id in CATALOGUE and CATALOGUE[id].channel is None
 
 

@@ -1,4 +1,4 @@
-"""The report of a closed loop: the missing effect, the friction with it, and what this means."""
+"""Report a closed loop: the missing effect, the friction of the final model, and its meaning."""
 
 import math
 
@@ -29,7 +29,7 @@ _TOO_FEW = (
 
 
 def report(loop: Loop, *, file: str = "loop.json") -> Report:
-    """The answer, all tables, and the effects that the record can distinguish.
+    """Report the loop's answer, all tables, and the effects that the record can distinguish.
 
     `file` is the path of the loop's JSON file in the next commands.
     """
@@ -74,10 +74,10 @@ def headline(loop: Loop) -> str:
 
 
 def first_lines(loop: Loop) -> list[str]:
-    """The verdict, the friction parameters of the final model, and their meaning.
+    """State the verdict, the friction parameters of the final model, and their meaning.
 
-    If the verdict is limited, the first reason replaces the meaning. Of an axis: its friction,
-    whether friction makes it stick-slip, and the test error.
+    If the verdict is limited, the first reason replaces the meaning of the parameters. For an axis,
+    the lines give its friction, whether friction causes stick-slip, and the test error.
     """
     details, found = loop.details, headline(loop)
     if isinstance(details, AxisDetails):
@@ -137,7 +137,7 @@ def _base_of(loop: Loop, model: Score) -> str:
 
 
 def test_errors(loop: Loop) -> str:
-    """Test error before and after [sigma]; one number if no effect was found."""
+    """Test error [sigma] before and after adding effects; one number if no effect was found."""
     models = (loop.before, loop.after) if loop.effects else (loop.before,)
     return " -> ".join(f"{loop.test_error(model):.2f}" for model in models)
 

@@ -39,7 +39,7 @@ _ROLES = {
 
 
 def errors(loop: Loop) -> TextTable:
-    """Table: rms of the residual of each block, in the unit of friction and in sigma."""
+    """Table of the rms residual of each data block, in the unit of friction and in noise sigma."""
     size, unit = readable(loop)
     within = f" [{unit}]" if unit else ""
     rows = []
@@ -60,7 +60,7 @@ def errors(loop: Loop) -> TextTable:
 
 
 def by_velocity(loop: Loop) -> TextTable:
-    """Table: the block of each velocity, and the rms [sigma] there."""
+    """Table of the velocities, each with its data block and its rms residual [sigma]."""
     steps, rows = loop.base_fit.steps, []
     for k, (time, velocity) in enumerate(zip(steps.times, steps.velocities, strict=True)):
         here = loop.blocks.step == k
@@ -76,7 +76,7 @@ def by_velocity(loop: Loop) -> TextTable:
 
 
 def moved(loop: Loop) -> TextTable:
-    """Table: parameters before and after, with intervals, and their shifts."""
+    """Table of the parameters before and after adding effects, with intervals and shifts."""
     both = [
         ({} if model.A_minus_B is None else {DIFFERENCE: model.A_minus_B}) | dict(model.parameters)
         for model in (loop.before, loop.after)
@@ -132,7 +132,7 @@ def _meaning(loop: Loop, name: str) -> str:
 
 
 def significance(loop: Loop) -> TextTable:
-    """Table: p-values of the residual tests before and after."""
+    """Table of the p-values of the residual tests, before and after adding effects."""
     rows = []
     for name, before in loop.before.tests.items():
         both = (p_text(p) for p in (before, loop.after.tests.get(name, math.nan)))
@@ -179,7 +179,7 @@ def _role(loop: Loop, candidate: CandidateScore) -> str:
 
 
 def stretches(details: RunDetails) -> list[TextTable]:
-    """Table: the stretches of a run with time, steps, holds, normal stress and friction level."""
+    """Table of the stretches of a run: time, steps, holds, normal stress and friction level."""
     joined, rows = details.joined, []
     for k, s in enumerate(joined.stretches):
         units = {p.unit for p in joined.phases if p.stretch == k and p.unit >= 0}
@@ -195,7 +195,7 @@ def stretches(details: RunDetails) -> list[TextTable]:
 
 
 def rests_on(loop: Loop) -> TextTable:
-    """Table: each claim, and the rows that support it, by direction and speed."""
+    """Table of the claims, each with its supporting rows by direction and speed."""
     rows = []
     for one in loop.findings:
         if one.severity not in (Severity.CLAIM, Severity.OPEN):
@@ -222,7 +222,7 @@ def base_name(loop: Loop) -> str:
 
 
 def readable(loop: Loop) -> tuple[float, str]:
-    """Factor and unit that make the noise of friction a readable number."""
+    """Return a factor and a unit in which the noise of friction is a readable number."""
     level, unit = 10 * loop.sigma, loop.record.friction_unit
     if unit == "%":
         return 1.0, unit
@@ -236,20 +236,20 @@ def readable(loop: Loop) -> tuple[float, str]:
 
 
 def sigma_texts(loop: Loop) -> tuple[str, ...]:
-    """`sigma` as text, and the noise of the held-out rows if it differs."""
+    """Write the noise `sigma` as text, and the noise of the held-out rows if that differs."""
     held = loop.sigma_of(loop.blocks.select | loop.blocks.report)
     return tuple(dict.fromkeys(in_words(loop, size) for size in (loop.sigma, held)))
 
 
 def in_words(loop: Loop, friction: float) -> str:
-    """A size of friction as text: "0.301 × 10⁻³", "1.2 mN"."""
+    """Write an amount of friction as text, such as "0.301 × 10⁻³" or "1.2 mN"."""
     size, unit = readable(loop)
     times = " × " if unit.startswith("10") else " "
     return f"{size * friction:.3g}{times}{unit}".rstrip()
 
 
 def length_of(loop: Loop) -> str:
-    """The symbol of the record's unit of length; um if the unit has none, as "0.05 um"."""
+    """Return the symbol of the record's unit of length; "um" for a unit such as "0.05 um"."""
     told = loop.record.units.get("load_point_displacement", "um")
     if told == "rad":
         return told

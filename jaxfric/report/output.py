@@ -1,7 +1,7 @@
-"""Writing results so that nothing is ever half-written.
+"""Write result files so that no file is ever half-written.
 
 Files are written to a hidden folder inside the destination, and renamed when all of them are
-complete. A failure before that leaves the destination unchanged.
+complete. A failure before the renaming leaves the destination folder unchanged.
 """
 
 import contextlib
@@ -18,8 +18,8 @@ from ..errors import InputError, option
 def output_folder(destination: str | Path) -> Generator[Path]:
     """A temporary folder whose files are moved into `destination` if the block succeeds.
 
-    Files of the same name are replaced, others stay. A new destination that stays empty is removed.
-    Raises `InputError` if the destination is a file or cannot be written.
+    Files of the same name are replaced; all other files stay. A new destination folder is removed
+    if it stays empty. Raises `InputError` if the destination is a file or cannot be written.
     """
     target = Path(destination)
     made = _make(target)

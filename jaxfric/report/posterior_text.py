@@ -1,4 +1,4 @@
-"""A posterior in words and tables: ordinary fit, maximum, Laplace approximation, draws."""
+"""Show a posterior in words and tables: ordinary fit, maximum, Laplace approximation, draws."""
 
 from typing import NamedTuple
 
@@ -25,13 +25,13 @@ class PosteriorRow(NamedTuple):
 
     @property
     def shown(self) -> str:
-        """Mean and standard deviation, of the draws if there are any: "14.3 ± 1.3 µm"."""
+        """Write mean and standard deviation of the posterior as "14.3 ± 1.3 µm"."""
         mean, std, *_ = self.draws or self.laplace
         return f"{mean} ± {std}{f' {self.unit}' if self.unit else ''}"
 
 
 def posterior_rows(posterior: Posterior) -> list[PosteriorRow]:
-    """One row each for A minus the sum of all B, and the parameters in the order of the fit."""
+    """Make one row for A minus the sum of all B, and one row for each fitted parameter."""
     priors = dict(zip(posterior.names, posterior.priors, strict=True))
     maximum, about = posterior.maximum(), posterior.approximation()
     drawn, fitted, rows = posterior.sampled(), posterior.fitted(), []

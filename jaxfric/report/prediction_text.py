@@ -8,7 +8,7 @@ from .tables import TextTable
 
 
 def tables(found: Prediction) -> list[TextTable]:
-    """Errors of every model under each comparison, and the parameters that a refit would give."""
+    """Tables: the errors of every model in each comparison, and the parameters of a refit."""
     return [_errors(found), *_parameters(found)]
 
 

@@ -27,9 +27,10 @@ _FIRST = 4
 def report(
     plan: Protocol, found: Answer = _NOTHING, *, typical: bool = False, command: str = ""
 ) -> Report:
-    """The answer on the requested pair, or the number of distinguished pairs; the plan; the tables.
+    """Report the distinguished pairs of effects, or only the requested pair; then plan and tables.
 
-    `found` is that answer, `command` the command line of the recommended change.
+    `found` is the answer on the requested pair. `command` is the command line of the recommended
+    change of the plan.
     """
     pair, better, less = found
     best = plan.recommended() if better is None else better.change
@@ -46,10 +47,11 @@ def report(
 
 
 def answer(plan: Protocol, pair: Pair, better: Remedy | None = None) -> list[str]:
-    """Whether the plan distinguishes the requested pair of effects, and the smallest sizes.
+    """Say whether the plan distinguishes the requested two effects, and their smallest amplitudes.
 
-    If not, the answer names the change of the plan that would. If yes, a second line names effects
-    that either of the two is easily taken for.
+    If the answer is no, the text names a change of the plan that would distinguish the two effects.
+    If the answer is yes, a second line names further effects that are easily mistaken for either of
+    the two.
     """
     told = _answered(plan, pair)
     if better is not None:
@@ -105,7 +107,7 @@ def _from_sizes(design: Design, pair: Pair) -> str:
 def found_too_small(plan: Protocol, pair: Pair, known: Mapping[str, float]) -> list[str]:
     """Lines on effects of a distinguished pair whose size in `known` is below the detectable size.
 
-    `known` holds sizes in SI by name.
+    `known` holds known sizes of effects, in SI, by the name of the effect.
     """
     return [
         f"the {s.id} of the file, {_size(s, size)}, is smaller than what this plan tells"
@@ -155,7 +157,7 @@ def _details(plan: Protocol, typical: bool) -> list[str]:
 
 
 def effects(plan: Protocol) -> TextTable:
-    """Table of the effects: the smallest identifiable amplitude, and the most similar effect."""
+    """Table of effects with their smallest identifiable amplitude and most similar effect."""
     rows = []
     for k, s in enumerate(plan.design.smallest):
         wanted = "" if s.needed is None else f" (needs {_size(s, s.needed)}, impossible)"
@@ -171,9 +173,9 @@ def effects(plan: Protocol) -> TextTable:
 
 
 def changes(plan: Protocol, best: Change | None) -> TextTable:
-    """Table of the changes of the plan: the pairs that each separates, and the pairs that remain.
+    """Table of possible changes of the plan, with the pairs of effects that each change separates.
 
-    The row of the change `best` is marked.
+    In this table the row of the change `best` is marked.
     """
     before = {pair[:2] for pair in plan.design.pairs()}
     rows = []

@@ -1,4 +1,4 @@
-"""How a record is read, as JSON: of a slider, of an axis, of a folder of steady runs."""
+"""Describe as JSON how a record is read: a slider's, an axis', or a folder of steady runs."""
 
 import numpy as np
 
@@ -10,20 +10,20 @@ from ..schemas import RECORD
 
 
 def record_content(record: Record, steps: VelocitySteps) -> dict[str, object]:
-    """A slider's record: origin, columns, sampling and velocity steps. SI."""
+    """Describe a slider's record: origin, columns, sampling and velocity steps, in SI."""
     more = {"friction_unit": record.friction_unit}
     found = entries(steps, "times", "velocities", "time_errors")
     return plain({**_begin("slider", record), **more, "steps": found})
 
 
 def axis_content(record: AxisRecord, strokes: Strokes) -> dict[str, object]:
-    """An axis' record: origin, columns, sampling and strokes. SI."""
+    """Describe an axis' record: origin, columns, sampling and strokes, in SI."""
     more = entries(record, "coordinate", "force_unit")
     return plain({**_begin("axis", record), **more, "strokes": vars(strokes)})
 
 
 def steady_content(curve: SteadyCurve) -> dict[str, object]:
-    """The runs of a curve of steady speeds: speed, force and error of the force. SI."""
+    """The runs at steady speeds: speed, force and error of the force, in SI."""
     columns = zip(curve.names, curve.speed, curve.force, curve.error, curve.samples, strict=True)
     runs = [
         {"name": name, "speed": speed, "force": force, "error": error, "rows": int(rows)}

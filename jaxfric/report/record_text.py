@@ -19,7 +19,7 @@ _UNITS = {
 
 
 def report(record: Record, steps: VelocitySteps) -> Report:
-    """How a record is read: its columns, and a table of the velocity steps."""
+    """Report how a record is read: its columns, and a table of the velocity steps."""
     errors = steps.time_errors if steps.time_errors is not None else np.zeros(len(steps))
     rows = [
         (f"{time:.6g}", f"{error:.2g}" if error else "", format_si(V, "m/s", "um/s", 5))
@@ -31,7 +31,7 @@ def report(record: Record, steps: VelocitySteps) -> Report:
 
 
 def describe(record: Record) -> list[str]:
-    """Columns with range, and with their unit in the file if it differs; dropped rows; sampling.
+    """List columns with range and unit, then the dropped rows and the sampling.
 
     Values that the user stated replace a column, and are listed with the columns.
     """

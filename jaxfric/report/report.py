@@ -1,4 +1,4 @@
-"""One report for each result, which a terminal, a notebook and a page show.
+"""Reports of results: a terminal, a notebook and a page show the same report.
 
 `jaxfric.views` makes the report of a result; the command prints it in brief, or with all details.
 """
@@ -52,7 +52,7 @@ class Report(NamedTuple):
 
 
 def print_brief(report: Report, console: "Console", *, room: int = SCREEN) -> None:
-    """The headline, and as many rows of the report's table as fit into `room` lines.
+    """Print the headline, and as many rows of the table as fit into `room` lines.
 
     A report without a table shows its notes instead.
     """
@@ -78,15 +78,15 @@ def print_details(report: Report, console: "Console") -> None:
 
 
 def print_next_steps(report: Report, console: "Console", *, most: int | None = None) -> None:
-    """Print the next steps, one a line; only the first `most` steps if `most` is given."""
+    """Print the next steps, one in each line; only the first `most` steps if `most` is given."""
     told = [(f"{step.lead()}:", step.text, step.command) for step in report.next_steps[:most]]
     _print_lines(console, [" ".join(filter(None, words)) for words in told])
 
 
 def cut(table: TextTable, most: int) -> TextTable:
-    """The table with at most so many rows (3 or more): the marked rows, then the first ones.
+    """Cut a table to the given number of rows (3 or more): marked rows first, then the top rows.
 
-    The cut table has no column of meanings, which takes lines, and no note longer than one line.
+    The cut table has no column of meanings, and no note longer than one line.
     """
     most = max(most, 3)
     shown = range(len(table.rows))

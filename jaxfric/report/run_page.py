@@ -1,4 +1,4 @@
-"""A whole run as the page run.html: its steps, holds, stress steps, stick-slip and ramps."""
+"""Make the page run.html of a whole run: steps, holds, stress steps, stick-slip and ramps."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -20,7 +20,7 @@ def page(
     *,
     command: str,
 ) -> str:
-    """The page of a run's report with the PNG `pictures` that could be drawn; `command` made it."""
+    """Make the page of a run's report with the PNG `pictures`; `command` is the command line."""
     words = words_of_page("run")
     figures = [Figure(file, **about) for file, about in words["figures"].items()]
     for step in run.steps:

@@ -1,4 +1,4 @@
-"""The report of a run: a table of its velocity steps, their common parameters, and other events."""
+"""Report a run: a table of its velocity steps, parameters common to all steps, and other events."""
 
 from collections import Counter
 from pathlib import Path
@@ -32,9 +32,9 @@ _NO_STEP = "no velocity step is fitted; events.toml says what was found and why"
 
 
 def report(run: RunFit, others: Findings = _NOTHING, ask: str = "") -> Report:
-    """The number of fitted steps, their common parameters, a table of the steps, and other events.
+    """Report the number of fitted steps, parameters common to all steps, and other events.
 
-    `ask` is the next command if some fits miss a part of their steps.
+    `ask` is the command to try next if some fits do not describe their velocity steps.
     """
     kinds = Counter(event.kind for event in run.events)
     number = len(run.events)
@@ -63,7 +63,7 @@ def files_of(run: RunFit, others: Findings) -> dict[str, str]:
 
 
 def latex_text(run: RunFit) -> str:
-    """The steps as a LaTeX table: velocities, normal stress, A-B, A, B, L and their errors."""
+    """Make a LaTeX table of the steps: velocities, normal stress, A-B, A, B, L and errors."""
     speed = r"[$\mu$m/s]"
     heads = (
         ("step", "$V_1$", "$V_2$", r"$\sigma_n$", "$a-b$", "$a$", "$b$", "$D_c$"),

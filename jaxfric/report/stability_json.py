@@ -1,4 +1,4 @@
-"""A stability study as the content of stability.json, with functions that its text uses too."""
+"""Make the content of stability.json; `report.stability_text` uses parts of this module, too."""
 
 import math
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ UNITS = {"kp": "N/m", "kv": "N s/m", "ki": "N/(m s)", "velocity": "m/s", "mass":
 def content(study: Study, law: str, warnings: Sequence[str] = ()) -> dict:
     """The content of stability.json, schema `schemas.STABILITY`; SI, null for infinite numbers.
 
-    `warnings` are lines to read before using the law.
+    `warnings` are lines of text that the user should read before using the law.
     """
     here, points, theorems = study.here, study.points, study.theorems
     result = {
@@ -97,14 +97,14 @@ def _delay_content(study: Study) -> dict:
 
 
 def solutions(study: Study) -> list[tuple[float, float]]:
-    """Solutions w_n of equation (19) [rad/s], and the stiffness at each [N/m]."""
+    """Solutions w_n of equation (19) [rad/s], and the stiffness k_p at each w_n [N/m]."""
     found = study.theorem
     pairs = zip(found.frequencies.tolist(), found.stiffnesses.tolist(), strict=True)
     return sorted((w, k) for w, k in pairs if math.isfinite(w))
 
 
 def intervals(study: Study) -> list[tuple[float, float, float, float]]:
-    """Ends of the first stable intervals [N/m] and the frequencies there [rad/s]; 0 for k_p = 0."""
+    """Ends of the first stable intervals of k_p [N/m], with the frequency at each end [rad/s]."""
     if not study.delayed:
         return []
     summary = delay_summary(study)

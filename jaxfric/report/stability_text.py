@@ -1,4 +1,4 @@
-"""A stability study as text: the answer, a table by velocity, and all numbers of the theory."""
+"""Report a stability study as text: the answer, a table by velocity, and all theory results."""
 
 import math
 
@@ -18,7 +18,7 @@ _Number = tuple[str, object, str]
 
 
 def report(study: Study, law: str) -> Report:
-    """Whether the gains stabilise the slider, or which gains would; the critical stiffness.
+    """Say whether the gains stabilise the slider or which gains would, and the critical stiffness.
 
     A table by velocity and all results of linear theory follow.
     """

@@ -1,4 +1,4 @@
-"""The friction of steady speeds as text and as steady.json."""
+"""Report friction measured at steady speeds as text and as steady.json."""
 
 from collections.abc import Iterable
 
@@ -20,7 +20,7 @@ from .tables import TextTable
 
 
 def report(loop: SteadyLoop, noise: SteadyNoise | None = None) -> Report:
-    """The verdict, the gains it implies, the models, and the noise if requested."""
+    """Report the verdict, the gains that follow from it, the models, and the noise if requested."""
     notes = [f"  - {note}" for note in loop.curve.provenance.notes]
     notes += [] if noise is None else noise_text(noise, loop.curve)
     told = (f"{loop.verdict}: {loop.sentence}", f"gains: {sentence(loop)}")
@@ -37,7 +37,7 @@ def sentence(loop: SteadyLoop) -> str:
 
 
 def noise_text(noise: SteadyNoise, curve: SteadyCurve) -> list[str]:
-    """Lines on the noise of the runs, and on the independent samples that their rows are worth."""
+    """Describe the noise of the runs, and the number of independent samples in their rows."""
     lines = ["; ".join(noise_lines(noise.estimate, "the runs")), *turn_text(noise)]
     low, middle, high = np.quantile(noise.effective / curve.effective, [0.0, 0.5, 1.0])
     ends = [f"{x.min():.0f} to {x.max():.0f}" for x in (noise.effective, curve.effective)]
@@ -51,7 +51,7 @@ def noise_text(noise: SteadyNoise, curve: SteadyCurve) -> list[str]:
 
 
 def turn_text(noise: SteadyNoise) -> list[str]:
-    """A line on the correlation of rows one turn apart; none if that is not known."""
+    """Describe the correlation of rows one turn apart; empty if the correlation is not known."""
     if noise.after_a_turn is None:
         return []
     share = 100 * max(noise.after_a_turn, 0.0)
@@ -59,7 +59,7 @@ def turn_text(noise: SteadyNoise) -> list[str]:
 
 
 def tables(loop: SteadyLoop) -> list[TextTable]:
-    """Tables of the parameters of base and final model, and of the fitted models."""
+    """Tables: parameters of base and final model; all fitted models."""
     unit, speed, size = shown_units(loop.curve)
     rows = [
         (
@@ -104,7 +104,7 @@ def _value(value: float | None, std: float | None, size: float) -> str:
 def to_json(loop: SteadyLoop, noise: SteadyNoise | None = None) -> dict:
     """The content of `steady.json`, schema `schemas.STEADY`; SI or % of the rated torque.
 
-    `noise` is that of the runs; null if it is not known.
+    `noise` is the noise of the runs; null if the noise is not known.
     """
     curve, gains = loop.curve, steady_gains(loop)
 

@@ -1,4 +1,4 @@
-"""The verdict on a friction curve of steady speeds, and the reasons for giving no friction."""
+"""State the verdict on a steady friction curve, and the reasons for giving no friction."""
 
 import numpy as np
 
@@ -30,7 +30,7 @@ def sentence(loop: SteadyLoop) -> str:
 
 
 def withheld(loop: SteadyLoop) -> tuple[str, ...]:
-    """Why the fit gives neither friction nor gains; '' if it gives them."""
+    """Say why the fit gives neither friction nor gains; '' if the fit gives both."""
     own = {Doubt.WANDERS: wanders(loop.curve), Doubt.COUNTED: say("steady.counted")}
     return tuple(own[one] if one in own else _drives(loop) for one in loop.doubts)
 
@@ -54,9 +54,9 @@ def _drives(loop: SteadyLoop) -> str:
 
 
 def slips(curve: SteadyCurve, counted: bool) -> str:
-    """The speeds at which runs stick-slip, and the share of time at rest in each.
+    """Name the speeds at which runs stick-slip, and each run's share of time at rest.
 
-    `counted` says whether the fit includes these runs.
+    `counted` says whether the fit includes the runs that stick-slip.
     """
     unit = shown_units(curve)[1]
     each = "; ".join(

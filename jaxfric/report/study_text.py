@@ -1,4 +1,4 @@
-"""A study in words and as JSON: the computed outputs, and the number of members with each code."""
+"""Describe a study in words and as JSON: its outputs, and the number of members with each code."""
 
 from typing import TYPE_CHECKING
 
@@ -19,7 +19,7 @@ _NOT_PLAIN = ("escape", "failed")
 
 
 def report(found: "Dataset", seconds: float, members: int, store: str) -> Report:
-    """The numbers of members and of computed members, the time, and the members with each code."""
+    """Report how many members the study has, how many are computed, and how many have each code."""
     dims = found["outcome"].dims
     shape = " x ".join(f"{found.sizes[d]} {d}" for d in dims)
     done = f"{members} computed in {duration(seconds)}" if members else "nothing left to compute"
@@ -58,7 +58,7 @@ def duration(seconds: float) -> str:
 
 
 def codes(found: "Dataset") -> dict[str, dict[str, int]]:
-    """Number of members with each code, by variable; "without" counts members without a code."""
+    """Count members with each code, by variable; "without" counts members without a code."""
     every = {}
     for name in found.data_vars:
         about = found[name].attrs
@@ -74,7 +74,7 @@ def codes(found: "Dataset") -> dict[str, dict[str, int]]:
 
 
 def content(found: "Dataset", store: str, members: int) -> dict[str, object]:
-    """A summary of the study as JSON; the numbers are in the store."""
+    """Summarise a study as JSON; the computed numbers are only in the store."""
     return {
         "schema": STUDY_SUMMARY,
         "store": store,

@@ -1,4 +1,4 @@
-"""Tables of text on a terminal; numbers are never broken, on a narrow terminal either."""
+"""Print tables of text on a terminal of any width, without breaking a number."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
@@ -25,7 +25,7 @@ class TextTable(NamedTuple):
 def print_tables(console: "Console", shown_tables: Sequence[TextTable]) -> None:
     """Print tables one below the other; a narrow console leaves out column meanings.
 
-    A table that is too wide for its numbers continues below, with its first column repeated.
+    A table that is wider than the console continues below, with its first column repeated.
     """
     for table in shown_tables:
         narrow = console.width < _WIDE
@@ -46,7 +46,7 @@ def print_tables(console: "Console", shown_tables: Sequence[TextTable]) -> None:
 def parts_of(table: TextTable, columns: Sequence[int], width: int) -> list[list[int]]:
     """Groups of columns that fit side by side into `width` characters.
 
-    Each group begins with the first column.
+    Each group of columns begins with the first column of the table.
     """
     least = {k: _least_width(table, k) for k in columns}
     parts = [[columns[0]]]
@@ -72,7 +72,7 @@ def _whole(table: TextTable, column: int) -> bool:
 
 
 def widths(table: TextTable, columns: Sequence[int], width: int) -> dict[int, int]:
-    """Widths of columns that share so many characters; heads and texts are broken if needed."""
+    """Divide a number of characters among the columns; heads and texts are broken if needed."""
     least = {k: _least_width(table, k) for k in columns}
     own = {k: max(len(row[k]) for row in (table.head, *table.rows)) for k in columns}
     while sum(own.values()) + _GAP * (len(own) - 1) > width:
@@ -108,6 +108,6 @@ def _plain(text: str):
 
 
 def numeric(table: TextTable, column: int) -> bool:
-    """Whether a column holds numbers, which are aligned right."""
+    """Whether a column holds only numbers; such a column is aligned right."""
     cells = [row[column] for row in table.rows if row[column]]
     return bool(cells) and sum(cell[0] in "+−-<0123456789." for cell in cells) > 0.5 * len(cells)

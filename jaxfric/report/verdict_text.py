@@ -1,4 +1,4 @@
-"""The verdict of a loop in words: its sentence, the reasons that limit it, and every finding."""
+"""Put a loop's verdict into words: its sentence, the reasons that limit it, and every finding."""
 
 import math
 import typing
@@ -19,7 +19,7 @@ from .words import TEMPLATES, say
 
 
 def reasons(found: Conclusion) -> tuple[str, ...]:
-    """The reasons that limit the verdict, one a line."""
+    """List the reasons that limit the verdict, one reason in each line."""
     return tuple(words_of(one) for one in found.findings if one.code is not LoopCode.MOVED)
 
 
@@ -80,7 +80,7 @@ def _outside(told: Told, named: str) -> str:
 
 
 def change(told: Told) -> str:
-    """The test error before and after."""
+    """State the test error before and after adding effects."""
     return say("verdict.change", before=told.before, after=told.after)
 
 
@@ -95,13 +95,13 @@ def _withheld(why: Finding) -> str:
 
 
 def where_told(family: CurveFamily) -> str:
-    """Velocities that would determine the shape of a curve; '' if there are none."""
+    """Name velocities that would determine the shape of a curve; '' for no such velocities."""
     told = [prefixed(one.velocity, family.unit, 3) for one in family.decided_by]
     return say("curve.where", speeds=listed(told, "or")) if told else ""
 
 
 def why_untold(family: CurveFamily) -> str:
-    """The reason why the record does not determine the shape of a curve."""
+    """Say why the record does not determine the shape of the friction-velocity curve."""
     parts = []
     if family.interpolates:
         counts = {"velocities": family.velocities, "parameters": family.parameters}
@@ -157,7 +157,7 @@ def words_of_refusal(why: Refusal) -> str:
 
 
 def words_of_moves(moves: Sequence[Move]) -> str:
-    """How base parameters move, such as "takes over B: 0.00176(2) -> -0.0014(7)"."""
+    """Say how base parameters change, such as "takes over B: 0.00176(2) -> -0.0014(7)"."""
     told = "; ".join(say("refusal.move", **_ends(move)) for move in moves)
     return say("refusal.takes_of_the_base", moves=told)
 

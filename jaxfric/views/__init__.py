@@ -1,6 +1,7 @@
-"""How results are shown: a line, a report, a figure, a table. `jaxfric.described` calls this room.
+"""Show a result as a line, a report, a figure or a table, for `jaxfric.described`.
 
-`VIEWS` names the functions that show each class, which are loaded when they are first used.
+`VIEWS` names the functions that show results of each class. These functions are loaded on first
+use.
 """
 
 import functools
@@ -87,7 +88,7 @@ def html(result: object) -> str:
 
 
 def figure(result: object) -> "Figure":
-    """The figure of a result, which a notebook shows although pyplot does not know it."""
+    """Return the figure of a result in a form that a notebook shows without pyplot."""
     drawn = _call(f"plot.{_view(result).figure}", result)
     drawn._repr_png_ = functools.partial(_png, drawn)
     return drawn

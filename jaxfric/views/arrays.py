@@ -1,4 +1,4 @@
-"""Results as Datasets: arrays over the rows of a record, or over time, SI."""
+"""Results as xarray Datasets: arrays in SI over the rows of a record, or over time."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -51,7 +51,7 @@ def fit(fit: "Fit") -> Dataset:
 
 
 def loop(loop: "Loop") -> Dataset:
-    """Residuals of the model before and of the model after, and the block of every row."""
+    """Residuals of the models before and after adding effects, and the data block of every row."""
     from ..loop.split import NAMES
 
     unit = loop.record.friction_unit
@@ -77,7 +77,7 @@ def prediction(found: "Prediction") -> Dataset:
 
 
 def trajectory(found: "Trajectory") -> Dataset:
-    """All values over time; each axis of a batch is a further dimension."""
+    """All values of the trajectory over time; each axis of a batch is a further dimension."""
     from ..simulation.trajectory import result_words
 
     batch = tuple("member" if k == 0 else f"member_{k}" for k in range(np.ndim(found.end)))

@@ -1,4 +1,4 @@
-"""Reports of results that the command prints among others, or not at all."""
+"""Reports of results for which the command prints no report of their own."""
 
 import dataclasses
 from typing import TYPE_CHECKING
@@ -38,7 +38,7 @@ def _with_columns(record: "Record | AxisRecord", report: Report) -> Report:
 
 
 def record(record: "Record") -> Report:
-    """Columns, sampling and velocity steps, as `jaxfric inspect` prints them."""
+    """Report columns, sampling and velocity steps of a record, as `jaxfric inspect` does."""
     from ..records import record_steps
     from ..report.record_text import report
 
@@ -46,7 +46,7 @@ def record(record: "Record") -> Report:
 
 
 def axis_record(record: "AxisRecord") -> Report:
-    """Columns, sampling and strokes, as `jaxfric inspect` prints them."""
+    """Report columns, sampling and strokes of an axis record, as `jaxfric inspect` does."""
     from ..records.strokes import find_strokes
     from ..report.axis_record_text import report_axis
 
@@ -64,7 +64,7 @@ def fit(fit: "Fit") -> Report:
 
 
 def posterior(posterior: "Posterior") -> Report:
-    """The fit with the same weighting, the maximum, its Laplace approximation, and the draws."""
+    """Report a posterior: ordinary fit, maximum, Laplace approximation and draws."""
     from ..report.posterior_text import posterior_lines, posterior_rows
 
     rows = posterior_rows(posterior)
@@ -116,7 +116,7 @@ def axis_fit(fit: "AxisFit") -> Report:
 
 
 def schedule(schedule: "Schedule") -> Report:
-    """A table of the set points: gains, and the velocity jumps after which the slider settles."""
+    """Report a table of set points: gains, and velocity jumps after which the slider settles."""
     units = [unit_of(unit, schedule.coordinate) for unit in ("m/s", "N/m", "N s/m")]
     pairs = zip(("velocity", "k_p", "k_v"), units, strict=True)
     head = (*(f"{name} [{unit}]" for name, unit in pairs), "jump up", "jump down")
@@ -131,9 +131,9 @@ def schedule(schedule: "Schedule") -> Report:
 
 
 def trajectory(found: "Trajectory") -> Report:
-    """How the motion ended, the values that it reached, and the reason if it ended early.
+    """Report how the motion ended, its final values, and the reason of an early end.
 
-    A traced trajectory has no values.
+    A trajectory traced by JAX has no values to report.
     """
     from ..simulation.trajectory import RESULTS, result_words
 

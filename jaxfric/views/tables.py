@@ -48,7 +48,7 @@ def _estimated(name: str, estimate: "Estimate") -> dict[str, object]:
 
 
 def axis_fit(fit: "AxisFit") -> DataFrame:
-    """One row for each parameter; `std` is valid if the residuals are white."""
+    """One row for each parameter; the standard error `std` is valid only for white residuals."""
     rows = [
         {"name": n, "value": v, "std": fit.std.get(n), "determined": n not in fit.loose}
         for n, v in fit.values.items()
@@ -103,7 +103,7 @@ def fit(fit: "Fit") -> DataFrame:
 
 
 def about_fit(fit: "Fit") -> dict[str, object]:
-    """The record and law of a fit, and how the fit ended."""
+    """Return the record and law of a fit, and how the fit ended."""
     return {
         "record": fit.record.provenance.path,
         "law": fit.law,
@@ -125,7 +125,7 @@ def gains(gains: "Gains") -> DataFrame:
 
 
 def loop(loop: "Loop") -> DataFrame:
-    """One row for each parameter of the model before, and of the model after."""
+    """One row for each parameter of the models before and after adding effects."""
     rows = []
     for model, score in (("before", loop.before), ("after", loop.after)):
         rate = {} if score.A_minus_B is None else {DIFFERENCE: score.A_minus_B}
@@ -135,7 +135,7 @@ def loop(loop: "Loop") -> DataFrame:
 
 
 def about_loop(loop: "Loop") -> dict[str, object]:
-    """The record of a loop, and what the loop found."""
+    """Return the record and the result of a loop."""
     return {
         "record": loop.record.provenance.path,
         "verdict": loop.verdict,
@@ -146,9 +146,10 @@ def about_loop(loop: "Loop") -> dict[str, object]:
 
 
 def posterior(posterior: "Posterior") -> DataFrame:
-    """One row for A-B and each parameter, of the draws or else of the Laplace approximation.
+    """One row for A-B and each parameter, from the draws or, without draws, the Laplace
+    approximation.
 
-    The first columns are in words.
+    The first columns of this table are in words.
     """
     from ..report.posterior_text import posterior_rows
 
@@ -171,7 +172,7 @@ def prediction(found: "Prediction") -> DataFrame:
 
 
 def about_prediction(found: "Prediction") -> dict[str, object]:
-    """Model and record of a prediction, and what it found."""
+    """Model and record of a prediction, and the prediction's result."""
     return {
         "model": found.source,
         "record": found.origin.path,
@@ -182,7 +183,7 @@ def about_prediction(found: "Prediction") -> dict[str, object]:
 
 
 def protocol(plan: "Protocol") -> DataFrame:
-    """One row for each effect: the smallest identifiable amplitude [unit], nan if there is none."""
+    """One row for each effect with its smallest identifiable amplitude, or nan."""
     rows = [
         {"effect": s.id, "smallest": s.amplitude, "worst": s.worst, "unit": s.unit}
         for s in plan.design.smallest

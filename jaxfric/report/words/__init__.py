@@ -1,4 +1,4 @@
-"""The words of results, one template for each code: to change a sentence, change one place.
+"""Templates of all sentences on results, one template for each code.
 
 Results hold codes and values. `say` makes sentences from them; no code parses a sentence.
 """
@@ -29,7 +29,7 @@ TEMPLATES: dict[str, str] = {
 
 
 def say(code: str, **values: object) -> str:
-    """The template of a code, filled with values."""
+    """Fill the template of a code with values."""
     return TEMPLATES[code].format(**values)
 
 
@@ -44,5 +44,5 @@ def capital(text: str) -> str:
 
 
 def change_words(wanted: Iterable[str]) -> str:
-    """Changes of a run that would separate effects, in words; a text stays as it is."""
+    """Put into words the changes of a run that would separate effects; a text stays unchanged."""
     return ", ".join(CHANGES[one] if isinstance(one, RunChange) else one for one in wanted)

@@ -1,4 +1,4 @@
-"""Next steps after a loop: a run that decides, gains, a feedforward, a test on another record."""
+"""Sentences on next steps after a loop: another experiment, gains, feedforward, or a test."""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,4 @@
-"""Sentences of a closed loop: the verdict, reasons that limit it, findings, and alike effects."""
+"""Sentences on a closed loop: verdict, reasons that limit the verdict, findings, alike effects."""
 
 from collections.abc import Mapping
 

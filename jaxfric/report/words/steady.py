@@ -1,4 +1,4 @@
-"""The verdict on a friction curve of steady speeds, and the reasons for giving no friction."""
+"""Sentences of the verdict on a steady friction curve, and reasons for giving no friction."""
 
 from collections.abc import Mapping
 
