@@ -6,8 +6,8 @@ stable at V if k_v + f_v(V) > 0; the worst velocity is that of the least f_v.
 stable".
 
 Friction with a memory over distance (rate-and-state) has two optima. One is damping that needs no
-stiffness. The other is stiffness above k_cr that needs no damping, with k_cr from (18)-(20), or
-from (25) for one state.
+stiffness. The other optimum is stiffness above the critical value k_cr, which needs no damping.
+k_cr follows from equations (18)-(20), or from (25) for one state.
 """
 
 from collections.abc import Callable
@@ -37,8 +37,8 @@ def axis_gains(
 ) -> AxisGains:
     """Compute the least damping for speeds `slowest` to `fastest` [m/s] in both directions.
 
-    `force` is the friction at a steady velocity, `error` the standard error of the friction's slope
-    at that velocity (None: a stated, exact law). `above` and `unseen` describe the record at low
+    `force` is the friction at a steady velocity. `error` is the standard error of the friction's
+    slope at that velocity (None: the law is exact). `above` and `unseen` describe the record at low
     speed (`jaxfric.stability.claims`). Slopes are central differences on a logarithmic grid of 4001
     speeds. This function is for friction without memory; for an axis with states see `state_gains`.
     Compliance between motor and load is not considered.
@@ -58,15 +58,16 @@ def axis_gains(
 def state_gains(
     rig: AxisRig, position: float, slowest: float, fastest: float, *, drive: Drive | None = None
 ) -> AxisGains | None:
-    """Optima of damping and of stiffness for speeds `slowest` to `fastest` [m/s], both directions.
+    """Compute least damping and critical stiffness for speeds `slowest` to `fastest` [m/s].
 
-    `jaxfric.stability` linearises friction at `position` [m] about 501 speeds in each direction.
-    The result is f_v and the memory G(s). Least damping: k_v > max_w Re G(i w) - f_v, for any k_p >
+    `jaxfric.stability` linearises friction at `position` [m] about 501 speeds in both directions of
+    motion. Linearised friction consists of the slope f_v and the memory G(s). Least damping: k_v >
+    max_w Re G(i w) - f_v, for any k_p >
     0. Critical stiffness: (18)-(20) without added damping, with the axis' mass and an ideal drive.
 
     The function returns None if friction has no memory in steady motion, as for a bristle. Lags and
-    sampling of the drive demand larger gains, but are not considered. Dependence of friction on
-    position is not considered either.
+    sampling of the drive require larger gains, but are not considered. The function also neglects
+    the dependence of friction on position.
     """
     speed = np.geomspace(slowest, fastest, SPEEDS)
     # a state with the same steady value at all speeds is no memory

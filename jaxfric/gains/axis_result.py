@@ -1,4 +1,4 @@
-"""Gains that an axis needs. `jaxfric.report.axis_gains_text` describes these gains in words."""
+"""Gains that an axis needs; `jaxfric.report.axis_gains_text` describes these gains in words."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -14,7 +14,7 @@ class Shown(NamedTuple):
     size: float = 1.0
 
     def text(self, value: float, error: float | None = None) -> str:
-        """`value` (SI), with its standard error, as text in this unit."""
+        """Write `value` (SI) and its standard error as text in this unit."""
         shown = f"{value / self.size:.4g}"
         return f"{shown}{'' if error is None else f' ± {error / self.size:.2g}'} {self.name}"
 
@@ -55,7 +55,7 @@ class AxisGains:
 
     @property
     def claim(self) -> Claim:
-        """The statement on stability that the slope supports."""
+        """The statement on stability that the slope of the friction curve supports."""
         if self.curve is None:
             return Claim("open", ("the error and range of the fitted curve are unknown",))
         return curve_claim(self.curve)

@@ -21,11 +21,11 @@ from .thresholds import DEGREE
 def branches(
     name: str, slider: LinearSlider, required: ArrayLike, rate: ArrayLike
 ) -> Float[Array, " n"]:
-    """Constraints of the branches: 0 if a branch just meets `required`, negative if it falls short.
+    """Constraints of a margin's branches: 0 if a branch just meets `required`, negative below it.
 
-    Branches that do not exist are inf. Only decay, damping and modulus of a rational kernel have
-    branches. In all other cases the only entry is the margin itself. `rate` [1/s] is the scale of
-    decay rates.
+    The constraint of a branch that does not exist is inf. Only the margins decay, damping and
+    modulus have branches, for a friction kernel that is rational. For all other margins the result
+    has one entry, which is the margin itself. `rate` [1/s] is the scale of decay rates.
     """
     if isinstance(slider.friction.kernel, StateSpaceKernel):
         analysis = Analysis(slider)

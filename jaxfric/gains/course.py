@@ -68,7 +68,7 @@ class Motion:
 
 
 class Cycle(NamedTuple):
-    """Numbers that describe an oscillation, computed from its last half."""
+    """Numbers that describe an oscillation, computed from the last half of the motion."""
 
     period: float
     """Mean time between rises of friction [s]."""
@@ -99,11 +99,11 @@ class Course:
 
     @property
     def seen(self) -> bool:
-        """Whether a longer simulation would not change the end."""
+        """Whether the end state is final, so that a longer simulation would not change it."""
         return self.end != "unresolved" or bool(self.result != RESULTS.successful)
 
     def to_json(self) -> dict[str, object]:
-        """The entry `course` of the command's JSON, SI."""
+        """Return the entry `course` of the command's JSON, in SI."""
         cycle = None if self.cycle is None else self.cycle._asdict()
         return {
             "start": self.start,
@@ -120,8 +120,9 @@ class Course:
 def rig_of(
     law: Law, mass: float | None, k_p: float, k_v: float, velocities: Sequence[float]
 ) -> tuple[Rig, float | None]:
-    """Build the rig; return the rig and the width [m/s] of the smoothed sign. The width is
-    None unless a Stribeck law without a width gets one from the commanded `velocities`.
+    """Build the rig; return the rig and the width [m/s] of the smoothed sign of friction. A
+    Stribeck law without a width gets a width from the commanded `velocities`. In all other cases
+    the returned width is None.
 
     Raises `InputError` for a law without direct effect and without mass.
     """
@@ -150,7 +151,7 @@ def course_of(
     coordinate: Coordinate = "linear",
     progress: Callable[[str], None] = silent,
 ) -> Course:
-    """Simulate for the given duration, or with increasing durations until the end is classified.
+    """Simulate for the given duration, or for longer and longer until the end state is classified.
 
     A motion begins in steady sliding, or `at_rest`. At a constant velocity a `jump` [m] of the load
     point disturbs the motion; the default jump is small.

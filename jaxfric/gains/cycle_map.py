@@ -1,8 +1,8 @@
 """Map of the gains at which the stick-slip cycle disappears (section I.A of the note).
 
 A slider that starts at rest either reaches steady motion or continues to stick-slip. At gains where
-the slider reaches steady motion, the cycle has disappeared, as far as a start at rest can show. The
-cycle disappears at larger gains than linear stability needs.
+the slider reaches steady motion, the stick-slip cycle has disappeared. Only starts at rest are
+tested. The cycle disappears at larger gains than linear stability needs.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from .verify import STARTS, simulated
 
 @dataclass(frozen=True, eq=False)
 class CycleMap:
-    """Ends of a slider that starts at rest, over gains; `ends` is (len(k_v), len(k_p)). SI."""
+    """End states after a start at rest, over gains; `ends` is (len(k_v), len(k_p)). SI."""
 
     k_p: np.ndarray
     k_v: np.ndarray
@@ -31,9 +31,9 @@ class CycleMap:
 def cycle_map(gains: Gains, *, points: tuple[int, int] = (14, 10)) -> CycleMap:
     """Simulate the hardest scenario of `gains` from rest over a grid of (k_p, k_v).
 
-    The grid extends to 1.6 times the natural units of the gains (stiffness or damping alone), or to
-    1.2 times the recommended gains if that is larger. A simulation lasts for 30 periods of the
-    slowest mode or, if longer, of stick-slip by twice `force_scale`.
+    The grid of gains extends to 1.6 times the natural units of the gains. If 1.2 times the
+    recommended gains is larger, the grid extends to that value. A simulation lasts for 30 periods
+    of the slowest mode or, if longer, of stick-slip by twice `force_scale`.
 
     Raises
     ------

@@ -22,7 +22,8 @@ class ENDS(eqx.Enumeration):
 
 
 class EndState(eqx.Module):
-    """How a motion ends, with numbers of the last part of the motion. All arrays have one shape.
+    """How a motion ends, with amplitude, period and velocities of its last part; arrays of one
+    shape.
 
     Undefined values are inf (`least_velocity`: -inf), not nan.
     """
@@ -104,10 +105,11 @@ def classify(
 def settles(
     largest: tuple[Array, Array, Array], count: Array, window: ArrayLike, decay: ArrayLike
 ) -> tuple[Bool[Array, " *s"], Float[Array, " *s"]]:
-    """Whether a motion settles, by the rule of `classify`, and ln(a4/a3).
+    """Whether a motion settles, by the rule of `classify`; also return ln(a4/a3).
 
-    `largest` are a2, a3 and a4 of windows of length `window` [s], `count` the cycles in the last
-    two. `decay` [1/s] is the rate of the linear theory, inf if unknown. All of one shape.
+    `largest` holds the deviations a2, a3 and a4 of windows of length `window` [s]. `count` is the
+    number of cycles in the last two windows. `decay` [1/s] is the decay rate of the linear theory,
+    inf if unknown. All arrays have one shape.
     """
     a2, a3, a4 = largest
     tiny = jnp.finfo(a4.dtype).tiny
@@ -130,9 +132,9 @@ def mean_and_spread(
     first, last : times of the first and last crossing [s].
     shortest, longest : times between a crossing and the next [s].
 
-    The spread is 0 if all cycles are equally long, or if there is only one cycle. The spread is not
-    a standard error; it measures how much single cycles differ. Mean and spread are inf for fewer
-    than two crossings. All arrays have one shape.
+    The spread is 0 if all cycles are equally long, or if only one cycle exists. The spread is not a
+    standard error, but a measure of how much single cycles differ. Mean and spread are inf for
+    fewer than two crossings. All arrays have one shape.
     """
     cycles = jnp.maximum(count - 1, 1)
     mean, spread = (last - first) / cycles, 0.5 * (longest - shortest)
@@ -156,7 +158,7 @@ def _range(
 def upward(
     time: Float[Array, " n"], x: Float[Array, " n"], inside: Bool[Array, " n"]
 ) -> tuple[Array, Float[Array, ""], Float[Array, ""]]:
-    """Number of upward zero crossings of `x`, mean and spread of the times between them."""
+    """Number of upward zero crossings of `x`; mean and spread of the times between crossings."""
     rises = inside[:-1] & (x[:-1] < 0) & (x[1:] >= 0)
     step = jnp.where(rises, x[1:] - x[:-1], 1.0)
     at = time[:-1] - x[:-1] * (time[1:] - time[:-1]) / step

@@ -1,4 +1,4 @@
-"""The frontier of feasible gains: for every k_v the smallest k_p that meets the requirement.
+"""The frontier of feasible gains: the smallest k_p that meets the requirement, for every k_v.
 
 The norm grows with k_p, so the smallest norm lies on the frontier k_p(k_v). Local minima of the
 norm along k_v are the local optima.
@@ -38,7 +38,7 @@ class Region(NamedTuple):
         return np.sqrt(np.sum(np.square(np.asarray(gains) / self.scale), axis=-1))
 
     def axes(self) -> tuple[np.ndarray, np.ndarray]:
-        """Grids of k_p and of k_v over all relevant sizes, ascending, within the limits."""
+        """Ascending grids of k_p and of k_v over all relevant sizes, within the limits of both."""
         u = np.concatenate([np.geomspace(1e-9, 1e4, 53), np.linspace(0.2, 2.0, 10)])
         v = np.concatenate([np.geomspace(1e-5, 1e3, 57), np.linspace(0.05, 1.5, 30), [0.0]])
         return self._limited(u, 0), self._limited(v, 1)
@@ -70,7 +70,7 @@ class GainTask(NamedTuple):
     region: Region
 
     def among(self, scenarios: Scenarios) -> "GainTask":
-        """The same search for gains with other scenarios."""
+        """Return the same search for gains, but with other scenarios."""
         return self._replace(scenarios=scenarios)
 
     def slacks(self, gains: np.ndarray) -> Float[np.ndarray, "p n"]:
@@ -85,10 +85,12 @@ class GainTask(NamedTuple):
 def lowest(
     task: GainTask, tried: np.ndarray, given: np.ndarray, *, along: int = 0
 ) -> Float[np.ndarray, " n"]:
-    """Smallest k_p of `tried` that all scenarios accept for each `given` k_v; inf if there is none.
+    """Smallest k_p of `tried` that all scenarios accept for each `given` k_v; inf if none is
+    accepted.
 
-    `tried` ascends. Bisection refines the first accepted value towards the value before. With
-    `along` = 1 the roles are exchanged: `tried` is damping and `given` is stiffness.
+    The values in `tried` ascend. Bisection between the first accepted value and the value before
+    refines the result. With `along` = 1 the roles of the gains are exchanged: `tried` is damping
+    k_v and `given` is stiffness k_p.
     """
 
     def accepted(tried: np.ndarray, given: np.ndarray) -> np.ndarray:
@@ -116,8 +118,8 @@ def minima(task: GainTask) -> list[Float[np.ndarray, " 2"]]:
 
 
 def alone(task: GainTask) -> list[Float[np.ndarray, " 2"]]:
-    """The gains with stiffness alone (least damping) and with damping alone (least stiffness) that
-    meet the requirement, if they exist."""
+    """Return the gains with least damping and the gains with least stiffness that meet the
+    requirement, if such gains exist."""
     low = task.region.lower
     found = []
     for along, axis in enumerate(task.region.axes()):
@@ -141,7 +143,7 @@ class Alone(NamedTuple):
 
 
 def alone_of(meets: tuple[bool, bool], scenarios: Scenarios, region: Region) -> Alone:
-    """Compute `Alone` for some scenarios."""
+    """Find out whether stiffness alone or damping alone suffices in some scenarios."""
     k_p, k_v = region.axes()
     edge = None
     if isinstance(scenarios.law(0), AbstractLaw) and scenarios.integral is None:
@@ -151,11 +153,12 @@ def alone_of(meets: tuple[bool, bool], scenarios: Scenarios, region: Region) -> 
 
 
 def largest_alone(task: GainTask) -> tuple[float, float]:
-    """Largest k_p (with the least damping) and k_v (with the least stiffness) below which all gains
-    meet the requirement. Both are in SI, accurate to 2 % and rounded down.
+    """Find the largest k_p (at the least damping) and the largest k_v (at the least stiffness)
+    below which all gains meet the requirement. Both gains are in SI, accurate to 2 % and rounded
+    down.
 
-    The result is 0 if the least gains do not meet the requirement, and inf if all tried gains meet
-    it.
+    A largest gain is 0 if the least gains do not meet the requirement. A largest gain is inf if all
+    tried gains meet the requirement.
     """
 
     def met(along: int, tried: np.ndarray) -> np.ndarray:
@@ -176,12 +179,12 @@ def largest_alone(task: GainTask) -> tuple[float, float]:
 
 
 def zoom(task: GainTask, start: Float[np.ndarray, " 2"]) -> Float[np.ndarray, " 2"]:
-    """Find the least norm on the frontier near one of its points, by successively finer grids.
+    """Find the gains of least norm near a point of the frontier, by successively finer grids.
 
-    This search is for optima at which the margin is not differentiable and `solve.optimum` does not
-    converge. For example, the phase margin of a massless slider jumps from -0.4 to inf when two
-    crossings of |L| = 1 merge and vanish. At such a jump the norm of `start` is up to 1.4e-4 too
-    large (3 of 5 laws of `fits.many_gains`).
+    This grid search is for optima at which the margin is not differentiable and `solve.optimum`
+    does not converge. For example, the phase margin of a massless slider jumps from -0.4 to inf
+    when two crossings of |L| = 1 merge and vanish. Without the grid search, the norm at a jump is
+    too large by up to a fraction of 1.4e-4 (3 of 5 laws of `fits.many_gains`).
     """
     best, region = start, task.region
     k_p = start[:1]

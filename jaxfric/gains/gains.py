@@ -51,10 +51,10 @@ def find_gains(
 
         minimise sqrt((k_p/s_p)^2 + (k_v/s_v)^2)
 
-    Scenarios are all combinations of velocity, mass and sample of the law. Where the requirement is
-    just met, velocities between neighbouring velocities are added. If there are two local optima,
-    both are reported: "stiff" (k_p above the critical stiffness) and "damped" (k_v almost suffices
-    alone).
+    Scenarios are all combinations of velocity, mass and sample of the law. The search adds further
+    velocities near velocities at which the requirement is only just met. If there are two local
+    optima, both are reported: "stiff" (k_p above the critical stiffness) and "damped" (k_v almost
+    suffices alone).
 
     Parameters
     ----------
@@ -67,8 +67,8 @@ def find_gains(
         N m s/rad.
     margin : required margins by name (`MARGINS` lists them with units), or text, "modulus=0.5";
         modulus=0.5 is always added unless modulus is named; modulus=0 removes the modulus margin.
-    confidence : share of the samples of the law in which the requirement must hold. The other
-        samples may be dropped, those that demand the largest gains first.
+    confidence : share of the samples of the law in which the requirement must hold. The remaining
+        samples may be dropped. Samples that demand the largest gains are dropped first.
     scale : (s_p [N/m], s_v [N s/m]); None: the stiffness that stabilises without damping and the
         damping that stabilises at every stiffness, largest over the scenarios.
     lower, upper : limits of (k_p, k_v); k_p always has the lower limit 1e-9 times its natural
@@ -276,10 +276,10 @@ def check_gains(
 ) -> Gains:
     """Check gains by nonlinear simulation in the `number` hardest scenarios; return a copy.
 
-    With `basin`, both gains are raised by one common factor, accurate to 2 %. The factor is large
-    enough that velocity may jump up or down by the factor `basin` in every checked scenario.
-    Margins are then those of the raised gains. Gains with integral action are simulated only at
-    rest (`hunting`), with a warning.
+    With `basin`, both gains are raised by one common factor, accurate to 2 %. The common factor is
+    the least at which velocity may jump up or down by the factor `basin` in every checked scenario.
+    The returned margins are then margins of the raised gains. Gains with integral action are
+    simulated only at rest (`hunting`), and the result has a warning.
 
     Raises
     ------

@@ -4,8 +4,8 @@
 
 While the slider sticks off its target, the integral grows until the force exceeds static friction.
 If kinetic friction is lower than static friction, the slider slips past the target and sticks on
-the other side. Then the cycle repeats. The simulated controller has no delay and no anti-windup
-limit.
+the other side. This stick-slip cycle about the target repeats. The simulated controller has no
+delay and no anti-windup limit.
 """
 
 from typing import NamedTuple
@@ -37,7 +37,7 @@ from .thresholds import (
 
 
 class Hunting(NamedTuple):
-    """Limit cycle of a slider with integral action about its target. SI."""
+    """Limit cycle of a slider with integral action about its target at rest, in SI."""
 
     amplitude: float | None
     """Half the range of its position [m]; None: no hunting, inf: it grows."""
@@ -50,7 +50,7 @@ class Hunting(NamedTuple):
 def hunting(
     law: AbstractLaw, mass: float, gains: tuple[float, float, float], static: float, fastest: float
 ) -> Hunting | None:
-    """Simulate the slider from rest, off its target; None if the solver fails.
+    """Simulate the slider from rest at a distance from the target; None if the solver fails.
 
     **Arguments:** `gains` are (k_p, k_v, k_i); `static` is F_s [force]; `fastest` [m/s] the highest
     speed at which kinetic friction is evaluated.

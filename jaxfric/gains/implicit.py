@@ -1,9 +1,9 @@
-"""First and second derivatives of the root of equations, in both modes.
+"""First and second derivatives of the root of equations, in forward and reverse mode.
 
     F(z(t), t) = 0:  dz/dt = -F_z^-1 F_t,  d2z/dt2 = -F_z^-1 d2/dd2 F(z + z' d, t + d) at d = 0
 
-The matrices are computed by forward mode only. Reverse mode through F itself would multiply
-infinite slopes of unused branches by zero.
+The matrices are computed by forward mode only. Reverse mode through F would multiply infinite
+slopes of unused branches of F by zero.
 """
 
 import functools
@@ -25,7 +25,7 @@ def implicit(
 ) -> Float[Array, " k"]:
     """Attach derivatives in theta to the root z of `equations(z, theta, known)`.
 
-    Where `exists` is False, the derivatives are arbitrary but not zero.
+    If `exists` is False, the derivatives are arbitrary but not zero.
     """
     return _derivative(equations, 0, z, theta, known, exists)
 

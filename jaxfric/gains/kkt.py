@@ -1,4 +1,4 @@
-"""The KKT equations of the gains of least norm, and derivatives from the KKT equations.
+"""Karush-Kuhn-Tucker (KKT) equations of the gains of least norm, and derivatives from them.
 
 y = sum_i l_i dc_i/dy,   c_i(y) = 0 and l_i >= 0 for at most two active constraints i
 """
@@ -43,7 +43,7 @@ class KKT(NamedTuple):
 
 
 def kkt_of(end: Steps) -> KKT:
-    """The active constraints at an end of the search, and their multipliers."""
+    """Return the active constraints at the end of a search, and their multipliers."""
     y, used, g = end.y, end.slots >= 0, end.near.g[end.slots]
     size = above_zero(jnp.linalg.norm(g, axis=1))
     n, H = g / size[:, None], end.near.H[end.slots] / size[:, None, None]

@@ -3,17 +3,17 @@
     minimise |y|,  y = (k_p/s_p, k_v/s_v),  subject to  every branch of every margin in every
     scenario reaching its requirement, and lower <= (k_p, k_v) <= upper
 
-The feasible set is not convex. Stiffness above critical stabilises a slider with little damping,
-and enough damping stabilises a slider at almost any stiffness. So the search has two stages of
-fixed shapes:
+The set of feasible gains is not convex. Stiffness above the critical stiffness stabilises a slider
+with little damping. Enough damping stabilises a slider at almost any stiffness. So the search has
+two stages, each with arrays of fixed shapes:
 
 1. the least feasible radius along 16 rays of k_v/k_p, for the few most demanding scenarios, gives
    two starts: one with more stiffness and one with more damping than the natural units;
 2. from each start, steps of sequential quadratic programming (`newton`) under the worst of all
    scenarios; the feasible end with the smaller norm is the result.
 
-The search is not differentiated: the KKT equations at the solution give first and second
-derivatives (`implicit`).
+The search itself is not differentiated. The Karush-Kuhn-Tucker equations at the solution give first
+and second derivatives (`implicit`).
 """
 
 from collections.abc import Mapping
@@ -114,17 +114,18 @@ def minimum_gains(
         minimise sqrt((k_p/s_p)^2 + (k_v/s_v)^2)
         subject to margin_j(k_p, k_v; scenario i) >= required_j for all i and j
 
-    The function works under jit and vmap. Derivatives exist to second order, in both modes, for the
-    arrays of the law, velocity, mass, delay, required values, scale and limits. `find_gains` also
-    adds velocities, drops samples and certifies its result by a dense grid. A batch takes as long
-    as its slowest member. For many laws `jax.lax.map` with a `batch_size` of some hundreds is
-    faster than one `jax.vmap`.
+    The function `minimum_gains` works under jit and vmap. Derivatives exist to second order, in
+    forward and reverse mode, for the arrays of the law, velocity, mass, delay, required values,
+    scale and limits. In contrast to this function, `find_gains` also adds velocities, drops samples
+    and checks its result on a dense grid. A batch takes as long as the slowest member of the batch.
+    For many laws `jax.lax.map` with a `batch_size` of some hundreds is faster than one `jax.vmap`.
 
-    Both optima are local. The damping margin is not differentiable at a double pole. The phase
-    margin is not differentiable where it jumps because two crossings of |L| = 1 vanish. In both
-    cases `result` is not_converged and all derivatives are nan. Derivatives are nan whenever
-    `derivative` is not `exists`, and from third order on. If two scenarios tie in defining a
-    natural unit, the derivative is the mean of the two scenarios' derivatives.
+    Both reported optima are local. The damping margin is not differentiable at a double pole. The
+    phase margin is not differentiable where it jumps because two crossings of |L| = 1 vanish. At a
+    double pole or at such a jump, `result` is not_converged and all derivatives are nan.
+    Derivatives are also nan whenever the field `derivative` is not `exists`. From third order on,
+    derivatives are always nan. If two scenarios tie in defining a natural unit, the derivative is
+    the mean of the two scenarios' derivatives.
 
     Parameters
     ----------

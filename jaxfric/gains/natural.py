@@ -27,7 +27,7 @@ class NaturalSizes(NamedTuple):
 
 
 def sizes(friction: LinearFriction, mass: Float[Array, " n"] | None) -> NaturalSizes:
-    """The natural sizes of each scenario; `friction` has a leading axis; `mass` [kg] or None."""
+    """Compute the natural sizes of each scenario; `friction` has a leading axis."""
 
     def one(friction: LinearFriction, mass: Array) -> NaturalSizes:
         low, high = friction.kernel.frequencies()
@@ -40,10 +40,10 @@ def sizes(friction: LinearFriction, mass: Float[Array, " n"] | None) -> NaturalS
 
 
 def natural_units(of: NaturalSizes) -> Float[Array, " 2"]:
-    """(K0, C0): the stiffness that stabilises without damping, the damping that needs no stiffness.
+    """Return (K0, C0): a stiffness that needs no damping, and a damping that needs no stiffness.
 
-    K0 and C0 are the largest values over the scenarios. If no gain is needed, or no stiffness
-    suffices, K0 and C0 are the stiffness and damping at which the gains become relevant.
+    K0 and C0 are the largest values over the scenarios. If no gain is needed or no stiffness
+    suffices, K0 and C0 are the stiffness and damping at which gains begin to affect the motion.
     """
     need = jnp.max(of.fall - of.slope)
     C0 = jnp.where(need > 0, need, jnp.max(jnp.abs(of.slope) + jnp.abs(of.fall)))

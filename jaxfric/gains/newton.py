@@ -2,9 +2,9 @@
 
     minimise |y|^2/2   subject to   c_k(y) >= 0
 
-With two unknowns at most two constraints are active. So a step needs no solver. A step enumerates
-the points at which none, one or two linearised constraints are active, and takes the best feasible
-point.
+With two unknowns at most two constraints are active. So a step needs no general solver. Each step
+lists the points at which none, one or two linearised constraints are active. The step then goes to
+the best feasible point.
 
     none: d = -y;   one: along the line c_k + g_k d = 0 by Newton's method;   two: the intersection
 """
@@ -19,7 +19,7 @@ from .thresholds import CURVATURE, ROUNDING, ZERO
 
 
 class NewtonStep(NamedTuple):
-    """A step and the pair of constraints active after it; -1: none."""
+    """A step, and the two constraints that are active after the step; -1 for no constraint."""
 
     d: Float[Array, " 2"]
     active: Int[Array, " 2"]
@@ -36,11 +36,11 @@ def sqp_step(
     """Step from `y` to the least norm under the linearised constraints.
 
     c, g, H are values, gradients and second derivatives of the constraints at y. The curvature L =
-    I - sum l_k d^2c_k/dy^2 of the Lagrangian uses the multipliers of the step without curvature. A
-    candidate with a negative multiplier is not a minimum; it is accepted only as an intermediate
-    step. Beyond `radius` the linearisation is inaccurate. If no candidate lies within `radius`,
-    only the nearest candidate counts. If the constraints are contradictory, the candidate with the
-    least violation is chosen.
+    I - sum l_k d^2c_k/dy^2 of the Lagrangian uses multipliers l_k from a step with L = I. A
+    candidate point with a negative multiplier is not a minimum, and is accepted only as an
+    intermediate step. Beyond `radius` the linearisation is inaccurate. If no candidate lies within
+    `radius`, only the nearest candidate counts. If no point meets all constraints, the candidate
+    with the least violation is chosen.
     """
     size = jnp.linalg.norm(g, axis=1)
     some = size > 0
@@ -113,7 +113,7 @@ def _pairs(
 def multipliers(
     p: Float[Array, "*k 2"], one: Float[Array, "*k 2"], other: Float[Array, "*k 2"], sine: Array
 ) -> Float[Array, "*k 2"]:
-    """Solve p = l_1 one + l_2 other for l_1, l_2; `sine` is that of the angle between the two."""
+    """Solve p = l_1 one + l_2 other for l_1, l_2; `sine` is that of the angle between both."""
     first = p[..., 0] * other[..., 1] - p[..., 1] * other[..., 0]
     second = one[..., 0] * p[..., 1] - one[..., 1] * p[..., 0]
     return jnp.stack([first, second], axis=-1) / sine[..., None]

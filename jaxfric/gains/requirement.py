@@ -50,7 +50,7 @@ class Requirement(eqx.Module):
 
     @staticmethod
     def parse(texts: Sequence[str]) -> "Requirement":
-        """Read texts such as "stiffness=2", "phase=30 deg" (default SI), then `with_default`."""
+        """Read texts such as "stiffness=2" or "phase=30 deg"; then apply `with_default`."""
         for text in texts:
             known_margin(text.partition("=")[0].strip())
         margins = {}
@@ -69,10 +69,11 @@ class Requirement(eqx.Module):
 
     @staticmethod
     def with_default(margins: Mapping[str, float | Array]) -> "Requirement":
-        """Add modulus=0.5 to the margins unless modulus is named; modulus=0 removes that margin.
+        """Add modulus=0.5 to the margins unless modulus is named; modulus=0 removes the modulus
+        margin.
 
-        A loop without robustness can meet other margins alone. For example, a loop with a delay
-        margin of 1 ms can have a gain margin of only 1.0003.
+        A loop that is not robust can meet every margin other than modulus. For example, a loop with
+        a delay margin of 1 ms can have a gain margin of only 1.0003.
         """
         name, _, least = DEFAULT.partition("=")
         if name not in margins:
@@ -83,9 +84,9 @@ class Requirement(eqx.Module):
     def slack(self, slider: LinearSlider, unit: Float[Array, " 2"]) -> Float[Array, ""]:
         """Least relative excess of the margins over their requirements.
 
-        The slack is zero at the requirement, negative if a requirement is missed, and at most 9.
-        `unit` holds the natural units of (k_p, k_v). For the slack of the stiffness margin see
-        `constraints`.
+        The slack is zero if the margins just meet the requirement, negative if a margin misses its
+        requirement, and at most 9. `unit` holds the natural units of (k_p, k_v). For the slack of
+        the stiffness margin see `constraints`.
         """
         values = several([name for name in self.names if name != "stiffness"], slider)
         slacks = [
@@ -97,13 +98,13 @@ class Requirement(eqx.Module):
         return jnp.min(jnp.stack(slacks))
 
     def constraints(self, slider: LinearSlider, unit: Float[Array, " 2"]) -> Float[Array, " n"]:
-        """Smooth functions that are all nonnegative exactly if the margins are met (`branches`).
+        """Smooth functions; all are nonnegative exactly if the margins are met (see `branches`).
 
-        Most constraints are branches of `slack`. The stiffness margin has one entry for each
-        critical frequency, (k_p + f_x - required stiffness)/`unit[0]`. A further entry is the
-        theorem's hypothesis f_v + k_v > 0, over `unit[1]`. This hypothesis is the only condition
-        for friction without memory. The theorem does not apply to a delay law, for which the
-        condition is f_v + k_v > |k_f|.
+        Most of the smooth functions are branches of `slack`. The stiffness margin has one entry for
+        each critical frequency, (k_p + f_x - required stiffness)/`unit[0]`. A further entry is (f_v
+        + k_v)/`unit[1]`, because the theorem of Rice and Ruina requires f_v + k_v > 0. For friction
+        without memory, f_v + k_v > 0 is the only condition. The theorem does not apply to a delay
+        law. For a delay law the condition is f_v + k_v > |k_f|.
         """
         found = []
         for name, required in zip(self.names, self.values, strict=True):
@@ -125,7 +126,7 @@ def refuse_controller(
 ) -> None:
     """Raise `InputError` for a controller incompatible with the law or a required margin.
 
-    `told` names the argument that gave the controller's delay."""
+    `told` is the name of the argument that gave the controller's delay."""
     late, integrates = delay is not None, integral is not None
     if late and mass is None:
         raise InputError(f"{told} needs a mass: without mass no controller delay is stable")

@@ -1,7 +1,8 @@
 """Friction at rest, and the position error of a controller without integral action.
 
 At rest the force k_p (x_ref - x) must exceed the static friction F_s to move the slider. So the
-slider stops anywhere within F_s/k_p of the target, and an accuracy a requires k_p >= F_s/a.
+slider stops anywhere within a distance F_s/k_p of the target. A position accuracy a requires k_p >=
+F_s/a.
 """
 
 import equinox as eqx
@@ -18,9 +19,9 @@ from .thresholds import SLOWER, SPEEDS
 def friction_at_rest(scenarios: Scenarios) -> float | None:
     """F_s [force], the largest over all samples of the law; None if no force is known.
 
-    Without memory, F_s is the largest steady friction at speeds up to the lowest speed of the
-    scenarios. With memory, F_s is the steady friction at the lowest speed; any further strength
-    depends on the time at rest.
+    If friction has no memory, F_s is the largest steady friction at speeds up to the lowest speed
+    of the scenarios. With memory, F_s is the steady friction at the lowest speed. Static friction
+    can exceed this F_s, by an amount that depends on the time at rest.
     """
     if not isinstance(scenarios.law(0), AbstractLaw):
         return None  # a delay law is undefined at rest

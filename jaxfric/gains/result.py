@@ -39,7 +39,7 @@ class LocalOptimum:
 
 @dataclass(frozen=True)
 class WorstCase:
-    """A margin at the recommended gains, in the scenario with the least margin."""
+    """Value of a margin at the recommended gains, in the scenario with the least margin."""
 
     value: float
     unit: str
@@ -61,7 +61,8 @@ class Certificate:
 class Gains(Described, Drawable, Tabular):
     """Minimum-norm PD gains, in SI; `kp` and `kv` are the recommended gains.
 
-    The units of the fields are linear; for a rotation `unit` converts units.
+    Units in the docstrings of the fields are linear. For a rotation, the method `unit` gives the
+    rotary unit.
     """
 
     kp: float
@@ -112,7 +113,7 @@ class Gains(Described, Drawable, Tabular):
 
     @property
     def smallest_kp(self) -> str:
-        """Words for k_p at its lower limit. With a controller delay a large k_p is unstable."""
+        """Words for "any positive k_p"; with a controller delay "any" is limited to small k_p."""
         return "any k_p > 0" if self.delay is None else "any small k_p"
 
     @property
@@ -122,8 +123,9 @@ class Gains(Described, Drawable, Tabular):
 
     @property
     def dead_band(self) -> float | None:
-        """F_s/k_p [m]: the slider stops anywhere within this distance of the target. The value is
-        None if friction at rest is unknown, if k_p means any stiffness, or with integral action."""
+        """The distance F_s/k_p [m] from the target within which the slider stops anywhere. The dead
+        band is None if friction at rest is unknown, if k_p means any stiffness, or with integral
+        action."""
         if self.rest_friction is None or self.any_stiffness or self.integral is not None:
             return None
         return self.rest_friction / self.kp
@@ -140,10 +142,10 @@ class Gains(Described, Drawable, Tabular):
 
     @property
     def unsafe(self) -> tuple[str, ...]:
-        """Reasons in words not to use these gains; empty if no reason is known.
+        """Reasons in words against using these gains; empty if no reason is known.
 
-        One reason is that a simulated start escapes. Another is that no controller delay was given,
-        and the delay margin is below the delay of any real controller.
+        One possible reason is that a simulated motion escapes. Another possible reason is a delay
+        margin below the delay of any real controller, if no controller delay was given.
         """
         why = []
         if self.simulation is not None and self.simulation.escaped:
@@ -160,8 +162,8 @@ class Gains(Described, Drawable, Tabular):
 
     @property
     def fragile(self) -> bool:
-        """Whether the modulus margin was switched off and is below 0.2. A small error of the model
-        or of the gains may then make the loop unstable."""
+        """Whether the modulus margin was switched off and is below 0.2. If so, a small error of the
+        model or of the gains may make the loop unstable."""
         known = self.margins.get("modulus")
         off = "modulus" not in self.requirement.names
         return off and known is not None and known.value < FRAGILE

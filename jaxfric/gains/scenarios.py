@@ -56,13 +56,13 @@ class Scenarios:
         delay: float | None = None,
         integral: float | None = None,
     ) -> "Scenarios":
-        """Build all combinations. `masses` None: no mass; `delay` [s] and `integral` [force/(m s)]
-        are common to all.
+        """Build all combinations of velocity, mass and sample. `masses` None: no mass. `delay` [s]
+        and `integral` [force/(m s)] are the same in all scenarios.
 
         Raises
         ------
-        InputError : no velocity, one that is not positive, a mass that is not positive, a law
-            without a steady state at a velocity.
+        InputError : no velocity, a velocity or mass that is not positive, a law without a steady
+            state at a velocity.
         """
         V = _positive(velocities, "velocity", "m/s")
         m = None if masses is None else _positive(masses, "mass", "kg")
@@ -113,7 +113,7 @@ class Scenarios:
         return replace(self, **rows)
 
     def law(self, index: int) -> Law:
-        """The law of one scenario."""
+        """The friction law of one scenario."""
         return law_of(self.laws, int(self.sample[index]))
 
     def describe(self, index: int) -> dict[str, float | int | None]:
@@ -126,7 +126,7 @@ class Scenarios:
 
 
 def padded(index: np.ndarray, *, size: int = 32) -> np.ndarray:
-    """Pad to a multiple of `size` by repeating the first index, so that few shapes compile."""
+    """Pad indices to a multiple of `size` with the first index, so that few shapes compile."""
     more = -len(index) % size
     return np.concatenate([index, np.full(more, index[0], index.dtype)])
 
@@ -152,7 +152,7 @@ def law_of(laws: Law, index: int | Array | np.ndarray) -> Law:
 
 @eqx.filter_jit
 def linearised(laws: Law, velocity: Array, sample: Array) -> LinearFriction:
-    """Linearise the samples of a law, by index, about velocities [m/s], (n,)."""
+    """Linearise samples of a law, given by index, about velocities [m/s] of shape (n,)."""
     return jax.vmap(lambda V, index: linear_friction(law_of(laws, index), V))(velocity, sample)
 
 

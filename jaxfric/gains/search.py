@@ -1,7 +1,7 @@
 """The search for gains of least norm: starts along rays, then sequential quadratic programming.
 
-Gains in this module are y = (k_p/s_p, k_v/s_v). `minimum` states the problem and the reason for two
-stages.
+Gains in this module are y = (k_p/s_p, k_v/s_v). The module `minimum` states the problem of least
+norm and the reason for two stages.
 """
 
 from collections.abc import Callable
@@ -49,16 +49,16 @@ class GainProblem(eqx.Module):
         return self.friction.slope.shape[0]
 
     def at(self, index: Int[Array, " k"]) -> "GainProblem":
-        """The problem restricted to some scenarios."""
+        """The same problem, restricted to some of its scenarios."""
         rows = jax.tree.map(lambda x: x[index], (self.friction, self.setting))
         return eqx.tree_at(lambda p: (p.friction, p.setting), self, rows)
 
     def slacks(self, y: Float[Array, " 2"]) -> Float[Array, " n"]:
-        """Least slack of every scenario at y."""
+        """Least slack of every scenario at the gains y."""
         return self._each(self.requirement.slack, y)
 
     def constraints(self, y: Float[Array, " 2"]) -> Float[Array, "n b"]:
-        """All smooth constraints of every scenario at y."""
+        """All smooth constraints of every scenario at the gains y."""
         return self._each(self.requirement.constraints, y)
 
     def _each(self, function: Callable[..., Array], y: Array) -> Array:
@@ -70,7 +70,7 @@ class GainProblem(eqx.Module):
         return jax.vmap(one)(self.friction, self.setting)
 
     def limits(self, y: Float[Array, " 2"]) -> Float[Array, " 4"]:
-        """Distances of y to its lower and upper limits."""
+        """Distances of the gains y to the lower and upper limits."""
         high = jnp.minimum(self.upper / self.scale, FAR)
         return jnp.concatenate([y - self.lower / self.scale, high - y])
 
@@ -88,7 +88,7 @@ class Near(NamedTuple):
 
 
 class Steps(NamedTuple):
-    """The end of some steps of the search, with the active constraints at the end."""
+    """The point that some search steps reach, and the active constraints at this point."""
 
     y: Float[Array, " 2"]
     size: Float[Array, ""]
@@ -101,7 +101,7 @@ class Steps(NamedTuple):
 
     @property
     def decided(self) -> Int[Array, " 2"]:
-        """The active scenarios; -1 for a limit, or for none."""
+        """The scenarios of the active constraints; -1 for a limit, or for no constraint."""
         return jnp.where(self.slots >= 0, self.near.scenario[self.slots], -1)
 
     @property
@@ -111,7 +111,7 @@ class Steps(NamedTuple):
 
 
 def search(problem: GainProblem) -> tuple[Steps, Float[Array, "2 n"]]:
-    """Local optima from the stiff and the damped start (axis 0), and all slacks there."""
+    """Find local optima from the stiff and the damped start (axis 0), and the slacks at each."""
     return jax.vmap(lambda y: _descend(problem, y))(_starts(problem))
 
 
@@ -207,7 +207,7 @@ def _descend(problem: GainProblem, start: Float[Array, " 2"]) -> tuple[Steps, Fl
 
 @eqx.filter_jit
 def steps(few: GainProblem, index: Int[Array, " k"], y: Float[Array, " 2"], size: Array) -> Steps:
-    """Take some steps under a few scenarios, by `index`; a repeated index counts once."""
+    """Take search steps under a few scenarios, given by `index`; a repeated index counts once."""
     low, high = few.lower / few.scale, few.upper / few.scale
 
     def step(y: Array, size: Array) -> Steps:

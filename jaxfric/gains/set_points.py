@@ -29,7 +29,7 @@ from .verify import jump_sizes
 
 @dataclass(frozen=True)
 class SetPoint:
-    """One set point: gains, and the velocity jumps from which the slider settles. SI units."""
+    """One set point: gains, and the velocity jumps after which the slider settles, in SI."""
 
     velocity: float
     kp: float
@@ -76,11 +76,11 @@ def gain_schedule(
 ) -> Schedule:
     """Compute minimum-norm gains at set points between two velocities [m/s]; check the chain.
 
-    Set points start a factor `ratio` apart. The gains of each set point have the required margins
-    half-way to the neighbouring set points. These margins hold in every sample of the law and for
-    every mass. If a step to a neighbour is outside the basin, a set point is inserted between the
-    two. Insertion ends where it would make steps smaller than `finest`. Simulations use the law's
-    estimate and the largest mass.
+    Neighbouring set points are at first a factor `ratio` apart in velocity. The gains of each set
+    point have the required margins half-way to the neighbouring set points. These margins hold in
+    every sample of the law and for every mass. If a step to a neighbour is outside the basin, a set
+    point is inserted between the two. No set point is inserted if two set points would then differ
+    by less than a factor `finest`. Simulations use the law's estimate and the largest mass.
 
     `law` is as in `find_gains`; for a friction coefficient pass `law_from_fit(fit,
     normal_force=500)`.

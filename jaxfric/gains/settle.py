@@ -1,8 +1,8 @@
 """One simulation from an `InitialState`, and how it ends: steady, limit cycle or escape.
 
-Massless sliders may escape in finite time. A slider with mass cannot escape, but only stick-slip,
-unless its law lets the slider accelerate forever. For sticking the law needs a `RegularisedEffect`
-(`regularised`).
+Massless sliders may escape in finite time. A slider with mass can stick-slip but not escape, unless
+its law lets the slider accelerate forever. Sticking requires a law with a `RegularisedEffect` (see
+`regularised`).
 """
 
 import equinox as eqx
@@ -21,8 +21,8 @@ class Policy(eqx.Module):
 
     rtol, max_steps : as in `simulate`. A stick-slip cycle takes 50 to 150 steps. At rtol
         1e-4 numerical damping of a small oscillation is 0.4 % of its frequency.
-    runaway : escape means a velocity `runaway` times the commanded one. Normal slips of a light
-        slider reach 1e6.
+    runaway : escape means a velocity `runaway` times the commanded one. Ordinary slips of a light
+        slider reach 1e6 times the commanded velocity.
     """
 
     rtol: float = eqx.field(static=True, default=1e-5)
@@ -45,14 +45,15 @@ def end_state(
 ) -> EndState:
     """Simulate at the commanded `velocity` [m/s] from `start` and classify the end.
 
-    horizon : time to settle [s]. 20 to 50 periods 2 pi/w_cr of the linear theory suffice for the
-        tests here. A stick-slip period is 2 (f_static - f_sliding)/(K V), often longer; with
-        fewer than two cycles the end is `unresolved`.
-    decay : rate of the slowest linear mode [1/s], if known. A positive rate stretches the horizon
-        to 8/decay, at most tenfold; a decay half as fast then counts as steady.
+    horizon : time to settle [s]. 20 to 50 periods 2 pi/w_cr of the linear theory suffice in the
+        tests of jaxfric. A stick-slip period, 2 (f_static - f_sliding)/(K V), is often longer than
+        such a period. With fewer than two cycles the end state is `unresolved`.
+    decay : rate of the slowest linear mode [1/s], if known. A positive `decay` stretches the
+        horizon to 8/decay, at most tenfold. A motion that decays at half this rate then counts as
+        steady.
 
     The time in which the load point compensates the start's elongation is added to the horizon. The
-    function is jittable and vmappable, and raises nothing for valid arguments.
+    function works under jit and vmap, and raises no error for valid arguments.
     """
     return end_and_share(rig, velocity, start, horizon=horizon, decay=decay, policy=policy)[0]
 
@@ -66,7 +67,7 @@ def end_and_share(
     decay: ArrayLike | None = None,
     policy: Policy = STANDARD,
 ) -> tuple[EndState, Array]:
-    """The `end_state`, and the share of the time that was simulated."""
+    """Return the `end_state`, and the simulated share of the requested time."""
     V = jnp.asarray(velocity, jnp.result_type(float))
     rate = jnp.asarray(0.0 if decay is None else decay, V.dtype)
     horizon = stretched(jnp.asarray(horizon, V.dtype), rate)

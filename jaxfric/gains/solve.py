@@ -2,16 +2,17 @@
 
     minimise sqrt((k_p/s_p)^2 + (k_v/s_v)^2), with every required margin in every scenario
 
-The feasible set is not convex. With little k_v, stiffness above critical stabilises; with enough
-k_v, damping stabilises at almost any stiffness. Both cases have a local optimum. Only a few of
-thousands of scenarios are active, so the search carries only the active scenarios (an exchange
-method):
+The set of feasible gains is not convex. With little k_v, stiffness above the critical stiffness
+stabilises the slider. Enough k_v stabilises the slider at almost any stiffness. Each of the two
+cases has a local optimum. Only a few of thousands of scenarios are active. So the search carries
+only the active scenarios (an exchange method):
 
 1. the frontier of feasible gains for the carried scenarios gives every local minimum (`frontier`);
-2. the steps of `minimum_gains` refine each, under the worst of all scenarios (`search`);
-3. all scenarios are checked there. The worst violated scenarios are added to the carried ones.
-   Velocities between those of the carried scenarios are added where the requirement is just met.
-   Then repeat from 1.
+2. the steps of `minimum_gains` refine each local minimum, under the worst of all scenarios
+    (`search`);
+3. all scenarios are checked at each refined minimum. The worst violated scenarios are added to the
+   carried scenarios. If the requirement is just met, velocities between the velocities of carried
+   scenarios are added. The search repeats from stage 1.
 
 A solution for some scenarios that violates no other scenario is the solution for all scenarios.
 """
@@ -41,7 +42,7 @@ Pair = tuple[float | None, float | None]
 
 
 class Infeasible(NamedTuple):
-    """The requirement cannot be met: a result, not an error, as the input is valid."""
+    """Result of a search if no gains meet the requirement, although the input is valid."""
 
     margin: str
     """The margin that is missed most, in the worst scenario at the best compromise."""
@@ -54,7 +55,7 @@ class Infeasible(NamedTuple):
 
     @property
     def text(self) -> str:
-        """Sentences on the missed requirement, the scenario that misses it, and the remedy."""
+        """Sentences on the missed requirement, the worst scenario, and the remedy."""
         return said("gains_text.infeasible", self)
 
 
@@ -80,7 +81,7 @@ class Optimum(NamedTuple):
 
 
 class Optima(NamedTuple):
-    """Local optima, smallest norm first, with their certificate."""
+    """Local optima, ordered from the smallest norm, with the certificate of optimality."""
 
     optima: list[Optimum]
     alone: list[Optimum]
@@ -99,10 +100,10 @@ def make_region(
     upper: Pair,
     coordinate: Coordinate = "linear",
 ) -> Region:
-    """Build a region from scales and limits in SI; None means the default.
+    """Build the region of allowed gains from scales and limits in SI; None means the default.
 
-    Scales default to the natural units (K0, C0). The lower limit of k_p is at least 1e-9 K0, which
-    means any positive stiffness.
+    The scales of the gains default to the natural units (K0, C0). The lower limit of k_p is at
+    least 1e-9 K0, which means any positive stiffness.
     """
     unit = np.asarray(natural_units(sizes_of(scenarios)))
     chosen = np.asarray([u if s is None else s for s, u in zip(scale, unit, strict=True)], float)
@@ -115,11 +116,12 @@ def make_region(
 
 
 def solve(task: GainTask) -> Optima | Infeasible:
-    """Find all local optima over all scenarios, with a certificate; `Infeasible` without one.
+    """Find all local optima over all scenarios, with a certificate; `Infeasible` without an
+    optimum.
 
     Raises
     ------
-    InputError : the set of worst scenarios still changes after `ROUNDS` rounds.
+    InputError : the set of worst scenarios still changes after `ROUNDS` rounds of the search.
     """
     region = task.region
     carried = task.among(task.scenarios.take(_first(task)))
@@ -167,7 +169,7 @@ _kkt = eqx.filter_jit(kkt_of)
 
 
 def optimum(task: GainTask, start: np.ndarray) -> Optimum | None:
-    """The optimum near the gains `start` under all scenarios; None if the steps do not settle."""
+    """The optimum near the gains `start` under all scenarios; None if not converged."""
     region = task.region
     limits = [jnp.asarray(x) for x in (region.unit, region.scale, region.lower, region.upper)]
     y, size = jnp.asarray(start / region.scale), jnp.asarray(TRUST)

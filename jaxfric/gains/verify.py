@@ -1,7 +1,7 @@
 """Check of gains by nonlinear simulation, in the hardest scenarios.
 
-Margins are linear and give no information on the largest disturbance from which a slider settles.
-The check simulates the standard starts and measures the size of the basin.
+Linear margins give no information on the largest disturbance from which a slider settles. The check
+simulates the standard starts and measures the size of the basin of attraction.
 """
 
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ STARTS = ("faster", "slower", "spring longer", "spring shorter", "at rest")
 
 @dataclass(frozen=True)
 class CheckedStart:
-    """How one start in one scenario ended. SI units; None for undefined numbers."""
+    """How the motion from one start in one scenario ended, in SI; None for undefined numbers."""
 
     scenario: dict
     start: str
@@ -43,7 +43,7 @@ class CheckedStart:
 
 @dataclass(frozen=True)
 class CheckReport:
-    """Counts of each kind of end over all simulated starts, and the size of the basin."""
+    """Number of simulated starts with each end state, and the size of the basin of attraction."""
 
     checked: int
     steady: int
@@ -58,7 +58,7 @@ class CheckReport:
 
 
 def choose(scenarios: Scenarios, slack: np.ndarray, *, number: int = 4) -> np.ndarray:
-    """Select scenarios of least slack, at most one a velocity, plus the slowest and the fastest."""
+    """Select scenarios of least slack, one for each velocity at most, and extreme velocities."""
     order = np.argsort(slack)
     _, first = np.unique(scenarios.velocity[order], return_index=True)
     hard = order[np.sort(first)][: max(number - 2, 1)]
@@ -102,7 +102,7 @@ _NAMES = ("steady", "limit_cycle", "escape", "unresolved")
 
 
 class JumpSizes(NamedTuple):
-    """Factors by which velocity may jump, one for each scenario."""
+    """Largest factors by which velocity may jump, one for each scenario."""
 
     up: np.ndarray
     """The slider settles after the command steps up from velocity/r, for every r up to this."""
@@ -113,10 +113,10 @@ class JumpSizes(NamedTuple):
 
 
 def jump_sizes(scenarios: Scenarios, gains: np.ndarray, *, largest: float = 10.0) -> JumpSizes:
-    """Largest velocity jumps to the velocity of each scenario, by two rounds of `FACTORS` factors.
+    """Find the largest velocity jumps after which the slider settles, in two rounds of factors.
 
-    The search misses a failure between two neighbouring factors of the first round that both
-    settle.
+    The search misses a failure between two neighbouring factors of the first round if the slider
+    settles at both factors.
     """
     number = len(scenarios)
     low, high = np.zeros((2, number)), np.full((2, number), np.inf)
@@ -152,10 +152,10 @@ def simulated(
     log_ratio: np.ndarray,
     stick: np.ndarray | float = 0.0,
 ) -> tuple[EndState, np.ndarray]:
-    """Simulate one start `kind` (`_start`) in each scenario; return the ends and their names.
+    """Simulate one start `kind` (`_start`) in each scenario; return end states and their names.
 
-    `gains` are (k_p, k_v), of all scenarios or a row for each. A simulation lasts 30 periods of the
-    slowest mode, or of `stick` [s] if that is longer.
+    `gains` are (k_p, k_v), one pair for all scenarios or one row for each scenario. A simulation
+    lasts 30 periods of the slowest mode, or of `stick` [s] if that is longer.
     """
     gains = np.broadcast_to(gains, (len(scenarios), 2))
     stick = np.broadcast_to(stick, len(scenarios))
@@ -195,12 +195,12 @@ def _start(rig: Rig, V: Array, kind: Array, ratio: Array) -> InitialState:
 
 
 def standard_starts(rig: Rig, V: Float[Array, ""]) -> list[InitialState]:
-    """The first four of `STARTS`, all moving: velocity 50 % higher or lower, and the load point
-    F/K ahead or behind, with F the law's `force_scale`.
+    """Return the first four of `STARTS`, in all of which the slider moves: velocity 50 % higher or
+    lower, and the load point F/K ahead or behind. F is the law's `force_scale`, K the stiffness.
 
-    With mass, a velocity start also lengthens (shortens) the spring by 1 % of F/K. Otherwise a
-    light slider would lose its velocity perturbation before it moves, and would stay on an unstable
-    steady motion forever. Without mass and dashpot the load point's jump multiplies a
+    With mass, a start with changed velocity also lengthens or shortens the spring by 1 % of F/K.
+    Otherwise a light slider would lose its velocity perturbation before it moves, and would stay on
+    an unstable steady motion forever. Without mass and dashpot the load point's jump multiplies a
     rate-and-state slider's velocity by e.
     """
     jump = rig.friction.force_scale() / rig.machine.stiffness

@@ -1,6 +1,6 @@
 """Linear stability of steady sliding: plant and kernel, theorem, delays, margins.
 
-The modules of this folder and the names below are loaded on first use:
+Modules and names such as the following are loaded on first use:
 `jaxfric.stability.linear.to_control`, `jaxfric.stability.stability_margin`.
 """
 

@@ -1,8 +1,8 @@
 """Curves, maps and root loci of linear stability, as numbers for tables and figures.
 
-All functions of this module take one law and arrays of velocities or gains. All are pure, jittable
-and vmapped. Forces are in newtons (or divided by the normal force); mass None is the quasi-static
-limit.
+All functions of this module take one law and arrays of velocities or gains. All functions are pure
+and work under jit; they map over the arrays by vmap. Forces are in newtons (or divided by the
+normal force); mass None is the quasi-static limit.
 """
 
 import dataclasses
@@ -51,7 +51,7 @@ class SteadyPoint(eqx.Module):
 
     @property
     def slope(self) -> Float[Array, " *n"]:
-        """f_v: instantaneous rise of friction with velocity (9) [force s/m]."""
+        """The instantaneous slope f_v of friction with velocity, equation (9) [force s/m]."""
         return self.friction.slope
 
     @property
@@ -61,7 +61,7 @@ class SteadyPoint(eqx.Module):
 
 
 def logarithmic(law: Law) -> Law:
-    """Replace a regularised direct effect by ln(V/V0) of (3)."""
+    """Replace a regularised direct effect by ln(V/V0) of equation (3)."""
     if isinstance(law, AbstractRateState):
         return eqx.tree_at(lambda law: law.direct, law, LogarithmicEffect())
     return law
@@ -82,12 +82,12 @@ def steady_point(law: Law, velocity: Float[Array, ""]) -> SteadyPoint:
 
 @eqx.filter_jit
 def steady_points(law: Law, velocities: Float[ArrayLike, " n"]) -> SteadyPoint:
-    """`steady_point` at every velocity [m/s]; undefined values are not finite."""
+    """Compute `steady_point` at every velocity [m/s]; undefined values are inf or nan."""
     return jax.vmap(lambda V: steady_point(law, V))(jnp.asarray(velocities, float))
 
 
 def needed_damping(friction: LinearFriction) -> Float[Array, ""]:
-    """Least k_v >= 0 for which every stiffness is stable [force s/m]: (19) has no solution."""
+    """Least k_v >= 0 [force s/m] at which every stiffness is stable: (19) has no solution."""
     return jnp.maximum(_largest_memory(friction.kernel) - friction.slope, 0.0)
 
 
@@ -109,7 +109,7 @@ def _largest_memory(kernel: AbstractKernel) -> Float[Array, ""]:
 def theorem_over_velocity(
     points: SteadyPoint, damping: Float[ArrayLike, ""], mass: Float[ArrayLike, ""] | None
 ) -> Theorem:
-    """(18)-(20) at every velocity with one k_v [force s/m] and one mass."""
+    """Apply the theorem (18)-(20) at every velocity, with one k_v [force s/m] and one mass."""
     return jax.vmap(lambda at: apply_theorem(_slider(at, mass, 0.0, damping)))(points.friction)
 
 
@@ -117,7 +117,7 @@ def theorem_over_velocity(
 def theorem_over_damping(
     friction: LinearFriction, damping: Float[ArrayLike, " v"], mass: Float[ArrayLike, ""] | None
 ) -> Theorem:
-    """(18)-(20) at one velocity with every k_v [force s/m]."""
+    """Apply the theorem (18)-(20) at one velocity, with every k_v [force s/m]."""
     return jax.vmap(lambda k_v: apply_theorem(_slider(friction, mass, 0.0, k_v)))(
         jnp.asarray(damping)
     )
@@ -132,7 +132,7 @@ def stability_map(
     delay: float | None = None,
     k_i: float | None = None,
 ) -> Bool[Array, "v p"]:
-    """Mask of stable steady sliding: rows are the values of k_v, columns those of k_p.
+    """Mask of stable steady sliding: rows are values of k_v, columns are values of k_p.
 
     `delay` [s] is the delay of the controller, and `k_i` [force/(m s)] its integral gain."""
 
@@ -181,7 +181,7 @@ def _slider(
 
 
 class Study(eqx.Module):
-    """Linear stability of one law over velocities, and in full at the hardest velocity."""
+    """Linear stability of one law: short over velocities, complete at the hardest velocity."""
 
     law: Law
     points: SteadyPoint
@@ -214,7 +214,7 @@ class Study(eqx.Module):
 
     @property
     def critical_interval(self) -> tuple[float, float] | None:
-        """The interval that contains k_cr [N/m] of 95 % of the samples, or None."""
+        """The interval that contains k_cr [N/m] of 95 % of the law's samples, or None."""
         if self.sampled is None:
             return None
         ends = np.percentile(np.asarray(self.sampled), (2.5, 97.5), method="nearest")
@@ -254,8 +254,9 @@ def study(
     """Compute the linear stability of a law at `velocities` [m/s]. SI units.
 
     A regularised direct effect is replaced by ln(V/V0), equation (3). The regularised effect
-    differs from ln(V/V0) near rest, and where steady friction is at most a few A. `delay` [s] is
-    the delay of the controller with the gains (k_p, k_v), and `k_i` [N/(m s)] its integral gain.
+    differs from ln(V/V0) only near rest, or if steady friction is at most a few times A. `delay`
+    [s] is the delay of the controller with the gains (k_p, k_v), and `k_i` [N/(m s)] its integral
+    gain.
 
     Raises
     ------
@@ -303,9 +304,10 @@ def study(
 
 
 def with_samples(found: Study, laws: Law) -> Study:
-    """Add k_cr of samples of the law (every array has a leading axis) to the study.
+    """Add the critical stiffness of each sample of the law to the study; arrays have a leading
+    axis.
 
-    A delay law has no k_cr; its study is returned unchanged.
+    A delay law has no critical stiffness; the study of a delay law is returned unchanged.
     """
     if found.delayed:
         return found

@@ -1,8 +1,8 @@
 """The rule that decides which statements on stability a measurement supports.
 
-A curve F(V) is fitted to steady runs or moving rows. The curve supports "any k_p > 0 is stable" in
-its speed range if its least slope exceeds two standard errors. The curve requires damping if its
-least slope is below minus two standard errors. The curve supports no statement
+The input is a friction curve F(V) fitted to steady runs or moving rows. The curve supports "any k_p
+> 0 is stable" in its speed range if its least slope exceeds two standard errors. The curve requires
+damping if its least slope is below minus two standard errors. The curve supports no statement
 
 - if the slope is not determined,
 - if runs or rows at low speed lie above the curve: friction falls there, but the curve does not,
@@ -12,8 +12,8 @@ A rate-and-state law is stable at any stiffness if every B is determined and not
 sum B exceeds two standard errors. A rate-and-state law has a critical stiffness if sum B - A
 exceeds two standard errors.
 
-The input is numbers, the output is a `Claim`. All forces are in one unit (N, N m or 1), and speeds
-are in m/s or rad/s.
+The functions of this module take numbers and return a `Claim`. All forces are in one unit (N, N m
+or 1), and speeds are in m/s or rad/s.
 """
 
 import math
@@ -35,7 +35,7 @@ stiffness exists. open: no statement is supported."""
 
 @dataclass(frozen=True)
 class Above:
-    """Slow runs or rows above a fitted curve; at their speeds friction falls with speed."""
+    """Slow runs or rows with friction above a fitted curve, so that friction falls with speed."""
 
     number: int
     speed: float
@@ -58,7 +58,7 @@ class Unseen:
 
 @dataclass(frozen=True)
 class Curve:
-    """The slope of a fitted curve of friction against speed, and the range of valid speeds."""
+    """The slope of a fitted curve of friction against speed, and its range of valid speeds."""
 
     slope: float
     """The least dF/d|V| from `slowest` to `fastest`."""
@@ -72,7 +72,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class Claim:
-    """The statement on stability that a measurement supports; reports put a `Claim` into words."""
+    """The statement on stability that a measurement supports."""
 
     kind: Kind
     reasons: tuple[str, ...] = ()
@@ -109,7 +109,7 @@ def rate_state_claim(
 ) -> Claim:
     """The claim that A and the amplitudes B of the states support.
 
-    error : standard error of A - sum B, from the full covariance; 0 if all were given.
+    error : standard error of A - sum B, from the full covariance; 0 if A and every B were given.
     determined : whether the record determines A, every B and (for a critical stiffness) every L.
     """
     difference = A - math.fsum(B)
@@ -127,7 +127,7 @@ def rate_state_claim(
 
 
 def held_with_trend(claim: Claim, with_trend: Sequence[float] | None) -> Claim:
-    """Keep a claim only if A - sum B keeps its sign, beyond two errors, with a fitted slip trend.
+    """Keep a claim only if A - sum B keeps its sign by two errors when a slip trend is fitted too.
 
     with_trend : A - sum B and its standard error in the fit with a trend; None: no such fit.
     """
@@ -152,15 +152,15 @@ def above_curve(
     """Find the slowest runs (or bins of rows) whose friction lies above a curve fitted to all runs.
 
     speed : signed [n]. excess : sgn V (F - curve), so that both directions count alike [n].
-    error : standard error of each [n], without the scatter between runs.
+    error : standard error of each friction value [n], without the scatter between runs.
 
     Outliers pull the fitted curve towards themselves. So a fit describes the excess by a step for
     the k slowest runs plus changes of Coulomb friction, viscous friction and offset. The k slowest
-    runs are those of both directions together, and those of each direction. The scatter between
-    runs, estimated from the residual, adds to the step's standard error. The function returns the k
-    with the largest ratio of step to error. The function returns None if noise alone exceeds the
-    largest ratio in more than 1 % of curves (Bonferroni over all k, Gaussian errors). The function
-    also returns None for fewer than 6 runs.
+    runs are selected from both directions together, and from each direction alone. The scatter
+    between runs, estimated from the residual, adds to the step's standard error. The function
+    returns the runs of that k whose step has the largest ratio to its error. The function returns
+    None if noise alone exceeds the largest ratio in more than 1 % of curves (Bonferroni over all k,
+    Gaussian errors). The function also returns None for fewer than 6 runs.
     """
     v, over, own = (np.asarray(x, float) for x in (speed, excess, error))
     if len(v) < FEWEST:

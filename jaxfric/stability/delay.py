@@ -13,17 +13,17 @@ solutions are
     w_n+ = (beta + 2 n pi)/alpha, n = 0, 1, 2, ...   k_n+ = m w^2 + r w   two roots become stable
     w_n- = (2 n pi - beta)/alpha, n = 1, 2, 3, ...   k_n- = m w^2 - r w   two roots become unstable
 
-as k_p grows through them. The paper's list (30) is incomplete. The list (30) starts at n = 1, so it
-leaves out w_0+, the first threshold of all. The list (30) has no -beta branch, so all its crossings
-are stabilising. Stabilising crossings alone cannot give the alternation of stability and
-instability that the paper's text describes. A delay law has no critical stiffness: one stable
-interval of k_p means infinitely many.
+The words at the right say what happens when k_p grows through k_n+ or k_n-. The paper's list (30)
+is incomplete. The list (30) starts at n = 1, so it leaves out w_0+, the first threshold of all. The
+list (30) has no -beta branch, so all its crossings are stabilising. With stabilising crossings
+alone, stability and instability could not alternate, as the paper's text describes. A delay law has
+no critical stiffness: one stable interval of k_p means infinitely many.
 
 All functions of this module are closed forms. A direct effect or any other instantaneous viscosity
 f_v of the law adds to k_v: pass the sum k_v + f_v. Units are SI (forces in newtons, or divided by
 the normal force): mass kg, k_p N/m, k_v and k_f N s/m, alpha s. Required: mass > 0, alpha >= 0.
-Either sign of k_f and any k_v are covered; k_f < 0 means that the steady curve rises. For k_f < 0
-the same formulas hold with beta = 2 pi - arccos(k_v / k_f). For |k_v| >= |k_f| there is no
+The formulas cover either sign of k_f and any k_v; k_f < 0 means that the steady curve rises. For
+k_f < 0 the same formulas hold with beta = 2 pi - arccos(k_v / k_f). For |k_v| >= |k_f| there is no
 crossing.
 """
 
@@ -35,11 +35,11 @@ from ..errors import InputError
 
 
 class Crossings(eqx.Module):
-    """Where roots lie on the imaginary axis: frequencies [rad/s] and stiffnesses k_p [N/m].
+    """Crossings of the imaginary axis by roots: frequencies [rad/s] and stiffnesses k_p [N/m].
 
     Branch `plus` holds n = 0 .. number-1, branch `minus` n = 1 .. number. All numbers are inf where
     the equation has no crossing (|k_v| >= |k_f|, or alpha = 0). A negative `minus_stiffness` is a
-    crossing that lies below every physical stiffness; it still counts in `unstable_roots`.
+    crossing below every physical stiffness, but `unstable_roots` counts this crossing.
     """
 
     plus_frequency: Float[Array, " number"]
@@ -97,10 +97,10 @@ def stable_intervals(
     For k_f > |k_v| the intervals are (k_n+, k_{n+1}-), n = 0, 1, ...; see
     `stable_stiffness_exists`. For k_f < -|k_v| the intervals are (0, k_1-), then (k_n+, k_{n+2}-).
     With k_v >= |k_f| the only interval is (0, inf); with k_v <= -|k_f| no interval exists. An
-    interval that does not exist is (inf, inf). With k_f < 0 the first interval may be the only
-    missing one. Otherwise all intervals are missing, or all after the first. Returns (lower,
-    upper), each of shape (number,), from scalars; differentiable. At k_v = |k_f| exactly, isolated
-    values of k_p are marginal.
+    interval that does not exist is (inf, inf). With k_f < 0 the first interval may be the only one
+    that does not exist. Otherwise either no interval exists, or only the first interval exists.
+    The function takes scalars and returns (lower, upper), each of shape (number,), which are
+    differentiable. At k_v = |k_f| exactly, isolated values of k_p are marginal.
     """
     found = crossings(mass, k_v, k_f, alpha, number=number)
     k_v, k_f = jnp.asarray(k_v), jnp.asarray(k_f)
@@ -121,10 +121,10 @@ def stable_stiffness_exists(
 ) -> Bool[Array, "*s"]:
     """Whether any k_p > 0 is stable.
 
-    For |k_v| < |k_f| the condition is m (2 pi - 2 beta)/alpha > sqrt(k_f^2 - k_v^2), with 4 pi - 2
-    beta for k_f < 0. The condition does not depend on n, so there are infinitely many stable
-    intervals or none. For k_v >= |k_f| all k_p > 0 are stable; for k_v <= -|k_f| none is stable.
-    Elementwise.
+    For |k_v| < |k_f| and k_f > 0 the condition is m (2 pi - 2 beta)/alpha > sqrt(k_f^2 - k_v^2).
+    For k_f < 0 the factor 2 pi - 2 beta becomes 4 pi - 2 beta. The condition does not depend on n,
+    so there are infinitely many stable intervals or none. For k_v >= |k_f| all k_p > 0 are stable;
+    for k_v <= -|k_f| none is stable. Elementwise.
     """
     exists, r, beta = _branch(jnp.asarray(k_v), jnp.asarray(k_f))
     gap = 2 * jnp.where(jnp.asarray(k_f) > 0, jnp.pi - beta, 2 * jnp.pi - beta)
@@ -144,8 +144,8 @@ def unstable_roots(
 
     For k_p > 0 the number is NU = NU_0 - 2 #{n: k_n+ < k_p} + 2 #{n: k_n- < k_p} with NU_0 = 2 if
     k_v < k_f, else 0. The crossings n are counted in closed form, from the frequencies at which
-    each branch reaches k_p. So there is no limit on k_p. Elementwise, all signs of k_p (a root at
-    exactly zero, as at k_p = 0, is not counted).
+    each branch reaches k_p. So k_p may be arbitrarily large, and of either sign. A root at exactly
+    zero, as at k_p = 0, is not counted. The function works elementwise.
     """
     mass, k_p, k_v, k_f, alpha = (jnp.asarray(x) for x in (mass, k_p, k_v, k_f, alpha))
     exists, r, beta = _branch(k_v, k_f)

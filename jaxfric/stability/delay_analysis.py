@@ -15,7 +15,7 @@ from .kernel import DelayKernel
 
 
 def delay_numbers(found: Study) -> tuple[float, Array, Array, Array]:
-    """m, k_v + f_v, k_f, alpha of a delay slider at the hardest velocity: arguments of `delay`."""
+    """Return m, k_v + f_v, k_f and alpha of a delay slider at the hardest velocity, for `delay`."""
     friction = found.here.friction
     kernel = friction.kernel
     if not isinstance(kernel, DelayKernel) or found.mass is None:
@@ -35,7 +35,7 @@ class DelaySummary(eqx.Module):
 
 @eqx.filter_jit
 def delay_summary(found: Study, *, number: int = 4) -> DelaySummary:
-    """The closed forms of `delay` at the hardest velocity (k_p = 0 if none is given)."""
+    """Evaluate the closed forms of `delay` at the hardest velocity (k_p = 0 if no k_p is given)."""
     mass, *rest = numbers = delay_numbers(found)
     lower, upper = stable_intervals(*numbers, number=number)
     k_p = found.k_p or 0.0

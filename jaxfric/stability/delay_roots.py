@@ -3,23 +3,26 @@
     F(s) = m s^2 + k_v s + k_p - k_f s exp(-alpha s) = 0          (11), (12) with (27), (29)
 
 Counting. Let P(s) = m s^2 + k_v s + k_p and L = k_f s exp(-alpha s)/P. The number of roots to the
-right of the line Re s = sigma is the sum of two numbers. One is the number of zeros of P to the
-right of the line. The other is the number of clockwise turns of L about 1 along the line. With s =
-sigma + i y, |L| = 1 is a quadratic equation for y^2, so |L| > 1 on at most one interval of y. The
-turns are the multiples of 2 pi that the phase of L passes on this interval. The phase of L is known
-in closed form. So roots are counted at any sigma, for any alpha, in constant time.
+right of the line Re s = sigma is the sum of two numbers. The first number counts the zeros of P to
+the right of the line. The second number counts the clockwise turns of L about 1 along the line.
+With s = sigma + i y, |L| = 1 is a quadratic equation for y^2, so |L| > 1 on at most one interval of
+y. The number of turns is the number of multiples of 2 pi that the phase of L passes on the interval
+where |L| > 1. The phase of L is known in closed form. So roots are counted at any sigma, for any
+alpha, in constant time.
 
 Finding. The k-th root from the right has the largest sigma with a count of k or more. Bisection
 gives the real part of a root, and the ends of the interval of y give the imaginary part. Newton
-steps give the last digits. For any alpha w no root can be missed, and the method has no parameter
-to tune.
+steps give the last digits. The method cannot miss a root, for any delay alpha and frequency w, and
+has no parameter to tune.
 
 Two alternatives were rejected. Spectral collocation of the infinitesimal generator needs an
-eigenvalue problem that grows with alpha w. (The tests compare with spectral collocation.) Newton's
-method from seeds on every branch of the logarithm is as fast, but cannot detect a missing root.
+eigenvalue problem that grows with alpha w. (The tests compare the roots with spectral collocation.)
+Newton's method from seeds on every branch of the logarithm is as fast, but cannot detect a missing
+root.
 
 Units: mass kg, k_p N/m, k_v and k_f N s/m, alpha s, roots 1/s. mass > 0, alpha >= 0; other signs
-are free. The arguments are scalars; vmap for more. The stated accuracy needs 64-bit numbers.
+are free. The arguments are scalars; vmap for more. The accuracy stated in `rightmost_roots` needs
+64-bit numbers.
 """
 
 from typing import NamedTuple
@@ -214,15 +217,15 @@ def rightmost_roots(
     *,
     number: int = 1,
 ) -> Complex[Array, " number"]:
-    """The `number` roots [1/s] with the largest real parts, in that order.
+    """The `number` roots [1/s] with the largest real parts, ordered from the largest real part.
 
-    In a complex pair the root with positive imaginary part comes first. The roots have full
-    precision for any alpha w (half the digits if two roots nearly coincide). If alpha (sqrt(k_p/m)
-    + (|k_v| + |k_f|)/m) exceeds about 1e6, the roots are so dense that rounding may replace one by
-    a neighbour or by a point between two. Derivatives of any order exist with respect to all five
-    arguments, by the implicit function theorem. The derivatives are nan if two roots coincide to
-    rounding. A root that does not exist is -inf; for alpha = 0 only two roots exist. Scalars in.
-    Raises `InputError` if `number` is less than 1.
+    Of a complex pair of roots, the root with positive imaginary part comes first. The roots have
+    full precision for any alpha w (half the digits if two roots nearly coincide). If alpha
+    (sqrt(k_p/m) + (|k_v| + |k_f|)/m) exceeds about 1e6, the roots are so dense that rounding may
+    replace one by a neighbour or by a point between two. Derivatives of any order exist with
+    respect to all five arguments, by the implicit function theorem. The derivatives are nan if two
+    roots coincide to rounding. A root that does not exist is -inf; for alpha = 0 only two roots
+    exist. All arguments are scalars. Raises `InputError` if `number` is less than 1.
     """
     if number < 1:
         raise InputError(f"rightmost roots: number is {number}; ask for at least 1")

@@ -20,8 +20,8 @@ def axis(slider: LinearSlider) -> Float[Array, " points"]:
     """Grid of frequencies around the frequencies of the kernel and the plant [rad/s].
 
     The phase of a delay is linear in w. So with a delay the grid also contains an equal number of
-    evenly spaced frequencies. The added frequencies end where the loop gain has fallen to about a
-    tenth.
+    evenly spaced frequencies. The evenly spaced frequencies end where the loop gain has fallen to
+    about 0.1.
     """
     kernel = slider.friction.kernel
     low, high = kernel.frequencies()
@@ -48,10 +48,10 @@ def crossings(
     number: int = CROSSINGS,
     wrapped: bool = False,
 ) -> tuple[Float[Array, " number"], Bool[Array, " number"]]:
-    """The lowest zeros of `function` of frequency, and a mask of the rows that hold a zero.
+    """Find the lowest zeros of a `function` of frequency; return zeros and a mask of valid rows.
 
     If `wrapped`, the function is an angle, and angles of +-pi count as zeros too. First and second
-    derivatives follow the implicit function theorem; higher derivatives are wrong.
+    derivatives of a zero follow the implicit function theorem; higher derivatives are wrong.
     """
     value = jax.lax.stop_gradient(jax.vmap(function)(grid))
     target = jnp.zeros_like(value)
@@ -94,8 +94,8 @@ def crossings(
 def smallest(
     slider: LinearSlider, function: Callable[[Float[Array, ""]], Complex[Array, ""]]
 ) -> Float[Array, " minima"]:
-    """Refined squared magnitudes of the lowest minima of |function| over the grid, the smallest
-    included. Derivatives of the squares are exact up to third order."""
+    """Refined squared magnitudes of the lowest minima of |function| over the grid, including the
+    global minimum. Derivatives of the squared magnitudes are exact up to third order."""
     grid = axis(slider)
 
     def square(x: Float[Array, ""]):
@@ -135,8 +135,8 @@ def encirclements(slider: LinearSlider) -> Int[Array, ""]:
     """Number of unstable poles, from the phase of the characteristic function (Mikhailov).
 
     From w = 0 to infinity the phase changes by pi/2 times the order minus pi times the number of
-    unstable poles. Known limits extend the grid: the function is real at w = 0, and m s^2 or d s at
-    infinity.
+    unstable poles. Known limits extend the grid of frequencies: the characteristic function is real
+    at w = 0, and approaches m s^2 or d s at infinity.
     """
     grid = axis(slider)
     value = jax.vmap(lambda w: slider.characteristic(1j * w))(grid)

@@ -5,8 +5,8 @@
 
 V is the perturbation of velocity. Stability depends on a friction law only through f_v and g. A
 kernel g has the unit force/m. The transform G has the unit force s/m, as f_v has. The kernel of a
-law with states has a rational transform. A `FunctionKernel` is any function of time, and the kernel
-of a delay is an impulse.
+law with states has a rational transform. A `FunctionKernel` is any function of time. The kernel of
+a delay law is an impulse.
 """
 
 import abc
@@ -24,11 +24,11 @@ from . import polynomial as poly
 
 
 class AbstractKernel(eqx.Module):
-    """A memory kernel. The generic theorem needs only `transform` and `frequencies`."""
+    """A memory kernel; the theorem of Rice and Ruina uses only its methods."""
 
     @abc.abstractmethod
     def transform(self, s: Complex[Array, ""]) -> Complex[Array, ""]:
-        """G(s), for Re s >= 0."""
+        """The transform G(s), for Re s >= 0."""
 
     @abc.abstractmethod
     def frequencies(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
@@ -163,6 +163,6 @@ def _legendre_moments(z: Complex[Array, " p"], order: int) -> Complex[Array, "p 
 
 
 def kernel_total(kernel: AbstractKernel) -> Float[Array, ""]:
-    """int_0^inf g dt = G(0): the instantaneous minus the steady response to velocity."""
+    """int_0^inf g dt = G(0), the instantaneous minus the steady slope of friction with velocity."""
     zero = jnp.zeros(()) * 1j
     return kernel.transform(zero).real

@@ -5,10 +5,10 @@
     1 + P F = 0:  m s^2 + (k_v + f_v) s + k_p - s G(s) = 0
 
 A sampled controller has a delay T, which replaces k_v s + k_p by (k_v s + k_p) exp(-T s). The
-zero-order hold of one sample h delays by h/2, the computation by h, so T = 1.5 h
-(`sampling_delay`). Polynomials use Pade's approximant of order 4 for exp(-T s). The approximant has
-a phase error of 3e-6 rad at w T = 1.6 and 8e-4 rad at w T = 3 (J. E. Marshall, Control of
-Time-Delay Systems, 1979).
+zero-order hold of one sample time h delays the force by h/2, and the computation by h. So the delay
+is T = 1.5 h (`sampling_delay`). Polynomials use Pade's approximant of order 4 for exp(-T s). The
+approximant has a phase error of 3e-6 rad at w T = 1.6 and 8e-4 rad at w T = 3 (J. E. Marshall,
+Control of Time-Delay Systems, 1979).
 
 A PID controller, k_v s + k_p + k_i/s, raises the order of the characteristic equation by one:
 
@@ -50,7 +50,7 @@ class LinearFriction(eqx.Module):
     """f_x, slope of friction with slip [force/m]."""
 
     def transfer(self, s: Complex[Array, ""]) -> Complex[Array, ""]:
-        """F(s) = f_v - G(s)   (12) [force s/m]; without the trend."""
+        """Friction F(s) = f_v - G(s), equation (12) [force s/m], without the trend f_x."""
         return self.slope - self.kernel.transform(s)
 
 
@@ -96,11 +96,12 @@ class LinearSlider(eqx.Module):
         return jnp.zeros_like(self.stiffness) if self.mass is None else self.mass
 
     def polynomials(self) -> tuple[Array, Array, Array]:
-        """(characteristic, controller, load) times D(s), ascending: loop = controller/load.
+        """Polynomials (characteristic, controller, load) times D(s), with ascending coefficients.
+        The loop is controller/load.
 
-        For rational kernels only. The degree is the number of states plus 2, or plus 1 without
-        mass. A controller delay adds 4. Integral action multiplies controller and load by s, which
-        adds 1.
+        The polynomials exist for rational kernels only. The degree of the characteristic polynomial
+        is the number of states plus 2, or plus 1 without mass. A controller delay adds 4 to the
+        degree. Integral action multiplies controller and load by s, which adds 1 to the degree.
         """
         kernel = self.friction.kernel
         if not isinstance(kernel, StateSpaceKernel):
@@ -138,7 +139,7 @@ class Setting(eqx.Module):
 
 
 def integral_gain(value: float | None) -> float | None:
-    """Return k_i of a controller, None (no integral action) for 0.
+    """Return the integral gain k_i of a controller; None (no integral action) for 0.
 
     Raises
     ------
@@ -150,17 +151,19 @@ def integral_gain(value: float | None) -> float | None:
 
 
 def sampling_delay(sample_time: ArrayLike) -> Float[Array, ""]:
-    """Delay T = 1.5 h [s] of a controller with sample time h [s]: h/2 from the zero-order hold, h
-    from computing. A velocity from differences lags by a further h/2, which is not included."""
+    """Delay T = 1.5 h [s] of a controller with sample time h [s]: h/2 from the zero-order hold, and
+    h from computing. A velocity computed from differences lags by a further h/2, which T does not
+    include."""
     return 1.5 * jnp.asarray(sample_time, float)
 
 
 def controller_delay(sample_time: float | None, delay: float | None) -> float | None:
-    """Return T [s] of a controller from its sample time or its delay [s]; None without either.
+    """Return the delay T [s] of a controller from its sample time or its delay [s]; None if neither
+    is given.
 
     Raises
     ------
-    InputError : both are given, or one is not positive.
+    InputError : both times are given, or a time is not positive.
     """
     if sample_time is not None and delay is not None:
         raise InputError(
@@ -232,7 +235,7 @@ def refuse_without_steady_state(velocity: ArrayLike, found: PyTree) -> None:
 def linearise(rig: Rig, velocity: ArrayLike | str) -> LinearSlider:
     """Linearise a rig at a steady `velocity` [m/s] or "2 mm/s". Jittable and vmappable.
 
-    The drive is outside the loop: it shapes the command and does not affect stability.
+    The drive is outside the loop: the drive shapes the command and does not affect stability.
 
     Raises
     ------

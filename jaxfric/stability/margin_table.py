@@ -1,9 +1,9 @@
 """The table of stability margins, with one entry for each margin.
 
-To add a margin, write its function and its entry in the table. All users of the table then include
-the margin: `stability_margin`, `jaxfric stability`, requirements of `jaxfric gains`, outputs of a
-study, figures and help texts. Each entry only names its function. So importing the table does not
-load JAX, and the command's help stays fast.
+To add a margin, write its function and an entry in this table. The following parts of jaxfric then
+include the margin: `stability_margin`, `jaxfric stability`, requirements of `jaxfric gains`,
+outputs of a study, figures and help texts. Each entry of the table gives only the name of a
+function. So importing the table does not load JAX, and `jaxfric --help` stays fast.
 """
 
 import math
@@ -15,7 +15,7 @@ from ..errors import InputError
 
 @dataclass(frozen=True)
 class Margin:
-    """Name and meaning of a margin, its requirements, and the function that computes it."""
+    """Name and meaning of a margin, conditions for using it, and the function that computes it."""
 
     unit: str
     limit: float
@@ -86,7 +86,7 @@ MARGINS: dict[str, Margin] = {
 
 
 def known_margin(name: str) -> Margin:
-    """Look up the margin `name`.
+    """Return the entry of the margin `name`.
 
     Raises
     ------
@@ -118,5 +118,5 @@ def refuse_meaningless(names: Iterable[str], *, late: bool, integral: bool) -> N
 
 
 def named_with_units() -> str:
-    """All names with their units, if any: "decay (1/s), damping"."""
+    """List the names of all margins with their units, if any, such as "decay (1/s), damping"."""
     return ", ".join(n if m.unit == "1" else f"{n} ({m.unit})" for n, m in MARGINS.items())

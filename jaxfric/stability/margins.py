@@ -1,15 +1,16 @@
 """Stability margins of a linearised slider, vmappable and differentiable; `MARGINS` lists them.
 
 L is the loop opened at the actuator, (k_v s + k_p)/(m s^2 + s F(s) + f_x), for a PID controller
-with k_p + k_i/s in place of k_p. L(i w) is evaluated from w = 0 to infinity, both included. If L
-never reaches -1 in the way that a margin considers, that margin is inf.
+with k_p + k_i/s in place of k_p. The loop L(i w) is evaluated from w = 0 to infinity, both
+included. Each margin considers one way to move L to -1, such as a factor or a delay. If L cannot
+reach -1 in this way, the margin is inf.
 
 For an unstable slider every margin is beyond its limit. An unstable slider has negative margins
-decay and damping, and a stiffness margin below 1. A stable slider may have a stiffness margin below
-1 too, if (19) has several solutions. The margins modulus and phase of an unstable slider are minus
-the distance or angle of L from -1. The gain margin is 1 over the factor that moves L to -1, or 0 if
-no factor does. The delay margin is minus the smallest advance that moves L to -1. Every margin
-passes its limit, 0 or 1, continuously, with one exception. The delay margin jumps if a delay would
+decay and damping, and a stiffness margin below 1. If (19) has several solutions, a stable slider
+may have a stiffness margin below 1 too. The margins modulus and phase of an unstable slider are
+minus the distance or angle of L from -1. The gain margin is 1 over the factor that moves L to -1,
+or 0 if no factor does. The delay margin is minus the smallest advance that moves L to -1. Every
+margin except delay passes its limit, 0 or 1, continuously. The delay margin jumps if a delay would
 stabilise the slider.
 
 Every margin except stiffness includes a controller delay (`LinearSlider.delay`). The stiffness
@@ -17,13 +18,13 @@ margin is undefined with a delay, because the theorem applies to springs. The de
 delay allowed in addition to the controller delay T. Compared with a dense scan, margins are
 accurate to 1e-4 if L crosses at frequencies w < 2/T.
 
-Without mass and with k_v > |f_v|, |L| > 1 at the highest frequencies. Then any delay makes the
-slider unstable, and the delay margin is 0. The mass of a real actuator removes this effect.
+For a slider without mass and with k_v > |f_v|, |L| > 1 at the highest frequencies. Any delay makes
+such a slider unstable, and the delay margin is 0. In a real actuator, mass removes this effect.
 
 For rational kernels all margins are exact, from roots of polynomials. For other kernels (a delay, a
 function of time) a grid of frequencies is searched and refined. Poles of a delay law come from
-`stability.delay_roots` and need a mass. Poles are not available for a kernel given as a function of
-time.
+`stability.delay_roots` and need a mass. For a kernel given as a function of time no poles are
+computed.
 
 All margins need 64-bit numbers. In single precision, squares of polynomials in SI units overflow,
 and the margins phase, delay and modulus would be silently wrong.
@@ -50,7 +51,7 @@ from .theorem import apply_theorem
 
 
 class Crossing(NamedTuple):
-    """Frequencies at which the loop crosses a curve; `some` is False in rows without a crossing."""
+    """Frequencies at which L crosses a curve; `some` is False in rows without a crossing."""
 
     frequency: Float[Array, " n"]
     real: Float[Array, " n"]
@@ -63,7 +64,7 @@ def stability_margin(name: str, slider: LinearSlider) -> Float[Array, ""]:
 
     Raises
     ------
-    InputError : no such margin, one that is not available for the kernel, or single precision.
+    InputError : no such margin, a margin that is not available for the kernel, or single precision.
     """
     known_margin(name)
     return several((name,), slider)[name]
@@ -92,7 +93,7 @@ def available(slider: LinearSlider) -> tuple[str, ...]:
 
 
 def several(names: Iterable[str], slider: LinearSlider) -> dict[str, Float[Array, ""]]:
-    """Compute several margins by name, from one analysis; raises as `stability_margin`."""
+    """Compute several margins by name, from one analysis; errors as in `stability_margin`."""
     analysis, asked = Analysis(slider), tuple(names)
     refuse_meaningless(asked, late=slider.delay is not None, integral=slider.integral is not None)
     return {name: pkgutil.resolve_name(MARGINS[name].function)(analysis) for name in asked}
@@ -198,8 +199,8 @@ def decay(of: Analysis) -> Float[Array, ""]:
 def damping(of: Analysis) -> Float[Array, ""]:
     """min over the poles of -Re s/|s|, the damping ratio.
 
-    A delay law has infinitely many poles, whose damping ratios approach 0: only the rightmost pole
-    counts.
+    A delay law has infinitely many poles, and their damping ratios approach 0. So for a delay law
+    only the rightmost pole counts.
     """
     return _least(damping_ratios(of))
 
@@ -220,11 +221,11 @@ def modulus(of: Analysis) -> Float[Array, ""]:
 
 
 def squared_distances(of: Analysis) -> Float[Array, " n"]:
-    """|1 + L(i w)|^2 at every w that may be its minimum, w = 0 and infinity last.
+    """|1 + L(i w)|^2 at every frequency w of a possible minimum; w = 0 and infinity come last.
 
     |1 + L|^2 = 1 + Q/M with Q = |C|^2 + 2 Re(C conj W), M = |W|^2, L = C/W. At a minimum Q' M = Q
-    M', a polynomial in y = w^2. Every y > 0 gives an upper bound of the minimum, so spurious roots
-    are harmless. Rows without a root are inf.
+    M', which is a polynomial equation in y = w^2. Every y > 0 gives an upper bound of the minimum,
+    so spurious roots of the polynomial are harmless. Rows without a root are inf.
     """
     if not isinstance(of.slider.friction.kernel, StateSpaceKernel):
         square = smallest(of.slider, lambda w: 1 + of.slider.loop(1j * w))
@@ -249,7 +250,7 @@ def squared_distances(of: Analysis) -> Float[Array, " n"]:
 
 
 def gain(of: Analysis) -> Float[Array, ""]:
-    """Smallest factor that, multiplying or dividing L, moves it to -1."""
+    """Smallest factor > 1 that moves L to -1 when it multiplies or divides L."""
     at = of.real
     L, finite = _ends(of.slider)
     real = jnp.concatenate([at.real, L])

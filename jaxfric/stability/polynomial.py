@@ -1,6 +1,7 @@
 """Roots of real polynomials in batches, and the polynomial arithmetic that margins need.
 
-Coefficients ascend: c[k] multiplies s^k. All functions take one polynomial; batch with vmap.
+Coefficients ascend: c[k] multiplies s^k. All functions of this module take one polynomial; use vmap
+for a batch.
 """
 
 import functools
@@ -20,10 +21,11 @@ def roots(c: Float[Array, " n+1"]) -> Complex[Array, " n"]:
 
     Up to degree 2 the roots are closed forms. Above degree 2, the simultaneous iteration of Aberth
     and Ehrlich starts from radii given by the Newton polygon (Bini 1996, doi:10.1007/BF02207694).
-    The iteration needs no matrix, so a batch is one loop over plain arrays. Roots may differ from
-    the root of middle size by factors up to 10^(140/n). Derivatives of any order follow from ds =
-    -sum dc[k] s^k / p'(s); at infinity they are 0. For nearly double roots the derivatives are
-    unreliable (0 if p'(s) is 0): see `simple_roots`.
+    The Aberth-Ehrlich iteration needs no matrix, so a batch is one loop over plain arrays. The
+    magnitude of a root may differ from the median magnitude by a factor up to 10^(140/n).
+    Derivatives of a root, of any order, follow from ds = -sum dc[k] s^k / p'(s). Derivatives of a
+    root at infinity are 0. For nearly double roots the derivatives are unreliable (0 if p'(s) is
+    0); see `simple_roots`.
     """
     n = c.shape[0] - 1
     if n == 0:
@@ -46,14 +48,14 @@ def _roots_jvp(primals: tuple[Array], tangents: tuple[Array]):
 
 
 def simple_roots(c: Float[Array, " n+1"]) -> Complex[Array, " n"]:
-    """`roots`, with nan derivatives for `double` roots."""
+    """Return `roots`, with nan derivatives for `double` roots."""
     s = roots(c)
     meets = double(c, s)
     return root_without_derivative(s, meets, lambda s: value(c, s))
 
 
 def double(c: Float[Array, " n+1"], s: Complex[Array, " n"]) -> Bool[Array, " n"]:
-    """Which roots s of a polynomial are double to rounding, and so have no derivative.
+    """Mark the roots s of a polynomial that are double to rounding, and so have no derivative.
 
     A relative change of coefficients by 2e-14 makes two `double` roots coincide.
     """
@@ -63,7 +65,7 @@ def double(c: Float[Array, " n+1"], s: Complex[Array, " n"]) -> Bool[Array, " n"
 
 
 def positive_roots(c: Float[Array, " n+1"]) -> tuple[Float[Array, " n"], Bool[Array, " n"]]:
-    """Real parts of the real positive roots (1 for all others), and a mask of these roots."""
+    """Real parts of the real positive roots (1 for all other roots), and a mask of them."""
     s = simple_roots(c)
     real = (jnp.abs(s.imag) <= REAL * jnp.abs(s)) & (s.real > 0) & jnp.isfinite(s.real)
     real = real & (s.real < LARGEST)
@@ -73,7 +75,7 @@ def positive_roots(c: Float[Array, " n+1"]) -> tuple[Float[Array, " n"], Bool[Ar
 def is_hurwitz(c: Float[Array, " n+1"]) -> Bool[Array, ""]:
     """Whether all roots have negative real parts, by the signs of Routh's first column.
 
-    A leading zero counts as the limit of a small positive number.
+    A leading coefficient of zero counts as the limit of a small positive number.
     """
     c = jnp.where(c[-1] < 0, -c, c)
     if c.shape[0] == 1:

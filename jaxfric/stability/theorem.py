@@ -3,11 +3,11 @@
     k_v + f_v = int g cos(w_n t) dt                                               (19)
     k(w_n) = m w_n^2 + w_n int g sin(w_n t) dt,   k_cr = max_n k(w_n)              (20)
 
-For k_p > k_cr steady sliding is asymptotically stable. The theorem has three hypotheses, of which
-the note states only the third. First, g is integrable and piecewise continuous; then G is bounded
-for Re s >= 0 and vanishes at infinity. Second, f_v + k_v > 0; otherwise critical frequency and
-stiffness are infinite. Third, f_v + k_v < int g, which is (18); otherwise damping may suffice.
-`Theorem` records which hypotheses hold.
+For k_p > k_cr steady sliding is asymptotically stable. The theorem has three hypotheses; the 1994
+note states only the third. The first hypothesis is that g is integrable and piecewise continuous,
+so that G is bounded for Re s >= 0 and vanishes at infinity. The second hypothesis is f_v + k_v > 0;
+otherwise critical frequency and stiffness are infinite. The third hypothesis is (18), f_v + k_v <
+int g; otherwise damping may suffice. `Theorem` records which hypotheses hold.
 
 Sources: (18)-(20) of the 1994 note; Rice & Ruina (1983, doi:10.1115/1.3167042).
 """
@@ -26,7 +26,7 @@ from .thresholds import BEYOND_KERNEL
 
 
 class Theorem(eqx.Module):
-    """(18)-(20) for one slider. Stiffness is k_p + f_x, in force/m; frequency in rad/s."""
+    """Results of (18)-(20) for one slider: stiffness k_p + f_x [force/m], frequency [rad/s]."""
 
     frequencies: Float[Array, " n"]
     """All solutions w_n of (19), padded with inf."""
@@ -49,7 +49,7 @@ class Theorem(eqx.Module):
 
     @property
     def holds(self) -> Bool[Array, ""]:
-        """Whether all hypotheses hold, so that k_cr is the theorem's."""
+        """Whether all hypotheses hold, so that the theorem gives k_cr."""
         return self.integrable & self.damped & self.underdamped & self.complete
 
 
@@ -61,7 +61,7 @@ def rice_ruina_criterion(
     number: int = 4,
     points: int = 512,
 ) -> Theorem:
-    """Apply the theorem to a kernel. Jittable, vmappable, differentiable.
+    """Apply the theorem to a kernel, as a function that jit, vmap and derivatives accept.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def rice_ruina_criterion(
 
 
 def apply_theorem(slider: LinearSlider) -> Theorem:
-    """Apply the theorem to a linearised slider; its own k_p has no influence."""
+    """Apply the theorem to a linearised slider; the slider's k_p has no influence."""
     friction = slider.friction
     return rice_ruina_criterion(friction.kernel, friction.slope + slider.damping, slider.inertia())
 
@@ -108,10 +108,10 @@ def apply_theorem(slider: LinearSlider) -> Theorem:
 def critical_stiffness(law: AbstractRateState) -> Float[Array, ""]:
     """Critical stiffness of a massless, undamped slider: (25) with m = k_v = 0 [force/m].
 
-    For one state the critical stiffness is (B - A)/L. For other laws the critical stiffness follows
-    from (18)-(20) at V0. For several states the critical stiffness does not depend on velocity. If
-    the critical stiffness is zero or negative, every positive stiffness is stable. Derivatives of
-    any order are exact.
+    For one state the critical stiffness is (B - A)/L. For every other law the critical stiffness
+    follows from (18)-(20) at the velocity V0. For several states the critical stiffness does not
+    depend on velocity. If the critical stiffness is zero or negative, every positive stiffness is
+    stable. Derivatives of any order are exact.
     """
     if isinstance(law, RateState) and law.B.shape[0] == 1:
         return (law.B[0] - law.A) / law.L[0]
@@ -141,11 +141,13 @@ def critical_points(
     number: int,
     points: int,
 ) -> tuple[Float[Array, " number"], Float[Array, " number"], Bool[Array, ""]]:
-    """The `number` lowest w_n [rad/s] and k(w_n) [force/m] of (19)-(20), and whether these are all.
+    """The `number` lowest w_n [rad/s] and k(w_n) [force/m] of (19)-(20), and whether the list is
+    complete.
 
-    The arrays are padded with inf and -inf. For any kernel, the w_n are searched on `points`
-    frequencies, then refined with transforms of the kernel. First and second derivatives follow the
-    implicit function theorem. A w_n at which Re G only touches f_v + k_v has no derivatives.
+    The arrays of w_n and k(w_n) are padded with inf and -inf. The function searches w_n on `points`
+    frequencies, then refines each w_n with the transform of the kernel. First and second
+    derivatives follow the implicit function theorem. A w_n at which the curve Re G(i w) only
+    touches f_v + k_v has no derivatives.
     """
     low, high = jax.lax.stop_gradient(kernel.frequencies())
     grid = jnp.exp(

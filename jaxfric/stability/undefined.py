@@ -1,4 +1,4 @@
-"""Make undefined derivatives nan, but only in the members of a batch that lack them."""
+"""Make undefined derivatives nan, without changing other members of a batch."""
 
 from collections.abc import Callable
 
@@ -37,9 +37,9 @@ def root_without_derivative(
 ) -> Inexact[Array, " n"]:
     """Return the roots of an equation with nan derivatives `where`.
 
-    The given derivative may be 0 where it does not exist, and `undefined` would keep the 0. So the
-    function adds the derivative of the equation at the root. This derivative is 0 only for changes
-    that do not move the root.
+    The given derivative of a root may be 0 although no derivative exists, and `undefined` would
+    keep this 0. So the function adds the derivative of the equation at the root. The derivative of
+    the equation is 0 only for changes that do not move the root.
     """
     fixed = jax.lax.stop_gradient(jnp.where(where, root, 0.0))
     moved = jnp.where(where, equation(fixed), 0.0)
@@ -52,7 +52,8 @@ def is_double(
     """Whether a root s of f is double to rounding e: |f'|^2 <= 2 e |f''| sum|terms of f| at s.
 
     Near a double root f = f''/2 ((x - a)^2 - d^2) has |f'| = |f'' d|, so a change of f by
-    |f'|^2/(2 |f''|) makes the two roots coincide. Rounding of the terms changes f by as much.
+    |f'|^2/(2 |f''|) makes the two roots coincide. Rounding of the terms of f changes f by a similar
+    amount.
     """
     rounding = ROUNDINGS * jnp.finfo(terms.dtype).eps
     return jnp.abs(slope) ** 2 <= 2 * rounding * jnp.abs(curvature) * terms
