@@ -1,4 +1,4 @@
-"""The tables [axes] and [samples] of a study.toml: the varied parameters."""
+"""Read the varied parameters of a study.toml, from its tables [axes] and [samples]."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -135,7 +135,8 @@ def _draws(axis: Table, path: Path, where: str, files: dict[str, str]) -> Normal
 def posterior(
     content: Table, path: Path, grid: Grid
 ) -> tuple[str | None, dict[str, float], tuple[str, ...]]:
-    """Return law, parameters and warnings of the fit of an axis `from`.
+    """Return law, parameters and warnings of the fit that an axis names by `from`. The result
+    leaves out parameters that the axis draws from the posterior.
 
     Parameters that the axis draws are left out.
     """
@@ -155,9 +156,11 @@ def posterior(
 
 
 def parameters_of(source: LawSource) -> tuple[str | None, dict[str, float]]:
-    """Return name and parameters (SI) of a rate-and-state law, with the names of a study.
+    """Return name and parameters (SI) of a rate-and-state law; parameters have the names of a
+    study.
 
-    For another law the name is None, and the parameters are the mass or none.
+    For a law other than rate-and-state the name is None, and the only parameter is the mass, if
+    given.
     """
     law, kind = source.law, name_of(source.law)
     if kind is None or not isinstance(law, AbstractRateState):

@@ -1,6 +1,6 @@
-"""The computations of a study, one entry each, for study.toml, outputs and runs.
+"""The table of the computations of a study, with one entry for each computation.
 
-To add one, write a function that makes its `StudyPart`, and add an entry here.
+To add a computation, write a function that makes its `StudyPart`, and add an entry to this table.
 """
 
 from .margins import make_margins

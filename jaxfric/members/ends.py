@@ -1,10 +1,10 @@
 """End state of a massless slider after a step of the command, determined during the simulation.
 
-The rules are those of `gains.ends.classify`, but with running maxima. No motion is stored, so that
-a million simulations under `vmap` need little memory. A cycle begins where the velocity rises
-through the command; there the slip deviates most. The simulation stops early in two cases: a
-linearly stable slider very close to steady sliding, and a linearly unstable one whose cycles
-repeat.
+The module classifies an end state by the rules of `gains.ends.classify`, but with running maxima.
+No motion is stored, so that a million simulations under `vmap` need little memory. A cycle begins
+when the velocity rises through the commanded velocity. At this time the slip deviates most. The
+simulation of a linearly stable slider stops early very close to steady sliding. The simulation of a
+linearly unstable slider stops early if its cycles repeat.
 """
 
 from typing import NamedTuple
@@ -102,8 +102,8 @@ def end_of(
 ) -> Ends:
     """Simulate a massless slider commanded to move at `velocity` [m/s]; return its end state.
 
-    horizon : time to settle [s], after the time that the load point needs to compensate the
-        elongation of `start`.
+    horizon : time to settle [s]. The time in which the load point compensates the elongation of
+        `start` is added.
     decay : rate of the slowest linear mode [1/s], positive if steady sliding is stable.
     """
     motion = PiecewiseVelocity(jnp.zeros_like(velocity)[None], velocity[None])
@@ -289,6 +289,6 @@ def _numbers(velocity: Array, seen: _SeenEnds, code: Array) -> Ends:
 def horizon_of(
     slowest: Array, force_scale: Array, stiffness: Array, velocity: Array
 ) -> Float[Array, " *n"]:
-    """Return thirty periods of the slowest mode [1/s], or of stick during changes of force."""
+    """Return thirty periods [s] of the slowest mode or, if longer, of stick-slip."""
     stick = 2 * force_scale / (stiffness * velocity)
     return PERIODS * jnp.maximum(2 * jnp.pi / slowest, stick)

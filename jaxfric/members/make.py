@@ -1,4 +1,4 @@
-"""Make the function, grid and outputs of a study from its study.toml, and run it."""
+"""Make the function, grid and outputs of a study from its study.toml, and run the study."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -99,7 +99,7 @@ def run_study(
 ) -> "xarray.Dataset":
     """Run or continue the study of a study.toml; return its store as an xarray Dataset.
 
-    Warnings of its laws are reported at the start, and stored in the attribute "warnings".
+    Warnings on the friction laws are reported at the start, and stored in the attribute "warnings".
 
     Raises
     ------

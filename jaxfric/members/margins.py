@@ -24,7 +24,7 @@ STABILITY = {
 
 @dataclass(frozen=True, eq=False)
 class LinearStability:
-    """Margins, critical stiffness, and stability of steady sliding, with mass."""
+    """Margins, critical stiffness and stability of steady sliding, for sliders with mass."""
 
     sliders: Sliders
 
@@ -46,7 +46,7 @@ class LinearStability:
 
 
 def make_margins(spec: Spec, table: Table, where: str) -> StudyPart:
-    """Make the part of `compute = ["margins"]`, whose table must be empty."""
+    """Make the study part of `compute = ["margins"]`; its table [margins] must be empty."""
     refuse_unknown(table, (), where)
     outputs = (
         Output("stability", long_name="linear stability", codes=STABILITY),

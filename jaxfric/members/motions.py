@@ -1,7 +1,8 @@
 """Motions of many sliders after a step of the command: end states, and friction over time.
 
 For massless sliders under the slip and ageing laws `members.ends` determines the end state during
-the simulation. For other sliders `gains.settle` stores all steps, and takes about 20 times as long.
+the simulation. For other sliders `gains.settle` stores all steps of the solver, and takes about 20
+times as long as `members.ends`.
 """
 
 import functools
@@ -64,7 +65,7 @@ _LEFT = 1e4
 
 
 def traces(samples: int) -> tuple[Output, ...]:
-    """Return the outputs of the motion over time, at `samples` times."""
+    """Return the outputs that hold the motion at a number `samples` of times."""
     part = Axis("part", np.arange(1, samples + 1) / samples, "1", "time over the duration")
     return (
         Output("trace", long_name="whether the whole motion was simulated", codes=TRACE),
@@ -76,7 +77,7 @@ def traces(samples: int) -> tuple[Output, ...]:
 
 @dataclass(frozen=True, eq=False)
 class Motions:
-    """Motions after a step of the command by `ratio`, to V0.
+    """Motions after a step of the commanded velocity by the factor `ratio`, to V0.
 
     wanted : names of outputs.
     inertia : whether the simulation includes mass.
@@ -103,14 +104,15 @@ class Motions:
 
     @property
     def slow(self) -> bool:
-        """Whether motions need the general solver."""
+        """Whether the motions need the general solver, which is slow."""
         return self.inertia or not streamed(self.sliders.law)
 
     def cost(self, varied: Parameters) -> Array:
         """Estimate the number of solver steps of a member, for sorting.
 
-        A stable slider is simulated until its slowest mode has decayed, an unstable one for about
-        ten cycles. A motion over time needs more steps if k_p/k_cr is smaller.
+        A stable slider is simulated until its slowest mode has decayed. An unstable slider is
+        simulated for about ten cycles. If motion over time is an output, a smaller k_p/k_cr needs
+        more steps.
         """
         p = self.sliders.parameters(varied)
         if _ENDINGS & set(self.wanted):
@@ -247,11 +249,11 @@ def _coded(found: Mapping[str, Array], code: Array) -> dict[str, Array]:
 
 
 def make_motions(spec: Spec, table: Table, where: str) -> StudyPart:
-    """Make the part of `compute = ["simulate"]` from its table [simulate].
+    """Make the study part of `compute = ["simulate"]` from the table [simulate].
 
     Raises
     ------
-    InputError : an unknown key, an invalid value, a motion that is unique only with mass.
+    InputError : an unknown key, an invalid value, a motion that is defined only with mass.
     """
     function = _function(spec, table, where)
     end = replace(ENDINGS[0], long_name=f"end of the motion after {_step(spec, function)}")

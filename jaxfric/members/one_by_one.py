@@ -1,9 +1,10 @@
-"""Gains, fits and loops of a study: Python functions of one member's numbers.
+"""Gains, fits and loops of a study, by Python functions of one member's numbers.
 
-Gains, fits and loops have data-dependent control flow and cannot be mapped by `vmap`. A member
-takes from 0.05 s (gains) to minutes (a loop). Their results go to the same store, and a Dask
-cluster computes many members at once. `fit` and `loop` test what a measurement would show: they
-simulate the member's record, add noise that depends only on the member, and fit this record.
+Searches for gains, fits and loops have data-dependent control flow, so `vmap` cannot map them over
+members. One member takes from 0.05 s (gains) to minutes (a loop). The results go to the same store
+as other outputs, and a Dask cluster computes many members at once. `fit` and `loop` test what a
+measurement would show. Both simulate the member's record, add noise that depends only on the
+member, and fit the noisy record.
 """
 
 import hashlib
@@ -60,11 +61,11 @@ def _law(spec: Spec, where: str) -> str:
 
 
 def make_gains(spec: Spec, table: Table, where: str) -> StudyPart:
-    """Make the part of `compute = ["gains"]` from its table [gains].
+    """Make the study part of `compute = ["gains"]` from the table [gains].
 
     Raises
     ------
-    InputError : an unknown key, an invalid value. `make_fit` and `make_loop` raise it too.
+    InputError : an unknown key, an invalid value. `make_fit` and `make_loop` raise this error, too.
     """
     from ..gains.requirement import Requirement
 
@@ -97,7 +98,7 @@ def make_gains(spec: Spec, table: Table, where: str) -> StudyPart:
 class LeastGains:
     """The smallest gains of one member (`jaxfric.find_gains`).
 
-    A member without any suitable gains has a valid result. Exceptions become errors of the member.
+    If no gains suit a member, this is a valid result. An exception is stored as the member's error.
     """
 
     law: str
@@ -128,7 +129,7 @@ class LeastGains:
 
 
 def make_fit(spec: Spec, table: Table, where: str) -> StudyPart:
-    """Make the part of `compute = ["fit"]` from its table [fit]."""
+    """Make the study part of `compute = ["fit"]` from the table [fit]."""
     refuse_unknown(table, _RECORD, where)
     maker = _record(spec, table, where)
     names = needed(spec.states)
@@ -166,7 +167,7 @@ def _record(spec: Spec, table: Table, where: str, steps: int = 1) -> "Recorder":
 
 @dataclass(frozen=True, eq=False)
 class Recorder:
-    """The record of one member: `steps` steps of the command, up and down by `ratio`, to V0."""
+    """The simulated record of one member: `steps` velocity steps, up and down by `ratio`, to V0."""
 
     law: str
     states: int
@@ -251,7 +252,7 @@ class FitOfRecord:
 
 
 def make_loop(spec: Spec, table: Table, where: str) -> StudyPart:
-    """Make the part of `compute = ["loop"]` from its table [loop]."""
+    """Make the study part of `compute = ["loop"]` from the table [loop]."""
     from ..effects import CATALOGUE
     from ..loop import VERDICTS
 

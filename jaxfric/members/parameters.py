@@ -1,4 +1,4 @@
-"""Parameters that a study sets or varies: names, units, bounds; and the law they belong to."""
+"""Names, units and bounds of parameters that a study sets or varies, and the law of a member."""
 
 import math
 import re
@@ -49,12 +49,12 @@ def parameter(name: str, where: str, *, known: Iterable[str] | None = None) -> Q
 
 
 def read_value(content: object, name: str, where: str) -> float:
-    """Return the value of one parameter from "3 um" or, without a unit, a plain number."""
+    """Read the value of one parameter from a text, "3 um", or from a plain number."""
     return value_of(content, parameter(name, where), where)
 
 
 def value_of(content: object, about: Quantity, where: str) -> float:
-    """Return a number from a study.toml, in SI and within the bounds of a known parameter."""
+    """Read a number of a study.toml in SI; a known parameter must be within its bounds."""
     value = number(content, about.unit, where)
     if about.symbol == "k_v" and value == 0:
         return 0.0
@@ -62,11 +62,11 @@ def value_of(content: object, about: Quantity, where: str) -> float:
 
 
 def number(content: object, unit: str, where: str) -> float:
-    """Return a number in SI from a text with a unit or, if `unit` is "1", from a plain number.
+    """Read a number in SI from a text with a unit or, if `unit` is "1", from a plain number.
 
     Raises
     ------
-    InputError : the text is neither, or has another unit.
+    InputError : the text is no number with a unit, or has an unsuitable unit.
     """
     if isinstance(content, bool) or not isinstance(content, str | int | float):
         raise InputError(f"{where}: {content!r} is no quantity; write it as in '3 um'")
@@ -90,7 +90,7 @@ def positive(table: Mapping[str, object], key: str, unit: str, where: str) -> fl
 
 
 def needed(states: int) -> list[str]:
-    """Return the parameters of a rate-and-state law without default: A, B, L, B2, L2, ..."""
+    """Return names of the parameters that have no default in a rate-and-state law: A, B, L, ..."""
     return ["A", *numbered_names(states)]
 
 
@@ -102,10 +102,10 @@ def rate_state(
 ) -> AbstractRateState:
     """Return the law of one member or, for arrays, of all members, with states on the last axis.
 
-    The direct effect is regularised by default, as in laws of files and of the command. The
-    reference velocity only affects f0, the friction at this velocity. f0 only matters if friction
-    is below about 20 A, or at rest. By default the reference velocity is the commanded velocity,
-    and f0 is 50 A.
+    The direct effect is regularised by default, as in laws from files and from the command. The
+    reference velocity is the velocity at which friction is f0. f0 only matters if friction is below
+    about 20 A, or at rest. By default the reference velocity is the commanded velocity, and f0 is
+    50 A.
     """
     known = {name: p[name] for name in needed(states)}
     known |= {"f0": p.get("f0", 50.0 * jnp.asarray(p["A"])), "V0": p.get("V_ref", p["V0"])}

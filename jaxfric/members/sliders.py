@@ -1,7 +1,7 @@
-"""Sliders of a study: from parameters by name to laws, rigs and linearised sliders.
+"""Make laws, rigs and linearised sliders of a study from parameters by name.
 
-Parameters are arrays of one member or, under `vmap`, of many members. Fixed parameters are stored
-in `Sliders`.
+Parameters are arrays with the values of one member or, under `vmap`, of many members. Fixed
+parameters are stored in `Sliders`.
 """
 
 from collections.abc import Mapping
@@ -50,7 +50,7 @@ class Sliders:
         return rate_state(self.law, p, self.states)
 
     def rig(self, p: Parameters, *, mass: bool) -> Rig:
-        """Return the rig of a member; with `mass` a rig with mass, if the member has one."""
+        """Return the rig of a member; with `mass` the rig includes the member's mass, if given."""
         if mass and "m" in p:
             return Rig(Inertial(p["m"], p["k_p"], p["k_v"]), self.law_of(p))
         return Rig(QuasiStatic(p["k_p"], p["k_v"]), self.law_of(p))

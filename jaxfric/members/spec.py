@@ -1,4 +1,4 @@
-"""Read and check study.toml: varied parameters, computations, stored outputs.
+"""Read and check a study.toml: varied parameters, computations and stored outputs.
 
 compute = ["margins", "simulate"]
 outputs = ["modulus", "end"]        # default: all outputs of the computations
@@ -76,7 +76,7 @@ class Spec:
 
 @dataclass(frozen=True, eq=False)
 class StudyPart:
-    """The part of a study that one computation provides."""
+    """The part of a study that one entry of `compute` provides."""
 
     function: Function
     outputs: tuple[Output, ...]
@@ -117,7 +117,8 @@ def read_spec(path: str | Path, known: Mapping[str, Computation]) -> Spec:
 
     Raises
     ------
-    InputError : an unknown or invalid entry; the message names it, its table, and the nearest one.
+    InputError : an unknown or invalid entry; the message names the entry, its table, and the
+        nearest valid entry.
     """
     path = Path(path)
     text, content = parsed(path)
@@ -165,7 +166,7 @@ def read_spec(path: str | Path, known: Mapping[str, Computation]) -> Spec:
 
 
 def refuse_outputs(spec: Spec, known: tuple[Output, ...]) -> None:
-    """Raise `InputError` for an output that no computation has; the message names the nearest."""
+    """Raise `InputError` for an output that no computation has; name the nearest output."""
     names = [output.name for output in known]
     for name in spec.outputs or ():
         if name not in names:

@@ -13,7 +13,7 @@ Table = Mapping[str, object]
 
 @contextlib.contextmanager
 def placed(where: str) -> Generator[None]:
-    """Name the place in every `InputError` of the block."""
+    """Add the name of the place to every `InputError` raised in the block."""
     try:
         yield
     except InputError as error:
@@ -57,7 +57,7 @@ def table_of(content: Table, name: str, where: str) -> dict[str, object]:
 
 
 def refuse_unknown(table: Table, known: Sequence[str], where: str) -> None:
-    """Raise `InputError` for a key that is not `known`; the message names the nearest."""
+    """Raise `InputError` for a key that is not `known`; the message names the nearest known key."""
     for key in table:
         if key not in known:
             raise InputError(f"{where}: no key '{key}'{did_you_mean(key, known)}")

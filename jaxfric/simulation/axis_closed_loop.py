@@ -2,9 +2,10 @@
 
     u_k = k_v (k_p (r_k - q_k) - (q_k - q_(k-2))/(2 h)),   F = g_tau u_k  held until sample k + 1
 
-k_p [1/s] and k_v [V s/m] are the gains of the position and the velocity loop, g_tau [N/V] the gain
-of the drive, h the sampling interval. The velocity is the first difference of a two-sample average
-of the encoder, as on the EMPS bench (Janot, Gautier, Brunot 2019). diffrax's Tsit5 integrates the
+k_p [1/s] and k_v [V s/m] are the gains of the position loop and of the velocity loop. g_tau [N/V]
+is the gain of the drive, and h the sampling interval. The controller computes velocity as the first
+difference of a two-sample average of the encoder position. The controller of the EMPS bench does
+the same (Janot, Gautier, Brunot 2019). The solver Tsit5 of diffrax integrates the motion of the
 axis between two samples.
 """
 
@@ -37,7 +38,7 @@ class Controller(NamedTuple):
     """h [s]."""
 
     def force(self, reference: Array, position: Array, before_last: Array) -> Array:
-        """Force F at a sample, from the positions at that sample and two samples earlier."""
+        """Controller force F at a sample, from the positions now and two samples earlier."""
         velocity = (position - before_last) / (2 * self.interval)
         return self.K_d * (self.position_gain * (reference - position) - velocity)
 
@@ -52,8 +53,8 @@ class ClosedLoop(NamedTuple):
 
 
 def substeps(rig: AxisRig, interval: float) -> int:
-    """Steps per sample, a power of two, that keep an explicit method stable at the steepest slope
-    of the smoothed sign."""
+    """Return the number of steps per sample, a power of two. With so many steps an explicit method
+    is stable at the steepest slope of the smoothed sign of friction."""
     slope = abs(float(rig.coulomb)) / float(rig.width)
     slope += sum(float(state.steepest(rig.width)) for state in rig.states)
     rate = slope / float(rig.mass)
@@ -73,10 +74,11 @@ def closed_loop(
 ) -> ClosedLoop:
     """Simulate an axis that follows `reference` [m or rad].
 
-    `disturbance` [F] is added to the controller's force from each sample on.
+    `disturbance`, in the unit of force, is added to the controller's force; each value holds for
+    one sample.
 
     `first` holds the first three positions. The axis starts at the first position, with the mean
-    velocity over the first three positions. The friction of the axis starts at `states`, by default
+    velocity over the first three positions. The states of friction start at `states`, by default
     the states at rest. `rig.width` smooths the jump of friction at rest. States of friction relax
     in at least half a step, so that an explicit method stays stable. Lag and delay of the rig are
     not simulated.

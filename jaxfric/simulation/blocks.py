@@ -15,7 +15,8 @@ T = TypeVar("T", bound=PyTree)
 
 
 def in_blocks(one: Callable[..., T], *rows: PyTree) -> T:
-    """`jax.vmap(one)(*rows)`, `BLOCK` rows at a time.
+    """Compute `jax.vmap(one)(*rows)`, with `BLOCK` rows at a time. For a whole record at once,
+    every operation with many derivatives would read from main memory.
 
     For a whole record at once, every operation with many derivatives would read from main memory.
     """
@@ -23,8 +24,8 @@ def in_blocks(one: Callable[..., T], *rows: PyTree) -> T:
 
 
 def renewed(one: Callable[..., T], which: Bool[Array, " n"], old: T, *rows: PyTree) -> T:
-    """Replace `old` by `one(*row)` in the rows of `which`. A block without such rows in any member
-    of a batch is skipped."""
+    """Replace `old` by `one(*row)` in the rows of the mask `which`. The function skips a block of
+    rows if `which` is False throughout the block, in all members of a batch."""
 
     def new(which: Array, old: T, *rows: PyTree) -> T:
         return jax.tree.map(lambda a, b: _where(which, a, b), jax.vmap(one)(*rows), old)

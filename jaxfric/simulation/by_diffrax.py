@@ -1,4 +1,4 @@
-"""A motion by `diffrax.diffeqsolve`, for a solver, controller or adjoint of the user."""
+"""Compute a motion by `diffrax.diffeqsolve`, for a solver, controller or adjoint of the user."""
 
 import diffrax
 import equinox as eqx
@@ -11,11 +11,11 @@ from .stepping import How, Sampled
 
 
 class Diffrax(eqx.Module):
-    """What `diffrax.diffeqsolve` is given; None is the default.
+    """Arguments for `diffrax.diffeqsolve`; None is the default.
 
-    The default solver is Kvaerno5. In steady sliding the estimated error is 0, and the steps of an
-    explicit method then grow beyond its region of stability: the motion stays right, but its
-    derivatives grow without bound.
+    The default solver is Kvaerno5. In steady sliding the estimated error is 0, so the steps of an
+    explicit method grow beyond its region of stability. The motion stays correct, but the
+    derivatives of the motion grow without bound.
     """
 
     solver: diffrax.AbstractSolver | None
@@ -23,7 +23,7 @@ class Diffrax(eqx.Module):
     adjoint: diffrax.AbstractAdjoint | None
 
     def is_given(self) -> bool:
-        """Whether the user gave anything."""
+        """Whether the user gave a solver, controller or adjoint."""
         return any(x is not None for x in (self.solver, self.controller, self.adjoint))
 
     def solve(
@@ -35,7 +35,7 @@ class Diffrax(eqx.Module):
         *,
         at_steps: bool,
     ) -> tuple[Sampled, diffrax.RESULTS]:
-        """The solution at `ts` or at the steps, and how it ended; derivatives are the adjoint's."""
+        """Return the solution at `ts` or at the steps, and how the motion ended."""
         controller = self.controller
         if controller is None:
             controller = diffrax.PIDController(rtol=how.tolerance, atol=how.tolerance)

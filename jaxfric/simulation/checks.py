@@ -1,8 +1,8 @@
 """Checks of a simulation's input: parameters within bounds, ascending times.
 
-Invalid concrete values raise an error that names them, before anything is computed. Under `jit` and
-`vmap` values are unknown; an invalid simulation then does not start, and its `result` is
-`RESULTS.impossible`.
+An invalid concrete value raises an error that names the value, before any computation. Under `jit`
+and `vmap` values are unknown. If the input is invalid, the simulation does not start, and its
+`result` is `RESULTS.impossible`.
 """
 
 import jax
@@ -22,9 +22,9 @@ def refuse_impossible(
 ) -> None:
     """Raise `InputError` in the name of the function `where` for invalid concrete values.
 
-    Invalid values are a parameter of the rig out of bounds and a start that is not finite. `ts` is
-    invalid if it is not of one dimension, empty, not finite, descending, or before the motion
-    begins.
+    A parameter of the rig out of bounds, or a start that is not finite, is invalid. Sample times
+    `ts` are invalid if they are not of one dimension, empty, not finite, descending, or before the
+    motion begins.
     """
     if jnp.ndim(ts) != 1 or jnp.size(ts) == 0:
         raise InputError(f"{where}: ts has shape {jnp.shape(ts)}; give one row of times, not empty")
@@ -71,7 +71,7 @@ def is_possible(
     *,
     motion: AbstractMotion | None = None,
 ) -> Bool[Array, ""]:
-    """Whether the input of a simulation is valid; its values may be traced."""
+    """Whether the input of a simulation is valid; the input values may be traced by JAX."""
     fine = [all_inside(rig), jnp.all(jnp.isfinite(ts)), jnp.all(jnp.diff(ts) >= 0)]
     fine += [jnp.all(jnp.isfinite(x)) for x in jax.tree.leaves((start, initial))]
     if isinstance(motion, PiecewiseVelocity):

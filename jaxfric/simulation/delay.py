@@ -29,10 +29,9 @@ def simulate_delay(
 ) -> Trajectory:
     """Simulate a slider with mass and a delay law at a constant command, after a disturbance.
 
-    Before `ts[0]` the slider slides steadily at the commanded velocity V0, which defines the
-    history. `start` disturbs the steady sliding at `ts[0]`. The function works under jit and vmap.
-    The result is differentiable with respect to every array of `rig` (the delay too), `velocity`
-    and `start`.
+    Before `ts[0]` the slider slides steadily at the commanded velocity V0. At `ts[0]` the argument
+    `start` disturbs the steady sliding. The function works under jit and vmap. The result is
+    differentiable with respect to every array of `rig` (the delay too), `velocity` and `start`.
 
     Parameters
     ----------
@@ -41,22 +40,21 @@ def simulate_delay(
     velocity : commanded velocity V0 > 0 [m/s].
     ts : sample times [s], ascending, shape (n,); the simulation starts at `ts[0]`.
     start : velocity and elongation of the spring (a jump of the load point) at `ts[0]`.
-    intervals : number of delays to simulate. Default: as many as `ts` spans. Required under
-        `jax.jit`, `jax.vmap` or a derivative, where the values of `ts` are unknown.
-    rtol : error allowed in one step, relative to the deviation from steady sliding. The simulation
-        ends at a larger error; usually the error is far smaller.
-    pieces : steps in one delay. 4 steps suffice for small oscillations with alpha sqrt(K/m) up to
-        20. For large oscillations (V falls to near 0) 4 steps suffice up to 10. Above these values
-        raise `pieces` in proportion.
+    intervals : number of delays to simulate. By default the number follows from `ts`. Required
+        under `jax.jit`, `jax.vmap` or a derivative, where the values of `ts` are unknown.
+    rtol : error allowed in one step, relative to the deviation from steady sliding. A larger error
+        ends the simulation; usual errors are far smaller.
+    pieces : steps in one delay. For small oscillations 4 steps suffice if alpha sqrt(K/m) is at
+        most 20. For large oscillations (V falls to near 0) 4 steps suffice if alpha sqrt(K/m) is at
+        most 10. For a larger alpha sqrt(K/m) raise `pieces` in proportion.
     runaway : end the simulation when the slider moves `runaway` times faster than V0.
 
     Returns
     -------
-    Trajectory without states: `state` has shape (n, 0). All values are finite;
-    after the time `end` the last values are repeated. `result` is one of: `successful`;
-    `came_to_rest`, as a delay law is undefined at rest; `ran_away`; `too_few_intervals` for `ts`;
-    `unresolved`, the motion is too fast for `pieces` and `rtol`; `impossible`, invalid input under
-    `jit` and `vmap`.
+    Trajectory without states: `state` has shape (n, 0). All values are finite; after the time `end`
+    the trajectory repeats the last values. `result` is one of: `successful`; `came_to_rest`, as a
+    delay law is undefined at rest; `ran_away`; `too_few_intervals` for `ts`; `unresolved`, the
+    motion is too fast for `pieces` and `rtol`; `impossible`, invalid input under `jit` and `vmap`.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """A step of Tsit5, an explicit Runge-Kutta pair, with its interpolant as a quartic.
 
-A slider that is not stiff needs no Jacobian. The stages are unrolled, so that a batch computes each
-stage in a few loops over plain arrays.
+If a slider's equations are not stiff, a step needs no Jacobian. The stages of the method are
+unrolled, so that a batch computes each stage in a few loops over plain arrays.
 
 Source: Tsitouras 2011 (doi:10.1016/j.camwa.2011.06.002), with the tableau of diffrax.
 """
@@ -38,7 +38,7 @@ def _dense() -> Float[np.ndarray, "3 stages"]:
 def explicit_step(
     equation: SliderEquation, t0: Array, t1: Array, y0: Unknowns, slope: Unknowns
 ) -> tuple[Unknowns, Unknowns, Unknowns, Unknowns]:
-    """Return unknowns at t1, their error, k of the interpolant (3 rows) and dy/dt at t1.
+    """Return the unknowns at t1, their error, coefficients k of the interpolant, and dy/dt at t1.
 
     `slope` is dy/dt at t0.
     """

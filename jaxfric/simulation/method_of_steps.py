@@ -1,11 +1,12 @@
 """The method of steps for a slider with mass and delayed friction.
 
-Derivatives jump at t0 + n alpha; between those times the motion is smooth, and the delayed velocity
-is known. `follow_delay` divides every delay into the same `pieces` and takes one step for each
-piece. In a step the motion is a polynomial that satisfies the equation at Radau's
-points (collocation). The values of the polynomial at Radau's points are the history of the step one
-delay later. So no interpolation error enters, and time measured in steps makes the delay an
-ordinary parameter. No step depends on an error estimate, so results vary smoothly.
+Derivatives of the motion jump at the times t0 + n alpha. Between two such times the motion is
+smooth, and the delayed velocity is known. `follow_delay` divides every delay into the same `pieces`
+and takes one step for each piece. In a step the motion is a polynomial that satisfies the equation
+of motion at Radau's points (collocation). The values of the polynomial at Radau's points are the
+history of the step one delay later. So the history has no interpolation error. Because time is
+measured in steps, the delay is an ordinary parameter. The length of a step does not depend on an
+error estimate, so results vary smoothly with parameters.
 
 Unknowns are deviations from steady sliding at V0: v = V - V0 and p = sqrt(K/m) (x - x_s),
 both velocities of like size in an oscillation:
@@ -47,11 +48,11 @@ class DelayEquation(eqx.Module):
         return self.law.delay / self.pieces
 
     def frequency(self) -> Float[Array, ""]:
-        """w = sqrt(K/m) [rad/s]: displacement times this is p."""
+        """w = sqrt(K/m) [rad/s]: a displacement times w is the unknown p."""
         return jnp.sqrt(self.machine.stiffness / self.machine.mass)
 
     def braking(self, v: Float[Array, ""], v_delayed: Float[Array, ""]) -> Float[Array, ""]:
-        """-(dv/ds + h w p) [m/s]: friction above its steady value, and the dashpot."""
+        """-(dv/ds + h w p) [m/s], from the dashpot and from friction above its steady value."""
         friction = self.law.force(self.V0 + v, self.V0 + v_delayed)
         excess = friction - self.law.steady_force(self.V0)
         if self.machine.damping is not None:
@@ -59,7 +60,7 @@ class DelayEquation(eqx.Module):
         return self.duration() * excess / self.machine.mass
 
     def rounding(self) -> Float[Array, ""]:
-        """Velocity [m/s] below which deviations are rounding errors of the forces."""
+        """Velocity [m/s] below which deviations are only rounding errors of the forces."""
         force = jnp.abs(self.law.steady_force(self.V0))
         size = jnp.abs(self.V0) + force / (self.machine.mass * self.frequency())
         return jax.lax.stop_gradient(jnp.finfo(self.V0.dtype).eps * size)
@@ -80,19 +81,20 @@ class Moving(NamedTuple):
 
     @property
     def going(self) -> Bool[Array, ""]:
-        """Whether the motion has not ended."""
+        """Whether the motion goes on after this step."""
         return self.resolved & ~self.left
 
 
 def follow_delay(
     equation: DelayEquation, y0: Float[Array, " 2"], *, steps: int, rtol: float, runaway: float
 ) -> tuple[Moving, Float[Array, "steps n 2"]]:
-    """Take steps from (p, v) = y0 after steady sliding; return the end, and the motion in each step
-    as Chebyshev coefficients of (p, v).
+    """Take steps from (p, v) = y0 after steady sliding. Return how the motion ends, and the
+    Chebyshev coefficients of (p, v) in each step.
 
-    Collocation at Radau's points (Radau IIA): L-stable, of order 2 NODES - 1. A step is not
-    resolved if Newton's method does not converge, or if the last coefficients of its polynomial are
-    not small. Such a step becomes a standstill, and the motion ends.
+    The method is collocation at Radau's points (Radau IIA), which is L-stable and of order 2 NODES
+    - 1. A step is not resolved if Newton's method does not converge, or if the last Chebyshev
+    coefficients are not small. A step that is not resolved becomes a standstill, and the motion
+    ends.
     """
 
     def taken(now: Moving) -> tuple[Moving, Array]:
@@ -178,7 +180,7 @@ def _residual(
 
 
 def step_points(dtype: DTypeLike) -> Float[Array, " n"]:
-    """0 and Radau's points of a step, ascending."""
+    """The point 0 and Radau's points of a step, in ascending order."""
     return jnp.append(0.0, jnp.asarray(_POINTS, dtype))
 
 

@@ -8,14 +8,14 @@ Unknowns, with F = `law.force_scale()` (for rate-and-state friction, A):
     v   = V/(largest commanded speed)     in place of phi, for a law without direct effect
     w   = ln(V/V(0)), filtered twice      only where a small mass makes the velocity lag
 
-The solver integrates the elongation, not the slip: slip grows without limit and would lose
-significant digits. With mass, the friction force replaces the velocity as unknown, and V =
-law.velocity(force, state). The reason is that near sticking the velocity falls by many decades
-while the force changes little. Without an `AbstractInvertibleLaw` the velocity itself is the
-unknown. The reference is the steady friction at the motion's first velocity. Under a variable
-normal stress n the spring balances n f, with f the friction coefficient. The command x_c enters
-through its velocity, and the drive's lag through its displacement. So no derivative of the lag is
-needed.
+The solver integrates the elongation of the spring, not the slip. Slip grows without limit and would
+lose significant digits. With mass, the friction force replaces the velocity as unknown, and V =
+law.velocity(force, state). Near sticking, velocity falls by many decades while the force changes
+little, so force is the better unknown. For a law that is not an `AbstractInvertibleLaw` the
+velocity is the unknown. The force `reference` is the steady friction at the motion's first
+velocity. Under a variable normal stress n the spring balances n f, with f the friction coefficient.
+The command x_c enters the equations through its velocity, and the drive's lag through its
+displacement. So the equations need no derivative of the lag.
 """
 
 from collections.abc import Callable
@@ -44,7 +44,7 @@ Unknowns = dict[str, Array]
 
 
 def traced_once(function: F) -> F:
-    """Trace a function only once, even if a solver, its tangents and a response all call it."""
+    """Make JAX trace a function only once, even if a solver and its tangents both call it."""
     return eqx.filter_jit(function, inline=True)  # ty: ignore[no-matching-overload]
 
 
@@ -58,7 +58,7 @@ class Slider(NamedTuple):
 
 
 class SliderEquation(eqx.Module):
-    """All that a solver needs of a rig: initial values, derivatives and physical variables."""
+    """A rig as a solver needs it: initial values, derivatives and physical variables."""
 
     rig: Rig
     motion: AbstractMotion
@@ -90,7 +90,7 @@ class SliderEquation(eqx.Module):
         self.reference = law.force(V, self.steady_state, _origin(V))
 
     def initial(self) -> Unknowns:
-        """Scaled unknowns at the start: steady sliding, except for the parts given by `start`."""
+        """Scaled unknowns at the start: steady sliding, except for values given by `start`."""
         start, law, scale = self.start, self.law, self.law.force_scale()
         rest = jnp.zeros_like(self.reference)
         V = self.motion.first_velocity()
@@ -160,7 +160,7 @@ class SliderEquation(eqx.Module):
         return Slider(law.force(V, state, at), V, slip, state), behind / time
 
     def is_late(self) -> bool:
-        """Whether the velocity lags behind the one of the force balance, as with a small mass."""
+        """Whether the velocity lags behind the force balance, as with a small mass."""
         machine = self.rig.machine
         if not isinstance(machine, QuasiStatic) or machine.mass is None:
             return False
@@ -205,7 +205,7 @@ class SliderEquation(eqx.Module):
         return slip if self.start.elongation is None else slip + self.start.elongation
 
     def log_speed(self, t: Scalar, y: Unknowns) -> Scalar:
-        """ln(|V| / largest commanded speed); large if the slider runs away."""
+        """ln(|V| / largest commanded speed), which is large if the slider runs away."""
         speed = jnp.abs(self.physical(t, y).velocity)
         return jnp.log(speed / self.motion.largest_speed() + 1e-300)
 

@@ -1,4 +1,4 @@
-"""Radau IIA: L-stable collocation at points of a step; the last point is the end of the step.
+"""Radau IIA, an L-stable collocation method; its last point is the end of the step.
 
 Source: Hairer and Wanner, Solving ODEs II, IV.5.
 """
@@ -9,9 +9,9 @@ from numpy.polynomial import legendre
 
 
 def radau(stages: int) -> tuple[Float[np.ndarray, " s"], Float[np.ndarray, "s s"]]:
-    """Return Radau's points in [0, 1] and the matrix that integrates values there from 0 to each.
+    """Return Radau's points in [0, 1], and the matrix that integrates from 0 to each point.
 
-    The points are roots of P_s(x) - P_(s-1)(x) with x = 2 point - 1.
+    Radau's points are roots of P_s(x) - P_(s-1)(x) with x = 2 point - 1.
     """
     difference = legendre.Legendre([*np.zeros(stages - 1), -1.0, 1.0])
     x = np.sort(difference.roots().real)

@@ -5,15 +5,15 @@ With J = df/dy and W = 1/(h gamma) - J at the start of a step, stages k_i solve 
     W k_i = f(t + c_i h, y + sum_j a_ij k_j) + (1/h) sum_j C_ij k_j + h d_i df/dt
     y(t + h) = y + sum_j a_8j k_j + k_8,   error estimate k_8
 
-So a step needs one Jacobian and no iteration. The method is L-stable. In steady sliding the spring
-relaxes over A/K of slip, which bounds the steps of an explicit method. Only accuracy bounds the
-steps of Rodas5P. The interpolant is of order 4.
+So a step of Rodas5P needs one Jacobian and no iteration. Rodas5P is L-stable. In steady sliding the
+spring relaxes over A/K of slip, which bounds the steps of an explicit method. Only accuracy bounds
+the steps of Rodas5P. The interpolant of Rodas5P is of order 4.
 
 Some unknowns relax faster than the resolution of time, such as the friction of a slider that comes
-to rest within A/(m V). If such fast unknowns are nonlinear and far from their steady values, no
-step is short enough. Steps as short as a few rounding errors of time are therefore linearly
-implicit Euler steps. For growing unknowns the Euler steps are explicit. The Euler steps change no
-unknown by more than 1 and are always accepted.
+to rest within A/(m V). If a fast unknown is nonlinear and far from its steady value, no step is
+short enough. So a step that is as short as a few rounding errors of time becomes a linearly
+implicit Euler step. For growing unknowns the Euler step is explicit. An Euler step changes no
+unknown by more than 1 and is always accepted.
 
 Source: Steinebach 2023 (doi:10.1007/s10543-023-00967-x), coefficients in the form of Hairer and
 Wanner, Solving ODEs II, IV.7.
@@ -131,8 +131,8 @@ DENSE = np.array(
 
 
 def quartic(s: Array | float, y0: Array, y1: Array, k: Float[Array, "rows ..."]) -> Array:
-    """(1 - s) y0 + s {y1 + (1 - s) [k_1 + s (k_2 + s k_3)]}, s from 0 to 1 over the step; more rows
-    of k give a higher degree."""
+    """Evaluate (1 - s) y0 + s {y1 + (1 - s) [k_1 + s (k_2 + s k_3)]}, with s from 0 to 1 over the
+    step. More rows of k give a higher degree."""
     inside = k[-1]
     for row in k[-2::-1]:
         inside = row + s * inside
@@ -142,7 +142,7 @@ def quartic(s: Array | float, y0: Array, y1: Array, k: Float[Array, "rows ..."])
 def through(
     shares: Sequence[float], y0: Float[Array, "s *n"], y1: Float[Array, "s *n"], *inside: Array
 ) -> Float[Array, "s rows *n"]:
-    """Coefficients k of the polynomials through both ends of steps and `inside`, at `shares`."""
+    """Coefficients k of polynomials through both ends of a step and `inside` at `shares`."""
     weights = np.linalg.inv(np.vander(shares, increasing=True))
     beyond = [
         (y - (1 - s) * y0 - s * y1) / (s * (1 - s)) for y, s in zip(inside, shares, strict=True)
@@ -154,7 +154,7 @@ def through(
 def rodas_step(
     derivative: Callable[[Array, Y], Y], t0: RealScalar, t1: RealScalar, y0: Y
 ) -> tuple[Y, Y, Y]:
-    """Return the unknowns at t1, their error, and k of the interpolant `quartic` (3 rows)."""
+    """Return the unknowns at t1, their error, and coefficients k of the interpolant `quartic`."""
     y, back = ravel_pytree(y0)
     h, start = jnp.asarray(t1 - t0, y.dtype), jnp.asarray(t0, y.dtype)
 
@@ -197,9 +197,9 @@ def rodas_step(
 def inverted(matrix: Float[Array, "n n"]) -> Float[Array, "n n"]:
     """Invert a diagonally dominant matrix, such as the matrix of an implicit method.
 
-    Gauss-Jordan elimination without pivoting, vectorised over a batch; unrolled for a small matrix.
-    LAPACK is avoided: a batch of its calls waits for XLA's threads, and two batches at once
-    deadlock.
+    The method is Gauss-Jordan elimination without pivoting, vectorised over a batch; for a small
+    matrix the loop is unrolled. LAPACK is avoided: a batch of LAPACK calls waits for XLA's threads,
+    and two batches at once deadlock.
     """
     n = matrix.shape[0]
     if n > CLOSED_FORM:

@@ -1,11 +1,12 @@
 """One entry point: `simulate(rig, motion, ts)`.
 
-`stepping` integrates the motion. The method is Tsit5 for a massless slider that is not stiff, else
-Rodas5P. `tangents` computes derivatives of every order and mode from the accepted steps. With a
-solver, controller or adjoint of the user `diffrax.diffeqsolve` integrates and differentiates.
+`stepping` integrates the motion. The default method is Tsit5 for a massless slider whose equations
+are not stiff, else Rodas5P. `tangents` computes derivatives of every order and mode from the
+accepted steps. If the user gives a solver, controller or adjoint, `diffrax.diffeqsolve` integrates
+and differentiates.
 
-For stick-slip over many periods, the solver's own steps (`at_steps`) are better samples than given
-times. The steps are dense where the slider slips.
+For stick-slip over many periods, sample at the solver's steps (`at_steps`) rather than at given
+times. The solver's steps are dense where the slider slips.
 """
 
 import math
@@ -48,9 +49,10 @@ def simulate(
 ) -> Trajectory:
     """Simulate a slider, by default from steady sliding at the motion's first velocity.
 
-    Equations: see `simulation.ode` and the laws. The function works under `jit`, `vmap`, forward
-    mode, reverse mode and forward over reverse. Derivatives are exact to second order, with respect
-    to every array of `rig`, `motion`, `start` and `ts` except the times of the motion's jumps.
+    For the equations see `simulation.ode` and the laws. The function works under `jit`, `vmap`,
+    forward mode, reverse mode and forward over reverse. Derivatives are exact to second order, with
+    respect to every array of `rig`, `motion`, `start` and `ts` except the times of the motion's
+    jumps.
 
     Parameters
     ----------
@@ -61,8 +63,8 @@ def simulate(
         see `simulation.start`.
     at_steps : record at the solver's own steps between `ts[0]` and `ts[-1]` instead of at `ts`:
         all arrays get the length `max_steps` + 1, and the last row repeats to the end.
-    rtol : error wanted, relative to the range over which each quantity moves. The result
-        was within 10 rtol of an independent solution for rtol 1e-4 to 1e-8 in all rigs tested.
+    rtol : requested error, relative to the range over which each quantity moves. For rtol 1e-4 to
+        1e-8, results of all tested rigs were within 10 rtol of an independent solution.
     max_steps : maximum number of solver steps.
     runaway : end the simulation when the slider moves `runaway` times faster than the
         largest commanded speed.
@@ -76,8 +78,8 @@ def simulate(
 
     Returns
     -------
-    Trajectory. Its `result` tells whether and why the simulation ended early, and under `jit` and
-    `vmap` whether the input was invalid.
+    Trajectory. Its `result` says whether and why the simulation ended early. Under `jit` and
+    `vmap`, `result` also says whether the input was invalid.
 
     Raises
     ------

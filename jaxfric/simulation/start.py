@@ -1,6 +1,6 @@
 """Starts of a simulation: steady sliding, or a perturbation of it.
 
-Unperturbed, the slider moves at the motion's first velocity V0 with the steady state, and the
+In steady sliding the slider moves at the motion's first velocity V0 with the steady state, and the
 spring carries the steady friction. An `InitialState` replaces any of velocity, state and spring
 force. The functions of this module build common initial states: a disturbed velocity, a jump of the
 load point, a step of the command, and a stuck slider.
@@ -29,7 +29,7 @@ def law_with_states(rig: Rig) -> AbstractLaw:
 
     Raises
     ------
-    TypeError : it is a delay law.
+    TypeError : the rig has a delay law.
     """
     law = rig.friction
     if not isinstance(law, AbstractLaw):
@@ -43,8 +43,8 @@ def law_with_states(rig: Rig) -> AbstractLaw:
 class InitialState(eqx.Module):
     """Initial state of a simulation; None means the value of steady sliding.
 
-    velocity : velocity of the slider [m/s]; only with mass. It must be positive with a
-        logarithmic direct effect, whose force is singular at 0.
+    velocity : velocity of the slider [m/s]; only with mass. With a logarithmic direct effect, whose
+        force is singular at 0, the velocity must be positive.
     elongation : excess length of the spring [m] over steady sliding, as after a jump of the
         load point.
     state : state of the friction law, shape (n,) [force].
@@ -58,7 +58,7 @@ class InitialState(eqx.Module):
 def velocity_start(rig: Rig, velocity: ArrayLike, change: ArrayLike) -> InitialState:
     """V(0) = V0 (1 + change), with the state of steady sliding at `velocity` = V0 [m/s].
 
-    With mass, the spring force is that of steady sliding. Without mass the velocity follows from
+    With mass, the spring has the force of steady sliding. Without mass, the velocity follows from
     the spring, whose excess length is [f(V, theta) - f(V0, theta) + k_v (V - V0)]/K. With a
     logarithmic direct effect `change` must exceed -1.
     """
@@ -73,7 +73,7 @@ def velocity_start(rig: Rig, velocity: ArrayLike, change: ArrayLike) -> InitialS
 
 
 def jump_start(rig: Rig, velocity: ArrayLike, jump: ArrayLike) -> InitialState:
-    """Steady sliding at `velocity` [m/s]; then the load point jumps by `jump` [m], of either sign.
+    """Start in steady sliding at `velocity` [m/s], after a jump of the load point by `jump` [m].
 
     With mass, the slider's initial velocity is that of steady sliding.
     """
@@ -84,10 +84,10 @@ def jump_start(rig: Rig, velocity: ArrayLike, jump: ArrayLike) -> InitialState:
 
 
 def step_start(rig: Rig, velocity: ArrayLike, ratio: ArrayLike) -> InitialState:
-    """The command steps by the factor `ratio`, from steady sliding at `velocity`/`ratio`.
+    """Start with a step of the command by the factor `ratio`, from steady sliding.
 
-    Spring, state and (with mass) velocity are those of steady sliding at `velocity`/`ratio`.
-    Simulate with a motion at `velocity` [m/s]. A ratio below 1 is a step down.
+    Spring, state and (with mass) velocity have the values of steady sliding at `velocity`/`ratio`.
+    The simulated motion must be at `velocity` [m/s]. A ratio below 1 is a step down.
     """
     V0 = jnp.asarray(velocity, jnp.result_type(float))
     V = V0 / jnp.asarray(ratio)
@@ -105,12 +105,12 @@ def rest_start(
     contact_time: ArrayLike | None = None,
     state: ArrayLike | None = None,
 ) -> InitialState:
-    """A slider at rest on an unloaded spring, whose load point starts to move at `velocity` [m/s].
+    """Start at rest on an unloaded spring, whose load point starts to move at `velocity` [m/s].
 
-    The default state of rate-and-state friction is that of steady sliding at `velocity`. The ageing
-    law then heals at rest for `contact_time` [s], dTheta/dt = 1, to theta = B ln(V0/V + V0 t/L)
-    with the law's reference velocity V0. The state of the slip law does not change at rest. The
-    default state of any other law is zero (bristles unbent).
+    The default state of rate-and-state friction is the state of steady sliding at `velocity`. Under
+    the ageing law the state then heals at rest for `contact_time` [s], dTheta/dt = 1, to theta = B
+    ln(V0/V + V0 t/L) with the law's reference velocity V0. The state of the slip law does not
+    change at rest. The default state of any other law is zero (bristles unbent).
 
     Raises
     ------

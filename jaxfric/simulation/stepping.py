@@ -1,17 +1,17 @@
 """Integrate a motion from its start to its sample times, in segments of a few steps.
 
-A segment takes up to `ROWS` steps and computes the derivatives of these steps (`tangents`). The
-segment then evaluates the interpolant at the sample times that it covers, and discards its steps.
-So memory scales with the number of samples, not of steps. Derivatives of any order and mode pass
-through a loop over segments:
+A segment takes up to `ROWS` steps and computes the derivatives of these steps (`tangents`). After
+its steps, a segment evaluates the interpolant at its sample times, and discards the steps. So
+memory scales with the number of samples, not with the number of steps. Derivatives of any order and
+mode pass through a loop over segments:
 
     while a member of the batch goes on: segment(equation, point, samples) -> point, samples
 
-The loop, and each step in it, continues while any member of a batch continues. So the counters of
-the loop are the same for all members, and arrays are written in place. Without derivatives the loop
-is a `while_loop`. Reverse mode needs the number of iterations in advance. So with derivatives the
-loop is a scan over all segments that `max_steps` allows. The scan skips segments that no member
-needs.
+The loop over segments, and each step in it, continues while any member of a batch continues. So the
+counters of the loop are the same for all members of a batch, and arrays are written in place. If no
+derivatives are needed, the loop is a `while_loop`. Reverse mode needs the number of iterations in
+advance. So with derivatives the loop is a scan over all segments that `max_steps` allows. The scan
+skips segments that no member of the batch needs.
 """
 
 from collections.abc import Callable
@@ -52,7 +52,7 @@ not end where the next one begins."""
 
 
 class How(eqx.Module):
-    """How a motion is integrated."""
+    """Method, accuracy and limits of the integration of a motion."""
 
     tolerance: Float[Array, ""]
     """Error of a step, relative and absolute, in the scaled unknowns."""
@@ -100,7 +100,7 @@ def recorded(
     equation: SliderEquation, initial: Unknowns, ts: Float[Array, " n"], how: How
 ) -> Sampled:
     """Solve `equation` from `initial` at `ts[0]` to `ts[-1]`; return the solution at the ends of
-    the steps, `max_steps` + 1 rows of which the last repeats.
+    the steps. The result has `max_steps` + 1 rows; the last row is repeated.
 
     Derivatives exist for every array of `equation` and `initial`, except the times of jumps.
     """
@@ -124,8 +124,8 @@ def observed(
     """Integrate from `initial` at time 0 with a step ending at each of `stops`; store no step.
 
     `observe(seen, before, after)` is called after every accepted step. `observe` returns the new
-    `seen` and whether to stop. The last of the `stops` ends the motion. The result has no
-    derivatives.
+    `seen` and whether to stop. The motion ends at the last of the times `stops`. The result of
+    `observed` has no derivatives.
     """
     equation, last = constant(equation), stops[-1]
     stops = jnp.minimum(jnp.append(equation.motion.breakpoints(), stops), last)
@@ -420,5 +420,5 @@ def _choose(which: Bool[Array, ""], one: PyTree, other: PyTree) -> PyTree:
 
 
 def constant(tree: PyTree) -> PyTree:
-    """The same numbers, without derivatives."""
+    """Return the same numbers without their derivatives."""
     return jax.tree.map(lambda x: jax.lax.stop_gradient(x) if eqx.is_inexact_array(x) else x, tree)

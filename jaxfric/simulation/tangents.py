@@ -5,18 +5,18 @@ derivative dy/dp solves the linear equation
 
     d(dy/dp)/dt = J(t) dy/dp + df/dp,   J = df/dy
 
-J and df/dp can be computed at all times in parallel, here at four points of every step. A step of
-dy/dp is Radau IIA of order 7, implicit and therefore stable. Only a product of small matrices per
-step remains sequential. Propagating tangents through the solver costs five times as much as the
-linear equation. An explicit solver may also be stable for the motion, but not for the derivative of
-the motion.
+J and df/dp can be computed at all times in parallel; this module uses four points of every step. A
+step of dy/dp uses Radau IIA of order 7, which is implicit and therefore stable. The only sequential
+work is a product of small matrices for each step. Derivatives propagated through the solver cost
+five times as much as this linear equation for dy/dp. An explicit solver may also be stable for the
+motion, but not for the derivative of the motion.
 
-Within a step the derivative dy/dp is a quartic through its start and these four points. The quartic
-does not resolve a feature that is shorter than a step and does not yet affect the motion. An
-example of such a feature is a ripple of amplitude 0.
+Within a step the derivative dy/dp is a quartic through its start and its values at the four points.
+The quartic does not resolve a feature of friction that is shorter than a step and does not affect
+the motion. An example is a ripple of amplitude 0, whose derivative is inaccurate.
 
-The rule of differentiation calls the differentiable path again, so derivatives of any order follow.
-The rule uses only arrays of fixed length, so reverse mode works.
+The rule of differentiation calls a differentiable function again, so derivatives of any order
+exist. The rule of differentiation uses only arrays of fixed length, so reverse mode works.
 """
 
 from collections.abc import Callable
@@ -43,7 +43,7 @@ _NODES, _RADAU = radau(STAGES)
 class Knots(NamedTuple):
     """Steps of a solver: times of both ends, and the quartic between them (`rodas.quartic`).
 
-    A row of length 0 is padding: y0 = y1 is the current point, and k is 0.
+    A step of length 0 is padding: y0 = y1 is the current point, and the coefficients k are 0.
     """
 
     t0: Float[Array, " s"]

@@ -46,8 +46,8 @@ class Trajectory(Described, Drawable, Gridded, Tabular, eqx.Module):
     """Motion and friction of the slider at the sample times.
 
     `force`, `recorded` and `state` are in the unit of friction (N, or 1 for a coefficient). All
-    values are finite for every `result`: after a failure at time `end` the last values are
-    repeated. With `RESULTS.impossible` all values are 0.
+    values are finite for every `result`. After a failure at time `end` the trajectory repeats the
+    last values. With `RESULTS.impossible` all values are 0.
     """
 
     time: Float[Array, " n"]
@@ -86,7 +86,7 @@ _WORDS |= {"max_steps_reached": "exhausted max_steps"}
 def result_words(result: RESULTS) -> str | np.ndarray:
     """A result in words, "successful" or "ran away"; an array for a batch.
 
-    Failures of the solver, except too many steps, are "the solver failed".
+    For every failure of the solver except too many steps the words are "the solver failed".
     """
     found = np.full(np.shape(result == RESULTS.successful), "the solver failed", dtype=object)
     for name, words in _WORDS.items():

@@ -1,4 +1,4 @@
-"""Parameter studies: any pure function over a grid, in chunks that survive a kill.
+"""Evaluate any pure function over a grid, in chunks, so that a killed study can be continued.
 
     grid      varied parameters: axes and samples, cut into blocks
     function  the evaluated function and its outputs
@@ -11,7 +11,8 @@
     source    fingerprints of the code and versions that made the results
     run       the entry point
 
-No physics is imported here; `jaxfric.members` has the functions of `jaxfric study`.
+The package `jaxfric.study` contains no physics; `jaxfric.members` has the functions of `jaxfric
+study`.
 """
 
 from .function import Output as Output

@@ -1,8 +1,9 @@
-"""Compute blocks on the workers of a Dask scheduler, with a bounded number in progress.
+"""Compute blocks on the workers of a Dask scheduler, with a bounded number of blocks in progress.
 
-Workers compute and return blocks; only this process writes, so every block is written once even if
-workers die. If a worker dies, another worker computes its block. If the scheduler is lost, the run
-ends, but the store stays valid: the same command continues the study.
+Workers compute and return blocks of the study. Only the main process writes, so every block is
+written once even if workers die. If a worker dies, another worker computes its block. If the
+scheduler is lost, the run ends, but the store stays valid. The same command then continues the
+study.
 """
 
 import asyncio
@@ -34,7 +35,7 @@ _PATIENCE = 15.0
 
 @contextlib.contextmanager
 def connected(address: str) -> "Generator[Client]":
-    """Yield a client of the scheduler at `address`; Dask's log of a lost scheduler is silenced.
+    """Yield a Dask client of the scheduler at `address`, without Dask's log of a lost scheduler.
 
     Raises
     ------
@@ -51,7 +52,7 @@ def connected(address: str) -> "Generator[Client]":
 
 @contextlib.contextmanager
 def local_processes(number: int) -> "Generator[Client]":
-    """Yield a client of local processes, which share the compilation cache."""
+    """Yield a Dask client of local processes, which share the compilation cache."""
     import jax
     from distributed import LocalCluster
 
@@ -98,7 +99,8 @@ def compute_block(task: Task, number: int, expected: dict[str, str]) -> Computed
 
     Raises
     ------
-    OtherCode : the function, jaxfric or a package below is not that of the client, `expected`.
+    OtherCode : the function, jaxfric or one of its dependencies differs from the client's version,
+        `expected`.
     """
     from distributed import get_worker
 
@@ -139,14 +141,14 @@ _compared: set[str] = set()
 
 
 def code_of(task: Task) -> dict[str, str]:
-    """Return the versions of the code that computes a task in this process."""
+    """Return the versions of all code that computes a task in this process."""
     if belongs_to_package(task.function):
         return versions()
     return versions() | {"your function": fingerprint(task.function)}
 
 
 class OtherCode(Stopped):
-    """Raised if a worker has other code than the client."""
+    """Raised if the code on a worker differs from the code on the client."""
 
 
 def _limit_threads(number: int) -> None:

@@ -37,7 +37,7 @@ Kind = Literal["member", "batch", "host"]
 class Stopped(InputError):
     """The run ended before the study was complete.
 
-    The store is valid, and the same command continues the study.
+    The store of a stopped study is valid, and the same command continues the study.
     """
 
 
@@ -54,7 +54,7 @@ class Output:
 
     @property
     def dtype(self) -> str:
-        """Type of an output in the store; numbers have the type of the study."""
+        """Data type of an output in the store; numbers have the type that the study sets."""
         return "int8" if self.codes is not None else "float"
 
 
@@ -96,7 +96,7 @@ class Task:
 
 
 def refuse_dtypes(dtype: str, precision: str) -> None:
-    """Raise `InputError` for an unknown type of numbers."""
+    """Raise `InputError` for an unknown data type of numbers."""
     for name, given in (("dtype", dtype), ("precision", precision)):
         if given not in DTYPES:
             raise InputError(f"{name} is '{given}'; it is float64 or float32")

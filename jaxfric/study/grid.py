@@ -1,10 +1,10 @@
-"""The parameters that a study varies: the product of axes, and sampled columns.
+"""Parameters that a study varies, as a product of axes and as sampled columns.
 
     Grid(axes=(logspace("k_p", 1e4, 1e6, 60, unit="N/m"), values("V0", [1e-6, 1e-5])),
          samples=Samples(1024, (Uniform("A", 3.0, 6.0), Uniform("B", 4.0, 10.0))))
 
-has the dimensions (sample, k_p, V0). Values of any part follow from their index alone, so that
-neither the grid nor its coordinates are ever held in memory as a whole.
+has the dimensions (sample, k_p, V0). Any value follows from its index alone, so that the whole grid
+is never held in memory.
 """
 
 import math
@@ -74,7 +74,7 @@ def _refuse_number(name: str, number: int) -> None:
 
 @dataclass(frozen=True)
 class Uniform:
-    """A column sampled between `low` and `high`, evenly or evenly in the logarithm."""
+    """A parameter sampled between `low` and `high`, evenly or evenly in its logarithm."""
 
     name: str
     low: float
@@ -95,10 +95,11 @@ class Uniform:
 
 @dataclass(frozen=True, eq=False)
 class Normal:
-    """Columns drawn together from a normal distribution, such as the posterior of a fit.
+    """Several parameters drawn from one normal distribution, such as the posterior of a fit.
 
-    x = mean + root z, where root root' is the covariance. Columns in `log` are lognormal, x = mean
-    exp(root z): `mean` is the median, and root root' the covariance of the logarithm.
+    x = mean + root z, where root root' is the covariance. A parameter in `log` is lognormal, x =
+    mean exp(root z). For such a parameter `mean` is the median, and root root' the covariance of
+    the logarithm.
     """
 
     names: tuple[str, ...]
@@ -111,7 +112,7 @@ class Normal:
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """`number` members, each with a value of every column."""
+    """A number of sampled members, each with a value of every sampled parameter."""
 
     number: int
     columns: tuple[Uniform | Normal, ...]
@@ -128,7 +129,7 @@ class Samples:
             )
 
     def described(self) -> list[tuple[str, str, str]]:
-        """Name, unit and meaning of every column, in order."""
+        """Name, unit and meaning of every sampled parameter, in order."""
         found = []
         for column in self.columns:
             if isinstance(column, Uniform):
@@ -138,7 +139,7 @@ class Samples:
         return found
 
     def draw(self, begin: int, end: int) -> dict[str, np.ndarray]:
-        """Return the values of members begin to end - 1."""
+        """Return the sampled values of the members from `begin` to `end` - 1."""
         index = np.arange(begin, end)
         quasi = [c for c in self.columns if isinstance(c, Uniform) and c.kind == "sobol"]
         points = iter(())
@@ -175,7 +176,7 @@ def _spread(column: Uniform, u: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """The product of all axes; the sampled members are an additional first dimension."""
+    """The product of all axes; the sampled members form an additional first dimension."""
 
     axes: tuple[Axis, ...] = ()
     samples: Samples | None = None
@@ -226,14 +227,14 @@ class Grid:
 
 @dataclass(frozen=True)
 class Tiling:
-    """A grid cut into blocks of at most `chunk` members; trailing dimensions stay whole."""
+    """A grid cut into blocks of at most `chunk` members; blocks contain trailing axes in full."""
 
     shape: tuple[int, ...]
     block: tuple[int, ...]
 
     @staticmethod
     def of(shape: Sequence[int], chunk: int) -> "Tiling":
-        """Cut a grid of this shape into blocks as even as possible.
+        """Cut a grid of the given shape into blocks that are as even as possible.
 
         Raises
         ------
@@ -269,7 +270,7 @@ class Tiling:
         return tuple(int(i) for i in np.unravel_index(number, self.counts))
 
     def where(self, number: int) -> tuple[slice, ...]:
-        """Return the slices of the grid that a block covers."""
+        """Return the slices of the grid that form a block."""
         return tuple(
             slice(i * b, min((i + 1) * b, n))
             for i, b, n in zip(self.index(number), self.block, self.shape, strict=True)

@@ -1,4 +1,4 @@
-"""Layout of a new store: variables, units, meanings and attributes, without the blocks."""
+"""Write the layout of a new store: variables, units, meanings and attributes, but no results."""
 
 import json
 import warnings
@@ -32,7 +32,7 @@ class Label(NamedTuple):
 
 
 def make_store(folder: str, task: Task, label: Label) -> None:
-    """Write a store without blocks into a new folder."""
+    """Write a store that contains no results into a new folder."""
     import zarr
 
     attributes = _attributes(task, label)

@@ -1,9 +1,10 @@
 """Evaluate one block of a study (some of its parameter points) on the devices of this process.
 
-A block is padded to one fixed size, so that a study compiles once. If costs are known, the members
-of a block are sorted by cost and dealt to the devices in turn. Each device computes `batch` members
-at a time; a GPU computes more. Every device runs its own loops (`shard_map`). In a loop shared by
-`vmap` over all members, all members would wait for the slowest.
+Every block is padded to one fixed size, so that a study compiles once. If costs are known, the
+members of a block are sorted by cost and dealt to the devices in turn. Each device computes `batch`
+members at a time; a GPU computes more members at a time. Every device runs its loops separately
+(`shard_map`). In a loop shared by `vmap` over all members, all members would wait for the slowest
+member.
 """
 
 import contextlib
@@ -26,7 +27,7 @@ _compiled: dict[str, Callable[[dict[str, np.ndarray]], Arrays]] = {}
 
 
 def compute(task: Task, number: int) -> Computed:
-    """Return the outputs of a block and its sampled parameters, shaped as its part of the grid."""
+    """Return the outputs and sampled parameters of a block, shaped as this part of the grid."""
     where = task.blocks.where(number)
     members = task.grid.members(where)
     if task.kind == "host":
@@ -39,7 +40,7 @@ def compute(task: Task, number: int) -> Computed:
 
 
 def dispatch(task: Task, members: dict[str, np.ndarray]) -> Arrays:
-    """Start computing members; the returned arrays are as long as a whole block."""
+    """Start to compute some members; the returned arrays have the length of a whole block."""
     with jax.enable_x64(task.precision == "float64"), _on(task):
         if task.token not in _compiled:
             _compiled.clear()
@@ -70,7 +71,7 @@ def _on(task: Task) -> contextlib.AbstractContextManager[object]:
 
 
 def finish(found: Arrays, number: int) -> dict[str, np.ndarray]:
-    """Wait for the first `number` rows and return them."""
+    """Wait for the first `number` rows of the outputs, and return these rows."""
     return {name: np.asarray(x)[:number] for name, x in found.items()}
 
 
@@ -214,7 +215,7 @@ def error_text(error: Exception) -> str:
 
 
 def infer_outputs(function: Function, grid: Grid, kind: str, precision: str) -> tuple[Output, ...]:
-    """Infer the outputs of a JAX function: names, and one dimension for each size."""
+    """Infer the names and dimensions of the outputs of a JAX function."""
     one = {name: jax.ShapeDtypeStruct((), precision) for name in grid.names}
     with jax.enable_x64(precision == "float64"):
         if kind == "batch":
@@ -225,7 +226,7 @@ def infer_outputs(function: Function, grid: Grid, kind: str, precision: str) -> 
 
 
 def outputs_of_shapes(shapes: Mapping[str, Sequence[int]]) -> tuple[Output, ...]:
-    """Return outputs by the shapes of one member, with one dimension for each size."""
+    """Return outputs from the array shapes of one member; each array axis is a dimension."""
     return tuple(
         Output(
             name,

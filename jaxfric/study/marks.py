@@ -1,7 +1,7 @@
-"""Checksums of a store, which reveal missing and damaged files.
+"""Checksums of the files of a store, which reveal missing and damaged files.
 
 Every finished block has a mark, the checksum of its files, in the variable `done`. Files that are
-written only once (descriptions of variables, coordinates) have checksums in a file of their own.
+written only once, such as coordinates, have their checksums in a separate file.
 """
 
 import hashlib
@@ -39,11 +39,11 @@ class Marks:
         return Marks(place, blocks, dict(layout["outputs"]), tuple(layout["columns"]))
 
     def carries_columns(self, number: int) -> bool:
-        """Whether the sampled parameters are written with a block."""
+        """Whether a block contains the sampled parameters, too."""
         return bool(self.columns) and not any(self.blocks.index(number)[1:])
 
     def set(self, number: int) -> None:
-        """Mark a block as written, with the chunk of `done` in Zarr's format."""
+        """Mark a block as written, by writing the chunk of `done` in Zarr's format."""
         checksum = self._checksum(number)
         if checksum is None:
             raise OSError(5, "a file that was just written is gone", self.place.shown)
@@ -95,13 +95,13 @@ def _chunk(name: str, index: Sequence[int], ndim: int) -> str:
 
 
 def fixed_checksums(files: Iterable[tuple[str, bytes]]) -> bytes:
-    """Return the content of the file `FIXED` for files and their contents."""
+    """Return the content of the checksum file `FIXED`, given files and their contents."""
     sums = {name: _sum(content) for name, content in files}
     return json.dumps({"files": sums}, sort_keys=True, indent=1).encode()
 
 
 def damaged_files(place: AbstractPlace) -> list[str]:
-    """Return damaged files among those written once; if `FIXED` is damaged, return `FIXED`."""
+    """Return damaged files of those written only once; return `FIXED` if that file is damaged."""
     try:
         files = json.loads(place.read(FIXED) or b"")["files"].items()
     except (ValueError, KeyError, TypeError, AttributeError):

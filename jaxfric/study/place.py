@@ -1,9 +1,9 @@
-"""Places of a store: a folder, or a prefix of an object store, written file by file.
+"""Places for a store of results: a folder, or a prefix of an object store such as S3.
 
-A file exists completely or not at all: in a folder by renaming, in an object store by design. Only
-one run writes at a time. A folder is locked by the operating system, an object store by a lock file
-that its writer renews. If the lock file is no longer renewed, its writer was killed, and another
-run takes over.
+No file is ever half-written: a folder uses renaming, and an object store ensures it by design. Only
+one run may write to a store at a time. The operating system locks a folder. A lock file, which its
+writer renews, locks an object store. If the lock file is no longer renewed, its writer was killed,
+and another run may write.
 """
 
 import abc
@@ -40,7 +40,7 @@ class AbstractPlace(abc.ABC):
 
     @abc.abstractmethod
     def exists(self) -> bool:
-        """Whether anything is stored here."""
+        """Whether any file is stored at this place."""
 
     @abc.abstractmethod
     def read(self, name: str) -> bytes | None:
@@ -60,11 +60,11 @@ class AbstractPlace(abc.ABC):
 
     @abc.abstractmethod
     def sweep(self) -> None:
-        """Remove files that a killed run had not finished."""
+        """Remove partly written files of a killed run."""
 
     @abc.abstractmethod
     def install(self, made: Callable[[str], None]) -> None:
-        """Let `made` write a new store into a temporary folder, and move it here at once."""
+        """Let `made` write a new store into a temporary folder, and move the store here."""
 
     @abc.abstractmethod
     def discard(self) -> None:
@@ -72,7 +72,7 @@ class AbstractPlace(abc.ABC):
 
     @abc.abstractmethod
     def zarr(self) -> "str | ObjectStore":
-        """Return the store as an argument for zarr."""
+        """Return the place in a form that the zarr package accepts."""
 
     @abc.abstractmethod
     def lock(self, tell: Tell) -> contextlib.AbstractContextManager[None]:
@@ -80,7 +80,7 @@ class AbstractPlace(abc.ABC):
 
         Raises
         ------
-        InputError : another run holds it.
+        InputError : another run holds the lock.
         """
 
     @abc.abstractmethod
@@ -93,7 +93,7 @@ def place_of(out: str | Path) -> AbstractPlace:
 
     Raises
     ------
-    InputError : a URL of an unknown kind, or one whose package is not installed.
+    InputError : a URL of an unknown kind, or a URL whose package is not installed.
     """
     text = os.fspath(out)
     scheme, separator, rest = text.partition("://")
@@ -146,7 +146,7 @@ class Directory(AbstractPlace):
             partial.unlink(missing_ok=True)
 
     def install(self, made: Callable[[str], None]) -> None:
-        """Install a store that is written next to the destination and moved there."""
+        """Install a store that is first written next to the destination, then moved."""
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             with tempfile.TemporaryDirectory(
@@ -167,7 +167,7 @@ class Directory(AbstractPlace):
         return str(self.path)
 
     def faults(self) -> contextlib.AbstractContextManager[None]:
-        """Do nothing: a file system only raises `OSError`."""
+        """Do nothing, because a file system only raises `OSError`."""
         return contextlib.nullcontext()
 
     @contextlib.contextmanager
@@ -217,7 +217,7 @@ class Objects(AbstractPlace):
         self._lost = False
 
     def exists(self) -> bool:
-        """Whether a store exists here; an object store has no empty folders."""
+        """Whether a store exists at this place; an object store has no empty folders."""
         with self._refused():
             return self.read("zarr.json") is not None
 
@@ -250,10 +250,10 @@ class Objects(AbstractPlace):
             return sorted(entry["path"] for part in parts for entry in part)
 
     def sweep(self) -> None:
-        """Do nothing: an object store has no partly written files."""
+        """Do nothing, because an object store has no partly written files."""
 
     def install(self, made: Callable[[str], None]) -> None:
-        """Install a store written to a folder and copied here, its identifying file last."""
+        """Install a store by copying it from a local folder, with the identifying file last."""
         with tempfile.TemporaryDirectory() as work, self._refused():
             made(f"{work}/store")
             root = Path(work) / "store"
@@ -292,7 +292,7 @@ class Objects(AbstractPlace):
 
     @contextlib.contextmanager
     def lock(self, tell: Tell) -> Generator[None]:
-        """Hold a file with the name of its writer, which renews it while it runs."""
+        """Hold a lock file that names this process; the process renews the file while it runs."""
         owner, stop = uuid.uuid4().hex, threading.Event()
         with self._refused():
             self._take(owner, tell)

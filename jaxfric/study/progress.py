@@ -54,5 +54,5 @@ class Clock:
             self.progress(Progress(self.total, self.written, self.members, rate, left))
 
     def text(self) -> str:
-        """Return a sentence on the written chunks, and on how to continue."""
+        """Return a sentence on the number of written chunks, and on how to continue the study."""
         return f"{self.written} of {self.total} chunks are written; continue with the same command"

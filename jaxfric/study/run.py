@@ -74,19 +74,20 @@ def run(
 ) -> "xarray.Dataset":
     """Evaluate a pure function over a grid into a Zarr store; return it as an xarray Dataset.
 
-    The same call continues an unfinished store. Checksums verify the existing blocks, which are not
-    computed again.
+    The same call continues an unfinished store. The call verifies existing blocks by checksums, and
+    does not compute valid blocks again.
 
     Parameters
     ----------
     function, kind, cost, batch, dtype, precision, separate : the function and settings of its
-        computation, see `Task`; by default `precision` is `dtype`.
+        computation, see `Task`. By default `precision` equals `dtype`.
     outputs : units, meanings and further dimensions; by default inferred from the function. Kind
         "host" requires them.
-    chunk : members of a block, which is computed, held in memory and written at once.
+    chunk : number of members in a block, which is computed, held in memory and written at once.
     scheduler, processes : address of a Dask scheduler whose workers compute; or number of processes
         on this machine for kind "host" (other kinds use all cores anyway).
-    ask : called with the size of a very large study before it starts; may raise to stop it.
+    ask : called with the size of a very large study before the study starts; may raise an error to
+        stop the study.
     other_versions : continue a store that was begun with other versions of packages.
     description, toml, warnings : description of the study in the store, see `Label`; by default its
         grid, outputs and function. The code of the function, and of yours that it uses, is always
@@ -158,11 +159,12 @@ def _on(client: "Client", scheduler: str, tell: Tell) -> Source:
 
 
 def load(path: str | Path, *, verify: bool = True) -> "xarray.Dataset":
-    """Open a store as a lazy xarray Dataset. Members not yet computed are nan or -1.
+    """Open a store as a lazy xarray Dataset. Members without a result are nan or -1.
 
-    `path` is a folder or a URL. The attribute "errors" has the errors of failed members, each with
-    its count. `verify` first compares every file with its checksum. Without `verify` a deleted
-    chunk reads as not computed; a chunk with wrong bytes raises when it is read.
+    `path` is a folder or a URL. The attribute "errors" lists the errors of failed members, each
+    error with its count. With `verify` the function first compares every file with its checksum.
+    Without `verify` a deleted chunk looks as if it was not computed, and a damaged chunk raises an
+    error when it is read.
 
     Raises
     ------
@@ -239,7 +241,7 @@ def _go_on(
 
 
 class Failed(InputError):
-    """The first members all failed; nothing is kept."""
+    """Raised if the first computed members all fail; no store is then kept."""
 
 
 def _refuse_failures(

@@ -1,11 +1,11 @@
-"""Random numbers by index: the value of draw i needs no other draw and no state.
+"""Random numbers by index: the value of draw i needs no other draw and no generator state.
 
-A study of any length can thus be cut into chunks anywhere, on any number of machines. The bits come
-from two rounds of SplitMix64 (Steele, Lea & Flood 2014, doi:10.1145/2660193.2660195) over the
-index, the seed and the number of the column. Permutations are four Feistel rounds over the next
-power of four, repeated until the result is inside (Black & Rogaway 2002,
-doi:10.1007/3-540-45760-7_9). NumPy's Philox is made for consecutive draws: for the 65536 scattered
-indices of a permutation Philox needs 0.55 s, this module 0.6 ms.
+A study of any length can thus be cut into chunks anywhere, on any number of machines. The random
+bits come from two rounds of SplitMix64 (Steele, Lea & Flood 2014, doi:10.1145/2660193.2660195)
+applied to the index, the seed and the number of the sampled parameter. A permutation of n indices
+uses four Feistel rounds over the next power of four, repeated until the result is below n (Black &
+Rogaway 2002, doi:10.1007/3-540-45760-7_9). NumPy's Philox is made for consecutive draws: for the
+65536 scattered indices of a permutation Philox needs 0.55 s, this module 0.6 ms.
 """
 
 import numpy as np

@@ -1,9 +1,9 @@
-"""Fingerprints of the code and versions that compute results.
+"""Fingerprints (checksums) of the code and package versions that compute results.
 
-A store belongs to one function, including everything that the function refers to, and to the
-versions of the packages below jaxfric. All workers of a cluster must have the same function and
-versions. The compiled code is compared, not the text: comments, or edits of a file after it was
-loaded, do not matter.
+A store belongs to one function, including all code that the function refers to. A store also
+belongs to the versions of the packages that jaxfric uses. All workers of a cluster must have the
+same function and versions. The byte code is compared, not the text. So comments, or edits of a file
+after loading, do not matter.
 """
 
 import dataclasses
@@ -29,7 +29,7 @@ CODE = "code of jaxfric"
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of Python and of the packages below, and a checksum of this package."""
+    """Return versions of Python and of the packages used, and a checksum of jaxfric."""
     found = {"python": f"{sys.version_info[0]}.{sys.version_info[1]}"}
     for name in _COMPUTING:
         try:
@@ -40,7 +40,7 @@ def versions() -> dict[str, str]:
 
 
 def other_versions(then: dict[str, str], now: dict[str, str]) -> list[str]:
-    """Return the versions that differ, as "scipy 1.15 -> 1.16"."""
+    """Return a text on the versions that differ, such as "scipy 1.15 -> 1.16"."""
     return [
         f"{name} {then.get(name, 'missing')} -> {now.get(name, 'missing')}"
         for name in {**then, **now}
@@ -50,7 +50,7 @@ def other_versions(then: dict[str, str], now: dict[str, str]) -> list[str]:
 
 @functools.cache
 def package_source() -> str:
-    """Return a checksum of all modules of the package that compute results."""
+    """Return a checksum of all modules of jaxfric that compute results."""
     digest = hashlib.sha256()
     for path in sorted(_PACKAGE.rglob("*.py")):
         place = path.relative_to(_PACKAGE)
@@ -69,8 +69,9 @@ def belongs_to_package(function: object) -> bool:
 def fingerprint(function: object) -> str:
     """Return a checksum of a function: byte code, defaults, closure, and used globals.
 
-    Functions, classes and modules of the user are followed recursively. Functions of installed
-    packages enter by name, because `versions` covers their code. Arrays enter by their values.
+    The checksum follows functions, classes and modules of the user recursively. Functions of
+    installed packages enter the checksum by name, because `versions` covers their code. Arrays
+    enter the checksum by their values.
     """
     walk = _Walk()
     walk.add(function)

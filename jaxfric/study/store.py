@@ -1,11 +1,11 @@
-"""Results on disk: a Zarr store that xarray opens, written block by block, each exactly once.
+"""Results on disk as a Zarr store for xarray; each block is written exactly once.
 
-Every block of the grid is one Zarr chunk, a file, of every variable. After all files of a block, a
-checksum of the files is written atomically to the variable `done`. A block without checksum, or
-with a wrong one, was interrupted or damaged, and is computed again. So a study may be killed at any
+Every block of the grid is one Zarr chunk, a file, of every variable. After all files of a block,
+the checksum of these files is written atomically to the variable `done`. A block with a missing or
+wrong checksum was interrupted or damaged, and is computed again. So a study may be killed at any
 moment. Coordinates and descriptions have checksums too, and readers verify a checksum inside every
-chunk. A store belongs to one study: its attributes describe the study, and other studies are
-refused.
+chunk. Each store belongs to one study. The attributes of the store describe the study, and the
+store refuses other studies.
 """
 
 import contextlib
@@ -75,7 +75,7 @@ class Store:
         self.marks.set(number)
 
     def sound(self) -> np.ndarray:
-        """Return a mask of the blocks with a valid checksum; remove the marks of other blocks."""
+        """Return a mask of blocks with a valid checksum; remove the marks of damaged blocks."""
         states = self.marks.states()
         for number, state in enumerate(states):
             if state == "damaged":
@@ -83,7 +83,7 @@ class Store:
         return np.asarray([state == "sound" for state in states], bool)
 
     def with_errors(self) -> list[int]:
-        """Return the blocks with failed members."""
+        """Return the blocks that contain failed members."""
         return [int(n) for n in self.place.names(ERRORS) if n.isdecimal()]
 
 
@@ -96,7 +96,7 @@ def open_store(
     any_versions: bool = False,
     tell: Tell = silent,
 ) -> Generator[Store]:
-    """Yield the store of a study, a new one if needed, locked against other runs.
+    """Yield the store of a study, locked against other runs; if needed, make a new store.
 
     Raises
     ------
@@ -144,7 +144,7 @@ def attributes(place: AbstractPlace) -> dict[str, Any]:
 
     Raises
     ------
-    InputError : no such place, or not a store of a study.
+    InputError : no such place, or the place holds no store of a study.
     """
     try:
         content = place.read(_ROOT)
