@@ -32,8 +32,7 @@ def loop(
     reading: options.RecordOptions = options.RecordOptions(),
     output: options.OutputOptions = options.OutputOptions(),
 ) -> int:
-    """Name the effect that a fitted model lacks, add this effect, and compare errors before and
-    after.
+    """Name the effect that a fitted model lacks, add the effect, and compare both errors.
 
     The command fits the base model to a slider's record of velocity steps, tests the residual, and
     tries every effect of the catalogue. It writes loop.html, loop.json and the figures residual,

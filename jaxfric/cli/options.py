@@ -365,8 +365,7 @@ class LawOptions:
         return law_from_parameters(self.law, self.parameters)
 
     def samples(self, number: int = 256) -> "Samples | None":
-        """Return posterior samples of the law; None without a file, or with undetermined
-        parameters.
+        """Return posterior samples of the law; None without a file or with undetermined parameters.
 
         If parameters are undetermined, `source` has already printed a warning.
         """

@@ -62,9 +62,8 @@ def run_line(call: Call) -> str:
 
 def loop_line(call: Call, law: str) -> str:
     """Return the `jaxfric loop` command for the record of a `jaxfric fit --compare`, with `law`.
-    The text is empty if `jaxfric loop` would have no stiffness, or if no command is running.
 
-    The text is empty if the loop would have no stiffness, and outside of the command.
+    The text is empty if `jaxfric loop` would have no stiffness, or if no command is running.
     """
     given, file = dict(call.given), call.given.get("file")
     if file is None or "stiffness" not in given:
@@ -75,10 +74,9 @@ def loop_line(call: Call, law: str) -> str:
 
 
 def changed_line(call: Call, change: "Change") -> str:
-    """Return the shell command of a `jaxfric protocol` call with a change of its plan. The returned
-    command has no options of output. The text is empty if the call gave no velocities.
+    """Return the shell command of a `jaxfric protocol` call with a change of its plan.
 
-    Options of output are left out. The text is empty if the call gave no velocities.
+    The returned command has no options of output. The text is empty if the call gave no velocities.
     """
     if "velocities" not in call.given:
         return ""

@@ -22,10 +22,9 @@ class ENDS(eqx.Enumeration):
 
 
 class EndState(eqx.Module):
-    """How a motion ends, with amplitude, period and velocities of its last part; arrays of one
-    shape.
+    """How a motion ends, with numbers of the last part of the motion.
 
-    Undefined values are inf (`least_velocity`: -inf), not nan.
+    All arrays have one shape. Undefined values are inf (`least_velocity`: -inf), not nan.
     """
 
     code: ENDS

@@ -85,8 +85,7 @@ class GainTask(NamedTuple):
 def lowest(
     task: GainTask, tried: np.ndarray, given: np.ndarray, *, along: int = 0
 ) -> Float[np.ndarray, " n"]:
-    """Smallest k_p of `tried` that all scenarios accept for each `given` k_v; inf if none is
-    accepted.
+    """Smallest k_p of `tried` that all scenarios accept for each `given` k_v, or inf.
 
     The values in `tried` ascend. Bisection between the first accepted value and the value before
     refines the result. With `along` = 1 the roles of the gains are exchanged: `tried` is damping

@@ -69,8 +69,7 @@ class Requirement(eqx.Module):
 
     @staticmethod
     def with_default(margins: Mapping[str, float | Array]) -> "Requirement":
-        """Add modulus=0.5 to the margins unless modulus is named; modulus=0 removes the modulus
-        margin.
+        """Add modulus=0.5 to the margins unless modulus is named; modulus=0 removes modulus.
 
         A loop that is not robust can meet every margin other than modulus. For example, a loop with
         a delay margin of 1 ms can have a gain margin of only 1.0003.

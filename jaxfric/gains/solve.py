@@ -9,7 +9,7 @@ only the active scenarios (an exchange method):
 
 1. the frontier of feasible gains for the carried scenarios gives every local minimum (`frontier`);
 2. the steps of `minimum_gains` refine each local minimum, under the worst of all scenarios
-    (`search`);
+   (`search`);
 3. all scenarios are checked at each refined minimum. The worst violated scenarios are added to the
    carried scenarios. If the requirement is just met, velocities between the velocities of carried
    scenarios are added. The search repeats from stage 1.
@@ -116,8 +116,7 @@ def make_region(
 
 
 def solve(task: GainTask) -> Optima | Infeasible:
-    """Find all local optima over all scenarios, with a certificate; `Infeasible` without an
-    optimum.
+    """Find all local optima over all scenarios, with a certificate, or return `Infeasible`.
 
     Raises
     ------

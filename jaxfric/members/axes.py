@@ -135,10 +135,9 @@ def _draws(axis: Table, path: Path, where: str, files: dict[str, str]) -> Normal
 def posterior(
     content: Table, path: Path, grid: Grid
 ) -> tuple[str | None, dict[str, float], tuple[str, ...]]:
-    """Return law, parameters and warnings of the fit that an axis names by `from`. The result
-    leaves out parameters that the axis draws from the posterior.
+    """Return law, parameters and warnings of the fit that an axis names by `from`.
 
-    Parameters that the axis draws are left out.
+    The result leaves out parameters that the axis draws from the posterior.
     """
     table = table_of(content, "axes", path.name)
     sources = [axis for axis in table.values() if isinstance(axis, dict) and "from" in axis]
@@ -156,8 +155,7 @@ def posterior(
 
 
 def parameters_of(source: LawSource) -> tuple[str | None, dict[str, float]]:
-    """Return name and parameters (SI) of a rate-and-state law; parameters have the names of a
-    study.
+    """Return name and parameters (SI) of a rate-and-state law, under the names of a study.
 
     For a law other than rate-and-state the name is None, and the only parameter is the mass, if
     given.

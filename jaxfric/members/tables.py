@@ -21,7 +21,7 @@ def placed(where: str) -> Generator[None]:
 
 
 def flag(table: Table, key: str, where: str, *, usual: bool = False) -> bool:
-    """Return true or false, by default `usual`."""
+    """Read a key that is true or false; return `usual` if the key is missing."""
     found = table.get(key, usual)
     if not isinstance(found, bool):
         raise InputError(f"{where}: {key} is {found!r}; it is true or false")

@@ -44,8 +44,7 @@ def where_it_sits(
 def grow_together(
     location: tuple[LocationProfile, ...], velocities: np.ndarray | Sequence[float]
 ) -> bool:
-    """Whether the best variable cannot be separated from other variables that grow together with
-    it.
+    """Whether the record cannot separate the best variable from others that grow together.
 
     Velocity steps at other velocities would separate two variables that grow together.
     """

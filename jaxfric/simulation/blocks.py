@@ -15,8 +15,7 @@ T = TypeVar("T", bound=PyTree)
 
 
 def in_blocks(one: Callable[..., T], *rows: PyTree) -> T:
-    """Compute `jax.vmap(one)(*rows)`, with `BLOCK` rows at a time. For a whole record at once,
-    every operation with many derivatives would read from main memory.
+    """Compute `jax.vmap(one)(*rows)`, with `BLOCK` rows at a time.
 
     For a whole record at once, every operation with many derivatives would read from main memory.
     """

@@ -304,8 +304,7 @@ def study(
 
 
 def with_samples(found: Study, laws: Law) -> Study:
-    """Add the critical stiffness of each sample of the law to the study; arrays have a leading
-    axis.
+    """Add the critical stiffness of each sample of the law (on a leading axis) to the study.
 
     A delay law has no critical stiffness; the study of a delay law is returned unchanged.
     """

@@ -96,12 +96,12 @@ class LinearSlider(eqx.Module):
         return jnp.zeros_like(self.stiffness) if self.mass is None else self.mass
 
     def polynomials(self) -> tuple[Array, Array, Array]:
-        """Polynomials (characteristic, controller, load) times D(s), with ascending coefficients.
-        The loop is controller/load.
+        """Polynomials (characteristic, controller, load) times D(s), ascending.
 
-        The polynomials exist for rational kernels only. The degree of the characteristic polynomial
-        is the number of states plus 2, or plus 1 without mass. A controller delay adds 4 to the
-        degree. Integral action multiplies controller and load by s, which adds 1 to the degree.
+        The open loop is controller/load. The polynomials exist for rational kernels only. The
+        degree of the characteristic polynomial is the number of states plus 2, or plus 1 without
+        mass. A controller delay adds 4 to the degree. Integral action multiplies controller and
+        load by s, which adds 1 to the degree.
         """
         kernel = self.friction.kernel
         if not isinstance(kernel, StateSpaceKernel):
@@ -158,8 +158,7 @@ def sampling_delay(sample_time: ArrayLike) -> Float[Array, ""]:
 
 
 def controller_delay(sample_time: float | None, delay: float | None) -> float | None:
-    """Return the delay T [s] of a controller from its sample time or its delay [s]; None if neither
-    is given.
+    """Return the delay T [s] of a controller from its sample time or delay [s], or None.
 
     Raises
     ------

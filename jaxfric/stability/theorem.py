@@ -141,8 +141,7 @@ def critical_points(
     number: int,
     points: int,
 ) -> tuple[Float[Array, " number"], Float[Array, " number"], Bool[Array, ""]]:
-    """The `number` lowest w_n [rad/s] and k(w_n) [force/m] of (19)-(20), and whether the list is
-    complete.
+    """The `number` lowest w_n [rad/s] and k(w_n) [force/m] of (19)-(20); whether all are found.
 
     The arrays of w_n and k(w_n) are padded with inf and -inf. The function searches w_n on `points`
     frequencies, then refines each w_n with the transform of the kernel. First and second

@@ -146,8 +146,7 @@ def about_loop(loop: "Loop") -> dict[str, object]:
 
 
 def posterior(posterior: "Posterior") -> DataFrame:
-    """One row for A-B and each parameter, from the draws or, without draws, the Laplace
-    approximation.
+    """One row for A-B and each parameter, from the draws or from the Laplace approximation.
 
     The first columns of this table are in words.
     """
