@@ -1,7 +1,7 @@
 """The command `jaxfric`: each verb has one file and calls the public functions.
 
-Every verb has `--json` (one JSON document on stdout, and nothing else there), `--quiet` (nothing of
-progress on stderr) and `--out FOLDER`. Exit codes:
+Every verb has `--json` (stdout is exactly one JSON document), `--quiet` (no progress on stderr) and
+`--out FOLDER`. Exit codes:
 
 | code | meaning |
 |------|---------|

@@ -54,8 +54,8 @@ def fit(
 
     With --compare the command fits several laws to one record. If the record has three or more
     steps, each law also predicts steps that it was not fitted to. The command prints which law the
-    record supports and by how much, or that the record does not decide. It writes compare.json,
-    compare.csv, compare.tex, compare.png and compare.svg to ./NAME-compare/.
+    record supports and by how much, or that the record does not decide. With --compare the command
+    writes compare.json, compare.csv, compare.tex, compare.png and compare.svg to ./NAME-compare/.
     """
     prior.refuse_unusable()
     every = (file, *more)

@@ -116,7 +116,7 @@ def for_each(files: Sequence[Path], values: Sequence[_Value], option: str) -> Se
 def fit_files(fitter: Fitter, output: OutputOptions) -> int:
     """Fit every file, write and print the table; return the exit code (1: a fit failed).
 
-    `_MANY` or more files are fitted in one batch, if all options allow it.
+    `_MANY` or more files are fitted in one batch, if all options allow a batch.
 
     Raises `InputError` before any fit if a file does not exist. Raises `InputError` without writing
     anything if no file can be fitted.

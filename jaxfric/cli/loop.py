@@ -35,10 +35,10 @@ def loop(
     """Name the effect that a fitted model lacks, add the effect, and compare both errors.
 
     The command fits the base model to a slider's record of velocity steps, tests the residual, and
-    tries every effect of the catalogue. It writes loop.html, loop.json and the figures residual,
-    noise, location, profiles, aliasing and candidates to the output folder. The default folder is
-    ./NAME-loop/; options that differ from their default are part of the folder's name. For a servo
-    axis use 'jaxfric axis'.
+    tries every effect of the catalogue. The command writes loop.html, loop.json and the figures
+    residual, noise, location, profiles, aliasing and candidates to the output folder. The default
+    folder is ./NAME-loop/; options that differ from their default are part of the folder's name.
+    For a servo axis use 'jaxfric axis'.
 
     For a whole run (--run, --events) all steps and holds are fitted together. All steps and holds
     share A, B, L and the effects. Every segment between two changes of normal stress has a separate

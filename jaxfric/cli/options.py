@@ -110,7 +110,7 @@ class RecordOptions:
     """Leave out rows after this time or displacement, counted from the first row."""
 
     def slider(self, file: Path, reduce: Path | None) -> "Record":
-        """Read the record of a slider, and reduce it by a script if one is given."""
+        """Read the record of a slider; if a script is given, reduce the record by the script."""
         from ..records import read
 
         columns = self.roles("--column friction=mu")

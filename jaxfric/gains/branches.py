@@ -1,8 +1,8 @@
 """The smooth branches of a margin; all branches together are equivalent to the margin.
 
 A margin is a minimum over poles or frequencies. The gradient of the margin jumps when the minimum
-moves from one pole or frequency to another. Optimal gains often lie at such a jump. Each branch is
-smooth, so an optimum at a jump is the intersection of two smooth constraints.
+moves from one pole or frequency to another. Optimal gains often lie at a jump of the gradient. Each
+branch is smooth, so an optimum at a jump is the intersection of two smooth constraints.
 """
 
 from collections.abc import Sequence

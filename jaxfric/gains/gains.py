@@ -52,9 +52,9 @@ def find_gains(
         minimise sqrt((k_p/s_p)^2 + (k_v/s_v)^2)
 
     Scenarios are all combinations of velocity, mass and sample of the law. The search adds further
-    velocities near velocities at which the requirement is only just met. If there are two local
-    optima, both are reported: "stiff" (k_p above the critical stiffness) and "damped" (k_v almost
-    suffices alone).
+    velocities near velocities at which the requirement is only just met. If two local optima exist,
+    both are reported: "stiff" (k_p above the critical stiffness) and "damped" (k_v almost suffices
+    alone).
 
     Parameters
     ----------
@@ -283,7 +283,7 @@ def check_gains(
 
     Raises
     ------
-    InputError : `basin` is below 1; no gains up to 30 times as large have such a basin.
+    InputError : `basin` is below 1; no gains up to 30 times as large have the basin.
     """
     if basin is not None and not basin >= 1:
         raise InputError(f"basin is {basin:g}; it is a factor, 1 or more")

@@ -81,7 +81,7 @@ class Requirement(eqx.Module):
         return Requirement({n: x for n, x in margins.items() if not (off and n == name)})
 
     def slack(self, slider: LinearSlider, unit: Float[Array, " 2"]) -> Float[Array, ""]:
-        """Least relative excess of the margins over their requirements.
+        """Least relative excess of the margins over the required values.
 
         The slack is zero if the margins just meet the requirement, negative if a margin misses its
         requirement, and at most 9. `unit` holds the natural units of (k_p, k_v). For the slack of

@@ -1,8 +1,8 @@
 """Friction at rest, and the position error of a controller without integral action.
 
-At rest the force k_p (x_ref - x) must exceed the static friction F_s to move the slider. So the
-slider stops anywhere within a distance F_s/k_p of the target. A position accuracy a requires k_p >=
-F_s/a.
+At rest the force k_p (x_ref - x) must exceed the static friction F_s to move the slider. At rest
+the slider stops anywhere within a distance F_s/k_p of the target. A position accuracy a requires
+k_p >= F_s/a.
 """
 
 import equinox as eqx

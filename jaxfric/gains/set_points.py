@@ -55,7 +55,7 @@ class Schedule(Described, Tabular):
     """Whether the numbers are linear (m and N) or rotary (rad and N m)."""
 
     def gains(self, velocity: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-        """Gains (k_p, k_v) for a velocity: those of the set point with the nearest log velocity."""
+        """Gains (k_p, k_v) for a velocity, from the set point nearest in log velocity."""
         V = np.asarray(velocity, float)
         place = np.log([point.velocity for point in self.points])
         nearest = np.argmin(np.abs(np.log(V)[..., None] - place), axis=-1)
@@ -77,10 +77,11 @@ def gain_schedule(
     """Compute minimum-norm gains at set points between two velocities [m/s]; check the chain.
 
     Neighbouring set points are at first a factor `ratio` apart in velocity. The gains of each set
-    point have the required margins half-way to the neighbouring set points. These margins hold in
-    every sample of the law and for every mass. If a step to a neighbour is outside the basin, a set
-    point is inserted between the two. No set point is inserted if two set points would then differ
-    by less than a factor `finest`. Simulations use the law's estimate and the largest mass.
+    point have the required margins half-way to the neighbouring set points. The required margins
+    hold in every sample of the law and for every mass. If a step to a neighbour is outside the
+    basin, a set point is inserted between the two. No set point is inserted if two set points would
+    then differ by less than a factor `finest`. Simulations use the law's estimate and the largest
+    mass.
 
     `law` is as in `find_gains`; for a friction coefficient pass `law_from_fit(fit,
     normal_force=500)`.

@@ -47,7 +47,7 @@ def end_state(
 
     horizon : time to settle [s]. 20 to 50 periods 2 pi/w_cr of the linear theory suffice in the
         tests of jaxfric. A stick-slip period, 2 (f_static - f_sliding)/(K V), is often longer than
-        such a period. With fewer than two cycles the end state is `unresolved`.
+        this period 2 pi/w_cr. With fewer than two cycles the end state is `unresolved`.
     decay : rate of the slowest linear mode [1/s], if known. A positive `decay` stretches the
         horizon to 8/decay, at most tenfold. A motion that decays at half this rate then counts as
         steady.

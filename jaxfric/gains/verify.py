@@ -199,9 +199,9 @@ def standard_starts(rig: Rig, V: Float[Array, ""]) -> list[InitialState]:
     lower, and the load point F/K ahead or behind. F is the law's `force_scale`, K the stiffness.
 
     With mass, a start with changed velocity also lengthens or shortens the spring by 1 % of F/K.
-    Otherwise a light slider would lose its velocity perturbation before it moves, and would stay on
-    an unstable steady motion forever. Without mass and dashpot the load point's jump multiplies a
-    rate-and-state slider's velocity by e.
+    Without this change of the spring, a light slider would lose its velocity perturbation before it
+    moves. The slider would then stay on an unstable steady motion forever. Without mass and dashpot
+    the load point's jump multiplies a rate-and-state slider's velocity by e.
     """
     jump = rig.friction.force_scale() / rig.machine.stiffness
     return [

@@ -2,9 +2,9 @@
 
 The module classifies an end state by the rules of `gains.ends.classify`, but with running maxima.
 No motion is stored, so that a million simulations under `vmap` need little memory. A cycle begins
-when the velocity rises through the commanded velocity. At this time the slip deviates most. The
-simulation of a linearly stable slider stops early very close to steady sliding. The simulation of a
-linearly unstable slider stops early if its cycles repeat.
+when the velocity rises through the commanded velocity. When a cycle begins, the slip deviates most.
+The simulation of a linearly stable slider stops early very close to steady sliding. The simulation
+of a linearly unstable slider stops early if its cycles repeat.
 """
 
 from typing import NamedTuple

@@ -63,7 +63,7 @@ def read_own(path: str | Path, reference: str) -> tuple[Spec, StudyPart]:
 
     Raises
     ------
-    InputError : no such function, or one that fails or returns no dict; an unknown key.
+    InputError : no such function, a function that fails or returns no dict, or an unknown key.
     """
     path = Path(path)
     text, content = parsed(path)

@@ -23,8 +23,8 @@ def read_axis_figure(record: AxisRecord) -> Figure:
 def axis_record_figure(record: AxisRecord, strokes: Strokes) -> Figure:
     """Figure of an axis record, with its strokes shaded.
 
-    Panels over time: motor force, with the disturbance if there is one; position and reference; the
-    position error; the speed. The last panel shows force against speed.
+    The upper panels show against time: motor force and disturbance, position and reference,
+    position error, and speed. The last panel shows force against speed.
     """
     units = shown_units(record.coordinate, record.force_unit)
     place = style.along(None, record.relative_time)

@@ -23,7 +23,7 @@ _CONTOUR = 5.991
 
 
 def posterior_figure(posterior: Posterior) -> Figure:
-    """Figure of a posterior: densities on the diagonal, pairs of parameters below it."""
+    """Figure of a posterior: densities on the diagonal, pairs of parameters below the diagonal."""
     names = (DIFFERENCE, *posterior.names)
     about, drawn = _columns(posterior, posterior.laplace.draws), None
     if posterior.draws is not None:

@@ -56,6 +56,6 @@ def by_factors(values: np.ndarray) -> bool:
 
 
 def code_colours(names: Sequence[str]) -> dict[str, str]:
-    """The colours of codes by their names in words, in their order."""
+    """The colours of codes, by the name of each code, in the order of the codes."""
     colours = [_COLOURS.get(name) or CODES[k % len(CODES)] for k, name in enumerate(names)]
     return {name.replace("_", " "): colour for name, colour in zip(names, colours, strict=True)}

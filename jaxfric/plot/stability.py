@@ -184,7 +184,7 @@ def law_name(law: Law) -> str:
 
 
 def mass_text(mass: float | None, coordinate: Coordinate = "linear") -> str:
-    """The mass in words, or that there is none."""
+    """Describe the mass in words, or say that the slider has no mass."""
     return "no mass" if mass is None else f"m = {mass:g} {unit_of('kg', coordinate)}"
 
 

@@ -20,8 +20,8 @@ def apart(loop: Loop) -> list[str]:
 
     Two effects may look alike to first order. A refit replaces one effect by the other. The refit
     distinguishes the two effects if it raises BIC by more than 10. If structure remains in the
-    residual, no added effect is distinguished from all other effects: the added effect may partly
-    represent another one.
+    residual, no added effect is distinguished from all other effects, because it may partly
+    represent another effect.
     """
     out, open_ = [], dict(confused(loop))
     incomplete = _INCOMPLETE.intersection(one.code for one in loop.findings)

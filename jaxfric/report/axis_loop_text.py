@@ -48,8 +48,8 @@ def words_of_driven(directions: Sequence[Driven], force: str, speed: str) -> str
 def doubt(details: AxisDetails) -> str:
     """Name mass and friction that differ between the loop and a least-squares fit of all rows.
 
-    A difference is named only if it exceeds both its error and a factor of 1.5. The result is ''
-    without such differences.
+    A difference is named only if it exceeds both its error and a factor of 1.5. The result is '' if
+    mass and friction do not differ.
     """
     fit = details.fits[-1][1] if details.fits else None
     told = [
@@ -112,7 +112,7 @@ def _of(fit: AxisFit, name: str) -> str:
 
 
 def gains_table(details: AxisDetails) -> TextTable:
-    """Gains in force, and the least damping that friction requires, in both units."""
+    """Table of the controller's gains in force, and of the least damping that friction requires."""
     force, drive, unit = details.record.force_unit, details.record.drive, _length(details)
     rows = _least(details.gains, force, unit)
     signal = "V" if drive is None else drive.signal

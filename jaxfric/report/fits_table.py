@@ -32,7 +32,7 @@ _MARKS = {
 
 
 class TabledFit(NamedTuple):
-    """A row of the table: the name, and the fit or the reason why there is no fit.
+    """A row of a table of fits: the name, and the fit or the reason why the fit failed.
 
     The row also holds further cells by column head. A fit whose numbers are not valid has a remark.
     """

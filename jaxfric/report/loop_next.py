@@ -26,8 +26,8 @@ _ROOMS = {"machine": "the machine", "drive": "the drive", "sensor": "the force s
 def meanings(loop: Loop) -> list[tuple[str, str, str]]:
     """Return id, place in the model, meaning and equation of every added effect.
 
-    Meaning and equation of an effect come from the catalogue. Both are empty for an effect outside
-    the catalogue.
+    Meaning and equation of an effect come from the catalogue. For an effect outside the catalogue,
+    meaning and equation are empty.
     """
     found = []
     for id in loop.effects:

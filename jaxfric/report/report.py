@@ -20,7 +20,7 @@ _WIDTH = 120
 
 
 class NextStep(NamedTuple):
-    """A recommended step: a sentence, and its command line if there is one."""
+    """A recommended next step: a sentence and, if possible, a command line."""
 
     text: str
     command: str = ""
@@ -54,7 +54,7 @@ class Report(NamedTuple):
 def print_brief(report: Report, console: "Console", *, room: int = SCREEN) -> None:
     """Print the headline, and as many rows of the table as fit into `room` lines.
 
-    A report without a table shows its notes instead.
+    A report without a table shows its notes in place of the table.
     """
     _print_lines(console, report.headline)
     room -= len(report.headline)

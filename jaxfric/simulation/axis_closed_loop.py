@@ -28,7 +28,7 @@ _Moving = tuple[Float[Array, ""], Float[Array, ""], Float[Array, " s"]]
 
 
 class Controller(NamedTuple):
-    """Gains in the machine's own units."""
+    """Controller gains in the units of the machine."""
 
     position_gain: Float[Array, ""]
     """k_p [1/s]."""

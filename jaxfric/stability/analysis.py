@@ -1,8 +1,8 @@
 """Curves, maps and root loci of linear stability, as numbers for tables and figures.
 
 All functions of this module take one law and arrays of velocities or gains. All functions are pure
-and work under jit; they map over the arrays by vmap. Forces are in newtons (or divided by the
-normal force); mass None is the quasi-static limit.
+and work under jit; the functions map over the arrays by vmap. Forces are in newtons (or divided by
+the normal force); mass None is the quasi-static limit.
 """
 
 import dataclasses

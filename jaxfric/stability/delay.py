@@ -23,8 +23,8 @@ All functions of this module are closed forms. A direct effect or any other inst
 f_v of the law adds to k_v: pass the sum k_v + f_v. Units are SI (forces in newtons, or divided by
 the normal force): mass kg, k_p N/m, k_v and k_f N s/m, alpha s. Required: mass > 0, alpha >= 0.
 The formulas cover either sign of k_f and any k_v; k_f < 0 means that the steady curve rises. For
-k_f < 0 the same formulas hold with beta = 2 pi - arccos(k_v / k_f). For |k_v| >= |k_f| there is no
-crossing.
+k_f < 0 the same formulas hold with beta = 2 pi - arccos(k_v / k_f). For |k_v| >= |k_f| no root
+crosses the imaginary axis.
 """
 
 import equinox as eqx
@@ -123,7 +123,7 @@ def stable_stiffness_exists(
 
     For |k_v| < |k_f| and k_f > 0 the condition is m (2 pi - 2 beta)/alpha > sqrt(k_f^2 - k_v^2).
     For k_f < 0 the factor 2 pi - 2 beta becomes 4 pi - 2 beta. The condition does not depend on n,
-    so there are infinitely many stable intervals or none. For k_v >= |k_f| all k_p > 0 are stable;
+    so the number of stable intervals is infinite or zero. For k_v >= |k_f| all k_p > 0 are stable;
     for k_v <= -|k_f| none is stable. Elementwise.
     """
     exists, r, beta = _branch(jnp.asarray(k_v), jnp.asarray(k_f))

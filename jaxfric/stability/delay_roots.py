@@ -221,11 +221,11 @@ def rightmost_roots(
 
     Of a complex pair of roots, the root with positive imaginary part comes first. The roots have
     full precision for any alpha w (half the digits if two roots nearly coincide). If alpha
-    (sqrt(k_p/m) + (|k_v| + |k_f|)/m) exceeds about 1e6, the roots are so dense that rounding may
-    replace one by a neighbour or by a point between two. Derivatives of any order exist with
-    respect to all five arguments, by the implicit function theorem. The derivatives are nan if two
-    roots coincide to rounding. A root that does not exist is -inf; for alpha = 0 only two roots
-    exist. All arguments are scalars. Raises `InputError` if `number` is less than 1.
+    (sqrt(k_p/m) + (|k_v| + |k_f|)/m) exceeds about 1e6, the roots are dense. Rounding may then
+    replace a root by a neighbouring root or by a point between two roots. Derivatives of any order
+    exist with respect to all five arguments, by the implicit function theorem. The derivatives are
+    nan if two roots coincide to rounding. A root that does not exist is -inf; for alpha = 0 only
+    two roots exist. All arguments are scalars. Raises `InputError` if `number` is less than 1.
     """
     if number < 1:
         raise InputError(f"rightmost roots: number is {number}; ask for at least 1")

@@ -72,7 +72,7 @@ def crossings(
             return jnp.sin(value) if wrapped else value
 
         def step(x: Float[Array, ""]):
-            """A Newton step, or 0 if it would leave the grid interval."""
+            """A Newton step, or 0 if the step would leave the grid interval."""
             e, slope = jax.jvp(offset, (x,), (jnp.ones_like(x),))
             slope = jax.lax.stop_gradient(slope)
             change = e / jnp.where(slope == 0, 1.0, slope)

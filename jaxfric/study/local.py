@@ -27,7 +27,7 @@ _compiled: dict[str, Callable[[dict[str, np.ndarray]], Arrays]] = {}
 
 
 def compute(task: Task, number: int) -> Computed:
-    """Return the outputs and sampled parameters of a block, shaped as this part of the grid."""
+    """Return the outputs and sampled parameters of a block, in the block's shape."""
     where = task.blocks.where(number)
     members = task.grid.members(where)
     if task.kind == "host":

@@ -43,7 +43,7 @@ class Marks:
         return bool(self.columns) and not any(self.blocks.index(number)[1:])
 
     def set(self, number: int) -> None:
-        """Mark a block as written, by writing the chunk of `done` in Zarr's format."""
+        """Mark a block as written by writing the chunk of `done` in Zarr's format."""
         checksum = self._checksum(number)
         if checksum is None:
             raise OSError(5, "a file that was just written is gone", self.place.shown)

@@ -1,7 +1,7 @@
 """Show a result as a line, a report, a figure or a table, for `jaxfric.described`.
 
-`VIEWS` names the functions that show results of each class. These functions are loaded on first
-use.
+`VIEWS` names the functions that show results of each class. The functions in `VIEWS` are loaded on
+first use.
 """
 
 import functools

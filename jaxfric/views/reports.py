@@ -1,4 +1,4 @@
-"""Reports of results for which the command prints no report of their own."""
+"""Reports of results for which the command prints no separate report."""
 
 import dataclasses
 from typing import TYPE_CHECKING
@@ -100,7 +100,7 @@ def comparison(found: "LawComparison") -> Report:
 
 
 def axis_fit(fit: "AxisFit") -> Report:
-    """The parameters with their errors, SI."""
+    """Report the fitted parameters of an axis with their errors, in SI."""
     rows = [
         (name, "undetermined", "")
         if name in fit.loose
