@@ -87,7 +87,7 @@ def sentence(curve):
 
 def test_sentences_claim_no_more_than_the_rule():
     free = sentence(RISES)
-    assert "50 ± 20 mN m s/rad, at -9.549 rpm" in free
+    assert "50 ± 20 mN m s/rad, at 9.549 rpm backwards" in free
     assert "Any k_p > 0 holds the axis" in free and "from 9.549 rpm to 191 rpm" in free
     assert "Slower motion than 9.549 rpm was not seen" in free
     assert "without damping, if the controller answers at once. With a delay d, k_p" in free
@@ -136,9 +136,10 @@ def test_the_short_sentence_claims_no_more_than_the_rule():
     )
     falls = dataclasses.replace(RISES, slope=-0.05)
     assert short(falls) == (
-        "friction falls with speed, most steeply at -9.549 rpm, so the axis may stick-slip. The"
-        " controller must add damping k_v above 90 mN m s/rad to prevent it from 9.549 rpm to"
-        " 191 rpm. Slower motion than 9.549 rpm was not seen."
+        "friction falls with speed, most steeply at 9.549 rpm backwards, so the axis may"
+        " stick-slip. The controller must add damping k_v above 90 mN m s/rad to prevent"
+        " stick-slip at speeds from 9.549 rpm to 191 rpm."
+        " Slower motion than 9.549 rpm was not seen."
     )
     stiff = StiffOptimum(1.0, 0.5, 3.0, None)
     assert "191 rpm, or stiffness k_p above 500 mN m/rad. Slower" in short(falls, stiff)

@@ -369,18 +369,19 @@ def answered(plan, ids=TWO, known=None):
     return "; ".join(answer(plan, plan.design.pair(*ids), remedy(plan, ids, known or {})))
 
 
-YES, NO = "yes: this plan tells ageing from ", "no: this plan cannot tell ageing from "
+YES = "yes: this plan distinguishes ageing from "
+NO = "no: this plan cannot distinguish ageing from "
 
 
 @pytest.mark.parametrize(
     ("plan", "ids", "line"),
     [
-        (designed(0.6), TWO, YES + "velocity_dependent_L, from q = 0.012 or n = 0.025 on"),
-        (designed(0.6), ("base", "ageing"), YES + "the slip law, from q = 0.01 on"),
-        (designed(0.6), ("ageing", "base"), YES + "the slip law, from q = 0.01 on"),
+        (designed(0.6), TWO, YES + "velocity_dependent_L if at least q = 0.012 or n = 0.025"),
+        (designed(0.6), ("base", "ageing"), YES + "the slip law if at least q = 0.01"),
+        (designed(0.6), ("ageing", "base"), YES + "the slip law if at least q = 0.01"),
         (designed(0.96), TWO, NO + "velocity_dependent_L: |cosine| 0.960, above 0.95"),
         (designed(0.96, after=0.5), TWO, NO + "velocity_dependent_L: |cosine| 0.960, above 0.95;"
-         " it would with a slip channel (110 s), from q = 0.012 or n = 0.023 on"),
+         " it would with a slip channel (110 s), if at least q = 0.012 or n = 0.023"),
         (designed(0.96, after=0.97), TWO, NO + "velocity_dependent_L: |cosine| 0.960, above 0.95;"
          " no change in the table below would"),
         (designed(0.98, changes=[("dwell", 0.96), ("slip_x2", 0.97)]), TWO, NO
@@ -421,8 +422,8 @@ def test_a_size_that_no_friction_has_is_a_no() -> None:
     pair = plan.design.pair(*TWO)
     assert not pair.apart and pair.sizes == {} and set(pair.needed) == set(TWO)
     said = answered(plan)
-    assert said.startswith("no: this plan would tell ageing from velocity_dependent_L only from q")
-    assert "n = 0.025 on, and no effect is ten times as large as A and B" in said
+    assert said.startswith("no: this plan would distinguish ageing from velocity_dependent_L only")
+    assert "n = 0.025, and no effect is ten times as large as A and B" in said
     assert remedy(plan, TWO, {}) is None  # none of the changes sees them smaller
     assert designed(0.6, limit=0.03).design.pair(*TWO).apart
 
@@ -607,7 +608,9 @@ def test_the_answer_is_the_first_line_of_the_command(monkeypatch, tmp_path):
     call = ("protocol", "1,10 um/s", *options, "--distinguish", "ageing,velocity_dependent_L")
     code, out, err = run(*call)
     assert code == 0, err
-    assert out.splitlines()[0].startswith("yes: this plan tells ageing from velocity_dependent_L")
+    assert out.splitlines()[0].startswith(
+        "yes: this plan distinguishes ageing from velocity_dependent_L"
+    )
     (file,) = Path().glob("*/protocol.json")
     asked = json.loads(file.read_text())["asked"]
     assert asked["told_apart"] is True and asked["cosine"] == 0.6

@@ -130,8 +130,8 @@ def second_stage(
     number: int = 5,
 ) -> Begun:
     """The least-squares problem with all states, started from the one-state fit `z` of the `first`
-    problem. `moved` holds velocity and slip of the one-state fit at the times of the `averaged`
-    `data`.
+    problem. `moved` is the motion of that fit: velocity and slip at the times of `data`, the
+    averaged rows.
     """
     values = first.coordinates.from_free(np.asarray(z))
     K = float(first.stiffness)

@@ -215,7 +215,8 @@ class Sought(NamedTuple):
         """The `number` best distinct trial sliders, first the minimum of each valley along L. Rows
         are in the order of `model.names()`.
 
-        `linear` (m, 2) and `misfit` (m,) are from `grid_misfit`. If friction drifts slowly, the
+        `linear` (m, 2) and `misfit` (m,), are results of `grid_misfit`: f0, slip
+        trend and misfit of each of m trial sliders. If friction drifts slowly, the
         misfit has a second valley at long L, next to the valley of the evolution after velocity
         steps. The coarse grid does not show which valley of the misfit is deeper.
         """

@@ -118,7 +118,9 @@ def withheld_by(search: Search, edge: float | None) -> Finding | None:
 def facts_of(
     search: Search, against: Sequence[Finding], doubts: Sequence[object], floor: Floor
 ) -> Facts:
-    """The facts of a search. `against`: findings on the residual; `doubts`: other explanations."""
+    """The facts of a search. `against` holds findings of structure in the residual of the final
+    model, `doubts` other models that explain the record as well.
+    """
     base = search.base
     gains = [base.bic - c.bic for c in search.tried if c.effects and not c.failed]
     return Facts(

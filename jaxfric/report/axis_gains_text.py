@@ -15,7 +15,7 @@ def sentence(gains: AxisGains, unit: Shown, velocity: Shown) -> str:
     if claim.kind == "open":
         return f"{text}.{_not_seen(gains, velocity)}"
     error = None if gains.curve is None else gains.curve.error or None
-    slope = f"{unit.text(gains.slope, error)}, at {velocity.text(gains.worst_velocity)}"
+    slope = f"{unit.text(gains.slope, error)}, at {_worst(gains, velocity)}"
     if claim.kind == "free":
         return (
             f"{text} Any k_p > 0 holds the axis without damping, if the controller answers at once."
@@ -39,13 +39,18 @@ def short(gains: AxisGains, unit: Shown, velocity: Shown) -> str:
             f"{_not_seen(gains, velocity)}"
         )
     text = (
-        f"friction falls with speed, most steeply at {velocity.text(gains.worst_velocity)}, so"
-        " the axis may stick-slip. The controller must add damping k_v above"
-        f" {unit.text(claim.damping)} to prevent it{_range(gains, velocity)}"
+        f"friction falls with speed, most steeply at {_worst(gains, velocity)}, so the axis may"
+        " stick-slip. The controller must add damping k_v above"
+        f" {unit.text(claim.damping)} to prevent stick-slip at speeds{_range(gains, velocity)}"
     )
     if gains.stiff is not None and 0 < gains.stiff.critical_stiffness < np.inf:
         text += f", or stiffness k_p above {_stiffness(unit).text(gains.stiff.critical_stiffness)}"
     return f"{text}.{_not_seen(gains, velocity)}"
+
+
+def _worst(gains: AxisGains, velocity: Shown) -> str:
+    way = "backwards" if gains.worst_velocity < 0 else "forwards"
+    return f"{velocity.text(abs(gains.worst_velocity))} {way}"
 
 
 def _range(gains: AxisGains, velocity: Shown) -> str:

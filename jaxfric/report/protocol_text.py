@@ -69,23 +69,26 @@ def _answered(plan: Protocol, pair: Pair) -> str:
     base_last = sorted(pair.ids, key=lambda id: id == BASE)
     a, b = (f"the {plan.law} law" if id == BASE else id for id in base_last)
     if pair.apart:
-        return f"yes: this plan tells {a} from {b}, from {_from_sizes(plan.design, pair)} on"
+        sizes = _from_sizes(plan.design, pair)
+        return f"yes: this plan distinguishes {a} from {b} if at least {sizes}"
     if pair.needed:
         return (
-            f"no: this plan would tell {a} from {b} only from {_from_sizes(plan.design, pair)} on,"
+            f"no: this plan would distinguish {a} from {b} only if at least"
+            f" {_from_sizes(plan.design, pair)},"
             " and no effect is ten times as large as A and B of the base"
         )
     if pair.cosine is None:
         unseen = [id for id in pair.ids if id in plan.design.unseen()]
         return f"no: this plan does not see {' and '.join(unseen)}, whatever the size"
-    return f"no: this plan cannot tell {a} from {b}: |cosine| {pair.cosine:.3f}, above {ALIAS:g}"
+    alike = f"|cosine| {pair.cosine:.3f}, above {ALIAS:g}"
+    return f"no: this plan cannot distinguish {a} from {b}: {alike}"
 
 
 def _would(pair: Pair, better: Remedy) -> str:
     change, after = better.change, better.pair
     sizes = ""
     if after.apart and change.design is not None:
-        sizes = f", from {_from_sizes(change.design, after)} on"
+        sizes = f", if at least {_from_sizes(change.design, after)}"
     text = f"{change.text} ({_duration(change.duration)}){sizes}"
     if not better.enough:
         return f"no single change in the table below does, the nearest is {text}"
@@ -110,7 +113,7 @@ def found_too_small(plan: Protocol, pair: Pair, known: Mapping[str, float]) -> l
     `known` holds known sizes of effects, in SI, by the name of the effect.
     """
     return [
-        f"the {s.id} of the file, {_size(s, size)}, is smaller than what this plan tells"
+        f"the {s.id} of the file, {_size(s, size)}, is smaller than what this plan needs"
         f" ({_size(s, pair.sizes[s.id])}): of that size the answer is no"
         for s, size in plan.design.too_small(pair, known)
     ]
