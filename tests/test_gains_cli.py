@@ -151,7 +151,7 @@ def test_where_damping_alone_does_not_do_it_is_told(monkeypatch):
     wide = dataclasses.replace(found.scenarios, velocity=np.array([1e-6, 1e-5]))
     told = report(dataclasses.replace(found, scenarios=wide))
     assert "velocity 1 µm/s to 10 µm/s" in told.headline[1]
-    assert told.tables[0].rows[-1] == ("damping alone", "0", "none up to 100", "")
+    assert told.tables[0].rows[-1] == ("damping alone", "0", "none up to 100 N s/m", "")
     late, inf = dataclasses.replace(found, delay=1.5e-3), float("inf")
     (line,) = (
         x for x in report(dataclasses.replace(late, largest=(6.264e4, inf))).lines if "larger" in x

@@ -159,7 +159,9 @@ def _optima(gains: Gains) -> TextTable:
     note = f"norm: of k_p/{k_p:.5g} and k_v/{k_v:.5g} (SI)"
     alone = gains.alone
     if alone is not None:
-        k_p, k_v = (f"none up to {tried:.3g}" for tried in alone.tried)
+        units = gains.unit("N/m"), gains.unit("N s/m")
+        pairs = zip(alone.tried, units, strict=True)
+        k_p, k_v = (f"none up to {prefixed(tried, unit, 3)}" for tried, unit in pairs)
         rows += [] if alone.meets[0] else [("stiffness alone", k_p, "0", "")]
         rows += [] if alone.meets[1] else [("damping alone", "0", k_v, "")]
     if alone is not None and alone.edge is not None:
