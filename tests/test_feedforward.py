@@ -279,7 +279,7 @@ def test_the_verb_tells_the_friction_at_a_speed_first(tmp_path, monkeypatch):
     saved(tmp_path, **changes)
     code, out, err = run("feedforward", "loop.json", "--at", "1 rpm, 0.1 rad/s", "--out", "ff")
     assert code == 0, err
-    first, second = " ".join(out.split()).split("Friction of ")[0].split(" Friction at ")
+    first, second = " ".join(out.split()).split("Feedforward of ")[0].split(" Friction at ")
     assert first.startswith("Friction at 0.1 rad/s: +14.50 ± 0.11 N m forwards, -11.50 ± 0.11 N m")
     assert second.startswith("0.1047 rad/s: +14.64")
     told = json.loads(Path("ff/feedforward.json").read_text())["at"]

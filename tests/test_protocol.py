@@ -376,12 +376,14 @@ NO = "no: this plan cannot distinguish ageing from "
 @pytest.mark.parametrize(
     ("plan", "ids", "line"),
     [
-        (designed(0.6), TWO, YES + "velocity_dependent_L if at least q = 0.012 or n = 0.025"),
-        (designed(0.6), ("base", "ageing"), YES + "the slip law if at least q = 0.01"),
-        (designed(0.6), ("ageing", "base"), YES + "the slip law if at least q = 0.01"),
+        (designed(0.6), TWO, YES + "velocity_dependent_L if ageing is as large as q = 0.012"
+         " or velocity_dependent_L is as large as n = 0.025"),
+        (designed(0.6), ("base", "ageing"), YES + "the slip law if ageing is as large as q = 0.01"),
+        (designed(0.6), ("ageing", "base"), YES + "the slip law if ageing is as large as q = 0.01"),
         (designed(0.96), TWO, NO + "velocity_dependent_L: |cosine| 0.960, above 0.95"),
         (designed(0.96, after=0.5), TWO, NO + "velocity_dependent_L: |cosine| 0.960, above 0.95;"
-         " it would with a slip channel (110 s), if at least q = 0.012 or n = 0.023"),
+         " it would with a slip channel (110 s), if ageing is as large as q = 0.012"
+         " or velocity_dependent_L is as large as n = 0.023"),
         (designed(0.96, after=0.97), TWO, NO + "velocity_dependent_L: |cosine| 0.960, above 0.95;"
          " no change in the table below would"),
         (designed(0.98, changes=[("dwell", 0.96), ("slip_x2", 0.97)]), TWO, NO
@@ -423,7 +425,7 @@ def test_a_size_that_no_friction_has_is_a_no() -> None:
     assert not pair.apart and pair.sizes == {} and set(pair.needed) == set(TWO)
     said = answered(plan)
     assert said.startswith("no: this plan would distinguish ageing from velocity_dependent_L only")
-    assert "n = 0.025, and no effect is ten times as large as A and B" in said
+    assert "as n = 0.025, and no effect is ten times as large as A and B" in said
     assert remedy(plan, TWO, {}) is None  # none of the changes sees them smaller
     assert designed(0.6, limit=0.03).design.pair(*TWO).apart
 

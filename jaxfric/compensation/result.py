@@ -172,11 +172,11 @@ class Feedforward(Described, Drawable, Tabular):
         inertia = any(p.part == INERTIA for p in self.pieces)
         here = self.at(about.slowest)
         return (
-            f"Friction of {here.forwards.text(about.force_unit)} forwards and"
+            f"Feedforward of friction{' and inertia' if inertia else ''}: friction is"
+            f" {here.forwards.text(about.force_unit)} forwards and"
             f" {here.backwards.text(about.force_unit)} backwards at {about.slowest:.3g} {speed}"
-            f"{self.within(here)}{', and inertia' if inertia else ''}; its sign fades below"
-            f" {self.fade.speed:.3g} {speed}. The record supports the map from"
-            f" {about.slowest:.3g} to {about.fastest:.3g} {speed}."
+            f"{self.within(here)}. The sign of friction fades below {self.fade.speed:.3g} {speed}."
+            f" The record supports the map from {about.slowest:.3g} to {about.fastest:.3g} {speed}."
         )
 
     def within(self, here: FrictionAt) -> str:

@@ -1,9 +1,9 @@
 """`fit_many(records, stiffness=...)`: many records of velocity steps by a few compiled calls.
 
 Records are padded to a few sizes. Records of one size are fitted in batches: a coarse grid gives
-starting values, then `minimise` runs one descent. Each evaluated point of a descent costs one
-simulation with the derivatives by all parameters. Averages, errors and warnings are computed record
-by record.
+starting values, then `minimise` runs one descent for each record of a batch. Each evaluated point
+of a descent costs one simulation with the derivatives by all parameters. Averages, errors and
+warnings are computed record by record.
 
 A batch takes as long as its slowest record. To save time, a descent is stopped after a few points,
 and unfinished records continue in new batches. Only records whose misfit still exceeds their noise

@@ -88,7 +88,7 @@ class Begun(NamedTuple):
 
 
 def one_state_model(task: FitTask) -> Model:
-    """The model of the first stage."""
+    """The model of the first stage of a fit: the law with one state variable."""
     begins = task.model.states == 1 or evolution_of(task.model.law) is not None
     return task.model._replace(states=1, law=task.model.law if begins else "slip")
 

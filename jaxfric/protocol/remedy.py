@@ -35,7 +35,9 @@ class Answer(NamedTuple):
         return self.less if self.better is None else self.better.change
 
     def to_json(self, command: str) -> dict[str, object]:
-        """Return the answer's part of protocol.json; the text `command` plans the change."""
+        """Return the answer's part of protocol.json. `command` is the command line of the changed
+        plan.
+        """
         if self.pair is None:
             return {}
         line = {"command": command or None}

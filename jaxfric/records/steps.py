@@ -124,7 +124,8 @@ def find_steps(
     **Arguments:** `time` [s], increasing; `displacement` [m], at least 20 rows; `friction` of the
     same rows in any unit, or None.
 
-    **Returns:** steps with standard errors; a single velocity if there is no step.
+    **Returns:** velocity steps with standard errors of time and velocity; a single velocity if
+    there is no step.
 
     Raises `InputError` for arrays of different length and for values that are not finite.
     Limitations: a ramp of the velocity gives a few steps; steps closer than 5 rows are missed.

@@ -70,10 +70,10 @@ def _answered(plan: Protocol, pair: Pair) -> str:
     a, b = (f"the {plan.law} law" if id == BASE else id for id in base_last)
     if pair.apart:
         sizes = _from_sizes(plan.design, pair)
-        return f"yes: this plan distinguishes {a} from {b} if at least {sizes}"
+        return f"yes: this plan distinguishes {a} from {b} if {sizes}"
     if pair.needed:
         return (
-            f"no: this plan would distinguish {a} from {b} only if at least"
+            f"no: this plan would distinguish {a} from {b} only if"
             f" {_from_sizes(plan.design, pair)},"
             " and no effect is ten times as large as A and B of the base"
         )
@@ -88,7 +88,7 @@ def _would(pair: Pair, better: Remedy) -> str:
     change, after = better.change, better.pair
     sizes = ""
     if after.apart and change.design is not None:
-        sizes = f", if at least {_from_sizes(change.design, after)}"
+        sizes = f", if {_from_sizes(change.design, after)}"
     text = f"{change.text} ({_duration(change.duration)}){sizes}"
     if not better.enough:
         return f"no single change in the table below does, the nearest is {text}"
@@ -103,7 +103,8 @@ def _from_sizes(design: Design, pair: Pair) -> str:
     texts = []
     for id, size in (pair.sizes or pair.needed).items():
         shape = _shape(smallest[id])
-        texts.append(_size(smallest[id], size) + (f" at {shape}" if shape else ""))
+        at = f" at {shape}" if shape else ""
+        texts.append(f"{id} is as large as {_size(smallest[id], size)}{at}")
     return " or ".join(texts)
 
 

@@ -149,7 +149,9 @@ class Found(NamedTuple):
 
 
 def longest_memory(clock: Float[Numbers, "n *k"]) -> np.ndarray:
-    """Longest correlation length of a fit's noise on every clock (k,): `LONGEST` times the span."""
+    """Return the largest correlation length (k,) that the noise of a fit may have along each of k
+    coordinates (time, path or row number): `LONGEST` times the length of the record.
+    """
     return const.LONGEST * np.ptp(np.asarray(clock).reshape(len(clock), -1), axis=0)
 
 
