@@ -405,8 +405,14 @@ def test_rivals():
             "names the missing effect in # of # records and is wrong in #.",
             [*ours["all right"], ours["wrong"][0]],
         ),
-        ("The best rival names it in # and is wrong in #.", [right(best), best["wrong"][0]]),
-        ("`relaxation`, answered always, is right in # of #.", constant["all right"]),
+        (
+            "The best rival names the missing effect in # and is wrong in #.",
+            [right(best), best["wrong"][0]],
+        ),
+        (
+            "the answer `relaxation` for every record is right in # of # records.",
+            constant["all right"],
+        ),
         (
             "time: # s a record in the median, against # s (STLSQ), # s (FROLS) and # s (pyoperon)",
             [row["seconds"] for row in (ours, *lowest.values())],
