@@ -24,12 +24,12 @@ from jaxfric.gains.set_points import Schedule, SetPoint
 from jaxfric.loop.result import VERDICTS
 from jaxfric.prediction.result import Comparison, Prediction
 from jaxfric.records.record import Provenance
-from jaxfric.report.posterior_text import PosteriorRow
+from jaxfric.report import posterior_text
 from jaxfric.runs.events import Event
 from jaxfric.runs.fits import RunFit, StepFit
 from jaxfric.simulation import RESULTS
 from jaxfric.simulation.trajectory import Trajectory, result_words
-from jaxfric.views import arrays, reports, tables
+from jaxfric.views import arrays, tables
 
 ROOT = Path(__file__).parents[1]
 METHODS = {
@@ -161,7 +161,7 @@ def test_a_class_has_the_methods_that_its_view_can_serve(name, method):
 
 @pytest.mark.parametrize("view", views.VIEWS.values(), ids=views.VIEWS)
 def test_every_function_of_a_view_is_there(view):
-    for name in (view.report, f"plot.{view.figure}" if view.figure else view.report):
+    for name in (f"report.{view.report}", *([f"plot.{view.figure}"] if view.figure else [])):
         module, _, function = name.rpartition(".")
         assert callable(getattr(importlib.import_module(f"jaxfric.{module}"), function))
 
@@ -331,7 +331,7 @@ def test_an_axis_fit_does_not_tell_what_is_loose():
 
 
 def test_the_line_of_a_posterior_is_that_of_its_draws(monkeypatch):
-    row = PosteriorRow(
+    row = posterior_text.PosteriorRow(
         "A (a)", "", "1 ± 1", "1", ("0.010", "0.002", ""), ("0.011", "0.003", ""), ""
     )
     for name, made in (("posterior_rows", [row]), ("posterior_lines", [])):
@@ -342,5 +342,5 @@ def test_the_line_of_a_posterior_is_that_of_its_draws(monkeypatch):
         (1, "NUTS: A = 0.011 ± 0.003"),
     ):
         found = SimpleNamespace(fit=fit, draws=draws, converged=False, fit_name="fit", warnings=())
-        told, *_ = reports.posterior(found).headline
+        told, *_ = posterior_text.report(found).headline
         assert words in told and told.endswith("it claims nothing")

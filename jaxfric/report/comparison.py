@@ -6,9 +6,16 @@ from ..loop.thresholds import ACCEPT
 from ..runs.table import amount, csv_text, short
 from ..schemas import COMPARISON
 from .fits_table import TabledFit, csv_rows, latex_text, text_table
+from .report import NextStep, Report
 from .tables import TextTable
 
 _BIC, _HELD_OUT = "BIC above least", "held-out error [σ]"
+
+
+def report(found: LawComparison) -> Report:
+    """The sentence and the table that `jaxfric fit --compare` prints."""
+    steps = [NextStep(found.next_step)] if found.next_step else []
+    return Report((found.sentence,), [_table(found)], warnings=found.warnings, next_steps=steps)
 
 
 def sentence(found: LawComparison) -> str:
@@ -160,7 +167,7 @@ def tabled(found: LawComparison) -> list[TabledFit]:
     return rows
 
 
-def table(found: LawComparison) -> TextTable:
+def _table(found: LawComparison) -> TextTable:
     """The scores of all laws for a terminal or a page."""
     title = f"{len(found.record)} rows, worth {found.independent_rows:.0f} independent ones"
     shown = text_table(tabled(found), "law", title)

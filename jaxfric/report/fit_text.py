@@ -14,6 +14,8 @@ from ..fitting.result import Estimate, Fit, display_unit
 from ..stability.claims import SURE
 from ..units import factor, format_si, read_as
 from .estimates import ROCK_NAMES, STATE, friction_line, interval_cells
+from .report import Report
+from .tables import TextTable
 
 _LEAST, _SMALL = 0.005, 0.05
 """Shares of a noise below which a part is not counted, and is counted as small."""
@@ -40,6 +42,14 @@ def shown_name(name: str) -> str:
         return "A-B (a-b)"
     own = STATE.fullmatch(name)
     return name if own is None else f"{name} ({ROCK_NAMES[own[1]]}{own[2]})"
+
+
+def report(fit: Fit) -> Report:
+    """The table of parameters and the sentences that `jaxfric fit` prints."""
+    head = ("", "", "value", "std", "95 % interval", "unit")
+    states = "" if fit.model.states == 1 else f", {fit.model.states} states"
+    table = TextTable(f"{fit.law} law{states}", head, [tuple(row) for row in rows(fit)])
+    return Report(headline(fit), [table], notes=summary(fit), warnings=fit.warnings)
 
 
 def rows(fit: Fit) -> list[Row]:

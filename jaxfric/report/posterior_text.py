@@ -8,6 +8,8 @@ from ..posterior.result import DIFFERENCE, Fitted, Posterior
 from ..units import decimals, read_as
 from .estimates import interval_cells
 from .fit_text import shown_name
+from .report import Report
+from .tables import TextTable
 
 
 class PosteriorRow(NamedTuple):
@@ -28,6 +30,23 @@ class PosteriorRow(NamedTuple):
         """Write mean and standard deviation of the posterior as "14.3 ± 1.3 µm"."""
         mean, std, *_ = self.draws or self.laplace
         return f"{mean} ± {std}{f' {self.unit}' if self.unit else ''}"
+
+
+def report(posterior: Posterior) -> Report:
+    """Report a posterior: ordinary fit, maximum, Laplace approximation and draws."""
+    rows = posterior_rows(posterior)
+    by = "Laplace approximation" if posterior.draws is None else "NUTS"
+    told = [f"{r.name.partition(' ')[0]} = {r.shown}" for r in rows if r.name[0] in "ABL"]
+    end = "" if posterior.converged else "; did not converge: it claims nothing"
+    head = ("", "prior", posterior.fit_name, "maximum", "mean", "std", "95 % interval", "unit")
+    found = [(r.name, r.prior, r.fit, r.maximum, *r.laplace, r.unit) for r in rows]
+    tables = [TextTable("posterior", head, found)]
+    if posterior.draws is not None:
+        head = ("", "mean", "std", "95 % interval", "R-hat", "ESS bulk", "tail", "unit")
+        tables.append(TextTable("draws", head, [(r.name, *r.draws, r.unit) for r in rows]))
+    headline = [f"{posterior.fit.law} law, {by}: {', '.join(told)}{end}"]
+    notes = posterior_lines(posterior)
+    return Report(headline, tables, notes=notes, warnings=posterior.warnings)
 
 
 def posterior_rows(posterior: Posterior) -> list[PosteriorRow]:

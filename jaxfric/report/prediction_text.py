@@ -1,15 +1,18 @@
-"""A prediction as tables."""
+"""A prediction in words and tables."""
 
 import math
 
 from ..prediction import Prediction
 from ..units import prefixed
+from .report import Report
 from .tables import TextTable
 
 
-def tables(found: Prediction) -> list[TextTable]:
-    """Tables: the errors of every model in each comparison, and the parameters of a refit."""
-    return [_errors(found), *_parameters(found)]
+def report(found: Prediction) -> Report:
+    """The sentence, the notes and the tables that `jaxfric predict` prints."""
+    notes = [f"  - {note}" for note in found.notes]
+    told = (found.sentence, *notes[:2])
+    return Report(told, [_errors(found), *_parameters(found)], notes[2:], warnings=found.warnings)
 
 
 def _errors(found: Prediction) -> TextTable:

@@ -10,6 +10,7 @@ import io
 import textwrap
 from typing import TYPE_CHECKING, NamedTuple
 
+from ..described import said
 from ..errors import InputError
 from ..report.html import html_of
 from ..report.report import Report, text_of
@@ -30,29 +31,27 @@ class View(NamedTuple):
     name: str
     """The function of `tables`, and of `arrays` if there is one."""
     report: str
-    """ "room.module.function" that makes the report."""
+    """ "module.function" of `report` that makes the report."""
     figure: str = ""
     """ "module.function" of `plot`; "" for none."""
 
 
 VIEWS = {
-    "AxisFit": View("axis_fit", "views.reports.axis_fit"),
-    "AxisRecord": View("record", "views.reports.axis_record", "axis_record.read_axis_figure"),
-    "Feedforward": View(
-        "feedforward", "report.feedforward_text.report", "feedforward.feedforward_figure"
-    ),
-    "Fit": View("fit", "views.reports.fit", "fit.fit_figure"),
-    "Gains": View("gains", "report.gains_text.report", "gains.gains_figure"),
-    "LawComparison": View("comparison", "views.reports.comparison", "compared.comparison_figure"),
-    "Loop": View("loop", "report.loop_report.report", "loop.residual_figure"),
-    "Posterior": View("posterior", "views.reports.posterior", "posterior.posterior_figure"),
-    "Prediction": View("prediction", "views.reports.prediction", "prediction.prediction_figure"),
-    "Protocol": View("protocol", "report.protocol_text.report", "aliasing.protocol_figure"),
-    "Record": View("record", "views.reports.record", "record.read_figure"),
-    "RunFit": View("run", "report.run_report.report", "run.rates_figure"),
-    "Schedule": View("schedule", "views.reports.schedule"),
-    "SteadyLoop": View("steady", "report.steady_text.report", "steady.steady_figure"),
-    "Trajectory": View("trajectory", "views.reports.trajectory", "trajectory.trajectory_figure"),
+    "AxisFit": View("axis_fit", "results.axis_fit"),
+    "AxisRecord": View("record", "results.axis_record", "axis_record.read_axis_figure"),
+    "Feedforward": View("feedforward", "feedforward_text.report", "feedforward.feedforward_figure"),
+    "Fit": View("fit", "fit_text.report", "fit.fit_figure"),
+    "Gains": View("gains", "gains_text.report", "gains.gains_figure"),
+    "LawComparison": View("comparison", "comparison.report", "compared.comparison_figure"),
+    "Loop": View("loop", "loop_report.report", "loop.residual_figure"),
+    "Posterior": View("posterior", "posterior_text.report", "posterior.posterior_figure"),
+    "Prediction": View("prediction", "prediction_text.report", "prediction.prediction_figure"),
+    "Protocol": View("protocol", "protocol_text.report", "aliasing.protocol_figure"),
+    "Record": View("record", "results.record", "record.read_figure"),
+    "RunFit": View("run", "run_report.report", "run.rates_figure"),
+    "Schedule": View("schedule", "results.schedule"),
+    "SteadyLoop": View("steady", "steady_text.report", "steady.steady_figure"),
+    "Trajectory": View("trajectory", "results.trajectory", "trajectory.trajectory_figure"),
 }
 
 
@@ -68,7 +67,7 @@ def _call(name: str, result: object):
 
 def report(result: object) -> Report:
     """The report of a result."""
-    return _call(_view(result).report, result)
+    return said(_view(result).report, result)
 
 
 def line(result: object) -> str:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from xarray import Dataset
 
-from .reports import MOTION
+from ..report.results import MOTION
 from .tables import about_fit, about_loop, about_prediction, units_of
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from pandas import DataFrame
 
 from ..errors import InputError
 from ..report.fit_text import DIFFERENCE
-from .reports import MOTION
+from ..report.results import MOTION
 
 if TYPE_CHECKING:
     from ..compensation.result import Feedforward

@@ -1,22 +1,20 @@
 """Reports of results for which the command prints no separate report."""
 
 import dataclasses
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..coordinate import unit_of
 from ..quantity import is_known
-from ..report.report import NextStep, Report
-from ..report.tables import TextTable
+from .html import printable
+from .report import Report
+from .tables import TextTable
 
 if TYPE_CHECKING:
     from ..fitting.axis_fit import AxisFit
-    from ..fitting.result import Fit
     from ..gains.set_points import Schedule
-    from ..loop.compare import LawComparison
-    from ..posterior.result import Posterior
-    from ..prediction.result import Prediction
     from ..records import AxisRecord, Record
     from ..simulation.trajectory import Trajectory
 
@@ -31,16 +29,14 @@ MOTION = {
 
 def _with_columns(record: "Record | AxisRecord", report: Report) -> Report:
     """The report of a record, below its file, sampling and columns in one line."""
-    from ..plot.label import printable
-
-    name, columns = printable(record.provenance.path), ", ".join(record.columns)
+    name, columns = printable(Path(record.provenance.path).name), ", ".join(record.columns)
     return report._replace(headline=[f"{name}: {record.sampling()}; {columns}", *report.headline])
 
 
 def record(record: "Record") -> Report:
     """Report columns, sampling and velocity steps of a record, as `jaxfric inspect` does."""
     from ..records import record_steps
-    from ..report.record_text import report
+    from .record_text import report
 
     return _with_columns(record, report(record, record_steps(record)))
 
@@ -48,55 +44,9 @@ def record(record: "Record") -> Report:
 def axis_record(record: "AxisRecord") -> Report:
     """Report columns, sampling and strokes of an axis record, as `jaxfric inspect` does."""
     from ..records.strokes import find_strokes
-    from ..report.axis_record_text import report_axis
+    from .axis_record_text import report_axis
 
     return _with_columns(record, report_axis(record, find_strokes(record)))
-
-
-def fit(fit: "Fit") -> Report:
-    """The table of parameters and the sentences that `jaxfric fit` prints."""
-    from ..report.fit_text import headline, rows, summary
-
-    head = ("", "", "value", "std", "95 % interval", "unit")
-    states = "" if fit.model.states == 1 else f", {fit.model.states} states"
-    table = TextTable(f"{fit.law} law{states}", head, [tuple(row) for row in rows(fit)])
-    return Report(headline(fit), [table], notes=summary(fit), warnings=fit.warnings)
-
-
-def posterior(posterior: "Posterior") -> Report:
-    """Report a posterior: ordinary fit, maximum, Laplace approximation and draws."""
-    from ..report.posterior_text import posterior_lines, posterior_rows
-
-    rows = posterior_rows(posterior)
-    by = "Laplace approximation" if posterior.draws is None else "NUTS"
-    told = [f"{r.name.partition(' ')[0]} = {r.shown}" for r in rows if r.name[0] in "ABL"]
-    end = "" if posterior.converged else "; did not converge: it claims nothing"
-    head = ("", "prior", posterior.fit_name, "maximum", "mean", "std", "95 % interval", "unit")
-    found = [(r.name, r.prior, r.fit, r.maximum, *r.laplace, r.unit) for r in rows]
-    tables = [TextTable("posterior", head, found)]
-    if posterior.draws is not None:
-        head = ("", "mean", "std", "95 % interval", "R-hat", "ESS bulk", "tail", "unit")
-        tables.append(TextTable("draws", head, [(r.name, *r.draws, r.unit) for r in rows]))
-    headline = [f"{posterior.fit.law} law, {by}: {', '.join(told)}{end}"]
-    notes = posterior_lines(posterior)
-    return Report(headline, tables, notes=notes, warnings=posterior.warnings)
-
-
-def prediction(found: "Prediction") -> Report:
-    """The sentence, the notes and the tables that `jaxfric predict` prints."""
-    from ..report.prediction_text import tables
-
-    notes = [f"  - {note}" for note in found.notes]
-    told = (found.sentence, *notes[:2])
-    return Report(told, tables(found), notes[2:], warnings=found.warnings)
-
-
-def comparison(found: "LawComparison") -> Report:
-    """The sentence and the table that `jaxfric fit --compare` prints."""
-    from ..report.comparison import table
-
-    steps = [NextStep(found.next_step)] if found.next_step else []
-    return Report((found.sentence,), [table(found)], warnings=found.warnings, next_steps=steps)
 
 
 def axis_fit(fit: "AxisFit") -> Report:
