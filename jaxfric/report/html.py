@@ -4,6 +4,7 @@ An HTML page of this module needs no network, no scripts and no other file.
 """
 
 import base64
+import mimetypes
 import tomllib
 from collections.abc import Mapping, Sequence
 from html import escape
@@ -19,7 +20,6 @@ _OPEN = 2
 """Tables that are shown; those below are folded."""
 _WORDY = 16
 """Letters above which a cell of words may break."""
-_KINDS = {".png": "png", ".svg": "svg+xml"}
 _NOTEBOOK = (
     ".jaxfric caption{text-align:left;font-weight:600;caption-side:top}"
     ".jaxfric th,.jaxfric td{text-align:left;padding:.15em .7em .15em 0}"
@@ -47,8 +47,6 @@ class Page(NamedTuple):
     """The question, above the headline."""
     meanings: Sequence[tuple[str, str, str]] = ()
     """Of each finding: its name, what it means, and its equation."""
-    cards: Sequence[tuple[str, str]] = ()
-    """A number and what it is."""
     where: str = ""
     """The folder that the commands of the next steps are for."""
     figures: Sequence[Figure] = ()
@@ -84,13 +82,11 @@ def page_of(report: Report, page: Page, pictures: Mapping[str, bytes], json: str
         f"<li>{_text('b', name)}: {escape(words)} {_text('code', equation)}</li>"
         for name, words, equation in page.meanings
     )
-    cards = "".join(f"<li>{_text('b', b)}{_text('span', s)}</li>" for b, s in page.cards)
     steps, where = _steps(report), _text("p", page.where, "note")
     note = f"The same numbers, for programs, are in {json} beside this page."
     parts = [
         _tag("header", f"{head}{_lines(report.lines)}"),
         f"<h2>What it means</h2><ul>{meanings}</ul>" if meanings else "",
-        _tag("ul", cards, "cards"),
         f"<h2>What to do next</h2>{steps}{where}" if steps else "",
         _warnings(report),
         *(_figure(figure, pictures) for figure in page.figures),
@@ -212,11 +208,11 @@ def _figure(figure: Figure, pictures: Mapping[str, bytes]) -> str:
     drawn = _text("p", "This figure was not drawn.", "note")
     if data := pictures.get(figure.file):
         text = base64.b64encode(data).decode("ascii")
-        kind = _KINDS[Path(figure.file).suffix]
+        kind, _ = mimetypes.guess_type(figure.file)
         drawn = (
             f"<figure>{_text('figcaption', figure.caption)}"
             f'<div class="scroll"><img alt="{escape(figure.title)}"'
-            f' src="data:image/{kind};base64,{text}"></div></figure>'
+            f' src="data:{kind};base64,{text}"></div></figure>'
         )
     content = _bullets(figure.lines) + drawn
     if figure.folded:

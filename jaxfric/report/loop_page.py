@@ -1,16 +1,14 @@
 """A closed loop as the page loop.html."""
 
 from collections.abc import Mapping
-from math import isfinite
 
 from ..loop.family import listed
 from ..loop.result import Loop
 from .aliases import apart
-from .fit_text import noise_text
 from .html import Figure, Page, origin_of, page_of, printable, words_of_page
 from .location_text import shares_told
 from .loop_next import meanings
-from .loop_report import report, test_errors
+from .loop_report import report
 from .loop_text import base_name
 
 
@@ -46,7 +44,6 @@ def page(loop: Loop, pictures: Mapping[str, bytes], *, command: str) -> str:
     told = Page(
         f"{printable(origin.path)}: what does the {base_name(loop)}{declared} lack?",
         meanings(loop),
-        _cards(loop),
         words["where"],
         figures,
         terms,
@@ -54,16 +51,3 @@ def page(loop: Loop, pictures: Mapping[str, bytes], *, command: str) -> str:
         words["colours"].get(loop.verdict, words["colours"]["effects"]),
     )
     return page_of(report(loop)._replace(notes=()), told, pictures, "loop.json")
-
-
-def _cards(loop: Loop) -> list[tuple[str, str]]:
-    """The one pair of errors, of the report block, the effects and the noise."""
-    error = test_errors(loop).replace("->", "σ →") + " σ"
-    most = loop.held_out_threshold
-    chance = f", by chance up to {most:.2f}" if isfinite(most) else ""
-    short, noise = loop.after.noise.kind, noise_text(loop.after.noise)
-    return [
-        (error, f"test error, of the report block alone; noise alone gives 1 σ{chance}"),
-        (" + ".join(loop.effects) or "none", "effects added"),
-        (short, "noise of the record" + (f": {noise}" if noise != short else "")),
-    ]

@@ -1,11 +1,9 @@
 """Make the page run.html of a whole run: steps, holds, stress steps, stick-slip and ramps."""
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 
 from ..runs.findings import Findings
 from ..runs.fits import RunFit
-from ..runs.stick_slip import is_stretch
 from ..runs.table import Cell
 from .html import Figure, Page, origin_of, page_of, printable, words_of_page
 from .report import Report
@@ -27,11 +25,8 @@ def page(
         about = {"number": step.number, "time": step.event.time}
         of_step = {name: text.format(**about) for name, text in words["step"].items()}
         figures.append(Figure(f"step_{step.number:02d}.png", folded=True, **of_step))
-    kinds = Counter(e.kind for e in run.events if e.kind != "stick_slip" or is_stretch(e))
-    counted = ((kinds[kind], names) for kind, names in words["kinds"].items() if kinds[kind])
     told = Page(
         f"{printable(run.record.provenance.path)}: a whole run",
-        cards=[(f"{len(run.record)}", "rows"), *((str(n), of[n > 1]) for n, of in counted)],
         where=words["where"],
         figures=[figure for figure in figures if figure.file in pictures],
         terms=[(one["term"], one["text"]) for one in words["terms"]],
