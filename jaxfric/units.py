@@ -262,6 +262,13 @@ def _example(si_unit: str) -> str:
     return _EXAMPLES.get(si_unit, "0.6" if si_unit == "1" else f"1 {si_unit}")
 
 
+def duration(seconds: float) -> str:
+    """A time in s, min or h, with three digits."""
+    if seconds < 600:
+        return f"{seconds:.3g} s"
+    return f"{seconds / 60:.3g} min" if seconds < 36000 else f"{seconds / 3600:.3g} h"
+
+
 def between(low: float, high: float, unit: str, *, digits: int = 3) -> str:
     """A range in words, "2 to 5 s"; one number if both ends round to the same."""
     ends = [f"{value:.{digits}g}" for value in (low, high)]

@@ -171,7 +171,7 @@ class _Teller:
 
     def progress(self, now: "Progress") -> None:
         """Report that a chunk was written."""
-        from ..report.study_text import duration
+        from ..units import duration
 
         self.members = now.members
         self.state = f"{now.written} of {now.blocks} chunks are written"

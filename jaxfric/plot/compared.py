@@ -4,6 +4,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ..loop.compare import LawComparison, LawScore
+from ..report.comparison import answer
 from ..runs.table import amount
 from . import style
 from .label import friction_label, printable
@@ -37,9 +38,7 @@ def comparison_figure(found: LawComparison) -> Figure:
     told = f"σ = {found.sigma:.3g}{unit}, the noise under the likeliest law"
     style.tidy(below[0], told + (f"; beyond ±{limit:.2g} σ points are cut" if cut else ""))
     style.tidy(below[-1], x=place.label)
-    answer = found.sentence.partition(":")[0]
-    answer += f" {' from '.join(found.untold)}" if found.rivals else ""
-    return style.finish(figure, f"{printable(record.provenance.path)}: {answer}")
+    return style.finish(figure, f"{printable(record.provenance.path)}: {answer(found)}")
 
 
 def _limit(found: LawComparison, scores: list[LawScore]) -> float:

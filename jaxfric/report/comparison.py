@@ -29,9 +29,18 @@ def sentence(found: LawComparison) -> str:
         return f"Nothing to compare: only the {first.fit.law} law could be fitted."
     one, other = (found.best_of(score.fit.law) for score in (first, others[0]))
     return (
-        f"The record supports the {_law(first)}: its BIC is {amount(other.over(one))} below that of"
+        f"{answer(found)}: its BIC is {amount(other.over(one))} below that of"
         f" the {_law(other)} (a difference of {ACCEPT:g} decides). {_second_state(found, first)}"
     ).rstrip()
+
+
+def answer(found: LawComparison) -> str:
+    """The conclusion in a few words, as the title of the figure gives it."""
+    if found.rivals:
+        return f"The record cannot tell {' from '.join(found.untold)}"
+    if len(found.of_laws) < 2:
+        return "Nothing to compare"
+    return f"The record supports the {_law(found.of_laws[0])}"
 
 
 def next_step(found: LawComparison) -> str:

@@ -1,6 +1,5 @@
 """The parameters of a fit in the units of its record."""
 
-import itertools
 from typing import NamedTuple
 
 import numpy as np
@@ -19,8 +18,6 @@ from .tables import TextTable
 
 _LEAST, _SMALL = 0.005, 0.05
 """Shares of a noise below which a part is not counted, and is counted as small."""
-CORRELATED = 0.7
-"""|correlation| of the errors of two parameters from which it is told."""
 DIFFERENCE = "A_minus_B"
 """The name of A less all B in files; in tables it is `shown_name`."""
 
@@ -85,17 +82,6 @@ def headline(fit: Fit) -> list[str]:
     ]
 
 
-def correlations(fit: Fit) -> list[str]:
-    """Pairs of parameters whose errors have a correlation of at least `CORRELATED`."""
-    names = [name for name in fit.free if fit.parameters[name].determined]
-    pairs = []
-    for one, other in itertools.combinations(names, 2):
-        r = fit.correlation[fit.free.index(one), fit.free.index(other)]
-        if abs(r) >= CORRELATED:
-            pairs.append((abs(r), f"{one} and {other} {r:+.2f}"))
-    return [text for _, text in sorted(pairs, reverse=True)]
-
-
 def summary(fit: Fit) -> list[str]:
     """Lines on a fit besides the table of its parameters."""
     noise, unit = fit.noise, "" if fit.record.friction_unit == "1" else " N"
@@ -108,11 +94,7 @@ def summary(fit: Fit) -> list[str]:
     if fit.converged:  # otherwise the residual is the failure of the fit, not noise
         lines.append(_noise_line(fit))
     drift = told_drift(fit)
-    lines += [*_drifts(fit, drift), *_stability(fit, drift)]
-    pairs = correlations(fit) if fit.converged else []
-    if pairs:
-        lines.append("correlated errors: " + ", ".join(pairs))
-    return lines
+    return [*lines, *_drifts(fit, drift), *_stability(fit, drift)]
 
 
 def _noise_line(fit: Fit) -> str:

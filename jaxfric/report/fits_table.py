@@ -57,13 +57,17 @@ class TabledFit(NamedTuple):
 
 
 class _Column(NamedTuple):
-    """A column: its head and unit in text and in LaTeX, and the cell of a fit."""
+    """A column: its head in text and in LaTeX, its unit, and the cell of a fit."""
 
     head: str
-    unit: str
     latex: str
-    latex_unit: str
+    unit: str
     cell: Callable[[Fit], str]
+
+    @property
+    def latex_unit(self) -> str:
+        """The unit in LaTeX, in square brackets."""
+        return f"[{self.unit}]".replace("µ", r"$\mu$") if self.unit else ""
 
 
 def _columns(fits: Sequence[TabledFit], records: bool) -> list[_Column]:
@@ -71,20 +75,16 @@ def _columns(fits: Sequence[TabledFit], records: bool) -> list[_Column]:
     A, B, L, and the slip trend of fits that have one."""
     known = [one.fit for one in fits if one.fit is not None]
     force = "N" if any(fit.record.friction_unit != "1" for fit in known) else "1"
-    unit = ("N", "[N]") if force == "N" else ("", "")
     columns = []
     if records and len({fit.model.law for fit in known}) > 1:
-        columns.append(_Column("law", "", "law", "", lambda fit: fit.model.law))
+        columns.append(_Column("law", "law", "", lambda fit: fit.model.law))
     if records or any(fit.parameters["K"].free for fit in known):
-        columns.append(_Column("K", f"{force}/µm", "$K$", rf"[{force}/$\mu$m]", _stiffness))
-    columns += [
-        _Column("A-B", unit[0], "$a-b$", unit[1], lambda fit: parameter_cells(fit)[0]),
-        _Column("A", unit[0], "$a$", unit[1], lambda fit: parameter_cells(fit)[1]),
-        _Column("B", unit[0], "$b$", unit[1], lambda fit: parameter_cells(fit)[2]),
-        _Column("L", "µm", "$D_c$", r"[$\mu$m]", lambda fit: parameter_cells(fit)[3]),
-    ]
+        columns.append(_Column("K", "$K$", f"{force}/µm", _stiffness))
+    for k, (head, latex) in enumerate((("A-B", "a-b"), ("A", "a"), ("B", "b"), ("L", "D_c"))):
+        unit = "µm" if head == "L" else force.removesuffix("1")
+        columns.append(_Column(head, f"${latex}$", unit, lambda fit, k=k: parameter_cells(fit)[k]))
     if any(fit.model.slip_trend for fit in known):
-        columns.append(_Column("trend", f"{force}/mm", "trend", f"[{force}/mm]", _trend))
+        columns.append(_Column("trend", "trend", f"{force}/mm", _trend))
     return columns
 
 
@@ -208,6 +208,8 @@ def report_of_files(fits: Sequence[TabledFit]) -> Report:
 
 def content_of_files(fits: Sequence[TabledFit]) -> dict[str, object]:
     """The content of fits.json, the fits of several records."""
-    found = [(one.name, one.failed or None, one.fit and one.fit.to_json()) for one in fits]
-    names = ("file", "failed", "fit")
-    return {"schema": FITS, "fits": [dict(zip(names, one, strict=True)) for one in found]}
+    found = [
+        {"file": one.name, "failed": one.failed or None, "fit": one.fit and one.fit.to_json()}
+        for one in fits
+    ]
+    return {"schema": FITS, "fits": found}

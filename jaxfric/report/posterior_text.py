@@ -56,20 +56,20 @@ def posterior_rows(posterior: Posterior) -> list[PosteriorRow]:
     drawn, fitted, rows = posterior.sampled(), posterior.fitted(), []
     for name in (DIFFERENCE, *posterior.names):
         size, unit = unit_size(name, posterior.fit), unit_name(name, posterior.fit)
+        cells: tuple[str, ...] = ()
+        if drawn:
+            chains = posterior.chains[name]
+            ess = f"{chains.ess_bulk:.0f}", f"{chains.ess_tail:.0f}"
+            cells = (*interval_cells(*drawn[name], size), f"{chains.rhat:.3f}", *ess)
         row = PosteriorRow(
             name=shown_name(name),
             prior=priors[name].text(size) if name in priors else "",
             fit=_fitted(fitted[name], size),
             maximum=f"{maximum[name] / size:.{decimals(about[name].std / size)}f}",
             laplace=interval_cells(*about[name], size),
-            draws=(),
+            draws=cells,
             unit="" if unit == "1" else read_as(unit),
         )
-        if drawn:
-            chains = posterior.chains[name]
-            ess = f"{chains.ess_bulk:.0f}", f"{chains.ess_tail:.0f}"
-            cells = interval_cells(*drawn[name], size)
-            row = row._replace(draws=(*cells, f"{chains.rhat:.3f}", *ess))
         rows.append(row)
     return rows
 

@@ -9,7 +9,7 @@ from ..fitting import Estimate
 from ..loop.thresholds import ALIAS
 from ..protocol.design import BASE, Change, Design, Pair, Protocol, Smallest
 from ..protocol.remedy import Answer, Remedy
-from ..units import format_si, speed_text
+from ..units import duration, format_si, speed_text
 from .estimates import shown_unit
 from .report import NextStep, Report
 from .tables import TextTable
@@ -37,7 +37,7 @@ def report(
     first = [_counted(plan)] if pair is None else answer(plan, pair, better)
     last = []
     if less is not None:
-        last = [f"the same in less time ({_duration(less.duration)}): {less.text}"]
+        last = [f"the same in less time ({duration(less.duration)}): {less.text}"]
     elif pair is None and best is not None and best.design is not None:
         last = [f"recommended: {best.text}: leaves {len(best.design.pairs())} pairs"]
     tables = (effects(plan), changes(plan, best))
@@ -89,7 +89,7 @@ def _would(pair: Pair, better: Remedy) -> str:
     sizes = ""
     if after.apart and change.design is not None:
         sizes = f", if {_from_sizes(change.design, after)}"
-    text = f"{change.text} ({_duration(change.duration)}){sizes}"
+    text = f"{change.text} ({duration(change.duration)}){sizes}"
     if not better.enough:
         return f"no single change in the table below does, the nearest is {text}"
     return (
@@ -136,7 +136,7 @@ def _planned(plan: Protocol) -> str:
     origin = f", from {plan.noise_from}" if plan.noise_from else ""
     return (
         f"plan: {len(plan.velocities)} velocities, {speeds},"
-        f" {format_si(plan.slip_per_step, 'm', 'um')} each: {_duration(plan.duration)},"
+        f" {format_si(plan.slip_per_step, 'm', 'um')} each: {duration(plan.duration)},"
         f" {plan.rows * len(plan.velocities)} rows; noise of a row {plan.noise:.2g}{unit}{origin}"
     )
 
@@ -189,7 +189,7 @@ def changes(plan: Protocol, best: Change | None) -> TextTable:
             pairs = change.design.pairs()
             left, separated = str(len(pairs)), _list(plan.separated(change))
             new = _list(pair for pair in pairs if pair[:2] not in before)
-        rows.append((change.text, _duration(change.duration), left, separated, new))
+        rows.append((change.text, duration(change.duration), left, separated, new))
     marked = tuple(k for k, change in enumerate(plan.changes) if change is best)
     head = ("change", "lasts", "pairs left", "separates", "no longer told apart")
     title = f"What would separate more (the plan leaves {len(before)} pairs)"
@@ -233,9 +233,3 @@ def _parameter(name: str, value: float) -> str:
 
 def _length(value: float) -> str:
     return format_si(value, "m", "um" if value < 1e-3 else "mm", 3)
-
-
-def _duration(seconds: float) -> str:
-    if seconds < 600:
-        return f"{seconds:.3g} s"
-    return f"{seconds / 60:.3g} min" if seconds < 36000 else f"{seconds / 3600:.3g} h"

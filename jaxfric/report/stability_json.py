@@ -22,6 +22,7 @@ def content(study: Study, law: str, warnings: Sequence[str] = ()) -> dict:
     `warnings` are lines of text that the user should read before using the law.
     """
     here, points, theorems = study.here, study.points, study.theorems
+    poles, margins = study.poles, study.margins
     result = {
         "schema": STABILITY,
         "law": law,
@@ -39,7 +40,15 @@ def content(study: Study, law: str, warnings: Sequence[str] = ()) -> dict:
         },
         "needed_damping": here.needed_damping,
         "theorem": _theorem_content(study),
-        **_gains_content(study),
+        "stable": study.stable,
+        "poles": poles if poles is None else np.stack([poles.real, poles.imag], axis=-1),
+        "margins": margins
+        if margins is None
+        else {
+            name: {"value": margins[name], "unit": about.unit}
+            for name, about in MARGINS.items()
+            if name in margins
+        },
         "velocities": {
             "velocity": points.velocity,
             **entries(theorems, "critical_stiffness", "critical_frequency"),
@@ -65,20 +74,6 @@ def _theorem_content(study: Study) -> dict:
         "critical_stiffness_interval": study.critical_interval,
         "critical_frequency": None if study.delayed else w_cr,
         "solutions": [{"frequency": w, "stiffness": k} for w, k in solutions(study)],
-    }
-
-
-def _gains_content(study: Study) -> dict:
-    if study.poles is None or study.margins is None:
-        return {"stable": None, "poles": None, "margins": None}
-    return {
-        "stable": study.stable,
-        "poles": [[s.real, s.imag] for s in np.asarray(study.poles)],
-        "margins": {
-            name: {"value": study.margins[name], "unit": about.unit}
-            for name, about in MARGINS.items()
-            if name in study.margins
-        },
     }
 
 

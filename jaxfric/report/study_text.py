@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..schemas import STUDY_SUMMARY
+from ..units import duration
 from .report import NextStep, Report
 
 if TYPE_CHECKING:
@@ -46,15 +47,6 @@ def report(found: "Dataset", seconds: float, members: int, store: str) -> Report
     head = [f"{found['outcome'].size} members ({shape}); {done}"]
     steps = [NextStep("draw it:", f"jaxfric study --plot {store}")]
     return Report(head, notes=notes, next_steps=steps)
-
-
-def duration(seconds: float) -> str:
-    """A time in s, min or h."""
-    if seconds < 90:
-        return f"{seconds:.0f} s"
-    if seconds < 5400:
-        return f"{seconds / 60:.0f} min"
-    return f"{seconds / 3600:.1f} h"
 
 
 def codes(found: "Dataset") -> dict[str, dict[str, int]]:

@@ -8,6 +8,7 @@ import numpy as np
 from pandas import DataFrame
 
 from ..errors import InputError
+from ..plain import entries
 from ..report.fit_text import DIFFERENCE
 from ..report.results import MOTION
 
@@ -106,9 +107,7 @@ def about_fit(fit: "Fit") -> dict[str, object]:
     """Return the record and law of a fit, and how the fit ended."""
     return {
         "record": fit.record.provenance.path,
-        "law": fit.law,
-        "converged": fit.converged,
-        "result": fit.result,
+        **entries(fit, "law", "converged", "result"),
         "warnings": list(fit.warnings),
     }
 
@@ -138,8 +137,7 @@ def about_loop(loop: "Loop") -> dict[str, object]:
     """Return the record and the result of a loop."""
     return {
         "record": loop.record.provenance.path,
-        "verdict": loop.verdict,
-        "sentence": loop.sentence,
+        **entries(loop, "verdict", "sentence"),
         "effects": list(loop.effects),
         "warnings": list(loop.warnings),
     }
@@ -175,8 +173,7 @@ def about_prediction(found: "Prediction") -> dict[str, object]:
     return {
         "model": found.source,
         "record": found.origin.path,
-        "verdict": found.verdict,
-        "sentence": found.sentence,
+        **entries(found, "verdict", "sentence"),
         "warnings": list(found.warnings),
     }
 
