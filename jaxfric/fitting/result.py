@@ -13,6 +13,7 @@ from ..motion import PiecewiseVelocity
 from ..records import Record, VelocitySteps
 from ..rig import Rig
 from ..stability.claims import Claim, held_with_trend, rate_state_claim
+from ..units import factor
 from .derived import (
     Critical,
     amplitudes,
@@ -29,6 +30,9 @@ from .noise import NoiseEstimate
 from .problem import Model, quantity_of
 from .solved import Solved
 from .trend import shift_with_trend
+
+DIFFERENCE = "A_minus_B"
+"""The name of A less all B, in files and tables of data."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -160,11 +164,16 @@ def tidy_unit(unit: str) -> str:
     return unit.removeprefix("1 ") if unit.startswith("1 ") else unit
 
 
-def display_unit(name: str, fit: Fit) -> str:
-    """The unit in which a parameter is shown; the record's own unit for lengths and velocities."""
+def display_unit(name: str, fit: Fit) -> tuple[str, float]:
+    """The unit in which a parameter or `A_minus_B` is shown, and the size of this unit in SI.
+
+    Lengths and velocities have the unit of the record.
+    """
     friction = fit.record.friction_unit
     length = fit.record.units.get("load_point_displacement", "um")
     length = "um" if length.startswith("micro") else length
-    unit = quantity_of(name).unit
-    shown = {"F": friction, "m": length, "F/m": f"{friction}/{length}", "m/s": f"{length}/s"}
-    return shown.get(unit, quantity_of(name).unit_for(friction))
+    about = quantity_of("A" if name == DIFFERENCE else name)
+    si = about.unit_for(friction)
+    shown = {"m": length, "F/m": f"{friction}/{length}", "m/s": f"{length}/s"}
+    unit = shown.get(about.unit, si)
+    return unit, 1.0 if unit == si else factor(unit, si, name)

@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, ScalarFormatter
 from scipy.stats import norm
 
-from ..posterior.inference_data import unit_name, unit_size
+from ..fitting.result import display_unit
 from ..posterior.result import DIFFERENCE, Posterior
 from . import style
 from .label import printable
@@ -56,7 +56,7 @@ def posterior_figure(posterior: Posterior) -> Figure:
 def _columns(posterior: Posterior, values: np.ndarray) -> dict[str, np.ndarray]:
     """Draws by name in the units that are shown."""
     columns = posterior.named(values)
-    return {name: column / unit_size(name, posterior.fit) for name, column in columns.items()}
+    return {name: column / display_unit(name, posterior.fit)[1] for name, column in columns.items()}
 
 
 def _limits(seen: np.ndarray) -> tuple[float, float]:
@@ -73,7 +73,7 @@ def _density(
     x = np.linspace(low, high, 200)
     if drawn is not None:
         axis.hist(drawn, edges, density=True, color=_DRAWS, alpha=0.45, label="draws (NUTS)")
-    one, unit = posterior.fitted()[name], unit_size(name, posterior.fit)
+    one, unit = posterior.fitted()[name], display_unit(name, posterior.fit)[1]
     if one.determined:
         density = norm.pdf(x, one.value / unit, one.std / unit)
         label = f"{posterior.fit_name}, no prior"
@@ -121,7 +121,7 @@ def _labels(
         if not shown:
             axis_of.set_tick_params(labelleft=False, labelbottom=False)
             continue
-        unit = unit_name(name, posterior.fit).replace("um", "µm")
+        unit = display_unit(name, posterior.fit)[0].replace("um", "µm")
         word = "A − B" if name == DIFFERENCE else name
         axis_of.set_label_text(style.named(word, unit))
         axis_of.set_major_formatter(ScalarFormatter(useOffset=False))

@@ -19,8 +19,7 @@ import numpy as np
 from ..errors import InputError
 from ..fitting.problem import quantity_of
 from ..fitting.result import Fit, display_unit
-from ..units import factor
-from .result import DIFFERENCE, Chains, Posterior, named
+from .result import Chains, Posterior, named
 from .sampler import MISSING, Draws
 
 if TYPE_CHECKING:
@@ -66,7 +65,8 @@ def inference_data(posterior: Posterior) -> "InferenceData":
     arviz, fit, draws = imported_arviz(), posterior.fit, posterior.draws
     values = posterior.laplace.draws[None] if draws is None else draws.values
     columns = {
-        name: column / unit_size(name, fit) for name, column in posterior.named(values).items()
+        name: column / display_unit(name, fit)[1]
+        for name, column in posterior.named(values).items()
     }
     coords, dims, shifts = _shifts(posterior)
     if shifts is not None:
@@ -98,18 +98,6 @@ def write_netcdf(posterior: Posterior, file: str | Path) -> None:
         os.replace(partial, path)
     finally:
         partial.unlink(missing_ok=True)
-
-
-def unit_name(name: str, fit: Fit) -> str:
-    """The display unit of a parameter, also used in files."""
-    return display_unit("A" if name == DIFFERENCE else name, fit)
-
-
-def unit_size(name: str, fit: Fit) -> float:
-    """The size of a parameter's display unit in SI."""
-    own = "A" if name == DIFFERENCE else name
-    unit, si = display_unit(own, fit), fit.parameters[own].unit
-    return 1.0 if unit == si else factor(unit, si, name)
 
 
 def _shifts(posterior: Posterior) -> tuple[dict, dict, np.ndarray | None]:
@@ -145,9 +133,9 @@ def _of_variables(posterior: Posterior) -> dict[str, dict[str, object]]:
     fit, maximum, found = posterior.fit, posterior.maximum(), {}
     priors = dict(zip(posterior.names, posterior.priors, strict=True))
     for name, one in posterior.approximation().items():
-        size = unit_size(name, fit)
+        unit, size = display_unit(name, fit)
         found[name] = {
-            "unit": unit_name(name, fit),
+            "unit": unit,
             "map": maximum[name] / size,
             "laplace_mean": one.mean / size,
             "laplace_std": one.std / size,

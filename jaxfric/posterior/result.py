@@ -10,6 +10,7 @@ import numpy as np
 
 from ..described import Described, Drawable, Drawn, Tabular
 from ..errors import option
+from ..fitting.result import DIFFERENCE as DIFFERENCE
 from ..fitting.result import Fit
 from ..fitting.uncertainty import ENDS
 from ..quantity import numbered_names
@@ -21,8 +22,6 @@ from .laplace import Laplace
 from .sampler import Draws
 
 LAPLACE, NUTS = "Laplace", "NUTS"
-DIFFERENCE = "A_minus_B"
-"""The name of A minus all B, the rate dependence of steady friction."""
 RHAT, ESS = 1.01, 400
 """Largest R-hat and least effective sample size of reliable draws (Vehtari et al. 2021,
 doi:10.1214/20-BA1221)."""

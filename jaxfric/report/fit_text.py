@@ -9,17 +9,15 @@ from ..fitting.drift import Drift, told_drift
 from ..fitting.misfit import misfit_warning
 from ..fitting.noise import NoiseEstimate
 from ..fitting.problem import quantity_of
-from ..fitting.result import Estimate, Fit, display_unit
+from ..fitting.result import DIFFERENCE, Estimate, Fit, display_unit
 from ..stability.claims import SURE
-from ..units import factor, format_si, read_as
+from ..units import format_si, read_as
 from .estimates import ROCK_NAMES, STATE, friction_line, interval_cells
 from .report import Report
 from .tables import TextTable
 
 _LEAST, _SMALL = 0.005, 0.05
 """Shares of a noise below which a part is not counted, and is counted as small."""
-DIFFERENCE = "A_minus_B"
-"""The name of A less all B in files; in tables it is `shown_name`."""
 
 
 class Row(NamedTuple):
@@ -56,8 +54,7 @@ def rows(fit: Fit) -> list[Row]:
 
 
 def _row(name: str, meaning: str, estimate: Estimate, fit: Fit) -> Row:
-    unit = display_unit("A" if name == DIFFERENCE else name, fit)
-    size = factor(unit, estimate.unit, name) if unit != estimate.unit else 1.0
+    unit, size = display_unit(name, fit)
     shown = "" if unit == "1" else read_as(unit)
     if not estimate.free:
         return Row(shown_name(name), meaning, f"{estimate.value / size:.6g}", "fixed", "", shown)
@@ -154,8 +151,7 @@ def _stability(fit: Fit, drift: Drift | None) -> list[str]:
 
 def _critical(fit: Fit) -> list[str]:
     """The critical stiffness and the stiffness in units of it, with their 95 % intervals."""
-    found, unit = fit.critical(), display_unit("K", fit)
-    size = factor(unit, found.stiffness.unit, "K") if unit != found.stiffness.unit else 1.0
+    found, (unit, size) = fit.critical(), display_unit("K", fit)
     own, ratio = found.stiffness, found.ratio
     value, _, ends = interval_cells(own.value, own.std, own.lower, own.upper, size)
     upper = f"to {ratio.upper:.2f}" if np.isfinite(ratio.upper) else "or more"

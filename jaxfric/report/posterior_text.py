@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from ..errors import either, option
-from ..posterior.inference_data import unit_name, unit_size
+from ..fitting.result import display_unit
 from ..posterior.result import DIFFERENCE, Fitted, Posterior
 from ..units import decimals, read_as
 from .estimates import interval_cells
@@ -55,7 +55,7 @@ def posterior_rows(posterior: Posterior) -> list[PosteriorRow]:
     maximum, about = posterior.maximum(), posterior.approximation()
     drawn, fitted, rows = posterior.sampled(), posterior.fitted(), []
     for name in (DIFFERENCE, *posterior.names):
-        size, unit = unit_size(name, posterior.fit), unit_name(name, posterior.fit)
+        unit, size = display_unit(name, posterior.fit)
         cells: tuple[str, ...] = ()
         if drawn:
             chains = posterior.chains[name]
@@ -93,10 +93,11 @@ def _reweighted(posterior: Posterior) -> list[str]:
     """A sentence where the ordinary fit differs by how rows are weighted, else nothing."""
     ordinary, told = posterior.ordinary(), []
     for name in posterior.reweighted():
-        unit = read_as(unit_name(name, posterior.fit))
-        value = _fitted(ordinary[name], unit_size(name, posterior.fit))
+        unit, size = display_unit(name, posterior.fit)
+        value = _fitted(ordinary[name], size)
         told.append(
-            f"{shown_name(name).split()[0]} = {value}" + ("" if unit == "1" else f" {unit}")
+            f"{shown_name(name).split()[0]} = {value}"
+            + ("" if unit == "1" else f" {read_as(unit)}")
         )
     if not told:
         return []
