@@ -31,7 +31,7 @@ def apart(loop: Loop) -> list[str]:
             out.append(say("apart.not_told", id=id, others=listed(open_[id], "or")))
         for family in families:
             where = where_told(family)
-            decides = say("apart.decides", where=where) if where else ""
+            decides = f"; {where} would" if where else ""
             out.append(say("apart.curve", id=id, why=why_untold(family), decides=decides))
         if id not in open_ and not families:
             out.append(say("apart.in_part" if incomplete else "apart.told", id=id))

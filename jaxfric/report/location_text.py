@@ -8,8 +8,7 @@ from ..loop.family import listed
 from ..loop.residual_tests import p_text
 from ..loop.result import LocationProfile
 from ..loop.thresholds import SIGNIFICANT
-from .words import capital, say
-from .words.location import VARIABLE
+from .words import VARIABLE, capital, say
 
 _NEARLY = 0.9
 _LEAST_SHOWN = 0.005
@@ -121,5 +120,4 @@ def _subjects(variables: Sequence[str], last: str) -> str:
 
 def share_text(share: float) -> str:
     """A share in percent; a share that rounds to 0 is "less than 1 %"."""
-    small = share < _LEAST_SHOWN
-    return say("location.small_share") if small else say("location.share", percent=100 * share)
+    return "less than 1 %" if share < _LEAST_SHOWN else f"{100 * share:.0f} %"

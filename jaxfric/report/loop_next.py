@@ -60,7 +60,7 @@ def next_steps(loop: Loop, file: str = "loop.json") -> list[NextStep]:
 def run_to_make(loop: Loop) -> str:
     """Describe in one line the experiment that would answer the open questions, or ""."""
     run = _one_run(loop)
-    return "" if run is None else say("next.run_to_make", run=run.words())
+    return "" if run is None else f"next run, to decide: {run.words()}"
 
 
 def _step(code: str, command: str = "", **values: object) -> NextStep:
@@ -181,12 +181,12 @@ def _make(loop: Loop, run: PlannedRun) -> NextStep:
         wanted = loop.separations.get(id, ())
         left = unplanned(run, wanted)
         if len(left) < len(wanted):
-            told.append(say("next.effect_from", effect=id, others=listed(others, "or")))
+            told.append(f"{id} from {listed(others, 'or')}")
         if left:
-            lacks.append(say("next.lacks_one", changes=change_words(left), effect=id))
+            lacks.append(f"{change_words(left)} ({id})")
     if grow_together(loop.location, loop.base_fit.steps.velocities):
-        told.append(say("next.effect_from", effect="time", others="slip"))
-    lacking = say("next.lacks", changes="; ".join(lacks)) if lacks else ""
+        told.append("time from slip")
+    lacking = f" Not in this run: {'; '.join(lacks)}." if lacks else ""
     return _step("run", run=run.words(), told="; ".join(told), lacking=lacking)
 
 

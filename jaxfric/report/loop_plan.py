@@ -15,7 +15,6 @@ from ..effects import CATALOGUE, RunChange
 from ..loop.result import Loop
 from ..loop.split import followed, grown, repeated, trained_steps
 from ..units import factor, read_as
-from .words import say
 
 _MOST_STEPS = 12
 _MOST_LONGER = 20.0
@@ -52,7 +51,7 @@ class PlannedRun:
 
     def words(self) -> str:
         """Describe velocities, slip at each velocity, and extra channel of the planned run."""
-        channel = say("next.channel") if self.channel else ""
+        channel = ", with a channel of slip" if self.channel else ""
         return read_as(f"{self.velocities()}, {self.slip:.4g} {self.length} each{channel}")
 
 

@@ -59,7 +59,8 @@ def headline(loop: Loop) -> str:
     code, effects = loop.verdict, list(loop.effects)
     if loop.families:
         others = [id for id in effects if not any(id in one.effects for one in loop.families)]
-        return say("headline.effects", effects=listed([*others, say("headline.curve")]))
+        curve = "a curve of velocity whose shape is not determined"
+        return say("headline.effects", effects=listed([*others, curve]))
     if code == "too_weak" and loop.test_error(loop.before) > FAR * loop.held_out_threshold:
         code = "base_misses"
     if code == "outside_catalogue":

@@ -5,10 +5,21 @@ from collections.abc import Iterable
 import numpy as np
 
 from ..fitting.noise import step_words
-from ..gains.axis_result import AxisGains, Shown
-from ..loop.steady.loop import SteadyLoop, shown_units, steady_findings, steady_gains
+from ..gains.axis_result import Shown
+from ..loop.steady.loop import (
+    FEWEST,
+    FEWEST_OF_EACH,
+    STEADY_EFFECTS,
+    Doubt,
+    SteadyLoop,
+    driving,
+    shown_units,
+    steady_findings,
+    steady_gains,
+)
 from ..loop.steady.model import SteadyModel
 from ..loop.steady.noise import SteadyNoise
+from ..loop.thresholds import ACCEPT
 from ..plain import entries, plain
 from ..records.steady import SteadyCurve
 from ..records.steady_load import Load
@@ -17,6 +28,12 @@ from ..units import measured
 from .fit_text import noise_lines
 from .report import Report
 from .tables import TextTable
+from .words import capital, say
+
+_COUNTED = (
+    "runs that stick and slip count in the fit, since too few others remain: the fitted line is not"
+    " the friction of steady sliding"
+)
 
 
 def report(loop: SteadyLoop, noise: SteadyNoise | None = None) -> Report:
@@ -25,6 +42,104 @@ def report(loop: SteadyLoop, noise: SteadyNoise | None = None) -> Report:
     notes += [] if noise is None else noise_text(noise, loop.curve)
     told = (f"{loop.verdict}: {loop.sentence}", f"gains: {sentence(loop)}")
     return Report(told, tables(loop), notes=notes)
+
+
+def verdict(loop: SteadyLoop) -> str:
+    """The verdict in words."""
+    curve, counted = loop.curve, Doubt.COUNTED in loop.doubts
+    parts = [slips(curve, counted)] if curve.stick_slip else []
+    if not counted:
+        parts += [f"{capital('; '.join(withheld(loop)))}."] if loop.doubts else []
+        parts.append(_found(loop))
+        parts += [] if curve.load is None else [_loaded(curve, curve.load)]
+    return " ".join(parts)
+
+
+def withheld(loop: SteadyLoop) -> tuple[str, ...]:
+    """Say why the fit gives neither friction nor gains; empty if the fit gives both."""
+    own = {Doubt.WANDERS: wanders(loop.curve), Doubt.COUNTED: _COUNTED}
+    return tuple(own[one] if one in own else _drives(loop) for one in loop.doubts)
+
+
+def wanders(curve: SteadyCurve) -> str:
+    """Say that the force drifts within the runs."""
+    placed = bool(curve.rows) and all(rows.position is not None for rows in curve.rows)
+    return (
+        "the force changes along the runs as slowly as a weight or a spring changes it (a run is"
+        f" worth {np.median(curve.effective):.0f} independent samples). Friction cannot be"
+        " separated from such a load, and the errors of the means are unknown. Record"
+        f" {'longer runs' if placed else 'the position as well'}"
+    )
+
+
+def _drives(loop: SteadyLoop) -> str:
+    """That the fitted friction would drive the axis."""
+    unit, shown, one = shown_units(loop.curve)
+    found = driving(loop.curve, loop.final)
+    assert found is not None
+    speed, force, std = found
+    where = "" if speed is None else f" at {speed:.3g} {shown}"
+    return (
+        f"the fitted friction is negative{where}, {measured(force / one, std / one)} {unit}: it"
+        " would drive the axis, so that the model is wrong"
+    )
+
+
+def slips(curve: SteadyCurve, counted: bool) -> str:
+    """Name the speeds at which runs stick-slip, and each run's share of time at rest.
+
+    `counted` says whether the fit includes the runs that stick-slip.
+    """
+    unit = shown_units(curve)[1]
+    each = "; ".join(
+        f"at {one.speed:.3g} {unit} the axis rests {100 * one.at_rest:.0f} % of the time"
+        f" ({one.stops} stops) and moves at {one.moving_speed:.3g} {unit} between"
+        for one in sorted(curve.stick_slip, key=lambda one: abs(one.speed))
+    )
+    how = _COUNTED if counted else "these runs have no steady friction and are not fitted"
+    return f"Stick-slip: {each}; {how}."
+
+
+def _loaded(curve: SteadyCurve, load: Load) -> str:
+    """What the force has along the travel, and that it is taken out."""
+    unit, shown, one = shown_units(curve)
+    size, std = load.size()
+    if load.effect == "gravity":
+        what = f"the sine of the angle, {measured(size / one, std / one)} {unit} at most"
+    else:
+        slope = measured(load.values[0] / one, std / one)
+        what = f"the position, {slope} {unit}/{shown.removesuffix('/s')}"
+    return (
+        f"The force changes with {what}, equally in both directions, like that of a weight or a"
+        " spring. This part is subtracted from the friction; F_0 contains its value in the middle"
+        " of the travel."
+    )
+
+
+def _found(loop: SteadyLoop) -> str:
+    """The sentence of the fitted runs alone, with its values."""
+    base, final = loop.base, loop.final
+    unit, speed, size = shown_units(loop.curve)
+    refused = [e for e in ("stribeck", "direction_asymmetry") if e not in final.effects]
+    known = ", ".join(
+        f"{name} = {measured(base.values[name] / size, base.std[name] / size)} {own}"
+        for name, own in (("F_c", unit), ("F_v", f"{unit}/({speed})"), ("F_0", unit))
+    )
+    return say(
+        f"steady.{loop.found}",
+        untested=f"Whether friction lacks an effect ({', '.join(STEADY_EFFECTS)}) is not tested",
+        known=known,
+        before=f"{base.rms / size:.3g}",
+        after=f"{final.rms / size:.3g}",
+        unit=unit,
+        fewest=FEWEST,
+        of_each=FEWEST_OF_EACH,
+        effects=" and ".join(loop.added),
+        gain=base.bic - final.bic,
+        accept=ACCEPT,
+        lower=loop.lower,
+        rest=f" Not supported: {', '.join(refused)}." if refused else "",
+    )
 
 
 def sentence(loop: SteadyLoop) -> str:
@@ -106,7 +221,9 @@ def to_json(loop: SteadyLoop, noise: SteadyNoise | None = None) -> dict:
 
     `noise` is the noise of the runs; null if the noise is not known.
     """
-    curve, gains = loop.curve, steady_gains(loop)
+    curve, gains, load = loop.curve, steady_gains(loop), loop.curve.load
+    valid = gains.curve
+    assert valid is not None  # `steady_gains` states it always
 
     def model(m: SteadyModel) -> dict:
         return {
@@ -133,14 +250,25 @@ def to_json(loop: SteadyLoop, noise: SteadyNoise | None = None) -> dict:
         **entries(loop, "verdict", "sentence", "withheld"),
         "findings": [one.to_json(curve.speed) for one in steady_findings(loop)],
         "stick_slip": curve.stick_slip,
-        "load": None if curve.load is None else _load_json(curve.load),
+        "load": None
+        if load is None
+        else {
+            "effect": load.effect,
+            "parameters": _parameters(load.names, load.values, load.std),
+            **entries(load, "covariance", "centre"),
+        },
         "effects": loop.final.effects,
         "before": model(loop.base),
         "after": model(loop.final),
         "candidates": [model(m) for m in loop.candidates],
         "gains": {
             **entries(gains, "worst_velocity", "slope", "least_damping"),
-            **claim_json(gains),
+            "claim": gains.claim.kind,
+            "reasons": gains.claim.reasons,
+            "damping": gains.claim.damping if gains.claim.kind == "damped" else None,
+            "slope_std": valid.error,
+            **entries(valid, "slowest", "fastest", "above"),
+            "not_seen": valid.unseen,
             "sentence": sentence(loop),
         },
         "noise": None if noise is None else _noise_json(noise, curve),
@@ -155,15 +283,6 @@ def _parameters(
     return {name: {"value": value, "std": error} for name, value, error in rows}
 
 
-def _load_json(load: Load) -> dict:
-    """What the force has along the travel."""
-    return {
-        "effect": load.effect,
-        "parameters": _parameters(load.names, load.values, load.std),
-        **entries(load, "covariance", "centre"),
-    }
-
-
 def _noise_json(noise: SteadyNoise, curve: SteadyCurve) -> dict:
     """The noise as JSON values, as in other loops; its sigma is of all rows."""
     return {
@@ -172,19 +291,4 @@ def _noise_json(noise: SteadyNoise, curve: SteadyCurve) -> dict:
         "effective_samples": noise.effective,
         "after_a_turn": noise.after_a_turn,
         "text": noise_text(noise, curve),
-    }
-
-
-def claim_json(gains: AxisGains) -> dict:
-    """The claim on stability, with reasons; nan or None for undetermined values."""
-    claim, curve = gains.claim, gains.curve
-    told: dict[str, object] = {"claim": claim.kind, "reasons": list(claim.reasons)}
-    if curve is None:
-        return told
-    return {
-        **told,
-        "damping": claim.damping if claim.kind == "damped" else None,
-        "slope_std": curve.error,
-        **entries(curve, "slowest", "fastest", "above"),
-        "not_seen": curve.unseen,
     }

@@ -17,6 +17,8 @@ from ..units import measured, prefixed
 from .location_text import variable_words, where_it_sits
 from .words import TEMPLATES, say
 
+_BLOCKS = {"report": "test", "select": "validation", "train": "train"}
+
 
 def reasons(found: Conclusion) -> tuple[str, ...]:
     """List the reasons that limit the verdict, one reason in each line."""
@@ -43,12 +45,12 @@ def sentence(found: Conclusion) -> str:
     what = [id for id in told.effects if id not in curves]
     decided = ""
     for family in found.families:
-        shapes = [listed(family.effects), *family.fitting]
-        what.append(say("curve.open", shapes=listed(shapes, "or")))
+        shapes = listed([listed(family.effects), *family.fitting], "or")
+        what.append(f"a steady curve of velocity ({shapes})")
         if family.decided_by:
-            decided = say("verdict.decided", where=where_told(family))
-    pairs = "; ".join(say("verdict.rivals", a=a, b=b) for a, b in told.rivals)
-    alike = say("verdict.alike", pairs=pairs) if pairs else ""
+            decided = f" To decide: {where_told(family)}."
+    pairs = "; ".join(f"{a} or {b}" for a, b in told.rivals)
+    alike = f", or what looks like it ({pairs})" if pairs else ""
     text = say("verdict.effects", what=listed(what), alike=alike, change=changed, gain=told.gain)
     return text + decided
 
@@ -81,7 +83,7 @@ def _outside(told: Told, named: str) -> str:
 
 def change(told: Told) -> str:
     """State the test error before and after adding effects."""
-    return say("verdict.change", before=told.before, after=told.after)
+    return f"test error {told.before:.2f} -> {told.after:.2f} sigma"
 
 
 def _withheld(why: Finding) -> str:
@@ -97,17 +99,16 @@ def _withheld(why: Finding) -> str:
 def where_told(family: CurveFamily) -> str:
     """Name velocities that would determine the shape of a curve; '' for no such velocities."""
     told = [prefixed(one.velocity, family.unit, 3) for one in family.decided_by]
-    return say("curve.where", speeds=listed(told, "or")) if told else ""
+    return f"steady sliding at {listed(told, 'or')}" if told else ""
 
 
 def why_untold(family: CurveFamily) -> str:
     """Say why the record does not determine the shape of the friction-velocity curve."""
     parts = []
     if family.interpolates:
-        counts = {"velocities": family.velocities, "parameters": family.parameters}
-        parts.append(say("curve.interpolates", **counts))
+        parts.append(f"{family.velocities} velocities, {family.parameters} parameters of the curve")
     fitting = [other for other in family.others if other.worse < ACCEPT]
-    parts += [say("curve.as_good", shape=other.shape, by=other.worse) for other in fitting]
+    parts += [f"{other.shape}: BIC {other.worse:+.1f}" for other in fitting]
     return "; ".join(parts)
 
 
@@ -123,11 +124,11 @@ def words_of(finding: Finding) -> str:
             tests = (f"{variable_words(name)}, {p_text(p)}" for name, p in values.items())
             return say(code, what="; ".join(tests))
         case LoopCode.BLOCK:
-            return say(code, **{**values, "block": say(f"finding.{values['block']}")})
+            return say(code, **{**values, "block": _BLOCKS[values["block"]]})
         case LoopCode.MOVED:
             return " and ".join(say(code, **_ends(move)) for move in values["moves"])
         case LoopCode.EDGE | LoopCode.RUNS_AWAY | LoopCode.FEEDBACK | LoopCode.SPRING:
-            return say("finding.withheld", why=reason_of(finding))
+            return f"{reason_of(finding)}: the verdict is withheld"
         case LoopCode.OTHERS:
             return say(code, columns=", ".join(values["columns"]))
         case LoopCode.EFFECT if finding.severity is not Severity.CLAIM:
@@ -142,7 +143,7 @@ def reason_of(finding: Finding) -> str:
     """Why a verdict is withheld."""
     values: dict[str, typing.Any] = dict(finding.values)
     late = values.get("late")
-    values["late"] = say("finding.late", ms=1e3 * late) if late else ""
+    values["late"] = f" {1e3 * late:.2g} ms before" if late else ""
     return say(f"finding.{finding.code}", **values)
 
 
@@ -158,7 +159,7 @@ def words_of_refusal(why: Refusal) -> str:
 
 def words_of_moves(moves: Sequence[Move]) -> str:
     """Say how base parameters change, such as "takes over B: 0.00176(2) -> -0.0014(7)"."""
-    told = "; ".join(say("refusal.move", **_ends(move)) for move in moves)
+    told = "; ".join("{name}: {before} -> {after}".format(**_ends(move)) for move in moves)
     return say("refusal.takes_of_the_base", moves=told)
 
 
@@ -169,5 +170,5 @@ def _ends(move: Move) -> dict[str, str]:
 
 def _value(estimate: Estimate) -> str:
     if not (estimate.determined and math.isfinite(estimate.std)):
-        return say("refusal.undetermined")
+        return "undetermined"
     return measured(estimate.value, estimate.std, short=True)

@@ -100,12 +100,12 @@ class SteadyLoop(Described, Drawable, Tabular):
     @property
     def sentence(self) -> str:
         """The verdict as text."""
-        return said("steady_verdict_text.sentence", self)
+        return said("steady_text.verdict", self)
 
     @property
     def withheld(self) -> tuple[str, ...]:
         """The `doubts` about the fit as text."""
-        return said("steady_verdict_text.withheld", self)
+        return said("steady_text.withheld", self)
 
 
 def shown_units(curve: SteadyCurve) -> tuple[str, str, float]:
@@ -174,7 +174,7 @@ def _fitted(curve: SteadyCurve) -> np.ndarray:
         if len(speed) >= FEWEST_STROKES and min(ways) > 0 and sum(ways) > 2:
             return used
     forward, backward = int(np.sum(curve.speed > 0)), int(np.sum(curve.speed < 0))
-    slips = f"{said('steady_verdict_text.slips', curve, False)} The" if curve.stick_slip else "the"
+    slips = f"{said('steady_text.slips', curve, False)} The" if curve.stick_slip else "the"
     raise InputError(
         f"{slips} curve has {forward} runs forwards and {backward} backwards; {FEWEST_STROKES} in"
         " all, at two speeds or more, and both directions are needed: one direction alone does not"
@@ -190,7 +190,7 @@ def _refuse_reversed(curve: SteadyCurve, base: SteadyModel, used: np.ndarray) ->
         return
     unit, shown, size = shown_units(curve)
     k = int(np.argmin(force))
-    wanders = f" Or {said('steady_verdict_text.wanders', curve)}" if curve.wanders else ""
+    wanders = f" Or {said('steady_text.wanders', curve)}" if curve.wanders else ""
     raise InputError(
         f"{curve.provenance.path}: the runs have a friction of {force[k] / size:.3g} {unit} at"
         f" {abs(speed[k]):.3g} {shown}, so that friction would drive the axis: is the sign of the"
