@@ -60,7 +60,7 @@ from jaxfric.report.loop_page import page
 from jaxfric.report.loop_plan import CHANGES, PlannedRun, deciding_run
 from jaxfric.report.loop_report import first_lines, headline
 from jaxfric.report.loop_report import report as report_of
-from jaxfric.report.loop_text import by_velocity, candidates, errors
+from jaxfric.report.loop_text import candidates, errors, rests_on
 from jaxfric.report.report import print_details
 from jaxfric.report.rig_words import AXIS, SLIDER
 from jaxfric.report.verdict_text import change, words_of_refusal
@@ -381,8 +381,9 @@ def test_each_rig_has_its_own_words(words, other, snapshot) -> None:
     loop = dataclasses.replace(make_loop("effects"), kind=kind, effects=("stribeck",))
     text, html = " ".join(printed(loop).split()), page_of(loop).text
     for shown in (text, html):
-        assert words.part in shown
         assert not any(said in shown for said in (other.part, other.marks))
+    weak = dataclasses.replace(make_loop("too_weak"), kind=kind)
+    assert words.part in to_do(weak) and other.part not in to_do(weak)
     assert words.marks in html and words.catalogue["stribeck"].equation in html
     assert other.catalogue["stribeck"].equation not in html
     assert words.marks in figure_of(loop, "residual").axes[0].get_title(loc="left")
@@ -453,18 +454,14 @@ def test_the_run_that_would_decide_is_the_one_planned(before, wanted, asked) -> 
     assert parsed(["protocol", *shlex.split(planned.options())])
 
 
-def of_rock(
-    groups: Sequence[tuple[str, ...]], verdict: str, together: bool = False, speeds=(2.0, 20.0)
-) -> Loop:
-    """A loop of few steps whose effects, the first of each group, are not told from the others;
-    `together`: what is missing follows time and slip alike."""
+def of_rock(groups: Sequence[tuple[str, ...]], verdict: str, speeds=(2.0, 20.0)) -> Loop:
+    """A loop of few steps whose effects, the first of each group, are not told from the others."""
     loop, ids = make_loop(verdict), tuple(group[0] for group in groups)
     after = dataclasses.replace(loop.after, effects=ids)
     V = 1e-6 * np.asarray(speeds)
     fit = dataclasses.replace(loop.base_fit, steps=VelocitySteps(25.0 * np.arange(len(V)), V))
     one = np.ones(1)
-    seen = ("time", "slip") if together else ("state",)
-    location = tuple(LocationProfile(v, "s", one, one, one, 0.9, 1e-9, 0.9) for v in seen)
+    location = (LocationProfile("state", "s", one, one, one, 0.9, 1e-9, 0.9),)
     separations = {id: separators(CATALOGUE[id]) for id in ids}
     return dataclasses.replace(
         loop, effects=ids, after=after, base_fit=fit, alias_groups=tuple(groups),
@@ -477,11 +474,8 @@ SECOND, DRIFT = ("second_state", "thermal", "run_in"), ("time_drift", "run_in", 
 
 OPEN = {
     "two groups": (of_rock([SECOND, DRIFT], "outside_catalogue"), "2, 20, 2, 20, 2, 0.6667"),
-    "time and slip together": (
-        of_rock([SECOND], "outside_catalogue", True), "2, 20, 2, 20, 2, 0.6667"
-    ),
     "a drift": (
-        of_rock([("time_drift", "slip_trend")], "ambiguous", True), "2, 20, 0.6667, 2, 20"
+        of_rock([("time_drift", "slip_trend")], "ambiguous"), "2, 20, 0.6667, 2, 20"
     ),
     "three groups": (
         of_rock(
@@ -519,24 +513,6 @@ def test_steps_are_said_to_be_long_enough_where_they_are(snapshot) -> None:
         after = dataclasses.replace(loop.after, parameters=known)
         texts[f"L2 = {length} um"] = next_steps(dataclasses.replace(loop, after=after))[0].text
     snapshot("long_enough", texts)
-
-
-def test_the_two_that_would_explain_most_are_asked_for_first() -> None:
-    loop = of_rock([("run_in", "thermal", "second_state")], "outside_catalogue")
-    better = min(c.delta_bic for c in loop.candidates) - 1e3
-    both = [
-        dataclasses.replace(
-            loop.candidates[0], effects=(id,), delta_bic=better - k, rejection=LOOSE,
-            converged=True, physical=True, parameters={},
-        )
-        for k, id in enumerate(("thermal", "second_state"))
-    ]  # fmt: skip
-    told = dataclasses.replace(loop, candidates=(*loop.candidates, *both))
-    _, ask, *rest = next_steps(told)
-    assert ask.command.endswith("--distinguish second_state,thermal") and not ask.also
-    assert any("--distinguish run_in," in step.command and step.also for step in rest)
-    one = dataclasses.replace(loop, candidates=(*loop.candidates, both[0]))
-    assert next_steps(one)[1].command.split("--distinguish ")[1].startswith("run_in,")
 
 
 def test_a_run_that_no_plan_changes_is_said_as_it_was(snapshot) -> None:
@@ -790,8 +766,7 @@ def test_one_sigma_for_the_sentence_the_table_the_figure_and_the_file(
     assert told == [f"{x:.2f}" for x in held]
     assert [f"{x:.3f}" for x in held] == list(errors(noisy).rows[-1][-2:])
     assert "0.375 × 10⁻³" in errors(noisy).note and "0.375" not in errors(loop).note
-    steps = [float(row[-1]) for row in by_velocity(noisy).rows]
-    old = [float(row[-1]) for row in by_velocity(loop).rows]
+    steps, old = (one.to_json()["after"]["per_step_in_sigma"] for one in (noisy, loop))
     assert np.divide(old[-2:], steps[-2:]) == pytest.approx(1.25, rel=0.002)
     assert steps[1] == old[1] and content["noise"]["sigma_held_out"] == 1.25 * loop.sigma
     residual_figure(noisy).savefig(tmp_path / "residual.svg")
@@ -1051,19 +1026,6 @@ def test_an_output_that_cannot_be_written_is_known_before_the_work(closed) -> No
     assert not closed
 
 
-def test_a_velocity_without_rows_that_count_has_not_failed(snapshot):
-    """Only one that was to be predicted and has no finite error has."""
-    loop = make_loop("effects")
-    per_step = (np.nan, np.nan, *loop.before.per_step[2:])
-    blocks = loop.blocks._replace(
-        **{name: loop.blocks.of(name) & (loop.blocks.step != 0) for name in NAMES}
-    )
-    score = dataclasses.replace(loop.before, per_step=per_step)
-    table = by_velocity(dataclasses.replace(loop, before=score, after=score, blocks=blocks))
-    assert len({row[2:] for row in table.rows[:3]}) == 3
-    snapshot("velocities_without_rows", {"table": in_lines(table)})
-
-
 ALIKE = [(None, True, True), (1475.0, True, True), (20.0, False, True), (20.0, True, False)]
 
 
@@ -1106,7 +1068,9 @@ def test_velocities_bear_a_symbol_of_length(unit: str, shown: str) -> None:
     loop = make_loop("effects")
     units = {**loop.record.units, "load_point_displacement": unit}
     record = dataclasses.replace(loop.record, units=units)
-    assert by_velocity(dataclasses.replace(loop, record=record)).rows[0][1] == shown
+    claim = Finding(LoopCode.EFFECT, Severity.CLAIM, {"effect": "thermal"}, loop.blocks.step == 0)
+    table = rests_on(dataclasses.replace(loop, record=record, findings=(claim,)))
+    assert table.rows[0][-1] == shown
 
 
 @pytest.mark.parametrize("pause", [0.0, 1e5])

@@ -24,14 +24,14 @@ def where_it_sits(
 
     `velocities` are the record's velocities in order of time; empty if velocities do not matter.
     """
-    best = _most_telling(location)
-    if best is None:
+    seen = [p for p in location if p.p_value <= SIGNIFICANT]
+    if not seen:
         return ""
-    alike = _alike(best, location, velocities)
+    best = seen[0]
+    alike = _alike(seen, velocities)
     told = say("location.best_p", variable=variable_words(best.variable), p=p_text(best.p_value))
     if np.isfinite(best.explained):
-        least, seen = _NEARLY * best.explained, [p for p in location if p.p_value <= SIGNIFICANT]
-        near = [p.variable for p in seen if p is not best and p.explained >= least]
+        near = [p.variable for p in seen[1:] if p.explained >= _NEARLY * best.explained]
         rivals = [one for one in near if not (alike and one in _TOGETHER)]
         subjects = _subjects([best.variable, *rivals], "or")
         told = say("location.would", subjects=subjects, share=share_text(best.explained))
@@ -40,36 +40,16 @@ def where_it_sits(
     return told
 
 
-def grow_together(
-    location: tuple[LocationProfile, ...], velocities: np.ndarray | Sequence[float]
-) -> bool:
-    """Whether the record cannot separate the best variable from others that grow together.
-
-    Velocity steps at other velocities would separate two variables that grow together.
-    """
-    best = _most_telling(location)
-    return best is not None and bool(_alike(best, location, velocities))
-
-
-def _most_telling(location: tuple[LocationProfile, ...]) -> LocationProfile | None:
-    """The first variable over which there is more than chance."""
-    return next((p for p in location if p.p_value <= SIGNIFICANT), None)
-
-
-def _alike(
-    best: LocationProfile,
-    location: tuple[LocationProfile, ...],
-    velocities: np.ndarray | Sequence[float],
-) -> list[str]:
-    """The variables that grow together, `best` among them, which the record cannot tell apart.
+def _alike(seen: Sequence[LocationProfile], velocities: np.ndarray | Sequence[float]) -> list[str]:
+    """The variables that grow together, the best among them, which the record cannot tell apart.
 
     Each explains something alone, and with several steps as much. None where it can.
     """
     one = len(velocities) == 2 and min(velocities) > 0
-    least = 0.0 if one else _NEARLY * best.explained
-    names = {p.variable for p in location if p.p_value <= SIGNIFICANT and not p.explained < least}
+    least = 0.0 if one else _NEARLY * seen[0].explained
+    names = {p.variable for p in seen if not p.explained < least}
     alike = [name for name in _TOGETHER if name in names]
-    return [] if best.variable not in alike or len(alike) < 2 else alike
+    return [] if seen[0].variable not in alike or len(alike) < 2 else alike
 
 
 def added_shares(

@@ -1,18 +1,15 @@
 """Say what a loop's result means, and which command or experiment to try next."""
 
 import shlex
-from collections.abc import Sequence
 
 import numpy as np
 
-from ..effects import RunChange
 from ..loop.family import listed
 from ..loop.findings import LoopCode
 from ..loop.result import Loop
 from ..saved.entry import CERTAIN
 from ..units import factor
 from .aliases import confused, likeliest
-from .location_text import grow_together
 from .loop_plan import PlannedRun, deciding_run, own_run, plannable, unplanned
 from .report import NextStep
 from .rig_words import AXIS
@@ -147,9 +144,6 @@ def _one_run(loop: Loop) -> PlannedRun | None:
     wanted = [one for id, _ in confused(loop) for one in loop.separations.get(id, ())]
     if loop.words is AXIS or not wanted or not own.speeds:
         return None
-    # time and slip grow together; a step at another velocity separates them
-    if grow_together(loop.location, loop.base_fit.steps.velocities):
-        wanted.append(RunChange.DWELL)
     run = deciding_run(own, wanted)
     return run if run != own and min(run.speeds) > 0 else None
 
@@ -157,52 +151,32 @@ def _one_run(loop: Loop) -> PlannedRun | None:
 def _deciding(loop: Loop, file: str) -> list[NextStep]:
     """The run that would tell what this record leaves open, and the commands that check it.
 
+    The first step names the effects that the run can tell apart, and the changes that it lacks.
     Without one run for all questions: what would answer each.
     """
-    run, steps = _one_run(loop), []
-    if run is not None:
-        steps = [_make(loop, run), *_ask_leading(loop, file, run)]
+    run, steps, told, lacks = _one_run(loop), [], [], []
     for id, others in confused(loop):
-        wanted = loop.separations.get(id)
+        wanted, alike = loop.separations.get(id, ()), listed(others, "or")
         if run is None and wanted:
-            values = {"others": listed(others, "or"), "changes": change_words(wanted)}
-            steps.append(_step("decides", effect=id, **values))
+            steps.append(_step("decides", effect=id, others=alike, changes=change_words(wanted)))
+        if run is not None:
+            left = unplanned(run, wanted)
+            told += [f"{id} from {alike}"] if len(left) < len(wanted) else []
+            lacks += [f"{change_words(left)} ({id})"] if left else []
         if run is not None or (wanted and loop.words is not AXIS):
             rivals = filter(plannable, likeliest(loop, id, others))
-            pair = [id, *list(rivals)[:1]]
-            steps += _ask(file, run or own_run(loop), pair)
-    return steps
-
-
-def _make(loop: Loop, run: PlannedRun) -> NextStep:
-    """The run to make next, the effects that it can tell apart, and the changes that it lacks."""
-    told, lacks = [], []
-    for id, others in confused(loop):
-        wanted = loop.separations.get(id, ())
-        left = unplanned(run, wanted)
-        if len(left) < len(wanted):
-            told.append(f"{id} from {listed(others, 'or')}")
-        if left:
-            lacks.append(f"{change_words(left)} ({id})")
-    if grow_together(loop.location, loop.base_fit.steps.velocities):
-        told.append("time from slip")
+            steps += _ask(file, run or own_run(loop), id, next(rivals, None))
+    if run is None:
+        return steps
     lacking = f" Not in this run: {'; '.join(lacks)}." if lacks else ""
-    return _step("run", run=run.words(), told="; ".join(told), lacking=lacking)
+    return [_step("run", run=run.words(), told="; ".join(told), lacking=lacking), *steps]
 
 
-def _ask_leading(loop: Loop, file: str, run: PlannedRun) -> list[NextStep]:
-    """The command that asks whether a run tells the two from each other that would explain most
-    but that this record does not fix; none where there are no two."""
-    singles = [one.effects[0] for one in loop.unfixed() if len(one.effects) == 1]
-    return _ask(file, run, [id for id in singles if plannable(id)][:2])
-
-
-def _ask(file: str, run: PlannedRun, pair: Sequence[str]) -> list[NextStep]:
+def _ask(file: str, run: PlannedRun, a: str, b: str | None) -> list[NextStep]:
     """The command that asks whether a run tells two effects apart, before it is made; none where
     no plan can be asked for the two."""
-    if not (len(pair) == 2 and all(map(plannable, pair))):
+    if b is None or not plannable(a):
         return []
-    a, b = pair
     line = f"jaxfric protocol {run.options()} --from {file} --distinguish {a},{b}"
     return [_step("ask", line, effect=a, other=b)]
 

@@ -5,9 +5,8 @@ similar effects. If the entry is a `RunChange`, the plan repeats the record's ve
 change. Otherwise the plan repeats the record's velocities unchanged.
 """
 
-import dataclasses
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,8 +21,7 @@ _MOST_LONGER = 20.0
 _CHANNEL = "0.1 um"
 
 
-@dataclass(frozen=True)
-class PlannedRun:
+class PlannedRun(NamedTuple):
     """A planned run: velocities in the record's unit, each held over the distance `slip`."""
 
     speeds: tuple[float, ...]
@@ -72,8 +70,8 @@ def own_run(loop: Loop) -> PlannedRun:
 
 def deciding_run(run: PlannedRun, wanted: Iterable[str]) -> PlannedRun:
     """The plan that repeats the record's velocities and makes each `wanted` change once."""
-    known = {CHANGES[one] for one in wanted if one in CHANGES}
-    for change in sorted(known, key=list(CHANGES.values()).index):
+    wanted = set(wanted)
+    for change in dict.fromkeys(CHANGES[one] for one in CHANGES if one in wanted):
         run = change(run)
     return run
 
@@ -90,13 +88,8 @@ def plannable(id: str) -> bool:
     return id in CATALOGUE and CATALOGUE[id].channel is None
 
 
-def _repeat(run: PlannedRun) -> PlannedRun:
-    return dataclasses.replace(run, speeds=repeated(run.speeds))
-
-
 def _dwell(run: PlannedRun) -> PlannedRun:
-    slow = min(run.speeds) / 3
-    return dataclasses.replace(run, speeds=followed(run.speeds, (slow,), run.speeds))
+    return run._replace(speeds=followed(run.speeds, (min(run.speeds) / 3,), run.speeds))
 
 
 def _up_and_down(run: PlannedRun) -> PlannedRun:
@@ -107,17 +100,13 @@ def _up_and_down(run: PlannedRun) -> PlannedRun:
     if len(set(run.speeds)) < 2 or both(run.speeds):
         return run
     known = run.speeds[-1] == run.speeds[0]
-    return dataclasses.replace(run, speeds=grown(run.speeds, run.speeds[known:], both))
+    return run._replace(speeds=grown(run.speeds, run.speeds[known:], both))
 
 
 def _longer(run: PlannedRun) -> PlannedRun:
     if run.slip > 3 * run.second_length or 4 * run.second_length > _MOST_LONGER * run.slip:
         return run
-    return dataclasses.replace(run, slip=4 * run.second_length)
-
-
-def _channel(run: PlannedRun) -> PlannedRun:
-    return dataclasses.replace(run, channel=True)
+    return run._replace(slip=4 * run.second_length)
 
 
 def _decades(run: PlannedRun) -> PlannedRun:
@@ -125,17 +114,17 @@ def _decades(run: PlannedRun) -> PlannedRun:
     if max(run.speeds) >= 100 * slow and len(set(run.speeds)) > 2:
         return run
     three = tuple(slow * 10.0**k for k in range(3))
-    return dataclasses.replace(run, speeds=followed((), three, three))
+    return run._replace(speeds=followed((), three, three))
 
 
 CHANGES: dict[str, Callable[[PlannedRun], PlannedRun]] = {
     RunChange.DECADES: _decades,
-    RunChange.REPEAT: _repeat,
+    RunChange.REPEAT: lambda run: run._replace(speeds=repeated(run.speeds)),
     RunChange.UP_AND_DOWN: _up_and_down,
     RunChange.LONG_STEPS: _longer,
     RunChange.SLOW_DWELL: _dwell,
     RunChange.DWELL: _dwell,
-    RunChange.SLIP_CHANNEL: _channel,
+    RunChange.SLIP_CHANNEL: lambda run: run._replace(channel=True),
 }
 """How each change alters a plan; in the order in which a plan takes several: what replaces its
 velocities before what adds to them."""

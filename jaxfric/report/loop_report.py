@@ -10,7 +10,6 @@ from .aliases import apart, confused
 from .estimates import friction_line, with_error
 from .loop_next import next_steps, run_to_make
 from .loop_text import (
-    by_velocity,
     candidates,
     errors,
     length_of,
@@ -37,7 +36,6 @@ def report(loop: Loop, *, file: str = "loop.json") -> Report:
         moved(loop),
         significance(loop),
         errors(loop),
-        by_velocity(loop),
         candidates(loop),
         *([] if loop.details is None else loop.details.tables()),
         rests_on(loop),

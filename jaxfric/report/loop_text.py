@@ -59,22 +59,6 @@ def errors(loop: Loop) -> TextTable:
     return TextTable("Error before and after", head, rows, note, (2,))
 
 
-def by_velocity(loop: Loop) -> TextTable:
-    """Table of the velocities, each with its data block and its rms residual [sigma]."""
-    steps, rows = loop.base_fit.steps, []
-    for k, (time, velocity) in enumerate(zip(steps.times, steps.velocities, strict=True)):
-        here = loop.blocks.step == k
-        if k >= len(loop.before.per_step) or not here.any():
-            continue
-        blocks = ", ".join(name for name in NAMES if (loop.blocks.of(name) & here).any())
-        both = [s.per_step[k] / loop.sigma_of(here) for s in (loop.before, loop.after)]
-        errors = (_finite(v, "{:.3f}") if blocks else "–" for v in both)
-        shown = _speed(loop, float(velocity))
-        rows.append((f"{time:.4g} s", shown, blocks or "no row counts", *errors))
-    head = ("from", loop.words.velocity.lower(), "block", "before [σ]", "after [σ]")
-    return TextTable(f"Error in every {loop.words.part}", head, rows)
-
-
 def moved(loop: Loop) -> TextTable:
     """Table of the parameters before and after adding effects, with intervals and shifts."""
     both = [
