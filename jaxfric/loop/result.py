@@ -169,13 +169,9 @@ class RunDetails:
     claims: tuple[Finding, ...] = ()
     """Empty: a run has no claims besides the effects."""
 
-    def tables(self) -> list:
-        """A table of a report, with a row for every stretch."""
-        return said("loop_text.stretches", self)
-
     def to_json(self) -> dict:
         """The stretches of a run, as an entry of `loop.json`."""
-        return said("loop_json.run", self)
+        return {"stretches": self.joined.stretches}
 
 
 LoopBase = Fit | BaseModel

@@ -3,6 +3,7 @@
 import numpy as np
 
 from ..gains.axis_result import AxisGains, Shown
+from .words import capital
 
 
 def sentence(gains: AxisGains, unit: Shown, velocity: Shown) -> str:
@@ -10,12 +11,10 @@ def sentence(gains: AxisGains, unit: Shown, velocity: Shown) -> str:
 
     `unit` is the displayed unit of damping, `velocity` the displayed unit of velocity.
     """
-    claim, text = gains.claim, short(gains, unit, velocity)
-    text = text[0].upper() + text[1:]
-    if claim.kind == "open":
+    claim, curve, text = gains.claim, gains.curve, capital(short(gains, unit, velocity))
+    if claim.kind == "open" or curve is None:
         return f"{text}.{_not_seen(gains, velocity)}"
-    error = None if gains.curve is None else gains.curve.error or None
-    slope = f"{unit.text(gains.slope, error)}, at {_worst(gains, velocity)}"
+    slope = f"{unit.text(gains.slope, curve.error or None)}, at {_worst(gains, velocity)}"
     if claim.kind == "free":
         return (
             f"{text} Any k_p > 0 holds the axis without damping, if the controller answers at once."
@@ -30,33 +29,25 @@ def sentence(gains: AxisGains, unit: Shown, velocity: Shown) -> str:
 
 def short(gains: AxisGains, unit: Shown, velocity: Shown) -> str:
     """Say whether friction makes the axis stick-slip, and which gain prevents stick-slip."""
-    claim = gains.claim
-    if claim.kind == "open":
+    claim, curve, not_seen = gains.claim, gains.curve, _not_seen(gains, velocity)
+    if claim.kind == "open" or curve is None:
         return f"nothing can be said: {'; '.join(claim.reasons)}"
+    speeds = f"from {velocity.text(curve.slowest)} to {velocity.text(curve.fastest)}"
     if claim.kind == "free":
-        return (
-            f"friction grows with speed{_range(gains, velocity)} and causes no stick-slip there."
-            f"{_not_seen(gains, velocity)}"
-        )
+        return f"friction grows with speed {speeds} and causes no stick-slip there.{not_seen}"
     text = (
         f"friction falls with speed, most steeply at {_worst(gains, velocity)}, so the axis may"
         " stick-slip. The controller must add damping k_v above"
-        f" {unit.text(claim.damping)} to prevent stick-slip at speeds{_range(gains, velocity)}"
+        f" {unit.text(claim.damping)} to prevent stick-slip at speeds {speeds}"
     )
     if gains.stiff is not None and 0 < gains.stiff.critical_stiffness < np.inf:
         text += f", or stiffness k_p above {_stiffness(unit).text(gains.stiff.critical_stiffness)}"
-    return f"{text}.{_not_seen(gains, velocity)}"
+    return f"{text}.{not_seen}"
 
 
 def _worst(gains: AxisGains, velocity: Shown) -> str:
     way = "backwards" if gains.worst_velocity < 0 else "forwards"
     return f"{velocity.text(abs(gains.worst_velocity))} {way}"
-
-
-def _range(gains: AxisGains, velocity: Shown) -> str:
-    if gains.curve is None:
-        return ""
-    return f" from {velocity.text(gains.curve.slowest)} to {velocity.text(gains.curve.fastest)}"
 
 
 def _not_seen(gains: AxisGains, velocity: Shown) -> str:

@@ -78,13 +78,19 @@ def stability(details: AxisDetails) -> str:
 def tables(details: AxisDetails) -> list[TextTable]:
     """Tables: parameters of both fits with standard errors; gains of the axis."""
     fits, unit = [fit for _, fit in details.fits], _length(details)
-    names = list(dict.fromkeys(name for fit in fits for name in fit.values))
-    rows: list[tuple[str, ...]] = []
-    rows += [(name, *(_of(fit, name) for fit in fits), _looped(details, name)) for name in names]
-    units = {"inverse dynamics": details.record.force_unit}
+    columns = [
+        {
+            name: _value(value, fit.std[name], determined=name not in fit.loose)
+            for name, value in fit.values.items()
+        }
+        for fit in fits
+    ]
+    names = dict.fromkeys(name for column in columns for name in column)
+    loop = {n: _value(e.value, e.std, determined=e.determined) for n, e in details.loop.items()}
+    rows = [(name, *(column.get(name, "") for column in (*columns, loop))) for name in names]
     rows.append(("relative error", *(f"{100 * fit.relative_error:.4g} %" for fit in fits), ""))
-    sizes = (f"{fit.rms:.3g} {units.get(fit.method, unit)}" for fit in fits)
-    rows.append(("rms", *sizes, ""))
+    units = {"inverse dynamics": details.record.force_unit}
+    rows.append(("rms", *(f"{fit.rms:.3g} {units.get(fit.method, unit)}" for fit in fits), ""))
     head = ("parameter", *(f"{when}: {fit.method}" for when, fit in details.fits), "the loop")
     note = (
         "SI. Inverse dynamics: relative to the prepared motor force; output error: relative to"
@@ -97,18 +103,8 @@ def tables(details: AxisDetails) -> list[TextTable]:
     return [TextTable("Fits over all rows", head, rows, note), gains_table(details)]
 
 
-def _looped(details: AxisDetails, name: str) -> str:
-    """The value that the loop ended with, as text."""
-    one = details.loop.get(name)
-    if one is None:
-        return ""
-    return measured(one.value, one.std) if one.determined else "undetermined"
-
-
-def _of(fit: AxisFit, name: str) -> str:
-    if name in fit.loose:
-        return "undetermined"
-    return measured(fit.values[name], fit.std[name]) if name in fit.values else ""
+def _value(value: float, std: float, *, determined: bool) -> str:
+    return measured(value, std) if determined else "undetermined"
 
 
 def gains_table(details: AxisDetails) -> TextTable:

@@ -3,7 +3,6 @@
 import numpy as np
 
 from ..records import AxisRecord, SteadyCurve
-from ..records.axis_record import Drive
 from ..records.axis_units import shown_units
 from ..records.record import Provenance
 from ..records.strokes import Strokes, encoder_step
@@ -14,20 +13,29 @@ from .tables import TextTable
 def report_axis(record: AxisRecord, strokes: Strokes) -> Report:
     """Report an axis record: columns, dropped rows, sampling, encoder, controller and strokes."""
     units = shown_units(record.coordinate, record.force_unit)
-    lines = _rows(record.provenance, len(record))
-    lines.append(f"sampling: {record.sampling()}")
+    lines = [*_rows(record.provenance, len(record)), f"sampling: {record.sampling()}"]
     for role, values in record.columns.items():
         size, unit = _size(units[role]), units[role]
         low, high = float(values.min()) / size, float(values.max()) / size
         told = record.units.get(role, unit)
         lines.append(f"  {role} [{told}]: {low:.7g} to {high:.7g} {unit}")
     lines.append(f"encoder: {_encoder(record, units['position'])}")
-    if record.drive is not None:
-        length = "m" if record.coordinate == "linear" else "rad"
-        lines.append(f"controller: {_controller(record.drive, record.force_unit, length)}")
+    if (drive := record.drive) is not None:
+        force, length = record.force_unit, "m" if record.coordinate == "linear" else "rad"
+        known = (
+            (drive.K_p, f"{force}/{length} per position error"),
+            (drive.K_d, f"{force} s/{length} per velocity"),
+            (drive.gain, f"{force} per unit of the signal"),
+        )
+        parts = [f"{gain:.6g} {unit}" for gain, unit in known if gain is not None]
+        lines.append(f"controller: {', '.join(parts) or 'gains in part'}")
     lines += [f"note: {note}" for note in record.provenance.notes]
+    count, forward = len(strokes), int((strokes.travel > 0).sum())
+    turns = f"strokes: {count}, {forward} forwards and {count - forward} backwards"
+    if count and forward in (0, count):
+        turns += "; in one direction only: Coulomb friction cannot be told from an offset"
     table = _strokes(strokes, units)
-    return Report([*lines, _turns(strokes)], [table], warnings=record.provenance.doubts)
+    return Report([*lines, turns], [table], warnings=record.provenance.doubts)
 
 
 def report_steady(curve: SteadyCurve) -> Report:
@@ -68,25 +76,6 @@ def _encoder(record: AxisRecord, unit: str) -> str:
     size, travel = _size(unit), float(np.ptp(record.position))
     turn = f" (about {2 * np.pi / step:.4g} a turn)" if record.coordinate == "rotary" else ""
     return f"steps of {step / size:.4g} {unit}{turn}, over a travel of {travel / size:.5g} {unit}"
-
-
-def _controller(drive: Drive, force: str, length: str) -> str:
-    known = (
-        (drive.K_p, f"{force}/{length} per position error"),
-        (drive.K_d, f"{force} s/{length} per velocity"),
-        (drive.gain, f"{force} per unit of the signal"),
-    )
-    parts = [f"{gain:.6g} {unit}" for gain, unit in known if gain is not None]
-    return ", ".join(parts) or "gains in part"
-
-
-def _turns(strokes: Strokes) -> str:
-    """How many strokes there are, by direction."""
-    forward = int((strokes.travel > 0).sum())
-    text = f"strokes: {len(strokes)}, {forward} forwards and {len(strokes) - forward} backwards"
-    if len(strokes) and forward in (0, len(strokes)):
-        text += "; in one direction only: Coulomb friction cannot be told from an offset"
-    return text
 
 
 def _strokes(strokes: Strokes, units: dict[str, str]) -> TextTable:

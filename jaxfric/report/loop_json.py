@@ -6,7 +6,7 @@ from ..findings import coded
 from ..loop.axis.result import AxisDetails
 from ..loop.family import CurveFamily
 from ..loop.refusal import SOURCES
-from ..loop.result import Loop, RunDetails, Score
+from ..loop.result import Loop, Score
 from ..loop.split import NAMES
 from ..plain import entries, plain
 from ..saved.entry import ENTRY, law_entry
@@ -90,11 +90,6 @@ def family(curve: CurveFamily) -> dict[str, object]:
         "others": [{"shape": other.shape, "worse_by": other.worse} for other in curve.others],
         **entries(curve, "fitting", "decided_by"),
     }
-
-
-def run(details: RunDetails) -> dict[str, object]:
-    """The JSON entry of a run lists its stretches between interruptions."""
-    return {"stretches": details.joined.stretches}
 
 
 def axis(details: AxisDetails) -> dict[str, object]:

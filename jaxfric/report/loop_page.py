@@ -19,21 +19,12 @@ def page(loop: Loop, pictures: Mapping[str, bytes], *, command: str) -> str:
         "location.svg": shares_told(loop.location, loop.base_fit.steps.velocities),
         "aliasing.svg": apart(loop),
     }
-    figures = [
-        Figure(
-            file,
-            lines=lines.get(file, ()),
-            **about | {"caption": about["caption"].format(marks=loop.words.marks)},
-        )
-        for file, about in words["figures"].items()
-    ]
-    terms = [
-        (
-            f"{one['term']} (this record)" if one["term"] == loop.verdict else one["term"],
-            one["text"],
-        )
-        for one in words["terms"]
-    ]
+    figures = []
+    for file, about in words["figures"].items():
+        caption = about["caption"].format(marks=loop.words.marks)
+        figures.append(Figure(file, **about | {"caption": caption}, lines=lines.get(file, ())))
+    here = {loop.verdict: f"{loop.verdict} (this record)"}
+    terms = [(here.get(one["term"], one["term"]), one["text"]) for one in words["terms"]]
     declared = f" with {listed(loop.before.effects)}" if loop.before.effects else ""
     origin = loop.record.provenance
     unit = loop.record.friction_unit

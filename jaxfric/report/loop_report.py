@@ -37,7 +37,7 @@ def report(loop: Loop, *, file: str = "loop.json") -> Report:
         significance(loop),
         errors(loop),
         candidates(loop),
-        *([] if loop.details is None else loop.details.tables()),
+        *(loop.details.tables() if isinstance(loop.details, AxisDetails) else []),
         rests_on(loop),
     ]
     lines = [f"{loop.verdict}: {loop.sentence}", *(f"  - {reason}" for reason in loop.reasons)]
@@ -120,7 +120,9 @@ def _found(loop: Loop, details: AxisDetails) -> str:
     if loop.verdict == "no_missing_effect":
         also = "nothing else is missing"
     elif loop.verdict == "effects" and not loop.families:
-        also = f"also found: {listed([_named(loop, id) for id in loop.effects])}"
+        means = {id: meaning(loop, id) for id in loop.effects}
+        named = [f"{id} ({told})" if told else id for id, told in means.items()]
+        also = f"also found: {listed(named)}"
     return "; ".join(filter(None, (known, also)))
 
 
@@ -139,12 +141,6 @@ def test_errors(loop: Loop) -> str:
     """Test error [sigma] before and after adding effects; one number if no effect was found."""
     models = (loop.before, loop.after) if loop.effects else (loop.before,)
     return " -> ".join(f"{loop.test_error(model):.2f}" for model in models)
-
-
-def _named(loop: Loop, id: str) -> str:
-    """An effect with its meaning, as part of a sentence."""
-    told = meaning(loop, id)
-    return f"{id} ({told})" if told else id
 
 
 def meaning(loop: Loop, id: str) -> str:

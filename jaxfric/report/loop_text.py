@@ -7,9 +7,8 @@ import numpy as np
 from ..effects import parameters
 from ..findings import Severity, support
 from ..fitting import Estimate
-from ..fitting.result import tidy_unit
 from ..loop.residual_tests import p_text
-from ..loop.result import CandidateScore, Loop, RunDetails
+from ..loop.result import CandidateScore, Loop
 from ..loop.split import NAMES
 from ..loop.thresholds import ACCEPT, SIGNIFICANT
 from ..units import decimals, factor, format_si, read_as
@@ -160,22 +159,6 @@ def _role(loop: Loop, candidate: CandidateScore) -> str:
     if role == "tried" and why is not None:
         return f"not accepted: {words_of_refusal(why)}"
     return _ROLES[role]
-
-
-def stretches(details: RunDetails) -> list[TextTable]:
-    """Table of the stretches of a run: time, steps, holds, normal stress and friction level."""
-    joined, rows = details.joined, []
-    for k, s in enumerate(joined.stretches):
-        units = {p.unit for p in joined.phases if p.stretch == k and p.unit >= 0}
-        stress = "" if s.normal_stress is None else format_si(s.normal_stress, "Pa", "MPa", 4)
-        level = details.after.parameters.get(f"level{k + 1}")
-        shown = "0" if level is None else f"{level.value:.4g} ± {level.std:.2g}"
-        rows.append((f"{s.start:.6g} to {s.stop:.6g} s", str(len(units)), stress, shown))
-    head = ("stretch", "steps and holds", "normal stress", "level")
-    unit = tidy_unit(joined.record.friction_unit)
-    of = "" if unit == "1" else f" [{unit}]"
-    note = f"level{of}: friction relative to the first stretch, fitted with the rest"
-    return [TextTable("The run's stretches", head, rows, note)]
 
 
 def rests_on(loop: Loop) -> TextTable:

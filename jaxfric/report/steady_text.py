@@ -1,7 +1,5 @@
 """Report friction measured at steady speeds as text and as steady.json."""
 
-from collections.abc import Iterable
-
 import numpy as np
 
 from ..fitting.noise import step_words
@@ -228,7 +226,9 @@ def to_json(loop: SteadyLoop, noise: SteadyNoise | None = None) -> dict:
     def model(m: SteadyModel) -> dict:
         return {
             "effects": m.effects,
-            "parameters": _parameters(m.values, m.values.values(), map(m.std.get, m.values)),
+            "parameters": {
+                name: {"value": value, "std": m.std.get(name)} for name, value in m.values.items()
+            },
             "rms": m.rms,
             "validation_rms": m.heldout,
             "spread": m.spread,
@@ -254,7 +254,10 @@ def to_json(loop: SteadyLoop, noise: SteadyNoise | None = None) -> dict:
         if load is None
         else {
             "effect": load.effect,
-            "parameters": _parameters(load.names, load.values, load.std),
+            "parameters": {
+                name: {"value": value, "std": std}
+                for name, value, std in zip(load.names, load.values, load.std, strict=True)
+            },
             **entries(load, "covariance", "centre"),
         },
         "effects": loop.final.effects,
@@ -271,24 +274,14 @@ def to_json(loop: SteadyLoop, noise: SteadyNoise | None = None) -> dict:
             "not_seen": valid.unseen,
             "sentence": sentence(loop),
         },
-        "noise": None if noise is None else _noise_json(noise, curve),
+        "noise": None
+        if noise is None
+        else {
+            "sigma": noise.estimate.sigma,
+            **noise.estimate.to_json(),
+            "effective_samples": noise.effective,
+            "after_a_turn": noise.after_a_turn,
+            "text": noise_text(noise, curve),
+        },
     }
     return plain(table)
-
-
-def _parameters(
-    names: Iterable[str], values: Iterable[float], std: Iterable[float | None]
-) -> dict[str, object]:
-    rows = zip(names, values, std, strict=True)
-    return {name: {"value": value, "std": error} for name, value, error in rows}
-
-
-def _noise_json(noise: SteadyNoise, curve: SteadyCurve) -> dict:
-    """The noise as JSON values, as in other loops; its sigma is of all rows."""
-    return {
-        "sigma": noise.estimate.sigma,
-        **noise.estimate.to_json(),
-        "effective_samples": noise.effective,
-        "after_a_turn": noise.after_a_turn,
-        "text": noise_text(noise, curve),
-    }
