@@ -468,29 +468,14 @@ def test_means_reach_over_no_phase():
     assert _thinned(joined, 10_000)[0] is joined
 
 
-def test_the_table_of_stretches():
+def test_the_stretches_of_a_run_in_the_file():
     joined = two_stretches(first=5e6, second=6e6)
-    level = jf.Estimate(0.0123, 0.0004, 0.0115, 0.0131, "1")
-    [table] = RunDetails(joined, _after({"level2": level})).tables()
-    assert table.rows == [
-        ("50 to 300 s", "2", "5 MPa", "0"),
-        ("700 to 900 s", "1", "6 MPa", "0.0123 ± 0.0004"),
-    ]
-    stretches = plain(RunDetails(joined, _after({})).to_json())["stretches"]
+    stretches = plain(RunDetails(joined).to_json())["stretches"]
     assert stretches[1] == {
         "start": 700.0,
         "stop": 900.0,
         "normal_stress": 6e6,
     }
-
-
-def _after(parameters):
-    class After:
-        pass
-
-    after = After()
-    after.parameters = parameters
-    return after
 
 
 def test_steps_are_not_stated_of_a_run(tmp_path):

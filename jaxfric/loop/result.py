@@ -162,10 +162,9 @@ class BaseModel:
 
 @dataclass(frozen=True, eq=False)
 class RunDetails:
-    """The stretches of a run: times, normal stress and friction level of each."""
+    """The stretches of a run: times and normal stress of each."""
 
     joined: Joined
-    after: Score
     claims: tuple[Finding, ...] = ()
     """Empty: a run has no claims besides the effects."""
 

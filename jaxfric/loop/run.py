@@ -72,7 +72,7 @@ def run_loop(
             levels={f"level{k + 2}": float(v) for k, v in enumerate(levels[1:])},
             shown=(joined.rows, BaseModel(how.law, joined.shown_steps(), base_fit.values())),
             thinning=thinning,
-            details=lambda after: RunDetails(joined, after),
+            details=lambda after: RunDetails(joined),
         )
         return close(subject, most=asked.most, begun=begun, progress=progress)
 

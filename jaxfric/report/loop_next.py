@@ -17,6 +17,8 @@ from .verdict_text import where_told
 from .words import change_words, say
 
 _MEMORY = "rate_and_state"
+_WITHOUT = {"outside_catalogue": ("look", "own_effect"), "too_weak": ("longer",)}
+"""Steps where no effect is named, by verdict."""
 _ROOMS = {"machine": "the machine", "drive": "the drive", "sensor": "the force sensor"}
 
 
@@ -29,7 +31,7 @@ def meanings(loop: Loop) -> list[tuple[str, str, str]]:
     found = []
     for id in loop.effects:
         effect = loop.words.catalogue.get(id)
-        name = id if effect is None else f"{id} (in {_ROOMS.get(effect.room, effect.room)})"
+        name = f"{id} (in {_ROOMS.get(effect.room, effect.room)})" if effect else id
         found.append((name, effect.meaning if effect else "", effect.equation if effect else ""))
     return found
 
@@ -45,19 +47,18 @@ def next_steps(loop: Loop, file: str = "loop.json") -> list[NextStep]:
     `file` is the path of the loop's JSON file; by default it is in the folder of loop.html.
     """
     file = shlex.quote(file)
-    first = [*_deciding(loop, file), *_of_families(loop)]
-    rest = [*_where_none(loop), *_with_model(loop, file)]
+    first = _deciding(loop, file)
+    for family in loop.families:
+        if family.decided_by:
+            values = {"effects": listed(family.effects), "where": where_told(family)}
+            first.append(_step("family", **values))
+    without = [_step(code, part=loop.words.part) for code in _WITHOUT.get(loop.verdict, ())]
+    rest = [*without, *_with_model(loop, file)]
     if not first:
         return rest
     count = 2 if len(first) > 1 and first[1].command else 1
     beside = (step._replace(also=True) for step in (*first[count:], *rest))
     return [*first[:count], *beside]
-
-
-def run_to_make(loop: Loop) -> str:
-    """Describe in one line the experiment that would answer the open questions, or ""."""
-    run = _one_run(loop)
-    return "" if run is None else f"next run, to decide: {run.words()}"
 
 
 def _step(code: str, command: str = "", **values: object) -> NextStep:
@@ -125,21 +126,14 @@ def _next_run(loop: Loop, file: str) -> list[NextStep]:
     return [_step("size", line, effect=first or "an effect")]
 
 
-def _where_none(loop: Loop) -> list[NextStep]:
-    """What to do where no effect is named."""
-    if loop.verdict == "outside_catalogue":
-        return [_step("look"), _step("own_effect")]
-    if loop.verdict == "too_weak":
-        return [_step("longer", part=loop.words.part)]
-    return []
-
-
 # ---- what would decide ---------------------------------------------------------------------------
 
 
-def _one_run(loop: Loop) -> PlannedRun | None:
-    """The run with all that would tell what this record leaves open, as far as that changes its
-    own velocities; None of an axis, and where it does not change them."""
+def run_to_make(loop: Loop) -> PlannedRun | None:
+    """Plan one run with all changes that would decide what this record leaves open.
+
+    The result is None for an axis, and if no change alters the record's own velocities.
+    """
     own = own_run(loop)
     wanted = [one for id, _ in confused(loop) for one in loop.separations.get(id, ())]
     if loop.words is AXIS or not wanted or not own.speeds:
@@ -154,7 +148,7 @@ def _deciding(loop: Loop, file: str) -> list[NextStep]:
     The first step names the effects that the run can tell apart, and the changes that it lacks.
     Without one run for all questions: what would answer each.
     """
-    run, steps, told, lacks = _one_run(loop), [], [], []
+    run, steps, told, lacks = run_to_make(loop), [], [], []
     for id, others in confused(loop):
         wanted, alike = loop.separations.get(id, ()), listed(others, "or")
         if run is None and wanted:
@@ -164,27 +158,12 @@ def _deciding(loop: Loop, file: str) -> list[NextStep]:
             told += [f"{id} from {alike}"] if len(left) < len(wanted) else []
             lacks += [f"{change_words(left)} ({id})"] if left else []
         if run is not None or (wanted and loop.words is not AXIS):
-            rivals = filter(plannable, likeliest(loop, id, others))
-            steps += _ask(file, run or own_run(loop), id, next(rivals, None))
+            rival = next(filter(plannable, likeliest(loop, id, others)), None)
+            if rival is not None and plannable(id):
+                line = f"jaxfric protocol {(run or own_run(loop)).options()} --from {file}"
+                line = f"{line} --distinguish {id},{rival}"
+                steps.append(_step("ask", line, effect=id, other=rival))
     if run is None:
         return steps
     lacking = f" Not in this run: {'; '.join(lacks)}." if lacks else ""
     return [_step("run", run=run.words(), told="; ".join(told), lacking=lacking), *steps]
-
-
-def _ask(file: str, run: PlannedRun, a: str, b: str | None) -> list[NextStep]:
-    """The command that asks whether a run tells two effects apart, before it is made; none where
-    no plan can be asked for the two."""
-    if b is None or not plannable(a):
-        return []
-    line = f"jaxfric protocol {run.options()} --from {file} --distinguish {a},{b}"
-    return [_step("ask", line, effect=a, other=b)]
-
-
-def _of_families(loop: Loop) -> list[NextStep]:
-    """Of every steady curve whose shape is not told: where that would be."""
-    return [
-        _step("family", effects=listed(family.effects), where=where_told(family))
-        for family in loop.families
-        if family.decided_by
-    ]

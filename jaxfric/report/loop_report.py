@@ -101,7 +101,8 @@ def first_lines(loop: Loop) -> list[str]:
     else:
         told = [f"caution: {reason}" for reason in loop.reasons[:1]]
         if loop.verdict == "ambiguous" and loop.effects and not told:
-            told = [run_to_make(loop) or loop.sentence]
+            run = run_to_make(loop)
+            told = [f"next run, to decide: {run.words()}" if run else loop.sentence]
     return [f"{found}.", *friction, *told]
 
 

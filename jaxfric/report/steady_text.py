@@ -152,12 +152,10 @@ def sentence(loop: SteadyLoop) -> str:
 def noise_text(noise: SteadyNoise, curve: SteadyCurve) -> list[str]:
     """Describe the noise of the runs, and the number of independent samples in their rows."""
     lines = ["; ".join(noise_lines(noise.estimate, "the runs")), *turn_text(noise)]
-    low, middle, high = np.quantile(noise.effective / curve.effective, [0.0, 0.5, 1.0])
     ends = [f"{x.min():.0f} to {x.max():.0f}" for x in (noise.effective, curve.effective)]
     lines.append(
         f"independent samples of a run: {ends[0]} by the noise of all runs, {ends[1]} by its own"
-        " rows; the errors of the means use the second number. The ratio of the two is"
-        f" {middle:.2f} in the median, {low:.2f} to {high:.2f} over the runs"
+        " rows; the errors of the means use the second number"
     )
     steps = step_words(noise.estimate.steps, noise.estimate.sigma, curve.provenance.path)
     return [*lines, *steps]
