@@ -874,7 +874,7 @@ def test_the_error_that_counts_as_noise_stands_beside_the_errors() -> None:
     known = dataclasses.replace(loop, held_out_threshold=1.402)
     for shown, there in ((loop, False), (known, True)):
         assert ("1.40 σ" in errors(shown).note) == there
-        assert ("1.40</span>" in html_of(shown)) == there
+        assert ("noise alone gives up to 1.40" in html_of(shown)) == there
     assert json.loads(json.dumps(known.to_json()["noise"]["held_out_threshold"])) == 1.402
 
 
