@@ -4,8 +4,8 @@ import numpy as np
 
 from ..records import AxisRecord, SteadyCurve
 from ..records.axis_units import shown_units
-from ..records.record import Provenance
 from ..records.strokes import Strokes, encoder_step
+from .record_text import origin_lines
 from .report import Report
 from .tables import TextTable
 
@@ -13,7 +13,7 @@ from .tables import TextTable
 def report_axis(record: AxisRecord, strokes: Strokes) -> Report:
     """Report an axis record: columns, dropped rows, sampling, encoder, controller and strokes."""
     units = shown_units(record.coordinate, record.force_unit)
-    lines = [*_rows(record.provenance, len(record)), f"sampling: {record.sampling()}"]
+    lines = [*origin_lines(record.provenance, len(record)), f"sampling: {record.sampling()}"]
     for role, values in record.columns.items():
         size, unit = _size(units[role]), units[role]
         low, high = float(values.min()) / size, float(values.max()) / size
@@ -42,7 +42,7 @@ def report_steady(curve: SteadyCurve) -> Report:
     """A table of steady runs (speed, force and error of the force), and the excluded runs."""
     rotary = curve.coordinate == "rotary"
     unit, size = ("rpm", np.pi / 30) if rotary else ("mm/s", 1e-3)
-    lines = _rows(curve.provenance, int(curve.samples.sum()))
+    lines = origin_lines(curve.provenance, int(curve.samples.sum()))
     columns = zip(curve.names, curve.speed, curve.force, curve.error, curve.samples, strict=True)
     rows = [
         (name, f"{speed / size:.4g}", f"{force:.4g}", f"{error:.2g}", str(count))
@@ -52,14 +52,6 @@ def report_steady(curve: SteadyCurve) -> Report:
     notes = [f"note: {note}" for note in curve.provenance.notes]
     table = TextTable("", heads, rows)
     return Report([*lines, f"steady runs: {len(curve)}", *notes], [table])
-
-
-def _rows(origin: Provenance, used: int) -> list[str]:
-    dropped = ", ".join(f"{n} {reason}" for reason, n in origin.dropped.items()) or "none"
-    return [
-        f"{origin.path}  sha256 {origin.sha256[:16]}",
-        f"rows: {used} used of {origin.rows_read} (dropped: {dropped})",
-    ]
 
 
 def _size(unit: str) -> float:

@@ -42,9 +42,8 @@ def headline(gains: Gains) -> list[str]:
         if name in ("modulus", "delay", *gains.requirement.names)
         and worst.value < _ANY.get(name, math.inf)
     ]
-    kp = _kp(gains, gains.kp)
-    kp = kp if gains.any_stiffness else f"k_p = {kp}"
-    kv = f"k_v = {_kv(gains, gains.kv)}"
+    kp, kv = _pair(gains, gains.kp, gains.kv)
+    kp, kv = kp if gains.any_stiffness else f"k_p = {kp}", f"k_v = {kv}"
     if gains.none_needed:
         kp, kv = "stable at any gain, because friction damps the motion", kp
     told = f"{kp}, {kv}" + (f" ({', '.join(margins)})" if margins else "")
@@ -54,14 +53,11 @@ def headline(gains: Gains) -> list[str]:
     return [*doubts, told, f"scenarios: {_scenarios(gains)}", *([] if doubts else last[:1])]
 
 
-def _kp(gains: Gains, k_p: float) -> str:
-    if gains.region.any_stiffness(k_p):
-        return gains.smallest_kp
-    return prefixed(k_p, gains.unit("N/m"))
-
-
-def _kv(gains: Gains, k_v: float) -> str:
-    return prefixed(k_v, gains.unit("N s/m"))
+def _pair(gains: Gains, k_p: float, k_v: float) -> tuple[str, str]:
+    """k_p and k_v with their units."""
+    known = gains.region.any_stiffness(k_p)
+    stiffness = gains.smallest_kp if known else prefixed(k_p, gains.unit("N/m"))
+    return stiffness, prefixed(k_v, gains.unit("N s/m"))
 
 
 def _least(worst: WorstCase) -> str:
@@ -152,7 +148,7 @@ def _scenarios(gains: Gains) -> str:
 def _optima(gains: Gains) -> TextTable:
     """The local optima, and the need of stiffness alone and of damping alone."""
     rows = [
-        (_how(gains, one), _kp(gains, one.kp), _kv(gains, one.kv), norm_text(one.norm))
+        (_how(gains, one), *_pair(gains, one.kp, one.kv), norm_text(one.norm))
         for one in gains.optima
     ]
     k_p, k_v = gains.region.scale

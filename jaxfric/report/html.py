@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ..records.record import Provenance
+from .record_text import rows_used
 from .report import Report
 from .tables import TextTable, numeric
 from .version import installed_version
@@ -108,11 +109,10 @@ def origin_of(
     origin: Provenance, rows: int, command: str, more: Mapping[str, str], seconds: str = ""
 ) -> list[tuple[str, str]]:
     """Describe the origin of a result: record, its `rows`, `more` facts, version and command."""
-    dropped = ", ".join(f"{n} {reason}" for reason, n in origin.dropped.items()) or "none"
     return [
         ("record", printable(origin.path)),
         ("sha256", origin.sha256 or "not from a file"),
-        ("rows", f"{rows} used of {origin.rows_read} (dropped: {dropped})"),
+        ("rows", rows_used(origin, rows)),
         *more.items(),
         ("made by", f"jaxfric {installed_version()}{seconds}"),
         ("command", printable(command)),

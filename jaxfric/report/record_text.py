@@ -3,6 +3,7 @@
 import numpy as np
 
 from ..records import Record, VelocitySteps
+from ..records.record import Provenance
 from ..units import format_si
 from .report import Report
 from .tables import TextTable
@@ -30,18 +31,24 @@ def report(record: Record, steps: VelocitySteps) -> Report:
     return Report([*describe(record), number], [table], warnings=record.provenance.doubts)
 
 
+def origin_lines(origin: Provenance, used: int) -> list[str]:
+    """The file of a record with its checksum, and how many of its rows are used."""
+    return [f"{origin.path}  sha256 {origin.sha256[:16]}", f"rows: {rows_used(origin, used)}"]
+
+
+def rows_used(origin: Provenance, used: int) -> str:
+    """How many rows of a file are used, and why the others are dropped."""
+    dropped = ", ".join(f"{n} {reason}" for reason, n in origin.dropped.items()) or "none"
+    return f"{used} used of {origin.rows_read} (dropped: {dropped})"
+
+
 def describe(record: Record) -> list[str]:
     """List columns with range and unit, then the dropped rows and the sampling.
 
     Values that the user stated replace a column, and are listed with the columns.
     """
     origin = record.provenance
-    dropped = ", ".join(f"{n} {reason}" for reason, n in origin.dropped.items()) or "none"
-    lines = [
-        f"{origin.path}  sha256 {origin.sha256[:16]}",
-        f"rows: {len(record)} used of {origin.rows_read} (dropped: {dropped})",
-        f"sampling: {record.sampling()}",
-    ]
+    lines = [*origin_lines(origin, len(record)), f"sampling: {record.sampling()}"]
     for role, values in record.columns.items():
         si, shown = _UNITS.get(role, (record.friction_unit, record.friction_unit))
         low, high = (format_si(float(v), si, shown, 7) for v in (np.min(values), np.max(values)))
