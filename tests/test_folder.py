@@ -99,7 +99,7 @@ def test_nothing_stale_stays_and_files_of_others_do() -> None:
         folder.replaced == "replaced in o: fit.json, fit.png, old.png, written by 'jaxfric fit a'"
     )
     assert write("o", "fit", "fit.json", command="jaxfric fit b").replaced.endswith(
-        "fit.json, fit.png, written by the same command"
+        "fit.json, fit.png, written by 'jaxfric fit b'"
     )
     assert names("o") == ["fit.json", "gains.json", "gains.png", "notes.txt"]
 
@@ -212,7 +212,8 @@ def test_through_the_command(monkeypatch) -> None:
     assert run("inspect", "p/run.csv").err == ""
     code, _, err = run("inspect", "p/run.csv")
     assert code == 0
-    assert err == "jaxfric: replaced in run-inspect: record.png, written by the same command\n"
+    made_by = "written by 'jaxfric inspect p/run.csv'"
+    assert err == f"jaxfric: replaced in run-inspect: record.png, {made_by}\n"
     refused = run("inspect", "q/run.csv")
     assert_refused(refused, "run-inspect holds", "p/run.csv", "--out")
     refused = run("inspect", "q/run.csv", "--out", "run-inspect")
@@ -226,7 +227,13 @@ def test_through_the_command(monkeypatch) -> None:
 
 
 @pytest.mark.parametrize(
-    "verb", [["inspect", "run.csv"], ["fit", "run.csv"], ["gains"], ["study", "x.toml"]]
+    "verb",
+    [
+        ["inspect", "run.csv"],
+        ["fit", "run.csv"],
+        ["gains", "--velocity", "1 um/s"],
+        ["study", "x.toml"],
+    ],
 )
 def test_an_empty_name_is_no_folder(verb: list[str]) -> None:
     written(Path("run.csv"), record_text())

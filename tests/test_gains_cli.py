@@ -250,7 +250,7 @@ def test_what_a_fit_warned_of_goes_through_every_verb():
         (["--margin", "modulus"], ["NAME=NUMBER"]),
         (["--margin", "modulus=much"], ["NAME=NUMBER"]),
         (["--margin", ""], ["margin"]),
-        (["--samples", "-1"], ["--samples is -1"]),
+        (["--samples", "-1"], ["--samples", "Must be >= 0"]),
         (["--samples", "many"], ["--samples", "many"]),
         (["--confidence", "2"], ["confidence is 2"]),
         (["--confidence", "0"], ["confidence is 0"]),

@@ -26,7 +26,7 @@ from matplotlib.image import imread
 from rich.console import Console
 
 from jaxfric.cli.app import app
-from jaxfric.cli.looped import tell_loop
+from jaxfric.cli.loop import tell_loop
 from jaxfric.cli.options import OutputOptions
 from jaxfric.effects import AXIS_CATALOGUE, CATALOGUE, RunChange, separators
 from jaxfric.findings import Finding, Severity

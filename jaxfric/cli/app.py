@@ -18,7 +18,7 @@ from .common import warn
 from .feedforward import feedforward
 from .fit import fit
 from .gains import gains
-from .help import ALL, FLAGS, print_first
+from .help import ALL, FLAGS, first_sentence, print_first
 from .inspect import inspect
 from .loop import loop
 from .predict import predict
@@ -123,7 +123,11 @@ def _run(arguments: list[str]) -> int:
         sys.stdout.flush()
     except cyclopts.CycloptsError as error:
         verb = " ".join(("jaxfric", *(error.command_chain or ())))
-        return _complain(f"{error} ({verb} --help-all lists what there is)", 2)
+        text = str(error.__cause__ if isinstance(error.__cause__, InputError) else error)
+        missing = error.argument if isinstance(error, cyclopts.MissingArgumentError) else None
+        if missing is not None and missing.required:
+            text = f"{missing.name} is missing: {first_sentence(missing)}"
+        return _complain(f"{text} ({verb} {ALL} lists what there is)", 2)
     except InputError as error:
         return _complain(str(error), 2)
     except (KeyboardInterrupt, BrokenPipeError):

@@ -1,37 +1,38 @@
 """`jaxfric axis`: friction of a servo axis, other effects, and damping that prevents stick-slip."""
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
-from cyclopts import Parameter
-
+from ..units import parse_quantity
 from . import options
 from .common import prepare_jax, refuse_unused, told, warn
-from .folder import choose_folder
-from .looped import checked_most, save_loop, tell_loop
-from .steady import close_steady
+from .folder import Folder, choose_folder, input_name
+from .loop import save_loop, tell_loop
+from .shown import finish
 
 if TYPE_CHECKING:
     from ..fitting.axis_preparation import Preparation
     from ..records import AxisRecord
+    from ..records.steady import SteadyCurve
+
+
+@options.FLAT
+@dataclass(frozen=True)
+class FilterOptions(options.HeldAxisOptions):
+    """Options of a servo axis whose motion is filtered."""
+
+    cutoff: Annotated[str | None, options.MORE] = None
+    """Cutoff of the low-pass filter of the position, "50 Hz". Default: a tenth of the sampling rate
+    (a fifth below 200 Hz). The cutoff is lower if the encoder's error, differentiated twice, would
+    exceed the force."""
 
 
 def axis(
     file: options.File,
     /,
     *,
-    effects: options.EffectOptions = options.EffectOptions(),
-    max_effects: options.MaxEffects = 8,
-    axis: options.AxisOptions = options.AxisOptions(),
-    zero_order_hold: options.ZeroOrderHold = False,
-    cutoff: Annotated[
-        str | None,
-        Parameter(
-            help='Cutoff of the low-pass filter of the position, "50 Hz". Default: a tenth of the'
-            " sampling rate (a fifth below 200 Hz). The cutoff is lower if the encoder's error,"
-            " differentiated twice, would exceed the force."
-        ),
-        options.MORE,
-    ] = None,
+    effects: options.SearchOptions = options.SearchOptions(),
+    axis: FilterOptions = FilterOptions(),
     reading: options.RecordOptions = options.RecordOptions(),
     output: options.OutputOptions = options.OutputOptions(),
 ) -> int:
@@ -50,18 +51,13 @@ def axis(
     columns. Every run is one point of the friction-velocity curve; --from and --to cut all runs
     alike. The command then writes steady.json and the figures curve and noise.
     """
-    checked_most(max_effects)
     if file.is_dir():
-        unused = axis.of_loops | {
-            "--zero-order-hold": zero_order_hold,
-            "--cutoff": cutoff,
-            "--max-effects": max_effects != 8,
-        }
-        refuse_unused(f"{file}, a folder of runs at steady speeds", unused)
-        return close_steady(file, effects, axis, reading, output)
-    declared, excluded = effects.ids()
+        unused = (*options.OF_LOOPS, "zero_order_hold", "cutoff", "max_effects")
+        refuse_unused(f"{file}, a folder of runs at steady speeds", *unused)
+        curve = axis.steady(file, reading)
+        folder = choose_folder(output.folder, input_name(file), file)
+        return _close_steady(curve, folder, effects, output)
     with told() as progress:
-        progress(f"reading {file.name}")
         record = axis.axis(file, reading)
         if not output.json:
             warn(record.provenance.notes, "note")
@@ -71,11 +67,11 @@ def axis(
         folder = choose_folder(output.folder, file.stem, file)
         result = close_axis_loop(
             record,
-            include=declared,
-            exclude=excluded,
-            max_effects=max_effects,
-            zero_order_hold=zero_order_hold or None,
-            preparation=_filtered(record, cutoff),
+            include=effects.include,
+            exclude=effects.exclude,
+            max_effects=effects.max_effects,
+            zero_order_hold=axis.zero_order_hold or None,
+            preparation=_filtered(record, axis.cutoff),
             progress=progress,
         )
         content = save_loop(result, folder, progress)
@@ -89,7 +85,36 @@ def _filtered(record: "AxisRecord", cutoff: str | None) -> "Preparation | None":
     import numpy as np
 
     from ..fitting.axis_preparation import usual
-    from ..units import parse_quantity
 
     interval = float(np.median(np.diff(record.time)))
     return usual(interval, parse_quantity(cutoff, "Hz", "--cutoff"))
+
+
+def _close_steady(
+    curve: "SteadyCurve",
+    folder: Folder,
+    effects: options.EffectOptions,
+    output: options.OutputOptions,
+) -> int:
+    """Run the loop on the friction curve of steady runs; write and print the result.
+
+    The function returns the exit code.
+    """
+    from ..loop.steady.loop import close_steady_loop
+    from ..loop.steady.noise import steady_noise
+    from ..plot.steady import noise_figure, steady_figure
+    from ..report.steady_text import report, to_json
+
+    with told() as progress:
+        progress("fitting the curve of friction over velocity")
+        result = close_steady_loop(curve, include=effects.include, exclude=effects.exclude)
+        prepare_jax()
+        progress("estimating the noise of the runs")
+        noise = steady_noise(curve)
+        content = folder.save_json("steady.json", to_json(result, noise))
+        progress("drawing the figures")
+        folder.draw_figure("curve", lambda: steady_figure(result))
+        if noise is not None:
+            folder.draw_figure("noise", lambda: noise_figure(curve, noise))
+    code = finish(report(result, noise), folder, content, output)
+    return 1 if result.verdict == "ambiguous" else code

@@ -13,6 +13,9 @@ from ..report.version import installed_version
 LOOPS = ("loop", "axis")
 """Verbs that write a loop's results, into folders named `loop`."""
 
+_SPELT = {"since": "--from", "until": "--to", "more": "a further file"}
+"""Options with another name in Python."""
+
 
 class Call(NamedTuple):
     """One run of the command."""
@@ -59,10 +62,14 @@ def _given(verb: Callable[..., object], bound: inspect.BoundArguments) -> dict[s
     given: dict[str, object] = {}
     for name, parameter in inspect.signature(verb).parameters.items():
         default, value = parameter.default, bound.arguments.get(name, parameter.default)
-        if dataclasses.is_dataclass(default):
-            names = [field.name for field in dataclasses.fields(default)]
-            pairs = [(one, getattr(value, one), getattr(default, one)) for one in names]
-            given |= {one: own for one, own, usual in pairs if own != usual}
+        if dataclasses.is_dataclass(value):
+            pairs = [(field, getattr(value, field.name)) for field in dataclasses.fields(value)]
+            given |= {field.name: own for field, own in pairs if own != field.default}
         elif value != default:
             given[name] = value
     return given
+
+
+def option_of(name: str) -> str:
+    """Return the option of a name in Python, as a user types it."""
+    return _SPELT.get(name) or f"--{name.strip('_').replace('_', '-')}"

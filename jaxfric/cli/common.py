@@ -6,19 +6,23 @@ import sys
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
+from ..coordinate import Coordinate, agreed, unit_of
 from ..errors import InputError
+from ..units import parse_quantity, parse_values
+from .call import current_call, option_of
 from .told import doing as doing
 from .told import told as told
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from ..coordinate import Coordinate
 
+def refuse_unused(by: str, *names: str, instead: str = "") -> None:
+    """Raise `InputError` if the call gives options that have no effect; `by` names the reason.
 
-def refuse_unused(by: str, options: Mapping[str, object], instead: str = "") -> None:
-    """Raise `InputError` for options that would have no effect; `by` names the reason."""
-    wrong = [option for option, given in options.items() if given]
+    `names` are the names of the options in Python.
+    """
+    wrong = [option_of(name) for name in names if name in current_call().given]
     if wrong:
         raise InputError(
             f"{' and '.join(wrong)} would not be used with {by}; leave it out{instead}"
@@ -92,8 +96,6 @@ def stdout_console(width: int = 120) -> "Console":
 
 def optional_quantity(text: str | None, unit: str, option: str) -> float | None:
     """Read a quantity from a text and return it in `unit`; return None for None."""
-    from ..units import parse_quantity
-
     return None if text is None else parse_quantity(text, unit, option)
 
 
@@ -106,29 +108,18 @@ class OfMotion:
     """
 
     def __init__(
-        self, options: Mapping[str, tuple[str | None, str]], law: "Coordinate | None" = None
+        self, options: Mapping[str, tuple[str | None, str]], law: Coordinate | None = None
     ):
-        from ..coordinate import agreed
-
         self._options = options
         self.coordinate = agreed(options, law)
 
     def unit(self, option: str) -> str:
         """Return the SI unit of an option."""
-        from ..coordinate import unit_of
-
         return unit_of(self._options[option][1], self.coordinate)
 
     def read(self, option: str) -> float | None:
         """Return the quantity in SI, or None."""
         return optional_quantity(self._options[option][0], self.unit(option), option)
-
-    def positive(self, option: str) -> float | None:
-        """Return a positive quantity, or None; refuse 0 and negative ones."""
-        value = self.read(option)
-        if value is not None and not value > 0:
-            raise InputError(f"{option}: '{self._options[option][0]}' is not positive")
-        return value
 
     def damping(self, option: str) -> float:
         """Return a damping of at least 0; 0 if none is given."""
@@ -138,33 +129,27 @@ class OfMotion:
             raise InputError(f"{option}: '{text}' is negative; damping is 0 or more")
         return value or 0.0
 
-    def values(self, option: str, *, count: int = 25) -> list[float]:
-        """Return one or several positive values (`parse_values`)."""
-        from ..units import parse_values
+    def values(self, option: str) -> list[float]:
+        """Return one or several positive values (`parse_values`); none without the option.
 
-        text, _ = self._options[option]
-        assert text is not None
-        return parse_values(text, self.unit(option), option, count=count)
-
-    def masses(self) -> list[float] | None:
-        """Return the masses of --mass, or None. A number without a unit is in kg, or kg m^2."""
-        from ..units import parse_values
-
-        text, _ = self._options["--mass"]
+        A mass without a unit is in kg, or kg m^2.
+        """
+        text, unit = self._options[option][0], self.unit(option)
         if text is None:
-            return None
-        with contextlib.suppress(ValueError):
-            float(text)
-            text = f"{text} {self.unit('--mass')}"
-        return parse_values(text, self.unit("--mass"), "--mass", count=5)
+            return []
+        if option == "--mass":
+            with contextlib.suppress(ValueError):
+                float(text)
+                text = f"{text} {unit}"
+        return parse_values(text, unit, option, count=5 if option == "--mass" else 25)
 
-    def mass(self) -> float | None:
-        """Return one mass, or None; refuse several."""
-        masses = self.masses()
-        if masses is not None and len(masses) > 1:
-            text = self._options["--mass"][0]
-            raise InputError(f"--mass: '{text}' is more than one mass; give one, as in '2 kg'")
-        return None if masses is None else masses[0]
+    def one(self, option: str) -> float | None:
+        """Return one positive value, or None; refuse several."""
+        values = self.values(option)
+        if len(values) > 1:
+            text = self._options[option][0]
+            raise InputError(f"{option}: '{text}' is more than one value; give one")
+        return values[0] if values else None
 
 
 def effect_ids(texts: list[str] | None, option: str) -> tuple[str, ...]:

@@ -1,6 +1,5 @@
 """`jaxfric feedforward`: the friction of an axis as a formula, a C function and a table."""
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -9,8 +8,8 @@ from cyclopts import Parameter
 
 from . import options
 from .call import current_call
-from .common import doing, prepare_jax, told
-from .folder import choose_folder, json_text, source_name
+from .common import doing, prepare_jax, told, warn
+from .folder import choose_folder, source_name
 from .shown import finish
 
 
@@ -64,14 +63,14 @@ def feedforward(
         )
         asked = [] if how.at is None else [found.at(v) for v in speeds(how.at, found.about.length)]
     except NothingToCompensate as error:
-        print(f"jaxfric: error: {error}", file=sys.stderr)
+        warn([str(error)], "error")
         return 1
     source = found.c(how.name, made_by=made_by(current_call().command))
     folder = choose_folder(output.folder, source_name(model), model)
     with told() as progress:
-        content = json_text(found.to_json(asked))
-        texts = {"json": content + "\n", "c": source, "csv": found.csv(), "tex": tex(found)}
-        folder.save({f"feedforward.{kind}": text for kind, text in texts.items()})
+        texts = {"c": source, "csv": found.csv(), "tex": tex(found)}
+        named = {f"feedforward.{kind}": text for kind, text in texts.items()}
+        content = folder.save_json("feedforward.json", found.to_json(asked), named)
         progress("drawing the figure")
         folder.draw_figure("feedforward", lambda: feedforward_figure(found))
     return finish(report(found, asked), folder, content, output)

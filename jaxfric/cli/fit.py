@@ -1,18 +1,18 @@
 """`jaxfric fit`: rate-and-state friction from a record."""
 
-import functools
 import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from ..errors import InputError
 from . import options
-from .common import doing, prepare_jax, refuse_unused, told
-from .compare import compare_record
+from .call import current_call
+from .common import effect_ids, prepare_jax, refuse_unused, told, warn
 from .fits import FitOptions, Fitter, fit_files, for_each
 from .folder import Folder, choose_folder, json_text
+from .plan_line import loop_line
 from .posterior import PriorOptions
 from .shown import finish
 
@@ -29,18 +29,8 @@ def fit(
     stiffness: Annotated[list[str] | None, options.STIFFNESS] = None,
     mass: Annotated[list[str] | None, options.MASS] = None,
     law: Annotated[list[str] | None, options.LAW] = None,
-    compare: Annotated[
-        bool,
-        Parameter(
-            help="Compare friction laws: slip and ageing, with one and with two states. Choose"
-            " others with --law 'slip,ageing'."
-        ),
-    ] = False,
-    model: options.ModelOptions = options.ModelOptions(),
-    steps: options.Steps = None,
     how: FitOptions = FitOptions(),
-    reading: options.RecordOptions = options.RecordOptions(),
-    reduce: options.Reduce = None,
+    reading: options.SliderOptions = options.SliderOptions(),
     prior: PriorOptions = PriorOptions(),
     output: options.OutputOptions = options.OutputOptions(),
 ) -> int:
@@ -61,40 +51,28 @@ def fit(
     every = (file, *more)
     fitter = Fitter(
         every,
-        functools.partial(reading.slider, reduce=reduce),
+        reading.read,
         for_each(every, stiffness or [None], "--stiffness"),
         for_each(every, mass or [None], "--mass"),
-        ["slip"] * len(every) if compare else for_each(every, law or ["slip"], "--law"),
-        model,
+        ["slip"] * len(every) if how.compare else for_each(every, law or ["slip"], "--law"),
         how,
-        steps,
     )
-    if compare:
-        unused = {
-            "a further file": more,
-            "--mass": mass,
-            "--states": model.states != "1",
-            "--reference-velocity": how.reference_velocity,
-            "--start": how.start,
-            "--weighting": how.weighting != "ols",
-            "--profile": how.profile,
-            "--prior": prior.prior,
-        }
-        refuse_unused("--compare", unused)
-        return compare_record(fitter, law, output)
+    if how.compare:
+        one_law = ("reference_velocity", "start", "weighting", "profile", "prior")
+        refuse_unused("--compare", "more", "mass", "states", *one_law)
+        return _compare(fitter, law, output)
     if more:
-        refuse_unused("several records", {"--prior": prior.prior})
+        refuse_unused("several records", "prior")
         prepare_jax()
         return fit_files(fitter, output)
     return _fit_one(file, fitter, prior, output)
 
 
 def _fit_one(file: Path, fitter: Fitter, prior: PriorOptions, output: options.OutputOptions) -> int:
-    doing(f"reading {file.name}")
     measured = fitter.read(file)
     prepare_jax()
-    prior.check(fitter.laws[0], fitter.model, measured.friction_unit)
-    folder = choose_folder(output.folder, file.stem, file, *filter(None, [prior.prior]))
+    prior.check(fitter.laws[0], fitter.how, measured.friction_unit)
+    folder = choose_folder(output.folder, file.stem, file, prior.prior)
     with told() as progress:
         result = fitter.one(0, measured, progress)
         content = json_text(result.to_json())
@@ -104,22 +82,19 @@ def _fit_one(file: Path, fitter: Fitter, prior: PriorOptions, output: options.Ou
             progress("drawing the figure")
             _save(result, content, posterior, folder)
     if kept:  # a failed run loses no result
-        print(
-            f"jaxfric: error: the fit did not converge ({result.result}). {folder.path} keeps"
-            " the fit that converged there before; give another folder with --out",
-            file=sys.stderr,
-        )
+        why = f"the fit did not converge ({result.result}). {folder.path} keeps the fit that"
+        warn([f"{why} converged there before; give another folder with --out"], "error")
         return 1
     code = finish(_report(result, posterior), folder, content, output)
     if result.converged:
         return 1 if posterior is not None and posterior.warnings else code
-    print(
-        f"jaxfric: error: the fit did not converge ({result.result}): its numbers mean nothing, and"
-        f" other verbs refuse its fit.json. Look at the figure in {folder.path}: are the steps"
-        " right ('jaxfric inspect'), is the stiffness? Else cut the record to fewer steps (--from,"
-        " --to), or give starting values, as in --start 'A=0.01, B=0.012, L=20 um'",
-        file=sys.stderr,
+    why = (
+        f"the fit did not converge ({result.result}): its numbers mean nothing, and other verbs"
+        f" refuse its fit.json. Look at the figure in {folder.path}: are the steps right ('jaxfric"
+        " inspect'), is the stiffness? Else cut the record to fewer steps (--from, --to), or give"
+        " starting values, as in --start 'A=0.01, B=0.012, L=20 um'"
     )
+    warn([why], "error")
     return 1
 
 
@@ -136,13 +111,7 @@ def _save(result: "Fit", content: str, posterior: "Posterior | None", folder: Fo
 
     found = posterior if posterior is not None and posterior.found else None
     tables = files_of([TabledFit(Path(result.record.provenance.path).name, result)])
-    with folder.results() as to:
-        for name, text in {**tables, "fit.json": content + "\n"}.items():
-            (to / name).write_text(text, encoding="utf-8", errors="backslashreplace")
-        if found is not None:
-            from ..posterior import write_netcdf
-
-            write_netcdf(found, to / "posterior.nc")
+    folder.save({**tables, "fit.json": content + "\n"}, found)
     folder.draw_figure("the figure", lambda: fit_figure(result), "fit.png", "fit.svg")
     if found is not None:
         from ..plot.posterior import posterior_figure
@@ -164,3 +133,38 @@ def _report(result: "Fit", posterior: "Posterior | None") -> "Report":
         warnings=[*fit.warnings, *also.warnings],
         short=also.tables[0] if posterior.found else None,
     )
+
+
+def _compare(fitter: Fitter, laws: list[str] | None, output: options.OutputOptions) -> int:
+    """Compare laws on the first record; write and print the comparison; return the exit code."""
+    file, stiffness, how = fitter.files[0], fitter.stiffnesses[0], fitter.how
+    if how.fit_stiffness == (stiffness is not None):
+        raise InputError(
+            "give one of --stiffness 1.6e-3/um, that of machine and specimen, and --fit-stiffness"
+        )
+    measured = fitter.read(file)
+    prepare_jax()
+    from ..loop.compare import compare_laws
+    from ..plot.compared import comparison_figure
+    from ..report.comparison import files_of
+    from ..views import report
+
+    folder = choose_folder(output.folder, file.stem, file)
+    with told() as progress:
+        found = compare_laws(
+            measured,
+            stiffness=stiffness,
+            laws=effect_ids(laws, "--law") or None,
+            slip_trend=how.slip_trend,
+            steps=how.steps,
+            rows=how.downsample_to,
+            progress=progress,
+        )
+        content = folder.save_json("compare.json", found.to_json(), files_of(found))
+        progress("drawing the figure")
+        folder.draw_figure("compare", lambda: comparison_figure(found))
+    told_of = report(found)
+    if told_of.next_steps:
+        line = loop_line(current_call(), found.of_laws[0].fit.law)
+        told_of = told_of._replace(next_steps=[told_of.next_steps[0]._replace(command=line)])
+    return finish(told_of, folder, content, output)

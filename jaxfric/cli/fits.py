@@ -9,7 +9,7 @@ from ..errors import InputError
 from . import options
 from .common import told, warn
 from .folder import choose_folder, json_text
-from .options import ModelOptions, OutputOptions
+from .options import OutputOptions
 from .shown import finish
 
 if TYPE_CHECKING:
@@ -24,9 +24,13 @@ _Value = TypeVar("_Value")
 
 @options.FLAT
 @dataclass(frozen=True)
-class FitOptions:
-    """How a model is fitted."""
+class FitOptions(options.ModelOptions):
+    """The model, and how it is fitted."""
 
+    compare: bool = False
+    """Compare friction laws: slip and ageing, with one and with two states. Choose others with
+    --law 'slip,ageing'."""
+    steps: options.Steps = None
     reference_velocity: Annotated[options.Text, options.MORE] = None
     """Reference velocity with unit, at which steady-state friction is f0."""
     start: Annotated[str | None, options.MORE] = None
@@ -40,7 +44,8 @@ class FitOptions:
     @property
     def of_one(self) -> bool:
         """Whether the call has an option that the batched fit of many records does not support."""
-        return self != FitOptions(reference_velocity=self.reference_velocity)
+        alone = (self.start, self.weighting, self.profile, self.downsample_to)
+        return alone != (None, "ols", False, None)
 
 
 class Fitter(NamedTuple):
@@ -51,25 +56,23 @@ class Fitter(NamedTuple):
     stiffnesses: Sequence[str | None]
     masses: Sequence[str | None]
     laws: Sequence[str]
-    model: ModelOptions
     how: FitOptions
-    steps: str | None
 
     def one(self, number: int, record: "Record", say: Callable[[str], None]) -> "Fit":
         """Fit the record of file `number`."""
         from ..fitting import fit as run
         from ..fitting.typed import typed_parameters
 
-        how, model = self.how, self.model
+        how = self.how
         return run(
             record,
             stiffness=self.stiffnesses[number],
             mass=self.masses[number],
             law=self.laws[number],
-            states=int(model.states),
-            fit_stiffness=model.fit_stiffness,
-            slip_trend=model.slip_trend,
-            steps=self.steps,
+            states=int(how.states),
+            fit_stiffness=how.fit_stiffness,
+            slip_trend=how.slip_trend,
+            steps=how.steps,
             reference_velocity=how.reference_velocity,
             start=None if how.start is None else typed_parameters(how.start, record.friction_unit),
             weighting=_WEIGHTINGS[how.weighting],
@@ -89,10 +92,10 @@ class Fitter(NamedTuple):
             [self.stiffnesses[k] for k in records],
             [self.masses[k] for k in records],
             [self.laws[k] for k in records],
-            states=int(self.model.states),
-            fit_stiffness=self.model.fit_stiffness,
-            slip_trend=self.model.slip_trend,
-            steps=self.steps,
+            states=int(self.how.states),
+            fit_stiffness=self.how.fit_stiffness,
+            slip_trend=self.how.slip_trend,
+            steps=self.how.steps,
             reference_velocity=self.how.reference_velocity,
             progress=say,
         )
@@ -106,10 +109,9 @@ def for_each(files: Sequence[Path], values: Sequence[_Value], option: str) -> Se
     if len(values) == len(files):
         return values
     count = f"{len(files)} files" if len(files) > 1 else "one file"
-    each = ", or once for each in their order" if len(files) > 1 else ""
     raise InputError(
         f"{option} has {len(values)} values ({', '.join(map(str, values))}) for {count}; give it"
-        f" once{' for all' if each else ''}{each}"
+        " once, or once for each file in their order"
     )
 
 
@@ -136,7 +138,6 @@ def fit_files(fitter: Fitter, output: OutputOptions) -> int:
         read: dict[int, Record] = {}
         for number, file in enumerate(files):
             of = f"file {number + 1} of {len(files)}, {file.name}"
-            progress(f"{of}: reading")
             try:
                 record = fitter.read(file)
                 if many:
@@ -154,11 +155,10 @@ def fit_files(fitter: Fitter, output: OutputOptions) -> int:
         ]
         if all(one.fit is None for one in found):
             raise InputError(f"none of {len(files)} files can be fitted: {found[0].failed}")
-        content = json_text(content_of_files(found))
         named = zip(_names(files), found, strict=True)
         fits = [(name, one.fit) for name, one in named if one.fit is not None]
         texts = {f"{name}.json": json_text(fit.to_json()) + "\n" for name, fit in fits}
-        folder.save(files_of(found) | {"fits.json": content + "\n"} | texts)
+        content = folder.save_json("fits.json", content_of_files(found), files_of(found) | texts)
         for name, fit in fits:
             progress(f"drawing {name}")
             what, draw = f"the figure of {name}", lambda fit=fit: fit_figure(fit)

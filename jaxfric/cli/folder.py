@@ -22,9 +22,12 @@ from ..report.output import output_folder
 from ..report.version import installed_version
 from ..schemas import FOLDER
 from .call import Call, current_call, made_by
+from .common import warn
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from ..posterior import Posterior
 
 NOTES = ".jaxfric.json"
 _NOT_NAMED = {
@@ -91,11 +94,12 @@ def input_name(path: Path) -> str:
 
 
 def choose_folder(
-    out: Path | None, source: str, *inputs: Path, unnamed: Sequence[str] = ()
+    out: Path | None, source: str, *inputs: Path | None, unnamed: Sequence[str] = ()
 ) -> "Folder":
     """Return the output folder of this call, `out` or its default name, checked before any work.
 
-    The default name leaves out the options `unnamed`, because `source` already contains them.
+    An input may be None: it was not given. The default name leaves out the options `unnamed`,
+    because `source` already contains them.
     Raises `InputError` if the folder cannot be written, or if a run would overwrite results of
     another record in the folder. In a folder with the default name all inputs must be the same as
     before, not only the record.
@@ -103,7 +107,7 @@ def choose_folder(
     call = current_call()
     given = {name: value for name, value in call.given.items() if name not in unnamed}
     path = out if out is not None else Path(folder_name(source, call.verb, given))
-    folder = Folder(path, call, tuple(inputs))
+    folder = Folder(path, call, tuple(file for file in inputs if file is not None))
     with output_folder(path):
         pass
     folder.refuse_another_input(asked_for=out is not None)
@@ -155,9 +159,7 @@ class Folder:
             new = sorted(file.name for file in work.iterdir())
             if before is not None:
                 self.earlier = [name for name in before["files"] if (self.path / name).is_file()]
-                same = before["command"] == self.call.command
-                same = same and before["inputs"] == self._inputs()
-                self.made_by = "the same command" if same else f"'{before['command']}'"
+                self.made_by = f"'{before['command']}'"
             stale = set(self.earlier)
             self._note(notes, work, new)
         self.files += new
@@ -165,16 +167,22 @@ class Folder:
         for name in stale:
             (self.path / name).unlink(missing_ok=True)
 
-    def save(self, texts: Mapping[str, str]) -> None:
-        """Write texts to files by name, as the only results."""
+    def save(self, texts: Mapping[str, str], draws: "Posterior | None" = None) -> None:
+        """Write texts to files by name, and draws to posterior.nc, as the only results."""
         with self.results() as to:
             for name, text in texts.items():
                 (to / name).write_text(text, encoding="utf-8", errors="backslashreplace")
+            if draws is not None:
+                from ..posterior import write_netcdf
 
-    def save_json(self, name: str, table: Mapping[str, object]) -> str:
-        """Write a table as the JSON file `name`, the only result, and return the JSON text."""
+                write_netcdf(draws, to / "posterior.nc")
+
+    def save_json(
+        self, name: str, table: Mapping[str, object], others: Mapping[str, str] | None = None
+    ) -> str:
+        """Write a table as the JSON file `name`, and `others`; return the JSON text."""
         content = json_text(table)
-        self.save({name: content + "\n"})
+        self.save({**(others or {}), name: content + "\n"})
         return content
 
     def draw(self, what: str, drawing: Callable[[Path], object]) -> list[str]:
@@ -200,11 +208,8 @@ class Folder:
             reason = " ".join(str(error).split())
             if not isinstance(error, InputError):
                 reason = f"{type(error).__name__}: {reason}"
-            print(
-                f"jaxfric: warning: {what} was not drawn ({reason}); all else is in {self.path}/."
-                " JAXFRIC_DEBUG=1 shows where",
-                file=sys.stderr,
-            )
+            end = f"all else is in {self.path}/. JAXFRIC_DEBUG=1 shows where"
+            warn([f"{what} was not drawn ({reason}); {end}"])
             return []
         self.files += new
         return new

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
-from cyclopts import Parameter
+from cyclopts import Parameter, validators
 
 from ..errors import InputError
 from ..stability.margin_table import named_with_units
@@ -32,7 +32,7 @@ class GainOptions:
             " named; modulus=0 switches it off."
         ),
     ] = None
-    samples: Annotated[int, options.MORE] = 64
+    samples: Annotated[int, Parameter(validator=validators.Number(gte=0)), options.MORE] = 64
     """Number of samples of the law, from the fit's covariance or from posterior draws."""
     confidence: Annotated[float, options.MORE] = 1.0
     """Share of the samples in which the margins must hold."""
@@ -54,36 +54,28 @@ class GainOptions:
     integral: options.Integral = None
 
 
+@options.FLAT
+@dataclass(frozen=True)
+class CheckOptions:
+    """Options: nonlinear simulations of a slider with the gains."""
+
+    basin: Annotated[float | None, options.MORE] = None
+    """Raise the gains until the slider tolerates velocity jumps by this factor. The slider is
+    simulated after a jump up and a jump down, and must settle."""
+    check: Annotated[bool, Parameter(negative="--no-check")] = True
+    """Check the gains by nonlinear simulation (--no-check: do not)."""
+    map_: Annotated[bool, Parameter(name="--map"), options.MORE] = False
+    """Also map the gains at which stick-slip disappears, by simulations from rest."""
+
+
 def gains(
     *,
     law: options.LawOptions = options.LawOptions(),
-    velocity: Annotated[options.Velocity, options.required(options.VELOCITY)] = None,
+    velocity: Annotated[str, options.VELOCITY],
     mass: options.Mass = None,
     target: GainOptions = GainOptions(),
     late: options.DelayOptions = options.DelayOptions(),
-    basin: Annotated[
-        float | None,
-        Parameter(
-            help="Raise the gains until the slider tolerates velocity jumps by this factor. The"
-            " slider is simulated after a jump up and a jump down, and must settle."
-        ),
-        options.MORE,
-    ] = None,
-    check: Annotated[
-        bool,
-        Parameter(
-            negative="--no-check",
-            help="Check the gains by nonlinear simulation (--no-check: do not).",
-        ),
-    ] = True,
-    map_: Annotated[
-        bool,
-        Parameter(
-            name="--map",
-            help="Also map the gains at which stick-slip disappears, by simulations from rest.",
-        ),
-        options.MORE,
-    ] = False,
+    simulated: CheckOptions = CheckOptions(),
     output: options.OutputOptions = options.OutputOptions(),
 ) -> int:
     """Find the smallest PD gains whose stability margins hold over velocities, masses and samples.
@@ -96,18 +88,14 @@ def gains(
 
     from ..gains.requirement import Requirement
 
-    if velocity is None:
-        raise InputError("--velocity is missing; give the velocities of the machine: '1..100 um/s'")
     prepare_jax()
     required = Requirement.parse(target.margin or ())
-    if basin is not None and not check:
+    if simulated.basin is not None and not simulated.check:
         raise InputError("--basin needs the simulations that --no-check leaves out")
-    if target.integral is not None and (basin is not None or map_):
+    if target.integral is not None and (simulated.basin is not None or simulated.map_):
         raise InputError(
             "--basin and --map rest on simulations without integral action; leave out --integral"
         )
-    if target.samples < 0:
-        raise InputError(f"--samples is {target.samples}; it must be 0 or more")
     source = law.source(samples=target.samples, seed=target.seed)
     given = OfMotion(
         {
@@ -123,7 +111,7 @@ def gains(
         },
         source.coordinate,
     )
-    velocities, masses = np.asarray(given.values("--velocity")), given.masses()
+    velocities, masses = np.asarray(given.values("--velocity")), given.values("--mass")
     sampled, delay = late.read()
     from ..gains import check_gains, find_gains
     from ..plot.gains import gains_figure
@@ -135,7 +123,7 @@ def gains(
         result = find_gains(
             source,
             velocity=velocities,
-            mass=None if masses is None else np.asarray(masses),
+            mass=np.asarray(masses) if masses else None,
             margin=required,
             confidence=target.confidence,
             scale=(given.read("--scale-kp"), given.read("--scale-kv")),
@@ -143,18 +131,17 @@ def gains(
             upper=(given.read("--max-kp"), given.read("--max-kv")),
             sample_time=sampled,
             delay=delay,
-            accuracy=given.positive("--accuracy"),
+            accuracy=given.one("--accuracy"),
             integral_gain=given.read("--integral") or 0.0,
             progress=lambda text: progress(f"{text} (1 of 3)"),
         )
-        if check:
-            result = check_gains(
-                result, basin=basin, progress=lambda text: progress(f"{text} (2 of 3)")
-            )
+        if simulated.check:
+            say = lambda text: progress(f"{text} (2 of 3)")  # noqa: E731
+            result = check_gains(result, basin=simulated.basin, progress=say)
         progress("drawing figures (3 of 3)")
         content = folder.save_json("gains.json", gains_json.content(result))
         folder.draw_figure("gains", lambda: gains_figure(result))
-        if map_:
+        if simulated.map_:
             folder.draw_figure("end_map", lambda: _end_map(result, progress))
     new = tuple(line for line in result.warnings if line not in source.warnings)
     code = finish(report(result)._replace(warnings=new), folder, content, output)

@@ -37,7 +37,10 @@ def print_first(name: str, verb: cyclopts.App) -> None:
     ]
     table = Table.grid(padding=(0, 2))
     for argument in called:
-        table.add_row(Text(_label(argument), no_wrap=True), Text(_first_sentence(argument)))
+        text = first_sentence(argument)
+        if argument.required and argument.name.startswith("-"):
+            text = f"Required: {text[0].lower()}{text[1:]}"
+        table.add_row(Text(_label(argument), no_wrap=True), Text(text))
     console = stdout_console(80)
     console.print(Text(" ".join(["Usage: jaxfric", name, *places, "[OPTIONS]"])))
     console.print(Text(f"{inspect.cleandoc(verb.help).splitlines()[0]}\n"))
@@ -54,7 +57,7 @@ def _label(argument: "Argument") -> str:
     return f"{names} {'|'.join(map(str, choices)) or 'STR'}"
 
 
-def _first_sentence(argument: "Argument") -> str:
+def first_sentence(argument: "Argument") -> str:
     """Return the first sentence of an option's help, without Markdown marks."""
     text = " ".join((argument.parameter.help or "").split()).replace("\\[", "[")
     return text.partition(". ")[0].removesuffix(".")

@@ -5,22 +5,24 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from . import options
-from .common import doing, refuse_unused, told
+from .common import refuse_unused, told
 from .folder import choose_folder, input_name, json_text
-from .shown import show
+from .shown import finish
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from ..records import AxisRecord, Record
     from ..records.steady import SteadyCurve
     from ..report.report import Report
 
 
 class _Inspected(NamedTuple):
-    """A record in words, as JSON, and as a figure."""
+    """A record in words, as JSON, and as figures by name."""
 
     report: "Report"
     content: Mapping[str, object]
-    draw: Callable[[Path], object]
+    figures: "dict[str, Callable[[], Figure]]"
 
 
 def inspect(
@@ -28,9 +30,8 @@ def inspect(
     /,
     *,
     rig: options.Rig = "slider",
-    reading: options.RecordOptions = options.RecordOptions(),
+    reading: options.SliderOptions = options.SliderOptions(),
     steps: options.Steps = None,
-    reduce: options.Reduce = None,
     axis: options.AxisOptions = options.AxisOptions(),
     output: options.OutputOptions = options.OutputOptions(),
 ) -> int:
@@ -42,15 +43,15 @@ def inspect(
     and force of each run. Figures go to the output folder, by default ./NAME-inspect/.
     """
     unused = {
-        "slider": axis.of_signals | axis.of_loops,
-        "axis": {"--steps": steps, "--reduce": reduce},
-        "steady": {"--steps": steps, "--reduce": reduce, **axis.of_loops},
+        "slider": (*options.OF_SIGNALS, *options.OF_LOOPS),
+        "axis": ("steps", "reduce"),
+        "steady": ("steps", "reduce", *options.OF_LOOPS),
     }[rig]
     other = "slider" if rig == "axis" else "axis"
-    refuse_unused(f"--rig {rig}", unused, f", or choose --rig {other}")
-    doing(f"reading {file.name}")
+    refuse_unused(f"--rig {rig}", *unused, instead=f", or choose --rig {other}")
     if rig == "slider":
-        found = _slider(reading.slider(file, reduce), file, steps, reduced=reduce is not None)
+        reduced = file if reading.reduce is not None else None
+        found = _slider(reading.read(file), steps, reduced)
     elif rig == "steady":
         found = _steady(axis.steady(file, reading))
     else:
@@ -59,17 +60,17 @@ def inspect(
     with told() as progress:
         progress("drawing the figure")
         folder.save({})  # the only file is the figure
-        folder.draw("the figure", found.draw)
+        for name, figure in found.figures.items():
+            folder.draw_figure("the figure", figure, f"{name}.png")
     figures = [str(folder.path / name) for name in folder.files]
     text = json_text({**found.content, "figures": figures})
-    show(found.report, f"figure: {', '.join(figures)}" if figures else "", text, output)
-    return folder.close()
+    written = f"figure: {', '.join(figures)}" if figures else ""
+    return finish(found.report, folder, text, output, written)
 
 
-def _slider(measured: "Record", file: Path, steps: str | None, *, reduced: bool) -> _Inspected:
+def _slider(measured: "Record", steps: str | None, reduced: Path | None) -> _Inspected:
     from ..plot.raw import raw_figure
     from ..plot.record import record_figure
-    from ..plot.style import write
     from ..records import VelocitySteps, read_table, record_steps
     from ..records.steps import speeds_without_steps
     from ..records.teeth import slips_told
@@ -78,20 +79,16 @@ def _slider(measured: "Record", file: Path, steps: str | None, *, reduced: bool)
 
     found = record_steps(measured) if steps is None else VelocitySteps.parse(steps)
     found.refuse_end(measured.relative_time[-1])
-
-    def draw(to: Path) -> None:
-        write(record_figure(measured, found), to / "record.png")
-        if reduced:
-            write(raw_figure(read_table(file, raw=True)), to / "raw.png")
-
+    figures = {"record": lambda: record_figure(measured, found)}
+    if reduced is not None:
+        figures["raw"] = lambda: raw_figure(read_table(reduced, raw=True))
     doubts = filter(None, [speeds_without_steps(measured, found), slips_told(measured, found)])
     told_of = report(measured, found)._replace(warnings=list(doubts))
-    return _Inspected(told_of, record_content(measured, found), draw)
+    return _Inspected(told_of, record_content(measured, found), figures)
 
 
 def _axis(measured: "AxisRecord") -> _Inspected:
     from ..plot.axis_record import axis_record_figure
-    from ..plot.style import write
     from ..records.strokes import find_strokes
     from ..report.axis_record_text import report_axis
     from ..report.record_json import axis_content
@@ -100,15 +97,14 @@ def _axis(measured: "AxisRecord") -> _Inspected:
     return _Inspected(
         report_axis(measured, strokes)._replace(warnings=()),
         axis_content(measured, strokes),
-        lambda to: write(axis_record_figure(measured, strokes), to / "record.png"),
+        {"record": lambda: axis_record_figure(measured, strokes)},
     )
 
 
 def _steady(curve: "SteadyCurve") -> _Inspected:
     from ..plot.axis_record import curve_figure
-    from ..plot.style import write
     from ..report.axis_record_text import report_steady
     from ..report.record_json import steady_content
 
-    draw = lambda to: write(curve_figure(curve), to / "record.png")  # noqa: E731
-    return _Inspected(report_steady(curve), steady_content(curve), draw)
+    figures = {"record": lambda: curve_figure(curve)}
+    return _Inspected(report_steady(curve), steady_content(curve), figures)

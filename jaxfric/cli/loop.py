@@ -1,24 +1,29 @@
 """`jaxfric loop`: find the effect that a model of a slider's record lacks."""
 
-from typing import Annotated
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from ..errors import InputError
 from . import options
+from .call import current_call
 from .common import prepare_jax, told
-from .folder import choose_folder
-from .looped import checked_most, save_loop, tell_loop
+from .folder import Folder, choose_folder
+from .shown import finish
+
+if TYPE_CHECKING:
+    from ..loop import Loop
 
 
 def loop(
     file: options.File,
     /,
     *,
-    stiffness: Annotated[options.Stiffness, options.required(options.STIFFNESS)] = None,
+    stiffness: Annotated[str, options.STIFFNESS],
     law: Annotated[str, options.LAW] = "slip",
-    effects: options.EffectOptions = options.EffectOptions(),
-    max_effects: options.MaxEffects = 8,
+    effects: options.SearchOptions = options.SearchOptions(),
     run: Annotated[
         bool,
         Parameter(
@@ -28,8 +33,7 @@ def loop(
     events: options.Events = None,
     steps: options.Steps = None,
     downsample_to: options.DownsampleTo = None,
-    reduce: options.Reduce = None,
-    reading: options.RecordOptions = options.RecordOptions(),
+    reading: options.SliderOptions = options.SliderOptions(),
     output: options.OutputOptions = options.OutputOptions(),
 ) -> int:
     """Name the effect that a fitted model lacks, add the effect, and compare both errors.
@@ -48,17 +52,9 @@ def loop(
         raise InputError(
             "--steps gives the steps of a record; those of a run are in its events (--events)"
         )
-    if stiffness is None:
-        raise InputError(
-            "--stiffness is missing; give the stiffness of the machine: --stiffness 1.6e-3/um"
-        )
-    checked_most(max_effects)
-    declared, excluded = effects.ids()
     with told() as progress:
-        progress(f"reading {file.name}")
-        record = reading.slider(file, reduce)
-        inputs = (file,) if events is None else (file, events)
-        folder = choose_folder(output.folder, file.stem, *inputs, unnamed=("events",))
+        record = reading.read(file)
+        folder = choose_folder(output.folder, file.stem, file, events, unnamed=("events",))
         found = None
         if run or events is not None:
             progress(f"finding events in {len(record)} rows")
@@ -77,10 +73,46 @@ def loop(
             steps=steps,
             events=found,
             rows=downsample_to,
-            include=declared,
-            exclude=excluded,
-            max_effects=max_effects,
+            include=effects.include,
+            exclude=effects.exclude,
+            max_effects=effects.max_effects,
             progress=progress,
         )
         content = save_loop(result, folder, progress)
     return tell_loop(result, content, folder, output)
+
+
+def save_loop(result: "Loop", folder: Folder, progress: Callable[[str], None]) -> str:
+    """Write loop.json, the figures and the page; return the JSON text.
+
+    The page loop.html shows the figures that could be drawn.
+    """
+    from ..plot.loop import FIGURES
+    from ..report.loop_page import page
+
+    content = folder.save_json("loop.json", result.to_json())
+    progress("drawing figures")
+    for name, figure in FIGURES.items():
+        folder.draw_figure(name, lambda figure=figure: figure(result))
+    command = current_call().command
+    folder.draw_page("loop.html", ".svg", lambda drawn: page(result, drawn, command=command))
+    return content
+
+
+def tell_loop(result: "Loop", content: str, folder: Folder, output: options.OutputOptions) -> int:
+    """Print the answer and return the exit code: 1 if the verdict is withheld."""
+    from ..findings import Severity  # only here: the command begins without NumPy
+    from ..report.loop_report import report
+
+    told_of = report(result, file=str(folder.path / "loop.json"))
+    withheld = any(one.severity is Severity.WITHHELD for one in result.findings)
+    return finish(told_of, folder, content, output, _written(folder)) or int(withheld)
+
+
+def _written(folder: Folder) -> str:
+    """Return the line of written files: the page, then the figures without their two suffixes."""
+    names = folder.files
+    pictures = sorted({Path(name).stem for name in names if name.endswith((".png", ".svg"))})
+    page = "loop.html (open it in a browser)" if "loop.html" in names else ""
+    files = [page, "loop.json", *([f"{', '.join(pictures)} (.png, .svg)"] if pictures else [])]
+    return f"written: {folder.path}/{', '.join(filter(None, files))}"

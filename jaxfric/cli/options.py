@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 
-from cyclopts import Group, Parameter, Token
+from cyclopts import Group, Parameter, Token, validators
 
 from ..errors import InputError
 from ..pairs import read_pairs
-from .common import effect_ids, optional_quantity, warn
-from .folder import Folder, choose_folder, source_name
+from .common import doing, effect_ids, optional_quantity, warn
+from .folder import Folder, choose_folder, input_name, source_name
 
 if TYPE_CHECKING:
     from ..laws.source import LawSource
@@ -32,14 +32,6 @@ MORE = Parameter(group=Group("More options"))
 """An option that a first user does not need: only --help-all lists it."""
 Text = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
 """An option whose value may begin with a minus sign, so that the verb can refuse a negative one."""
-Texts = Annotated[list[str] | None, Parameter(allow_leading_hyphen=True)]
-"""A `Text` that may be repeated."""
-
-
-def required(option: Parameter, unless: str = "") -> Parameter:
-    """Return the option with a help text that begins with "Required"."""
-    text = option.help or ""
-    return Parameter(help=f"Required{unless}: {text[:1].lower()}{text[1:]}")
 
 
 def named(type_: object, tokens: Sequence[Token]) -> str:
@@ -109,15 +101,6 @@ class RecordOptions:
     until: Annotated[Text, Parameter(name="--to")] = None
     """Leave out rows after this time or displacement, counted from the first row."""
 
-    def slider(self, file: Path, reduce: Path | None) -> "Record":
-        """Read the record of a slider; if a script is given, reduce the record by the script."""
-        from ..records import read
-
-        columns = self.roles("--column friction=mu")
-        record = read(file, columns=columns, drop_bad=self.drop_bad, reduce=reduce)
-        warn(record.provenance.doubts)
-        return self.windowed(record)
-
     def roles(self, example: str) -> dict[str, str] | None:
         """Return the column of each role in --column; None without --column."""
         return read_pairs(self.column or (), "--column", example, form="ROLE=NAME") or None
@@ -129,14 +112,26 @@ class RecordOptions:
         return record.window(self.since, self.until)  # ty: ignore[invalid-explicit-return]
 
 
-Reduce = Annotated[
-    Path | None,
-    Parameter(
-        help="Reduce the record first with this script: an xlook command file, or a TOML file. The"
-        " script converts what the press recorded to columns with units."
-    ),
-    MORE,
-]
+@FLAT
+@dataclass(frozen=True)
+class SliderOptions(RecordOptions):
+    """Options for reading a slider's record."""
+
+    reduce: Annotated[Path | None, MORE] = None
+    """Reduce the record first with this script: an xlook command file, or a TOML file. The script
+    converts what the press recorded to columns with units."""
+
+    def read(self, file: Path) -> "Record":
+        """Read the record; if a script is given, reduce the record by the script."""
+        doing(f"reading {file.name}")
+        from ..records import read
+
+        columns = self.roles("--column friction=mu")
+        record = read(file, columns=columns, drop_bad=self.drop_bad, reduce=self.reduce)
+        warn(record.provenance.doubts)
+        return self.windowed(record)
+
+
 Steps = Annotated[
     str | None,
     Parameter(
@@ -182,6 +177,7 @@ class AxisOptions:
 
     def axis(self, file: Path, reading: RecordOptions) -> "AxisRecord":
         """Read the record of an axis."""
+        doing(f"reading {file.name}")
         from ..records import read_axis
 
         record = read_axis(
@@ -198,6 +194,7 @@ class AxisOptions:
 
     def steady(self, folder: Path, reading: RecordOptions) -> "SteadyCurve":
         """Read the steady-state friction curve of a folder of runs at steady speeds."""
+        doing(f"reading {input_name(folder)}")
         from ..records import read_steady
 
         return read_steady(
@@ -217,28 +214,22 @@ class AxisOptions:
             return False
         return self.flip_sign[0] if len(set(self.flip_sign)) == 1 else "both"
 
-    @property
-    def of_signals(self) -> dict[str, object]:
-        """Return the options that convert columns, by name."""
-        return {
-            "--drive-gain": self.drive_gain,
-            "--rated-torque": self.rated_torque,
-            "--flip-sign": self.flipped,
-        }
 
-    @property
-    def of_loops(self) -> dict[str, object]:
-        """Return the options of the controller's loops, by name."""
-        return {"--position-gain": self.position_gain, "--velocity-gain": self.velocity_gain}
+OF_SIGNALS = ("drive_gain", "rated_torque", "flip_sign")
+"""Options of an axis that convert columns."""
+OF_LOOPS = ("position_gain", "velocity_gain")
+"""Options of an axis with cascaded control."""
 
 
-ZeroOrderHold = Annotated[
-    bool,
-    Parameter(
-        help="For an axis: the force is a zero-order hold command of the controller. Not needed if"
-        " the gains of the controller's loops are given."
-    ),
-]
+@FLAT
+@dataclass(frozen=True)
+class HeldAxisOptions(AxisOptions):
+    """Options of a servo axis whose motion a model predicts."""
+
+    zero_order_hold: bool = False
+    """For an axis: the force is a zero-order hold command of the controller. Not needed if the
+    gains of the controller's loops are given."""
+
 
 # ---- models -----------------------------------------------------------------------------------
 
@@ -283,53 +274,59 @@ class ModelOptions:
     """Fit a linear change of friction with slip as well."""
 
 
+def _ids(type_: object, tokens: Sequence[Token]) -> tuple[str, ...]:
+    """Return distinct ids of a repeated option, or of ids joined by commas."""
+    return effect_ids([token.value for token in tokens], tokens[0].keyword or "")
+
+
+EffectIds = Annotated[tuple[str, ...], Parameter(converter=_ids, n_tokens=1)]
+"""Ids of effects, separated by commas; the option may be repeated."""
+
+
 @FLAT
 @dataclass(frozen=True)
 class EffectOptions:
     """Options: effects in the base model, and effects that the loop must not try."""
 
-    include: list[str] | None = None
+    include: EffectIds = ()
     """Effects that the base model has from the start: ids, separated by commas."""
-    exclude: list[str] | None = None
+    exclude: EffectIds = ()
     """Effects that the loop does not try: ids, separated by commas. An unknown id lists
     all ids."""
-
-    def ids(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """Return the ids of --include and of --exclude."""
-        return effect_ids(self.include, "--include"), effect_ids(self.exclude, "--exclude")
-
-
-MaxEffects = Annotated[int, Parameter(help="Largest number of effects that may be added."), MORE]
-
-# ---- laws and controllers ---------------------------------------------------------------------
-
-From = Annotated[
-    Path | None,
-    Parameter(
-        name="--from",
-        help="Take the friction law from a fit.json or loop.json. A loop.json adds the effects that"
-        " its loop found. A posterior.nc of 'jaxfric fit --prior' gives its draws as samples. A"
-        " table of friction against speed has two columns with units, such as speed [mm/s] and"
-        " friction [N].",
-    ),
-]
-Parameters = Annotated[
-    str | None,
-    Parameter(
-        help="Parameters of --law, 'A=1 N, B=3 N, L=1 mm, V0=2 mm/s'. Default of a protocol:"
-        " f0=0.6, A=0.010, B=0.014, L=20 um."
-    ),
-]
 
 
 @FLAT
 @dataclass(frozen=True)
-class LawOptions:
-    """Options: a friction law in newtons, from a file or by name with parameters."""
+class SearchOptions(EffectOptions):
+    """Options: effects that the loop may add."""
 
-    from_: From = None
+    max_effects: Annotated[int, Parameter(validator=validators.Number(gte=1)), MORE] = 8
+    """Largest number of effects that may be added."""
+
+
+# ---- laws and controllers ---------------------------------------------------------------------
+
+
+@FLAT
+@dataclass(frozen=True)
+class NamedLaw:
+    """Options: a friction law, from a file or by name with parameters."""
+
+    from_: Annotated[Path | None, Parameter(name="--from")] = None
+    """Take the friction law from a fit.json or loop.json. A loop.json adds the effects that its
+    loop found. A posterior.nc of 'jaxfric fit --prior' gives its draws as samples. A table of
+    friction against speed has two columns with units, such as speed [mm/s] and friction [N]."""
     law: Annotated[str | None, LAW] = None
-    parameters: Parameters = None
+    parameters: str | None = None
+    """Parameters of --law, 'A=1 N, B=3 N, L=1 mm, V0=2 mm/s'. Default of a protocol: f0=0.6,
+    A=0.010, B=0.014, L=20 um."""
+
+
+@FLAT
+@dataclass(frozen=True)
+class LawOptions(NamedLaw):
+    """Options: a friction law in newtons."""
+
     normal_force: Text = None
     """Normal force, '500 N'. Required if the fit is of a friction coefficient."""
     memory: Annotated[Text, MORE] = None
@@ -364,8 +361,8 @@ class LawOptions:
             raise InputError("--normal-force goes with --from; give --parameters in newtons")
         return law_from_parameters(self.law, self.parameters)
 
-    def samples(self, number: int = 256) -> "Samples | None":
-        """Return posterior samples of the law; None without a file or with undetermined parameters.
+    def samples(self) -> "Samples | None":
+        """Return 256 posterior samples of the law; None without a file or a determined fit.
 
         If parameters are undetermined, `source` has already printed a warning.
         """
@@ -375,16 +372,15 @@ class LawOptions:
         if self.from_ is None:
             return None
         try:
-            source = law_from_fit(self.from_, normal_force=self.normal_force, samples=number)
+            source = law_from_fit(self.from_, normal_force=self.normal_force, samples=256)
             return without_first(source.samples)
         except InputError:
             return None
 
     def folder(self, output: OutputOptions) -> Folder:
         """Return the output folder of a call, named after the law's file or the law."""
-        if self.from_ is not None:
-            return choose_folder(output.folder, source_name(self.from_), self.from_)
-        return choose_folder(output.folder, self.law or "", unnamed=("law",))
+        source = self.law or "" if self.from_ is None else source_name(self.from_)
+        return choose_folder(output.folder, source, self.from_, unnamed=("law",))
 
 
 MASS = Parameter(
@@ -395,15 +391,15 @@ MASS = Parameter(
 )
 Mass = Annotated[str | None, MASS]
 VELOCITY = Parameter(
+    allow_leading_hyphen=True,
     help="Velocities '5 um/s', '1, 2 um/s' or a range '1e-6..1e-3 m/s'. For a joint '1..5 rad/s';"
-    " then all other options are in rad and N m. A simulation needs one velocity."
+    " then all other options are in rad and N m. A simulation needs one velocity.",
 )
-Velocity = Annotated[Text, VELOCITY]
 GAIN = Parameter(
     name=("--kp", "--stiffness"),
+    allow_leading_hyphen=True,
     help="Position gain or stiffness, '3 kN/m'. The verb stability needs it for poles and margins.",
 )
-Gain = Annotated[Text, GAIN]
 Integral = Annotated[
     Text,
     Parameter(

@@ -5,7 +5,7 @@ import shlex
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from .call import Call
+from .call import Call, option_of
 
 _OF_STEPS = ("states", "fit_stiffness", "slip_trend", "downsample_to")
 """Options of `jaxfric run` that `jaxfric loop` lacks or uses in another sense."""
@@ -15,9 +15,6 @@ if TYPE_CHECKING:
 
 _LEFT_OUT = ("file", "velocities", "out", "details", "json", "quiet")
 """The argument of the verb, and the options of output."""
-
-_SPELT = {"since": "--from", "until": "--to"}
-"""Options with another name in Python."""
 
 
 def command_line(verb: str, argument: str, given: Mapping[str, object]) -> str:
@@ -30,7 +27,7 @@ def command_line(verb: str, argument: str, given: Mapping[str, object]) -> str:
     for name, value in given.items():
         if name in _LEFT_OUT or value is None or value is False:
             continue
-        option = _SPELT.get(name) or f"--{name.strip('_').replace('_', '-')}"
+        option = option_of(name)
         if value is True:
             words.append(option)
         else:

@@ -23,18 +23,14 @@ class PriorOptions:
     [0.006, 0.001]}. Writes posterior.nc and a figure. Needs pip install "jaxfric\\[posterior]"."""
     draws: Annotated[int | None, options.MORE] = None
     """Draws of each NUTS chain, --draws 1000. Default: no draws."""
-    chains: Annotated[int | None, options.MORE] = None
-    """Number of NUTS chains. Default: 4."""
-    seed: Annotated[int | None, options.MORE] = None
-    """Seed of the draws. Default: 0."""
-
-    @property
-    def _chains(self) -> int:
-        return 4 if self.chains is None else self.chains
+    chains: Annotated[int, options.MORE] = 4
+    """Number of NUTS chains."""
+    seed: Annotated[int, options.MORE] = 0
+    """Seed of the draws."""
 
     def refuse_unusable(self) -> None:
         """Before the fit, refuse options that are impossible or would have no effect."""
-        if self.draws is None and (self.chains, self.seed) != (None, None):
+        if self.draws is None and (self.chains, self.seed) != (4, 0):
             raise InputError(
                 "--chains and --seed need draws of a posterior; ask for them, as in --prior"
                 " priors.toml --draws 1000"
@@ -48,7 +44,7 @@ class PriorOptions:
 
         require_blackjax()
         if self.draws is not None:
-            refuse_few(self.draws, self._chains)
+            refuse_few(self.draws, self.chains)
 
     def check(self, law: str, of: options.ModelOptions, friction_unit: str) -> None:
         """Before the fit, refuse priors of parameters that the model does not have."""
@@ -70,7 +66,7 @@ class PriorOptions:
             fit,
             self.prior,
             draws=self.draws,
-            chains=self._chains,
-            seed=self.seed or 0,
+            chains=self.chains,
+            seed=self.seed,
             progress=progress,
         )

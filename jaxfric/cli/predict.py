@@ -6,7 +6,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from . import options
-from .common import doing, prepare_jax, refuse_unused, told
+from .common import prepare_jax, refuse_unused, told
 from .folder import choose_folder, source_name
 from .shown import finish
 
@@ -23,10 +23,8 @@ def predict(
         options.MORE,
     ] = None,
     steps: options.Steps = None,
-    axis: options.AxisOptions = options.AxisOptions(),
-    zero_order_hold: options.ZeroOrderHold = False,
-    reading: options.RecordOptions = options.RecordOptions(),
-    reduce: options.Reduce = None,
+    axis: options.HeldAxisOptions = options.HeldAxisOptions(),
+    reading: options.SliderOptions = options.SliderOptions(),
     output: options.OutputOptions = options.OutputOptions(),
 ) -> int:
     """Predict a record with a saved model, and test whether the error is consistent with noise.
@@ -40,13 +38,11 @@ def predict(
     from ..prediction.model import load_model
 
     saved = load_model(model)
-    of_an_axis = axis.of_signals | axis.of_loops | {"--zero-order-hold": zero_order_hold}
-    of_a_slider = {"--stiffness": stiffness, "--steps": steps, "--refit": refit is not None}
-    of_a_slider["--reduce"] = reduce
-    kind = "an axis" if saved.is_axis else "a slider"
-    refuse_unused(f"{model}, a model of {kind}", of_a_slider if saved.is_axis else of_an_axis)
-    doing(f"reading {record.name}")
-    measured = axis.axis(record, reading) if saved.is_axis else reading.slider(record, reduce)
+    of_an_axis = (*options.OF_SIGNALS, *options.OF_LOOPS, "zero_order_hold")
+    of_a_slider = ("stiffness", "steps", "refit", "reduce")
+    kind, unused = ("an axis", of_a_slider) if saved.is_axis else ("a slider", of_an_axis)
+    refuse_unused(f"{model}, a model of {kind}", *unused)
+    measured = axis.axis(record, reading) if saved.is_axis else reading.read(record)
     folder = choose_folder(output.folder, f"{record.stem}-by-{source_name(model)}", record, model)
     with told() as progress:
         result = run(
@@ -55,7 +51,7 @@ def predict(
             stiffness=stiffness,
             steps=steps,
             refit=None if refit is None else [name.strip() for name in refit.split(",") if name],
-            zero_order_hold=zero_order_hold or None,
+            zero_order_hold=axis.zero_order_hold or None,
             progress=progress,
         )
         progress("drawing figures")

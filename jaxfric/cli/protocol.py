@@ -6,18 +6,16 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from ..errors import InputError
+from ..units import has_dimension, parse_quantity, unit_in
 from . import options
 from .call import current_call
-from .common import effect_ids, optional_quantity, prepare_jax, told
+from .common import optional_quantity, prepare_jax, told
 from .folder import choose_folder, source_name
 from .plan_line import changed_line
-from .shown import show
+from .shown import finish
 
 if TYPE_CHECKING:
     from ..protocol.base import Base
-
-EXAMPLES = {"--slip-per-step": "150um", "--stiffness": "5e-3/um", "--noise": "3e-4"}
-"""Values of the options that are required."""
 
 
 @options.FLAT
@@ -25,46 +23,41 @@ EXAMPLES = {"--slip-per-step": "150um", "--stiffness": "5e-3/um", "--noise": "3e
 class PlanOptions:
     """Options: the planned experiment, and the pair of effects to distinguish."""
 
-    slip_per_step: options.Text = None
-    """Required: load-point motion at each velocity, 150um."""
-    stiffness: Annotated[
-        options.Stiffness, options.required(options.STIFFNESS, unless=", unless --from has one")
-    ] = None
+    slip_per_step: Annotated[str, Parameter(allow_leading_hyphen=True)]
+    """Load-point motion at each velocity, 150um."""
+    stiffness: options.Text = None
+    """Required, unless --from has one: stiffness of the machine with unit, 5e-3/um, or 2e6 N/m for
+    a force."""
     noise: options.Text = None
     """Required, unless --from has one: noise of a sample, 3e-4, or 0.5 N."""
     rows: Annotated[int, options.MORE] = 250
     """Number of samples at each velocity."""
     slip_channel: Annotated[options.Text, options.MORE] = None
     """Plan a slip channel with this noise, '0.1 um'."""
-    distinguish: list[str] | None = None
+    distinguish: options.EffectIds = ()
     """Two effects to distinguish, 'ageing,second_state'. The name base in place of an effect is
     the law without effects. The first line answers whether the plan distinguishes the two. The
     base model then omits the two effects even if the file of --from has them."""
-    from_: options.From = None
-    law: Annotated[str | None, options.LAW] = None
-    parameters: options.Parameters = None
 
-    def base(self) -> "Base":
-        """Return the base model, from the options or from the file of --from."""
-        from ..protocol.base import base_of_file, base_of_text
-        from ..units import has_dimension
 
-        if self.from_ is not None:
-            if self.parameters is not None or self.law is not None:
-                raise InputError("--from excludes --law and --parameters; give one")
-            return base_of_file(self.from_)
-        law = self.law or "slip"
-        unit = "1"
-        if self.stiffness is not None and has_dimension(self.stiffness, "N/m"):
-            unit = "N"
-        if self.parameters is not None:
-            return base_of_text(self.parameters, unit, law)
-        if unit == "N":
-            raise InputError(
-                "--stiffness is of a force, so --parameters in newtons are needed, as in"
-                " 'f0=30 N, A=0.5 N, B=0.7 N, L=20 um'"
-            )
-        return base_of_text(law=law)
+def _base(model: options.NamedLaw, stiffness: str | None) -> "Base":
+    """Return the base model, from the options or from the file of --from."""
+    from ..protocol.base import base_of_file, base_of_text
+
+    if model.from_ is not None:
+        if model.parameters is not None or model.law is not None:
+            raise InputError("--from excludes --law and --parameters; give one")
+        return base_of_file(model.from_)
+    law = model.law or "slip"
+    unit = "N" if stiffness is not None and has_dimension(stiffness, "N/m") else "1"
+    if model.parameters is not None:
+        return base_of_text(model.parameters, unit, law)
+    if unit == "N":
+        raise InputError(
+            "--stiffness is of a force, so --parameters in newtons are needed, as in"
+            " 'f0=30 N, A=0.5 N, B=0.7 N, L=20 um'"
+        )
+    return base_of_text(law=law)
 
 
 def protocol(
@@ -77,7 +70,8 @@ def protocol(
     ],
     /,
     *,
-    how: PlanOptions = PlanOptions(),
+    how: PlanOptions,
+    model: options.NamedLaw = options.NamedLaw(),
     effects: options.EffectOptions = options.EffectOptions(),
     output: options.OutputOptions = options.OutputOptions(),
 ) -> int:
@@ -86,11 +80,11 @@ def protocol(
     The command writes protocol.json and the figure aliasing to the output folder, by default
     ./protocol/. Options that differ from their default are part of the folder's name.
     """
-    declared, excluded = effects.ids()
     commanded = read_velocities(velocities)
-    slip = _required(how.slip_per_step, "m", "--slip-per-step")
+    slip = parse_quantity(how.slip_per_step, "m", "--slip-per-step")
     slip_noise = optional_quantity(how.slip_channel, "m", "--slip-channel")
     asked = _pair_of(how.distinguish)
+    declared, excluded = effects.include, effects.exclude
     with told() as progress:
         prepare_jax()
         from ..plot.aliasing import protocol_figure
@@ -99,7 +93,7 @@ def protocol(
         from ..protocol.remedy import Answer, answer_of
         from ..report.protocol_text import found_too_small, report
 
-        base = how.base()
+        base = _base(model, how.stiffness)
         unit, known = base.friction_unit, base.parameters
         planned = base.without(asked or (), declared)
         included = tuple(dict.fromkeys((*planned.effects, *declared)))
@@ -115,31 +109,30 @@ def protocol(
             friction_unit=unit,
             rows=how.rows,
             slip_noise=slip_noise,
-            noise_from=str(how.from_) if how.noise is None else "--noise",
+            noise_from=str(model.from_) if how.noise is None else "--noise",
         )
-        source = [how.from_] if how.from_ else []
-        folder = choose_folder(output.folder, "".join(map(source_name, source)), *source)
+        source = "" if model.from_ is None else source_name(model.from_)
+        folder = choose_folder(output.folder, source, model.from_)
         found = plan(what, include=included, exclude=excluded, progress=progress)
         answer = Answer() if asked is None else answer_of(found, asked, known)
         line = "" if answer.change is None else changed_line(current_call(), answer.change)
         small = [] if answer.pair is None else found_too_small(found, answer.pair, known)
         found = dataclasses.replace(found, warnings=(*small, *base.warnings, *found.warnings))
-        typical = how.from_ is None and how.parameters is None
+        typical = model.from_ is None and model.parameters is None
         content = folder.save_json("protocol.json", found.to_json() | answer.to_json(line))
         progress("drawing figures")
         folder.draw_figure("aliasing", lambda: protocol_figure(found))
-    show(report(found, answer, typical=typical, command=line), folder.written, content, output)
-    return folder.close()
+    told_of = report(found, answer, typical=typical, command=line)
+    return finish(told_of, folder, content, output)
 
 
-def _pair_of(texts: list[str] | None) -> tuple[str, str] | None:
+def _pair_of(ids: tuple[str, ...]) -> tuple[str, str] | None:
     """The two ids of --distinguish."""
-    ids = effect_ids(texts, "--distinguish")
     if not ids:
         return None
     if len(ids) != 2:
         raise InputError(
-            f"--distinguish '{','.join(texts or ())}' names {len(ids)}, not two that differ; write"
+            f"--distinguish '{','.join(ids)}' names {len(ids)}, not two that differ; write"
             " --distinguish ageing,second_state, or --distinguish base,ageing"
         )
     return ids[0], ids[1]
@@ -150,26 +143,21 @@ def read_velocities(text: str) -> list[float]:
 
     A velocity without a unit has the unit of the last velocity in the text.
     """
-    from ..units import parse_quantity
-
     pieces = [piece.strip() for piece in text.split(",")]
     if not all(pieces):
         raise InputError(f"velocities: '{text}' is no list; write it as in '1, 10, 1 um/s'")
-    unit = pieces[-1].lstrip("+-0123456789.eE").strip()
+    unit = unit_in(text)
     if not unit:
         raise InputError(f"velocities: '{text}' has no unit; write it as in '1, 10, 1 um/s'")
-    bare = [not piece.lstrip("+-0123456789.eE") for piece in pieces]
-    texts = [
-        f"{piece} {unit}" if alone else piece for piece, alone in zip(pieces, bare, strict=True)
-    ]
+    texts = [piece if unit_in(piece) else f"{piece} {unit}" for piece in pieces]
     return [parse_quantity(text, "m/s", "velocities") for text in texts]
 
 
-def _required(text: str | None, unit: str, option: str, known: float | None = None) -> float:
-    """A quantity of an option, in a unit such as "1/m" or "N"; without the option the `known`."""
+def _required(text: str | None, unit: str, option: str, known: float | None) -> float:
+    """Return a quantity of an option in `unit`; without the option return `known`."""
     value = optional_quantity(text, unit, option)
     if value is None:
         value = known
     if value is None:
-        raise InputError(f"{option} is missing; give one, as in {option} {EXAMPLES[option]}")
+        raise InputError(f"{option} is missing; give it, or a fit that has it, with --from")
     return value

@@ -10,11 +10,13 @@ from ..errors import InputError
 from . import options
 from .call import current_call
 from .common import prepare_jax, told
-from .folder import Folder, choose_folder, json_text
+from .folder import Folder, choose_folder
 from .plan_line import run_line
 from .shown import show
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from ..records import Record
     from ..runs import Event
     from ..runs.findings import Findings
@@ -40,8 +42,7 @@ def run(
     model: options.ModelOptions = options.ModelOptions(),
     events: options.Events = None,
     downsample_to: options.DownsampleTo = None,
-    reduce: options.Reduce = None,
-    reading: options.RecordOptions = options.RecordOptions(),
+    reading: options.SliderOptions = options.SliderOptions(),
     output: options.OutputOptions = options.OutputOptions(),
 ) -> int:
     """Find and fit all velocity steps of a run, and write a table of the fits.
@@ -63,10 +64,8 @@ def run(
     rows = _ROWS if downsample_to is None else downsample_to
     how = HowFitted(None, law, int(model.states), model.fit_stiffness, model.slip_trend, rows)
     with told() as progress:
-        progress(f"reading {file.name}")
-        record = reading.slider(file, reduce)
-        inputs = (file,) if events is None else (file, events)
-        folder = choose_folder(output.folder, file.stem, *inputs, unnamed=("events",))
+        record = reading.read(file)
+        folder = choose_folder(output.folder, file.stem, file, events, unnamed=("events",))
         if stiffness == RAMPS:
             ramps = stiffness_from_ramps(*decided_events(record, events, None))
             how = replace(how, stiffness=ramps.machine())
@@ -79,8 +78,7 @@ def run(
             raise InputError(_NO_STIFFNESS)
         result = _fitted(record, found, how, folder, progress)
         others = findings_of(result, found, how, progress=progress)
-        text = json_text(content(result, others))
-        folder.save(files_of(result, others) | {"run.json": text + "\n"})
+        text = folder.save_json("run.json", content(result, others), files_of(result, others))
     call = current_call()
     told_of = report(result, others, run_line(call))
     show(told_of, "", text, output)
@@ -132,23 +130,19 @@ def _draw(result: "RunFit", others: "Findings", folder: Folder) -> None:
     from ..plot.fit import fit_figure
     from ..plot.run import holds_figure, rates_figure
     from ..plot.run_others import stick_slip_figure, stress_steps_figure
-    from ..plot.style import write
 
     fits = [(step.number, step.fit) for step in result.steps if step.fit is not None]
+    holds, teeth, stresses = others.holds, others.stick_slip, others.stress_steps
+    figures: dict[str, Callable[[], Figure]] = {}
     if any(fit.converged and fit.A_minus_B.determined for _, fit in fits):
-        folder.draw_figure("the figure of A-B", lambda: rates_figure(result), "rates.png")
-    if holds := others.holds:
-        figure = lambda: holds_figure(result.record, holds)  # noqa: E731
-        folder.draw_figure("the figure of the holds", figure, "holds.png")
-    folder.draw(
-        "the figures of the steps",
-        lambda to: [write(fit_figure(fit), to / f"step_{n:02d}.png") for n, fit in fits],
-    )
-    teeth = others.stick_slip
+        figures["rates"] = lambda: rates_figure(result)
+    if holds:
+        figures["holds"] = lambda: holds_figure(result.record, holds)
+    for number, fit in fits:
+        figures[f"step_{number:02d}"] = lambda fit=fit: fit_figure(fit)
     if teeth is not None and teeth.fits:
-        figure = lambda: stick_slip_figure(teeth)  # noqa: E731
-        folder.draw_figure("the figure of stick-slip", figure, "stick_slip.png")
-    stresses = others.stress_steps
+        figures["stick_slip"] = lambda: stick_slip_figure(teeth)
     if any(step.fit is not None for step in stresses):
-        figure = lambda: stress_steps_figure(stresses)  # noqa: E731
-        folder.draw_figure("the figure of the stress steps", figure, "stress_steps.png")
+        figures["stress_steps"] = lambda: stress_steps_figure(stresses)
+    for name, figure in figures.items():
+        folder.draw_figure(f"the figure of {name}", figure, f"{name}.png")

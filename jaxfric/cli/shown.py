@@ -33,7 +33,13 @@ def show(report: "Report", written: str, content: str, output: "OutputOptions") 
     warn(report.warnings)
 
 
-def finish(report: "Report", folder: "Folder", content: str, output: "OutputOptions") -> int:
+def finish(
+    report: "Report",
+    folder: "Folder",
+    content: str,
+    output: "OutputOptions",
+    written: str | None = None,
+) -> int:
     """Show the report and the written files; return the exit code of the verb."""
-    show(report, folder.written, content, output)
+    show(report, folder.written if written is None else written, content, output)
     return folder.close()

@@ -4,6 +4,7 @@ import dataclasses
 import re
 from typing import TYPE_CHECKING, Annotated
 
+from ..coordinate import Coordinate
 from ..errors import InputError
 from . import options
 from .call import made_by
@@ -12,7 +13,6 @@ from .folder import json_text
 from .shown import finish
 
 if TYPE_CHECKING:
-    from ..coordinate import Coordinate
     from ..motion import PiecewiseVelocity
 
 
@@ -33,9 +33,9 @@ class MotionOptions:
 def simulate(
     *,
     law: options.LawOptions = options.LawOptions(),
-    velocity: options.Velocity = None,
+    velocity: Annotated[str | None, options.VELOCITY] = None,
     steps: options.Steps = None,
-    kp: Annotated[options.Gain, options.required(options.GAIN)] = None,
+    kp: Annotated[str, options.GAIN],
     kv: options.Damping = None,
     mass: options.Mass = None,
     how: MotionOptions = MotionOptions(),
@@ -49,8 +49,6 @@ def simulate(
     """
     if (velocity is None) == (steps is None):
         raise InputError("give one of --velocity '2 um/s' and --steps '0 s: 1 um/s, 10 s: 10 um/s'")
-    if kp is None:
-        raise InputError("--kp is missing; give stiffness or position gain, as in --kp '3 kN/m'")
     if how.jump is not None and how.at_rest:
         raise InputError("--jump and --at-rest exclude each other; give one")
     prepare_jax()
@@ -69,11 +67,11 @@ def simulate(
         },
         source.coordinate,
     )
-    command = _command(given, velocity, steps)
-    k_p = given.positive("--kp")
+    command = _command(given, steps)
+    k_p = given.one("--kp")
     assert k_p is not None
-    k_v, own = given.damping("--kv"), given.mass()
-    duration, jump = given.positive("--duration"), given.read("--jump")
+    k_v, own = given.damping("--kv"), given.one("--mass")
+    duration, jump = given.one("--duration"), given.read("--jump")
     unseen = source.unseen(command.velocities.tolist())
     folder = law.folder(output)
     one_mass = source.mass if own is None else own
@@ -103,7 +101,7 @@ def simulate(
     return finish(told_of, folder, text, output)
 
 
-def _command(given: OfMotion, velocity: str | None, steps: str | None) -> "PiecewiseVelocity":
+def _command(given: OfMotion, steps: str | None) -> "PiecewiseVelocity":
     """The commanded velocities, from time 0 on."""
     import numpy as np
 
@@ -111,10 +109,7 @@ def _command(given: OfMotion, velocity: str | None, steps: str | None) -> "Piece
     from ..records import VelocitySteps
 
     if steps is None:
-        values = given.values("--velocity")
-        if len(values) > 1:
-            raise InputError(f"--velocity: '{velocity}' is more than one; give one, or --steps")
-        return PiecewiseVelocity(np.zeros(1), np.asarray(values))
+        return PiecewiseVelocity(np.zeros(1), np.asarray([given.one("--velocity")]))
     if given.coordinate == "rotary":
         raise InputError("--steps are in m/s; of a joint give one --velocity, as in '2 rad/s'")
     found = VelocitySteps.parse(steps)
@@ -123,7 +118,7 @@ def _command(given: OfMotion, velocity: str | None, steps: str | None) -> "Piece
     return PiecewiseVelocity(found.times, found.velocities)
 
 
-def _length_shown(command: str, coordinate: "Coordinate") -> str:
+def _length_shown(command: str, coordinate: Coordinate) -> str:
     """The unit of length of the commanded velocity, in which slip is told, else um; rad."""
     if coordinate == "rotary":
         return "rad"

@@ -3,7 +3,6 @@
 import dataclasses
 from typing import Annotated
 
-from ..errors import InputError
 from . import options
 from .common import OfMotion, prepare_jax, told, warn
 from .shown import finish
@@ -13,8 +12,8 @@ def stability(
     *,
     law: options.LawOptions = options.LawOptions(),
     mass: options.Mass = None,
-    velocity: Annotated[options.Velocity, options.required(options.VELOCITY)] = None,
-    kp: options.Gain = None,
+    velocity: Annotated[str, options.VELOCITY],
+    kp: Annotated[str | None, options.GAIN] = None,
     kv: options.Damping = None,
     ki: options.Integral = None,
     late: options.DelayOptions = options.DelayOptions(),
@@ -25,8 +24,6 @@ def stability(
     The command writes stability.json and figures to the output folder, by default
     ./NAME-stability/. NAME is the name of the law, or of the folder of the fit.
     """
-    if velocity is None:
-        raise InputError("--velocity is missing; give one, '5 um/s', or a range, '1..100 um/s'")
     sampled = late.read()
     prepare_jax()
     source = law.source()
@@ -35,8 +32,8 @@ def stability(
         asked | {"--kp": (kp, "N/m"), "--kv": (kv, "N*s/m"), "--ki": (ki, "N/(m*s)")},
         source.coordinate,
     )
-    velocities, one_mass = given.values("--velocity"), given.mass()
-    k_p, k_v = given.positive("--kp"), given.damping("--kv")
+    velocities, one_mass = given.values("--velocity"), given.one("--mass")
+    k_p, k_v = given.one("--kp"), given.damping("--kv")
     one_mass = source.mass if one_mass is None else one_mass
     unseen = source.unseen(velocities)
     warn(unseen)

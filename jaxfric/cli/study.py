@@ -18,7 +18,7 @@ from . import options
 from .call import current_call
 from .common import prepare_jax, told, warn
 from .folder import choose_folder, json_text
-from .shown import show
+from .shown import finish, show
 
 if TYPE_CHECKING:
     from ..study.progress import Progress
@@ -48,7 +48,15 @@ class StudyOptions:
             return self.scheduler
         if self.scheduler is not None:
             raise InputError("--scheduler and --scheduler-file exclude each other; give one")
-        return _address(self.scheduler_file)
+        file = self.scheduler_file
+        try:
+            return str(json.loads(file.read_text(encoding="utf-8"))["address"])
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            why = getattr(error, "strerror", None) or "is not what a scheduler writes"
+            raise InputError(
+                f"--scheduler-file {file}: {why}; start a scheduler with: dask scheduler"
+                f" --scheduler-file {file}"
+            ) from None
 
 
 def study(
@@ -111,18 +119,6 @@ def study(
 def _terminated(*_: object) -> None:
     """Interrupt for another process: a queue whose time is over, a machine that goes down."""
     raise KeyboardInterrupt(143)
-
-
-def _address(file: Path) -> str:
-    """What a scheduler wrote with --scheduler-file."""
-    try:
-        return str(json.loads(file.read_text(encoding="utf-8"))["address"])
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        why = getattr(error, "strerror", None) or "is not what a scheduler writes"
-        raise InputError(
-            f"--scheduler-file {file}: {why}; start a scheduler with: dask scheduler"
-            f" --scheduler-file {file}"
-        ) from None
 
 
 def _ask(text: str) -> None:
@@ -197,5 +193,4 @@ def _draw(store: str, output: options.OutputOptions) -> int:
     pictures = [name for name in names if name.endswith(".png")]
     written = f"written: {folder.path}/{', '.join(pictures)} (and .svg)" if names else ""
     content = {"store": store, "figures": [str(folder.path / name) for name in names]}
-    show(Report(), written, json_text(content), output)
-    return folder.close()
+    return finish(Report(), folder, json_text(content), output, written)
