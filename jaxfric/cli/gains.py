@@ -149,21 +149,8 @@ def gains(
 
 
 def _end_map(result: "Gains", progress: Callable[[str], None]) -> "Figure":
-    import jax.numpy as jnp
-
     from ..gains.cycle_map import cycle_map
     from ..plot.gains import end_map_figure
-    from ..stability.analysis import steady_point
 
     progress("mapping the ends from rest")
-    found = cycle_map(result)
-    scenarios, k = result.scenarios, found.scenario
-    return end_map_figure(
-        found.ends,
-        found.k_p,
-        found.k_v,
-        point=steady_point(scenarios.law(k), jnp.asarray(scenarios.velocity[k])),
-        mass=None if scenarios.mass is None else float(scenarios.mass[k]),
-        optimum=(result.kp, result.kv),
-        coordinate=result.coordinate,
-    )
+    return end_map_figure(result, cycle_map(result))

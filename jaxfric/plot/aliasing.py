@@ -51,9 +51,7 @@ def aliasing_figure(
     if np.any(~np.isfinite(cosines[below])):
         notes.append(f"–: {what} does not show one of the two")
     title = f"|cosine| between effects in {what}"
-    style.finish(figure, title, legend=[framed], notes=notes)
-    axis.spines[:].set_visible(False)
-    return figure
+    return style.finish(figure, title, legend=[framed], notes=notes)
 
 
 def _cell(axis: Axes, i: int, j: int, value: float) -> None:

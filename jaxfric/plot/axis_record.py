@@ -4,7 +4,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ..records import AxisRecord, SteadyCurve
-from ..records.axis_units import shown_units
 from ..records.strokes import Strokes, find_strokes, position_of
 from . import style
 from .label import printable
@@ -26,42 +25,39 @@ def axis_record_figure(record: AxisRecord, strokes: Strokes) -> Figure:
     The upper panels show against time: motor force and disturbance, position and reference,
     position error, and speed. The last panel shows force against speed.
     """
-    units = shown_units(record.coordinate, record.force_unit)
+    length, name = ("rad", "torque") if record.coordinate == "rotary" else ("m", "force")
     place = style.along(None, record.relative_time)
-    size = 1e-3 if units["position"] == "mm" else 1.0
-    label = f"{'torque' if record.coordinate == 'rotary' else 'force'} [{record.force_unit}]"
-    reference, position = record.reference_position, position_of(record) / size
+    reference = record.reference_position
     followed = reference is not None and record.position is not None
     heights = [1.2, 1.0, *[1.0] * followed, 1.0, 1.5]
     figure, axes = style.panels(heights, last_alone=True)
     force, path, *between, speed, plane = axes
-    style.samples(force, place.x, record.motor_force, f"motor {label.split()[0]}")
+    style.samples(force, place.x, record.motor_force, f"motor {name}")
     if record.disturbance_force is not None:
         style.samples(force, place.x, record.disturbance_force, "disturbance", ORANGE)
-    style.samples(path, place.x, position, "")
+    style.samples(path, place.x, position_of(record), "")
     if reference is not None:
-        style.curve(path, place, reference / size, "reference", ORANGE, width=0.8)
+        style.curve(path, place, reference, "reference", ORANGE, width=0.8)
     if followed:
-        error = 1e3 * (reference - record.position) / size
-        style.samples(between[0], place.x, error, "")
-        style.tidy(between[0], y=f"error [{'µm' if size < 1 else 'mrad'}]")
-    moved = _speed(record, strokes) / size
+        style.samples(between[0], place.x, reference - record.position, "")
+        style.tidy(between[0], y=("error", length))
+    moved = _speed(record, strokes)
     style.samples(speed, place.x, moved, "")
     for axis in (force, path, *between, speed):
         for start, stop in zip(strokes.start, strokes.stop, strict=True):
             axis.axvspan(start, stop, color=_STROKE, lw=0, zorder=0, label="strokes")
     style.samples(plane, moved, record.motor_force, "")
-    speeds = f"speed [{units['velocity']}]"
-    style.tidy(force, y=label)
-    style.tidy(path, y=f"position [{units['position']}]")
-    style.tidy(speed, x=place.label, y=speeds)
-    style.tidy(plane, x=speeds, y=label)
     limits, beyond = ordinary(record.motor_force)
     if beyond and record.disturbance_force is None:
         force.set_ylim(*limits)
         plane.set_ylim(*limits)
         rows = "1 row lies" if beyond == 1 else f"{beyond} rows lie"
         style.tidy(force, f"{rows} beyond the panel")
+    speeds = "speed", f"{length}/s"
+    style.tidy(force, y=(name, record.force_unit))
+    style.tidy(path, y=("position", length))
+    style.tidy(speed, x=place.label, y=speeds)
+    style.tidy(plane, x=speeds, y=(name, record.force_unit))
     number = f"{len(strokes)} stroke{'' if len(strokes) == 1 else 's'}"
     title = f"{printable(record.provenance.path)}: {record.sampling()}; {number}"
     return style.finish(figure, title)

@@ -12,57 +12,37 @@ from .stability import law_name, mass_text
 from .ticks import whole_numbers
 
 _STUCK = 1e-4
-"""Velocities this much below the command count as stuck, and are drawn no lower."""
+"""Velocities this much below the command count as stuck, and are not drawn."""
 _CURVE, _HEAD = 300, 8
-
-
-def _drawn(motion: Motion) -> tuple[np.ndarray, str, str]:
-    """Velocities no lower than what counts as stuck, unless the slider moves backwards; the
-    scale of their axis, logarithmic where they change much; and a note on those raised."""
-    slow = _slowest(motion)
-    if np.min(motion.velocity) < -0.01 * slow:
-        return motion.velocity, "symlog" if np.ptp(motion.velocity) > 30 * slow else "linear", ""
-    stuck = motion.velocity < _STUCK * slow
-    shown = np.where(stuck, _STUCK * slow, motion.velocity)
-    note = f"Stuck: drawn at {_STUCK:g} of the command" if stuck.any() else ""
-    return shown, "log" if shown.max() > 5 * shown.min() else "linear", note
-
-
-def _slowest(motion: Motion) -> float:
-    """The slowest commanded speed that is not zero."""
-    return float(np.abs(motion.command[motion.command != 0]).min())
 
 
 def _series_figure(motion: Motion) -> Figure:
     figure, axes = style.panels([1.4, 1.4, 1.1])
-    velocity, scale, note = _drawn(motion)
     for axis, name, si, values, command in (
         (axes[0], "friction", "N", motion.friction, None),
-        (axes[1], "velocity", "m/s", velocity, motion.command),
+        (axes[1], "velocity", "m/s", motion.velocity, motion.command),
         (axes[2], "displacement", "m", motion.slip, motion.load_point),
     ):
         axis.plot(motion.time, values, color=BLUE, lw=1.1, label="slider")
         if command is not None:
             axis.plot(motion.time, command, color=ORANGE, lw=1.1, ls="--", label="load point")
         if name == "velocity":
-            _set_scale(axis, "y", scale, _slowest(motion))
-        style.tidy(axis, note if name == "velocity" else "", y=(name, motion.unit(si)))
+            _set_scale(axis, "y", motion)
+        style.tidy(axis, y=(name, motion.unit(si)))
     style.tidy(axes[2], x="time [s]")
     return style.finish(figure, _heading(motion))
 
 
 def _plane_figure(motion: Motion) -> Figure:
     """Friction against velocity, with the steady curve behind."""
-    drawn, scale, note = _drawn(motion)
-    slow = _slowest(motion)
     figure, (axis,) = style.panels([3.45])
-    x, y = drawn, motion.friction
+    x, y = motion.velocity, motion.friction
     half = motion.time > 0.5 * motion.time[-1]
     axis.plot(x, y, color=BLUE, lw=0.8, alpha=0.45, label="motion: first half")
     axis.plot(x[half], y[half], color=BLUE, lw=1.5, label="second half")
     _arrow(axis, x, y)
     axis.margins(x=0.06, y=0.12)
-    _set_scale(axis, "x", scale, slow)
+    slow = _set_scale(axis, "x", motion)
     limits = axis.axis()  # the steady curve may leave the panel
     V = np.geomspace(max(limits[0], 0.03 * slow), limits[1], _CURVE)
     force = np.asarray(steady_points(motion.law, V).force)
@@ -74,17 +54,26 @@ def _plane_figure(motion: Motion) -> Figure:
     style.mark(axis, commands, steady, "o", words, ORANGE)
     axis.axis(limits)
     x, y = ("velocity of the slider", motion.unit("m/s")), ("friction", motion.unit("N"))
-    style.tidy(axis, note, x=x, y=y)
+    style.tidy(axis, x=x, y=y)
     return style.finish(figure, _heading(motion))
 
 
-def _set_scale(axis: Axes, which: str, scale: str, slow: float) -> None:
-    """The scale of a velocity: plain, logarithmic, or logarithmic to both sides of 0."""
-    if scale == "linear":
-        whole_numbers(axis, which, least=1e-3)
+def _set_scale(axis: Axes, which: str, motion: Motion) -> float:
+    """Make the axis of a velocity that changes much logarithmic; it ends where the slider is stuck.
+
+    Returns the slowest commanded speed that is not zero.
+    """
+    low, high = float(motion.velocity.min()), float(motion.velocity.max())
+    slow = float(np.abs(motion.command[motion.command != 0]).min())
+    set_scale = axis.set_yscale if which == "y" else axis.set_xscale
+    if low >= -0.01 * slow and high > 5 * low:
+        set_scale("log")
+        axis.set(**{f"{which}lim": (max(0.7 * low, _STUCK * slow), None)})
+    elif high - low > 30 * slow:
+        set_scale("symlog", linthresh=slow)
     else:
-        options = {"linthresh": slow} if scale == "symlog" else {}
-        (axis.set_yscale if which == "y" else axis.set_xscale)(scale, **options)
+        whole_numbers(axis, which, least=1e-3)
+    return slow
 
 
 def _arrow(axis: Axes, x: np.ndarray, y: np.ndarray) -> None:

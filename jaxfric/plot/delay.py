@@ -20,7 +20,7 @@ from .stability import (
     from_zero,
     mass_text,
     shade_stable,
-    speed,
+    speed_text,
 )
 
 _CHART, _BRANCHES = 241, 10
@@ -49,7 +49,7 @@ def delay_figure(found: Study) -> Figure:
     title = f"Damping k_v = {found.k_v:g} {found.unit('N s/m')}"
     x, y = (K_P, found.unit("N/m")), ("delay α of friction", "s")
     style.tidy(over_delay, title, x=x, y=y, grid=False)
-    where = f"{speed(float(found.here.velocity), found.coordinate)}: k_f = {float(strength):.4g}"
+    where = f"{speed_text(found)}: k_f = {float(strength):.4g}"
     rig = f"{found.unit('N s/m')}, {mass_text(found.mass, found.coordinate)}"
     return style.finish(figure, f"Delay law at {where} {rig}", legend=squares)
 

@@ -1,7 +1,5 @@
 """The figure of a feedforward: friction against speed with its band, and the fade speed."""
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -9,7 +7,7 @@ from matplotlib.figure import Figure
 from ..compensation.result import Feedforward
 from ..fitting.uncertainty import QUANTILE
 from . import style
-from .label import printable
+from .label import in_folder
 from .palette import BAND, BLACK, BLUE, GREY, ORANGE
 from .ticks import whole_numbers
 
@@ -25,9 +23,7 @@ def feedforward_figure(found: Feedforward) -> Figure:
     near = min(max(_NEAR * found.fade.speed, 1e-3 * fastest), fastest)
     _panel(left, found, 1.04 * fastest, "All speeds")
     _panel(right, found, near, "Near the reversal: its sign fades")
-    path = Path(found.about.source)
-    source = "/".join(printable(part) for part in (path.parent.name, path.name) if part)
-    return style.finish(figure, f"Friction of {source}")
+    return style.finish(figure, f"Friction of {in_folder(found.about.source)}")
 
 
 def _panel(axis: Axes, found: Feedforward, largest: float, title: str) -> None:
@@ -36,18 +32,11 @@ def _panel(axis: Axes, found: Feedforward, largest: float, title: str) -> None:
     fades = f"fade: |v| < v_f = {style.told(fade, unit, 3)}"
     axis.axvspan(-fade, fade, color=BAND, lw=0, zorder=0, label=fades)
     curve = found.curve.at(v, fade)
-    low, high = (curve.force + s * QUANTILE * curve.std for s in (-1, 1))
-    known = about.supports(v)
-    words = "95 % band, where the record supports it"
-    style.band(axis, v, low, high, words, GREY, 0.45, known)
-    side = np.geomspace(1e-6 * largest, largest, _CURVE)
-    sharp = [found.curve.at(sign * side, None).force for sign in (-1.0, 1.0)]
-    axis.plot(
-        np.concatenate([-side[::-1], [np.nan], side]),
-        np.concatenate([sharp[0][::-1], [np.nan], sharp[1]]),
-        color=ORANGE, lw=1.0, ls=":", label="friction of the model",
-    )  # fmt: skip
-    line = np.where(known, curve.force, np.nan)
+    line = np.where(about.supports(v), curve.force, np.nan)
+    half, words = QUANTILE * curve.std, "95 % band, where the record supports it"
+    axis.fill_between(v, line - half, line + half, color=GREY, alpha=0.45, lw=0, label=words)
+    sharp = np.where(v == 0, np.nan, found.curve.at(v, None).force)  # it jumps at 0
+    axis.plot(v, sharp, color=ORANGE, lw=1.0, ls=":", label="friction of the model")
     axis.plot(v, curve.force, color=BLUE, lw=0.9, ls="--", label="feedforward, extrapolated")
     axis.plot(v, line, color=BLUE, lw=1.6, label="feedforward, supported by the record")
     if about.points is not None:

@@ -5,7 +5,6 @@ from collections.abc import Callable
 import jax
 import jax.numpy as jnp
 import numpy as np
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 
 from ..gains.margins import slacks
@@ -18,6 +17,11 @@ from .stability import draw_boundaries, from_zero, name_gains, stiffness_shown
 
 _GRID, _EVERY, _DAMPINGS = 161, 16, 64
 """Gains along an axis; of every so many of them the worst scenario is looked for."""
+_COLOURS = {
+    "meets the requirement in every scenario": MEETS,
+    "stable, but misses it somewhere": STABLE,
+    "unstable somewhere": UNSTABLE,
+}
 _ALONE = {"stiff": ">", "damped": "^"}
 _MEANS = {"stiff": "stiffness", "damped": "damping"}
 
@@ -33,17 +37,8 @@ def draw_gain_map(axis: Axes, result: Gains) -> list:
     k_p, k_v = _map_axes(result, k_cr_at, needed)
     few = result.scenarios.take(_deciding(result, k_p, k_v))
     slack, stable = _least_slack(result, few, k_p, k_v), _stable(few, k_p, k_v)
-    axis.contourf(
-        k_p, k_v, np.where(stable, 1.0, -1.0), [-2.0, 0.0, 2.0], colors=[UNSTABLE, STABLE]
-    )
-    if (slack >= 0).any():
-        axis.contourf(k_p, k_v, np.clip(slack, -1.0, 1.0), [0.0, 2.0], colors=[MEETS])
-    named = (
-        (MEETS, "meets the requirement in every scenario", slack >= 0),
-        (STABLE, "stable, but misses it somewhere", stable & (slack < 0)),
-        (UNSTABLE, "unstable somewhere", ~stable),
-    )
-    squares: list[Artist] = [style.square(c, text) for c, text, mask in named if mask.any()]
+    codes = np.where(slack >= 0, 0, np.where(stable, 1, 2))
+    squares = style.shade(axis, k_p, k_v, codes, _COLOURS)
     if result.is_spring:
         draw_boundaries(axis, k_v, k_cr_at(k_v), needed)
     _iso_norm(axis, result)
@@ -73,13 +68,13 @@ def _boundary(scenarios: Scenarios) -> tuple[Callable[[np.ndarray], np.ndarray],
     every = jax.jit(jax.vmap(theorem_over_damping, in_axes=(0, None, 0)))
 
     def k_cr(k_v: np.ndarray) -> np.ndarray:
-        found = every(scenarios.friction, jnp.asarray(k_v), jnp.asarray(_masses(scenarios)))
+        found = every(scenarios.friction, jnp.asarray(k_v), jnp.asarray(masses_of(scenarios)))
         return np.asarray(jnp.max(found.critical_stiffness, axis=0))
 
     return k_cr, float(jnp.max(jax.jit(jax.vmap(needed_damping))(scenarios.friction)))
 
 
-def _masses(scenarios: Scenarios) -> np.ndarray:
+def masses_of(scenarios: Scenarios) -> np.ndarray:
     """Mass of every scenario; 0 where there is none."""
     return np.zeros(len(scenarios)) if scenarios.mass is None else np.asarray(scenarios.mass)
 

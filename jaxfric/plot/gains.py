@@ -1,37 +1,32 @@
 """Draw recommended gains on a map of all gains, and their stability margins."""
 
+import jax
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..coordinate import Coordinate
-from ..gains.ends import ENDS, EndState
+from ..gains.cycle_map import CycleMap
+from ..gains.ends import ENDS
 from ..gains.margins import several_margins
 from ..gains.result import Gains
 from ..gains.scenarios import Scenarios
 from ..report.gains_text import report
-from ..stability.analysis import SteadyPoint, theorem_over_damping
+from ..stability.analysis import needed_damping, theorem_over_damping
 from ..stability.margin_table import MARGINS
 from . import style
-from .gain_map import draw_gain_map
-from .palette import CYCLE, ESCAPE, LINES, OPEN, ORANGE, STABLE
+from .gain_map import draw_gain_map, masses_of
+from .palette import LINES, ORANGE
+from .side import code_colours
 from .stability import (
     draw_boundaries,
     draw_curve,
     mark_velocities,
     mass_text,
     name_gains,
-    speed,
 )
 
 _VELOCITIES = 61
-_ENDS = {
-    "steady": (STABLE, "ends steady"),
-    "limit_cycle": (CYCLE, "stick-slip goes on"),
-    "escape": (ESCAPE, "runs away"),
-    "unresolved": (OPEN, "not decided"),
-}
-"""Colour and words of every end."""
+_ENDS = ("steady", "limit_cycle", "escape", "unresolved")
 
 
 def gains_figure(result: Gains) -> Figure:
@@ -42,8 +37,8 @@ def gains_figure(result: Gains) -> Figure:
     curve.
     """
     figure = style.new_figure(style.DOUBLE, 4.9)
-    grid = figure.add_gridspec(2, 2, width_ratios=[1.45, 1])
-    whole, top, bottom = (figure.add_subplot(at) for at in (grid[:, 0], grid[0, 1], grid[1, 1]))
+    axes = figure.subplot_mosaic("ab;ac", width_ratios=[1.45, 1])
+    whole, top, bottom = (axes[k] for k in "abc")
     legend = draw_gain_map(whole, result)
     _margins(top, result)
     law, V = result.scenarios.law(0), result.scenarios.velocity
@@ -88,56 +83,33 @@ def _least_margins(
     scenarios: Scenarios, names: tuple[str, ...], gains: np.ndarray, velocities: np.ndarray
 ) -> dict[str, np.ndarray]:
     """The least of every margin at the gains and each velocity, over all samples and masses."""
-    number = len(scenarios)
-    mass = np.zeros(number) if scenarios.mass is None else scenarios.mass
-    pairs = np.unique(np.stack([scenarios.sample, mass], axis=1), axis=0)
-    sample, mass = (np.repeat(x, len(velocities)) for x in pairs.T)
-    masses, V = None if scenarios.mass is None else mass, np.tile(velocities, len(pairs))
-    every = Scenarios.at(
-        scenarios.laws, V, masses, sample.astype(int), scenarios.delay, scenarios.integral
-    )
-    found = several_margins(names, every, gains)
-    return {name: x.reshape(len(pairs), -1).min(axis=0) for name, x in found.items()}
+    pairs = np.stack([scenarios.sample, masses_of(scenarios)])
+    _, first = np.unique(pairs, axis=1, return_index=True)
+    each, V = np.repeat(first, len(velocities)), np.tile(velocities, len(first))
+    found = several_margins(names, scenarios.at_velocities(each, V), gains)
+    return {name: x.reshape(len(first), -1).min(axis=0) for name, x in found.items()}
 
 
-def end_map_figure(
-    ends: EndState,
-    k_p: np.ndarray,
-    k_v: np.ndarray,
-    *,
-    point: SteadyPoint | None = None,
-    mass: float | None = None,
-    optimum: tuple[float, float] | None = None,
-    coordinate: Coordinate = "linear",
-) -> Figure:
+def end_map_figure(result: Gains, found: CycleMap) -> Figure:
     """Figure that shows, over the gains, how a motion ends that starts at rest.
 
     If the motion ends in steady sliding, the stick-slip cycle has disappeared. This is the first
-    approach of section I.A of the note.
-
-    Parameters
-    ----------
-    ends : of shape (len(k_v), len(k_p)), as `gains.cycle_map.cycle_map` gives it.
-    k_p, k_v : ascending gains [N/m], [N s/m], evenly or logarithmically spaced.
-    point : steady sliding (`stability.analysis.steady_point`), whose linear boundaries are drawn
-        with `mass`.
-    optimum : recommended (k_p, k_v).
-    coordinate : whose units are shown.
+    approach of section I.A of the note. The figure also shows the boundaries of the linear theory
+    for the simulated scenario, and the gains of `result`.
     """
-    k_p, k_v = np.asarray(k_p, float), np.asarray(k_v, float)
+    k_p, k_v, ends, coordinate = found.k_p, found.k_v, found.ends, result.coordinate
+    here = result.scenarios.take([found.scenario])
+    mass = None if here.mass is None else float(here.mass[0])
+    friction = jax.tree.map(lambda leaf: leaf[0], here.friction)
     figure, (axis,) = style.panels([3.45])
     codes = np.argmax(np.stack([ends.code == getattr(ENDS, name) for name in _ENDS]), axis=0)
-    colours = {words: colour for colour, words in _ENDS.values()}
-    legend = style.shade(axis, k_p, k_v, codes, colours)
-    where = ""
-    if point is not None:
-        where = f" at {speed(float(point.velocity), coordinate)}, {mass_text(mass, coordinate)}"
-        fine = np.linspace(k_v[0], k_v[-1], 200)
-        k_cr = np.asarray(theorem_over_damping(point.friction, fine, mass).critical_stiffness)
-        draw_boundaries(axis, fine, k_cr, float(point.needed_damping))
-    if optimum is not None:
-        style.mark(axis, *optimum, "*", "gains found", size=9)
+    legend = style.shade(axis, k_p, k_v, codes, code_colours(_ENDS))
+    fine = np.linspace(k_v[0], k_v[-1], 200)
+    k_cr = np.asarray(theorem_over_damping(friction, fine, mass).critical_stiffness)
+    draw_boundaries(axis, fine, k_cr, float(needed_damping(friction)))
+    style.mark(axis, result.kp, result.kv, "*", "gains found", size=9)
     name_gains(axis, k_p, k_v, coordinate)
     axis.set(xlim=(k_p[0], k_p[-1]), ylim=(k_v[0], k_v[-1]))
-    title = f"How a stuck slider ends, simulated{where}"
+    where = f"{style.told(here.velocity[0], result.unit('m/s'))}, {mass_text(mass, coordinate)}"
+    title = f"How a stuck slider ends, simulated at {where}"
     return style.finish(figure, title, legend=legend)

@@ -2,11 +2,17 @@
 
 from pathlib import Path
 
+from ..report import html
+
 
 def printable(path: str) -> str:
     """The name of a file, with a question mark for each byte that is not a character."""
-    name = Path(path).name.encode("utf-8", errors="replace").decode("utf-8")
-    return "".join(c if c.isprintable() else "?" for c in name)
+    return html.printable(Path(path).name)
+
+
+def in_folder(path: str) -> str:
+    """The name of a file and of its folder: all models are called fit.json or loop.json."""
+    return html.printable("/".join(Path(path).parts[-2:]))
 
 
 def friction_label(unit: str) -> str:

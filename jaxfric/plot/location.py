@@ -58,7 +58,6 @@ def _bars(axis: Axes, shares: Sequence[tuple[str | None, float]]) -> None:
     axis.set_yticks(range(len(shares)), [variable_words(name) for name, _ in shares])
     axis.set_ylim(len(shares) - 0.4, -0.6)
     axis.set_xlim(0, 112)
-    axis.set_xticks([0, 20, 40, 60, 80, 100])
     style.tidy(axis, x="share of the missing friction [%], beyond that of the bars above")
     axis.grid(False, axis="y")
 

@@ -104,8 +104,8 @@ def _residual(axis: Axes, loop: Loop, values: np.ndarray, place: style.Along) ->
     reach = max(4.0, 1.1 * np.nanquantile(np.abs(values), 0.998), 1.25 * highest)
     style.samples(axis, place.x, values, "", GREY)
     x = np.asarray([place.x[rows].mean() if len(rows) else np.nan for rows in groups])
-    low, high = mean - error, mean + error
-    style.band(axis, x, low, high, "mean ± 1 σ of the mean", BLUE, 0.3)
+    words = "mean ± 1 σ of the mean"
+    axis.fill_between(x, mean - error, mean + error, color=BLUE, alpha=0.3, lw=0, label=words)
     axis.plot(x, mean, color=BLUE, lw=1.1, label="mean of neighbouring rows", zorder=3)
     axis.set_ylim(-reach, reach)
     style.tidy(axis, y="record − model [σ]", zero=True)
@@ -160,9 +160,8 @@ def _candidates_figure(loop: Loop) -> Figure:
     screened = [s for s in loop.screened if np.isfinite(s.delta_bic)]
     heights = [max(n, 1) + 1.5 for n in (len(tried), len(screened))]
     figure = style.new_figure(style.DOUBLE, 1.2 + 0.16 * sum(heights))
-    grid = figure.add_gridspec(2, 2, width_ratios=[1.6, 1], height_ratios=heights)
-    first, beside = (figure.add_subplot(grid[0, k]) for k in (0, 1))
-    second = figure.add_subplot(grid[1, 0])
+    axes = figure.subplot_mosaic("ab;c.", width_ratios=[1.6, 1], height_ratios=heights)
+    first, beside, second = (axes[k] for k in "abc")
     names = [" + ".join(c.effects) or "base" for c in tried]
     colours = [_ROLES[loop.role(c)][0] for c in tried]
     _bars(first, "Fitted models", names, [c.delta_bic for c in tried], colours)
@@ -184,16 +183,9 @@ def _bars(
     places = np.arange(len(names))
     lengths = np.where(np.isfinite(values), values, 0.0)
     axis.barh(places, lengths, color=colours, height=0.68, zorder=2)
-    low, high = min(-1.5 * ACCEPT, *lengths, 0.0), max(0.0, *lengths, 1.0)
-    if low < -40 * ACCEPT:
-        axis.set_xscale("symlog", linthresh=ACCEPT, linscale=0.7)
-        axis.set_xlim(1.5 * low, 2 * max(high, 4.0))
-        axis.xaxis.set_major_formatter(lambda x, _: f"{x:g}".replace("-", "−"))
-        decades = 10.0 ** np.arange(1, np.ceil(np.log10(-low)))
-        axis.set_xticks([*-decades[::-1], 0.0, *decades[decades <= high]])
-    else:
-        room = 0.03 * (high - low)
-        axis.set_xlim(low - room, high + room)
+    axis.set_xscale("symlog", linthresh=ACCEPT, linscale=0.7)
+    axis.set_xlim(1.5 * min(-1.5 * ACCEPT, *lengths), 2 * max(4.0, *lengths))
+    axis.xaxis.set_major_formatter(lambda x, _: f"{x:g}".replace("-", "−"))
     for place, value in zip(places, values, strict=True):
         text = f"{value:+.4g}" if abs(value) >= 1e4 else f"{value:+.1f}"
         _number(axis, float(place), text.replace("-", "−") if np.isfinite(value) else "failed")
@@ -222,9 +214,7 @@ def _held_out(axis: Axes, loop: Loop, tried: list[CandidateScore], colours: Sequ
     axis.scatter(shown, places[known], s=22, zorder=3, c=dots, edgecolors=BLACK, lw=0.6)
     axis.axvline(1, color=BLACK, lw=0.9, label="error equal to the noise, 1 σ")
     axis.axvline(base, color=GREY, lw=1.2, ls=":", label="error of the base")
-    ends = [1.0, base, *shown]
-    span = max(max(ends) - min(ends), 0.02)
-    axis.set_xlim(min(ends) - 0.1 * span, max(ends) + 0.1 * span)
+    axis.margins(x=0.1)
     for place in places[known]:
         value = values[place]
         _number(axis, float(place), f"{value:.3f}" if value < 100 else f"{value:.3g}")

@@ -57,30 +57,27 @@ def draw_marginals(found: "Dataset", outputs: Sequence[str], coded: Sequence[str
     figure = style.new_figure(style.DOUBLE, _HEIGHT * rows + 0.6)
     # the layout ignores the width of names below panels: names in the last column need room
     figure.set_layout_engine("constrained", rect=(0.0, 0.0, 0.97, 1.0))
-    panels: dict[Pair, Axes] = {}
-    named, first = {}, {}
+    panels: dict[str, dict[str, Axes]] = {}
     for k, (output, name) in enumerate(pairs):
-        axis = figure.add_subplot(rows, across, k + 1, sharey=first.get(output))
-        panels[output, name] = axis
-        named[axis] = k % across == 0 or output not in first
-        axis.tick_params(which="both", labelleft=named[axis])
-        first.setdefault(output, axis)
+        first = next(iter(panels.setdefault(output, {}).values()), None)
+        axis = figure.add_subplot(rows, across, k + 1, sharey=first)
+        axis.tick_params(which="both", labelleft=k % across == 0 or first is None)
+        panels[output][name] = axis
     legend = []
-    for output, axis in first.items():
-        of_output = {pair: axis for pair, axis in panels.items() if pair[0] == output}
+    for output, over in panels.items():
         about, unit = found[output].attrs, "share"
+        drawn = {axis: bands[output, name] for name, axis in over.items()}
         if output in coded:
-            names = about["flag_meanings"].split()
-            legend += _draw_shares({axis: bands[pair] for pair, axis in of_output.items()}, names)
+            legend += _draw_shares(drawn, about["flag_meanings"].split())
         else:
-            _draw_bands({axis: bands[pair] for pair, axis in of_output.items()})
+            _draw_bands(drawn)
             unit = about.get("units", "1")
         label = textwrap.fill(about.get("long_name", output), _WIDE)
-        for (_, name), axis in of_output.items():
-            side = sides[name]
+        for name, axis in over.items():
+            side, named = sides[name], axis.yaxis.get_tick_params()["labelleft"]
             if not side.log:
                 whole_numbers(axis, "x", most=2)
-            x, y = textwrap.fill(side.label[0], _WIDE), (label, unit) if named[axis] else ""
+            x, y = textwrap.fill(side.label[0], _WIDE), (label, unit) if named else ""
             style.tidy(axis, x=(x, side.label[1]), y=y, log="x" if side.log else "")
     style.finish(figure, legend=legend)
     title = _title(found, outputs, pairs, len(bands))
@@ -159,7 +156,7 @@ def _draw_bands(panels: Mapping[Axes, "DataFrame"]) -> None:
     """Bands of an output on one scale, each panel over a parameter."""
     for axis, band in panels.items():
         x, low, middle, high = band.index.to_numpy(), *band.to_numpy().T
-        style.band(axis, x, low, high, None, BLUE, 0.18)
+        axis.fill_between(x, low, high, color=BLUE, alpha=0.18, lw=0)
         few = np.isfinite(middle).sum() < 6
         axis.plot(x, middle, color=BLUE, lw=1.4, marker="." if few else None)
     first = next(iter(panels))

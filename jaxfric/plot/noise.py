@@ -13,14 +13,9 @@ from .palette import BAND, BLUE, ORANGE
 
 
 def draw_autocorrelation(
-    axis: Axes,
-    clock: np.ndarray,
-    residual: np.ndarray,
-    noise: NoiseEstimate,
-    *,
-    model: bool = True,
-    part: np.ndarray | None = None,
-) -> None:
+    axis: Axes, clock: np.ndarray, residual: np.ndarray, noise: NoiseEstimate, *,
+    model: bool = True, part: np.ndarray | None = None,
+) -> None:  # fmt: skip
     """Draw the measured autocorrelation and a 95 % band.
 
     With `model` the noise model is drawn too, and the band is the one expected for a record of this

@@ -32,20 +32,20 @@ def posterior_figure(posterior: Posterior) -> Figure:
     count = len(names)
     figure = style.new_figure(style.DOUBLE, style.DOUBLE)
     axes = figure.subplots(count, count, squeeze=False)
-    limits = {name: _limits((drawn or about)[name]) for name in names}
     for i, row in enumerate(names):
         for j, column in enumerate(names):
             axis: Axes = axes[i, j]
             if j > i:
                 axis.set_axis_off()
                 continue
-            axis.set_xlim(*limits[column])
+            _scale(axis, "x", posterior, column, (drawn or about)[column])
             if i == j:
                 _density(axis, posterior, row, about[row], None if drawn is None else drawn[row])
             else:
                 _pair(axis, (column, row), about, drawn)
-                axis.set_ylim(*limits[row])
-            _labels(axis, posterior, (column, row), bottom=i == count - 1, left=j == 0 and i > 0)
+                _scale(axis, "y", posterior, row, (drawn or about)[row])
+            axis.tick_params(axis="x", rotation=40)
+            axis.label_outer()
     title = f"{printable(posterior.fit.record.provenance.path)}: posterior, "
     title += f"{posterior.fit.model.law} law"
     title += "" if posterior.converged else "; it claims nothing, see the warnings"
@@ -57,11 +57,6 @@ def _columns(posterior: Posterior, values: np.ndarray) -> dict[str, np.ndarray]:
     """Draws by name in the units that are shown."""
     columns = posterior.named(values)
     return {name: column / display_unit(name, posterior.fit)[1] for name, column in columns.items()}
-
-
-def _limits(seen: np.ndarray) -> tuple[float, float]:
-    middle, std = float(np.median(seen)), float(np.std(seen))
-    return middle - _REACH * std, middle + _REACH * std
 
 
 def _density(
@@ -111,18 +106,12 @@ def _pair(
     axis.plot(*ellipse, color=_LAPLACE, lw=1.1, ls=(0, (4, 2)), label="its 95 % ellipse")
 
 
-def _labels(
-    axis: Axes, posterior: Posterior, pair: tuple[str, str], *, bottom: bool, left: bool
-) -> None:
-    for axis_of, name, shown in ((axis.xaxis, pair[0], bottom), (axis.yaxis, pair[1], left)):
-        if axis_of is axis.yaxis and pair[0] == pair[1]:
-            continue
-        axis_of.set_major_locator(MaxNLocator(3))
-        if not shown:
-            axis_of.set_tick_params(labelleft=False, labelbottom=False)
-            continue
-        unit = display_unit(name, posterior.fit)[0].replace("um", "µm")
-        word = "A − B" if name == DIFFERENCE else name
-        axis_of.set_label_text(style.named(word, unit))
-        axis_of.set_major_formatter(ScalarFormatter(useOffset=False))
-    axis.tick_params(axis="x", rotation=40)
+def _scale(axis: Axes, which: str, posterior: Posterior, name: str, seen: np.ndarray) -> None:
+    """Limits, numbers and name of the axis, "x" or "y", of a parameter."""
+    middle, reach = float(np.median(seen)), _REACH * float(np.std(seen))
+    axis.set(**{f"{which}lim": (middle - reach, middle + reach)})
+    side = axis.xaxis if which == "x" else axis.yaxis
+    side.set_major_locator(MaxNLocator(3))
+    side.set_major_formatter(ScalarFormatter(useOffset=False))
+    unit = display_unit(name, posterior.fit)[0].replace("um", "µm")
+    side.set_label_text(style.named("A − B" if name == DIFFERENCE else name, unit))

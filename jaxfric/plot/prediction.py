@@ -1,21 +1,17 @@
 """The figure of a prediction: record and model, residual, and the error of the position."""
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib.figure import Figure
 
 from ..prediction import Prediction
 from . import style
-from .label import printable
+from .label import in_folder, printable
 from .palette import BAND, ORANGE
 
 
 def prediction_figure(found: Prediction) -> Figure:
     """Figure of a prediction: record and model, the residual, the error of the position."""
-    figure, (top, middle, *last) = style.panels(
-        [1.9, 1.2, *([] if found.position is None else [1.2])]
-    )
+    figure, (top, middle, *last) = style.panels([1.9, 1.2, *[1.2] * (found.position is not None)])
     si = found.force_unit
     place = style.along(None, found.time)
     style.samples(top, place.x, np.asarray(found.recorded))
@@ -34,12 +30,5 @@ def prediction_figure(found: Prediction) -> Figure:
         words = "Closed loop simulated from the reference: simulated − recorded position"
         style.tidy(last[0], words, y=("position error", length), zero=True)
     style.tidy((last or [middle])[0], x=place.label)
-    title = f"{printable(found.origin.path)} predicted with {_model(found)}"
+    title = f"{printable(found.origin.path)} predicted with {in_folder(found.source)}"
     return style.finish(figure, title)
-
-
-def _model(found: Prediction) -> str:
-    """The model's file with its folder: all are called fit.json or loop.json."""
-    path = Path(found.source)
-    name = printable(path.name)
-    return f"{printable(path.parent.name)}/{name}" if path.parent.name else name

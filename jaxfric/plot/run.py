@@ -6,7 +6,6 @@ import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from ..records import Record
 from ..runs.events import Event, mean_velocity
@@ -65,21 +64,9 @@ def events_figure(record: Record, events: Sequence[Event]) -> Figure:
     fitted = [place for place, event in zip(at, events, strict=True) if event.fitted]
     _number(axes[0], fitted)
     style.tidy(axes[-1], x=("load-point displacement since the first row", "m"), grid=False)
-    legend = [
-        Line2D(
-            [],
-            [],
-            color=colour,
-            lw=2,
-            ls=_LINES.get(kind, (0, "-"))[1],
-            label=_WORDS.get(kind, kind),
-        )
-        for kind, colour in _COLOURS.items()
-        if any(event.kind == kind for event in events)
-    ]
     title = f"{printable(record.provenance.path)}: {len(events)} events"
     title += f", {len(fitted)} steps to fit (shaded and numbered)" if fitted else ""
-    return style.finish(figure, title, legend=legend)
+    return style.finish(figure, title)
 
 
 def _rows(record: Record, times: Sequence[float]) -> np.ndarray:
@@ -95,9 +82,9 @@ def _speeds(axis: Axes, record: Record, events: Sequence[Event], x: np.ndarray) 
         return
     ends = x[[0, *_rows(record, [event.time for event in joints]), len(record) - 1]]
     speeds = [(joints or events)[0].before, *(event.after for event in joints)]
-    for sign, dash in ((1e6, "-"), (-1e6, ":")):
-        v = sign * np.array(speeds)
-        axis.hlines(np.where(v > 0, v, np.nan), ends[:-1], ends[1:], BLUE, dash, lw=1.8)
+    v = 1e6 * np.where(np.equal(speeds, 0), np.nan, speeds)
+    lines = axis.hlines(np.abs(v), ends[:-1], ends[1:], BLUE, lw=1.8)
+    lines.set_linestyle([":" if back else "-" for back in v < 0])
     style.tidy(axis, y="speed\n[µm/s]", log="y", grid=False)
 
 
@@ -107,7 +94,8 @@ def _mark(
     """A line at every event, and shades of the windows that are fitted and of stick-slip."""
     for place, event in zip(at, events, strict=True):
         width, dash = _LINES.get(event.kind, (0.8, "-"))
-        axis.axvline(place, color=_COLOURS[event.kind], lw=width, ls=dash, zorder=0)
+        colour, words = _COLOURS[event.kind], _WORDS.get(event.kind, event.kind)
+        axis.axvline(place, color=colour, lw=width, ls=dash, zorder=0, label=words)
         if event.fitted or is_stretch(event):
             begin = event.start if event.fitted else event.time
             kind = "step" if event.fitted else "stick_slip"

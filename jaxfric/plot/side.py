@@ -18,6 +18,7 @@ _COLOURS: dict[str, str] = {
     "unstable": CYCLE,
     "escape": ESCAPE,
     "failed": OPEN,
+    "unresolved": OPEN,
     "error": ESCAPE,
 }
 _FAR = 8.0

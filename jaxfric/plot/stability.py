@@ -124,7 +124,7 @@ def _map_figure(found: Study) -> Figure:
     if found.k_p is not None:
         style.mark(axis, found.k_p, found.k_v, "o", GIVEN)
     name_gains(axis, k_p, k_v, found.coordinate)
-    title = f"Linear stability at {speed(float(at.velocity), found.coordinate)}, {_rig_text(found)}"
+    title = f"Linear stability at {speed_text(found)}, {_rig_text(found)}"
     return style.finish(figure, title, legend=squares)
 
 
@@ -171,9 +171,9 @@ def own_stiffness(found: Study) -> float:
 # ---- words -------------------------------------------------------------------------------------
 
 
-def speed(velocity: float, coordinate: Coordinate = "linear") -> str:
-    """A velocity with a prefix, as text."""
-    return style.told(velocity, unit_of("m/s", coordinate))
+def speed_text(found: Study) -> str:
+    """The velocity of the maps, with a prefix."""
+    return style.told(float(found.here.velocity), found.unit("m/s"))
 
 
 def law_name(law: Law) -> str:
@@ -274,8 +274,8 @@ def _locus_figure(found: Study) -> Figure:
     style.tidy(growth, "Growth (above 0) or decay", x=(K_P, unit), y=y, log="x", zero=True)
     rest = f" ({hidden} more far to the left)" if hidden else ""
     style.tidy(plane, f"Poles near the imaginary axis{rest}")
-    where = f"{speed(float(found.here.velocity), found.coordinate)}, {_rig_text(found)}"
-    title = f"Root locus in k_p at {where}, k_v = {found.k_v:g} {found.unit('N s/m')}"
+    title = f"Root locus in k_p at {speed_text(found)}, {_rig_text(found)}"
+    title += f", k_v = {found.k_v:g} {found.unit('N s/m')}"
     return style.finish(figure, title)
 
 

@@ -58,13 +58,13 @@ def panels(heights: Sequence[float], *, last_alone: bool = False) -> tuple[Figur
     With `last_alone` the last panel has a separate horizontal axis.
     """
     figure = new_figure(DOUBLE, sum(heights) + 0.75)
-    grid = figure.add_gridspec(len(heights), 1, height_ratios=heights)
-    axes = [figure.add_subplot(grid[0, 0])]
-    for k in range(1, len(heights)):
-        alone = last_alone and k == len(heights) - 1
-        axes.append(figure.add_subplot(grid[k, 0], sharex=None if alone else axes[0]))
-        if not alone:
-            axes[k - 1].tick_params(which="both", labelbottom=False)
+    grid = figure.subplots(len(heights), squeeze=False, height_ratios=heights)
+    axes = list(grid.ravel())
+    together = axes[: len(axes) - last_alone]
+    for axis in together[1:]:
+        axis.sharex(together[0])
+    for axis in together[:-1]:
+        axis.tick_params(which="both", labelbottom=False)
     for axis in axes:
         axis.margins(x=0.01)
     return figure, axes
@@ -77,17 +77,17 @@ def side_by_side(
 
     With `sharey` the panels share the vertical axis. With `share` the panels share both axes.
     """
-    columns = max(min(count, most), 1)
-    rows = max(-(-count // columns), 1)
+    count = max(count, 1)
+    columns = min(count, most)
+    rows = -(-count // columns)
     figure = new_figure(DOUBLE, height * rows + 0.5)
-    either = "all" if share or sharey else False
-    grid = figure.subplots(rows, columns, squeeze=False, sharex=share, sharey=either)
+    grid = figure.subplots(rows, columns, squeeze=False, sharex=share, sharey=share or sharey)
     axes = list(grid.ravel())
     for axis in axes[count:]:
         axis.set_axis_off()
-    for axis in axes[max(count - columns, 0) : count]:  # also where no panel is below
+    for axis in axes[count - columns : count]:  # also where no panel is below
         axis.tick_params(labelbottom=True)
-    return figure, axes[: max(count, 1)]
+    return figure, axes[:count]
 
 
 def tidy(
@@ -124,7 +124,7 @@ def _name_in_si(axis: Axes, which: str, name: str, si: str, *, log: bool) -> Non
     if log:  # first: the margin of a linear axis may end near 0
         axis.set(**{f"{which}scale": "log"})
     side = axis.xaxis if which == "x" else axis.yaxis
-    low, high = axis.get_xlim() if which == "x" else axis.get_ylim()
+    low, high = sorted(side.get_view_interval())
     about, log = max(-low, high), log or side.get_scale() == "log"
     if log and high > _DECADES * low > 0:
         about = max(math.sqrt(low * high), about / 100)
@@ -188,9 +188,10 @@ def legend_below(figure: Figure, artists: Sequence[Artist]) -> None:
             found.values(), labels, loc="outside lower left", ncol=columns, frameon=False,
             fontsize=LETTERS, columnspacing=1.2, handlelength=1.8, borderpad=0.1,
         )  # fmt: skip
-        for handle in legend.legend_handles:  # a single point of a record is too small for a legend
+        for handle in legend.legend_handles:  # points and lines of a record may be too small
             if isinstance(handle, Line2D):
                 handle.set_markersize(max(handle.get_markersize(), 4.0))
+                handle.set_linewidth(max(handle.get_linewidth(), 1.2))
         box = legend.get_window_extent()
         if columns == 1 or box.width <= 0.98 * figure.bbox.width:
             more = max(box.height / figure.dpi - _LEGEND, 0.0)  # panels keep their height
@@ -260,17 +261,6 @@ def bars(
         x, y, error, fmt=marker, color=colour, mfc="white" if hollow else colour, label=label,
         ms=3, lw=0.8, capsize=2,
     )  # fmt: skip
-
-
-def band(
-    axis: Axes, x: np.ndarray, low: np.ndarray, high: np.ndarray, label: str | None, colour: str,
-    alpha: float = 1.0, where: np.ndarray | None = None,
-) -> None:  # fmt: skip
-    """Draw a range of y against x, wherever the range is known."""
-    where = None if where is None else where.tolist()
-    axis.fill_between(
-        x, low, high, where=where, color=colour, alpha=alpha, lw=0, label=label, zorder=1
-    )
 
 
 def mark(
