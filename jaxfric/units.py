@@ -79,8 +79,11 @@ _PREFIXES = ((1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 
 
 def prefixed(value: float, unit: str, digits: int = 4) -> str:
-    """Format a value with the largest prefix k, m, µ or n that gives 1 or more: "1.757 kN/m"."""
-    size, prefix = next((one for one in _PREFIXES if abs(value) >= one[0]), (1.0, ""))
+    """Format a value with the largest prefix k, m, µ or n that gives 1 or more: "1.757 kN/m". Units
+    that begin with kg get no prefix.
+    """
+    prefixes = () if unit.startswith("kg") else _PREFIXES
+    size, prefix = next((one for one in prefixes if abs(value) >= one[0]), (1.0, ""))
     return f"{value / size:.{digits}g} {prefix}{unit}"
 
 

@@ -17,6 +17,7 @@ from jaxfric.units import (
     is_unit,
     parse_quantity,
     parse_values,
+    prefixed,
     read_as,
     scale,
 )
@@ -231,3 +232,16 @@ def test_common_units_do_not_load_pint() -> None:
 )
 def test_units_that_are_read_have_one_sign_for_micro(typed, read):
     assert read_as(typed) == read
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "text"),
+    [
+        (1757.0, "N/m", "1.757 kN/m"),
+        (2e-6, "m", "2 µm"),
+        (2000.0, "kg", "2000 kg"),
+        (0, "s", "0 s"),
+    ],
+)
+def test_a_prefix_makes_the_number_readable(value, unit, text):
+    assert prefixed(value, unit) == text
