@@ -37,8 +37,13 @@ def draw_gain_map(axis: Axes, result: Gains) -> list:
     k_p, k_v = _map_axes(result, k_cr_at, needed)
     few = result.scenarios.take(_deciding(result, k_p, k_v))
     slack, stable = _least_slack(result, few, k_p, k_v), _stable(few, k_p, k_v)
-    codes = np.where(slack >= 0, 0, np.where(stable, 1, 2))
-    squares = style.shade(axis, k_p, k_v, codes, _COLOURS)
+    masks = slack >= 0, stable & (slack < 0), ~stable
+    edges = [-2.0, 0.0, 2.0]  # a contour of the slack itself is smooth
+    axis.contourf(k_p, k_v, np.where(stable, 1.0, -1.0), edges, colors=[UNSTABLE, STABLE])
+    if masks[0].any():
+        axis.contourf(k_p, k_v, np.clip(slack, -1.0, 1.0), [0.0, 2.0], colors=[MEETS])
+    named = zip(_COLOURS.items(), masks, strict=True)
+    squares = [style.square(colour, name) for (name, colour), mask in named if mask.any()]
     if result.is_spring:
         draw_boundaries(axis, k_v, k_cr_at(k_v), needed)
     _iso_norm(axis, result)
