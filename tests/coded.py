@@ -45,6 +45,12 @@ class _Coder(ast.NodeTransformer):
     def visit_Expr(self, node: ast.Expr) -> ast.Expr:
         return node if isinstance(node.value, ast.Constant) else self.generic_visit(node)
 
+    def visit_AnnAssign(self, node: ast.AnnAssign) -> ast.AnnAssign:
+        kept = node.annotation  # a type as a text, which a named tuple evaluates
+        self.generic_visit(node)
+        node.annotation = kept if isinstance(kept, ast.Constant) else node.annotation
+        return node
+
     def visit_FormattedValue(self, node: ast.FormattedValue) -> ast.FormattedValue:
         node.value = self.visit(node.value)  # what formats it is no text
         return node
