@@ -534,7 +534,8 @@ def test_bad_input(tmp_path, monkeypatch):
     assert_refused(run(*given, "--cutoff", "600 Hz"), "cutoff 600 Hz", "500 Hz")
     assert_refused(run(*given, "--cutoff", "0 Hz"), "cutoff 0 Hz", "above 0")
     assert_refused(run(*given, "--cutoff", "1 Hz"), "leaves 3 rows", "choose one above 3.3 Hz")
-    assert_refused(run("loop", "one.csv", "--cutoff", "50 Hz"), "--cutoff", "--help-all")
+    refused = run("loop", "one.csv", "--cutoff", "50 Hz", "--stiffness", "1/um")
+    assert_refused(refused, "--cutoff", "--help-all")
     assert_refused(run("axis", ".", "--cutoff", "50 Hz"), "--cutoff would not be used with .")
     asked = {}
 
