@@ -23,7 +23,7 @@ from ..motion import AbstractMotion, PiecewiseVelocity
 from ..quantity import is_known
 from ..rig import Inertial, Rig
 from .blocks import in_blocks
-from .by_diffrax import Diffrax
+from .by_diffrax import solve_given
 from .checks import is_possible, refuse_impossible, refuse_no_steady_state
 from .ode import SliderEquation
 from .start import InitialState, law_with_states
@@ -105,11 +105,12 @@ def simulate(
     ts_used = jnp.where(possible, ts, 0.0)
     initial = jax.tree.map(lambda x: jnp.where(possible, x, 0.0), initial)
     how = How(jnp.asarray(SAFETY * rtol), stiff, max_steps, math.log(runaway))
-    given, why = Diffrax(solver, controller, adjoint), diffrax.RESULTS.max_steps_reached
-    if given.is_given():
-        found, why = given.solve(equation, initial, ts_used, how, at_steps=at_steps)
+    how_given = {"solver": solver, "controller": controller, "adjoint": adjoint}
+    if any(given is not None for given in how_given.values()):
+        found, why = solve_given(equation, initial, ts_used, how, at_steps=at_steps, **how_given)
     else:
         found = (recorded if at_steps else follow)(equation, initial, ts_used, how)
+        why = diffrax.RESULTS.max_steps_reached
     time = found.time if at_steps else ts
     slider = in_blocks(equation.physical, jnp.minimum(time, found.end), found.y)
     stopped = RESULTS.where(found.ran_away, RESULTS.ran_away, RESULTS.promote(why))
