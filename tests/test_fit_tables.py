@@ -77,7 +77,7 @@ def test_what_the_rows_do_not_see_has_no_small_error():
         np.testing.assert_allclose(found, found.T, rtol=1e-6, atol=1e-6 * found[1, 1])
     held = SimpleNamespace(sizes=SimpleNamespace(force=1.0), model=SimpleNamespace(
         names=lambda: ("A",), quantity=lambda name: SimpleNamespace(lower=0.0)))  # fmt: skip
-    known = [determined(held, np.asarray([s]), 1.0)[0] for s in (0.0, 0.1, np.nan)]
+    known = [determined(held, np.zeros(1), np.asarray([s]), 1.0)[0] for s in (0.0, 0.1, np.nan)]
     assert known == [False, True, False]
 
 
@@ -97,16 +97,21 @@ DECADE = np.log(10) / 2 / 1.959963984540054
 
 
 @pytest.mark.parametrize(
-    ("positive", "std", "known"),
-    [(True, 0.99 * DECADE, True), (True, 1.01 * DECADE, False), (True, np.nan, False),
-     (False, 0.5, True), (False, 0.52, False)],
+    ("lower", "unit", "z", "std", "known"),
+    [(0.0, "F", 0.0, 0.99 * DECADE, True), (0.0, "F", 0.0, 1.01 * DECADE, False),
+     (0.0, "F", 0.0, np.nan, False),
+     (-np.inf, "F", 9.0, 0.5, True), (-np.inf, "F", 9.0, 0.52, False),
+     (-np.inf, "F/m", 9.0, 0.5, True), (-np.inf, "F/m", 9.0, 0.52, False),
+     (-np.inf, "s", 9.0, 4.5, True), (-np.inf, "s", -9.0, 4.7, False),
+     (-np.inf, "1", 0.0, 0.5, True), (-np.inf, "1", 0.0, 0.52, False)],
 )  # fmt: skip
-def test_what_a_record_determines(positive, std, known):
-    """A 95 % interval of less than a decade; of a signed one, half of it less than the span."""
-    about = SimpleNamespace(lower=0.0 if positive else -np.inf)
+def test_what_a_record_determines(lower, unit, z, std, known):
+    """A 95 % interval of less than a decade; half of it less than the span of friction; half of it
+    less than the value, or than 1, of a quantity that is no friction."""
+    about = SimpleNamespace(lower=lower, unit=unit)
     model = SimpleNamespace(names=lambda: ("A",), quantity=lambda name: about)
     problem = SimpleNamespace(model=model, sizes=SimpleNamespace(force=2.0))
-    assert determined(problem, np.asarray([std]), 2.0) == [known]
+    assert determined(problem, np.asarray([z]), np.asarray([std]), 2.0) == [known]
 
 
 @dataclasses.dataclass

@@ -10,6 +10,7 @@ from scipy import linalg, stats
 
 import jaxfric as jf
 from jaxfric.effects import RecordScales
+from jaxfric.fitting import Estimate
 from jaxfric.fitting.noise import (
     Exponential,
     Family,
@@ -26,7 +27,7 @@ from jaxfric.loop.evidence import evidence
 from jaxfric.loop.gates import FITTED, Part, Trial, loose, refusal_of
 from jaxfric.loop.learn import largest_rms
 from jaxfric.loop.refit import Candidate
-from jaxfric.loop.refusal import Fault, Refusal
+from jaxfric.loop.refusal import Fault, Move, Refusal
 from jaxfric.loop.residual_tests import (
     chi_square_tail,
     holm,
@@ -453,8 +454,9 @@ class Fitted:
         return Candidate(tuple(effects), start, np.zeros(100), WHITE, bic, rms, True, False)
 
 
-def end_of_search(monkeypatch, bic, loose=lambda effects: ()):
-    """Among a to d, of which a and c are alike; `loose`: which of some effects are not fixed."""
+def end_of_search(monkeypatch, bic, loose=lambda effects: (), lost=lambda before, after: ()):
+    """Among a to d, of which a and c are alike; `loose`: which of some effects are not fixed;
+    `lost`: what of the base is lost from the effects `before` to those `after`."""
 
     def screened(engine, current, scales):
         del scales
@@ -468,7 +470,10 @@ def end_of_search(monkeypatch, bic, loose=lambda effects: ()):
         "jaxfric.loop.gates.not_fixed",
         lambda engine, candidate, scales: tuple(loose(candidate.effects)),
     )
-    monkeypatch.setattr("jaxfric.loop.gates.what_it_takes", lambda *_: ())
+    monkeypatch.setattr(
+        "jaxfric.loop.gates.what_it_takes",
+        lambda engine, without, candidate: lost(without.effects, candidate.effects),
+    )
     monkeypatch.setattr(search_module, "refit", Fitted.refit)
     monkeypatch.setattr(search_module, "seek_parts", lambda engine, z: engine)
     monkeypatch.setattr(search_module, "learn_noise", lambda engine, base: (engine, base))
@@ -520,6 +525,21 @@ def test_what_is_not_fixed_beside_a_better_one_stood_in_for_it(monkeypatch, alon
     assert set(found.final.effects) == set(kept)
 
 
+def test_two_effects_do_not_lose_together_what_the_base_knew(monkeypatch):
+    """b beside a loses a parameter that the base alone knew, though each step keeps it."""
+    A = Move("A", Estimate(2.0, 0.1, 1.8, 2.2, "1"), Estimate(2.0, 3.0, -4.0, 8.0, "1"))
+
+    def lost(before, after):
+        return (A,) if before == () and len(after) > 1 else ()
+
+    bic = {"a": -100.0, "ab": -150.0}
+    assert set(end_of_search(monkeypatch, bic).final.effects) == set("ab")
+    found = end_of_search(monkeypatch, bic, lost=lost)
+    assert found.final.effects == ("a",)
+    (both,) = (c for c in found.tried if c.effects == ("a", "b"))
+    assert both.rejection[:2] == (Fault.TAKES, ("A",))
+
+
 SIZE = RecordScales(1e-5, 1e-4, 1e-3, 1e-6, 1e-4, 0.1, 500.0)
 
 
@@ -552,7 +572,8 @@ def test_what_keeps_a_candidate_from_being_taken(candidate, fault):
     [
         ([("B2", "F", 0.003, 0.5, True), ("L2", "m", 4e-5, 0.5, False)], ()),
         ([("B2", "F", 0.003, 1.1, True), ("L2", "m", 4e-5, 0.5, False)], ("B2",)),
-        ([("B2", "F", 0.003, 0.5, True), ("L2", "m", 4e-5, 1.1, False)], ("L2",)),
+        ([("B2", "F", 0.003, 0.5, True), ("L2", "m", 4e-5, 0.58, False)], ()),
+        ([("B2", "F", 0.003, 0.5, True), ("L2", "m", 4e-5, 0.59, False)], ("L2",)),  # a decade
         ([("B2", "F", 0.9, 0.5, True)], ("B2",)),  # more than all friction
         ([("a", "F", 1e-5, 3.0, True), ("b", "F", 1e-3, 0.1, True)], ()),  # a phase
         ([("a", "F", 1e-5, 3.0, True), ("b", "F", 1e-5, 1.5, True)], ("a", "b")),

@@ -143,7 +143,7 @@ def _estimates(
     ends = np.stack([z - QUANTILE * std, z + QUANTILE * std])
     of = problem.coordinates
     values, slopes = of.from_free(np.vstack([z[None], ends])), of.slopes(z)
-    fixed = determined(problem.on_host(), std, float(np.ptp(record.friction)))
+    fixed = determined(problem.on_host(), z, std, float(np.ptp(record.friction)))
     plausible = _plausible(record, steps, sign, problem, values[0])
     known = [ended and a and b for a, b in zip(fixed, plausible, strict=True)]
     if profiles is not None:

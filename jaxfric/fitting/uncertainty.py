@@ -18,7 +18,7 @@ from statistics import NormalDist
 import numpy as np
 from jaxtyping import Array, Float
 
-from .abstract_problem import AbstractProblem
+from .abstract_problem import AbstractProblem, powers
 from .noise import Noise, sandwich
 from .problem import Problem
 from .solve import Solution, descend
@@ -28,7 +28,8 @@ ENDS = (2.5, 97.5)
 QUANTILE = NormalDist().inv_cdf(ENDS[1] / 100)
 """Half width of a 95 % interval in standard deviations of a normal distribution."""
 
-_HALF_DECADE = 0.5 * np.log(10.0)
+HALF_DECADE = 0.5 * np.log(10.0)
+"""Half of the longest 95 % interval of the logarithm of a determined positive parameter."""
 _PROFILE_POINTS = (0.7, 1.4, 2.0, 2.8, 4.0, 6.0)
 """Distances from the estimate at which a profile is computed, in standard errors."""
 
@@ -104,20 +105,27 @@ def fair_hold(problem: Problem, solution: Solution, noise: Noise) -> np.ndarray:
     return np.sqrt(np.maximum(np.diag(true)[p:] / np.diag(inverse)[p:], 1.0))
 
 
-def determined(problem: AbstractProblem, std: np.ndarray, span: float) -> list[bool]:
-    """Whether the record determines each parameter, given the errors of the unbounded variables.
+def determined(problem: AbstractProblem, z: np.ndarray, std: np.ndarray, span: float) -> list[bool]:
+    """Whether the record determines each parameter, given values `z` and errors `std` of the
+    unbounded variables.
 
     A positive parameter is determined if its 95 % interval is shorter than a decade. A signed
-    parameter is determined if half of its 95 % interval is less than the `span` of friction in the
-    record. A parameter with an error of 0 is undetermined, because no record determines a parameter
-    exactly.
+    parameter is determined if half of its 95 % interval is small enough. Of friction, or of a slope
+    of friction, it must be less than the `span` of friction in the record. Of another quantity,
+    such as a delay or a relative change, it must be less than the value or than the quantity's
+    typical size. A parameter with an error of 0 is undetermined, because no record determines a
+    parameter exactly.
     """
-    signed = span / float(problem.sizes.force)
-    limits = [
-        _HALF_DECADE if np.isfinite(problem.model.quantity(name).lower) else signed
-        for name in problem.model.names()
-    ]
-    return [bool(0 < QUANTILE * s < limit) for s, limit in zip(std, limits, strict=False)]
+
+    def limit(name: str, value: float) -> float:
+        about = problem.model.quantity(name)
+        if np.isfinite(about.lower):
+            return HALF_DECADE
+        of_friction = powers(about.unit)[0] != 0
+        return span / float(problem.sizes.force) if of_friction else max(abs(value), 1.0)
+
+    limits = map(limit, problem.model.names(), z)
+    return [bool(0 < QUANTILE * s < most) for s, most in zip(std, limits, strict=False)]
 
 
 def profile_interval(

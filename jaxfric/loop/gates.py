@@ -14,7 +14,7 @@ import numpy as np
 from ..effects import AbstractPlaceEffect, RecordScales
 from ..fitting import Estimate
 from ..fitting.abstract_problem import powers
-from ..fitting.uncertainty import normal_inverse
+from ..fitting.uncertainty import HALF_DECADE, QUANTILE, normal_inverse
 from .engine import Engine
 from .refit import Candidate, estimates
 from .refusal import Fault, Move, Refusal
@@ -36,8 +36,8 @@ class Trial(NamedTuple):
     current: Candidate
     """The model so far."""
     candidate: Candidate
-    without: Candidate
-    """The candidate's model without its new effect."""
+    without: tuple[Candidate, ...]
+    """The models to which the effects of the candidate were added, one after another."""
 
     @property
     def gain(self) -> float:
@@ -68,9 +68,16 @@ def fixed(trial: Trial) -> Refusal | None:
 
 
 def takes_nothing(trial: Trial) -> Refusal | None:
-    """The added effect does not take over parameters of the base, see `taken`."""
-    moves = what_it_takes(trial.engine, trial.without, trial.candidate)
-    return Refusal(Fault.TAKES, tuple(m.name for m in moves), moves) if moves else None
+    """The effects do not take over parameters of the base, see `taken`.
+
+    Every model on the way to the candidate is asked, not only the last one. One effect may leave a
+    parameter of the base badly known, and the next effect may lose this parameter.
+    """
+    for without in trial.without:
+        moves = what_it_takes(trial.engine, without, trial.candidate)
+        if moves:
+            return Refusal(Fault.TAKES, tuple(m.name for m in moves), moves)
+    return None
 
 
 Gate = Callable[[Trial], Refusal | None]
@@ -107,7 +114,7 @@ def not_fixed(engine: Engine, candidate: Candidate, scales: RecordScales) -> tup
 
     An amplitude is undetermined if it does not exceed its standard error, or if it alone would
     change friction by more than the largest recorded friction. A shape parameter is undetermined if
-    its error is as large as its value, or if it lies outside the range of the record. Outside the
+    its 95 % interval spans a decade, or if it lies outside the range of the record. Outside the
     range are a length beyond twice the path, a time beyond twice the duration, and a velocity far
     from all recorded ones. The class of an effect may set further limits to parameters. Pure shape
     parameters, such as a bounded exponent, need not be determined: their values are held fixed when
@@ -148,7 +155,7 @@ def loose(parts: list[Part], force: float, scales: RecordScales) -> tuple[str, .
     found = [p.name for p in parts if not _possible(p, force, scales)]
     if amplitudes and not min(p.error for p in amplitudes) < 1:
         found += [p.name for p in amplitudes]
-    found += [p.name for p in parts if not p.amplitude and not p.error < 1]
+    found += [p.name for p in parts if not p.amplitude and not QUANTILE * p.error < HALF_DECADE]
     return tuple(dict.fromkeys(found))
 
 
@@ -188,8 +195,8 @@ _WHOLE = ("M", "F_c")
 
 
 def what_it_takes(engine: Engine, without: Candidate, candidate: Candidate) -> tuple[Move, ...]:
-    """The parameters of the base that an effect of a candidate takes over. The fit `without` leaves
-    out that effect.
+    """The parameters of the base that effects of a candidate take over. The fit `without` leaves
+    out these effects.
     """
     new = [e for e in engine.model.effects if e.id in {*candidate.effects} - {*without.effects}]
     of_place = any(issubclass(effect, AbstractPlaceEffect) for effect in new)

@@ -183,7 +183,7 @@ def estimates(
     span = float(np.ptp(np.asarray(engine.problem.friction)[: engine.rows]))
     all_std = np.zeros(len(engine.names))
     all_std[named] = std
-    fixed = determined(engine.problem.on_host(), all_std, span)
+    fixed = determined(engine.problem.on_host(), z, all_std, span)
     found = {}
     for k, i in enumerate(named):
         name = engine.names[i]

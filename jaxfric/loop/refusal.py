@@ -25,7 +25,7 @@ SOURCES: Mapping[Fault, str] = {
     Fault.FAILED: "a fit that did not converge says nothing, for or against",
     Fault.IMPOSSIBLE: "bounds of the effect's parameters (page 'effects')",
     Fault.WEAK: "very strong evidence is a fall of BIC by 10 (Kass and Raftery 1995)",
-    Fault.NOT_FIXED: "an error as large as the value, or a size that the record cannot show",
+    Fault.NOT_FIXED: "an error that leaves no value, or a size that the record cannot show",
     Fault.TAKES: "the sign and size of what was known without the effect (page 'loop')",
 }
 """The source of every rule."""

@@ -68,6 +68,11 @@ class Search(NamedTuple):
         found = refit(self.engine, rest, _at_null(self.engine, candidate.z, gone))
         return self.trying(found), found
 
+    def on_the_way(self) -> tuple[Candidate, ...]:
+        """The fits of all accepted models, the last one first."""
+        found = (self.best_of(effects) for effects in reversed(self.accepted))
+        return tuple(c for c in found if c is not None)
+
     def one_less(self, candidate: Candidate) -> Candidate:
         """The best tried fit with one effect less; the base if there is none."""
         own = set(candidate.effects)
@@ -147,7 +152,7 @@ def _forward(now: Search, scales: RecordScales, progress: Callable[[str], None])
 
     now, better = now._replace(screened=(*now.screened, tuple(found))), []
     for one, candidate in zip(asked, engine.each(fitted, range(len(asked)), asked), strict=True):
-        trial = Trial(engine, scales, current, candidate, current)
+        trial = Trial(engine, scales, current, candidate, now.on_the_way())
         why = refusal_of(trial)
         now = now.trying(candidate._replace(rejection=why))
         if why is not None and why.code is Fault.NOT_FIXED:
@@ -276,7 +281,7 @@ def _swapped(now: Search, scales: RecordScales, progress: Callable[[str], None])
 
     best = current
     for (_, other, _), candidate in zip(asked, engine.each(fitted, asked), strict=True):
-        trial = Trial(engine, scales, best, candidate, now.one_less(candidate))
+        trial = Trial(engine, scales, best, candidate, (now.one_less(candidate),))
         able = candidate.physical and not candidate.failed
         near = able and trial.gain > -ACCEPT  # at least a rival
         why = refusal_of(trial, IN_PLACE if trial.gain > TIE else IN_PLACE[1:]) if near else None
@@ -298,7 +303,7 @@ def _with_rivals_asked(now: Search, scales: RecordScales) -> Search:
     def asked(c: Candidate) -> Candidate:
         if not c.effects or c.failed or not c.physical:
             return c
-        trial = Trial(now.engine, scales, now.final, c, now.one_less(c))
+        trial = Trial(now.engine, scales, now.final, c, (now.one_less(c),))
         near = -ACCEPT < trial.gain < 0
         why = takes_nothing(trial) if near else None
         return c if why is None else c._replace(rejection=why)

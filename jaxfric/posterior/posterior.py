@@ -122,7 +122,8 @@ def _whitened(fit: Fit, noise: Noise | None) -> dict[str, Fitted]:
 def _determined(fit: Fit, target: Target, about: Laplace) -> list[bool]:
     """Whether the Laplace approximation determines each parameter."""
     std = np.sqrt(np.diag(about.covariance))
-    return determined(target.problem, std, float(np.ptp(fit.record.friction)))
+    z = target.problem.coordinates.to_free(np.asarray(about.values))
+    return determined(target.problem, z, std, float(np.ptp(fit.record.friction)))
 
 
 def _of_maximum(fit: Fit, target: Target, about: Laplace) -> tuple[str, ...]:
