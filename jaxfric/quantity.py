@@ -134,13 +134,16 @@ def as_floats(value: ArrayLike) -> Array: ...
 @overload
 def as_floats(value: None) -> None: ...
 def as_floats(value: ArrayLike | None) -> Array | None:
-    """An array of floating-point numbers; None stays None."""
+    """An array of floating-point numbers; None stays None. Raises `InputError` for a text."""
     if value is None:
         return None
     if isinstance(value, np.ndarray | np.generic | float | int):  # `jnp.asarray` compiles a copy
         value = np.asarray(value)
         return jax.device_put(value if np.issubdtype(value.dtype, np.inexact) else value + 0.0)
-    value = jnp.asarray(value)
+    try:
+        value = jnp.asarray(value)
+    except (TypeError, ValueError):
+        raise InputError(f"{value!r} is no number; give rigs and motions numbers in SI") from None
     inexact = jnp.issubdtype(value.dtype, jnp.inexact)
     return jnp.asarray(value, value.dtype if inexact else jnp.result_type(float))
 

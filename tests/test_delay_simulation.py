@@ -166,6 +166,27 @@ def test_derivatives_are_finite_differences():
     assert_close_to_largest(reverse * MIDDLE, weights @ forward, 1e-10)
 
 
+def test_second_derivatives_are_differences():
+    """Along one direction in all parameters, the delay among them, in every order of modes."""
+    direction = np.random.default_rng(23).uniform(-1, 1, len(NAMES))
+    weights = np.random.default_rng(24).normal(size=(20, 3))
+    ts = jnp.linspace(0.0, 2.3, 20)
+
+    def f(s):
+        found = run(MIDDLE * (1 + s * direction), ts, 8)
+        return jnp.sum(weights * jnp.stack([found.velocity, found.slip, found.force], axis=1))
+
+    @jax.jit
+    def orders(s):
+        twice = (jax.jacfwd(jax.jacfwd(f)), jax.jacfwd(jax.grad(f)), jax.grad(jax.grad(f)))
+        return f(s), jnp.stack([second(s) for second in twice])
+
+    h = 1e-3
+    down, middle, up = (float(orders(s)[0]) for s in (-h, 0.0, h))
+    known = (up - 2 * middle + down) / h**2
+    np.testing.assert_allclose(orders(0.0)[1], known, rtol=1e-4)
+
+
 # ---- growth and decay against the roots ------------------------------------------------------
 
 

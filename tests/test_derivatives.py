@@ -11,7 +11,15 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxfric import Inertial, PiecewiseVelocity, QuasiStatic, RateState, Rig, simulate
+from jaxfric import (
+    Inertial,
+    InitialState,
+    PiecewiseVelocity,
+    QuasiStatic,
+    RateState,
+    Rig,
+    simulate,
+)
 from jaxfric.effects import effect_of, made
 
 MOTION = PiecewiseVelocity(np.array([0.0, 10.0, 25.0]), np.array([1e-6, 1e-5, 2e-6]))
@@ -174,6 +182,23 @@ def test_both_modes_and_batches_agree(name):
             found, second = reverse(row, rtol)
             assert found == pytest.approx(slope, rel=0, abs=1e-8 * np.abs(slope).max())
             assert second == pytest.approx(hessian, rel=0, abs=1e-8 * np.abs(hessian).max())
+
+
+@pytest.mark.parametrize("stiff", [False, True])
+def test_the_derivative_by_a_sample_time_is_the_rate_there(stiff):
+    """dF/dt = K (V_load - V) of a slider without mass, also at the last time; 0 by the start."""
+    rig = slider({name: jnp.asarray(value) for name, value in BASE.items()})
+    ts = jnp.array([0.0, 5.0, 12.0, 13.0, 30.0])
+    start = InitialState(elongation=5e-6)
+
+    def found(ts):
+        return simulate(rig, MOTION, ts, start=start, stiff=stiff, max_steps=512)
+
+    by_time = jax.jit(jax.jacfwd(lambda ts: found(ts).force))(ts)
+    load = np.array([1e-6, 1e-6, 1e-5, 1e-5, 2e-6])
+    rate = BASE["K"] * (load - np.asarray(found(ts).velocity))
+    rate[0] = 0.0
+    assert np.asarray(by_time) == pytest.approx(np.diag(rate), rel=2e-4, abs=2e-8)
 
 
 def test_one_that_runs_away_does_not_spoil_the_gradient_of_others():

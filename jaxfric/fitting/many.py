@@ -101,6 +101,8 @@ def fit_many(
     model = wanted_model(law, states, fit_stiffness, slip_trend)
     if noise not in NOISES:
         raise InputError(f"noise '{noise}' is not known; choose {' or '.join(NOISES)}")
+    if isinstance(records, str | Path | Record):
+        raise InputError("fit_many: give a list of records; for one record use jaxfric.fit")
     asked = list(records)
     stated = {"stiffness": stiffness, "mass": mass, "steps": steps}
     each = [_for_each(given, asked, name) for name, given in stated.items()]

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from .ode import SliderEquation, Unknowns
-from .stepping import How, Sampled
+from .stepping import How, Sampled, until
 
 
 def solve_given(
@@ -55,7 +55,7 @@ def solve_given(
     else:
         assert found.interpolation is not None
         time, end = ts, found.interpolation.t1
-        y = jax.vmap(found.interpolation.evaluate)(jnp.minimum(ts, end))
+        y = jax.vmap(found.interpolation.evaluate)(until(ts, end))
     reached = found.result == diffrax.RESULTS.successful
     ran_away = found.result == diffrax.RESULTS.event_occurred
     sampled = Sampled(time, y, end, reached, ran_away, found.stats["num_steps"])

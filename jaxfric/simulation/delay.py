@@ -30,8 +30,9 @@ def simulate_delay(
     """Simulate a slider with mass and a delay law at a constant command, after a disturbance.
 
     Before `ts[0]` the slider slides steadily at the commanded velocity V0. At `ts[0]` the argument
-    `start` disturbs the steady sliding. The function works under jit and vmap. The result is
-    differentiable with respect to every array of `rig` (the delay too), `velocity` and `start`.
+    `start` disturbs the steady sliding. The function works under jit and vmap. Derivatives are
+    exact to second order, with respect to every array of `rig` (the delay too), `velocity`, `start`
+    and `ts`.
 
     Parameters
     ----------

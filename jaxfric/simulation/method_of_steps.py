@@ -28,7 +28,7 @@ from numpy.polynomial import chebyshev
 from ..rig import Inertial
 from ..rig.friction import AbstractDelayLaw
 from .radau import radau
-from .thresholds import COLLOCATION_STEPS, NODES
+from .thresholds import COLLOCATION_STEPS, NODES, ORDERS
 
 _POINTS, _INTEGRATE = radau(NODES)
 # Values at 0 and the points to Chebyshev coefficients.
@@ -131,7 +131,8 @@ def _collocate(
 
     The unknown is z = dv/ds at the points; with the integration matrix S and a = h w,
     v = v0 + S z and p = p0 + a S v. Newton's method ends at the square root of rounding, hidden
-    from differentiation; one more step reaches rounding and has the solution's derivative.
+    from differentiation. A further step with a constant matrix reaches rounding and has the first
+    derivative of the solution. One more such step has the second derivative.
     """
     known = jax.lax.stop_gradient((equation, y0, v_delayed))
 
@@ -147,8 +148,10 @@ def _collocate(
         return z - jnp.linalg.solve(matrix, residual), count + 1
 
     z, count = jax.lax.while_loop(proceed, again, (jnp.zeros_like(known[2]), jnp.asarray(0)))
-    residual, _, matrix = _residual(equation, y0, v_delayed, z)
-    z = z - jnp.linalg.solve(jax.lax.stop_gradient(matrix), residual)
+    _, _, matrix = _residual(*known, z)
+    for _ in range(ORDERS):
+        residual, _, _ = _residual(equation, y0, v_delayed, z)
+        z = z - jnp.linalg.solve(matrix, residual)
     p, v = _motion(equation, y0, z)
     return jnp.stack([p, v], axis=1), (count < COLLOCATION_STEPS) & jnp.all(jnp.isfinite(p + v))
 

@@ -87,6 +87,11 @@ class SliderEquation(eqx.Module):
         V = motion.first_velocity()
         self.rig, self.motion, self.law, self.start = rig, motion, law, start
         self.steady_state = law.steady_state(V)
+        if start.state is not None and start.state.shape != self.steady_state.shape:
+            raise InputError(
+                f"start.state has shape {start.state.shape}, but the state of this"
+                f" {type(law).__name__} has shape {self.steady_state.shape}"
+            )
         self.reference = law.force(V, self.steady_state, _origin(V))
 
     def initial(self) -> Unknowns:

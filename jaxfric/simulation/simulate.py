@@ -27,7 +27,7 @@ from .by_diffrax import solve_given
 from .checks import is_possible, refuse_impossible, refuse_no_steady_state
 from .ode import SliderEquation
 from .start import InitialState, law_with_states
-from .stepping import How, follow, recorded
+from .stepping import How, follow, recorded, until
 from .thresholds import SAFETY, STIFF
 from .trajectory import RESULTS, Trajectory, only_if
 
@@ -51,8 +51,8 @@ def simulate(
 
     For the equations see `simulation.ode` and the laws. The function works under `jit`, `vmap`,
     forward mode, reverse mode and forward over reverse. Derivatives are exact to second order, with
-    respect to every array of `rig`, `motion`, `start` and `ts` except the times of the motion's
-    jumps.
+    respect to every array of `rig`, `motion`, `start` and `ts`. Exceptions are the times of the
+    motion's jumps and `ts[0]`, where the motion starts: derivatives by these times are 0.
 
     Parameters
     ----------
@@ -83,17 +83,22 @@ def simulate(
 
     Raises
     ------
-    InputError : `rtol` not in (0, 0.1], `runaway` not above 1, `ts` not of one dimension, `start`
-        with a velocity for a slider without mass. Among concrete values: a parameter out of
-        bounds, `ts` that descends, is not finite or begins before the motion, no steady sliding
-        to start from.
+    InputError : `rtol` not in (0, 0.1], `runaway` not above 1, `max_steps` below 1, `ts` not of
+        one dimension, friction that is no law, `start` with a state of another shape than the
+        law's, or with a velocity for a slider without mass. Among concrete values: a parameter
+        out of bounds, `ts` that descends, is not finite or begins before the motion, no steady
+        sliding to start from.
     TypeError : a delay law (see `simulate_delay`), or neither direct effect nor mass.
     """
     if not isinstance(rtol, Tracer) and not 0 < rtol <= 0.1:
         raise InputError(f"simulate: rtol is {rtol}; it must be in (0, 0.1]")
     if not runaway > 1:
         raise InputError(f"simulate: runaway is {runaway}; it is a factor above 1")
+    if max_steps < 1:
+        raise InputError(f"simulate: max_steps is {max_steps}; take 1 at least")
     begin = InitialState() if start is None else start
+    if not isinstance(begin, InitialState):
+        raise InputError(f"simulate: start is {begin!r}; give an InitialState(...)")
     refuse_impossible("simulate", rig, ts, begin, motion=motion)
     if stiff is None:
         stiff = _is_stiff(rig, motion, ts)
@@ -112,7 +117,7 @@ def simulate(
         found = (recorded if at_steps else follow)(equation, initial, ts_used, how)
         why = diffrax.RESULTS.max_steps_reached
     time = found.time if at_steps else ts
-    slider = in_blocks(equation.physical, jnp.minimum(time, found.end), found.y)
+    slider = in_blocks(equation.physical, until(time, found.end), found.y)
     stopped = RESULTS.where(found.ran_away, RESULTS.ran_away, RESULTS.promote(why))
     result = RESULTS.where(found.reached, RESULTS.successful, stopped)
     read, steps = rig.sensor.read(time, slider.force), found.steps

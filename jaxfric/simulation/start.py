@@ -14,6 +14,7 @@ from ..errors import InputError
 from ..quantity import as_floats
 from ..rig import Inertial, Rig
 from ..rig.friction import (
+    AbstractDelayLaw,
     AbstractLaw,
     AbstractRateState,
     AgeingEvolution,
@@ -29,9 +30,15 @@ def law_with_states(rig: Rig) -> AbstractLaw:
 
     Raises
     ------
+    InputError : the rig's friction is no friction law.
     TypeError : the rig has a delay law.
     """
     law = rig.friction
+    if not isinstance(law, AbstractLaw | AbstractDelayLaw):
+        raise InputError(
+            f"the friction of the rig is a {type(law).__name__}, which is no friction law; give"
+            " Rig(machine, law), and the `.law` of what law_from_parameters or law_from_fit returns"
+        )
     if not isinstance(law, AbstractLaw):
         raise TypeError(
             f"{type(law).__name__} is a delay law, which has no states: use `simulate_delay`, "

@@ -266,7 +266,7 @@ def _segments(
 
             point, knots = jax.lax.scan(some, point, None, length=parts)
             knots = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), knots)
-        return point, _between(knots, jnp.minimum(ts, point.time), ts > begin, ys)
+        return point, _between(knots, until(ts, point.time), ts > begin, ys)
 
     return (point, ys), segment
 
@@ -413,6 +413,11 @@ def _between(knots: Knots, ts: Float[Array, " n"], inside: Bool[Array, " n"], ys
         return jax.tree.map(lambda y0, y1, k: quartic(share, y0, y1, k), y0, y1, k)
 
     return renewed(at, inside, ys, ts, rows)
+
+
+def until(ts: Float[Array, " n"], end: Float[Array, ""]) -> Float[Array, " n"]:
+    """The times, with `end` in place of later ones; `minimum` halves the derivative at `end`."""
+    return jnp.where(ts > end, end, ts)
 
 
 def _choose(which: Bool[Array, ""], one: PyTree, other: PyTree) -> PyTree:

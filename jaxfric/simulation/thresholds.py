@@ -35,3 +35,5 @@ NODES = 16
 their cube."""
 COLLOCATION_STEPS = 12
 """Largest number of Newton steps for these points."""
+ORDERS = 2
+"""Highest order of exact derivatives of these points: one more Newton step each."""

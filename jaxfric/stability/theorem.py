@@ -17,6 +17,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from ..errors import InputError
 from ..rig.friction import AbstractRateState, RateState
 from . import polynomial as poly
 from .frequency import crossings
@@ -108,11 +109,20 @@ def apply_theorem(slider: LinearSlider) -> Theorem:
 def critical_stiffness(law: AbstractRateState) -> Float[Array, ""]:
     """Critical stiffness of a massless, undamped slider: (25) with m = k_v = 0 [force/m].
 
-    For one state the critical stiffness is (B - A)/L. For every other law the critical stiffness
-    follows from (18)-(20) at the velocity V0. For several states the critical stiffness does not
-    depend on velocity. If the critical stiffness is zero or negative, every positive stiffness is
-    stable. Derivatives of any order are exact.
+    For one state the critical stiffness is (B - A)/L. For every other rate-and-state law the
+    critical stiffness follows from (18)-(20) at the velocity V0. For several states the critical
+    stiffness does not depend on velocity. If the critical stiffness is zero or negative, every
+    positive stiffness is stable. Derivatives of any order are exact.
+
+    Raises
+    ------
+    InputError : `law` is no rate-and-state law. For other laws see `linearise` and `apply_theorem`.
     """
+    if not isinstance(law, AbstractRateState):
+        raise InputError(
+            f"critical_stiffness: the law is a {type(law).__name__}, no rate-and-state law; use"
+            " apply_theorem(linearise(rig, velocity))"
+        )
     if isinstance(law, RateState) and law.B.shape[0] == 1:
         return (law.B[0] - law.A) / law.L[0]
     friction = linear_friction(law, law.V0)
