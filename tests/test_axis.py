@@ -288,6 +288,19 @@ def test_inverse_dynamics_is_least_squares(recorded):
         assert fit.values[name] == pytest.approx(value, rel=0.02), name
 
 
+@pytest.mark.parametrize(("noise", "known"), [(10.0, True), (400.0, False)])
+def test_an_axis_fit_determines_what_a_loop_determines(recorded, noise, known):
+    """A 95 % interval of less than a decade, of a mass known well, and to +-75 %."""
+    problem = problem_of(recorded)
+    force = np.asarray(problem.friction)
+    force = force + noise * np.random.default_rng(0).standard_normal(len(force))
+    problem = dataclasses.replace(problem, friction=jnp.asarray(force))
+    fit = inverse_dynamics(problem, start(problem), np.arange(4))
+    error = fit.std["M"] / fit.values["M"]
+    assert error < 1 and (1.96 * error < 0.5 * np.log(10)) == known
+    assert ("M" not in fit.loose) == known
+
+
 def test_closed_loop_against_an_axis_that_truly_sticks(recorded):
     rig = AxisRig(95.0, 203.0, 20.0, -3.0, width=2e-4)
     controller = Controller(*(jnp.asarray(x) for x in (DRIVE.kp, DRIVE.kv * DRIVE.gtau, H)))

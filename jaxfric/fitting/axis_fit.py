@@ -26,7 +26,7 @@ from .axis_problem import AxisProblem
 from .encompassing import EncompassingModel
 from .marquardt import Descent, levenberg_marquardt
 from .padding import FEW
-from .uncertainty import normal_inverse
+from .uncertainty import determined, normal_inverse
 
 _TOLERANCE = 1e-9
 _TRIALS = 60
@@ -49,8 +49,7 @@ class AxisFit(Described, Tabular):
     """Root mean square of the residual [N, N m or %; m or rad]."""
     converged: bool
     loose: tuple[str, ...] = ()
-    """Undetermined parameters: the standard error exceeds the largest force (signed parameters) or
-    the value itself (positive parameters)."""
+    """Parameters that the record does not determine, see `uncertainty.determined`."""
 
 
 def inverse_dynamics(problem: AxisProblem, z: np.ndarray, free: np.ndarray) -> AxisFit:
@@ -150,10 +149,10 @@ def _fit(
     natural, slopes = of.from_free(z), of.slopes(z)
     rms = float(np.sqrt(np.mean(residual**2)))
     std = rms * np.sqrt(np.diag(normal_inverse(found.jacobian)))
-    peak = float(np.max(np.abs(np.asarray(problem.friction)[np.asarray(problem.weight) > 0])))
-    share = peak / float(problem.sizes.force)
-    limits = [1.0 if np.isfinite(problem.model.quantity(names[i]).lower) else share for i in free]
-    loose = [names[i] for i, s, most in zip(free, std, limits, strict=True) if not s < most]
+    every = np.zeros(len(names))
+    every[free] = std
+    used = np.asarray(problem.friction)[np.asarray(problem.weight) > 0]
+    known = determined(problem.on_host(), z, every, float(np.ptp(used)))
     return AxisFit(
         method=method,
         values={names[i]: float(natural[i]) for i in free},
@@ -161,7 +160,7 @@ def _fit(
         relative_error=float(np.linalg.norm(residual) / np.linalg.norm(recorded)),
         rms=rms,
         converged=found.converged,
-        loose=tuple(loose),
+        loose=tuple(names[i] for i in free if not known[i]),
     )
 
 
