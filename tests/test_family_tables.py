@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jaxfric.fitting.noise import noise_of
 from jaxfric.loop.evaluate import Rows
 from jaxfric.loop.family import (
     CurveFamily,
@@ -76,7 +77,7 @@ def made(speeds, friction, named):
     f0, slope, c = np.linalg.lstsq(matrix / size, friction(V), rcond=None)[0] / size
     z = np.asarray([f0, slope, 0.0, c])
     residual = (level(z, V) - friction(V)) / SCALE
-    noise = SimpleNamespace(sigma=SIGMA)
+    noise = noise_of(SIGMA)
 
     def bic(rows, count):
         return float(np.sum(rows.residual**2)) / SIGMA**2 + count * np.log(n), noise
@@ -84,7 +85,7 @@ def made(speeds, friction, named):
     engine = SimpleNamespace(
         names=("f0", "A", "B", f"{named}.c"), weight=np.ones(n), bic=bic,
         blocks=SimpleNamespace(train=np.ones(n, bool), step=np.repeat(range(len(speeds)), ROWS)),
-        problem=SimpleNamespace(noise_scale=SCALE),
+        unit=SCALE, noise=SimpleNamespace(clock=np.arange(1.0 * n)[:, None]),
         free=lambda effects: np.arange(4),
         model=SimpleNamespace(columns=lambda ids: [3] * len(ids), amplitudes=lambda id: [3]),
         evaluate=lambda z, index: Rows(

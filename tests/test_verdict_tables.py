@@ -5,11 +5,11 @@ Every row alters one condition; a threshold that moves turns a row.
 
 from types import SimpleNamespace
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from jaxfric.fitting import Estimate
+from jaxfric.fitting.noise import noise_of
 from jaxfric.loop import refit as refit_module
 from jaxfric.loop import search as search_module
 from jaxfric.loop.evaluate import Rows
@@ -66,26 +66,24 @@ class Made(SimpleNamespace):
 # ---- the search ------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("rows_worth", [60.0, 15.0])
+@pytest.mark.parametrize(("alike", "rows_worth"), [(0.0, 60.0), (45 / 73, 15.0)])
 @pytest.mark.parametrize("parameters", [1, 5, 8])
 def test_every_parameter_costs_the_logarithm_of_the_independent_rows(
-    parameters, rows_worth, monkeypatch
+    parameters, alike, rows_worth, monkeypatch
 ):
-    """BIC = -2 ln L + p ln n; of correlated noise n is what the train rows are worth, not 60."""
-    noise = SimpleNamespace(sigma=jnp.asarray(3.0), log_likelihood=jnp.asarray(-40.0))
-    weight = 1.0 * BLOCKS.train
+    """BIC = -2 ln L + p ln n; of noise with the correlation r of neighbouring rows, 60 train rows
+    are worth (60 - 58 r)/(1 + r)."""
+    memory = -1 / np.log(max(alike, 1e-300))
+    noise = noise_of(3.0, float(alike > 0), [memory], log_likelihood=-40.0)
     engine = SimpleNamespace(
-        weight=weight,
+        weight=1.0 * BLOCKS.train,
+        noise=SimpleNamespace(clock=np.arange(100.0)[:, None]),
         noise_of=lambda residual, columns, near: SimpleNamespace(noise=noise),
-        # columns of ones are asked for: their whitened squares are n/sigma^2
-        whiten=lambda columns, noise, *_: (
-            columns * weight[:, None] * np.sqrt(rows_worth / 60) / float(noise.sigma)
-        ),
     )
     monkeypatch.setattr(refit_module, "predictive", lambda *_: 7.0)
     rows = SimpleNamespace(residual=np.ones(100), extra=np.asarray([1.0, 2.0]))
     bic, found = refit_module.bic(engine, rows, parameters)
-    assert bic == pytest.approx(80.0 + 5.0 + 7.0 + parameters * np.log(rows_worth), rel=1e-12)
+    assert bic == pytest.approx(80.0 + 5.0 + 7.0 + parameters * np.log(rows_worth), rel=1e-9)
     assert found is noise
 
 

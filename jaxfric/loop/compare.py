@@ -41,6 +41,7 @@ from ..fitting.noise import (
     Noise,
     NoiseRows,
     estimate_noise,
+    independent_rows,
     least_noise,
     noise_rows,
     profile_noise,
@@ -363,9 +364,7 @@ class Rival(NamedTuple):
     @property
     def independent_rows(self) -> float:
         """Effective number of independent rows under the noise."""
-        noise, weight = self.noise.noise, self.problem.weight
-        white = whitened(self.problem.clock, weight, np.ones((len(weight), 1)), noise)
-        return float(np.clip(np.sum(white**2) * float(noise.sigma) ** 2, 2.0, self.rows))
+        return independent_rows(self.problem.clock, self.problem.weight, self.noise.noise)
 
     def bic(self, rows: float, more: int = 0) -> float:
         """BIC for a number of independent rows, with `more` parameters besides those of the law."""

@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..fitting.noise import independent_rows
 from ..fitting.noise.thresholds import CLEAR, SAME_VELOCITY, TOLD
 from .engine import Engine
 from .evaluate import Rows
@@ -252,8 +253,6 @@ def step_error(engine: Engine, final: Candidate) -> float:
     """Standard error of mean friction in a motion segment, in the unit of friction. The effective
     number of independent train rows is divided equally among the segments.
     """
-    rows = engine.blocks.train
-    segments = len(np.unique(engine.blocks.step[rows]))
-    ones = engine.whiten(np.ones((len(engine.weight), 1)) * engine.weight[:, None], final.noise)
-    # the norm of a whitened column of ones is 1/(standard error of the total mean)
-    return float(engine.problem.noise_scale) * float(np.sqrt(segments / np.sum(ones**2)))
+    segments = len(np.unique(engine.blocks.step[engine.blocks.train]))
+    rows = independent_rows(engine.noise.clock, engine.weight, final.noise)
+    return engine.unit * float(final.noise.sigma) * float(np.sqrt(segments / rows))

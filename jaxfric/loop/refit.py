@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Int
 
 from ..fitting import Estimate
 from ..fitting.marquardt import levenberg_marquardt
-from ..fitting.noise import Noise, innovations_of
+from ..fitting.noise import Noise, independent_rows, innovations_of
 from ..fitting.result import tidy_unit
 from ..fitting.uncertainty import QUANTILE, determined, normal_inverse
 from .engine import Engine
@@ -115,10 +115,9 @@ def bic(
     The deviance of predicting the validation block is added to BIC, which penalises overfitting of
     the train block. `near` are additional starting values of the noise.
     """
-    residual, ones = rows.residual * engine.weight, np.ones((len(engine.weight), 1))
-    found = engine.noise_of(residual, 0 * ones, near).noise
-    effective = float(np.sum(engine.whiten(ones, found) ** 2) * found.sigma**2)
-    effective = min(max(effective, 2.0), float(engine.weight.sum()))
+    nothing = np.zeros((len(engine.weight), 1))
+    found = engine.noise_of(rows.residual * engine.weight, nothing, near).noise
+    effective = independent_rows(engine.noise.clock, engine.weight, found)
     more = float(np.sum(np.square(rows.extra))) + predictive(engine, rows.residual, found)
     return more - 2 * float(found.log_likelihood) + parameters * np.log(effective), found
 

@@ -21,6 +21,7 @@ from .estimate import CLOCKS, ROTARY_CLOCKS, NoiseEstimate, NoisePart, noise_est
 from .filter import (
     Whitening,
     coloured,
+    independent_rows,
     innovations,
     innovations_of,
     taken_out,

@@ -276,6 +276,16 @@ def whitened(
     return np.concatenate(parts, axis=1) if parts else np.array(columns)
 
 
+def independent_rows(
+    clock: Float[Numbers, "n *k"], weight: Float[Numbers, " n"], noise: Noise
+) -> float:
+    """Effective number of independent rows: the squared ratio of sigma to the standard error of the
+    mean of the rows with `weight`, limited to 2 and the number of these rows.
+    """
+    white = whitened(clock, weight, np.ones((len(weight), 1)), noise)
+    return float(np.clip(np.sum(white**2) * float(noise.sigma) ** 2, 2.0, np.sum(weight)))
+
+
 def taken_out(columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The first column projected orthogonal to the other columns, and the share of each row's
     variance that the projection leaves.
