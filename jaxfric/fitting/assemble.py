@@ -33,7 +33,7 @@ from .uncertainty import (
     profile_interval,
 )
 
-NEAR_EDGE = 2.0
+_NEAR_EDGE = 2.0
 """K/K_cr below which steps of a usual size may leave the basin of steady sliding."""
 _OTHER = 1.5
 """Steps contradict their record if stated and recorded speed differ by this factor."""
@@ -250,7 +250,7 @@ def _warn(fit: Fit, moved: list[tuple[int, float]], *, wanders: bool) -> Fit:
 
 def edge_warnings(K: float, critical: float) -> list[str]:
     """Warnings if K is below or near the critical stiffness; none for a critical stiffness <= 0."""
-    if not critical > 0 or NEAR_EDGE * critical <= K:
+    if not critical > 0 or _NEAR_EDGE * critical <= K:
         return []
     ratio = f"K/K_cr = {K / critical:.2f}"
     text = (

@@ -11,7 +11,6 @@ from ..effects import AbstractEffect, RecordScales
 from ..errors import InputError, option
 from ..findings import Warned, WarningCode, is_of
 from ..fitting import Fit
-from ..fitting.assemble import NEAR_EDGE
 from ..fitting.drift import of_drift
 from ..fitting.encompassing import EncompassingModel
 from ..fitting.padding import filled
@@ -58,8 +57,8 @@ def slider_subject(
     choice = Choice(asked.with_, asked.without)
     case = Case(changed(problem), blocks, friction_sensitivities, felt, path, choice)
     start = _start_of(case, base_fit.values() | more, found_steps, fitted_times)
-    steps, edge, step = shown[1].steps, edge_of(base_fit), blocks.step
-    warnings = (*thinning, *slider_warnings(base_fit, edge))
+    steps, step = shown[1].steps, blocks.step
+    warnings = (*thinning, *repeated(base_fit.warnings))
     every = np.ones(len(step), bool)
     reported = Reported(*shown, warnings, every, step, len(steps), steps.velocities[step])
 
@@ -74,7 +73,7 @@ def slider_subject(
         reported=lambda engine, found: reported,
         named=lambda parameters: {**parameters, "K": known["K"], "V0": known["V0"]},
         details=lambda engine, found, after, *rest: None if details is None else details(after),
-        edge=edge,
+        edge=edge_of(base_fit),
     )
 
 
@@ -83,21 +82,6 @@ def edge_of(base_fit: Fit) -> float | None:
     if base_fit.claim().kind != "critical":
         return None
     return base_fit.values()["K"] / base_fit.critical_stiffness()
-
-
-def slider_warnings(base_fit: Fit, edge: float | None) -> list[str]:
-    """Warnings of the loop, and warnings of the base fit that concern neither noise nor effects."""
-    warnings = repeated(base_fit.warnings)
-    if edge is not None and edge < NEAR_EDGE:
-        warnings.append(
-            Warned(
-                f"K/K_cr is {edge:.2f}: so near the edge of stability finite steps may leave the"
-                " basin",
-                WarningCode.EDGE,
-                {"ratio": edge},
-            )
-        )
-    return warnings
 
 
 def _start_of(
