@@ -19,9 +19,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import stdtrit
 
 from ..errors import option
-from ..fitting.uncertainty import QUANTILE
+from ..fitting.uncertainty import ENDS, HALF_DECADE, QUANTILE
 from ..plain import entries, plain
 from ..records import Record
 from ..silent import silent
@@ -75,12 +76,13 @@ class StickSlip:
         return own | {"L": ("um", 1e6), "K": ("N/um" if force else "1/um", 1e-6)}
 
     def claimed(self, law: str) -> dict[str, tuple[float, float]]:
-        """Return values and errors (SI), by name, of the parameters that a law determines."""
+        """Return values and errors (SI), by name, of the parameters that a law determines: their
+        95 % interval is shorter than a decade."""
         if law not in self.fits or self.doubts.get(law):
             return {}
         fit = self.fits[law]
         both = {name: (fit.values[name], fit.errors[name]) for name in _NAMES}
-        known = {n: (v, e) for n, (v, e) in both.items() if QUANTILE * e < abs(v)}
+        known = {n: (v, e) for n, (v, e) in both.items() if QUANTILE * e < HALF_DECADE * abs(v)}
         if "A" not in known:  # without A, A-B does not determine B
             known.pop("B", None)
         return known
@@ -267,8 +269,9 @@ def told(found: StickSlip | None) -> list[str]:
     if line := drop_by_velocity(found):
         way = "falls" if line.slope < 0 else "rises"
         by = f"{way} by {measured(abs(line.slope), line.error)}"
-        if abs(line.slope) < QUANTILE * line.error:
-            by = f"changes by less than {abs(line.slope) + QUANTILE * line.error:.2g}"
+        half = float(stdtrit(len(found.used) - 2, ENDS[1] / 100)) * line.error  # as in `joint`
+        if abs(line.slope) < half:
+            by = f"changes by less than {abs(line.slope) + half:.2g}"
         lines.append(f"the drop {by}{force} per decade of velocity")
     laws = [found.law] if found.law else list(found.fits)
     lines += [_told_of(found, law) for law in laws]
