@@ -26,8 +26,12 @@ from jaxfric.fitting.solve import known_at
 from jaxfric.fitting.stages import Begun, FitTask, prepare
 from jaxfric.fitting.start import OneStateMotion, more_state_starts, one_state_starts
 from jaxfric.fitting.uncertainty import QUANTILE
+from jaxfric.laws.registry import rate_state
+from jaxfric.motion import PiecewiseVelocity
 from jaxfric.plot.fit import fit_figure
 from jaxfric.report.fit_text import summary
+from jaxfric.rig import QuasiStatic, Rig
+from jaxfric.simulation import simulate
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 # a, b, Dc [m] and their standard deviations as published for p655, step 1, slip law, k = 1.6e-3/um
@@ -611,6 +615,21 @@ def test_a_model_far_from_its_record_is_descended_to_the_end(seed):
         assert end.converged and end.rms > 40e-4
         start = {name: end.parameters[name].value for name in "ABL"}
     assert end.rms < 70e-4
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-6])
+def test_a_quiet_record_of_another_law_is_fitted_all_the_same(noise):
+    """The slip law misses a step of the ageing law by .0017 rms, thousands of times the noise."""
+    law = rate_state("ageing", {"f0": 0.6, "A": 8e-3, "B": 0.01, "L": 1e-5, "V0": 1e-6}, 1)
+    time = np.linspace(0.0, 120.0, 1201)
+    motion = PiecewiseVelocity(np.array([0.0, 40.0, 80.0]), np.array([1e-6, 1e-4, 1e-6]))
+    seen = simulate(Rig(QuasiStatic(jnp.asarray(5e3)), law), motion, jnp.asarray(time))
+    friction = np.asarray(seen.force) + noise * np.random.default_rng(0).standard_normal(len(time))
+    pulled = np.asarray(jax.vmap(motion.displacement)(jnp.asarray(time)))
+    record = jaxfric.from_arrays(time, friction, load_point_displacement=pulled)
+    found = jaxfric.fit(record, stiffness=5e3, law="slip")
+    assert found.converged and found.result == "converged"
+    assert found.rms == pytest.approx(1.7e-3, rel=0.1) and found.parameters["A"].determined
 
 
 def test_a_slow_change_is_not_taken_for_the_memory():

@@ -22,9 +22,10 @@ from ..quantity import Quantity, array_module
 
 N = TypeVar("N", Array, np.ndarray)
 
-FAILED_MISFIT = 1e4
-"""Misfit of a failed simulation, in units of the noise scale. It is finite but larger than that of
-any useful fit, so that the solver rejects the trial and shortens its step."""
+FAILED_MISFIT = 1e7
+"""Misfit of every row of a failed simulation, in units of the noise scale, so that the solver
+rejects the trial and shortens its step. It is above 100 times the range of friction, since the
+noise scale is at least 1e-5 of this range (`noise_from_differences`)."""
 _MASS_SHARE = 1e-4  # typical mass: this times force duration/velocity
 
 

@@ -18,7 +18,6 @@ from .noise import Noise, longest_memory, noise_estimate, noise_words
 from .noise.thresholds import CLEAR
 from .plausible import bounds_of
 from .problem import (
-    FAILED_MISFIT,
     Model,
     Problem,
     step_times_at,
@@ -60,7 +59,7 @@ def assemble(
     """
     problem, solution, noise, glitches, written = solved
     assert isinstance(problem.model, Model)
-    failed = solution.cost >= FAILED_MISFIT**2
+    failed = solution.failed
     misfit = _misfit(problem, solution, len(record))
     counted = misfit[np.asarray(problem.weight)[: len(record)] > 0]
     spread = covariance(problem, np.asarray(solution.jacobian), noise)

@@ -44,7 +44,6 @@ from .noise import (
     Found as FoundNoise,
 )
 from .problem import (
-    FAILED_MISFIT,
     Model,
     Problem,
     quantity_of,
@@ -189,7 +188,7 @@ def finished(
         problem = problem.holding(fair_hold(problem, solution, noise))
         solution = _settled(problem, solution)
         noise = _noise(problem, solution, written, like=found).noise
-    if whitened and solution.cost < FAILED_MISFIT**2:
+    if whitened and not solution.failed:
         solution = solve(problem.whitened(noise), np.asarray(solution.z)[None], refine=1)
         noise = _noise(problem, known_at(problem, solution.z), written, like=found).noise
         problem = problem.whitened(noise)
@@ -382,7 +381,7 @@ def _without_glitches(
     glitches = NO_GLITCHES
     step = np.searchsorted(np.asarray(steps.times), np.asarray(problem.time), side="right") - 1
     for _ in range(ROUNDS):
-        if solution.cost >= FAILED_MISFIT**2:
+        if solution.failed:
             break
         residual, jacobian = (np.asarray(x) for x in data_part(problem, solution))
         columns, weight = np.column_stack([residual, jacobian]), np.asarray(problem.weight)

@@ -29,7 +29,7 @@ from ..traced import traced
 from .fit import assembled, finished, require_float64, task_of, wanted_model
 from .noise import NO_GLITCHES, least_noise, noise_of, recorded_steps
 from .padding import bucket, filled
-from .problem import FAILED_MISFIT, Model, Problem
+from .problem import Model, Problem
 from .result import Fit
 from .solve import DESCENTS, MOST_POINTS, NOISE_REACHED, Solution, descent, on_host
 from .solved import Solved
@@ -369,7 +369,7 @@ def _descended(problems: list[Problem], zs: list[np.ndarray]) -> list[Solution]:
         for i, end in zip(open_, ends, strict=True):
             before = found[i].trials if i in found else 0
             found[i] = end._replace(trials=end.trials + before)
-        open_ = [i for i in open_ if not found[i].converged and found[i].cost < FAILED_MISFIT**2]
+        open_ = [i for i in open_ if not (found[i].converged or found[i].failed)]
     return [found[i] for i in range(len(problems))]
 
 

@@ -48,6 +48,11 @@ class Solution(NamedTuple):
     cost: float
     """Sum of squared residuals."""
 
+    @property
+    def failed(self) -> bool:
+        """Whether the simulation at these parameters failed, such as that of a runaway."""
+        return not bool(np.all(np.abs(np.asarray(self.residual)) < FAILED_MISFIT))
+
 
 @traced
 def descent(
@@ -92,8 +97,9 @@ def known_at(problem: Problem, z: np.ndarray | Array) -> Solution:
 
 
 def misfits(problem: Problem, starts: np.ndarray) -> np.ndarray:
-    """Sum of squared residuals at every start."""
-    return np.array([known_at(problem, z).cost for z in starts])
+    """Sum of squared residuals at every start; infinite where the simulation fails."""
+    seen = [known_at(problem, z) for z in starts]
+    return np.array([np.inf if one.failed else one.cost for one in seen])
 
 
 def solve(
@@ -126,23 +132,22 @@ def _in_turn(problem: Problem, starts: np.ndarray, most: int) -> Iterator[tuple[
     """Yield starting time and solution of each descent: from the first start, from the second, then
     in the order of misfit. If the slider runs away from the first start, its turn is by misfit
     too."""
-    begun, away = time.perf_counter(), FAILED_MISFIT**2
+    begun = time.perf_counter()
     first = descend(problem, starts[0])
-    able = first.cost < away
+    able = not first.failed
     if able:
         yield begun, first
-    cost = np.concatenate([[np.inf if able else away], misfits(problem, starts[1:])])
-    order = np.argsort(cost)
-    if (
-        able and len(cost) > 1 and cost[1] < away
-    ):  # a start in another valley comes early, whatever its misfit
+    cost = np.concatenate([[np.inf], misfits(problem, starts[1:])])
+    order = np.argsort(cost, kind="stable")
+    if able and np.isfinite(cost[1:2]).any():
+        # a start in another valley comes early, whatever its misfit
         order = np.array([1, *(k for k in order if k != 1)])
-    if cost[order[0]] >= away and problem.damping is None and not able:
+    if not np.isfinite(cost).any() and problem.damping is None and not able:
         # every start runs away: the record is near the stability edge. Approach it with a dashpot.
         order = np.argsort(misfits(problem.damped(_DASHPOTS[0]), starts))
     for i in [i for i in order if i > 0 or not able][: most - able]:
         begun = time.perf_counter()
-        yield begun, _descend_safely(problem, starts[i], runs_away=bool(cost[i] >= away))
+        yield begun, _descend_safely(problem, starts[i], runs_away=not np.isfinite(cost[i]))
 
 
 def _descend_safely(problem: Problem, z: np.ndarray, *, runs_away: bool) -> Solution:
@@ -151,5 +156,5 @@ def _descend_safely(problem: Problem, z: np.ndarray, *, runs_away: bool) -> Solu
         if not runs_away:
             break
         z = np.asarray(descend(problem.damped(strength), z).z)
-        runs_away = known_at(problem, z).cost >= FAILED_MISFIT**2
+        runs_away = known_at(problem, z).failed
     return descend(problem, z)

@@ -49,7 +49,7 @@ from ..fitting.noise import (
     whitened,
 )
 from ..fitting.noise import Found as FoundNoise
-from ..fitting.problem import FAILED_MISFIT, Problem
+from ..fitting.problem import Problem
 from ..fitting.solve import known_at
 from ..fitting.uncertainty import data_part
 from ..laws.registry import fixed_states, known_law, rate_state_laws
@@ -431,7 +431,7 @@ def _descend(problem: Problem, z: np.ndarray, noise: Noise) -> Descent:
     def both(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         known = known_at(problem, y)
         columns = np.column_stack([known.residual, known.jacobian])
-        if known.cost < FAILED_MISFIT**2:
+        if not known.failed:
             columns[:n] = whitened(problem.clock, weight, columns[:n], noise)
         return columns[:, 0], columns[:, 1:]
 
@@ -443,7 +443,7 @@ def _rivals(record: Record, fits: Sequence[Fit]) -> list[Rival]:
     that did not converge, as with a second state that the record lacks. All use the same rows: a
     row is excluded only if it is an outlier under every law."""
     solved = [(one, one.solved) for one in fits if one.solved is not None]
-    solved = [(one, of) for one, of in solved if of.solution.cost < FAILED_MISFIT**2]
+    solved = [(one, of) for one, of in solved if not of.solution.failed]
     if not solved:
         return []
     weight = functools.reduce(np.maximum, [np.asarray(of.problem.weight) for _, of in solved])
