@@ -205,8 +205,8 @@ def found(*effects, base=1.0, tried=()):
         (found("a"), LEFT, [("a", "b")], "outside_catalogue"),
         # nothing was found, and something is left: it must be seen in the size of the residual,
         # and no effect may have come near to explaining it
-        (found(base=1.07), LEFT, [], "outside_catalogue"),
-        (found(base=1.05), LEFT, [], "too_weak"),
+        (found(base=1.11), LEFT, [], "outside_catalogue"),
+        (found(base=1.09), LEFT, [], "too_weak"),
         (found(base=1.5, tried=[(("a",), -9.9, {})]), LEFT, [], "too_weak"),
         (found(base=1.5, tried=[(("a",), -10.1, {})]), LEFT, [], "outside_catalogue"),
         (found(base=1.5, tried=[(("a",), -2.1, {})]), LEFT, [], "too_weak"),

@@ -15,7 +15,7 @@ from .refusal import Move
 from .result import LocationProfile, Unfixed, unfixed
 from .search import Search, rival_fits
 from .split import NAMES
-from .thresholds import ACCEPT, ALIAS, EDGE, HELD_OUT, SIGNIFICANT, TIE
+from .thresholds import ACCEPT, ALIAS, EDGE, SIGNIFICANT, TIE
 
 
 class Facts(NamedTuple):
@@ -28,7 +28,7 @@ class Facts(NamedTuple):
     open: bool = False
     """Something else explains as much: a rival, another curve, an alias without a good fit."""
     seen: bool = False
-    """The train error of the base exceeds the noise."""
+    """The train error of the base exceeds that of noise (`Floor.most`)."""
     hinted: bool = False
     """An effect lowers BIC by less than `ACCEPT` but more than `TIE`."""
     withheld: bool = False
@@ -127,7 +127,7 @@ def facts_of(
         named=bool(search.final.effects),
         left=bool(against),
         open=bool(doubts),
-        seen=base.rms["train"] / floor.sigma > HELD_OUT,
+        seen=base.rms["train"] / floor.sigma > floor.most["train"],
         hinted=bool(gains) and TIE < max(gains) <= ACCEPT,
     )
 
