@@ -7,7 +7,7 @@ from numpy.polynomial import Polynomial
 
 from jaxfric.axis import AXIS_CATALOGUE
 from jaxfric.fitting.axis_preparation import shifted
-from jaxfric.fitting.problem import FAILED_MISFIT
+from jaxfric.fitting.thresholds import FAILED_MISFIT
 from jaxfric.gains.axis import axis_gains
 from jaxfric.loop.axis.details import turning_acceleration
 from jaxfric.loop.axis.loop import unit_of_residuals

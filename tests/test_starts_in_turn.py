@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxfric.fitting.abstract_problem import FAILED_MISFIT
 from jaxfric.fitting.solve import solve
+from jaxfric.fitting.thresholds import FAILED_MISFIT
 
 ROWS = 50
 MODEL = np.column_stack([np.ones(ROWS), np.linspace(-1, 1, ROWS)])

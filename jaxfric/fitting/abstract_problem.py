@@ -19,14 +19,9 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from ..quantity import Quantity, array_module
+from .thresholds import MASS_SHARE
 
 N = TypeVar("N", Array, np.ndarray)
-
-FAILED_MISFIT = 1e7
-"""Misfit of every row of a failed simulation, in units of the noise scale, so that the solver
-rejects the trial and shortens its step. It is above 100 times the range of friction, since the
-noise scale is at least 1e-5 of this range (`noise_from_differences`)."""
-_MASS_SHARE = 1e-4  # typical mass: this times force duration/velocity
 
 
 class ParametricModel(Protocol):
@@ -172,7 +167,7 @@ def typical_size(about: Quantity, sizes: Sizes) -> Array:
     if about.unit == "s":  # times are lags, much shorter than the record
         return sizes.lag
     if about.unit == "F s^2/m":
-        return sizes.force / sizes.velocity * _MASS_SHARE * sizes.duration
+        return sizes.force / sizes.velocity * MASS_SHARE * sizes.duration
     force, length, time = powers(about.unit)
     if length == -time:  # a velocity
         return sizes.force**force * sizes.velocity**length

@@ -25,17 +25,13 @@ from .problem import (
 from .result import Estimate, Fit, unit_of
 from .solve import Solution, known_at
 from .solved import Solved
+from .thresholds import NEAR_EDGE, OTHER_SPEED
 from .uncertainty import (
     QUANTILE,
     covariance,
     determined,
     profile_interval,
 )
-
-_NEAR_EDGE = 2.0
-"""K/K_cr below which steps of a usual size may leave the basin of steady sliding."""
-_OTHER = 1.5
-"""Steps contradict their record if stated and recorded speed differ by this factor."""
 
 
 def correlation_of(covariance: np.ndarray) -> np.ndarray:
@@ -200,7 +196,7 @@ def contradicted(record: Record, steps: VelocitySteps) -> list[str]:
             continue
         own = time[rows] - np.mean(time[rows])
         found = own @ motion[rows] / (own @ own)
-        if stated and not 1 / _OTHER < found / stated < _OTHER:
+        if stated and not 1 / OTHER_SPEED < found / stated < OTHER_SPEED:
             said, seen = (read_as(format_si(v, "m/s", "um/s")) for v in (stated, found))
             text = (
                 f"from {steps.times[k]:.4g} s on the steps say {said}, but the load point moves at"
@@ -249,7 +245,7 @@ def _warn(fit: Fit, moved: list[tuple[int, float]], *, wanders: bool) -> Fit:
 
 def edge_warnings(K: float, critical: float) -> list[str]:
     """Warnings if K is below or near the critical stiffness; none for a critical stiffness <= 0."""
-    if not critical > 0 or _NEAR_EDGE * critical <= K:
+    if not critical > 0 or NEAR_EDGE * critical <= K:
         return []
     ratio = f"K/K_cr = {K / critical:.2f}"
     text = (

@@ -25,12 +25,8 @@ from ..simulation.axis_closed_loop import Controller, closed_loop, substeps
 from .axis_problem import AxisProblem
 from .encompassing import EncompassingModel
 from .marquardt import Descent, levenberg_marquardt
-from .padding import FEW
+from .thresholds import COMPARED, FEW, TOLERANCE, TRIALS
 from .uncertainty import determined, normal_inverse
-
-_TOLERANCE = 1e-9
-_TRIALS = 60
-_COMPARED = 10  # output error compares every 10th sample
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -95,7 +91,7 @@ def output_error(
     disturbance = jnp.zeros(len(record)) if added is None else jnp.asarray(added)
     setting = _Setting(controller, jnp.asarray(reference), measured, disturbance, number)
     found = _solve(lambda z, index: _position_error(problem, setting, z, index), z, free)
-    return _fit("closed-loop output error", problem, found, free, np.asarray(measured)[::_COMPARED])
+    return _fit("closed-loop output error", problem, found, free, np.asarray(measured)[::COMPARED])
 
 
 def _moving_states(problem: AxisProblem, free: np.ndarray) -> tuple[AxisProblem, np.ndarray]:
@@ -136,7 +132,7 @@ def _solve(both: Callable, z: np.ndarray, free: np.ndarray) -> Descent:
         jacobian = np.concatenate([np.asarray(slopes) for _, slopes in found], axis=1)
         return np.asarray(found[0][0]), jacobian[:, : len(free)]
 
-    found = levenberg_marquardt(at, z[free], ftol=_TOLERANCE, xtol=_TOLERANCE, most=_TRIALS)
+    found = levenberg_marquardt(at, z[free], ftol=TOLERANCE, xtol=TOLERANCE, most=TRIALS)
     z[free] = found.y
     return found._replace(y=z)
 
@@ -194,7 +190,7 @@ def _position_error(
             substeps=setting.substeps,
             disturbance=setting.disturbance,
         )
-        return (run.position - setting.measured)[::_COMPARED]
+        return (run.position - setting.measured)[::COMPARED]
 
     y = z.at[free].get(mode="clip")
     return error(y), jax.jacfwd(error)(y)

@@ -26,21 +26,8 @@ from jaxtyping import Array, ArrayLike, Float, Num
 
 from ..errors import InputError
 from ..motion import MeasuredMotion
+from . import thresholds as const
 from .padding import bucket
-
-_ORDER = 4  # of the Butterworth filter
-_BINS = 4000  # frequencies of the integral for the acceleration noise
-_CUTOFF_SHARE = 0.1  # of the sampling rate
-_SLOW = 200.0  # [Hz] slower records keep all rows
-_SLOW_CUTOFF_SHARE = 0.2
-_RIPPLE = 0.05  # with `_PASS`, the filter of scipy.signal.decimate
-_PASS = 0.8
-_EDGE = 0.2  # [s] excluded at both ends, where a zero-phase filter sees samples on one side only
-_UNEVEN = 0.01  # relative jitter of intervals above which rows are interpolated
-_MARGIN = 0.5  # [s] padding at both ends against wrap-around of the FFT
-_SAME_ROWS = 0.49  # share of the default cutoff down to which rows keep their length
-_FEWEST_ROWS = 10
-_SAMPLES = 20  # fewest samples of the motion per long row
 
 
 class Preparation(NamedTuple):
@@ -64,15 +51,15 @@ def usual(interval: float, cutoff: float | None = None) -> Preparation:
     low-passed at half the cutoff, because the filtered motion lacks higher frequencies.
     """
     rate = 1 / interval
-    share, rows = _CUTOFF_SHARE, round(1 / _CUTOFF_SHARE)
-    if rate < _SLOW:
-        share, rows = _SLOW_CUTOFF_SHARE, 1
+    share, rows = const.CUTOFF_SHARE, round(1 / const.CUTOFF_SHARE)
+    if rate < const.SLOW:
+        share, rows = const.SLOW_CUTOFF_SHARE, 1
     first = share * rate
     if cutoff is None:
         return Preparation(first, rows)
-    if cutoff > 0 and cutoff < _SAME_ROWS * first:
+    if cutoff > 0 and cutoff < const.SAME_ROWS * first:
         rows = round(rows * first / cutoff)
-    thin = max(rows // _SAMPLES, 1)
+    thin = max(rows // const.SAMPLES_OF_ROW, 1)
     return Preparation(cutoff, thin * round(rows / thin))
 
 
@@ -185,8 +172,8 @@ def acceleration_noise(prepared: Prepared) -> float:
     filter.
     """
     h, every = prepared.interval, prepared.preparation.decimation
-    f = np.linspace(0, 0.5 / h, _BINS + 1)[1:]
-    low = 1 / (1 + (f / prepared.preparation.cutoff) ** (2 * _ORDER))
+    f = np.linspace(0, 0.5 / h, const.FREQUENCIES + 1)[1:]
+    low = 1 / (1 + (f / prepared.preparation.cutoff) ** (2 * const.ORDER))
     slope = np.sin(2 * np.pi * f * h) / h
     row = np.sinc(f * every * h) / np.sinc(f * h)
     if not isinstance(prepared.forces, Means):
@@ -227,14 +214,14 @@ def prepare(
     more = (0, -(-bucket(len(time), 1024) // every) * every - len(time))
     size = len(time) + more[1]
     # thinning of the motion: a divisor of the samples per row
-    thin = next(k for k in range(max(every // _SAMPLES, 1), 0, -1) if every % k == 0)
+    thin = next(k for k in range(max(every // const.SAMPLES_OF_ROW, 1), 0, -1) if every % k == 0)
     kept = slice(thin // 2, None, thin)
     motion = _motion(smooth, interval, more, kept, of_position=position is not None)
     along, recording = _samplers(size, interval, every, thin)
     padded = np.pad(recorded, more, "edge")
     acting = 0.5 * (padded + np.concatenate([padded[:1], padded[:-1]])) if held else padded
     at = (np.arange(size // every) * every + kept.start + 0.5 * (every - thin)) * interval
-    inside = (at >= _EDGE) & (at <= time[-1] - _EDGE)
+    inside = (at >= const.EDGE) & (at <= time[-1] - const.EDGE)
     return Prepared(
         motion,
         Means(every // thin),
@@ -262,18 +249,18 @@ def _refuse_unusable(chosen: Preparation, time: np.ndarray, interval: float, cou
             f"cutoff {chosen.cutoff:g} Hz: choose one above 0 and below half the sampling rate,"
             f" {0.5 / interval:g} Hz"
         )
-    if time[-1] < 4 * _EDGE or len(time) < 100:
+    if time[-1] < 4 * const.EDGE or len(time) < 100:
         raise InputError(
             f"the record lasts {time[-1]:.3g} s in {count} rows"
             + (f" ({len(time)} at their usual interval)" if len(time) != count else "")
-            + f"; {4 * _EDGE:g} s and 100 rows are needed at any cutoff: both ends, of"
-            f" {_EDGE:g} s, are left out"
+            + f"; {4 * const.EDGE:g} s and 100 rows are needed at any cutoff: both ends, of"
+            f" {const.EDGE:g} s, are left out"
         )
-    if len(time) < _FEWEST_ROWS * chosen.decimation:
+    if len(time) < const.FEWEST_ROWS * chosen.decimation:
         raise InputError(
             f"cutoff {chosen.cutoff:g} Hz: of {time[-1]:.3g} s that leaves"
-            f" {len(time) // chosen.decimation} rows, and {_FEWEST_ROWS} are needed; choose one"
-            f" above {_FEWEST_ROWS / time[-1]:.2g} Hz"
+            f" {len(time) // chosen.decimation} rows, and {const.FEWEST_ROWS} are needed; choose"
+            f" one above {const.FEWEST_ROWS / time[-1]:.2g} Hz"
         )
 
 
@@ -281,13 +268,13 @@ def _low_pass(raw: np.ndarray, cutoff: float, interval: float) -> np.ndarray:
     """Butterworth low-pass, forwards and backwards for zero phase."""
     from scipy import signal
 
-    return signal.sosfiltfilt(signal.butter(_ORDER, cutoff * 2 * interval, output="sos"), raw)
+    return signal.sosfiltfilt(signal.butter(const.ORDER, cutoff * 2 * interval, output="sos"), raw)
 
 
 def _white(raw: np.ndarray, smooth: np.ndarray, chosen: Preparation, interval: float) -> float:
     """White error of the motion, from the part that the default low-pass removes. A lower cutoff
     would remove motion too."""
-    above, edge = usual(interval).cutoff, round(_EDGE / interval)
+    above, edge = usual(interval).cutoff, round(const.EDGE / interval)
     least = smooth if above == chosen.cutoff else _low_pass(raw, above, interval)
     scatter = float(np.std((raw - least)[edge : len(raw) - edge]))
     return scatter / np.sqrt(max(1 - 2 * above * interval, 1e-3))
@@ -332,7 +319,7 @@ def _even(
     time = time - time[0]
     steps = np.diff(time)
     interval = float(np.median(steps))
-    if np.all(np.abs(steps - interval) < _UNEVEN * interval):
+    if np.all(np.abs(steps - interval) < const.UNEVEN * interval):
         return time, position, velocity, force
     grid = np.arange(0.0, time[-1] + 0.5 * interval, interval)
     on = lambda x: None if x is None else np.interp(grid, time, x)  # noqa: E731
@@ -341,7 +328,7 @@ def _even(
 
 def _of_rows(f: np.ndarray, interval: float, every: int) -> np.ndarray:
     """Gain of the low-pass of long rows at frequencies f [Hz]."""
-    return 1 / np.sqrt(1 + (2 * f * every * interval) ** (2 * _ORDER))
+    return 1 / np.sqrt(1 + (2 * f * every * interval) ** (2 * const.ORDER))
 
 
 _Samplers: TypeAlias = tuple[AbstractSampler, Decimator]
@@ -365,13 +352,13 @@ def _decimators(
     from scipy import signal
     from scipy.fft import next_fast_len
 
-    margin = max(8, min(round(_MARGIN / interval), size - 2))
+    margin = max(8, min(round(const.MARGIN / interval), size - 2))
     n = int(next_fast_len(size + 2 * margin, real=True) or size + 2 * margin)
     f = np.fft.rfftfreq(n, interval)
     long = _of_rows(f, interval, every) * np.exp(2j * np.pi * f * (begin + middle))
     published = np.ones_like(f)
     if every > 1:
-        low = signal.cheby1(8, _RIPPLE, _PASS / every, output="sos")
+        low = signal.cheby1(8, const.RIPPLE, const.PASS / every, output="sos")
         _, response = signal.sosfreqz(low, worN=2 * np.pi * f * interval)
         level = np.abs(np.asarray(response))
         published = (level / level[0]) ** 2

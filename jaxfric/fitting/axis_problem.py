@@ -15,21 +15,10 @@ from jaxtyping import Array, Float
 
 from ..motion import MeasuredMotion
 from ..rig.axis import AxisRig
-from .abstract_problem import FAILED_MISFIT, AbstractProblem, Sizes
+from .abstract_problem import AbstractProblem, Sizes
 from .axis_preparation import AbstractSampler, Prepared, shifted
 from .encompassing import EncompassingModel
-
-SLOWEST = 0.02
-"""Quantile of the speeds of the used rows: the slowest speed that the record resolves. Also the
-share of the largest speed below which friction is not checked."""
-_SPEEDS = 12  # speeds at which friction is checked
-NEGLIGIBLE = 0.02
-"""Share of the force below which a negative friction, or a difference, counts as zero; share of the
-forward travel below which the backward travel counts as none."""
-_LAG = 1e-2  # typical lag over range of position/largest speed
-_SHARES = (1e-3, 0.1)
-"""Inertial force at the largest acceleration, as a share of the typical force. A fit that starts
-with a mass below the first share starts at the second instead."""
+from .thresholds import FAILED_MISFIT, LAG_SHARE, MASS_SHARES, NEGLIGIBLE, SLOWEST, SPEEDS_CHECKED
 
 
 class AxisProblem(AbstractProblem):
@@ -70,7 +59,7 @@ class AxisProblem(AbstractProblem):
         Negative friction below the share `NEGLIGIBLE` of the force counts as zero.
         """
         rig, at = self.rig(jnp.asarray(z)), jnp.mean(self.motion.position)
-        v = self.typical.velocity * jnp.geomspace(SLOWEST, 1.0, _SPEEDS)
+        v = self.typical.velocity * jnp.geomspace(SLOWEST, 1.0, SPEEDS_CHECKED)
         least = jnp.minimum(jnp.min(rig.turning_friction(at, v)), rig.coulomb)
         return bool(least >= -NEGLIGIBLE * self.sizes.force)
 
@@ -96,7 +85,7 @@ class AxisProblem(AbstractProblem):
         z, i = np.array(z), self.model.names().index("M")
         about = self.on_host()
         whole = about.sizes.force / max(float(np.max(np.abs(about.motion.acceleration))), 1e-300)
-        least, first = (self.model.quantity("M").to_free(whole * share) for share in _SHARES)
+        least, first = (self.model.quantity("M").to_free(whole * share) for share in MASS_SHARES)
         z[i] = first if z[i] < least else z[i]
         return z
 
@@ -135,7 +124,7 @@ def make_problem(
                 np.max(np.abs(v)),
                 np.ptp(np.asarray(motion.position)),
                 prepared.time[prepared.rows - 1],
-                _LAG * np.ptp(np.asarray(motion.position)) / np.max(np.abs(v)),  # ty: ignore[unsupported-operator]
+                LAG_SHARE * np.ptp(np.asarray(motion.position)) / np.max(np.abs(v)),  # ty: ignore[unsupported-operator]
             )
         )
     )

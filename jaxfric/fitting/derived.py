@@ -27,10 +27,8 @@ from ..stability.theorem import critical_stiffness
 from ..traced import traced
 from .estimate import Estimate
 from .problem import Model, quantity_of
-from .uncertainty import ENDS, QUANTILE
-
-SAMPLES = 4096
-"""Samples for an interval: its ends are exact to a few per cent of a standard deviation."""
+from .thresholds import ENDS, SAMPLES
+from .uncertainty import QUANTILE
 
 
 class Estimated(Protocol):

@@ -19,10 +19,7 @@ from ..errors import option
 from ..findings import Warned, WarningCode
 from ..units import read_as
 from .result import Fit
-
-_BLOCKS = 8
-_RARE, _CONTRADICTED = 1e-3, 1e-2
-"""Significance levels: of a drift if the model has no slip trend; of a wrong slip trend."""
+from .thresholds import BLOCKS, CONTRADICTED, RARE_DRIFT
 
 
 class Drift(NamedTuple):
@@ -46,20 +43,20 @@ def drift_before(fit: Fit) -> Drift | None:
         return None
     time = fit.record.relative_time
     before = np.flatnonzero((time >= times[0]) & (time < times[1]))
-    if len(before) < 5 * _BLOCKS:
+    if len(before) < 5 * BLOCKS:
         return None
     x = fit.steps.displacement(time)
     left = np.asarray(fit.record.friction) - fit.predicted
-    ends = np.linspace(0, len(before), _BLOCKS + 1).astype(int)
+    ends = np.linspace(0, len(before), BLOCKS + 1).astype(int)
     u, y = (np.add.reduceat(values[before], ends[:-1]) / np.diff(ends) for values in (x, left))
     u = u - u.mean()
     slope = float(u @ y / (u @ u))
-    scatter = float(np.sum((y - y.mean() - slope * u) ** 2)) / (_BLOCKS - 2)
+    scatter = float(np.sum((y - y.mean() - slope * u) ** 2)) / (BLOCKS - 2)
     error = math.sqrt(scatter / float(u @ u))
     way = abs(float(x[-1] - x[before[-1]]))
     decade = abs(math.log(abs(moving[-1] / moving[0])))
     shift = abs(slope) * way / decade if decade > 0.05 else 0.0
-    return Drift(slope, error, chance(slope, error, _BLOCKS - 2), shift)
+    return Drift(slope, error, chance(slope, error, BLOCKS - 2), shift)
 
 
 def chance(slope: float, error: float, freedom: int) -> float:
@@ -72,7 +69,7 @@ def chance(slope: float, error: float, freedom: int) -> float:
 def told_drift(fit: Fit) -> Drift | None:
     """The drift of a fit; None if not significant, or if A - B shifts by less than its error."""
     found = drift_before(fit) if fit.converged else None
-    most = _CONTRADICTED if fit.model.slip_trend else _RARE
+    most = CONTRADICTED if fit.model.slip_trend else RARE_DRIFT
     if found is None or found.p >= most or not found.shift > fit.A_minus_B.std:
         return None
     return found

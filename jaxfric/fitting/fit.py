@@ -53,11 +53,10 @@ from .solve import DESCENTS, Solution, known_at, solve
 from .solved import Solved
 from .stages import Begun, FitTask, averaged, first_stage, one_state_model, second_stage
 from .start import one_state_starts
+from .thresholds import BLUR, MOST_STATES
 from .uncertainty import data_part, fair_hold
 
 WEIGHTINGS = ("ordinary", "whitened")
-_MAX_STATES = 3
-_BLUR = 0.5  # flattening of the peaks that warns, in units of the noise
 
 
 def fit(
@@ -226,7 +225,7 @@ def few_rows(record: Record, rows: int, steps: VelocitySteps) -> tuple[Record, t
     """The record averaged over neighbouring rows, and a warning if averaging flattens peaks."""
     few = thinned(record, rows, steps)
     lost = blur(few, noise_from_differences(few.friction)) if few is not record else 0.0
-    if lost < _BLUR:
+    if lost < BLUR:
         return few, ()
     return few, (blur_warning(-(-len(record) // rows), lost),)
 
@@ -235,8 +234,8 @@ def wanted_model(law: str, states: int, fit_stiffness: bool, slip_trend: bool) -
     """Return the requested model. Raise `InputError` if there is no such model."""
     law = known_law(law)
     always = fixed_states(law)
-    if not 1 <= states <= _MAX_STATES:
-        raise InputError(f"states is {states}; choose 1 to {_MAX_STATES}")
+    if not 1 <= states <= MOST_STATES:
+        raise InputError(f"states is {states}; choose 1 to {MOST_STATES}")
     if always is not None and states not in (1, always):
         raise InputError(f"states is {states}; the {law} law has {always}")
     return Model(law, always or int(states), bool(fit_stiffness), bool(slip_trend))

@@ -21,17 +21,10 @@ from ..errors import InputError, option
 from ..records import VelocitySteps
 from ..units import format_si, read_as
 from .means import average
+from .thresholds import CLEAR_RISE, DOUBTFUL, IMPOSSIBLE, LARGE_RISE
 
 UNIT_RIGHT = "is its unit right? It is friction per length, as in 1.6e-3/um"
 """Advice in the refusal of a stiffness."""
-_CLEAR = 5.0
-"""A rise counts if it exceeds so many standard deviations of the rows before the step, and"""
-_LARGE = 0.1
-"""this share of the range of friction."""
-_IMPOSSIBLE, _DOUBTFUL = 10.0, 1.5
-"""Ratios of the least to the stated stiffness: the first refuses it, the second warns. A stated
-stiffness above `_IMPOSSIBLE` times that of a rise one row earlier warns too. This ratio is large:
-a step by a factor of 2 needs some 3 times the path of the bare spring for its half rise."""
 
 
 class Loading(NamedTuple):
@@ -73,7 +66,7 @@ def steepest_loading(
             continue
         rise = _held(data.friction[here] - np.mean(level))
         half = 0.5 * float(np.max(rise))
-        if 2 * half < max(_CLEAR * float(np.std(level)), _LARGE * size):
+        if 2 * half < max(CLEAR_RISE * float(np.std(level)), LARGE_RISE * size):
             continue
         at = int(np.argmax(rise >= half))
         since = data.end[here] - steps.times[k]
@@ -92,7 +85,7 @@ def _held(rise: np.ndarray) -> np.ndarray:
 
 def refuse_contradicted(loading: Loading | None, K: float, friction_unit: str) -> None:
     """Raise `InputError` for a stated stiffness far below the least that the rows allow."""
-    if loading is not None and loading.stiffness > _IMPOSSIBLE * K:
+    if loading is not None and loading.stiffness > IMPOSSIBLE * K:
         raise InputError(
             f"stiffness is {_number(K, friction_unit)}, and the rows contradict it:"
             f" {_seen(loading, friction_unit)}; {UNIT_RIGHT}"
@@ -103,7 +96,7 @@ def doubts(loading: Loading | None, K: float, friction_unit: str) -> tuple[str, 
     """Warn of a stiffness below the least possible stiffness, or far above the observed one."""
     if loading is None:
         return ()
-    if _IMPOSSIBLE * loading.earlier < K:
+    if IMPOSSIBLE * loading.earlier < K:
         return (
             f"friction rises as on a spring of about {_number(loading.stiffness, friction_unit)},"
             f" not of {_number(K, friction_unit)}: after the step at {loading.time:.4g} s by"
@@ -111,7 +104,7 @@ def doubts(loading: Loading | None, K: float, friction_unit: str) -> tuple[str, 
             f" {_path(loading)} of load-point motion; is the unit of the"
             f" stiffness right? {option('fit-stiffness')} finds the one of the record",
         )
-    if not loading.stiffness > _DOUBTFUL * K:
+    if not loading.stiffness > DOUBTFUL * K:
         return ()
     return (
         f"the stiffness {_number(K, friction_unit)} contradicts the rows:"

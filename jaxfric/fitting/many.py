@@ -31,7 +31,7 @@ from .noise import NO_GLITCHES, least_noise, noise_of, recorded_steps
 from .padding import bucket, filled
 from .problem import Model, Problem
 from .result import Fit
-from .solve import DESCENTS, MOST_POINTS, NOISE_REACHED, Solution, descent, on_host
+from .solve import DESCENTS, NOISE_REACHED, Solution, descent, on_host
 from .solved import Solved
 from .stages import Begun, FitTask, averaged, first_stage, one_state_model, second_stage
 from .start import (
@@ -41,18 +41,9 @@ from .start import (
     grid_misfit,
     seek,
 )
+from .thresholds import AT_ONCE, FEW_AT_ONCE, FEWEST_TO_FIT, POINTS, SCATTER
 
-_AT_ONCE = 32
-"""Most records in a batch: more wait longer for the slowest, fewer leave vector units idle."""
-_FEW = 4
-"""Records in the smallest batch. Sizes grow by factors of eight, since each is compiled."""
-_POINTS = (6, 12, MOST_POINTS)
-"""Points after which a descent is cut the first, second and third time."""
 NOISES = ("estimated", "white")
-_FEWEST_ROWS = 8
-_SCATTER = 4.0
-"""Two standard errors of the noise variance from differences, times sqrt(rows). Without this margin
-four of 16 records of 500 rows would be fitted twice more for nothing."""
 
 
 def fit_many(
@@ -182,8 +173,8 @@ def _refuse_bad(record: Record | str | Path) -> None:
     if not isinstance(record, Record):  # `read` checks the rows of a file
         return
     time, friction = np.asarray(record.time), np.asarray(record.friction)
-    if len(time) < _FEWEST_ROWS:
-        raise InputError(f"it has {len(time)} rows; a fit needs {_FEWEST_ROWS}: leave it out")
+    if len(time) < FEWEST_TO_FIT:
+        raise InputError(f"it has {len(time)} rows; a fit needs {FEWEST_TO_FIT}: leave it out")
     bad = np.flatnonzero(~(np.isfinite(time) & np.isfinite(friction)))
     if len(bad):
         raise InputError(
@@ -239,10 +230,10 @@ def _in_batches(work: Callable, *inputs: list) -> list:
         shapes = tuple((np.shape(x), np.asarray(x).dtype) for x in leaves)
         groups.setdefault((tree, shapes), []).append(i)
     parts = []
-    most = at_once(_AT_ONCE)
+    most = at_once(AT_ONCE)
     for (tree, _), members in groups.items():
         for begin in range(0, len(members), most):
-            some, size = members[begin : begin + most], _FEW
+            some, size = members[begin : begin + most], FEW_AT_ONCE
             while size < len(some):
                 size *= 8
             parts.append((tree, min(size, most), some))
@@ -361,7 +352,7 @@ def _descended(problems: list[Problem], zs: list[np.ndarray]) -> list[Solution]:
     """One descent per problem; unfinished descents continue together."""
     found: dict[int, Solution] = {}
     open_ = list(range(len(problems)))
-    for most in _POINTS:
+    for most in POINTS:
         if not open_:
             break
         begin = [found[i].z if i in found else zs[i] for i in open_]
@@ -376,7 +367,7 @@ def _descended(problems: list[Problem], zs: list[np.ndarray]) -> list[Solution]:
 def _fits(point: Solution | None, own: Begun) -> bool:
     """Whether a descent converged to the noise level of its record."""
     samples = float(np.sum(np.asarray(own.problem.weight) > 0))
-    most = NOISE_REACHED * (1 + _SCATTER / np.sqrt(samples)) * samples
+    most = NOISE_REACHED * (1 + SCATTER / np.sqrt(samples)) * samples
     return point is not None and bool(point.converged and point.cost < most)
 
 

@@ -5,9 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..records import VelocitySteps
-
-INTERVALS = 160
-"""Approximate number of means of a record."""
+from .thresholds import INTERVALS
 
 
 class Averaged(NamedTuple):

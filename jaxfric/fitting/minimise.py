@@ -38,22 +38,10 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ..simulation.rodas import inverted
 from .abstract_problem import AbstractProblem
+from .thresholds import DAMPING, LEVEL, NEAR, SHORT, UNSEEN
 
 Residual = Callable[[Float[Array, " q"], Any], Float[Array, " n"]]
 """r(z, args)."""
-
-_LEVEL = 1e-14
-"""A descent ends when a rejected step would gain less than this share of |r|^2: below it, rounding
-and simulation errors decide whether a step is a gain."""
-
-_NEAR, _SHORT = 30.0, 1e-5
-"""A descent also ends when a full step is within `_NEAR` times `rtol` and rejections have shortened
-the next step to a hundredth. The sum of squares jumps where a simulation changes its pattern of
-time steps, which hides the remaining gain."""
-_UNSEEN = 1e-12
-"""Share of a column's squared norm below which its part orthogonal to the others is rounding."""
-_DAMPING = 1e-3
-"""First l of Marquardt: almost a Gauss-Newton step."""
 
 
 class Minimum(NamedTuple):
@@ -226,10 +214,10 @@ class _Damped(optx.AbstractDescent):
     def step(
         self, step_size: Float[Array, ""], state: tuple[Array, Array]
     ) -> tuple[Float[Array, " q"], optx.RESULTS]:
-        """The step from the last accepted point, with the damping l = `_DAMPING`/`step_size`."""
+        """The step from the last accepted point, with the damping l = `DAMPING`/`step_size`."""
         left, jacobian = state
         unit, size = _unit_columns(jacobian)
-        damped = unit.T @ unit + _DAMPING / step_size * jnp.eye(unit.shape[1])
+        damped = unit.T @ unit + DAMPING / step_size * jnp.eye(unit.shape[1])
         return -(inverted(damped) @ (unit.T @ left)) / size, optx.RESULTS.successful
 
 
@@ -279,9 +267,9 @@ class _Marquardt(optx.AbstractGaussNewton):
         cost = jnp.sum(left**2)
         gain = _gain(left, jacobian)
         least = self.rtol * jnp.sqrt(cost / left.shape[0]) + self.atol
-        level = (state.num_steps_since_acceptance > 0) & (gain <= _LEVEL * cost)
-        near = gain <= (_NEAR * self.rtol) ** 2 * cost / left.shape[0]
-        level |= near & (state.search_state.step_size <= _SHORT)
+        level = (state.num_steps_since_acceptance > 0) & (gain <= LEVEL * cost)
+        near = gain <= (NEAR * self.rtol) ** 2 * cost / left.shape[0]
+        level |= near & (state.search_state.step_size <= SHORT)
         begun = jnp.logical_not(state.first_step)
         there = begun & ((gain <= least**2) | level)
         spent = state.num_steps >= self.max_steps
@@ -295,4 +283,4 @@ def _gain(left: Float[Array, " n"], jacobian: Float[Array, "n q"]) -> Float[Arra
     """|J d|^2 of the Gauss-Newton step d; directions in the null space of J do not count."""
     unit, _ = _unit_columns(jacobian)
     slope = unit.T @ left
-    return slope @ (inverted(unit.T @ unit + _UNSEEN * jnp.eye(unit.shape[1])) @ slope)
+    return slope @ (inverted(unit.T @ unit + UNSEEN * jnp.eye(unit.shape[1])) @ slope)

@@ -4,10 +4,8 @@ from ..errors import option
 from ..findings import Warned, WarningCode
 from ..records.differences import noise_from_differences
 from .result import Fit
+from .thresholds import EXCESS
 
-EXCESS = 2.0
-"""rms residual over scatter from which the model lacks an effect, or the noise is correlated over
-many rows."""
 COLUMN = (
     "misfit: residual over the scatter of neighbouring rows; about 1 for white noise, larger for a"
     " missing effect or correlated noise"

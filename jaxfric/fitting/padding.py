@@ -3,13 +3,12 @@
 import numpy as np
 from jaxtyping import Array, Float
 
+from .thresholds import FEW, FEWEST_PADDED
+
 Numbers = Array | np.ndarray
 
-FEWEST = 256
-"""Smallest padded number of rows, velocities or knots."""
 
-
-def bucket(n: int, smallest: int = FEWEST) -> int:
+def bucket(n: int, smallest: int = FEWEST_PADDED) -> int:
     """The padded length for `n`: `smallest` times 2^k or 1.5 * 2^k."""
     size = smallest
     while size < n:
@@ -22,10 +21,6 @@ def filled(x: np.ndarray, size: int, fill: float | None = None) -> np.ndarray:
     out = np.empty((size, *x.shape[1:]), x.dtype)
     out[: len(x)], out[len(x) :] = x, x[-1] if fill is None else fill
     return out
-
-
-FEW, WIDE = 8, 48
-"""Multiples of columns to pad to; the larger for rare passes, so that fewer shapes are compiled."""
 
 
 def padded_columns(columns: np.ndarray, *, size: int = FEW) -> Float[np.ndarray, "n m"]:

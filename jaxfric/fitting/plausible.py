@@ -16,8 +16,7 @@ import numpy as np
 
 from ..records import VelocitySteps
 from .start import HOLD
-
-_LEAST_L, _MOST_FORCE, _MOST_OFFSET = 0.01, 30.0, 10.0
+from .thresholds import LEAST_L, MOST_FORCE, MOST_OFFSET
 
 
 def bounds_of(
@@ -34,12 +33,12 @@ def bounds_of(
         path = np.abs(np.diff(steps.displacement(time)))
         if kind == "K":
             return noise / float(path.sum()), np.inf
-        return _LEAST_L * float(path[path > 0].min(initial=np.inf)), float(path.sum())
+        return LEAST_L * float(path[path > 0].min(initial=np.inf)), float(path.sum())
     if kind in ("A", "B"):
         speed = np.abs(steps.velocities[steps.velocities != 0])
         change = max(np.log(speed.max() / speed.min()), HOLD * (steps.velocities == 0).any())
-        most = _MOST_FORCE * (high - low) / max(change, 1e-3)
+        most = MOST_FORCE * (high - low) / max(change, 1e-3)
         return (0.0 if kind == "A" else -most), most
     if kind == "f0":
-        return low - _MOST_OFFSET * (high - low), high + _MOST_OFFSET * (high - low)
+        return low - MOST_OFFSET * (high - low), high + MOST_OFFSET * (high - low)
     return None

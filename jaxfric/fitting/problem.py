@@ -32,15 +32,14 @@ from ..simulation import RESULTS, simulate
 from ..simulation.simulate import STIFF
 from ..traced import traced
 from .abstract_problem import (
-    FAILED_MISFIT,
     AbstractProblem,
     ParametricModel,
     Sizes,
 )
 from .noise import Noise, whiten
 from .padding import bucket, filled
+from .thresholds import FAILED_MISFIT, TIME_SHARE
 
-_TIME_SHARE = 1e-3  # typical lag over the duration of the record
 _MACHINE_QUANTITIES = quantities(Inertial)
 _LEVEL = Quantity("level", "F", "friction of a later stretch of a run less that of the first")
 
@@ -149,7 +148,7 @@ class Problem(AbstractProblem):
     def sizes(self) -> Sizes:
         """Typical sizes of the record."""
         duration = self.time[-1] - self.time[0]
-        speed, lag = self.motion.largest_speed(), _TIME_SHARE * duration
+        speed, lag = self.motion.largest_speed(), TIME_SHARE * duration
         return Sizes(self.force_scale, speed, self.slip_scale, duration, lag)
 
     def step_times(self, z: Float[Array, " q"]) -> Float[Array, " m"]:

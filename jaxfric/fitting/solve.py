@@ -18,21 +18,8 @@ from jaxtyping import Array, Bool, Float, Int
 from ..silent import silent
 from ..traced import traced
 from .minimise import minimise
-from .problem import FAILED_MISFIT, Problem
-
-# Misfit per sample below which no further start is tried: the fit has reached the noise
-# (estimated from second differences of the record).
-NOISE_REACHED = 1.1
-DESCENTS, MOST_POINTS = 3, 80  # descents of a record, and points of a descent, at most
-_DASHPOTS = (
-    1e-2,
-    2e-3,
-    4e-4,
-    8e-5,
-    1.6e-5,
-    3e-6,
-    6e-7,
-)  # strengths of the dashpot, see `Problem.damped`
+from .problem import Problem
+from .thresholds import DASHPOTS, DESCENTS, FAILED_MISFIT, MOST_POINTS, NOISE_REACHED
 
 
 class Solution(NamedTuple):
@@ -144,7 +131,7 @@ def _in_turn(problem: Problem, starts: np.ndarray, most: int) -> Iterator[tuple[
         order = np.array([1, *(k for k in order if k != 1)])
     if not np.isfinite(cost).any() and problem.damping is None and not able:
         # every start runs away: the record is near the stability edge. Approach it with a dashpot.
-        order = np.argsort(misfits(problem.damped(_DASHPOTS[0]), starts))
+        order = np.argsort(misfits(problem.damped(DASHPOTS[0]), starts))
     for i in [i for i in order if i > 0 or not able][: most - able]:
         begun = time.perf_counter()
         yield begun, _descend_safely(problem, starts[i], runs_away=not np.isfinite(cost[i]))
@@ -152,7 +139,7 @@ def _in_turn(problem: Problem, starts: np.ndarray, most: int) -> Iterator[tuple[
 
 def _descend_safely(problem: Problem, z: np.ndarray, *, runs_away: bool) -> Solution:
     """Descend. If the start runs away, first descend with dashpots of decreasing strength."""
-    for strength in _DASHPOTS:
+    for strength in DASHPOTS:
         if not runs_away:
             break
         z = np.asarray(descend(problem.damped(strength), z).z)

@@ -15,9 +15,7 @@ from .means import Averaged, average
 from .noise import least_noise, recorded_steps
 from .problem import Model, Problem, ProblemSizes, RigModel, make_problem
 from .start import OneStateMotion, more_state_starts, split_state
-
-FELT = 0.25
-"""Above this share of the noise of a row a known change of friction matters to a fit."""
+from .thresholds import FELT
 
 
 class FitTask(NamedTuple):

@@ -38,12 +38,9 @@ from ..traced import traced
 from .loading import Loading, steepest_loading
 from .means import INTERVALS, Averaged, average
 from .noise.thresholds import SAME_VELOCITY
-from .padding import FEWEST, bucket, filled
+from .padding import bucket, filled
 from .problem import Model
-
-HOLD = 3.0
-"""The reload after a hold counts as a change of ln V of at least this size."""
-_GRID_PAIRS = 16  # slip lengths of the grid for two or more states
+from .thresholds import FEWEST_PADDED, GRID_PAIRS, HOLD
 
 
 class Fineness(NamedTuple):
@@ -81,7 +78,7 @@ def seek(
     grid = _grid(data, steps, stiffness, rise, fineness)
     # padded to a few sizes, so that other records need no compilation
     grid_columns: Any = grid.T
-    size = bucket(len(data.time), FEWEST if fineness == FINE else 64)
+    size = bucket(len(data.time), FEWEST_PADDED if fineness == FINE else 64)
     length, load = np.diff(data.end, prepend=0.0), steps.displacement(data.end)
     velocity = np.diff(load, prepend=0.0) / length
     dt: Any = filled(length, size, 0.0)
@@ -385,7 +382,7 @@ def more_state_starts(
     dt = np.diff(time)
     V = np.sqrt(velocity[1:] * velocity[:-1])
     travel = float(np.sum(V * dt))
-    Ls = np.geomspace(1e-3 * travel, travel, _GRID_PAIRS)
+    Ls = np.geomspace(1e-3 * travel, travel, GRID_PAIRS)
     driven = (jnp.asarray(x, float) for x in (V, dt, Ls, u[0], V0))
     h = np.asarray(_memory(first_evolution(model.law), *driven))
     finite = np.isfinite(h).all(axis=0)  # a bad one-state fit may make a state overflow

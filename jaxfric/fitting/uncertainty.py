@@ -13,8 +13,6 @@ all other parameters, has risen by q^2 C_ii/G_ii. C is the covariance of the par
 and covariance agree (Chandler & Bate 2007, doi:10.1093/biomet/asm015).
 """
 
-from statistics import NormalDist
-
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -22,16 +20,7 @@ from .abstract_problem import AbstractProblem, powers
 from .noise import Noise, sandwich
 from .problem import Problem
 from .solve import Solution, descend
-
-ENDS = (2.5, 97.5)
-"""Percentiles at the ends of a 95 % interval."""
-QUANTILE = NormalDist().inv_cdf(ENDS[1] / 100)
-"""Half width of a 95 % interval in standard deviations of a normal distribution."""
-
-HALF_DECADE = 0.5 * np.log(10.0)
-"""Half of the longest 95 % interval of the logarithm of a determined positive parameter."""
-_PROFILE_POINTS = (0.7, 1.4, 2.0, 2.8, 4.0, 6.0)
-"""Distances from the estimate at which a profile is computed, in standard errors."""
+from .thresholds import HALF_DECADE, PROFILE_POINTS, QUANTILE
 
 
 def normal_inverse(jacobian: Float[Array, "n p"] | np.ndarray) -> np.ndarray:
@@ -141,7 +130,7 @@ def profile_interval(
     ends = []
     for side in (-1.0, 1.0):
         distances, roots, z = [0.0], [0.0], np.array(solution.z)
-        for point in _PROFILE_POINTS:
+        for point in PROFILE_POINTS:
             z[index] = solution.z[index] + side * point * std
             ended = descend(problem, z, free)
             z = np.array(ended.z)

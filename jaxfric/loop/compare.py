@@ -60,8 +60,6 @@ from .engine import longest_of_steps
 from .split import Blocks, split
 from .thresholds import ACCEPT, EXACT, HELD_OUT_FROM, PASSES, TRIALS
 
-_STATES = (1, 2)
-
 
 @dataclass(frozen=True, eq=False)
 class LawScore:
@@ -310,9 +308,9 @@ def _models(laws: Sequence[str] | None) -> list[tuple[str, int]]:
     asked = tuple(dict.fromkeys(map(known_law, rate_state_laws() if laws is None else laws)))
     pairs = [
         (law, always or states)
-        for states in _STATES
+        for states in (1, 2)
         for law in asked
-        if (always := fixed_states(law)) is None or states == _STATES[0]
+        if (always := fixed_states(law)) is None or states == 1
     ]
     if len(pairs) < 2:
         raise InputError(f"only the {asked[0] if asked else 'no'} law to compare; give two or more")

@@ -22,8 +22,9 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..effects import AbstractHeavyEffect
-from ..fitting.abstract_problem import FAILED_MISFIT, AbstractProblem
+from ..fitting.abstract_problem import AbstractProblem
 from ..fitting.encompassing import EncompassingModel
+from ..fitting.thresholds import FAILED_MISFIT
 from ..threads import go_on
 from ..traced import traced
 from .thresholds import AT_ONCE, FORGOTTEN, GROUPS, HEAVY, KEPT, LONG, OF_LONG

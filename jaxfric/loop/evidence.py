@@ -32,7 +32,8 @@ import numpy as np
 from jaxtyping import Array
 
 from ..fitting.noise import Found, Noises, coloured, noises_around, products
-from ..fitting.padding import WIDE, counted_rows
+from ..fitting.padding import counted_rows
+from ..fitting.thresholds import WIDE
 from ..threads import side_by_side
 from .engine import Engine
 from .evaluate import Rows

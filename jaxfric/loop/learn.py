@@ -28,7 +28,8 @@ from ..fitting.noise import (
     scale_of_steps,
 )
 from ..fitting.noise import Found as FoundNoise
-from ..fitting.padding import WIDE, filled, padded_columns
+from ..fitting.padding import filled, padded_columns
+from ..fitting.thresholds import WIDE
 from .engine import Engine, NoiseState
 from .evaluate import Rows
 from .refit import Candidate, candidate_at, refit

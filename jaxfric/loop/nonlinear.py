@@ -22,8 +22,9 @@ from jaxtyping import Array, Float
 
 from ..effects import STEADY_CURVES, AbstractEffect, RecordScales, null
 from ..effects.effect import evolution_of, made, with_term
-from ..fitting.padding import WIDE, bucket, filled, padded_columns
+from ..fitting.padding import bucket, filled, padded_columns
 from ..fitting.problem import Problem, rig_at
+from ..fitting.thresholds import WIDE
 from ..quantity import quantity
 from ..rig import Inertial, Rig
 from ..rig.friction.extended import AbstractStatelessTerm, AbstractTerm, Contact, ExtendedLaw

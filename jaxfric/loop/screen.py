@@ -13,7 +13,7 @@ import jax
 import numpy as np
 
 from ..effects import RecordScales
-from ..fitting.abstract_problem import FAILED_MISFIT
+from ..fitting.thresholds import FAILED_MISFIT
 from .case import Column
 from .engine import Engine
 from .evaluate import Rows

@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from ..fitting.noise import Glitches, NoiseEstimate
-from ..fitting.noise.autocorrelation import BAND as HALF
 from ..fitting.noise.autocorrelation import autocorrelation
+from ..fitting.thresholds import QUANTILE
 from . import style
 from .palette import BAND, BLUE, ORANGE
 
@@ -25,7 +25,7 @@ def draw_autocorrelation(
     found = autocorrelation(clock, residual, noise if model else NoiseEstimate(noise.sigma), part)
     lag, value, modelled, error = found
     band = "the noise model" if model else "white noise"
-    low, high = modelled - HALF * error, modelled + HALF * error
+    low, high = modelled - QUANTILE * error, modelled + QUANTILE * error
     axis.fill_between(lag, low, high, color=BAND, lw=0, label=f"95 % band of {band}")
     axis.plot(lag, value, "o", color=BLUE, ms=2.5, label="autocorrelation of the residual")
     if model:

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.stats import qmc
 
-from ..fitting.problem import FAILED_MISFIT
+from ..fitting.thresholds import FAILED_MISFIT
 from ..fitting.uncertainty import inverse_root
 from .target import Point, Target, natural_of, point
 

@@ -12,7 +12,7 @@ from ..described import Described, Drawable, Drawn, Tabular
 from ..errors import option
 from ..fitting.result import DIFFERENCE as DIFFERENCE
 from ..fitting.result import Fit
-from ..fitting.uncertainty import ENDS
+from ..fitting.thresholds import ENDS
 from ..quantity import numbered_names
 from ..saved.entry import ENTRY, law_entry, law_name, open_words
 from ..schemas import POSTERIOR

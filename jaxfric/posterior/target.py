@@ -24,9 +24,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..fitting.abstract_problem import FAILED_MISFIT
 from ..fitting.noise import Noise, Whitening, whitening
 from ..fitting.problem import Problem
+from ..fitting.thresholds import FAILED_MISFIT
 from ..traced import traced
 from .distributions import AbstractPrior
 

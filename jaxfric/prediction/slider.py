@@ -20,10 +20,11 @@ from ..fitting.encompassing import EncompassingModel
 from ..fitting.fit import forward_steps, require_float64, steps_of
 from ..fitting.noise import estimate_noise, noise_rows, sandwich
 from ..fitting.padding import bucket
-from ..fitting.problem import FAILED_MISFIT, Model, Problem
+from ..fitting.problem import Model, Problem
 from ..fitting.result import unit_of
 from ..fitting.solve import descend, known_at
 from ..fitting.stages import prepare
+from ..fitting.thresholds import FAILED_MISFIT
 from ..fitting.uncertainty import spread_of
 from ..loop.sampling import seen_between
 from ..records import Record, VelocitySteps

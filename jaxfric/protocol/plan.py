@@ -22,7 +22,6 @@ from ..errors import InputError, option
 from ..fitting.encompassing import EncompassingModel
 from ..fitting.padding import bucket
 from ..fitting.problem import (
-    FAILED_MISFIT,
     Channel,
     Model,
     Problem,
@@ -30,6 +29,7 @@ from ..fitting.problem import (
     make_problem,
 )
 from ..fitting.result import critical_stiffness_of, tidy_unit
+from ..fitting.thresholds import FAILED_MISFIT
 from ..laws.registry import count_states, known_law, refuse_untaken, takes
 from ..lazy import old_arguments
 from ..loop.case import MOST, Case, Choice, offered

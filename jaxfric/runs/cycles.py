@@ -22,7 +22,8 @@ import numpy as np
 from scipy.special import stdtrit
 
 from ..errors import option
-from ..fitting.uncertainty import ENDS, HALF_DECADE, QUANTILE
+from ..fitting.thresholds import ENDS
+from ..fitting.uncertainty import HALF_DECADE, QUANTILE
 from ..plain import entries, plain
 from ..records import Record
 from ..silent import silent

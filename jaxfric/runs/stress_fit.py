@@ -12,9 +12,9 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
-from ..fitting.abstract_problem import FAILED_MISFIT
 from ..fitting.marquardt import levenberg_marquardt
 from ..fitting.noise import Noise, estimate_noise, longest_memory, noise_rows, whitened
+from ..fitting.thresholds import FAILED_MISFIT
 from ..records.differences import noise_from_differences
 from .fits import StepFit
 from .joint import is_known, names_of, vector_of

@@ -24,9 +24,9 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ..effects.friction import NormalStressState
-from ..fitting.abstract_problem import FAILED_MISFIT
 from ..fitting.padding import bucket, filled
 from ..fitting.problem import Model
+from ..fitting.thresholds import FAILED_MISFIT
 from ..motion import PiecewiseVelocity
 from ..rig.normal_stress import NormalStress
 from ..simulation import RESULTS, simulate

@@ -21,9 +21,9 @@ from generator import random_record
 
 import jaxfric
 from jaxfric.fitting.fit import steps_of
-from jaxfric.fitting.problem import FAILED_MISFIT
 from jaxfric.fitting.solve import misfits, solve
 from jaxfric.fitting.stages import prepare
+from jaxfric.fitting.thresholds import FAILED_MISFIT
 
 FIRST_SEED = 5_000
 STARTS = 20

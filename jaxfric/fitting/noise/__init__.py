@@ -29,7 +29,7 @@ from .filter import (
     whitened,
     whitening,
 )
-from .glitches import NO_GLITCHES, ROUNDS, Glitches, find_glitches
+from .glitches import NO_GLITCHES, Glitches, find_glitches
 from .hum import Hum, find_hum
 from .likelihood import products, restricted, restricted_white
 from .model import Noise, Noises, noise_of
@@ -49,4 +49,4 @@ from .search import (
     profile_noise,
     stretches,
 )
-from .thresholds import FAR_FROM, LONGEST
+from .thresholds import FAR_FROM, LONGEST, ROUNDS

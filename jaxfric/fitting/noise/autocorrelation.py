@@ -5,12 +5,16 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import ndtri
 
+from ..thresholds import QUANTILE
 from .estimate import NoiseEstimate
-
-_FEWEST, _PAIRED, _MOST, _SOME = 30, 40, 60, 400  # fewest pairs; lags; rows of exact sums; pairs
-_CHANCE, _RANGES = 0.05, 4  # significance level; most ranges reported
-BAND = float(-ndtri(_CHANCE / 2))
-"""Half width of a 95 % band [standard errors]."""
+from .thresholds import (
+    CHANCE_OF_LAG,
+    EXACT_ROWS,
+    FEWEST_PAIRS,
+    LAGS,
+    RANGES_TOLD,
+    SOME_PAIRS,
+)
 
 
 def clocks(time: np.ndarray, path: np.ndarray, pace: np.ndarray | None = None) -> np.ndarray:
@@ -40,13 +44,13 @@ class Autocorrelation(NamedTuple):
         distances.
         """
         z = (self.value - self.model) / self.error
-        rare = -ndtri(0.5 * _CHANCE / max(len(z), 1))
-        side = np.where(np.abs(z) > BAND, np.sign(z), 0.0)
+        rare = -ndtri(0.5 * CHANCE_OF_LAG / max(len(z), 1))
+        side = np.where(np.abs(z) > QUANTILE, np.sign(z), 0.0)
         cuts = np.flatnonzero(np.diff(side)) + 1
         pieces = [
             p for p in np.split(np.arange(len(z)), cuts) if np.abs(z[p]).max(initial=0) > rare
         ]
-        told = sorted(pieces, key=lambda p: -np.abs(z[p]).max())[:_RANGES]
+        told = sorted(pieces, key=lambda p: -np.abs(z[p]).max())[:RANGES_TOLD]
         ends = sorted((int(p[0]), int(p[-1])) for p in told)
         return [(float(self.lag[a]), float(self.lag[b]), bool(side[a] > 0)) for a, b in ends]
 
@@ -71,13 +75,13 @@ def autocorrelation(
         counts.append(int((own & known).sum()))
     spread = max(float(np.mean(left[known] ** 2)), 1e-300)
     longest = int(np.unique(part, return_counts=True)[1].max())
-    shifts = np.unique(np.geomspace(1, max(longest // 4, 1), _PAIRED).astype(int))
+    shifts = np.unique(np.geomspace(1, max(longest // 4, 1), LAGS).astype(int))
     rho, found = _by_rows(clock, known, noise, part, max(longest // 2, 1)), []
     of_mean = float(np.average([_of_mean(rho, n) for n in counts], weights=counts))
     for s in shifts:
         product = left[s:] * left[:-s]
         pairs = np.isfinite(product) & (part[s:] == part[:-s])
-        if pairs.sum() < _FEWEST:
+        if pairs.sum() < FEWEST_PAIRS:
             continue
         model = noise.correlation((clock[s:] - clock[:-s])[pairs]).mean()
         shown = (model - of_mean) / (1 - of_mean)
@@ -118,7 +122,9 @@ def _by_rows(
     for s in shifts[shifts <= most]:
         apart = (clock[s:] - clock[:-s])[known[s:] & known[:-s] & (part[s:] == part[:-s])]
         if len(apart):
-            some = np.unique(np.linspace(0, len(apart) - 1, min(len(apart), _SOME)).astype(int))
+            some = np.unique(
+                np.linspace(0, len(apart) - 1, min(len(apart), SOME_PAIRS)).astype(int)
+            )
             at.append(s)
             means.append(noise.correlation(apart[some]).mean())
     return np.interp(np.arange(most + 1), at, means, right=0.0)
@@ -127,7 +133,7 @@ def _by_rows(
 def error_of_mean(clock: np.ndarray, noise: NoiseEstimate) -> float:
     """Standard error of the mean of rows at `clock` (n, 4), for noise of variance 1."""
     n = len(clock)
-    if n > _MOST:
+    if n > EXACT_ROWS:
         rho = _by_rows(clock, np.ones(n, bool), noise, np.zeros(n, int), n - 1)
         return float(np.sqrt(max(_of_mean(rho, n), 0.0)))
     apart = np.abs(clock[:, None] - clock)

@@ -18,7 +18,8 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ...traced import traced
-from ..padding import FEW, WIDE, Numbers, padded_columns
+from ..padding import Numbers, padded_columns
+from ..thresholds import FEW, WIDE
 from . import thresholds as const
 from .model import Noise, distances
 from .parts import AbstractPart, Matrix

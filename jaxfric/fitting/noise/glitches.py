@@ -34,8 +34,6 @@ from . import thresholds as const
 from .filter import taken_out, whitened
 from .model import Noise
 
-ROUNDS = 2
-"""Number of searches for outliers, each followed by a new estimate of the noise."""
 _UPPER = 0.5 * (1 + const.BODY)
 _NORMAL = NormalDist().inv_cdf(_UPPER)
 """Median size of a normal error of unit variance."""

@@ -82,6 +82,13 @@ it."""
 SWING_SEEN = 1.5
 """w of a resonator above which its oscillation is visible: it decays by a factor 66 per period."""
 
+FEWEST_PAIRS, LAGS = 30, 40
+"""Fewest pairs of rows of an autocorrelation, and number of its distances."""
+EXACT_ROWS, SOME_PAIRS = 60, 400
+"""Most rows whose correlations are summed pair by pair, and pairs of a mean correlation."""
+CHANCE_OF_LAG, RANGES_TOLD = 0.05, 4
+"""Significance level of an autocorrelation beyond its model, and most ranges told."""
+
 # ---- by velocity step
 
 LEAST_VARIANCE = 1e-4
@@ -102,6 +109,8 @@ COARSE = 2.0
 
 # ---- glitches
 
+ROUNDS = 2
+"""Number of searches for outliers, each followed by a new estimate of the noise."""
 LONGEST_GLITCH = 3
 """Largest number of rows of a glitch."""
 RARE = 0.01
