@@ -221,7 +221,7 @@ PIECES: dict[str, Piece] = {
     "first-order starts that are moderate": _fit((Engine, "moderate", lambda *_: True)),
     "refined times of steps": _fit((slider, "FELT", np.inf)),
     "fair hold": _fit((_fitting, "fair_hold", lambda problem, *_: np.ones(len(problem.hold)))),
-    "dashpots": _fit((solve, "_DASHPOTS", ())),
+    "dashpots": _fit((solve, "DASHPOTS", ())),
     "further starts": _first_start_only(),
     "kept linearisations": _speed((evaluate, "KEPT", 0)),
     "shared shifts": _speed((evaluate.SharedShifts, "jacobian", _none)),
