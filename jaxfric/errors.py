@@ -17,7 +17,6 @@ from collections.abc import Generator, Iterable
 # Options of the command with another name in Python; all others have the same name.
 _ARGUMENTS = {
     "column": "columns",
-    "downsample-to": "rows",
     "min-kp": "lower",
     "kp": "k_p",
     "cutoff": "the cutoff of preparation",

@@ -308,3 +308,10 @@ def measured(value: float, error: float, *, short: bool = False) -> str:
         return f"{value:.{places}f}({round(error * 10**places)})"
     whole = math.floor(math.log10(max(abs(value), error)))
     return f"{value / 10**whole:.{whole - last}f}({round(error / 10**last)})e{whole}"
+
+
+def p_text(p: float) -> str:
+    """A p-value as text: "p = 0.03". A tiny p-value is given as an upper bound."""
+    if not math.isfinite(p):
+        return "p unknown"
+    return "p < 1e-12" if p < 1e-12 else f"p = {p:.2g}"

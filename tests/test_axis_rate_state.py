@@ -422,7 +422,7 @@ def test_the_verbs_take_the_loop_of_an_axis(tmp_path, monkeypatch):
     code, out, err = run("stability", *law, "--kp", stiffness, "--out", "s", "--details")
     assert code == 0 and err == "" and "STABLE" in out and "60 kg" in out
     known = json.loads(Path("s/stability.json").read_text())
-    assert known["theorem"]["critical_stiffness"] == pytest.approx(critical, rel=1e-9)
+    assert known["rice_ruina_criterion"]["critical_stiffness"] == pytest.approx(critical, rel=1e-9)
     assert known["mass"] == M
     for part, end in ((1.5, "end: steady sliding"), (0.7, "end: oscillation")):
         k_p = f"{part * critical} N/m"

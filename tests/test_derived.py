@@ -191,7 +191,10 @@ def test_the_critical_stiffness_of_a_study_has_the_interval_of_samples_in_closed
     assert exact.min() <= low < np.quantile(exact, 0.06) and np.quantile(exact, 0.94) < high
     told = "\n".join(report(heavy, "slip").headline)
     assert f"k_cr lies from {low:.4g} to {high:.4g} N/m with 95 % (of 64 samples" in told
-    assert content(heavy, "slip")["theorem"]["critical_stiffness_interval"] == [low, high]
+    assert content(heavy, "slip")["rice_ruina_criterion"]["critical_stiffness_interval"] == [
+        low,
+        high,
+    ]
     assert "lies from" not in "\n".join(report(study(one, V), "slip").headline)
 
 

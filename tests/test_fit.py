@@ -328,7 +328,7 @@ def test_means_over_rows_keep_intervals_honest():
             correlated=2e-4,
             correlation=0.01,
         )
-        fit = jaxfric.fit(record, stiffness=made.stiffness, steps=steps, rows=1000)
+        fit = jaxfric.fit(record, stiffness=made.stiffness, steps=steps, downsample_to=1000)
         assert len(fit.record) <= 1000
         for name in "ABL":
             estimate, true = fit.parameters[name], getattr(made.truth, name)

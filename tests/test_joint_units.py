@@ -83,7 +83,9 @@ def test_stability_of_a_joint_is_that_of_a_slider_of_the_same_numbers():
     assert " N/m" not in out and "N s/m" not in out and " m/s" not in out
     found = json.loads(Path("j/stability.json").read_text())
     assert found["units"]["kv"] == "N m s/rad"
-    assert found["theorem"]["critical_stiffness"] == pytest.approx(2014.976023976024, rel=1e-9)
+    assert found["rice_ruina_criterion"]["critical_stiffness"] == pytest.approx(
+        2014.976023976024, rel=1e-9
+    )
 
 
 def test_a_joint_is_simulated_in_radians():

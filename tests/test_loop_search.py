@@ -376,7 +376,7 @@ def test_few_rows_are_means_before_anything_is_fitted(monkeypatch, rows, size):
 
     monkeypatch.setattr("jaxfric.loop.loop.fit", fit)
     with pytest.raises(jf.InputError, match="no need"):
-        close_loop(record, stiffness=1e3, steps=steps_of(up), rows=rows)
+        close_loop(record, stiffness=1e3, steps=steps_of(up), downsample_to=rows)
     starts = np.concatenate([np.arange(1, 401 - size, size), np.arange(400, 801 - size, size)])
     for role in ("time", "friction", "load_point_displacement"):
         values = getattr(record, role)

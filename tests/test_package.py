@@ -331,7 +331,12 @@ def test_an_old_name_is_the_new_one_and_says_so(folder, old, now):
 
 
 OLD_ARGUMENTS = {
-    "close_loop": {"with_": "include", "without": "exclude", "most": "max_effects"},
+    "close_loop": {
+        "with_": "include",
+        "without": "exclude",
+        "most": "max_effects",
+        "rows": "downsample_to",
+    },
     "close_axis_loop": {
         "with_": "include",
         "without": "exclude",
@@ -340,6 +345,8 @@ OLD_ARGUMENTS = {
     },
     "close_steady_loop": {"with_": "include", "without": "exclude"},
     "protocol.plan": {"with_": "include", "without": "exclude"},
+    "fit": {"rows": "downsample_to"},
+    "compare_laws": {"rows": "downsample_to"},
     "predict": {"free": "refit", "held": "zero_order_hold"},
     "feedforward": {"fade": "fade_speed"},
     "read_axis": {"flip": "flip_sign"},

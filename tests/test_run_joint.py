@@ -8,7 +8,7 @@ from scipy.optimize import curve_fit
 from scipy.stats import chi2, t
 
 from jaxfric.fitting.result import difference
-from jaxfric.runs.joint import dependences, share, told
+from jaxfric.runs.joint import Dependence, dependences, share, told
 
 TRUE = np.array([0.008, 0.012, 15e-6])
 FREE = ("f0", "A", "B", "L")
@@ -158,7 +158,7 @@ def test_a_slope_is_told_with_what_its_error_and_its_p_are():
     assert found.freedom == 3 and found.questions == 3
     assert found.p == pytest.approx(3 * alone)
     words = f"t = {ratio:.2g}, 3 d.o.f., p = {alone:.2g}"
-    assert f"{words}; {found.p:.2g} after Bonferroni correction for 3 tests" in found.told()
+    assert f"{words}; p = {found.p:.2g} after Bonferroni correction for 3 tests" in found.told()
 
 
 def test_steps_that_differ_on_no_line_are_told_to_differ():
@@ -233,3 +233,9 @@ def test_why_a_line_with_velocity_is_not_asked():
     assert "not tested, which needs 4 steps without a star" in told(made[:3])[-1]
     alike = steps(np.random.default_rng(7), 5, along="position")
     assert any(text.startswith("A-B against velocity: not tested") for text in told(alike))
+
+
+def test_no_p_value_is_printed_as_zero() -> None:
+    """A steep slope has a p-value that underflows; the text gives an upper bound."""
+    found = Dependence("A-B", "velocity", "decade", 1.0, 1e-9, 0.0, 60, 3)
+    assert found.told().count("p < 1e-12") == 2 and "p = 0" not in found.told()

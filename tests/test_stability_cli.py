@@ -71,7 +71,7 @@ def report(folder: str = "slip-stability") -> dict:
         raise AssertionError(f"{word} is not JSON")
 
     content = json.loads(Path(folder, "stability.json").read_text(), parse_constant=refuse)
-    assert content["schema"] == "jaxfric.stability/1"
+    assert content["schema"] == "jaxfric.stability/2"
     return content
 
 
@@ -83,7 +83,7 @@ def test_the_golden_slider() -> None:
         assert words in out
     assert "equations of the documentation's page 'theory'" in out
     content = report()
-    found = content["theorem"]
+    found = content["rice_ruina_criterion"]
     assert found["holds"] and len(found["solutions"]) == 1
     assert found["critical_stiffness"] == pytest.approx(2014.976023976024, rel=1e-9)
     assert found["critical_frequency"] == pytest.approx(2.826307129101859, rel=1e-9)
@@ -125,7 +125,7 @@ def test_a_delay_has_no_critical_stiffness() -> None:
     code, out, _ = run("stability", *DELAY, "--kp", "100 N/m")
     assert code == 0 and "stable for 16.7 < k_p < 283.9 N/m" in out
     content = report("delay-stability")
-    assert content["theorem"]["critical_stiffness"] is None
+    assert content["rice_ruina_criterion"]["critical_stiffness"] is None
     intervals = content["delay"]["stable_intervals"]
     golden = [(16.703372151, 283.888781436), (626.816131852, 1428.372359707)]
     golden += [(2114.227060538, 3450.154106963), (4478.936158210, 6349.234023205)]

@@ -453,13 +453,19 @@ def test_what_a_loop_of_a_study_is_asked(tmp_path, monkeypatch):
         )
 
     monkeypatch.setattr("jaxfric.loop.close_loop", close_loop)
-    text = LOOP.replace('"0 N", "4 N", "1000 N"', '"4 N"') + 'most = 2\nwithout = ["thermal"]\n'
+    text = (
+        LOOP.replace('"0 N", "4 N", "1000 N"', '"4 N"') + 'max_effects = 2\nexclude = ["thermal"]\n'
+    )
     found = run_study(written(tmp_path / "l.toml", text), tmp_path / "l")
     assert names(found.verdict) == ["effects"] and names(found.first_effect) == ["gain"]
     assert [float(found[f"held_out_{when}"][0]) for when in ("before", "after")] == [4.0, 2.0]
     ((record, options),) = asked
     assert options["stiffness"] == 1e7 and options["max_effects"] == 2 and options["law"] == "slip"
     assert (options["include"], options["exclude"]) == ((), ("thermal",))
+    old = text.replace("max_effects", "most").replace("exclude", "without")
+    found = run_study(written(tmp_path / "old.toml", old), tmp_path / "old")
+    assert asked.pop()[1]["exclude"] == ("thermal",)
+    assert "the key 'most' is now 'max_effects'" in str(found.attrs["warnings"])
     assert options["steps"].count("m/s") == 7 and record.friction_unit == "N"
     # steady at the same velocity before the first step and, but for exp(-5) of 9 N, at the end
     np.testing.assert_allclose(record.load_point_displacement[-1], 7 * 200e-6, rtol=0.01)

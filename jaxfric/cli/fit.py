@@ -157,7 +157,7 @@ def _compare(fitter: Fitter, laws: list[str] | None, output: options.OutputOptio
             laws=effect_ids(laws, "--law") or None,
             slip_trend=how.slip_trend,
             steps=how.steps,
-            rows=how.downsample_to,
+            downsample_to=how.downsample_to,
             progress=progress,
         )
         content = folder.save_json("compare.json", found.to_json(), files_of(found))

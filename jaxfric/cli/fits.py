@@ -77,7 +77,7 @@ class Fitter(NamedTuple):
             start=None if how.start is None else typed_parameters(how.start, record.friction_unit),
             weighting=_WEIGHTINGS[how.weighting],
             profile=how.profile,
-            rows=how.downsample_to,
+            downsample_to=how.downsample_to,
             progress=say,
         )
 

@@ -72,7 +72,7 @@ def loop(
             law=law,
             steps=steps,
             events=found,
-            rows=downsample_to,
+            downsample_to=downsample_to,
             include=effects.include,
             exclude=effects.exclude,
             max_effects=effects.max_effects,

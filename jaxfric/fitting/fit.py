@@ -18,6 +18,7 @@ import numpy as np
 
 from ..errors import InputError, option
 from ..laws.registry import fixed_states, known_law
+from ..lazy import old_arguments
 from ..records import Record, VelocitySteps, record_steps
 from ..records.differences import noise_from_differences
 from ..records.given import as_record
@@ -59,6 +60,7 @@ from .uncertainty import data_part, fair_hold
 WEIGHTINGS = ("ordinary", "whitened")
 
 
+@old_arguments(rows="downsample_to")
 def fit(
     record: Record | str | Path,
     *,
@@ -73,7 +75,7 @@ def fit(
     start: Mapping[str, float] | None = None,
     weighting: str = "ordinary",
     profile: bool = False,
-    rows: int | None = None,
+    downsample_to: int | None = None,
     progress: Callable[[str], None] = silent,
 ) -> Fit:
     """Fit f0, A, B_i, L_i (and K, and a slip trend) to a record of velocity steps.
@@ -98,7 +100,7 @@ def fit(
     start : starting values (SI) by name, for any parameter; the others come from the data.
     weighting : "ordinary" least squares as in published fits, or "whitened" by estimated noise.
     profile : intervals from the profile likelihood instead of the covariance.
-    rows : average neighbouring rows first, to about so many (`records.thin`).
+    downsample_to : average neighbouring rows first, to about so many (`records.thin`).
     progress : callback for progress messages.
 
     Returns
@@ -116,7 +118,7 @@ def fit(
     if weighting not in WEIGHTINGS:
         raise InputError(f"weighting '{weighting}' is not known; choose {' or '.join(WEIGHTINGS)}")
     progress("velocity steps")
-    task = task_of(record, stiffness, mass, steps, model, reference_velocity, rows=rows)
+    task = task_of(record, stiffness, mass, steps, model, reference_velocity, rows=downsample_to)
     progress(f"compiling, then fitting {len(task.record)} rows")
     problem, solution = _solve_in_stages(task, start, progress)
     profiles = progress if profile else None

@@ -53,6 +53,7 @@ from ..fitting.problem import Problem
 from ..fitting.solve import known_at
 from ..fitting.uncertainty import data_part
 from ..laws.registry import fixed_states, known_law, rate_state_laws
+from ..lazy import old_arguments
 from ..records import Record, VelocitySteps
 from ..records.given import as_record
 from ..silent import silent
@@ -217,6 +218,7 @@ class LawComparison(Described, Drawable, Tabular):
         return said("comparison.to_json", self)
 
 
+@old_arguments(rows="downsample_to")
 def compare_laws(
     record: Record | str | Path,
     *,
@@ -224,7 +226,7 @@ def compare_laws(
     laws: Sequence[str] | None = None,
     slip_trend: bool = False,
     steps: VelocitySteps | str | None = None,
-    rows: int | None = None,
+    downsample_to: int | None = None,
     progress: Callable[[str], None] = silent,
 ) -> LawComparison:
     """Fit several friction laws to one record and report which law the record supports.
@@ -234,7 +236,7 @@ def compare_laws(
     record : as read by `jaxfric.read`, or the path of a file that `read` needs no options for.
     laws : names of rate-and-state laws, by default all of them: "slip", "ageing" and your own.
     stiffness : of spring and specimen, as in `jaxfric.fit`; None: fitted with every law.
-    slip_trend, steps, rows : as in `jaxfric.fit`, the same for all laws.
+    slip_trend, steps, downsample_to : as in `jaxfric.fit`, the same for all laws.
     progress : callback for progress messages.
 
     Returns
@@ -252,7 +254,9 @@ def compare_laws(
     record = as_record(record)
     progress("velocity steps")
     steps = steps_of(record, steps)
-    record, warnings = (record, ()) if rows is None else few_rows(record, rows, steps)
+    record, warnings = (
+        (record, ()) if downsample_to is None else few_rows(record, downsample_to, steps)
+    )
 
     def fitted(law: str, states: int) -> Fit:
         return fit(

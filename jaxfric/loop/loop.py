@@ -32,7 +32,7 @@ from .slider import refuse_failed, slider_subject, with_channels
 from .split import split
 
 
-@old_arguments(with_="include", without="exclude", most="max_effects")
+@old_arguments(with_="include", without="exclude", most="max_effects", rows="downsample_to")
 def close_loop(
     record: Record | str | Path,
     *,
@@ -44,7 +44,7 @@ def close_loop(
     exclude: str | Sequence[str] = (),
     own: Sequence[type[AbstractEffect]] = (),
     max_effects: int = MOST,
-    rows: int | None = None,
+    downsample_to: int | None = None,
     progress: Callable[[str], None] = silent,
 ) -> Loop:
     """Fit the base model, then find, add and score the effects that it lacks.
@@ -60,7 +60,7 @@ def close_loop(
     include : ids of effects that belong to the base; exclude : ids of excluded effects.
     own : your own effects, in addition to the catalogue.
     max_effects : largest number of effects added, 0 to `case.MOST`.
-    rows : as in `jaxfric.fit`: average neighbouring rows, to about so many.
+    downsample_to : as in `jaxfric.fit`: average neighbouring rows, to about so many.
     progress : callback for progress messages.
 
     Returns
@@ -84,8 +84,8 @@ def close_loop(
     asked = offered(CATALOGUE, own, ids_of(include), ids_of(exclude), max_effects, effect_of)
     if events is not None:
         how = HowFitted(MachineStiffness.parse(stiffness, record.friction_unit), law)
-        return run_loop(record, events, how, rows, asked, begun=begun, progress=progress)
-    subject = _step_subject(record, stiffness, law, steps, rows, asked, progress)
+        return run_loop(record, events, how, downsample_to, asked, begun=begun, progress=progress)
+    subject = _step_subject(record, stiffness, law, steps, downsample_to, asked, progress)
     return close(subject, most=max_effects, begun=begun, progress=progress)
 
 

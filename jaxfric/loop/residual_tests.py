@@ -26,13 +26,6 @@ def structure(chances: dict[str, float]) -> dict[str, float]:
     return holm(chances, asked(chances))
 
 
-def p_text(p: float) -> str:
-    """A p-value as text: "p = 0.03". A tiny p-value is given as an upper bound."""
-    if not math.isfinite(p):
-        return "p unknown"
-    return "p < 1e-12" if p < 1e-12 else f"p = {p:.2g}"
-
-
 def holm(raw: dict[str, float], asked: int) -> dict[str, float]:
     """Holm's correction of the given p-values, for `asked` tests in total."""
     corrected, least = {}, 0.0

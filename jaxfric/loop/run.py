@@ -23,10 +23,11 @@ from ..records.record import frozen
 from ..runs.events import Event
 from ..runs.fits import HowFitted, fit_run
 from ..runs.joined import Joined, join
+from ..units import p_text
 from .case import Offered
 from .close import close
 from .family import listed
-from .residual_tests import merged, p_text
+from .residual_tests import merged
 from .result import BaseModel, Loop, RunDetails
 from .slider import refuse_failed, slider_subject, with_channels
 from .split import Blocks, split_again, split_units

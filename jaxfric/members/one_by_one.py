@@ -45,7 +45,9 @@ FIT_CODES = {
 _CHUNK_GAINS, _CHUNK_FITS, _CHUNK_LOOPS = 16, 4, 1
 _GAINS = ("margin", "max_k_p", "max_k_v", "scale_k_p", "scale_k_v")
 _RECORD = ("ratio", "noise", "rows", "distance", "seed")
-_LOOP = (*_RECORD, "steps", "most", "with", "without")
+_LOOP = (*_RECORD, "steps", "max_effects", "include", "exclude")
+_OLD = {"most": "max_effects", "with": "include", "without": "exclude"}
+"""Keys of earlier versions, and their names now."""
 
 
 def _law(spec: Spec, where: str) -> str:
@@ -256,6 +258,8 @@ def make_loop(spec: Spec, table: Table, where: str) -> StudyPart:
     from ..effects import CATALOGUE
     from ..loop import VERDICTS
 
+    old = {key: new for key, new in _OLD.items() if key in table}
+    table = {_OLD.get(key, key): value for key, value in table.items()}
     refuse_unknown(table, _LOOP, where)
     codes = {name: name.replace("_", " ") for name in VERDICTS}
     codes |= {"no_record": "The slider runs away or takes too many steps: there is no record."}
@@ -267,13 +271,22 @@ def make_loop(spec: Spec, table: Table, where: str) -> StudyPart:
         Output("held_out_before", "1", "test error of the base, in sigma of the noise"),
         Output("held_out_after", "1", "test error with the effects, in sigma of the noise"),
     )
-    most = whole(table, "most", where) or 1
+    most = whole(table, "max_effects", where) or 1
     if most > 3:
-        raise InputError(f"{where}: most is {most!r}; it is 1, 2 or 3")
-    declared, excluded = (_effects(table, key, where) for key in ("with", "without"))
+        raise InputError(f"{where}: max_effects is {most!r}; it is 1, 2 or 3")
+    declared, excluded = (_effects(table, key, where) for key in ("include", "exclude"))
     recorder = _record(spec, table, where, steps=6)
     function = LoopOfRecord(recorder, tuple(codes), tuple(ids), most, declared, excluded)
-    return StudyPart(function, outputs, kind="host", chunk=_CHUNK_LOOPS, batch=1, mass=False)
+    notes = tuple(f"{where}: the key '{key}' is now '{new}'" for key, new in old.items())
+    return StudyPart(
+        function,
+        outputs,
+        kind="host",
+        chunk=_CHUNK_LOOPS,
+        batch=1,
+        warnings=notes,
+        mass=False,
+    )
 
 
 def _effects(table: Table, key: str, where: str) -> tuple[str, ...]:

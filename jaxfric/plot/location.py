@@ -7,11 +7,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..loop.residual_tests import p_text
 from ..loop.result import LocationProfile, Loop
 from ..loop.thresholds import SIGNIFICANT
 from ..report.location_text import added_shares, share_text, shares_told, variable_words
 from ..report.loop_text import in_words, readable
+from ..units import p_text
 from . import style
 from .palette import BLUE, GREY, ORANGE
 

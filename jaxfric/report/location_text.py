@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..loop.family import listed
-from ..loop.residual_tests import p_text
 from ..loop.result import LocationProfile
 from ..loop.thresholds import SIGNIFICANT
+from ..units import p_text
 from .words import VARIABLE, capital, say
 
 _NEARLY = 0.9

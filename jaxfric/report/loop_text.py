@@ -7,11 +7,10 @@ import numpy as np
 from ..effects import parameters
 from ..findings import Severity, support
 from ..fitting import Estimate
-from ..loop.residual_tests import p_text
 from ..loop.result import CandidateScore, Loop
 from ..loop.split import NAMES
 from ..loop.thresholds import ACCEPT, SIGNIFICANT
-from ..units import decimals, factor, format_si, read_as
+from ..units import decimals, factor, format_si, p_text, read_as
 from .estimates import shown_unit
 from .fit_text import DIFFERENCE, noise_text, shown_name
 from .location_text import variable_words

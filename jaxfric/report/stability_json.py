@@ -39,7 +39,7 @@ def content(study: Study, law: str, warnings: Sequence[str] = ()) -> dict:
             "slip_slope": here.friction.trend,
         },
         "needed_damping": here.needed_damping,
-        "theorem": _theorem_content(study),
+        "rice_ruina_criterion": _theorem_content(study),
         "stable": study.stable,
         "poles": poles if poles is None else np.stack([poles.real, poles.imag], axis=-1),
         "margins": margins

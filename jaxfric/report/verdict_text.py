@@ -10,10 +10,9 @@ from ..fitting import Estimate
 from ..loop.family import CurveFamily, listed
 from ..loop.findings import LoopCode
 from ..loop.refusal import Fault, Move, Refusal
-from ..loop.residual_tests import p_text
 from ..loop.thresholds import ACCEPT, FAR, SIGNIFICANT
 from ..loop.verdict import Conclusion, Told
-from ..units import measured, prefixed
+from ..units import measured, p_text, prefixed
 from .location_text import variable_words, where_it_sits
 from .words import TEMPLATES, say
 

@@ -123,7 +123,7 @@ class HowFitted:
             fit_stiffness=self.fit_stiffness,
             slip_trend=self.slip_trend,
             steps=steps,
-            rows=self.rows,
+            downsample_to=self.rows,
         )
 
 

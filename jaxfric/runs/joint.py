@@ -33,7 +33,7 @@ import numpy as np
 from ..errors import option
 from ..fitting import Fit
 from ..fitting.drift import chance
-from ..units import measured
+from ..units import measured, p_text
 from .events import mean_velocity
 from .fits import StepFit
 from .table import difference, misses
@@ -83,8 +83,8 @@ class Dependence:
         return (
             f"{self.quantity} against {self.along}: {'' if self.shown else 'not '}significant,"
             f" slope {size} per {self.unit} (t = {abs(self.slope) / self.error:.2g},"
-            f" {self.freedom} d.o.f., p = {alone:.2g}; {self.p:.2g} after Bonferroni correction for"
-            f" {self.questions} tests)"
+            f" {self.freedom} d.o.f., {p_text(alone)}; {p_text(self.p)} after Bonferroni correction"
+            f" for {self.questions} tests)"
         )
 
     @property
@@ -236,14 +236,14 @@ def told(steps: Sequence[StepFit]) -> list[str]:
     values = ", ".join(parts)
     if shared.p < _DIFFER:
         lines = [
-            f"the steps do not share their parameters (likelihood-ratio test: p = {shared.p:.1g},"
+            f"the steps do not share their parameters (likelihood-ratio test: {p_text(shared.p)},"
             f" chi-square {shared.chi_square:.4g} with {shared.freedom} d.o.f.); weighted mean:"
             f" {values}"
         ]
     else:
         lines = [
-            f"shared by {len(shared.steps)} steps: {values} (likelihood-ratio test: p ="
-            f" {shared.p:.2g}, not rejected)"
+            f"shared by {len(shared.steps)} steps: {values} (likelihood-ratio test:"
+            f" {p_text(shared.p)}, not rejected)"
         ]
     answers = dependences(steps)
     of_velocity = [d for d in answers if (d.quantity, d.along) == ("A-B", "velocity")]
@@ -253,7 +253,7 @@ def told(steps: Sequence[StepFit]) -> list[str]:
     ]
     if any(d.quantity == "A-B" for d in answers) and (p := trend_chance(steps)) < _DIFFER:
         lines.append(
-            f"friction has a significant trend with slip in these steps (p = {p:.1g}): the lines of"
+            f"friction has a significant trend with slip in these steps ({p_text(p)}): the lines of"
             f" A-B use fits with this trend ({option('slip-trend')})"
         )
     return lines + [d.told() for d in answers if d.shown and d not in of_velocity]
