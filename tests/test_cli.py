@@ -26,7 +26,7 @@ from command import (
 
 from jaxfric.cli import app as cli
 from jaxfric.cli.folder import NOTES
-from jaxfric.cli.told import doing, told
+from jaxfric.cli.told import doing, pause, telling
 from jaxfric.findings import WarningCode, is_of
 from jaxfric.fitting.misfit import misfit_warning
 
@@ -385,9 +385,9 @@ def test_as_a_process() -> None:
 def test_silence_is_broken_and_what_was_said_last_is_said_again(monkeypatch, capsys) -> None:
     monkeypatch.setattr("jaxfric.cli.told.FIRST", 0.05)
     monkeypatch.setattr("jaxfric.cli.told.BEAT", 0.1)
-    with told() as progress:
+    with telling():
         assert capsys.readouterr().err == ""
-        progress("trial 3 of at most 80")
+        doing("trial 3 of at most 80")
         time.sleep(0.5)
         said = capsys.readouterr().err
     lines = said.splitlines()
@@ -399,7 +399,7 @@ def test_silence_is_broken_and_what_was_said_last_is_said_again(monkeypatch, cap
 
 
 def test_the_first_word_comes_before_a_verb_has_done_anything(monkeypatch, capsys) -> None:
-    """The silence of its imports is broken; after `told` nothing is, where results are printed."""
+    """The silence of its imports is broken; after `pause` nothing is, where results are printed."""
     monkeypatch.setattr("jaxfric.cli.told.FIRST", 0.02)
     monkeypatch.setattr("jaxfric.cli.told.BEAT", 0.4)
     said = []
@@ -409,8 +409,7 @@ def test_the_first_word_comes_before_a_verb_has_done_anything(monkeypatch, capsy
             time.sleep(silence)
             said.append(capsys.readouterr().err.partition("\n")[0][len("jaxfric: 0 s: ") :])
             doing("reading run.csv")
-        with told():
-            pass
+        pause()
         time.sleep(0.5)
 
     def quick() -> None:

@@ -13,7 +13,7 @@ import jaxfric.cli
 from jaxfric.cli import app as cli
 from jaxfric.cli.call import made_by
 from jaxfric.cli.folder import json_text
-from jaxfric.cli.told import telling, told
+from jaxfric.cli.told import doing, telling
 
 LAW = ("--law", "slip", "--parameters", "A=1 N, B=3 N, L=1 mm, V0=2 mm/s")
 STUDY = """compute = ["margins"]
@@ -111,11 +111,11 @@ def test_quiet_says_nothing_of_progress(
 ) -> None:
     """Of many messages in a second one is said where stderr is no terminal."""
     monkeypatch.setattr("jaxfric.cli.told.FIRST", 0.1)
-    with telling(silent=silent), told() as progress:
+    with telling(silent=silent):
         for name in ("run.csv", "again.csv"):
-            progress(f"reading {name}")
+            doing(f"reading {name}")
         time.sleep(0.3)
-        progress("drawing figures")
+        doing("drawing figures")
     assert capsys.readouterr().err == ("" if silent else "jaxfric: 0 s: reading again.csv\n")
 
 

@@ -116,9 +116,8 @@ def _run(arguments: list[str]) -> int:
             if name in _NAMES and ALL not in arguments and verb == app.help_print:
                 print_first(name, app[name])
                 return 0
-            silent = getattr(bound.arguments.get("output"), "quiet", False)
-            telling_of_it = telling(silent=silent) if verb in _VERBS else contextlib.nullcontext()
-            with calling(verb, bound, arguments), telling_of_it:
+            quiet = getattr(bound.arguments.get("output"), "quiet", False)
+            with calling(verb, bound, arguments), telling(silent=quiet or verb not in _VERBS):
                 code = verb(*bound.args, **bound.kwargs)
         sys.stdout.flush()
     except cyclopts.CycloptsError as error:

@@ -5,10 +5,11 @@ from typing import TYPE_CHECKING, Annotated
 
 from ..units import parse_quantity
 from . import options
-from .common import prepare_jax, refuse_unused, told, warn
+from .common import prepare_jax, refuse_unused, warn
 from .folder import Folder, choose_folder, input_name
 from .loop import save_loop, tell_loop
 from .shown import finish
+from .told import doing
 
 if TYPE_CHECKING:
     from ..fitting.axis_preparation import Preparation
@@ -57,24 +58,23 @@ def axis(
         curve = axis.steady(file, reading)
         folder = choose_folder(output.folder, input_name(file), file)
         return _close_steady(curve, folder, effects, output)
-    with told() as progress:
-        record = axis.axis(file, reading)
-        if not output.json:
-            warn(record.provenance.notes, "note")
-        prepare_jax()
-        from ..axis import close_axis_loop
+    record = axis.axis(file, reading)
+    if not output.json:
+        warn(record.provenance.notes, "note")
+    prepare_jax()
+    from ..axis import close_axis_loop
 
-        folder = choose_folder(output.folder, file.stem, file)
-        result = close_axis_loop(
-            record,
-            include=effects.include,
-            exclude=effects.exclude,
-            max_effects=effects.max_effects,
-            zero_order_hold=axis.zero_order_hold or None,
-            preparation=_filtered(record, axis.cutoff),
-            progress=progress,
-        )
-        content = save_loop(result, folder, progress)
+    folder = choose_folder(output.folder, file.stem, file)
+    result = close_axis_loop(
+        record,
+        include=effects.include,
+        exclude=effects.exclude,
+        max_effects=effects.max_effects,
+        zero_order_hold=axis.zero_order_hold or None,
+        preparation=_filtered(record, axis.cutoff),
+        progress=doing,
+    )
+    content = save_loop(result, folder)
     return tell_loop(result, content, folder, output)
 
 
@@ -105,16 +105,15 @@ def _close_steady(
     from ..plot.steady import noise_figure, steady_figure
     from ..report.steady_text import report, to_json
 
-    with told() as progress:
-        progress("fitting the curve of friction over velocity")
-        result = close_steady_loop(curve, include=effects.include, exclude=effects.exclude)
-        prepare_jax()
-        progress("estimating the noise of the runs")
-        noise = steady_noise(curve)
-        content = folder.save_json("steady.json", to_json(result, noise))
-        progress("drawing the figures")
-        folder.draw_figure("curve", lambda: steady_figure(result))
-        if noise is not None:
-            folder.draw_figure("noise", lambda: noise_figure(curve, noise))
+    doing("fitting the curve of friction over velocity")
+    result = close_steady_loop(curve, include=effects.include, exclude=effects.exclude)
+    prepare_jax()
+    doing("estimating the noise of the runs")
+    noise = steady_noise(curve)
+    content = folder.save_json("steady.json", to_json(result, noise))
+    doing("drawing the figures")
+    folder.draw_figure("curve", lambda: steady_figure(result))
+    if noise is not None:
+        folder.draw_figure("noise", lambda: noise_figure(curve, noise))
     code = finish(report(result, noise), folder, content, output)
     return 1 if result.verdict == "ambiguous" else code

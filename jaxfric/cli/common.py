@@ -10,8 +10,7 @@ from ..coordinate import Coordinate, agreed, unit_of
 from ..errors import InputError
 from ..units import parse_quantity, parse_values
 from .call import current_call, option_of
-from .told import doing as doing
-from .told import told as told
+from .told import doing
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -8,9 +8,10 @@ from cyclopts import Parameter
 
 from . import options
 from .call import current_call
-from .common import doing, prepare_jax, told, warn
+from .common import prepare_jax, warn
 from .folder import choose_folder, source_name
 from .shown import finish
+from .told import doing
 
 
 @options.FLAT
@@ -67,10 +68,9 @@ def feedforward(
         return 1
     source = found.c(how.name, made_by=made_by(current_call().command))
     folder = choose_folder(output.folder, source_name(model), model)
-    with told() as progress:
-        texts = {"c": source, "csv": found.csv(), "tex": tex(found)}
-        named = {f"feedforward.{kind}": text for kind, text in texts.items()}
-        content = folder.save_json("feedforward.json", found.to_json(asked), named)
-        progress("drawing the figure")
-        folder.draw_figure("feedforward", lambda: feedforward_figure(found))
+    texts = {"c": source, "csv": found.csv(), "tex": tex(found)}
+    named = {f"feedforward.{kind}": text for kind, text in texts.items()}
+    content = folder.save_json("feedforward.json", found.to_json(asked), named)
+    doing("drawing the figure")
+    folder.draw_figure("feedforward", lambda: feedforward_figure(found))
     return finish(report(found, asked), folder, content, output)

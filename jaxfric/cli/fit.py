@@ -9,12 +9,13 @@ from cyclopts import Parameter
 from ..errors import InputError
 from . import options
 from .call import current_call
-from .common import effect_ids, prepare_jax, refuse_unused, told, warn
+from .common import effect_ids, prepare_jax, refuse_unused, warn
 from .fits import FitOptions, Fitter, fit_files, for_each
 from .folder import Folder, choose_folder, json_text
 from .plan_line import loop_line
 from .posterior import PriorOptions
 from .shown import finish
+from .told import doing
 
 if TYPE_CHECKING:
     from ..fitting import Fit
@@ -73,18 +74,14 @@ def _fit_one(file: Path, fitter: Fitter, prior: PriorOptions, output: options.Ou
     prepare_jax()
     prior.check(fitter.laws[0], fitter.how, measured.friction_unit)
     folder = choose_folder(output.folder, file.stem, file, prior.prior)
-    with told() as progress:
-        result = fitter.one(0, measured, progress)
-        content = json_text(result.to_json())
-        kept = not result.converged and _has_converged(folder.path / "fit.json")
-        posterior = None if kept else prior.of(result, progress)
-        if not kept:
-            progress("drawing the figure")
-            _save(result, content, posterior, folder)
-    if kept:  # a failed run loses no result
+    result = fitter.one(0, measured, doing)
+    if not result.converged and _has_converged(folder.path / "fit.json"):
         why = f"the fit did not converge ({result.result}). {folder.path} keeps the fit that"
         warn([f"{why} converged there before; give another folder with --out"], "error")
         return 1
+    content, posterior = json_text(result.to_json()), prior.of(result)
+    doing("drawing the figure")
+    _save(result, content, posterior, folder)
     code = finish(_report(result, posterior), folder, content, output)
     if result.converged:
         return 1 if posterior is not None and posterior.warnings else code
@@ -150,19 +147,18 @@ def _compare(fitter: Fitter, laws: list[str] | None, output: options.OutputOptio
     from ..views import report
 
     folder = choose_folder(output.folder, file.stem, file)
-    with told() as progress:
-        found = compare_laws(
-            measured,
-            stiffness=stiffness,
-            laws=effect_ids(laws, "--law") or None,
-            slip_trend=how.slip_trend,
-            steps=how.steps,
-            downsample_to=how.downsample_to,
-            progress=progress,
-        )
-        content = folder.save_json("compare.json", found.to_json(), files_of(found))
-        progress("drawing the figure")
-        folder.draw_figure("compare", lambda: comparison_figure(found))
+    found = compare_laws(
+        measured,
+        stiffness=stiffness,
+        laws=effect_ids(laws, "--law") or None,
+        slip_trend=how.slip_trend,
+        steps=how.steps,
+        downsample_to=how.downsample_to,
+        progress=doing,
+    )
+    content = folder.save_json("compare.json", found.to_json(), files_of(found))
+    doing("drawing the figure")
+    folder.draw_figure("compare", lambda: comparison_figure(found))
     told_of = report(found)
     if told_of.next_steps:
         line = loop_line(current_call(), found.of_laws[0].fit.law)

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple, TypeVar
 
 from ..errors import InputError
 from . import options
-from .common import told, warn
+from .common import warn
 from .folder import choose_folder, json_text
 from .options import OutputOptions
 from .shown import finish
+from .told import doing
 
 if TYPE_CHECKING:
     from ..fitting import Fit
@@ -81,9 +82,7 @@ class Fitter(NamedTuple):
             progress=say,
         )
 
-    def together(
-        self, records: "dict[int, Record]", say: Callable[[str], None]
-    ) -> "dict[int, Fit | str]":
+    def together(self, records: "dict[int, Record]") -> "dict[int, Fit | str]":
         """Fit the records, by number of file, in one batch; for a failed fit return the reason."""
         from ..fitting.many import fit_what_can_be
 
@@ -97,7 +96,7 @@ class Fitter(NamedTuple):
             slip_trend=self.how.slip_trend,
             steps=self.how.steps,
             reference_velocity=self.how.reference_velocity,
-            progress=say,
+            progress=doing,
         )
         return dict(zip(records, fits, strict=True))
 
@@ -133,36 +132,35 @@ def fit_files(fitter: Fitter, output: OutputOptions) -> int:
 
     folder = choose_folder(output.folder, f"{files[0].stem}-and-{len(files) - 1}-more", *files)
     many = len(files) >= _MANY and not fitter.how.of_one
-    with told() as progress:
-        ends: dict[int, Fit | str] = {}
-        read: dict[int, Record] = {}
-        for number, file in enumerate(files):
-            of = f"file {number + 1} of {len(files)}, {file.name}"
-            try:
-                record = fitter.read(file)
-                if many:
-                    read[number] = record
-                else:
-                    say = lambda text, of=of: progress(f"{of}: {text}")  # noqa: E731
-                    ends[number] = fitter.one(number, record, say)
-            except InputError as error:
-                ends[number] = str(error)
-        if read:
-            ends |= fitter.together(read, progress)
-        found = [
-            TabledFit(str(file), None, end) if isinstance(end, str) else TabledFit(str(file), end)
-            for file, end in ((file, ends[number]) for number, file in enumerate(files))
-        ]
-        if all(one.fit is None for one in found):
-            raise InputError(f"none of {len(files)} files can be fitted: {found[0].failed}")
-        named = zip(_names(files), found, strict=True)
-        fits = [(name, one.fit) for name, one in named if one.fit is not None]
-        texts = {f"{name}.json": json_text(fit.to_json()) + "\n" for name, fit in fits}
-        content = folder.save_json("fits.json", content_of_files(found), files_of(found) | texts)
-        for name, fit in fits:
-            progress(f"drawing {name}")
-            what, draw = f"the figure of {name}", lambda fit=fit: fit_figure(fit)
-            folder.draw_figure(what, draw, f"{name}.png")
+    ends: dict[int, Fit | str] = {}
+    read: dict[int, Record] = {}
+    for number, file in enumerate(files):
+        of = f"file {number + 1} of {len(files)}, {file.name}"
+        try:
+            record = fitter.read(file)
+            if many:
+                read[number] = record
+            else:
+                say = lambda text, of=of: doing(f"{of}: {text}")  # noqa: E731
+                ends[number] = fitter.one(number, record, say)
+        except InputError as error:
+            ends[number] = str(error)
+    if read:
+        ends |= fitter.together(read)
+    found = [
+        TabledFit(str(file), None, end) if isinstance(end, str) else TabledFit(str(file), end)
+        for file, end in ((file, ends[number]) for number, file in enumerate(files))
+    ]
+    if all(one.fit is None for one in found):
+        raise InputError(f"none of {len(files)} files can be fitted: {found[0].failed}")
+    named = zip(_names(files), found, strict=True)
+    fits = [(name, one.fit) for name, one in named if one.fit is not None]
+    texts = {f"{name}.json": json_text(fit.to_json()) + "\n" for name, fit in fits}
+    content = folder.save_json("fits.json", content_of_files(found), files_of(found) | texts)
+    for name, fit in fits:
+        doing(f"drawing {name}")
+        what, draw = f"the figure of {name}", lambda fit=fit: fit_figure(fit)
+        folder.draw_figure(what, draw, f"{name}.png")
     code = finish(report_of_files(found), folder, content, output)
     failed = [one for one in found if not one.known]
     names = ("" if one.result.startswith(one.name) else f"{one.name}: " for one in failed)

@@ -1,6 +1,5 @@
 """`jaxfric gains`: the smallest PD gains whose margins hold in every scenario."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,9 +8,10 @@ from cyclopts import Parameter, validators
 from ..errors import InputError
 from ..stability.margin_table import named_with_units
 from . import options
-from .common import OfMotion, prepare_jax, told
+from .common import OfMotion, prepare_jax
 from .options import Text
 from .shown import finish
+from .told import doing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -119,38 +119,37 @@ def gains(
     from ..report.gains_text import report
 
     folder = law.folder(output)
-    with told() as progress:
-        result = find_gains(
-            source,
-            velocity=velocities,
-            mass=np.asarray(masses) if masses else None,
-            margin=required,
-            confidence=target.confidence,
-            scale=(given.read("--scale-kp"), given.read("--scale-kv")),
-            lower=(given.read("--min-kp"), None),
-            upper=(given.read("--max-kp"), given.read("--max-kv")),
-            sample_time=sampled,
-            delay=delay,
-            accuracy=given.one("--accuracy"),
-            integral_gain=given.read("--integral") or 0.0,
-            progress=lambda text: progress(f"{text} (1 of 3)"),
-        )
-        if simulated.check:
-            say = lambda text: progress(f"{text} (2 of 3)")  # noqa: E731
-            result = check_gains(result, basin=simulated.basin, progress=say)
-        progress("drawing figures (3 of 3)")
-        content = folder.save_json("gains.json", gains_json.content(result))
-        folder.draw_figure("gains", lambda: gains_figure(result))
-        if simulated.map_:
-            folder.draw_figure("end_map", lambda: _end_map(result, progress))
+    result = find_gains(
+        source,
+        velocity=velocities,
+        mass=np.asarray(masses) if masses else None,
+        margin=required,
+        confidence=target.confidence,
+        scale=(given.read("--scale-kp"), given.read("--scale-kv")),
+        lower=(given.read("--min-kp"), None),
+        upper=(given.read("--max-kp"), given.read("--max-kv")),
+        sample_time=sampled,
+        delay=delay,
+        accuracy=given.one("--accuracy"),
+        integral_gain=given.read("--integral") or 0.0,
+        progress=lambda text: doing(f"{text} (1 of 3)"),
+    )
+    if simulated.check:
+        say = lambda text: doing(f"{text} (2 of 3)")  # noqa: E731
+        result = check_gains(result, basin=simulated.basin, progress=say)
+    doing("drawing figures (3 of 3)")
+    content = folder.save_json("gains.json", gains_json.content(result))
+    folder.draw_figure("gains", lambda: gains_figure(result))
+    if simulated.map_:
+        folder.draw_figure("end_map", lambda: _end_map(result))
     new = tuple(line for line in result.warnings if line not in source.warnings)
     code = finish(report(result)._replace(warnings=new), folder, content, output)
     return code or int(bool(result.unsafe))
 
 
-def _end_map(result: "Gains", progress: Callable[[str], None]) -> "Figure":
+def _end_map(result: "Gains") -> "Figure":
     from ..gains.cycle_map import cycle_map
     from ..plot.gains import end_map_figure
 
-    progress("mapping the ends from rest")
+    doing("mapping the ends from rest")
     return end_map_figure(result, cycle_map(result))

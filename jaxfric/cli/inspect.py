@@ -5,9 +5,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from . import options
-from .common import refuse_unused, told
+from .common import refuse_unused
 from .folder import choose_folder, input_name, json_text
 from .shown import finish
+from .told import doing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -57,11 +58,10 @@ def inspect(
     else:
         found = _axis(axis.axis(file, reading))
     folder = choose_folder(output.folder, input_name(file), file)
-    with told() as progress:
-        progress("drawing the figure")
-        folder.save({})  # the only file is the figure
-        for name, figure in found.figures.items():
-            folder.draw_figure("the figure", figure, f"{name}.png")
+    doing("drawing the figure")
+    folder.save({})  # the only file is the figure
+    for name, figure in found.figures.items():
+        folder.draw_figure("the figure", figure, f"{name}.png")
     figures = [str(folder.path / name) for name in folder.files]
     text = json_text({**found.content, "figures": figures})
     written = f"figure: {', '.join(figures)}" if figures else ""

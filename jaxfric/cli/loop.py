@@ -1,6 +1,5 @@
 """`jaxfric loop`: find the effect that a model of a slider's record lacks."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,9 +8,10 @@ from cyclopts import Parameter
 from ..errors import InputError
 from . import options
 from .call import current_call
-from .common import prepare_jax, told
+from .common import prepare_jax
 from .folder import Folder, choose_folder
 from .shown import finish
+from .told import doing
 
 if TYPE_CHECKING:
     from ..loop import Loop
@@ -52,37 +52,36 @@ def loop(
         raise InputError(
             "--steps gives the steps of a record; those of a run are in its events (--events)"
         )
-    with told() as progress:
-        record = reading.read(file)
-        folder = choose_folder(output.folder, file.stem, file, events, unnamed=("events",))
-        found = None
-        if run or events is not None:
-            progress(f"finding events in {len(record)} rows")
-            from ..runs.fits import decided_events
-            from ..runs.stiffness import MachineStiffness
+    record = reading.read(file)
+    folder = choose_folder(output.folder, file.stem, file, events, unnamed=("events",))
+    found = None
+    if run or events is not None:
+        doing(f"finding events in {len(record)} rows")
+        from ..runs.fits import decided_events
+        from ..runs.stiffness import MachineStiffness
 
-            machine = MachineStiffness.parse(stiffness, record.friction_unit)
-            record, found = decided_events(record, events, machine)
-        prepare_jax()
-        from ..loop import close_loop
+        machine = MachineStiffness.parse(stiffness, record.friction_unit)
+        record, found = decided_events(record, events, machine)
+    prepare_jax()
+    from ..loop import close_loop
 
-        result = close_loop(
-            record,
-            stiffness=stiffness,
-            law=law,
-            steps=steps,
-            events=found,
-            downsample_to=downsample_to,
-            include=effects.include,
-            exclude=effects.exclude,
-            max_effects=effects.max_effects,
-            progress=progress,
-        )
-        content = save_loop(result, folder, progress)
+    result = close_loop(
+        record,
+        stiffness=stiffness,
+        law=law,
+        steps=steps,
+        events=found,
+        downsample_to=downsample_to,
+        include=effects.include,
+        exclude=effects.exclude,
+        max_effects=effects.max_effects,
+        progress=doing,
+    )
+    content = save_loop(result, folder)
     return tell_loop(result, content, folder, output)
 
 
-def save_loop(result: "Loop", folder: Folder, progress: Callable[[str], None]) -> str:
+def save_loop(result: "Loop", folder: Folder) -> str:
     """Write loop.json, the figures and the page; return the JSON text.
 
     The page loop.html shows the figures that could be drawn.
@@ -91,7 +90,7 @@ def save_loop(result: "Loop", folder: Folder, progress: Callable[[str], None]) -
     from ..report.loop_page import page
 
     content = folder.save_json("loop.json", result.to_json())
-    progress("drawing figures")
+    doing("drawing figures")
     for name, figure in FIGURES.items():
         folder.draw_figure(name, lambda figure=figure: figure(result))
     command = current_call().command

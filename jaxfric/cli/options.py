@@ -15,8 +15,9 @@ from cyclopts import Group, Parameter, Token, validators
 
 from ..errors import InputError
 from ..pairs import read_pairs
-from .common import doing, effect_ids, optional_quantity, warn
+from .common import effect_ids, optional_quantity, warn
 from .folder import Folder, choose_folder, input_name, source_name
+from .told import doing
 
 if TYPE_CHECKING:
     from ..laws.source import LawSource

@@ -1,12 +1,12 @@
 """`jaxfric fit --prior`: the posterior of a fit, in a file, a figure and tables."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from ..errors import InputError
 from . import options
+from .told import doing
 
 if TYPE_CHECKING:
     from ..fitting import Fit
@@ -56,7 +56,7 @@ class PriorOptions:
             model = Model(known_law(law), int(of.states), of.fit_stiffness, of.slip_trend)
             priors_of(model, read_priors(self.prior), friction_unit, str(self.prior))
 
-    def of(self, fit: "Fit", progress: Callable[[str], None]) -> "Posterior | None":
+    def of(self, fit: "Fit") -> "Posterior | None":
         """Return the posterior of a fit; None without priors, or if the fit did not converge."""
         from ..posterior import find_posterior
 
@@ -68,5 +68,5 @@ class PriorOptions:
             draws=self.draws,
             chains=self.chains,
             seed=self.seed,
-            progress=progress,
+            progress=doing,
         )

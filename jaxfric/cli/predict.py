@@ -6,9 +6,10 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from . import options
-from .common import prepare_jax, refuse_unused, told
+from .common import prepare_jax, refuse_unused
 from .folder import choose_folder, source_name
 from .shown import finish
+from .told import doing
 
 
 def predict(
@@ -44,21 +45,20 @@ def predict(
     refuse_unused(f"{model}, a model of {kind}", *unused)
     measured = axis.axis(record, reading) if saved.is_axis else reading.read(record)
     folder = choose_folder(output.folder, f"{record.stem}-by-{source_name(model)}", record, model)
-    with told() as progress:
-        result = run(
-            model,
-            measured,
-            stiffness=stiffness,
-            steps=steps,
-            refit=None if refit is None else [name.strip() for name in refit.split(",") if name],
-            zero_order_hold=axis.zero_order_hold or None,
-            progress=progress,
-        )
-        progress("drawing figures")
-        from ..plot.prediction import prediction_figure
+    result = run(
+        model,
+        measured,
+        stiffness=stiffness,
+        steps=steps,
+        refit=None if refit is None else [name.strip() for name in refit.split(",") if name],
+        zero_order_hold=axis.zero_order_hold or None,
+        progress=doing,
+    )
+    doing("drawing figures")
+    from ..plot.prediction import prediction_figure
 
-        content = folder.save_json("prediction.json", result.to_json())
-        folder.draw_figure("prediction", lambda: prediction_figure(result))
+    content = folder.save_json("prediction.json", result.to_json())
+    folder.draw_figure("prediction", lambda: prediction_figure(result))
     from ..views import report
 
     return finish(report(result), folder, content, output)

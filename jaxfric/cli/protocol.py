@@ -9,10 +9,11 @@ from ..errors import InputError
 from ..units import has_dimension, parse_quantity, unit_in
 from . import options
 from .call import current_call
-from .common import optional_quantity, prepare_jax, told
+from .common import optional_quantity, prepare_jax
 from .folder import choose_folder, source_name
 from .plan_line import changed_line
 from .shown import finish
+from .told import doing
 
 if TYPE_CHECKING:
     from ..protocol.base import Base
@@ -85,43 +86,42 @@ def protocol(
     slip_noise = optional_quantity(how.slip_channel, "m", "--slip-channel")
     asked = _pair_of(how.distinguish)
     declared, excluded = effects.include, effects.exclude
-    with told() as progress:
-        prepare_jax()
-        from ..plot.aliasing import protocol_figure
-        from ..protocol.base import named_pair
-        from ..protocol.plan import Planned, plan
-        from ..protocol.remedy import Answer, answer_of
-        from ..report.protocol_text import found_too_small, report
+    prepare_jax()
+    from ..plot.aliasing import protocol_figure
+    from ..protocol.base import named_pair
+    from ..protocol.plan import Planned, plan
+    from ..protocol.remedy import Answer, answer_of
+    from ..report.protocol_text import found_too_small, report
 
-        base = _base(model, how.stiffness)
-        unit, known = base.friction_unit, base.parameters
-        planned = base.without(asked or (), declared)
-        included = tuple(dict.fromkeys((*planned.effects, *declared)))
-        if asked is not None:
-            asked = named_pair(asked, base.law, included, excluded)
-        what = Planned(
-            commanded,
-            slip_per_step=slip,
-            stiffness=_required(how.stiffness, f"{unit}/m", "--stiffness", base.stiffness),
-            noise=_required(how.noise, unit, "--noise", base.noise),
-            parameters=planned.parameters,
-            law=base.law,
-            friction_unit=unit,
-            rows=how.rows,
-            slip_noise=slip_noise,
-            noise_from=str(model.from_) if how.noise is None else "--noise",
-        )
-        source = "" if model.from_ is None else source_name(model.from_)
-        folder = choose_folder(output.folder, source, model.from_)
-        found = plan(what, include=included, exclude=excluded, progress=progress)
-        answer = Answer() if asked is None else answer_of(found, asked, known)
-        line = "" if answer.change is None else changed_line(current_call(), answer.change)
-        small = [] if answer.pair is None else found_too_small(found, answer.pair, known)
-        found = dataclasses.replace(found, warnings=(*small, *base.warnings, *found.warnings))
-        typical = model.from_ is None and model.parameters is None
-        content = folder.save_json("protocol.json", found.to_json() | answer.to_json(line))
-        progress("drawing figures")
-        folder.draw_figure("aliasing", lambda: protocol_figure(found))
+    base = _base(model, how.stiffness)
+    unit, known = base.friction_unit, base.parameters
+    planned = base.without(asked or (), declared)
+    included = tuple(dict.fromkeys((*planned.effects, *declared)))
+    if asked is not None:
+        asked = named_pair(asked, base.law, included, excluded)
+    what = Planned(
+        commanded,
+        slip_per_step=slip,
+        stiffness=_required(how.stiffness, f"{unit}/m", "--stiffness", base.stiffness),
+        noise=_required(how.noise, unit, "--noise", base.noise),
+        parameters=planned.parameters,
+        law=base.law,
+        friction_unit=unit,
+        rows=how.rows,
+        slip_noise=slip_noise,
+        noise_from=str(model.from_) if how.noise is None else "--noise",
+    )
+    source = "" if model.from_ is None else source_name(model.from_)
+    folder = choose_folder(output.folder, source, model.from_)
+    found = plan(what, include=included, exclude=excluded, progress=doing)
+    answer = Answer() if asked is None else answer_of(found, asked, known)
+    line = "" if answer.change is None else changed_line(current_call(), answer.change)
+    small = [] if answer.pair is None else found_too_small(found, answer.pair, known)
+    found = dataclasses.replace(found, warnings=(*small, *base.warnings, *found.warnings))
+    typical = model.from_ is None and model.parameters is None
+    content = folder.save_json("protocol.json", found.to_json() | answer.to_json(line))
+    doing("drawing figures")
+    folder.draw_figure("aliasing", lambda: protocol_figure(found))
     told_of = report(found, answer, typical=typical, command=line)
     return finish(told_of, folder, content, output)
 

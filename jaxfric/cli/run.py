@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Annotated
 from ..errors import InputError
 from . import options
 from .call import current_call
-from .common import prepare_jax, told
+from .common import prepare_jax
 from .folder import Folder, choose_folder
 from .plan_line import run_line
 from .shown import show
+from .told import doing, pause
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -63,35 +64,34 @@ def run(
 
     rows = _ROWS if downsample_to is None else downsample_to
     how = HowFitted(None, law, int(model.states), model.fit_stiffness, model.slip_trend, rows)
-    with told() as progress:
-        record = reading.read(file)
-        folder = choose_folder(output.folder, file.stem, file, events, unnamed=("events",))
-        if stiffness == RAMPS:
-            ramps = stiffness_from_ramps(*decided_events(record, events, None))
-            how = replace(how, stiffness=ramps.machine())
-        elif stiffness is not None:
-            how = replace(how, stiffness=MachineStiffness.parse(stiffness, record.friction_unit))
-        progress(f"what happens in {len(record)} rows")
-        record, found = decided_events(record, events, how.stiffness)
-        asks = any(event.kind not in _ALONE for event in found)
-        if stiffness is None and not model.fit_stiffness and asks:
-            raise InputError(_NO_STIFFNESS)
-        result = _fitted(record, found, how, folder, progress)
-        others = findings_of(result, found, how, progress=progress)
-        text = folder.save_json("run.json", content(result, others), files_of(result, others))
+    record = reading.read(file)
+    folder = choose_folder(output.folder, file.stem, file, events, unnamed=("events",))
+    if stiffness == RAMPS:
+        ramps = stiffness_from_ramps(*decided_events(record, events, None))
+        how = replace(how, stiffness=ramps.machine())
+    elif stiffness is not None:
+        how = replace(how, stiffness=MachineStiffness.parse(stiffness, record.friction_unit))
+    doing(f"what happens in {len(record)} rows")
+    record, found = decided_events(record, events, how.stiffness)
+    asks = any(event.kind not in _ALONE for event in found)
+    if stiffness is None and not model.fit_stiffness and asks:
+        raise InputError(_NO_STIFFNESS)
+    result = _fitted(record, found, how, folder)
+    others = findings_of(result, found, how, progress=doing)
+    text = folder.save_json("run.json", content(result, others), files_of(result, others))
     call = current_call()
     told_of = report(result, others, run_line(call))
     show(told_of, "", text, output)
     sys.stdout.flush()  # figures of many steps take minutes: a user who stops here has the numbers
-    with told() as progress:
-        progress("drawing figures")
-        _draw_events(record, found, folder)
-        _draw(result, others, folder)
-        folder.draw_page(
-            "run.html",
-            ".png",
-            lambda drawn: page(told_of, result, others, drawn, command=call.command),
-        )
+    doing("drawing figures")
+    _draw_events(record, found, folder)
+    _draw(result, others, folder)
+    folder.draw_page(
+        "run.html",
+        ".png",
+        lambda drawn: page(told_of, result, others, drawn, command=call.command),
+    )
+    pause()
     if not output.json:
         print(folder.written)
     return folder.close()
@@ -102,7 +102,6 @@ def _fitted(
     found: tuple["Event", ...],
     how: "HowFitted",
     folder: Folder,
-    progress: Callable[[str], None],
 ) -> "RunFit":
     """The fits; where there can be none the events are written, to be changed by hand."""
     prepare_jax()
@@ -110,7 +109,7 @@ def _fitted(
     from ..runs.fits import fit_run
 
     try:
-        return fit_run(record, found, how, progress=progress)
+        return fit_run(record, found, how, progress=doing)
     except InputError:
         name = Path(record.provenance.path).name
         folder.save({"events.toml": decisions_text(found, name)})

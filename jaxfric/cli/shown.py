@@ -3,6 +3,7 @@
 from typing import TYPE_CHECKING
 
 from .common import stdout_console, warn
+from .told import pause
 
 if TYPE_CHECKING:
     from ..report.report import Report
@@ -16,6 +17,7 @@ def show(report: "Report", written: str, content: str, output: "OutputOptions") 
     With `output.json` only the text `content` is printed. Without `output.details` at most 20 lines
     are printed on a terminal that is wide enough.
     """
+    pause()
     if output.json:
         print(content)
     else:

@@ -8,9 +8,10 @@ from ..coordinate import Coordinate
 from ..errors import InputError
 from . import options
 from .call import made_by
-from .common import OfMotion, prepare_jax, told
+from .common import OfMotion, prepare_jax
 from .folder import json_text
 from .shown import finish
+from .told import doing
 
 if TYPE_CHECKING:
     from ..motion import PiecewiseVelocity
@@ -76,26 +77,25 @@ def simulate(
     folder = law.folder(output)
     one_mass = source.mass if own is None else own
     rig, width = rig_of(source.law, one_mass, k_p, k_v, command.velocities.tolist())
-    with told() as progress:
-        course = course_of(
-            rig,
-            command,
-            duration=duration,
-            at_rest=how.at_rest,
-            jump=jump,
-            coordinate=given.coordinate,
-            progress=progress,
-        )
-        progress("drawing figures")
-        from ..plot.cycle import FIGURES
+    course = course_of(
+        rig,
+        command,
+        duration=duration,
+        at_rest=how.at_rest,
+        jump=jump,
+        coordinate=given.coordinate,
+        progress=doing,
+    )
+    doing("drawing figures")
+    from ..plot.cycle import FIGURES
 
-        shown = _length_shown(velocity or steps or "", given.coordinate)
-        told_of = report(course, source.text, width, shown)._replace(warnings=unseen)
-        warned = [f"warning: {line}" for line in (*source.warnings, *unseen)]
-        notes = [*told_of.headline, *told_of.notes, *warned]
-        folder.save({"trajectory.csv": trajectory_text(course.motion, made_by(), notes)})
-        for name, figure in FIGURES.items():
-            folder.draw_figure(name, lambda figure=figure: figure(course.motion))
+    shown = _length_shown(velocity or steps or "", given.coordinate)
+    told_of = report(course, source.text, width, shown)._replace(warnings=unseen)
+    warned = [f"warning: {line}" for line in (*source.warnings, *unseen)]
+    notes = [*told_of.headline, *told_of.notes, *warned]
+    folder.save({"trajectory.csv": trajectory_text(course.motion, made_by(), notes)})
+    for name, figure in FIGURES.items():
+        folder.draw_figure(name, lambda figure=figure: figure(course.motion))
     files = [str(folder.path / name) for name in folder.files]
     text = json_text(content(course, source.text, width, files))
     return finish(told_of, folder, text, output)

@@ -4,8 +4,9 @@ import dataclasses
 from typing import Annotated
 
 from . import options
-from .common import OfMotion, prepare_jax, told, warn
+from .common import OfMotion, prepare_jax, warn
 from .shown import finish
+from .told import doing
 
 
 def stability(
@@ -42,30 +43,29 @@ def stability(
     from ..stability.linear import controller_delay
 
     delay = controller_delay(*sampled)
-    with told() as progress:
-        progress("linear theory (1 of 2; then figures)")
-        found = study(
-            source.law,
-            velocities,
-            mass=one_mass,
-            k_p=k_p,
-            k_v=k_v,
-            delay=delay,
-            k_i=given.read("--ki") or 0.0,
-        )
-        found = dataclasses.replace(found, coordinate=given.coordinate)
-        if (samples := law.samples()) is not None:
-            found = with_samples(found, samples)
-        from ..plot.delay import delay_figure
-        from ..plot.stability import figures
-        from ..report.stability_json import content
-        from ..report.stability_text import report
+    doing("linear theory (1 of 2; then figures)")
+    found = study(
+        source.law,
+        velocities,
+        mass=one_mass,
+        k_p=k_p,
+        k_v=k_v,
+        delay=delay,
+        k_i=given.read("--ki") or 0.0,
+    )
+    found = dataclasses.replace(found, coordinate=given.coordinate)
+    if (samples := law.samples()) is not None:
+        found = with_samples(found, samples)
+    from ..plot.delay import delay_figure
+    from ..plot.stability import figures
+    from ..report.stability_json import content
+    from ..report.stability_text import report
 
-        progress("drawing figures (2 of 2)")
-        known = content(found, source.text, (*source.warnings, *unseen))
-        written = folder.save_json("stability.json", known)
-        for name, figure in figures(found).items():
-            folder.draw_figure(name, lambda figure=figure: figure(found))
-        if found.delayed:
-            folder.draw_figure("delay_chart", lambda: delay_figure(found))
+    doing("drawing figures (2 of 2)")
+    known = content(found, source.text, (*source.warnings, *unseen))
+    written = folder.save_json("stability.json", known)
+    for name, figure in figures(found).items():
+        folder.draw_figure(name, lambda figure=figure: figure(found))
+    if found.delayed:
+        folder.draw_figure("delay_chart", lambda: delay_figure(found))
     return finish(report(found, source.text), folder, written, output)

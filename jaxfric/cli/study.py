@@ -6,7 +6,6 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -16,9 +15,10 @@ from cyclopts import Parameter
 from ..errors import InputError
 from . import options
 from .call import current_call
-from .common import prepare_jax, told, warn
+from .common import prepare_jax, warn
 from .folder import choose_folder, json_text
 from .shown import finish, show
+from .told import doing, pause
 
 if TYPE_CHECKING:
     from ..study.progress import Progress
@@ -90,26 +90,25 @@ def study(
 
     begun = time.monotonic()
     before = signal.signal(signal.SIGTERM, _terminated)
-    with told() as progress:
-        teller = _Teller(progress)
-        try:
-            found = run_study(
-                file,
-                destination,
-                function=how.function,
-                scheduler=scheduler,
-                processes=_cores(),
-                ask=None if how.yes else _ask,
-                other_versions=how.other_versions,
-                progress=teller.progress,
-                tell=teller.note,
-            )
-        except KeyboardInterrupt as end:
-            message = f"jaxfric: stopped: {teller.state}; to go on: {current_call().command}"
-            print(message, file=sys.stderr, flush=True)
-            raise SystemExit(end.args[0] if end.args else 130) from None
-        finally:
-            signal.signal(signal.SIGTERM, before)
+    teller = _Teller()
+    try:
+        found = run_study(
+            file,
+            destination,
+            function=how.function,
+            scheduler=scheduler,
+            processes=_cores(),
+            ask=None if how.yes else _ask,
+            other_versions=how.other_versions,
+            progress=teller.progress,
+            tell=teller.note,
+        )
+    except KeyboardInterrupt as end:
+        message = f"jaxfric: stopped: {teller.state}; to go on: {current_call().command}"
+        print(message, file=sys.stderr, flush=True)
+        raise SystemExit(end.args[0] if end.args else 130) from None
+    finally:
+        signal.signal(signal.SIGTERM, before)
     told_of = report(found, time.monotonic() - begun, teller.members, destination)
     text = json_text(content(found, destination, teller.members))
     show(told_of, f"written: {destination}", text, output)
@@ -123,6 +122,7 @@ def _terminated(*_: object) -> None:
 
 def _ask(text: str) -> None:
     """Go on only where someone says so."""
+    pause()
     if sys.stdin is not None and sys.stdin.isatty() and sys.stderr.isatty():
         print(f"jaxfric: {text}. Begin? [y/N] ", end="", file=sys.stderr, flush=True)
         if sys.stdin.readline().strip().lower() in ("y", "yes"):
@@ -152,8 +152,8 @@ def _cores() -> int:
 class _Teller:
     """Tells how far a run is, and keeps it for who stops the run."""
 
-    def __init__(self, say: Callable[[str], None]):
-        self.say, self.members = say, 0
+    def __init__(self):
+        self.members = 0
         self.state = "no new chunk is written yet"
 
     def note(self, text: str) -> None:
@@ -163,7 +163,7 @@ class _Teller:
         if isinstance(text, Warned):
             warn([text.removeprefix("warning: ")])
         else:
-            self.say(text)
+            doing(text)
 
     def progress(self, now: "Progress") -> None:
         """Report that a chunk was written."""
@@ -173,7 +173,7 @@ class _Teller:
         self.state = f"{now.written} of {now.blocks} chunks are written"
         rate = "" if math.isnan(now.rate) else f", {now.rate:.3g} members/s"
         left = "" if math.isnan(now.left) or not now.left else f", {duration(now.left)} left"
-        self.say(f"chunk {now.written} of {now.blocks}{rate}{left}")
+        doing(f"chunk {now.written} of {now.blocks}{rate}{left}")
 
 
 def _draw(store: str, output: options.OutputOptions) -> int:
@@ -186,10 +186,9 @@ def _draw(store: str, output: options.OutputOptions) -> int:
     inputs = [] if "://" in store else [Path(store)]
     warn(found.attrs.get("warnings", ()))
     folder = choose_folder(output.folder or Path(f"{name}-figures"), "", *inputs)
-    with told() as progress:
-        progress("drawing figures")
-        folder.save({})
-        names = folder.draw("figures", lambda to: draw_study(found, to))
+    doing("drawing figures")
+    folder.save({})
+    names = folder.draw("figures", lambda to: draw_study(found, to))
     pictures = [name for name in names if name.endswith(".png")]
     written = f"written: {folder.path}/{', '.join(pictures)} (and .svg)" if names else ""
     content = {"store": store, "figures": [str(folder.path / name) for name in names]}

@@ -9,11 +9,14 @@ busy machine. Quick commands print no progress.
 """
 
 import contextlib
-import contextvars
 import sys
 import threading
 import time
 from collections.abc import Generator
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.status import Status
 
 FIRST = 0.6
 """Time [s] until the first progress line, if stderr is no terminal."""
@@ -21,94 +24,81 @@ BEAT = 10.0
 """Time [s] between the following lines."""
 
 
-class Teller:
-    """Prints the message on stderr after `first` s, then after each `BEAT` s without output."""
+class Lines:
+    """Prints the message on stderr after `FIRST` s, then after each `BEAT` s without output.
 
-    def __init__(self, first: float):
-        self.silence, self.message = first, "starting"
-        self.begun = self.last = self.since = time.monotonic()
+    The methods are those of the status line of rich, which a terminal shows.
+    """
+
+    def __init__(self):
+        self.silence, self.message = FIRST, ""
+        self.begun = self.since = time.monotonic()
         self.ended = threading.Event()
         self.ended.set()
-        self.begin()
 
-    def begin(self) -> None:
-        """Start the thread that prints progress; it can start again after `end`."""
+    def start(self) -> None:
+        """Start the thread that prints progress, also again after `stop`."""
         if self.ended.is_set():
             self.ended.clear()
-            self.last = time.monotonic()
             self.thread = threading.Thread(target=self._watch, daemon=True)
             self.thread.start()
 
-    def __call__(self, message: str) -> None:
+    def update(self, message: str) -> None:
         """Set the current message."""
         self.message, self.since = message, time.monotonic()
 
-    def end(self) -> None:
+    def stop(self) -> None:
         """Stop printing; may be called twice."""
-        self.ended.set()
-        self.thread.join()
+        if not self.ended.is_set():
+            self.ended.set()
+            self.thread.join()
 
     def _watch(self) -> None:
         """Print the message after every silence until `ended` is set."""
-        while not self.ended.wait(max(0.0, self.last + self.silence - time.monotonic())):
-            self.last, self.silence = time.monotonic(), BEAT
-            old = self.last - self.since
-            ago = f" (begun {old:.0f} s ago)" if old >= BEAT else ""
-            text = f"jaxfric: {self.last - self.begun:.0f} s: {self.message}{ago}"
+        while not self.ended.wait(self.silence):
+            now, self.silence = time.monotonic(), BEAT
+            ago = f" (begun {now - self.since:.0f} s ago)" if now - self.since >= BEAT else ""
+            text = f"jaxfric: {now - self.begun:.0f} s: {self.message}{ago}"
             with contextlib.suppress(OSError, ValueError):  # a closed stderr must not stop it
                 print(text, file=sys.stderr, flush=True)
 
 
-class Line:
-    """A status line on a terminal."""
-
-    def __init__(self):
-        from rich.console import Console
-
-        self.status = Console(stderr=True, highlight=False).status("starting")
-        self.begin, self.end = self.status.start, self.status.stop
-        self.begin()
-
-    def __call__(self, message: str) -> None:
-        """Set the current message."""
-        from rich.markup import escape
-
-        self.status.update(escape(message))
-
-
-_NOW: contextvars.ContextVar[Teller | Line | None] = contextvars.ContextVar("told", default=None)
-
-
-def _begin() -> Teller | Line:
-    return Line() if sys.stderr.isatty() else Teller(FIRST)
+_SHOWN: "list[Lines | Status]" = []
+"""The progress of the running command. Library functions report from several threads."""
 
 
 @contextlib.contextmanager
 def telling(*, silent: bool = False) -> Generator[None]:
-    """Show progress within the block, until a `told` in the block ends; not if `silent`."""
-    token = _NOW.set(Teller(threading.TIMEOUT_MAX) if silent else _begin())
+    """Show progress within the block, beginning with "starting"; not if `silent`."""
+    if silent:
+        yield
+        return
+    if sys.stderr.isatty():
+        from rich.console import Console
+
+        _SHOWN.append(Console(stderr=True, highlight=False).status("starting"))
+    else:
+        _SHOWN.append(Lines())
     try:
-        with told():
-            yield
+        doing("starting")
+        yield
     finally:
-        _NOW.reset(token)
-
-
-@contextlib.contextmanager
-def told() -> Generator[Teller | Line]:
-    """Yield the progress callback of the command.
-
-    Progress stops at the end of the block, so that the status line does not disturb later output.
-    """
-    teller = _NOW.get() or _begin()
-    teller.begin()
-    try:
-        yield teller
-    finally:
-        teller.end()
+        pause()
+        _SHOWN.pop()
 
 
 def doing(message: str) -> None:
-    """Set the current message of the progress, outside of a `told` block."""
-    if (teller := _NOW.get()) is not None:
-        teller(message)
+    """Set the current message of the progress, and show progress again after a `pause`."""
+    for shown in _SHOWN[-1:]:
+        if not isinstance(shown, Lines):
+            from rich.markup import escape
+
+            message = escape(message)
+        shown.update(message)
+        shown.start()
+
+
+def pause() -> None:
+    """Stop showing progress until the next message, so that no line disturbs other output."""
+    for shown in _SHOWN[-1:]:
+        shown.stop()
