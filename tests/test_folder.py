@@ -32,10 +32,7 @@ def write(folder: str, verb: str, *files: str, command: str = "", source: str = 
     """What a verb does that writes `files`, the .png of them as figures."""
     call = Call(verb, command or f"jaxfric {verb}", {})
     target = Folder(Path(folder), call, (Path(source),) if source else ())
-    with target.results() as to:
-        for name in files:
-            if not name.endswith(".png"):
-                (to / name).write_text(command)
+    target.save({name: command for name in files if not name.endswith(".png")})
     for name in files:
         if name.endswith(".png"):
             target.draw(name, lambda to, name=name: (to / name).write_text(command))
@@ -180,8 +177,7 @@ def test_a_folder_that_is_asked_for_keeps_the_results_of_another_record() -> Non
     for folder in "pqr":
         written(made(f"{folder}/run.csv"), folder)
     first = Folder(Path("o"), Call("fit", "fit", {}), (Path("p/run.csv"), Path("p/run.csv")))
-    with first.results() as to:
-        (to / "fit.json").write_text("p")
+    first.save({"fit.json": "p"})
 
     def again(*sources: str, verb: str = "fit") -> None:
         with calling_as(verb):

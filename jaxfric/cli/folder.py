@@ -6,14 +6,13 @@ replace and the stale files of an earlier run. The list also shows whether the f
 another input.
 """
 
-import contextlib
 import dataclasses
 import hashlib
 import json
 import os
 import re
 import sys
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -145,37 +144,29 @@ class Folder:
                     " with --out"
                 )
 
-    @contextlib.contextmanager
-    def results(self) -> Generator[Path]:
-        """Yield a temporary folder; at the end of the block its files move to the output folder.
-
-        The moved files replace the files of the same verb's last run. Files of the last run that
-        the new run does not write again are deleted. Files of other verbs stay.
-        """
-        notes = _read_notes(self.path)
-        before = notes.get(self.call.verb)
-        with output_folder(self.path) as work:
-            yield work
-            new = sorted(file.name for file in work.iterdir())
-            if before is not None:
-                self.earlier = [name for name in before["files"] if (self.path / name).is_file()]
-                self.made_by = f"'{before['command']}'"
-            stale = set(self.earlier)
-            self._note(notes, work, new)
-        self.files += new
-        stale -= {name for run in notes.values() for name in run["files"]}
-        for name in stale:
-            (self.path / name).unlink(missing_ok=True)
-
     def save(self, texts: Mapping[str, str], draws: "Posterior | None" = None) -> None:
-        """Write texts to files by name, and draws to posterior.nc, as the only results."""
-        with self.results() as to:
+        """Write texts to files by name, and draws to posterior.nc: the first files of a run.
+
+        The files replace the files of the same verb's last run. Files of the last run that the new
+        run does not write again are deleted. Files of other verbs stay.
+        """
+
+        def write(to: Path) -> None:
             for name, text in texts.items():
                 (to / name).write_text(text, encoding="utf-8", errors="backslashreplace")
             if draws is not None:
                 from ..posterior import write_netcdf
 
                 write_netcdf(draws, to / "posterior.nc")
+
+        runs = _read_notes(self.path)
+        if (last := runs.pop(self.call.verb, None)) is not None:
+            self.earlier = [name for name in last["files"] if (self.path / name).is_file()]
+            self.made_by = f"'{last['command']}'"
+        self._add(write)
+        of_others = {name for run in runs.values() for name in run["files"]}
+        for name in {*self.earlier} - {*self.files} - of_others:
+            (self.path / name).unlink(missing_ok=True)
 
     def save_json(
         self, name: str, table: Mapping[str, object], others: Mapping[str, str] | None = None
@@ -192,10 +183,7 @@ class Folder:
         names of the new files.
         """
         try:
-            with output_folder(self.path) as work:
-                drawing(work)
-                new = sorted(file.name for file in work.iterdir())
-                self._note(_read_notes(self.path), work, [*self.files, *new])
+            return self._add(drawing)
         except KeyboardInterrupt:
             print(
                 f"jaxfric: interrupted at {what}; the numbers are in {self.path}/", file=sys.stderr
@@ -211,8 +199,6 @@ class Folder:
             end = f"all else is in {self.path}/. JAXFRIC_DEBUG=1 shows where"
             warn([f"{what} was not drawn ({reason}); {end}"])
             return []
-        self.files += new
-        return new
 
     def draw_figure(self, what: str, make: Callable[[], "Figure"], *files: str) -> None:
         """Add a figure as `files`, by default WHAT.png and WHAT.svg; see `draw`."""
@@ -265,20 +251,29 @@ class Folder:
         except ValueError:  # on another drive
             return file.resolve().as_posix()
 
-    def _note(self, notes: dict[str, dict[str, Any]], work: Path, files: list[str]) -> None:
-        """Write the notes of this run to `work`, and add overwritten files to `earlier`."""
-        there = {file.name for file in work.iterdir() if (self.path / file.name).is_file()}
-        self.earlier += sorted(there - set(self.earlier) - set(self.files))
-        for run in notes.values():
-            run["files"] = [name for name in run["files"] if name not in files]
-        notes[self.call.verb] = {
-            "version": installed_version(),
-            "command": self.call.command,
-            "inputs": self._inputs(),
-            "files": files,
-        }
-        content = json.dumps({"schema": FOLDER, "runs": notes}, indent=1)
-        (work / NOTES).write_text(content + "\n", encoding="utf-8")
+    def _add(self, write: Callable[[Path], object]) -> list[str]:
+        """Add the files that `write` makes in a folder, and note them; return their names.
+
+        No file is added or replaced unless `write` makes all of them.
+        """
+        with output_folder(self.path) as work:
+            write(work)
+            new = sorted(file.name for file in work.iterdir())
+            there = {name for name in new if (self.path / name).is_file()}
+            self.earlier += sorted(there - {*self.earlier, *self.files})
+            notes = _read_notes(self.path)
+            for run in notes.values():
+                run["files"] = [name for name in run["files"] if name not in new]
+            notes[self.call.verb] = {
+                "version": installed_version(),
+                "command": self.call.command,
+                "inputs": self._inputs(),
+                "files": [*self.files, *new],
+            }
+            content = json.dumps({"schema": FOLDER, "runs": notes}, indent=1)
+            (work / NOTES).write_text(content + "\n", encoding="utf-8")
+        self.files += new
+        return new
 
 
 def json_text(table: Mapping[str, object]) -> str:
