@@ -3,7 +3,7 @@
 import contextlib
 import os
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from ..coordinate import Coordinate, agreed, unit_of
@@ -98,19 +98,36 @@ def optional_quantity(text: str | None, unit: str, option: str) -> float | None:
     return None if text is None else parse_quantity(text, unit, option)
 
 
+_UNITS = {
+    "velocity": "m/s",
+    "mass": "kg",
+    "kp": "N/m",
+    "kv": "N*s/m",
+    "ki": "N/(m*s)",
+    "integral": "N/(m*s)",
+    "accuracy": "m",
+    "jump": "m",
+    "duration": "s",
+}
+"""SI units, in linear motion, of options by the last word of their names: max_kp is in N/m."""
+
+
 class OfMotion:
     """Options in units of linear motion or of rotation; all options and the law must agree.
 
-    **Arguments:** the options, each with its SI unit in linear motion, and the law's coordinate.
+    **Arguments:** the law's coordinate, then the texts of options by name. `options` is a group of
+    options; options without a unit of motion are ignored.
 
     Raises `InputError` if the options and the law disagree.
     """
 
-    def __init__(
-        self, options: Mapping[str, tuple[str | None, str]], law: Coordinate | None = None
-    ):
-        self._options = options
-        self.coordinate = agreed(options, law)
+    def __init__(self, law: Coordinate | None, options: object = None, **texts: str | None):
+        self._options = {
+            f"--{name.replace('_', '-')}": (text, _UNITS[unit])
+            for name, text in {**texts, **(vars(options) if options else {})}.items()
+            if (unit := name.rpartition("_")[2]) in _UNITS
+        }
+        self.coordinate = agreed(self._options, law)
 
     def unit(self, option: str) -> str:
         """Return the SI unit of an option."""

@@ -97,20 +97,7 @@ def gains(
             "--basin and --map rest on simulations without integral action; leave out --integral"
         )
     source = law.source(samples=target.samples, seed=target.seed)
-    given = OfMotion(
-        {
-            "--velocity": (velocity, "m/s"),
-            "--mass": (mass, "kg"),
-            "--min-kp": (target.min_kp, "N/m"),
-            "--max-kp": (target.max_kp, "N/m"),
-            "--max-kv": (target.max_kv, "N*s/m"),
-            "--scale-kp": (target.scale_kp, "N/m"),
-            "--scale-kv": (target.scale_kv, "N*s/m"),
-            "--integral": (target.integral, "N/(m*s)"),
-            "--accuracy": (target.accuracy, "m"),
-        },
-        source.coordinate,
-    )
+    given = OfMotion(source.coordinate, target, velocity=velocity, mass=mass)
     velocities, masses = np.asarray(given.values("--velocity")), given.values("--mass")
     sampled, delay = late.read()
     from ..gains import check_gains, find_gains

@@ -9,7 +9,7 @@ options of the group "Parameters". `--help-all` prints the whole docstrings of a
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 from cyclopts import Group, Parameter, Token, validators
 
@@ -273,6 +273,11 @@ class ModelOptions:
     stiffness."""
     slip_trend: bool = False
     """Fit a linear change of friction with slip as well."""
+
+    def model(self) -> dict[str, Any]:
+        """Return these options as arguments of a fit."""
+        names = ("fit_stiffness", "slip_trend")
+        return {"states": int(self.states), **{name: getattr(self, name) for name in names}}
 
 
 def _ids(type_: object, tokens: Sequence[Token]) -> tuple[str, ...]:

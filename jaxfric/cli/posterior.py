@@ -53,7 +53,7 @@ class PriorOptions:
         from ..posterior.priors import priors_of, read_priors
 
         if self.prior is not None:
-            model = Model(known_law(law), int(of.states), of.fit_stiffness, of.slip_trend)
+            model = Model(known_law(law), **of.model())
             priors_of(model, read_priors(self.prior), friction_unit, str(self.prior))
 
     def of(self, fit: "Fit") -> "Posterior | None":

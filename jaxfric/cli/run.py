@@ -63,7 +63,7 @@ def run(
     from ..runs.stiffness import MachineStiffness
 
     rows = _ROWS if downsample_to is None else downsample_to
-    how = HowFitted(None, law, int(model.states), model.fit_stiffness, model.slip_trend, rows)
+    how = HowFitted(law=law, rows=rows, **model.model())
     record = reading.read(file)
     folder = choose_folder(output.folder, file.stem, file, events, unnamed=("events",))
     if stiffness == RAMPS:

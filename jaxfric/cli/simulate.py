@@ -57,17 +57,7 @@ def simulate(
     from ..report.course_text import content, report, trajectory_text
 
     source = law.source()
-    given = OfMotion(
-        {
-            "--velocity": (velocity, "m/s"),
-            "--kp": (kp, "N/m"),
-            "--kv": (kv, "N*s/m"),
-            "--mass": (mass, "kg"),
-            "--duration": (how.duration, "s"),
-            "--jump": (how.jump, "m"),
-        },
-        source.coordinate,
-    )
+    given = OfMotion(source.coordinate, how, velocity=velocity, kp=kp, kv=kv, mass=mass)
     command = _command(given, steps)
     k_p = given.one("--kp")
     assert k_p is not None

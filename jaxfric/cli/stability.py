@@ -28,11 +28,7 @@ def stability(
     sampled = late.read()
     prepare_jax()
     source = law.source()
-    asked = {"--velocity": (velocity, "m/s"), "--mass": (mass, "kg")}
-    given = OfMotion(
-        asked | {"--kp": (kp, "N/m"), "--kv": (kv, "N*s/m"), "--ki": (ki, "N/(m*s)")},
-        source.coordinate,
-    )
+    given = OfMotion(source.coordinate, velocity=velocity, mass=mass, kp=kp, kv=kv, ki=ki)
     velocities, one_mass = given.values("--velocity"), given.one("--mass")
     k_p, k_v = given.one("--kp"), given.damping("--kv")
     one_mass = source.mass if one_mass is None else one_mass
