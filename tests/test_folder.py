@@ -10,6 +10,7 @@ from command import assert_refused, record_text, run, written
 
 from jaxfric.cli.call import Call, calling
 from jaxfric.cli.folder import NOTES, Folder, choose_folder, folder_name, input_name, source_name
+from jaxfric.cli.options import OutputOptions
 from jaxfric.errors import InputError
 
 
@@ -31,7 +32,7 @@ def made(path: str) -> Path:
 def write(folder: str, verb: str, *files: str, command: str = "", source: str = "") -> Folder:
     """What a verb does that writes `files`, the .png of them as figures."""
     call = Call(verb, command or f"jaxfric {verb}", {})
-    target = Folder(Path(folder), call, (Path(source),) if source else ())
+    target = Folder(Path(folder), call, (Path(source),) if source else (), OutputOptions())
     target.save({name: command for name in files if not name.endswith(".png")})
     for name in files:
         if name.endswith(".png"):
@@ -156,7 +157,7 @@ def test_a_default_folder_of_another_input_is_refused() -> None:
     write("run-fit", "fit", "fit.json", source="p/run.csv")
 
     def again(source: str, verb: str = "fit") -> None:
-        folder = Folder(Path("run-fit"), Call(verb, "", {}), (Path(source),))
+        folder = Folder(Path("run-fit"), Call(verb, "", {}), (Path(source),), OutputOptions())
         folder.refuse_another_input()
 
     again("p/run.csv")
@@ -168,7 +169,12 @@ def test_a_default_folder_of_another_input_is_refused() -> None:
     written(Path("p/run.csv"), "measured again")
     again("p/run.csv")
     write("run-fit", "fit", "fit.json", source="r/run.csv")
-    fit = Folder(Path("run-fit"), Call("fit", "", {}), (Path("r/run.csv"), Path("q/run.csv")))
+    fit = Folder(
+        Path("run-fit"),
+        Call("fit", "", {}),
+        (Path("r/run.csv"), Path("q/run.csv")),
+        OutputOptions(),
+    )
     fit.refuse_another_input(asked_for=True)
 
 
@@ -176,12 +182,14 @@ def test_a_folder_that_is_asked_for_keeps_the_results_of_another_record() -> Non
     """The first input is the record; another prior, or the same record again, replaces."""
     for folder in "pqr":
         written(made(f"{folder}/run.csv"), folder)
-    first = Folder(Path("o"), Call("fit", "fit", {}), (Path("p/run.csv"), Path("p/run.csv")))
+    first = Folder(
+        Path("o"), Call("fit", "fit", {}), (Path("p/run.csv"), Path("p/run.csv")), OutputOptions()
+    )
     first.save({"fit.json": "p"})
 
     def again(*sources: str, verb: str = "fit") -> None:
         with calling_as(verb):
-            choose_folder(Path("o"), "", *map(Path, sources))
+            choose_folder(OutputOptions("o"), "", *map(Path, sources))
 
     again("p/run.csv")
     again("p/run.csv", "q/run.csv")

@@ -27,7 +27,6 @@ from rich.console import Console
 
 from jaxfric.cli.app import app
 from jaxfric.cli.loop import tell_loop
-from jaxfric.cli.options import OutputOptions
 from jaxfric.effects import AXIS_CATALOGUE, CATALOGUE, RunChange, separators
 from jaxfric.findings import Finding, Severity
 from jaxfric.fitting import Estimate, Fit, NoiseEstimate, NoisePart
@@ -942,7 +941,7 @@ def test_the_verb(closed: dict[str, Any]) -> None:
         "law": "slip",
         "steps": None,
         "events": None,
-        "rows": None,
+        "downsample_to": None,
         "include": ("slip_trend", "gain"),
         "exclude": ("thermal",),
         "max_effects": 2,
@@ -990,7 +989,7 @@ def test_an_axis(closed: dict[str, Any], monkeypatch) -> None:
 def test_few_rows_through_the_verb(closed: dict[str, Any]) -> None:
     code, _, err = run("loop", "run.csv", "--stiffness", "5e-3/um", "--downsample-to", 1000)
     assert code == 0, err
-    assert closed["rows"] == 1000 and closed["read"] == 91
+    assert closed["downsample_to"] == 1000 and closed["read"] == 91
     page = Page(Path("run-loop-downsample-to1000/loop.html").read_text(encoding="utf-8"))
     assert "--downsample-to 1000" in page.text
 
@@ -1045,10 +1044,8 @@ def test_a_refit_tells_effects_that_look_alike(snapshot):
 def test_a_verdict_that_is_withheld_is_no_result_to_rely_on(severity, code, capsys) -> None:
     loop = make_loop("ambiguous")
     why = Finding(LoopCode.EDGE, severity, {"ratio": 1.02}, loop.blocks.train)
-    folder: Any = SimpleNamespace(close=lambda: 0, path=Path("out"), files=["loop.json"])
-    assert (
-        tell_loop(dataclasses.replace(loop, findings=(why,)), "{}", folder, OutputOptions()) == code
-    )
+    folder: Any = SimpleNamespace(finish=lambda *_: 0, path=Path("out"), files=["loop.json"])
+    assert tell_loop(dataclasses.replace(loop, findings=(why,)), folder) == code
 
 
 def test_an_effect_is_told_from_all_others_only_where_noise_is_left() -> None:

@@ -8,7 +8,6 @@ from . import options
 from .common import prepare_jax, refuse_unused, warn
 from .folder import Folder, choose_folder, input_name
 from .loop import save_loop, tell_loop
-from .shown import finish
 from .told import doing
 
 if TYPE_CHECKING:
@@ -56,7 +55,7 @@ def axis(
         unused = (*options.OF_LOOPS, "zero_order_hold", "cutoff", "max_effects")
         refuse_unused(f"{file}, a folder of runs at steady speeds", *unused)
         curve = axis.steady(file, reading)
-        folder = choose_folder(output.folder, input_name(file), file)
+        folder = choose_folder(output, input_name(file), file)
         return _close_steady(curve, folder, effects, output)
     record = axis.axis(file, reading)
     if not output.json:
@@ -64,7 +63,7 @@ def axis(
     prepare_jax()
     from ..axis import close_axis_loop
 
-    folder = choose_folder(output.folder, file.stem, file)
+    folder = choose_folder(output, file.stem, file)
     result = close_axis_loop(
         record,
         include=effects.include,
@@ -74,8 +73,8 @@ def axis(
         preparation=_filtered(record, axis.cutoff),
         progress=doing,
     )
-    content = save_loop(result, folder)
-    return tell_loop(result, content, folder, output)
+    save_loop(result, folder)
+    return tell_loop(result, folder)
 
 
 def _filtered(record: "AxisRecord", cutoff: str | None) -> "Preparation | None":
@@ -110,10 +109,10 @@ def _close_steady(
     prepare_jax()
     doing("estimating the noise of the runs")
     noise = steady_noise(curve)
-    content = folder.save_json("steady.json", to_json(result, noise))
+    folder.save_json("steady.json", to_json(result, noise))
     doing("drawing the figures")
     folder.draw_figure("curve", lambda: steady_figure(result))
     if noise is not None:
         folder.draw_figure("noise", lambda: noise_figure(curve, noise))
-    code = finish(report(result, noise), folder, content, output)
+    code = folder.finish(report(result, noise))
     return 1 if result.verdict == "ambiguous" else code

@@ -10,7 +10,6 @@ from . import options
 from .call import current_call
 from .common import prepare_jax, warn
 from .folder import choose_folder, source_name
-from .shown import finish
 from .told import doing
 
 
@@ -67,10 +66,10 @@ def feedforward(
         warn([str(error)], "error")
         return 1
     source = found.c(how.name, made_by=made_by(current_call().command))
-    folder = choose_folder(output.folder, source_name(model), model)
+    folder = choose_folder(output, source_name(model), model)
     texts = {"c": source, "csv": found.csv(), "tex": tex(found)}
     named = {f"feedforward.{kind}": text for kind, text in texts.items()}
-    content = folder.save_json("feedforward.json", found.to_json(asked), named)
+    folder.save_json("feedforward.json", found.to_json(asked), named)
     doing("drawing the figure")
     folder.draw_figure("feedforward", lambda: feedforward_figure(found))
-    return finish(report(found, asked), folder, content, output)
+    return folder.finish(report(found, asked))

@@ -11,10 +11,9 @@ from . import options
 from .call import current_call
 from .common import effect_ids, prepare_jax, refuse_unused, warn
 from .fits import FitOptions, Fitter, fit_files, for_each
-from .folder import Folder, choose_folder, json_text
+from .folder import Folder, choose_folder
 from .plan_line import loop_line
 from .posterior import PriorOptions
-from .shown import finish
 from .told import doing
 
 if TYPE_CHECKING:
@@ -73,16 +72,16 @@ def _fit_one(file: Path, fitter: Fitter, prior: PriorOptions, output: options.Ou
     measured = fitter.read(file)
     prepare_jax()
     prior.check(fitter.laws[0], fitter.how, measured.friction_unit)
-    folder = choose_folder(output.folder, file.stem, file, prior.prior)
+    folder = choose_folder(output, file.stem, file, prior.prior)
     result = fitter.one(0, measured, doing)
     if not result.converged and _has_converged(folder.path / "fit.json"):
         why = f"the fit did not converge ({result.result}). {folder.path} keeps the fit that"
         warn([f"{why} converged there before; give another folder with --out"], "error")
         return 1
-    content, posterior = json_text(result.to_json()), prior.of(result)
+    posterior = prior.of(result)
     doing("drawing the figure")
-    _save(result, content, posterior, folder)
-    code = finish(_report(result, posterior), folder, content, output)
+    _save(result, posterior, folder)
+    code = folder.finish(_report(result, posterior))
     if result.converged:
         return 1 if posterior is not None and posterior.warnings else code
     why = (
@@ -102,13 +101,13 @@ def _has_converged(file: Path) -> bool:
         return False
 
 
-def _save(result: "Fit", content: str, posterior: "Posterior | None", folder: Folder) -> None:
+def _save(result: "Fit", posterior: "Posterior | None", folder: Folder) -> None:
     from ..plot.fit import fit_figure
     from ..report.fits_table import TabledFit, files_of
 
     found = posterior if posterior is not None and posterior.found else None
     tables = files_of([TabledFit(Path(result.record.provenance.path).name, result)])
-    folder.save({**tables, "fit.json": content + "\n"}, found)
+    folder.save_json("fit.json", result.to_json(), tables, found)
     folder.draw_figure("the figure", lambda: fit_figure(result), "fit.png", "fit.svg")
     if found is not None:
         from ..plot.posterior import posterior_figure
@@ -146,7 +145,7 @@ def _compare(fitter: Fitter, laws: list[str] | None, output: options.OutputOptio
     from ..report.comparison import files_of
     from ..views import report
 
-    folder = choose_folder(output.folder, file.stem, file)
+    folder = choose_folder(output, file.stem, file)
     found = compare_laws(
         measured,
         stiffness=stiffness,
@@ -156,11 +155,11 @@ def _compare(fitter: Fitter, laws: list[str] | None, output: options.OutputOptio
         downsample_to=how.downsample_to,
         progress=doing,
     )
-    content = folder.save_json("compare.json", found.to_json(), files_of(found))
+    folder.save_json("compare.json", found.to_json(), files_of(found))
     doing("drawing the figure")
     folder.draw_figure("compare", lambda: comparison_figure(found))
     told_of = report(found)
     if told_of.next_steps:
         line = loop_line(current_call(), found.of_laws[0].fit.law)
         told_of = told_of._replace(next_steps=[told_of.next_steps[0]._replace(command=line)])
-    return finish(told_of, folder, content, output)
+    return folder.finish(told_of)

@@ -10,7 +10,6 @@ from . import options
 from .common import warn
 from .folder import choose_folder, json_text
 from .options import OutputOptions
-from .shown import finish
 from .told import doing
 
 if TYPE_CHECKING:
@@ -126,7 +125,7 @@ def fit_files(fitter: Fitter, output: OutputOptions) -> int:
         if not file.exists():
             raise InputError(f"{file}: there is no such file; none was fitted")
 
-    folder = choose_folder(output.folder, f"{files[0].stem}-and-{len(files) - 1}-more", *files)
+    folder = choose_folder(output, f"{files[0].stem}-and-{len(files) - 1}-more", *files)
     many = len(files) >= _MANY and not fitter.how.of_one
     ends: dict[int, Fit | str] = {}
     read: dict[int, Record] = {}
@@ -152,12 +151,12 @@ def fit_files(fitter: Fitter, output: OutputOptions) -> int:
     named = zip(_names(files), found, strict=True)
     fits = [(name, one.fit) for name, one in named if one.fit is not None]
     texts = {f"{name}.json": json_text(fit.to_json()) + "\n" for name, fit in fits}
-    content = folder.save_json("fits.json", content_of_files(found), files_of(found) | texts)
+    folder.save_json("fits.json", content_of_files(found), files_of(found) | texts)
     for name, fit in fits:
         doing(f"drawing {name}")
         what, draw = f"the figure of {name}", lambda fit=fit: fit_figure(fit)
         folder.draw_figure(what, draw, f"{name}.png")
-    code = finish(report_of_files(found), folder, content, output)
+    code = folder.finish(report_of_files(found))
     failed = [one for one in found if not one.known]
     names = ("" if one.result.startswith(one.name) else f"{one.name}: " for one in failed)
     warn((name + one.result for name, one in zip(names, failed, strict=True)), "error")

@@ -22,11 +22,13 @@ from ..report.version import installed_version
 from ..schemas import FOLDER
 from .call import Call, current_call, made_by
 from .common import warn
+from .shown import OutputOptions, show
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from ..posterior import Posterior
+    from ..report.report import Report
 
 NOTES = ".jaxfric.json"
 _NOT_NAMED = {
@@ -93,9 +95,9 @@ def input_name(path: Path) -> str:
 
 
 def choose_folder(
-    out: Path | None, source: str, *inputs: Path | None, unnamed: Sequence[str] = ()
+    output: OutputOptions, source: str, *inputs: Path | None, unnamed: Sequence[str] = ()
 ) -> "Folder":
-    """Return the output folder of this call, `out` or its default name, checked before any work.
+    """Return the output folder of this call, --out or its default name, checked before any work.
 
     An input may be None: it was not given. The default name leaves out the options `unnamed`,
     because `source` already contains them.
@@ -105,11 +107,11 @@ def choose_folder(
     """
     call = current_call()
     given = {name: value for name, value in call.given.items() if name not in unnamed}
-    path = out if out is not None else Path(folder_name(source, call.verb, given))
-    folder = Folder(path, call, tuple(file for file in inputs if file is not None))
+    path = Path(folder_name(source, call.verb, given) if output.out is None else output.out)
+    folder = Folder(path, call, tuple(file for file in inputs if file is not None), output)
     with output_folder(path):
         pass
-    folder.refuse_another_input(asked_for=out is not None)
+    folder.refuse_another_input(asked_for=output.out is not None)
     return folder
 
 
@@ -120,6 +122,7 @@ class Folder:
     path: Path
     call: Call
     inputs: tuple[Path, ...]
+    output: OutputOptions
     files: list[str] = dataclasses.field(default_factory=list)
     earlier: list[str] = dataclasses.field(default_factory=list)
     """Files that were here before this run, and that it replaced or removed."""
@@ -127,6 +130,8 @@ class Folder:
     """The command that wrote the `earlier` files."""
     code: int = 0
     """The exit code of the verb: 1 if a figure is missing."""
+    content: str = ""
+    """The JSON text that --json prints."""
 
     def refuse_another_input(self, *, asked_for: bool = False) -> None:
         """Raise `InputError` if the folder holds results of this verb for another input.
@@ -169,12 +174,15 @@ class Folder:
             (self.path / name).unlink(missing_ok=True)
 
     def save_json(
-        self, name: str, table: Mapping[str, object], others: Mapping[str, str] | None = None
-    ) -> str:
-        """Write a table as the JSON file `name`, and `others`; return the JSON text."""
-        content = json_text(table)
-        self.save({**(others or {}), name: content + "\n"})
-        return content
+        self,
+        name: str,
+        table: Mapping[str, object],
+        others: Mapping[str, str] | None = None,
+        draws: "Posterior | None" = None,
+    ) -> None:
+        """Write a table as the JSON file `name`, `others` and draws; --json prints this table."""
+        self.content = json_text(table)
+        self.save({**(others or {}), name: self.content + "\n"}, draws)
 
     def draw(self, what: str, drawing: Callable[[Path], object]) -> list[str]:
         """Add `what`, a figure or page; a failure of drawing leaves all other files intact.
@@ -228,6 +236,11 @@ class Folder:
         if not self.earlier:
             return ""
         return f"replaced in {self.path}: {', '.join(self.earlier)}, written by {self.made_by}"
+
+    def finish(self, report: "Report", written: str | None = None) -> int:
+        """Print the report and the written files; return the exit code of the verb."""
+        show(report, self.written if written is None else written, self.content, self.output)
+        return self.close()
 
     def close(self) -> int:
         """Print the replaced files and return the exit code of the verb."""

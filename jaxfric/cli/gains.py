@@ -10,7 +10,6 @@ from ..stability.margin_table import named_with_units
 from . import options
 from .common import OfMotion, prepare_jax
 from .options import Text
-from .shown import finish
 from .told import doing
 
 if TYPE_CHECKING:
@@ -125,12 +124,12 @@ def gains(
         say = lambda text: doing(f"{text} (2 of 3)")  # noqa: E731
         result = check_gains(result, basin=simulated.basin, progress=say)
     doing("drawing figures (3 of 3)")
-    content = folder.save_json("gains.json", gains_json.content(result))
+    folder.save_json("gains.json", gains_json.content(result))
     folder.draw_figure("gains", lambda: gains_figure(result))
     if simulated.map_:
         folder.draw_figure("end_map", lambda: _end_map(result))
     new = tuple(line for line in result.warnings if line not in source.warnings)
-    code = finish(report(result)._replace(warnings=new), folder, content, output)
+    code = folder.finish(report(result)._replace(warnings=new))
     return code or int(bool(result.unsafe))
 
 

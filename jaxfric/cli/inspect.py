@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, NamedTuple
 from . import options
 from .common import refuse_unused
 from .folder import choose_folder, input_name, json_text
-from .shown import finish
 from .told import doing
 
 if TYPE_CHECKING:
@@ -57,15 +56,15 @@ def inspect(
         found = _steady(axis.steady(file, reading))
     else:
         found = _axis(axis.axis(file, reading))
-    folder = choose_folder(output.folder, input_name(file), file)
+    folder = choose_folder(output, input_name(file), file)
     doing("drawing the figure")
     folder.save({})  # the only file is the figure
     for name, figure in found.figures.items():
         folder.draw_figure("the figure", figure, f"{name}.png")
     figures = [str(folder.path / name) for name in folder.files]
-    text = json_text({**found.content, "figures": figures})
+    folder.content = json_text({**found.content, "figures": figures})
     written = f"figure: {', '.join(figures)}" if figures else ""
-    return finish(found.report, folder, text, output, written)
+    return folder.finish(found.report, written)
 
 
 def _slider(measured: "Record", steps: str | None, reduced: Path | None) -> _Inspected:

@@ -10,7 +10,6 @@ from . import options
 from .call import current_call
 from .common import prepare_jax
 from .folder import Folder, choose_folder
-from .shown import finish
 from .told import doing
 
 if TYPE_CHECKING:
@@ -53,7 +52,7 @@ def loop(
             "--steps gives the steps of a record; those of a run are in its events (--events)"
         )
     record = reading.read(file)
-    folder = choose_folder(output.folder, file.stem, file, events, unnamed=("events",))
+    folder = choose_folder(output, file.stem, file, events, unnamed=("events",))
     found = None
     if run or events is not None:
         doing(f"finding events in {len(record)} rows")
@@ -77,35 +76,34 @@ def loop(
         max_effects=effects.max_effects,
         progress=doing,
     )
-    content = save_loop(result, folder)
-    return tell_loop(result, content, folder, output)
+    save_loop(result, folder)
+    return tell_loop(result, folder)
 
 
-def save_loop(result: "Loop", folder: Folder) -> str:
-    """Write loop.json, the figures and the page; return the JSON text.
+def save_loop(result: "Loop", folder: Folder) -> None:
+    """Write loop.json, the figures and the page.
 
     The page loop.html shows the figures that could be drawn.
     """
     from ..plot.loop import FIGURES
     from ..report.loop_page import page
 
-    content = folder.save_json("loop.json", result.to_json())
+    folder.save_json("loop.json", result.to_json())
     doing("drawing figures")
     for name, figure in FIGURES.items():
         folder.draw_figure(name, lambda figure=figure: figure(result))
     command = current_call().command
     folder.draw_page("loop.html", ".svg", lambda drawn: page(result, drawn, command=command))
-    return content
 
 
-def tell_loop(result: "Loop", content: str, folder: Folder, output: options.OutputOptions) -> int:
+def tell_loop(result: "Loop", folder: Folder) -> int:
     """Print the answer and return the exit code: 1 if the verdict is withheld."""
     from ..findings import Severity  # only here: the command begins without NumPy
     from ..report.loop_report import report
 
     told_of = report(result, file=str(folder.path / "loop.json"))
     withheld = any(one.severity is Severity.WITHHELD for one in result.findings)
-    return finish(told_of, folder, content, output, _written(folder)) or int(withheld)
+    return folder.finish(told_of, _written(folder)) or int(withheld)
 
 
 def _written(folder: Folder) -> str:

@@ -17,6 +17,7 @@ from ..errors import InputError
 from ..pairs import read_pairs
 from .common import effect_ids, optional_quantity, warn
 from .folder import Folder, choose_folder, input_name, source_name
+from .shown import OutputOptions as OutputOptions
 from .told import doing
 
 if TYPE_CHECKING:
@@ -33,41 +34,6 @@ MORE = Parameter(group=Group("More options"))
 """An option that a first user does not need: only --help-all lists it."""
 Text = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
 """An option whose value may begin with a minus sign, so that the verb can refuse a negative one."""
-
-
-def named(type_: object, tokens: Sequence[Token]) -> str:
-    """Return the path or URL of an option; refuse an empty text, which `Path` reads as "."."""
-    text = tokens[0].value
-    if not text.strip():
-        raise InputError(
-            f"{tokens[0].keyword or 'a path'} is empty; write . for the current folder"
-        )
-    return text
-
-
-# ---- output -----------------------------------------------------------------------------------
-
-
-@FLAT
-@dataclass(frozen=True)
-class OutputOptions:
-    """Options for the output folder and the printed text of a verb."""
-
-    out: Annotated[str | None, Parameter(converter=named)] = None
-    """Output folder. A folder that holds results of another record is refused. For a study: the
-    store, a folder or s3://BUCKET/NAME.zarr (also gs://, az://), by default NAME.zarr. With --plot:
-    the folder of the figures."""
-    details: bool = False
-    """Print all tables and sentences instead of the answer alone."""
-    json: bool = False
-    """Print one JSON document on stdout instead of tables and lines."""
-    quiet: bool = False
-    """Print no progress on stderr. Warnings and errors are still printed."""
-
-    @property
-    def folder(self) -> Path | None:
-        """The folder that --out names."""
-        return None if self.out is None else Path(self.out)
 
 
 # ---- records ----------------------------------------------------------------------------------
@@ -386,7 +352,7 @@ class LawOptions(NamedLaw):
     def folder(self, output: OutputOptions) -> Folder:
         """Return the output folder of a call, named after the law's file or the law."""
         source = self.law or "" if self.from_ is None else source_name(self.from_)
-        return choose_folder(output.folder, source, self.from_, unnamed=("law",))
+        return choose_folder(output, source, self.from_, unnamed=("law",))
 
 
 MASS = Parameter(

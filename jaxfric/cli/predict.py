@@ -8,7 +8,6 @@ from cyclopts import Parameter
 from . import options
 from .common import prepare_jax, refuse_unused
 from .folder import choose_folder, source_name
-from .shown import finish
 from .told import doing
 
 
@@ -44,7 +43,7 @@ def predict(
     kind, unused = ("an axis", of_a_slider) if saved.is_axis else ("a slider", of_an_axis)
     refuse_unused(f"{model}, a model of {kind}", *unused)
     measured = axis.axis(record, reading) if saved.is_axis else reading.read(record)
-    folder = choose_folder(output.folder, f"{record.stem}-by-{source_name(model)}", record, model)
+    folder = choose_folder(output, f"{record.stem}-by-{source_name(model)}", record, model)
     result = run(
         model,
         measured,
@@ -57,8 +56,8 @@ def predict(
     doing("drawing figures")
     from ..plot.prediction import prediction_figure
 
-    content = folder.save_json("prediction.json", result.to_json())
+    folder.save_json("prediction.json", result.to_json())
     folder.draw_figure("prediction", lambda: prediction_figure(result))
     from ..views import report
 
-    return finish(report(result), folder, content, output)
+    return folder.finish(report(result))

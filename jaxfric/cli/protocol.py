@@ -12,7 +12,6 @@ from .call import current_call
 from .common import optional_quantity, prepare_jax
 from .folder import choose_folder, source_name
 from .plan_line import changed_line
-from .shown import finish
 from .told import doing
 
 if TYPE_CHECKING:
@@ -112,18 +111,18 @@ def protocol(
         noise_from=str(model.from_) if how.noise is None else "--noise",
     )
     source = "" if model.from_ is None else source_name(model.from_)
-    folder = choose_folder(output.folder, source, model.from_)
+    folder = choose_folder(output, source, model.from_)
     found = plan(what, include=included, exclude=excluded, progress=doing)
     answer = Answer() if asked is None else answer_of(found, asked, known)
     line = "" if answer.change is None else changed_line(current_call(), answer.change)
     small = [] if answer.pair is None else found_too_small(found, answer.pair, known)
     found = dataclasses.replace(found, warnings=(*small, *base.warnings, *found.warnings))
     typical = model.from_ is None and model.parameters is None
-    content = folder.save_json("protocol.json", found.to_json() | answer.to_json(line))
+    folder.save_json("protocol.json", found.to_json() | answer.to_json(line))
     doing("drawing figures")
     folder.draw_figure("aliasing", lambda: protocol_figure(found))
     told_of = report(found, answer, typical=typical, command=line)
-    return finish(told_of, folder, content, output)
+    return folder.finish(told_of)
 
 
 def _pair_of(ids: tuple[str, ...]) -> tuple[str, str] | None:

@@ -65,7 +65,7 @@ def run(
     rows = _ROWS if downsample_to is None else downsample_to
     how = HowFitted(law=law, rows=rows, **model.model())
     record = reading.read(file)
-    folder = choose_folder(output.folder, file.stem, file, events, unnamed=("events",))
+    folder = choose_folder(output, file.stem, file, events, unnamed=("events",))
     if stiffness == RAMPS:
         ramps = stiffness_from_ramps(*decided_events(record, events, None))
         how = replace(how, stiffness=ramps.machine())
@@ -78,10 +78,10 @@ def run(
         raise InputError(_NO_STIFFNESS)
     result = _fitted(record, found, how, folder)
     others = findings_of(result, found, how, progress=doing)
-    text = folder.save_json("run.json", content(result, others), files_of(result, others))
+    folder.save_json("run.json", content(result, others), files_of(result, others))
     call = current_call()
     told_of = report(result, others, run_line(call))
-    show(told_of, "", text, output)
+    show(told_of, "", folder.content, output)
     sys.stdout.flush()  # figures of many steps take minutes: a user who stops here has the numbers
     doing("drawing figures")
     _draw_events(record, found, folder)

@@ -10,7 +10,6 @@ from . import options
 from .call import made_by
 from .common import OfMotion, prepare_jax
 from .folder import json_text
-from .shown import finish
 from .told import doing
 
 if TYPE_CHECKING:
@@ -87,8 +86,8 @@ def simulate(
     for name, figure in FIGURES.items():
         folder.draw_figure(name, lambda figure=figure: figure(course.motion))
     files = [str(folder.path / name) for name in folder.files]
-    text = json_text(content(course, source.text, width, files))
-    return finish(told_of, folder, text, output)
+    folder.content = json_text(content(course, source.text, width, files))
+    return folder.finish(told_of)
 
 
 def _command(given: OfMotion, steps: str | None) -> "PiecewiseVelocity":

@@ -5,7 +5,6 @@ from typing import Annotated
 
 from . import options
 from .common import OfMotion, prepare_jax, warn
-from .shown import finish
 from .told import doing
 
 
@@ -59,9 +58,9 @@ def stability(
 
     doing("drawing figures (2 of 2)")
     known = content(found, source.text, (*source.warnings, *unseen))
-    written = folder.save_json("stability.json", known)
+    folder.save_json("stability.json", known)
     for name, figure in figures(found).items():
         folder.draw_figure(name, lambda figure=figure: figure(found))
     if found.delayed:
         folder.draw_figure("delay_chart", lambda: delay_figure(found))
-    return finish(report(found, source.text), folder, written, output)
+    return folder.finish(report(found, source.text))

@@ -6,7 +6,7 @@ import os
 import signal
 import sys
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -17,7 +17,7 @@ from . import options
 from .call import current_call
 from .common import prepare_jax, warn
 from .folder import choose_folder, json_text
-from .shown import finish, show
+from .shown import show
 from .told import doing, pause
 
 if TYPE_CHECKING:
@@ -185,11 +185,12 @@ def _draw(store: str, output: options.OutputOptions) -> int:
     name = store.rstrip("/").rsplit("/", 1)[-1].removesuffix(".zarr")
     inputs = [] if "://" in store else [Path(store)]
     warn(found.attrs.get("warnings", ()))
-    folder = choose_folder(output.folder or Path(f"{name}-figures"), "", *inputs)
+    folder = choose_folder(replace(output, out=output.out or f"{name}-figures"), "", *inputs)
     doing("drawing figures")
     folder.save({})
     names = folder.draw("figures", lambda to: draw_study(found, to))
     pictures = [name for name in names if name.endswith(".png")]
     written = f"written: {folder.path}/{', '.join(pictures)} (and .svg)" if names else ""
-    content = {"store": store, "figures": [str(folder.path / name) for name in names]}
-    return finish(Report(), folder, json_text(content), output, written)
+    figures = [str(folder.path / name) for name in names]
+    folder.content = json_text({"store": store, "figures": figures})
+    return folder.finish(Report(), written)

@@ -24,7 +24,7 @@ BEAT = 10.0
 """Time [s] between the following lines."""
 
 
-class Lines:
+class ProgressLines:
     """Prints the message on stderr after `FIRST` s, then after each `BEAT` s without output.
 
     The methods are those of the status line of rich, which a terminal shows.
@@ -63,7 +63,7 @@ class Lines:
                 print(text, file=sys.stderr, flush=True)
 
 
-_SHOWN: "list[Lines | Status]" = []
+_SHOWN: "list[ProgressLines | Status]" = []
 """The progress of the running command. Library functions report from several threads."""
 
 
@@ -78,7 +78,7 @@ def telling(*, silent: bool = False) -> Generator[None]:
 
         _SHOWN.append(Console(stderr=True, highlight=False).status("starting"))
     else:
-        _SHOWN.append(Lines())
+        _SHOWN.append(ProgressLines())
     try:
         doing("starting")
         yield
@@ -90,7 +90,7 @@ def telling(*, silent: bool = False) -> Generator[None]:
 def doing(message: str) -> None:
     """Set the current message of the progress, and show progress again after a `pause`."""
     for shown in _SHOWN[-1:]:
-        if not isinstance(shown, Lines):
+        if not isinstance(shown, ProgressLines):
             from rich.markup import escape
 
             message = escape(message)
