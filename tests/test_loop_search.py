@@ -460,7 +460,7 @@ def test_a_run_closes_the_loop():
         events=events,
         own=[Quadratic],
         exclude=["quadratic"],
-        rows=3000,
+        downsample_to=3000,
         max_effects=1,
     )
     assert loop.verdict == "no_missing_effect", loop.sentence
