@@ -69,22 +69,34 @@ def parse_quantity(text: str, si_unit: str, what: str) -> float:
     return value
 
 
-def speed_text(V: float, digits: int = 3) -> str:
-    """A velocity [m/s] as text in a readable unit."""
-    unit = next((u for u, size in (("um/s", 3e-4), ("mm/s", 0.3)) if size > V), "m/s")
-    return format_si(float(f"{V:.{digits - 1}e}"), "m/s", unit, digits + 1)
+_PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n"}
+_UNPREFIXED = re.compile(r"kg|%|1\b|$")
+_NEVER_KILO = {"s", "m", "m/s", "rad", "rad/s"}
 
 
-_PREFIXES = ((1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
+def prefix(value: float, unit: str) -> tuple[float, str]:
+    """Size and name of the unit in which a value is a number from 1 to 1000: 1e3, "kN/m".
+
+    Kilograms, percent and pure or reciprocal numbers have no prefix. Times, lengths, angles and
+    their rates have none above 1.
+    """
+    unit = unit.replace("*", " ")
+    if _UNPREFIXED.match(unit) or not 0 < abs(value) < math.inf:
+        return 1.0, unit
+    power = 3 * math.floor(math.log10(abs(value)) / 3 + 1e-9)
+    power = min(max(power, -9), 0 if unit in _NEVER_KILO else 9)
+    return 10.0**power, _PREFIXES[power] + unit
 
 
 def prefixed(value: float, unit: str, digits: int = 4) -> str:
-    """Format a value with the largest prefix k, m, µ or n that gives 1 or more: "1.757 kN/m". Units
-    that begin with kg get no prefix.
-    """
-    prefixes = () if unit.startswith("kg") else _PREFIXES
-    size, prefix = next((one for one in prefixes if abs(value) >= one[0]), (1.0, ""))
-    return f"{value / size:.{digits}g} {prefix}{unit}"
+    """Format a value with the prefix of its unit: "1.757 kN/m"; the unit "1" is not shown."""
+    size, shown = prefix(value, unit)
+    return with_unit(f"{value / size:.{digits}g}", shown)
+
+
+def with_unit(text: str, unit: str) -> str:
+    """A number and its unit; the unit "1" of a pure number is not shown."""
+    return text if unit in _NO_UNIT else f"{text} {unit}"
 
 
 def parse_values(text: str, si_unit: str, what: str, *, count: int = 25) -> list[float]:
@@ -170,8 +182,7 @@ def has_dimension(unit_text: str, si_unit: str) -> bool:
 def format_si(value: float, si_unit: str, shown_unit: str, digits: int = 4) -> str:
     """`value` [si_unit] as text in `shown_unit`: format_si(2e-6, "m/s", "um/s") is "2 um/s"."""
     shown = value / factor(shown_unit, si_unit, "shown unit")
-    text = f"{shown:.{digits}g}"
-    return text if shown_unit in _NO_UNIT else f"{text} {shown_unit}"
+    return with_unit(f"{shown:.{digits}g}", shown_unit)
 
 
 def read_as(text: str) -> str:

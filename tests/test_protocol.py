@@ -359,7 +359,7 @@ CHANGED = {
     "slip_half": ("half the slip per step", (UM, 1e-5), 5e-5, None),
     "slip_x2": ("twice the slip per step", (UM, 1e-5), 2e-4, None),
     "slip_x4": ("four times the slip per step", (UM, 1e-5), 4e-4, None),
-    "dwell": ("a slow dwell at 0.333 um/s appended", (UM, 1e-5, 3.333e-7), 1e-4, None),
+    "dwell": ("a slow dwell at 333 nm/s appended", (UM, 1e-5, 3.333e-7), 1e-4, None),
     "slip_channel": ("a slip channel", (UM, 1e-5), 1e-4, 1e-7),
 }
 """Changes of `designed`: words, velocities, slip, noise of slip. SI."""
@@ -388,7 +388,7 @@ NO = "no: this plan cannot distinguish ageing from "
          " no change in the table below would"),
         (designed(0.98, changes=[("dwell", 0.96), ("slip_x2", 0.97)]), TWO, NO
          + "velocity_dependent_L: |cosine| 0.980, above 0.95; no single change in the table below"
-         " does, the nearest is a slow dwell at 0.333 um/s appended (410 s)"),
+         " does, the nearest is a slow dwell at 333 nm/s appended (410 s)"),
         (designed(np.nan, sizes=(None, 0.02)), TWO, "no: this plan does not see ageing, whatever"
          " the size"),
     ],

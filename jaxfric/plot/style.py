@@ -20,6 +20,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter
 
+from .. import units
 from ..records.joints import gaps
 from ..records.steps import VelocitySteps
 from .palette import BLACK, BLUE, GREY
@@ -38,8 +39,6 @@ _MOST_COLUMNS, _HANDLE, _LEGEND = 6, 8, 0.35
 for it [inch]: of one or two lines."""
 _DECADES = 30.0
 """A logarithmic axis that is longer has the prefix of its middle, a shorter one that of its end."""
-_SMALL = ("s", "m", "m/s", "rad", "rad/s")
-_PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n"}
 
 
 # ---- figures and panels ------------------------------------------------------------------------
@@ -321,14 +320,9 @@ def shade(
 
 
 def prefixed(largest: float, unit: str) -> tuple[float, str]:
-    """Return a factor and a prefixed unit in which `largest` lies between 1 and 1000."""
-    if unit in ("", "1", "%") or not (math.isfinite(largest) and largest > 0):
-        return 1.0, unit
-    if 0.1 <= largest < 1:
-        return 1.0, unit
-    most = 0 if unit in _SMALL else 9  # neither 2 ks nor 3 km/s
-    power = min(max(3 * math.floor(math.log10(largest) / 3 + 1e-9), -9), most)
-    return 10.0**-power, _PREFIXES[power] + unit
+    """Return a factor and a prefixed unit in which `largest` lies between 0.1 and 1000."""
+    size, shown = (1.0, unit) if 0.1 <= largest < 1 else units.prefix(largest, unit)
+    return 1.0 / size, shown
 
 
 def most(values: np.ndarray) -> float:
@@ -338,8 +332,7 @@ def most(values: np.ndarray) -> float:
 
 def told(value: float, unit: str, digits: int = 4) -> str:
     """Write a value as text, with a prefix of its unit."""
-    size, text = prefixed(abs(value), unit)
-    return f"{size * value:.{digits}g} {text.replace('*', ' ')}"
+    return units.prefixed(value, unit, digits)
 
 
 def named(name: str, unit: str, gap: str = " ") -> str:

@@ -42,7 +42,7 @@ from ..loop.split import Blocks, followed, repeated, split
 from ..loop.thresholds import ACCEPT
 from ..rig.friction import AbstractRateState
 from ..silent import silent
-from ..units import speed_text
+from ..units import prefixed
 from .design import Change, Design, Planned, Protocol, Smallest
 
 CHANNEL_NOISE = 1e-7
@@ -272,11 +272,11 @@ def _changes(plan: Change) -> list[Change]:
                 shapes_of=slip),
         replace(plan, key="slip_x2", text="twice the slip per step", slip_per_step=2 * slip),
         replace(plan, key="slip_x4", text="four times the slip per step", slip_per_step=4 * slip),
-        replace(plan, key="dwell", text=f"a slow dwell at {speed_text(dwell)} appended",
+        replace(plan, key="dwell", text=f"a slow dwell at {prefixed(dwell, 'm/s', 3)} appended",
                 velocities=followed(V, (dwell,), V)),
     ]  # fmt: skip
     if again != V:
-        text = f"the first velocity, {speed_text(V[0])}, repeated at the end"
+        text = f"the first velocity, {prefixed(V[0], 'm/s', 3)}, repeated at the end"
         found.append(replace(plan, key="repeat", text=text, velocities=again))
     if plan.slip_noise is None:
         text = "a slip channel"

@@ -9,7 +9,7 @@ from ..fitting import Estimate
 from ..loop.thresholds import ALIAS
 from ..protocol.design import BASE, Change, Design, Pair, Protocol, Smallest
 from ..protocol.remedy import Answer, Remedy
-from ..units import duration, format_si, speed_text
+from ..units import duration, prefixed, with_unit
 from .estimates import shown_unit
 from .report import NextStep, Report
 from .tables import TextTable
@@ -131,21 +131,21 @@ def _counted(plan: Protocol) -> str:
 
 def _planned(plan: Protocol) -> str:
     """The velocities, the duration and the noise of the plan."""
-    speeds = f"{speed_text(min(plan.velocities))} to {speed_text(max(plan.velocities))}"
-    unit = "" if plan.friction_unit == "1" else f" {plan.friction_unit}"
+    ends = (prefixed(V, "m/s", 3) for V in (min(plan.velocities), max(plan.velocities)))
+    noise = with_unit(f"{plan.noise:.2g}", plan.friction_unit)
     origin = f", from {plan.noise_from}" if plan.noise_from else ""
     return (
-        f"plan: {len(plan.velocities)} velocities, {speeds},"
-        f" {format_si(plan.slip_per_step, 'm', 'um')} each: {duration(plan.duration)},"
-        f" {plan.rows * len(plan.velocities)} rows; noise of a row {plan.noise:.2g}{unit}{origin}"
+        f"plan: {len(plan.velocities)} velocities, {' to '.join(ends)},"
+        f" {prefixed(plan.slip_per_step, 'm')} each: {duration(plan.duration)},"
+        f" {plan.rows * len(plan.velocities)} rows; noise of a row {noise}{origin}"
     )
 
 
 def _details(plan: Protocol, typical: bool) -> list[str]:
     """The machine, the base, and the effects that the plan does not tell apart or see."""
-    unit = "/um" if plan.friction_unit == "1" else f"{plan.friction_unit}/um"
+    unit = f"{plan.friction_unit.removeprefix('1')}/µm"
     edge = "any stiffness is stable" if plan.ratio is None else f"K/K_cr = {plan.ratio:.2f}"
-    slip = f"; slip channel, noise {_length(plan.slip_noise)}" if plan.slip_noise else ""
+    slip = f"; slip channel, noise {prefixed(plan.slip_noise, 'm', 3)}" if plan.slip_noise else ""
     base = ", ".join(_parameter(name, value) for name, value in plan.parameters.items())
     known = f"; with {', '.join(plan.with_)}" if plan.with_ else ""
     usual = " (typical values: give yours with --parameters or --from)" if typical else ""
@@ -206,10 +206,10 @@ def _list(pairs: Iterable[tuple[str, str] | tuple[str, str, float]]) -> str:
 def _size(s: Smallest, value: float) -> str:
     """An amplitude by its symbol, in a readable unit."""
     if s.id == "evolution_cutoff":  # 1/c is the velocity in the equation of this effect
-        return f"Vc = {speed_text(1 / value)}"
+        return f"Vc = {prefixed(1 / value, 'm/s', 3)}"
     shown, size = shown_unit(Estimate(value, 0.0, 0.0, 0.0, s.unit), "um")
     symbols = [parameters(CATALOGUE[s.id])[n].symbol if s.id in CATALOGUE else n for n in s.names]
-    return f"{', '.join(symbols)} = {value / size:.2g} {shown}".replace("µ", "u").rstrip()
+    return f"{', '.join(symbols)} = {with_unit(f'{value / size:.2g}', shown)}"
 
 
 def _shape(s: Smallest) -> str:
@@ -218,18 +218,10 @@ def _shape(s: Smallest) -> str:
     for name, value in s.shape.items():
         about = parameters(CATALOGUE[s.id]).get(name) if s.id in CATALOGUE else None
         unit, symbol = (about.unit, about.symbol) if about else ("", name)
-        text = {"m": _length, "m/s": speed_text}.get(unit, lambda v, u=unit: f"{v:.3g} {u}")(value)
-        texts.append(f"{symbol} = {text.removesuffix(' 1')}")
+        texts.append(f"{symbol} = {prefixed(value, unit, 3)}")
     return ", ".join(texts)
 
 
 def _parameter(name: str, value: float) -> str:
-    if name == "V0":
-        return f"V0 = {speed_text(value)}"
-    if name[0] == "L" and "." not in name:
-        return f"{name} = {_length(value)}"
-    return f"{name} = {value:.4g}"
-
-
-def _length(value: float) -> str:
-    return format_si(value, "m", "um" if value < 1e-3 else "mm", 3)
+    unit = "m/s" if name == "V0" else "m" if name[0] == "L" and "." not in name else "1"
+    return f"{name} = {prefixed(value, unit)}"
