@@ -12,7 +12,7 @@ from ..protocol.design import Protocol
 from . import style
 from .palette import BLACK, ORANGE
 
-_CELL = 0.24
+_CELL = 0.26
 """Width of a cell [inch]."""
 
 
@@ -27,7 +27,7 @@ def aliasing_figure(
     """Figure of the |cosine| between effects in `what`; marks the `added` effects."""
     cosines, number = np.asarray(cosines, float), len(ids)
     below = np.tri(number, k=-1, dtype=bool)
-    width = min(max(style.SINGLE, 1.4 + _CELL * number), style.DOUBLE)
+    width = style.SINGLE if 1.4 + _CELL * number < style.SINGLE else style.DOUBLE
     figure = style.new_figure(width, 1.7 + _CELL * number)
     axis = figure.subplots()
     axis.imshow(np.where(below, cosines, np.nan), cmap="Blues", vmin=0, vmax=1.15)

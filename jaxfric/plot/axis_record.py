@@ -6,7 +6,6 @@ from matplotlib.figure import Figure
 from ..records import AxisRecord, SteadyCurve
 from ..records.strokes import Strokes, find_strokes, position_of
 from . import style
-from .label import printable
 from .palette import BLACK, GREY, ORANGE
 
 _WINDOW = 200
@@ -59,8 +58,8 @@ def axis_record_figure(record: AxisRecord, strokes: Strokes) -> Figure:
     style.tidy(speed, x=place.label, y=speeds)
     style.tidy(plane, x=speeds, y=(name, record.force_unit))
     number = f"{len(strokes)} stroke{'' if len(strokes) == 1 else 's'}"
-    title = f"{printable(record.provenance.path)}: {record.sampling()}; {number}"
-    return style.finish(figure, title)
+    title = f"{record.sampling()}; {number}"
+    return style.finish(figure, title, of=record.provenance.path)
 
 
 def ordinary(values: np.ndarray) -> tuple[tuple[float, float], int]:
@@ -78,15 +77,19 @@ def ordinary(values: np.ndarray) -> tuple[tuple[float, float], int]:
 
 def curve_figure(curve: SteadyCurve) -> Figure:
     """Figure of the force of steady runs against their speed."""
-    rotary = curve.coordinate == "rotary"
-    unit, size = ("rpm", np.pi / 30) if rotary else ("mm/s", 1e-3)
+    factor, unit = speed_shown(curve)
     figure, (axis,) = style.panels([2.25])
-    style.bars(axis, curve.speed / size, curve.force, curve.error, colour=BLACK)
+    style.bars(axis, factor * curve.speed, curve.force, curve.error, colour=BLACK)
     axis.axvline(0, color=GREY, lw=0.8)
-    name = f"motor {'torque' if rotary else 'force'}"
-    style.tidy(axis, x=f"speed [{unit}]", y=(name, curve.force_unit), zero=True)
-    name = printable(curve.provenance.path)
-    return style.finish(figure, f"{name}: {len(curve)} steady runs, mean ± its error")
+    name = f"motor {'torque' if curve.coordinate == 'rotary' else 'force'}"
+    style.tidy(axis, x=("speed", unit), y=(name, curve.force_unit), zero=True)
+    title = f"{len(curve)} steady runs, mean ± its error"
+    return style.finish(figure, title, of=curve.provenance.path)
+
+
+def speed_shown(curve: SteadyCurve) -> tuple[float, str]:
+    """The factor from SI of a speed that is shown, and its unit, which may have a prefix."""
+    return (30 / np.pi, "rpm") if curve.coordinate == "rotary" else (1.0, "m/s")
 
 
 def _speed(record: AxisRecord, strokes: Strokes) -> np.ndarray:

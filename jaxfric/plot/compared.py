@@ -7,7 +7,6 @@ from ..loop.compare import LawComparison, LawScore
 from ..report.comparison import answer
 from ..runs.table import amount
 from . import style
-from .label import friction_label, printable
 from .palette import BLACK, EIGHT, HELD
 
 
@@ -26,7 +25,7 @@ def comparison_figure(found: LawComparison) -> Figure:
         axis.set_ylim(-1.05 * limit, 1.05 * limit)
         style.tidy(axis, y="record − fit\n[σ]", zero=True)
         style.beside(axis, _words(found, score))
-    style.tidy(top, y=friction_label(record.friction_unit))
+    style.tidy(top, y=style.friction_label(record.friction_unit))
     style.mark_steps([top, *below], place)
     ends = np.append(place.starts, place.x[-1])
     for axis in (top, *below):
@@ -38,7 +37,7 @@ def comparison_figure(found: LawComparison) -> Figure:
     told = f"σ = {found.sigma:.3g}{unit}, the noise under the likeliest law"
     style.tidy(below[0], told + (f"; beyond ±{limit:.2g} σ points are cut" if cut else ""))
     style.tidy(below[-1], x=place.label)
-    return style.finish(figure, f"{printable(record.provenance.path)}: {answer(found)}")
+    return style.finish(figure, answer(found), of=record.provenance.path)
 
 
 def _limit(found: LawComparison, scores: list[LawScore]) -> float:

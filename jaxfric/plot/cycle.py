@@ -8,7 +8,7 @@ from ..gains.course import Motion
 from ..stability.analysis import steady_points
 from . import style
 from .palette import BLACK, BLUE, GREY, ORANGE
-from .stability import law_name, mass_text
+from .stability import gains_text, law_name
 from .ticks import whole_numbers
 
 _STUCK = 1e-4
@@ -41,8 +41,11 @@ def _plane_figure(motion: Motion) -> Figure:
     axis.plot(x, y, color=BLUE, lw=0.8, alpha=0.45, label="motion: first half")
     axis.plot(x[half], y[half], color=BLUE, lw=1.5, label="second half")
     _arrow(axis, x, y)
-    axis.margins(x=0.06, y=0.12)
+    axis.margins(x=0.06)
     slow = _set_scale(axis, "x", motion)
+    seen = y[x >= axis.get_xlim()[0]]
+    room = 0.12 * np.ptp(seen) + 1e-9 * style.most(seen)
+    axis.set_ylim(seen.min() - room, seen.max() + room)
     limits = axis.axis()  # the steady curve may leave the panel
     V = np.geomspace(max(limits[0], 0.03 * slow), limits[1], _CURVE)
     force = np.asarray(steady_points(motion.law, V).force)
@@ -68,7 +71,7 @@ def _set_scale(axis: Axes, which: str, motion: Motion) -> float:
     set_scale = axis.set_yscale if which == "y" else axis.set_xscale
     if low >= -0.01 * slow and high > 5 * low:
         set_scale("log")
-        axis.set(**{f"{which}lim": (max(0.7 * low, _STUCK * slow), None)})
+        axis.set(**{f"{which}lim": (max(0.7 * low, _STUCK * slow), 2 * max(high, slow))})
     elif high - low > 30 * slow:
         set_scale("symlog", linthresh=slow)
     else:
@@ -84,9 +87,8 @@ def _arrow(axis: Axes, x: np.ndarray, y: np.ndarray) -> None:
 
 
 def _heading(motion: Motion) -> str:
-    gains = f"k_p = {style.told(motion.k_p, motion.unit('N/m'))}, k_v = {motion.k_v:g}"
-    mass = mass_text(motion.mass, motion.coordinate)
-    return f"{law_name(motion.law)}, {gains} {motion.unit('N s/m')}, {mass}"
+    stiffness = style.told(motion.k_p, motion.unit("N/m"))
+    return f"{law_name(motion.law)}, k_p = {stiffness}, {gains_text(motion)}"
 
 
 FIGURES = {"motion": _series_figure, "phase_plane": _plane_figure}

@@ -18,7 +18,7 @@ from .stability import (
     K_V,
     delay_stiffness,
     from_zero,
-    mass_text,
+    gains_text,
     shade_stable,
     speed_text,
 )
@@ -46,12 +46,11 @@ def delay_figure(found: Study) -> Figure:
         style.mark(over_damping, found.k_p, found.k_v, "o", GIVEN)
         style.mark(over_delay, found.k_p, law, "o", GIVEN)
     over_delay.set_xlim(0, k_p[-1])
-    title = f"Damping k_v = {found.k_v:g} {found.unit('N s/m')}"
     x, y = (K_P, found.unit("N/m")), ("delay α of friction", "s")
-    style.tidy(over_delay, title, x=x, y=y, grid=False)
-    where = f"{speed_text(found)}: k_f = {float(strength):.4g}"
-    rig = f"{found.unit('N s/m')}, {mass_text(found.mass, found.coordinate)}"
-    return style.finish(figure, f"Delay law at {where} {rig}", legend=squares)
+    style.tidy(over_delay, gains_text(found), x=x, y=y, grid=False)
+    memory = style.told(float(strength), found.unit("N s/m"))
+    title = f"Delay law at {speed_text(found)}: k_f = {memory}, {gains_text(found)}"
+    return style.finish(figure, title, legend=squares)
 
 
 def _chart(axis: Axes, k_p: np.ndarray, y: np.ndarray, rig: tuple) -> list:

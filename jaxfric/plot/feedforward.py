@@ -7,7 +7,6 @@ from matplotlib.figure import Figure
 from ..compensation.result import Feedforward
 from ..fitting.uncertainty import QUANTILE
 from . import style
-from .label import in_folder
 from .palette import BAND, BLACK, BLUE, GREY, ORANGE
 from .ticks import whole_numbers
 
@@ -23,7 +22,7 @@ def feedforward_figure(found: Feedforward) -> Figure:
     near = min(max(_NEAR * found.fade.speed, 1e-3 * fastest), fastest)
     _panel(left, found, 1.04 * fastest, "All speeds")
     _panel(right, found, near, "Near the reversal: its sign fades")
-    return style.finish(figure, f"Friction of {in_folder(found.about.source)}")
+    return style.finish(figure, f"Friction of {style.in_folder(found.about.source)}")
 
 
 def _panel(axis: Axes, found: Feedforward, largest: float, title: str) -> None:

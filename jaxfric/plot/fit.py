@@ -10,7 +10,6 @@ from ..fitting.misfit import excess, scatter
 from ..fitting.noise.autocorrelation import clocks
 from ..report.fit_text import rows
 from . import style
-from .label import friction_label, printable
 from .noise import draw_autocorrelation, mark_glitches
 from .palette import BLACK, ORANGE
 
@@ -25,7 +24,7 @@ def fit_figure(fit: Fit) -> Figure:
     record, place = fit.record, style.along(fit.steps, fit.record.relative_time)
     style.samples(top, place.x, record.friction)
     style.curve(top, place, fit.predicted, "fit", ORANGE, width=1.3)
-    style.tidy(top, y=friction_label(record.friction_unit))
+    style.tidy(top, y=style.friction_label(record.friction_unit))
     style.beside(top, _parameters(fit))
     _residual(middle, fit, place)
     style.mark_steps([top, middle], place)
@@ -33,9 +32,10 @@ def fit_figure(fit: Fit) -> Figure:
     clock = clocks(record.relative_time, path)
     draw_autocorrelation(bottom, clock, _counted(fit), fit.noise, model=fit.converged)
     states = "" if fit.model.states == 1 else f", {fit.model.states} states"
-    title = f"{printable(record.provenance.path)}: {fit.model.law} law{states}"
+    title = f"{fit.model.law} law{states}"
     title += "" if fit.converged else "; did not converge, its numbers mean nothing"
-    return style.finish(figure, title, colour=BLACK if fit.converged else ORANGE)
+    colour = BLACK if fit.converged else ORANGE
+    return style.finish(figure, title, of=record.provenance.path, colour=colour)
 
 
 def _parameters(fit: Fit) -> str:
@@ -59,15 +59,13 @@ def _residual(axis: Axes, fit: Fit, place: style.Along) -> None:
         if whole <= _ALIKE * near:
             bands = [(whole, _BAND, f"{words} noise")]
         for sigma, colour, text in bands:
-            axis.axhspan(-1.96 * sigma, 1.96 * sigma, color=colour, lw=0, label=text, zorder=0.2)
+            style.band(axis, 1.96 * sigma, text, colour)
         if any(is_of(text, WarningCode.MISFIT) for text in fit.warnings):
             said = f"residual: {excess(fit):.2g} times the scatter of neighbouring rows"
             style.tidy(axis, said)
     style.samples(axis, place.x, _counted(fit), "residual")
     mark_glitches(axis, place.x, fit.noise.glitches)
-    style.tidy(
-        axis, x=place.label, y=style.named("record − fit", fit.record.friction_unit), zero=True
-    )
+    style.tidy(axis, x=place.label, y=("record − fit", fit.record.friction_unit), zero=True)
 
 
 def _counted(fit: Fit) -> np.ndarray:

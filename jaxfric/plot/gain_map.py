@@ -57,8 +57,6 @@ def draw_gain_map(axis: Axes, result: Gains) -> list:
     used, marker = ("NOT recommended", "X") if result.unsafe else ("recommended", "*")
     style.mark(axis, result.kp, result.kv, marker, used + here, size=9)
     name_gains(axis, k_p, k_v, result.coordinate)
-    number = len(result.scenarios)
-    style.tidy(axis, f"{number} scenario{'' if number == 1 else 's'}", grid=False)
     return squares
 
 

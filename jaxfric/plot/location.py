@@ -83,8 +83,8 @@ def profiles_figure(loop: Loop) -> Figure:
 def _profile(axis: Axes, profile: LocationProfile, loop: Loop, size: float) -> None:
     label = _VARIABLES.get(profile.variable, profile.variable)
     x, unit = np.asarray(profile.centres, float), profile.unit
-    if profile.variable == "log_velocity" and unit != "m/s":
-        x, unit = _velocity_of(x, loop), "m/s"
+    if profile.variable == "log_velocity":  # ln V/V0
+        x, unit = loop.base_fit.values()["V0"] * np.exp(x), "m/s"
     if unit == "F":
         x, unit = size * x, readable(loop)[1]
     left = loop.before.rms["train"]
@@ -112,12 +112,3 @@ def _share_and_p(profile: LocationProfile) -> str:
         return f"share too small, {p}"
     tiny = ", tiny" if profile.explained < _TINY else ""
     return f"{share_text(profile.explained)}{tiny}, {p}"
-
-
-def _velocity_of(logarithm: np.ndarray, loop: Loop) -> np.ndarray:
-    """Velocity [m/s] from its logarithm, of m/s or of V0: whichever is a velocity of the record."""
-    V = np.abs(loop.base_fit.steps.velocities)
-    middle = float(np.mean(np.log(V[V > 0]))) if np.any(V > 0) else 0.0
-    V0 = loop.base_fit.values().get("V0", 1.0)
-    of = min(1.0, V0, key=lambda unit: abs(np.mean(logarithm) + np.log(unit) - middle))
-    return of * np.exp(logarithm)

@@ -17,7 +17,6 @@ from ..report.fit_text import noise_lines
 from ..report.loop_text import base_name, sigma_texts
 from . import style
 from .aliasing import aliasing_figure
-from .label import printable
 from .location import location_figure, profiles_figure
 from .noise import draw_autocorrelation, mark_glitches
 from .palette import BLACK, BLUE, GREY, LIGHT, MIDDLE, ORANGE, PALE, REPORT, SELECT, TRAIN
@@ -29,8 +28,6 @@ _BLOCKS = {
 }
 _MOST_BINS, _BIN_ROWS = 18, 10
 _MOST_CANDIDATES = 14
-_LONGEST = 40
-"""Letters of the name of a record in a title."""
 _ROLES = {
     "model": (BLUE, "the chosen model; below, its effects"),
     "base": (MIDDLE, "the base, and models on the way"),
@@ -53,14 +50,14 @@ def residual_figure(loop: Loop) -> Figure:
     figure, axes = style.panels([0.6, 1.7, 1.4, 1.4])
     top, record, before, after = axes
     words, friction = loop.words, np.asarray(loop.record.friction)
-    size, unit = style.prefixed(_middle(loop.base_fit.steps.velocities), f"{loop.length_unit}/s")
-    style.stairs(top, place, size * loop.base_fit.steps.velocities)
-    style.tidy(top, f"{words.velocity}; dashed: {words.marks}", y=f"velocity\n[{unit}]")
+    name = "velocity\n", f"{loop.length_unit}/s"
+    style.stairs(top, place, loop.base_fit.steps.velocities, name)
+    style.tidy(top, f"{words.velocity}; dashed: {words.marks}")
     style.samples(record, place.x, friction, colour=GREY)
     style.curve(record, place, friction + loop.before.residual, "model before", ORANGE)
     if loop.effects:
         style.curve(record, place, friction + loop.after.residual, "model after", BLUE)
-    style.tidy(record, "Record and model", y=style.named(words.force, loop.record.friction_unit))
+    style.tidy(record, "Record and model", y=(words.force, loop.record.friction_unit))
     room = style.letters(0.85 * style.DOUBLE, style.TITLE)
     for axis, score, when in ((before, loop.before, "Before"), (after, loop.after, "After")):
         _residual(axis, loop, -score.residual / loop.row_sigma(), place)
@@ -75,15 +72,8 @@ def residual_figure(loop: Loop) -> Figure:
     style.mark_steps(axes, place, "")
     after.set_xlim(place.x.min(), place.x.max())
     shades = [Patch(fc=colour, ec="0.8", label=text) for colour, text in _BLOCKS.values()]
-    name = style.shortened(printable(loop.record.provenance.path), _LONGEST)
-    title = f"{name}: noise σ = {', in rows held out '.join(sigma_texts(loop))}"
-    return style.finish(figure, title, legend=shades)
-
-
-def _middle(velocities: np.ndarray) -> float:
-    """The velocity in the middle of those of a record, by factors; 1e-6 where nothing moves."""
-    moving = np.abs(velocities[velocities != 0])
-    return float(np.sqrt(moving.min() * moving.max())) if len(moving) else 1e-6
+    title = f"noise σ = {', in rows held out '.join(sigma_texts(loop))}"
+    return style.finish(figure, title, of=loop.record.provenance.path, legend=shades)
 
 
 def _blocks(axis: Axes, loop: Loop, x: np.ndarray) -> None:
@@ -148,7 +138,7 @@ def _noise_figure(loop: Loop) -> Figure:
     residual = np.where(loop.blocks.train, loop.after.residual / scale, np.nan)
     draw_autocorrelation(axis, _clocks(loop), residual, loop.after.noise)
     style.tidy(axis, "Residual of the train block")
-    return style.finish(figure, notes=noise_lines(loop.after.noise))
+    return style.finish(figure, noise_lines(loop.after.noise)[0])
 
 
 # ---- candidates ------------------------------------------------------------------------------

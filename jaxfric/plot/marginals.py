@@ -23,9 +23,9 @@ _BINS, _FEW_BINS, _IN_A_BIN = 16, 4, 8
 _MOST = 400_000
 """Members that are read."""
 _WIDE, _HEIGHT, _ACROSS = 17, 1.6, 4
-_MANY, _LEAST, _PANELS = 12, 0.05, 24
-"""Of more than so many panels those are drawn in which the median changes by more than this part of
-the range of its output, or a share of a code by more than this part; no more than `_PANELS`."""
+_LEAST, _PANELS = 0.05, 24
+"""Panels are drawn in which the median changes by more than this part of the range of its output,
+or a share of a code by more than this part; no more than `_PANELS`."""
 _ROUNDING = 1e-6
 """An output that varies by no more than this part of its size is constant."""
 
@@ -37,9 +37,8 @@ def draw_marginals(found: "Dataset", outputs: Sequence[str], coded: Sequence[str
     """Draw each output over each parameter: the median and the central 90 %, or shares of codes.
 
     For an output in `coded`, the shares of its codes are drawn. All panels of an output share one
-    scale. If there are many panels, only the panels in which the output changes most are drawn. The
-    title names the outputs without a panel; such an output has no number or is constant. Returns
-    None if no parameter varies, or no output has a number.
+    scale. Only the panels in which an output changes are drawn, those in which it changes most. The
+    title names the outputs without a panel. Returns None if no output changes over a parameter.
     """
     members, sides = _members(found, outputs)
     bands = {
@@ -48,11 +47,10 @@ def draw_marginals(found: "Dataset", outputs: Sequence[str], coded: Sequence[str
         if members[output].notna().any()
         for name in sides
     }
-    if not bands:
+    pairs = _moving(members, bands, coded)
+    if not pairs:
         return None
-    pairs = _moving(members, bands, coded) if len(bands) > _MANY else list(bands)
-    whole_rows = max(_ACROSS // len(sides), 1) * len(sides)
-    across = min(len(pairs), _ACROSS if len(bands) > _MANY else whole_rows)
+    across = min(len(pairs), _ACROSS)
     rows = -(-len(pairs) // across)
     figure = style.new_figure(style.DOUBLE, _HEIGHT * rows + 0.6)
     # the layout ignores the width of names below panels: names in the last column need room
@@ -80,7 +78,14 @@ def draw_marginals(found: "Dataset", outputs: Sequence[str], coded: Sequence[str
             x, y = textwrap.fill(side.label[0], _WIDE), (label, unit) if named else ""
             style.tidy(axis, x=(x, side.label[1]), y=y, log="x" if side.log else "")
     style.finish(figure, legend=legend)
-    title = _title(found, outputs, pairs, len(bands))
+    lines = ["Over all other parameters: median, and where nine in ten lie; shares of codes"]
+    if len(pairs) < len(bands):
+        left = len(bands) - len(pairs)
+        lines.append(f"Left out: {left} panels in which little or nothing moves")
+    if never := [output for output in outputs if output not in panels]:
+        names = ", ".join(found[name].attrs.get("long_name", name) for name in never)
+        lines.append(f"No panel, for nothing moves or no number is known: {names}")
+    title = "\n".join(textwrap.fill(line, style.letters(style.DOUBLE)) for line in lines)
     figure.suptitle(title, x=0.01, ha="left", fontsize=style.LETTERS)
     return figure
 
@@ -122,8 +127,7 @@ def _band(members: "DataFrame", output: str, name: str, *, coded: bool) -> "Data
 def _moving(
     members: "DataFrame", bands: Mapping[Pair, "DataFrame"], coded: Sequence[str]
 ) -> list[Pair]:
-    """Those of the pairs in which an output moves, up to `_PANELS` of them: of every output the one
-    in which it moves most, and then those that move most."""
+    """Those of the pairs in which an output moves most, up to `_PANELS` of them."""
 
     def movement(pair: Pair) -> float:
         if pair[0] in coded:
@@ -134,22 +138,8 @@ def _moving(
         return 0.0 if constant else (middle.max() - middle.min()) / (high - low)
 
     moves = {pair: movement(pair) for pair in bands}
-    order = sorted((pair for pair in bands if moves[pair] > _LEAST), key=lambda p: -moves[p])
-    first = list({pair[0]: pair for pair in reversed(order)}.values())
-    kept = [*first, *(pair for pair in order if pair not in first)][:_PANELS]
-    return [pair for pair in bands if pair in kept] or list(bands)[:_PANELS]
-
-
-def _title(found: "Dataset", outputs: Sequence[str], pairs: Sequence[Pair], every: int) -> str:
-    """What is drawn, and what is not; lines no longer than the figure."""
-    lines = ["Over all other parameters: median, and where nine in ten lie; shares of codes"]
-    if len(pairs) < every:
-        lines.append(f"Left out: {every - len(pairs)} panels in which little or nothing moves")
-    never = [o for o in outputs if o not in dict(pairs)]
-    if never:
-        names = ", ".join(found[name].attrs.get("long_name", name) for name in never)
-        lines.append(f"No panel, for nothing moves or no number is known: {names}")
-    return "\n".join(textwrap.fill(line, style.letters(style.DOUBLE)) for line in lines)
+    most = sorted((pair for pair in bands if moves[pair] > _LEAST), key=lambda p: -moves[p])
+    return [pair for pair in bands if pair in most[:_PANELS]]
 
 
 def _draw_bands(panels: Mapping[Axes, "DataFrame"]) -> None:

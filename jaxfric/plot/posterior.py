@@ -3,14 +3,13 @@
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator, ScalarFormatter
 from scipy.stats import norm
 
 from ..fitting.result import display_unit
 from ..posterior.result import DIFFERENCE, Posterior
 from . import style
-from .label import printable
 from .palette import BLACK, BLUE, GREY, ORANGE
+from .ticks import whole_numbers
 
 _DRAWS, _LAPLACE, _PRIOR = BLUE, ORANGE, GREY
 _BINS, _MOST = 30, 2000
@@ -46,11 +45,10 @@ def posterior_figure(posterior: Posterior) -> Figure:
                 _scale(axis, "y", posterior, row, (drawn or about)[row])
             axis.tick_params(axis="x", rotation=40)
             axis.label_outer()
-    title = f"{printable(posterior.fit.record.provenance.path)}: posterior, "
-    title += f"{posterior.fit.model.law} law"
+    title = f"posterior, {posterior.fit.model.law} law"
     title += "" if posterior.converged else "; it claims nothing, see the warnings"
     colour = BLACK if posterior.converged else _LAPLACE
-    return style.finish(figure, title, colour=colour)
+    return style.finish(figure, title, of=posterior.fit.record.provenance.path, colour=colour)
 
 
 def _columns(posterior: Posterior, values: np.ndarray) -> dict[str, np.ndarray]:
@@ -110,8 +108,6 @@ def _scale(axis: Axes, which: str, posterior: Posterior, name: str, seen: np.nda
     """Limits, numbers and name of the axis, "x" or "y", of a parameter."""
     middle, reach = float(np.median(seen)), _REACH * float(np.std(seen))
     axis.set(**{f"{which}lim": (middle - reach, middle + reach)})
-    side = axis.xaxis if which == "x" else axis.yaxis
-    side.set_major_locator(MaxNLocator(3))
-    side.set_major_formatter(ScalarFormatter(useOffset=False))
+    whole_numbers(axis, which, most=3)
     unit = display_unit(name, posterior.fit)[0].replace("um", "µm")
-    side.set_label_text(style.named("A − B" if name == DIFFERENCE else name, unit))
+    axis.set(**{f"{which}label": style.named("A − B" if name == DIFFERENCE else name, unit)})

@@ -14,7 +14,6 @@ from ..runs.holds import Hold, healing_rate
 from ..runs.stick_slip import is_stretch
 from ..runs.table import difference, misses
 from . import style
-from .label import friction_label, printable
 from .palette import BLACK, BLUE, GOLD, MAGENTA, MINT, ORANGE, SKY, SLATE
 from .ticks import whole_numbers
 
@@ -49,24 +48,24 @@ def events_figure(record: Record, events: Sequence[Event]) -> Figure:
     figure, axes = style.panels([2.0, 1.0, *([] if record.normal_stress is None else [1.0])])
     x = record.moved() - record.moved()[0]
     style.samples(axes[0], x, record.friction)
-    style.tidy(axes[0], y=friction_label(record.friction_unit), grid=False)
+    style.tidy(axes[0], y=style.friction_label(record.friction_unit), grid=False)
     low, high = np.quantile(record.friction, [0.002, 0.998])  # a few outliers do not decide
     room = 0.12 * max(high - low, 1e-12)
     axes[0].set_ylim(low - room, high + 2 * room)
     _speeds(axes[1], record, events, x)
     if record.normal_stress is not None:
-        style.samples(axes[2], x, record.normal_stress / 1e6, "")
-        style.tidy(axes[2], y="normal\nstress [MPa]", grid=False)
+        style.samples(axes[2], x, record.normal_stress, "")
         whole_numbers(axes[2], "y", most=4, least=_LEAST)
+        style.tidy(axes[2], y=("normal\nstress", "Pa"), grid=False)
     at = x[_rows(record, [event.time for event in events])]
     for axis in axes:
         _mark(axis, record, events, at, x)
     fitted = [place for place, event in zip(at, events, strict=True) if event.fitted]
     _number(axes[0], fitted)
     style.tidy(axes[-1], x=("load-point displacement since the first row", "m"), grid=False)
-    title = f"{printable(record.provenance.path)}: {len(events)} events"
+    title = f"{len(events)} events"
     title += f", {len(fitted)} steps to fit (shaded and numbered)" if fitted else ""
-    return style.finish(figure, title)
+    return style.finish(figure, title, of=record.provenance.path)
 
 
 def _rows(record: Record, times: Sequence[float]) -> np.ndarray:
@@ -82,10 +81,10 @@ def _speeds(axis: Axes, record: Record, events: Sequence[Event], x: np.ndarray) 
         return
     ends = x[[0, *_rows(record, [event.time for event in joints]), len(record) - 1]]
     speeds = [(joints or events)[0].before, *(event.after for event in joints)]
-    v = 1e6 * np.where(np.equal(speeds, 0), np.nan, speeds)
+    v = np.where(np.equal(speeds, 0), np.nan, speeds)
     lines = axis.hlines(np.abs(v), ends[:-1], ends[1:], BLUE, lw=1.8)
     lines.set_linestyle([":" if back else "-" for back in v < 0])
-    style.tidy(axis, y="speed\n[µm/s]", log="y", grid=False)
+    style.tidy(axis, y=("speed\n", "m/s"), log="y", grid=False)
 
 
 def _mark(
@@ -134,11 +133,11 @@ def rates_figure(run: RunFit) -> Figure:
     missed = np.array([misses(step) for step in found], bool)
     stress = [step.event.normal_stress for step in found]
     sides = [
-        ("mean velocity of the step [µm/s]", [1e6 * mean_velocity(s.event) for s in found], True),
-        ("load-point displacement [mm]", [1e3 * s.position for s in found], False),
+        ("mean velocity of the step", "m/s", [mean_velocity(s.event) for s in found]),
+        ("load-point displacement", "m", [s.position for s in found]),
     ]
-    if all(s is not None for s in stress) and found:
-        sides.append(("normal stress [MPa]", [s / 1e6 for s in stress if s is not None], False))
+    if found and None not in stress:
+        sides.append(("normal stress", "Pa", stress))
     figure, axes = style.side_by_side(len(sides), height=2.2, sharey=True)
     up = np.array([abs(s.event.after) > abs(s.event.before) for s in found], bool)
     kinds = [
@@ -149,17 +148,17 @@ def rates_figure(run: RunFit) -> Figure:
             (~up, "v", ORANGE, "step down"),
         )
     ]
-    for axis, (label, x, log) in zip(axes, sides, strict=True):
+    for axis, (label, unit, x) in zip(axes, sides, strict=True):
         for chosen, marker, colour, words, hollow in kinds:
             if chosen.any():
                 at, (y, error) = np.array(x)[chosen], pairs[chosen].T
                 style.bars(axis, at, y, 1.96 * error, words, colour, marker, hollow=hollow)
-        style.tidy(axis, x=label, log="x" if log else "", zero=True)
-        if not log:
+        if unit != "m/s":
             whole_numbers(axis, "x", most=4, least=_LEAST)
+        style.tidy(axis, x=(label, unit), log="x" if unit == "m/s" else "", zero=True)
     _fill(axes[0], pairs)
     low, high = axes[0].get_ylim()
-    words = "all below 0: velocity weakening" if high < 0 else "below 0: velocity weakening"
+    words = "all below 0: velocity weakening" if high < 0 else "below the line: velocity weakening"
     words = "all above 0: velocity strengthening" if low > 0 else words
     style.tidy(axes[0], words, y="A − B (bars: 95 %)")  # inside, text would hide the line at 0
     return style.finish(figure)
@@ -196,8 +195,7 @@ def holds_figure(record: Record, holds: Sequence[Hold]) -> Figure:
         words = f"{rate.slope:.4f}{force} per decade"
         left.plot(ends, rate.at(np.log10(ends)), color=ORANGE, lw=1.2, label=words)
     unit = record.friction_unit
-    y = f"{style.named('change of friction', unit)} (bars: 95 %)"
-    style.tidy(left, x="hold time [s]", y=y, log="x")
+    style.tidy(left, x=("hold time", "s"), y=("change of friction (bars: 95 %)", unit), log="x")
     t, x, f = record.relative_time, record.load_point_displacement, record.friction
     assert x is not None
     shades = colormaps["cividis"](np.linspace(0.0, 0.85, max(len(holds), 2)))
@@ -207,7 +205,7 @@ def holds_figure(record: Record, holds: Sequence[Hold]) -> Figure:
         near = (t >= back) & (np.abs(moved) < 1e-4)
         level = np.median(f[(t < hold.time) & (t > hold.time - 5 / hold.velocity * 1e-6)])
         label = f"hold of {hold.lasts:.4g} s"
-        style.samples(right, 1e6 * moved[near], f[near] - level, label, shade)
-    y = style.named("friction less that before", unit)
-    style.tidy(right, x="load point after the hold [µm]", y=y, zero=True)
+        style.samples(right, moved[near], f[near] - level, label, shade)
+    x, y = ("load point after the hold", "m"), ("friction less that before", unit)
+    style.tidy(right, x=x, y=y, zero=True)
     return style.finish(figure, "Slide-hold-slide")

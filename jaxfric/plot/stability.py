@@ -10,6 +10,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from ..coordinate import Coordinate, unit_of
+from ..gains.course import Motion
 from ..laws.registry import name_of
 from ..rig.friction import AbstractRateState, TabulatedFriction
 from ..stability.analysis import (
@@ -124,7 +125,8 @@ def _map_figure(found: Study) -> Figure:
     if found.k_p is not None:
         style.mark(axis, found.k_p, found.k_v, "o", GIVEN)
     name_gains(axis, k_p, k_v, found.coordinate)
-    title = f"Linear stability at {speed_text(found)}, {_rig_text(found)}"
+    title = f"Linear stability at {speed_text(found)}, "
+    title += mass_text(found.mass, found.coordinate) + _late(found)
     return style.finish(figure, title, legend=squares)
 
 
@@ -188,10 +190,15 @@ def mass_text(mass: float | None, coordinate: Coordinate = "linear") -> str:
     return "no mass" if mass is None else f"m = {mass:g} {unit_of('kg', coordinate)}"
 
 
-def _rig_text(found: Study) -> str:
-    """The mass, and how late the controller answers, in words."""
-    late = "" if found.late is None else f", controller {style.told(found.late, 's')} late"
-    return mass_text(found.mass, found.coordinate) + late
+def gains_text(found: Study | Motion) -> str:
+    """The damping and the mass in words."""
+    damping = style.told(found.k_v, found.unit("N s/m"))
+    return f"k_v = {damping}, {mass_text(found.mass, found.coordinate)}"
+
+
+def _late(found: Study) -> str:
+    """How late the controller answers, in words."""
+    return "" if found.late is None else f", controller {style.told(found.late, 's')} late"
 
 
 # ---- over velocity -----------------------------------------------------------------------------
@@ -214,8 +221,7 @@ def _sweep_figure(found: Study) -> Figure:
         mark_velocities(axis, low, high)
     axes[0].set_xlim(V[0], V[-1])
     style.tidy(axes[1], x=("velocity", found.unit("m/s")), log="x")
-    where = f"k_v = {found.k_v:g} {found.unit('N s/m')}, {mass_text(found.mass, found.coordinate)}"
-    title = f"Stiffness that steady sliding needs with {where}; damping with which any will do"
+    title = f"Stiffness needed with {gains_text(found)}; damping with which any stiffness will do"
     return style.finish(figure, title)
 
 
@@ -274,8 +280,7 @@ def _locus_figure(found: Study) -> Figure:
     style.tidy(growth, "Growth (above 0) or decay", x=(K_P, unit), y=y, log="x", zero=True)
     rest = f" ({hidden} more far to the left)" if hidden else ""
     style.tidy(plane, f"Poles near the imaginary axis{rest}")
-    title = f"Root locus in k_p at {speed_text(found)}, {_rig_text(found)}"
-    title += f", k_v = {found.k_v:g} {found.unit('N s/m')}"
+    title = f"Root locus in k_p at {speed_text(found)}, {gains_text(found)}{_late(found)}"
     return style.finish(figure, title)
 
 
@@ -332,7 +337,6 @@ def _plane(axis: Axes, locus: np.ndarray, k_p: np.ndarray) -> int:
     )  # fmt: skip
     axis.axvspan(-1.5 * reach, 0, color=STABLE, lw=0, zorder=0)
     axis.axvline(0, color=BLACK, lw=1.2, label="imaginary axis")
-    axis.axhline(0, color="0.8", lw=0.8)
     axis.set_xlim(-1.5 * reach, reach)
     axis.set_ylim(-height, height)
     style.tidy(axis, x="real part [1/s]", y="imaginary part [rad/s]")

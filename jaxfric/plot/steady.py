@@ -4,13 +4,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..loop.steady.loop import SteadyLoop, shown_units
+from ..loop.steady.loop import SteadyLoop
 from ..loop.steady.noise import SteadyNoise
 from ..records.steady import SteadyCurve
 from ..report.fit_text import noise_lines
-from ..report.steady_text import turn_text
 from . import style
-from .label import printable
+from .axis_record import speed_shown
 from .noise import draw_autocorrelation
 from .palette import BLACK, BLUE, GREY, ORANGE
 
@@ -20,10 +19,9 @@ _LINE = 400
 def steady_figure(loop: SteadyLoop) -> Figure:
     """Figure of friction at steady speeds: runs, base model, final model, and both residuals."""
     curve = loop.curve
-    unit, _, size = shown_units(curve)
-    factor, shown = speed_shown(curve)
+    unit, (factor, shown) = curve.force_unit, speed_shown(curve)
     figure, (top, bottom) = style.panels([2.4, 1.5])
-    x, y, error = factor * curve.speed, curve.force / size, curve.error / size
+    x, y, error = factor * curve.speed, curve.force, curve.error
     style.bars(top, x, y, error, "runs: mean ± its error", BLACK)
     slipping = curve.slipping()
     outliers = np.zeros(len(x)) if curve.outliers is None else np.asarray(curve.outliers)
@@ -42,20 +40,14 @@ def steady_figure(loop: SteadyLoop) -> Figure:
     both = np.concatenate([-v[::-1], [np.nan], v])  # no curve at speeds without runs
     for model, colour, label in lines:
         force = np.concatenate([model.force(-v[::-1]), [np.nan], model.force(v)])
-        top.plot(factor * both, force / size, color=colour, lw=1.3, label=label)
-        left, fitted = (curve.force - model.force(curve.speed)) / size, ~slipping
+        top.plot(factor * both, force, color=colour, lw=1.3, label=label)
+        left, fitted = curve.force - model.force(curve.speed), ~slipping
         style.bars(bottom, x[fitted], left[fitted], error[fitted], None, colour)
-    rms = " → ".join(f"{m.rms / size:.3g}" for m, _, _ in lines)
-    style.tidy(top, y=f"friction [{unit}]")
-    title = f"Residual: rms {rms} {unit}"
-    style.tidy(bottom, title, x=f"speed [{shown}]", y=f"run − model [{unit}]", zero=True)
-    title = f"{printable(curve.provenance.path)}: friction at steady speed"
-    return style.finish(figure, title)
-
-
-def speed_shown(curve: SteadyCurve) -> tuple[float, str]:
-    """Return the unit in which a speed is shown, and its factor from SI."""
-    return (60 / (2 * np.pi), "rpm") if curve.coordinate == "rotary" else (1.0, "m/s")
+    rms = " → ".join(style.told(model.rms, unit, 3) for model, _, _ in lines)
+    style.tidy(top, y=("friction", unit))
+    title = f"Residual: rms {rms}"
+    style.tidy(bottom, title, x=("speed", shown), y=("run − model", unit), zero=True)
+    return style.finish(figure, "friction at steady speed", of=curve.provenance.path)
 
 
 def noise_figure(curve: SteadyCurve, noise: SteadyNoise) -> Figure:
@@ -69,8 +61,7 @@ def noise_figure(curve: SteadyCurve, noise: SteadyNoise) -> Figure:
     draw_autocorrelation(left, noise.clock, noise.residual, noise.estimate, part=noise.run)
     style.tidy(left, "Rows of a run about its mean, all runs")
     _samples(right, curve, noise)
-    words = [*noise_lines(noise.estimate, "the runs"), *turn_text(noise)]
-    return style.finish(figure, notes=words)
+    return style.finish(figure, noise_lines(noise.estimate, "the runs")[0])
 
 
 def _samples(axis: Axes, curve: SteadyCurve, noise: SteadyNoise) -> None:
@@ -85,4 +76,4 @@ def _samples(axis: Axes, curve: SteadyCurve, noise: SteadyNoise) -> None:
     ):
         axis.plot(speed, values, marker, color=colour, ms=3.5, mfc="none", label=label)
     title = "Independent samples of a run"
-    style.tidy(axis, title, x=f"speed [{unit}]", y="independent samples", log="y")
+    style.tidy(axis, title, x=("speed", unit), y="independent samples", log="y")

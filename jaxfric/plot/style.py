@@ -23,7 +23,8 @@ from matplotlib.ticker import NullFormatter
 from .. import units
 from ..records.joints import gaps
 from ..records.steps import VelocitySteps
-from .palette import BLACK, BLUE, GREY
+from ..report import html
+from .palette import BAND, BLACK, BLUE, GREY
 from .ticks import plain_log
 
 SINGLE, DOUBLE = 85 / 25.4, 170 / 25.4
@@ -95,21 +96,16 @@ def tidy(
 ) -> None:  # fmt: skip
     """Style a drawn panel: a one-line title at the left, and labels of both axes.
 
-    An axis name without a unit is the whole label of the axis. An axis whose name has an SI unit is
-    drawn in SI, and its numbers are shown with a suitable prefix. `log` names logarithmic axes,
-    "x", "y" or "xy"; `grid` draws a light grid; `zero` draws a line at 0. Names and titles that are
-    not given stay unchanged.
+    An axis has a name, or a name and a unit. An axis with an SI unit is drawn in SI, and its
+    numbers are shown with a suitable prefix. `log` names logarithmic axes, "x", "y" or "xy"; `grid`
+    draws a light grid; `zero` draws a line at 0. Names and titles that are not given stay
+    unchanged.
     """
     if title is not None:
         axis.set_title(title, loc="left", fontsize=TITLE, parse_math=False)
     for which, name in (("x", x), ("y", y)):
-        if isinstance(name, tuple):
-            _name_in_si(axis, which, *name, log=which in log)
-            continue
-        if name:
-            axis.set(**{f"{which}label": name})
-        if which in log:
-            plain_log(axis, which)
+        if name or which in log:
+            name_axis(axis, which, name, log=which in log)
     if zero:
         axis.axhline(0, color=BLACK, lw=0.7, zorder=1.9)
     axis.set_axisbelow(True)
@@ -118,8 +114,9 @@ def tidy(
         axis.grid(True, which="major", color="0.92", zorder=0)
 
 
-def _name_in_si(axis: Axes, which: str, name: str, si: str, *, log: bool) -> None:
-    """Name an axis, "x" or "y", that is drawn in SI, and show its numbers with a prefix."""
+def name_axis(axis: Axes, which: str, name: str | tuple[str, str], *, log: bool) -> float:
+    """Name an axis, "x" or "y"; return the factor from drawn to shown numbers."""
+    name, si = (name, "") if isinstance(name, str) else name
     if log:  # first: the margin of a linear axis may end near 0
         axis.set(**{f"{which}scale": "log"})
     side = axis.xaxis if which == "x" else axis.yaxis
@@ -128,30 +125,35 @@ def _name_in_si(axis: Axes, which: str, name: str, si: str, *, log: bool) -> Non
     if log and high > _DECADES * low > 0:
         about = max(math.sqrt(low * high), about / 100)
     size, unit = prefixed(about, si)
-    side.set_label_text(named(name, unit))
+    if name:
+        side.set_label_text(named(name, unit), parse_math=False)
     if log:
         plain_log(axis, which, size)
     elif size != 1.0:
         side.set_major_formatter(lambda at, _: f"{size * at:.8g}".replace("-", "−"))
+    return size
 
 
 def finish(
-    figure: Figure, title: str = "", *, legend: Sequence[Artist] = (), notes: Sequence[str] = (),
-    colour: str = "black",
+    figure: Figure, title: str = "", *, of: str = "", legend: Sequence[Artist] = (),
+    notes: Sequence[str] = (), colour: str = "black",
 ) -> Figure:  # fmt: skip
     """Finish a figure with a one-line title, type of one size, and a legend below the panels.
 
-    The legend explains the artists in `legend`, then all labelled artists of the panels, and ends
-    with `notes`, which are text without a symbol.
+    The title begins with the name of the file at the path `of`. The legend explains the artists in
+    `legend`, then all labelled artists of the panels, and ends with `notes`, which are text without
+    a symbol.
     """
     for axis in figure.axes:
         if axis.axison:
             axis.spines[["top", "right"]].set_visible(False)
         axis.tick_params(which="both", labelsize=LETTERS)
+        axis.tick_params(which="minor", pad=5)  # in line with the numbers of longer ticks
         labels = (side.label for side in (axis.xaxis, axis.yaxis))
         offsets = (side.get_offset_text() for side in (axis.xaxis, axis.yaxis))
         for text in (*axis.texts, *labels, *offsets):
             text.set_fontsize(LETTERS)
+    title = ": ".join(filter(None, (printable(of), title)))
     if title:
         title = shortened(title, letters(figure.get_figwidth(), TITLE))
         figure.suptitle(title, x=0.01, ha="left", fontsize=TITLE, parse_math=False, color=colour)
@@ -170,6 +172,16 @@ def shortened(text: str, most: int) -> str:
 def letters(width: float, size: float = LETTERS) -> int:
     """Number of letters of a type size [pt] that fit into a line of `width` [inch]."""
     return int(72 * width / (_LETTER * size))
+
+
+def printable(path: str) -> str:
+    """The name of a file, with a question mark for each byte that is not a character."""
+    return html.printable(Path(path).name)
+
+
+def in_folder(path: str) -> str:
+    """The name of a file and of its folder: all models are called fit.json or loop.json."""
+    return html.printable("/".join(Path(path).parts[-2:]))
 
 
 # ---- legends -----------------------------------------------------------------------------------
@@ -239,7 +251,8 @@ def along(steps: VelocitySteps | None, time: np.ndarray, *, over_path: bool = Tr
 
 def samples(axis: Axes, x: np.ndarray, y: np.ndarray, label: str = "record", colour=BLUE) -> None:
     """Draw measured values as points."""
-    axis.plot(x, y, ".", color=colour, ms=2.0, mew=0, rasterized=True, label=label, zorder=1.5)
+    size = min(max(60 / math.sqrt(len(x) + 1), 2.0), 4.0)  # few points would not be seen
+    axis.plot(x, y, ".", color=colour, ms=size, mew=0, rasterized=True, label=label, zorder=1.5)
 
 
 def curve(
@@ -281,24 +294,34 @@ def mark_steps(axes: Sequence[Axes], place: Along, label: str = "velocity step")
 
 
 def stairs(
-    axis: Axes, place: Along, velocities: np.ndarray, colour: str = BLACK, label: str = ""
-) -> None:
-    """Draw the commanded velocities in the panel's unit, and their numbers where space allows."""
+    axis: Axes, place: Along, velocities: np.ndarray, name: tuple[str, str], colour: str = BLACK,
+    label: str = "",
+) -> None:  # fmt: skip
+    """Draw commanded velocities [SI], and their numbers where space allows; name the axis."""
     ends = np.append(place.starts, place.x[-1])
     axis.stairs(velocities, ends, baseline=None, color=colour, lw=1.3, label=label)
-    if np.all(velocities > 0):
+    if log := bool(np.all(velocities > 0)):
         axis.set_ylim(velocities.min() / 2, velocities.max() * 8)
-        axis.set_yscale("log")
-        axis.yaxis.set_major_formatter("{x:g}")
-        axis.yaxis.set_minor_formatter(NullFormatter())  # step numbers are more informative
     else:
         axis.margins(y=0.4)
+    size = name_axis(axis, "y", name, log=log)
+    axis.yaxis.set_minor_formatter(NullFormatter())  # step numbers are more informative
     room = letters(0.85 * DOUBLE)
     for k, share in enumerate(np.abs(np.diff(ends)) / np.ptp(place.x)):
-        text = f"{float(f'{velocities[k]:.3g}'):.15g}".replace("-", "−")  # 2000, not 2e+03
+        text = f"{float(f'{size * velocities[k]:.3g}'):.15g}".replace("-", "−")  # 2000, not 2e+03
         if len(text) + 1 <= room * share:  # a longer text would lie on the neighbouring line
             at = 0.5 * (ends[k] + ends[k + 1]), velocities[k]
             axis.annotate(text, at, (0, 2), textcoords="offset points", ha="center")
+
+
+def band(axis: Axes, half: float, label: str, colour: str = BAND) -> None:
+    """Shade the values up to `half` on both sides of 0."""
+    axis.axhspan(-half, half, color=colour, lw=0, label=label, zorder=0.2)
+
+
+def friction_label(unit: str) -> tuple[str, str]:
+    """The name of an axis of friction, by its unit, and the unit."""
+    return "friction coefficient" if unit == "1" else "friction force", unit
 
 
 def shade(
@@ -335,9 +358,10 @@ def told(value: float, unit: str, digits: int = 4) -> str:
     return units.prefixed(value, unit, digits)
 
 
-def named(name: str, unit: str, gap: str = " ") -> str:
-    """The name of an axis and, after `gap`, its unit in brackets; the unit "1" is not shown."""
-    return name if unit in ("", "1") else f"{name}{gap}[{unit.replace('*', ' ')}]"
+def named(name: str, unit: str) -> str:
+    """The name of an axis and its unit in brackets; the unit "1" is not shown."""
+    label = name if unit in ("", "1") else f"{name} [{unit.replace('*', ' ')}]"
+    return label.replace("\n ", "\n").rstrip("\n")
 
 
 def save(figure: Figure, folder: Path, name: str) -> list[str]:

@@ -8,6 +8,7 @@ import numpy as np
 from ..described import Described, Drawable, Gridded, Tabular
 from ..plain import entries, plain
 from ..records.record import Provenance
+from ..records.steps import VelocitySteps
 from ..schemas import PREDICTION
 
 _AS_GOOD = 1.1
@@ -92,6 +93,8 @@ class Prediction(Described, Drawable, Gridded, Tabular):
     """For a closed loop: time, simulated minus recorded position, unit."""
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
+    steps: VelocitySteps | None = None
+    """Velocity steps of a slider's record."""
 
     @property
     def rms(self) -> float:

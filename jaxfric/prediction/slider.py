@@ -110,6 +110,7 @@ def predict_slider(
         position=None,
         notes=_notes(setting, free),
         warnings=_warnings(setting),
+        steps=setting.steps,
     )
 
 
