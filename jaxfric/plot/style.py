@@ -38,6 +38,8 @@ _LETTER = 0.58
 _MOST_COLUMNS, _HANDLE, _LEGEND = 6, 8, 0.35
 """Columns of a legend, letters that its handles take the room of, and the height that a figure has
 for it [inch]: of one or two lines."""
+_LONGEST = 40
+"""Letters of the name of a file in a title."""
 _DECADES = 30.0
 """A logarithmic axis that is longer has the prefix of its middle, a shorter one that of its end."""
 
@@ -153,7 +155,7 @@ def finish(
         offsets = (side.get_offset_text() for side in (axis.xaxis, axis.yaxis))
         for text in (*axis.texts, *labels, *offsets):
             text.set_fontsize(LETTERS)
-    title = ": ".join(filter(None, (printable(of), title)))
+    title = ": ".join(filter(None, (shortened(printable(of), _LONGEST), title)))
     if title:
         title = shortened(title, letters(figure.get_figwidth(), TITLE))
         figure.suptitle(title, x=0.01, ha="left", fontsize=TITLE, parse_math=False, color=colour)
