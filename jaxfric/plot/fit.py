@@ -51,15 +51,9 @@ def _parameters(fit: Fit) -> str:
 def _residual(axis: Axes, fit: Fit, place: style.Along) -> None:
     if fit.converged:
         near, whole = scatter(fit), fit.noise.sigma
-        words = "±1.96 σ of"
-        bands = [
-            (whole, _WIDE, f"{words} all residuals"),
-            (near, _BAND, f"{words} neighbouring rows"),
-        ]
-        if whole <= _ALIKE * near:
-            bands = [(whole, _BAND, f"{words} noise")]
-        for sigma, colour, text in bands:
-            style.band(axis, 1.96 * sigma, text, colour)
+        if whole > _ALIKE * near:
+            style.band(axis, 1.96 * whole, "±1.96 σ of all residuals", _WIDE)
+        style.band(axis, 1.96 * near, "±1.96 σ of neighbouring rows", _BAND)
         if any(is_of(text, WarningCode.MISFIT) for text in fit.warnings):
             said = f"residual: {excess(fit):.2g} times the scatter of neighbouring rows"
             style.tidy(axis, said)

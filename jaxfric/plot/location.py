@@ -53,11 +53,9 @@ def location_figure(loop: Loop) -> Figure:
 def _bars(axis: Axes, shares: Sequence[tuple[str | None, float]]) -> None:
     values = [100 * share for _, share in shares]
     colours = [GREY if name is None else BLUE for name, _ in shares]
-    bars = axis.barh(range(len(shares)), values, color=colours, height=0.66)
-    axis.bar_label(bars, [share_text(share) for _, share in shares], padding=4, size=style.LETTERS)
-    axis.set_yticks(range(len(shares)), [variable_words(name) for name, _ in shares])
-    axis.set_ylim(len(shares) - 0.4, -0.6)
-    axis.set_xlim(0, 112)
+    names, texts = zip(*((variable_words(name), share_text(x)) for name, x in shares), strict=True)
+    style.lying_bars(axis, names, values, colours, texts)
+    axis.set_xlim(0, 100)
     style.tidy(axis, x="share of the missing friction [%], beyond that of the bars above")
     axis.grid(False, axis="y")
 

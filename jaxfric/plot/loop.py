@@ -170,27 +170,19 @@ def _bars(
     axis: Axes, title: str, names: list[str], values: list[float], colours: list[str]
 ) -> None:
     """Horizontal bars, first on top, numbers beside; the line from which an effect is added."""
-    places = np.arange(len(names))
-    lengths = np.where(np.isfinite(values), values, 0.0)
-    axis.barh(places, lengths, color=colours, height=0.68, zorder=2)
+    lengths = np.where(np.isfinite(values), values, 0.0).tolist()
+    texts = [f"{x:+.4g}" if abs(x) >= 1e4 else f"{x:+.1f}" for x in values]
+    told = [
+        t.replace("-", "−") if np.isfinite(x) else "failed"
+        for t, x in zip(texts, values, strict=True)
+    ]
+    style.lying_bars(axis, names, lengths, colours, told)
     axis.set_xscale("symlog", linthresh=ACCEPT, linscale=0.7)
     axis.set_xlim(1.5 * min(-1.5 * ACCEPT, *lengths), 2 * max(4.0, *lengths))
     axis.xaxis.set_major_formatter(lambda x, _: f"{x:g}".replace("-", "−"))
-    for place, value in zip(places, values, strict=True):
-        text = f"{value:+.4g}" if abs(value) >= 1e4 else f"{value:+.1f}"
-        _number(axis, float(place), text.replace("-", "−") if np.isfinite(value) else "failed")
     axis.axvline(0, color=BLACK, lw=0.8, zorder=3)
     axis.axvline(-ACCEPT, color=ORANGE, lw=1.2, ls="--", zorder=1)
-    axis.set_yticks(places, names, parse_math=False)
-    axis.set_ylim(len(names) - 0.4 if names else 0.6, -0.6)
     style.tidy(axis, title, x="ΔBIC = BIC − BIC of the base (below 0: better)")
-
-
-def _number(axis: Axes, place: float, text: str) -> None:
-    """A number in a column at the right of a panel, where no line passes through it."""
-    axis.text(
-        1.02, place, text, transform=axis.get_yaxis_transform(), va="center", size=style.LETTERS
-    )
 
 
 def _held_out(axis: Axes, loop: Loop, tried: list[CandidateScore], colours: Sequence[str]) -> None:
@@ -205,9 +197,8 @@ def _held_out(axis: Axes, loop: Loop, tried: list[CandidateScore], colours: Sequ
     axis.axvline(1, color=BLACK, lw=0.9, label="error equal to the noise, 1 σ")
     axis.axvline(base, color=GREY, lw=1.2, ls=":", label="error of the base")
     axis.margins(x=0.1)
-    for place in places[known]:
-        value = values[place]
-        _number(axis, float(place), f"{value:.3f}" if value < 100 else f"{value:.3g}")
+    texts = [f"{value:.3f}" if value < 100 else f"{value:.3g}" for value in values]
+    style.beside_rows(axis, np.where(known, texts, "").tolist())
     axis.set_yticks(range(len(tried)), [""] * len(tried))
     style.tidy(axis, "Error on the validation block", x="rms [σ]")
 

@@ -218,6 +218,23 @@ def beside(axis: Axes, text: str) -> None:
     axis.text(1.02, 1.0, text, transform=axis.transAxes, va="top", fontsize=LETTERS)
 
 
+def lying_bars(
+    axis: Axes, names: Sequence[str], values: Sequence[float], colours: Sequence[str],
+    texts: Sequence[str],
+) -> None:  # fmt: skip
+    """Draw horizontal bars, the first on top, and a text at the right of each."""
+    axis.barh(range(len(names)), values, color=colours, height=0.68, zorder=2)
+    axis.set_yticks(range(len(names)), names, parse_math=False)
+    axis.set_ylim(len(names) - 0.4 if names else 0.6, -0.6)
+    beside_rows(axis, texts)
+
+
+def beside_rows(axis: Axes, texts: Sequence[str]) -> None:
+    """Put texts in a column at the right of a panel, where no line passes through them."""
+    for place, text in enumerate(texts):
+        axis.text(1.02, place, text, transform=axis.get_yaxis_transform(), va="center")
+
+
 def square(colour: str, text: str) -> Line2D:
     """A coloured square of a legend."""
     return Line2D([], [], ls="", marker="s", color=colour, mec="0.6", mew=0.5, ms=6, label=text)
