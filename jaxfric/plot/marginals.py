@@ -37,8 +37,9 @@ def draw_marginals(found: "Dataset", outputs: Sequence[str], coded: Sequence[str
     """Draw each output over each parameter: the median and the central 90 %, or shares of codes.
 
     For an output in `coded`, the shares of its codes are drawn. All panels of an output share one
-    scale. Only the panels in which an output changes are drawn, those in which it changes most. The
-    title names the outputs without a panel. Returns None if no output changes over a parameter.
+    scale. Only the panels in which an output changes are drawn, those in which it changes most. If
+    nothing changes, the first panels are drawn. The title names the outputs without a panel.
+    Returns None if no parameter varies, or no output has a number.
     """
     members, sides = _members(found, outputs)
     bands = {
@@ -127,7 +128,7 @@ def _band(members: "DataFrame", output: str, name: str, *, coded: bool) -> "Data
 def _moving(
     members: "DataFrame", bands: Mapping[Pair, "DataFrame"], coded: Sequence[str]
 ) -> list[Pair]:
-    """Those of the pairs in which an output moves most, up to `_PANELS` of them."""
+    """Those of the pairs in which an output moves most, up to `_PANELS`; any if none moves."""
 
     def movement(pair: Pair) -> float:
         if pair[0] in coded:
@@ -139,7 +140,7 @@ def _moving(
 
     moves = {pair: movement(pair) for pair in bands}
     most = sorted((pair for pair in bands if moves[pair] > _LEAST), key=lambda p: -moves[p])
-    return [pair for pair in bands if pair in most[:_PANELS]]
+    return [pair for pair in bands if pair in most[:_PANELS]] or list(bands)[:_PANELS]
 
 
 def _draw_bands(panels: Mapping[Axes, "DataFrame"]) -> None:
