@@ -12,6 +12,7 @@ from collections.abc import Generator
 import cyclopts
 
 from ..errors import InputError, words_of_the_command
+from ..report.version import installed_version
 from .axis import axis
 from .call import calling
 from .common import warn
@@ -51,7 +52,7 @@ app = cyclopts.App(
     name="jaxfric",
     help="Fit friction to records, find missing effects, and compute gains against stick-slip.",
     help_epilogue=_EPILOGUE,
-    version="0.1.0",
+    version=installed_version,
     default_parameter=cyclopts.Parameter(negative=()),
     help_flags=FLAGS,
     suppress_keyboard_interrupt=False,
