@@ -90,7 +90,7 @@ def test_levels_can_determine_a_less_b(undetermined, share, known):
     """Where A and B are not known, it is where half its interval is less than friction's span."""
     fit = fit_of(VALUES, covariance_of(VALUES, share), undetermined=undetermined)
     assert fit.A_minus_B.determined is known
-    assert rows(fit)[0].value == ("-0.00400" if known else "undetermined")
+    assert rows(fit)[0].value == ("−0.00400" if known else "undetermined")
     assert not fit_of(VALUES, covariance_of(VALUES, share), converged=False).A_minus_B.determined
 
 

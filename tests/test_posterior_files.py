@@ -167,6 +167,16 @@ def test_a_posterior_at_hand_gives_the_law_of_its_file(fitted, tmp_path, monkeyp
         assert here.text.split()[kept] == file.text.split()[kept]
 
 
+@pytest.mark.parametrize(("draws", "by"), [(None, "Laplace approximation"), (400, "NUTS")])
+def test_the_line_of_a_posterior_is_that_of_its_draws(fitted, monkeypatch, draws, by):
+    monkeypatch.setattr(sys.modules["jaxfric.posterior.posterior"], "nuts", draws_of_the_normal_law)
+    found = find_posterior(fitted, WIDE, draws=draws)
+    line = f"law, {by}: A-B = {found.to_pandas()['shown'].iloc[0]}, A = "
+    assert line in found.summary()
+    other = dataclasses.replace(found, converged=False)
+    assert other.summary().splitlines()[1].endswith("; did not converge: it claims nothing")
+
+
 def test_gains_take_a_fit_and_a_posterior_at_hand(fitted, tmp_path):
     """Those of the files, by the same draws."""
     file = written(tmp_path / "fit.json", json.dumps(fitted.to_json()))
@@ -324,7 +334,7 @@ def test_flat_priors_have_the_fit_as_their_maximum(fitted):
     mean, _, std, unit = table.loc["L", "shown"].split()  # pandas shows one digit of metres
     assert float(mean) == pytest.approx(1e6 * about["L"].mean, abs=0.01) and unit == "µm"
     assert float(std) == pytest.approx(1e6 * about["L"].std, abs=0.01)
-    assert table.columns[0] == "shown" and table.loc["A_minus_B", "shown"].startswith("-0.0037")
+    assert table.columns[0] == "shown" and table.loc["A_minus_B", "shown"].startswith("−0.0037")
     data = inference_data(found)
     assert data.posterior.attrs["method"] == "Laplace" and "sample_stats" not in data
 

@@ -6,7 +6,6 @@ import importlib
 import subprocess
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import jax
 import jax.numpy as jnp
@@ -24,7 +23,6 @@ from jaxfric.gains.set_points import Schedule, SetPoint
 from jaxfric.loop.result import VERDICTS
 from jaxfric.prediction.result import Comparison, Prediction
 from jaxfric.records.record import Provenance
-from jaxfric.report import posterior_text
 from jaxfric.runs.events import Event
 from jaxfric.runs.fits import RunFit, StepFit
 from jaxfric.simulation import RESULTS
@@ -243,7 +241,7 @@ def test_a_fit_as_tables():
     assert table.loc["L", "value"] == 2e-5 and table.loc["L", "unit"] == "m"
     assert table.loc["A_minus_B", "std"] == fit.A_minus_B.std
     # of numbers in metres pandas shows one digit
-    assert table.columns[0] == "shown" and table.loc["L", "shown"] == "0.00002000 ± 0.00000040 m"
+    assert table.columns[0] == "shown" and table.loc["L", "shown"] == "2.000e−5 ± 0.040e−5 m"
     assert table.attrs["converged"] is True and table.attrs["law"] == "slip"
     data = fit.to_xarray()
     np.testing.assert_array_equal(data["residual"], fit.record.friction - fit.predicted)
@@ -328,19 +326,3 @@ def test_a_protocol_as_a_table_and_in_a_line():
 def test_an_axis_fit_does_not_tell_what_is_loose():
     assert "undetermined" in axis_fit().summary() and "95.1" in repr(axis_fit())
     assert list(axis_fit().to_pandas()["determined"]) == [False, True]
-
-
-def test_the_line_of_a_posterior_is_that_of_its_draws(monkeypatch):
-    row = posterior_text.PosteriorRow(
-        "A (a)", "", "1 ± 1", "1", ("0.010", "0.002", ""), ("0.011", "0.003", ""), ""
-    )
-    for name, made in (("posterior_rows", [row]), ("posterior_lines", [])):
-        monkeypatch.setattr(f"jaxfric.report.posterior_text.{name}", lambda p, made=made: made)
-    fit = fit_of(VALUES, covariance_of(VALUES, 0.02))
-    for draws, words in (
-        (None, "Laplace approximation: A = 0.011"),
-        (1, "NUTS: A = 0.011 ± 0.003"),
-    ):
-        found = SimpleNamespace(fit=fit, draws=draws, converged=False, fit_name="fit", warnings=())
-        told, *_ = posterior_text.report(found).headline
-        assert words in told and told.endswith("it claims nothing")

@@ -40,12 +40,7 @@ def fit_figure(fit: Fit) -> Figure:
 
 def _parameters(fit: Fit) -> str:
     """A line for every parameter, with its error and unit."""
-    lines = []
-    for row in rows(fit):
-        error = f" ± {row.std}" if row.std not in ("", "fixed") else ""
-        unit = f" {row.unit}" if row.unit and row.value != "undetermined" else ""
-        lines.append(f"{row.name} = {row.value}{error}{unit}")
-    return "\n".join(lines).replace("= -", "= −")
+    return "\n".join(f"{row.name} = {row.shown}" for row in rows(fit))
 
 
 def _residual(axis: Axes, fit: Fit, place: style.Along) -> None:

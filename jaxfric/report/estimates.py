@@ -1,10 +1,16 @@
 """State the friction parameters of a result in one line: a - b, a, b, D_c and their errors."""
 
+import math
 import re
 from collections.abc import Mapping
+from typing import NamedTuple
 
 from ..fitting import Estimate
-from ..units import decimals, factor, measured, read_as
+from ..units import decimals, factor, measured, read_as, with_unit
+
+UNDETERMINED = "undetermined"
+_MOST_PLACES = 6
+"""Decimal places beyond which a number has an exponent."""
 
 ROCK_NAMES = {"A": "a", "B": "b", "L": "D_c"}
 """The parameters of a law by their names in rock mechanics."""
@@ -39,7 +45,7 @@ def with_error(estimate: Estimate, length: str) -> str:
         return "not known"
     unit, size = shown_unit(estimate, length)
     text = measured(estimate.value / size, estimate.std / size, short=True).replace("-", "−")
-    return f"{text} {unit}".rstrip()
+    return with_unit(text, unit)
 
 
 def _known(estimate: Estimate) -> bool:
@@ -55,13 +61,57 @@ def _sign(rate: Estimate) -> str:
     return "whether velocity weakens friction is not known"
 
 
+class Row(NamedTuple):
+    """One parameter in display units; text only, ready for a table."""
+
+    name: str
+    meaning: str
+    value: str
+    std: str
+    interval: str
+    unit: str
+
+    @property
+    def shown(self) -> str:
+        """Value and standard error with the unit, such as "14.3 ± 1.3 µm"."""
+        error = f" ± {self.std}" if self.std else ""
+        return (
+            self.value
+            if self.value == UNDETERMINED
+            else f"{self.value}{error} {self.unit}".rstrip()
+        )
+
+
+def cells(estimate: Estimate, size: float) -> tuple[str, str, str]:
+    """Value, standard error and 95 % interval of an estimate in a unit of `size`."""
+    if not estimate.free:
+        return f"{estimate.value / size:.6g}", "", "fixed"
+    if not (estimate.determined and math.isfinite(estimate.value)):
+        return UNDETERMINED, "", ""
+    return interval_cells(estimate.value, estimate.std, estimate.lower, estimate.upper, size)
+
+
 def interval_cells(
     value: float, std: float, low: float, high: float, size: float = 1.0
 ) -> tuple[str, str, str]:
-    """Format value, standard error and interval in a unit of `size`; the error sets the digits."""
-    digits = decimals(std / size)
-    mean, error, *ends = (f"{x / size:.{digits}f}" for x in (value, std, low, high))
+    """Format value, standard error and interval in a unit of `size`; the error sets the digits.
+
+    Numbers with more than six decimal places have an exponent.
+    """
+    numbers = [x / size for x in (value, std, low, high)]
+    places, power, exponent = decimals(numbers[1]), 0, ""
+    if places > _MOST_PLACES:
+        power = math.floor(math.log10(max(map(abs, numbers[:2]))))
+        places, exponent = max(places + power, 0), f"e{power}"
+    mean, error, *ends = (
+        f"{x / 10.0**power:.{places}f}{exponent}".replace("-", "−") for x in numbers
+    )
     return mean, error, " to ".join(ends)
+
+
+def signed(value: float, places: int = 1) -> str:
+    """A difference with its sign."""
+    return f"{value:+.{places}f}".replace("-", "−")
 
 
 def shown_unit(estimate: Estimate, length: str) -> tuple[str, float]:

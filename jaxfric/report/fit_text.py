@@ -1,7 +1,5 @@
 """The parameters of a fit in the units of its record."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from ..fitting.derived import SAMPLES
@@ -11,24 +9,13 @@ from ..fitting.noise import NoiseEstimate
 from ..fitting.problem import quantity_of
 from ..fitting.result import DIFFERENCE, Estimate, Fit, display_unit
 from ..stability.claims import SURE
-from ..units import format_si, read_as
-from .estimates import ROCK_NAMES, STATE, friction_line, interval_cells
+from ..units import format_si, read_as, with_unit
+from .estimates import ROCK_NAMES, STATE, Row, cells, friction_line
 from .report import Report
 from .tables import TextTable
 
 _LEAST, _SMALL = 0.005, 0.05
 """Shares of a noise below which a part is not counted, and is counted as small."""
-
-
-class Row(NamedTuple):
-    """One parameter in display units; text only, ready for a table."""
-
-    name: str
-    meaning: str
-    value: str
-    std: str
-    interval: str
-    unit: str
 
 
 def shown_name(name: str) -> str:
@@ -54,15 +41,14 @@ def rows(fit: Fit) -> list[Row]:
 
 
 def _row(name: str, meaning: str, estimate: Estimate, fit: Fit) -> Row:
+    unit, size = unit_for(name, fit)
+    return Row(shown_name(name), meaning, *cells(estimate, size), unit)
+
+
+def unit_for(name: str, fit: Fit) -> tuple[str, float]:
+    """The printed unit of a parameter, "" for a pure number, and its size in SI."""
     unit, size = display_unit(name, fit)
-    shown = "" if unit == "1" else read_as(unit)
-    if not estimate.free:
-        return Row(shown_name(name), meaning, f"{estimate.value / size:.6g}", "fixed", "", shown)
-    if not estimate.determined:
-        return Row(shown_name(name), meaning, "undetermined", "", "", shown)
-    ends = estimate.lower, estimate.upper
-    cells = interval_cells(estimate.value, estimate.std, *ends, size)
-    return Row(shown_name(name), meaning, *cells, shown)
+    return "" if unit == "1" else read_as(unit), size
 
 
 def headline(fit: Fit) -> list[str]:
@@ -81,12 +67,12 @@ def headline(fit: Fit) -> list[str]:
 
 def summary(fit: Fit) -> list[str]:
     """Lines on a fit besides the table of its parameters."""
-    noise, unit = fit.noise, "" if fit.record.friction_unit == "1" else " N"
-    left_out = len(noise.glitches.rows)
+    left_out = len(fit.noise.glitches.rows)
+    rms = with_unit(f"{fit.rms:.4g}", fit.record.friction_unit)
     lines = [
         f"{len(fit.record)} rows{f', {left_out} passed over' if left_out else ''}, {fit.result}"
         + (f" in {fit.iterations} iterations" if fit.converged else ""),
-        f"rms of the residual {fit.rms:.4g}{unit}, sum of squares {fit.sum_of_squares:.5g}",
+        f"rms of the residual {rms}, sum of squares {fit.sum_of_squares:.5g}",
     ]
     if fit.converged:  # otherwise the residual is the failure of the fit, not noise
         lines.append(_noise_line(fit))
@@ -95,8 +81,8 @@ def summary(fit: Fit) -> list[str]:
 
 
 def _noise_line(fit: Fit) -> str:
-    noise, unit = fit.noise, "" if fit.record.friction_unit == "1" else " N"
-    return f"noise {noise.sigma:.3g}{unit}, {noise_text(noise)}"
+    sigma = with_unit(f"{fit.noise.sigma:.3g}", fit.record.friction_unit)
+    return f"noise {sigma}, {noise_text(fit.noise)}"
 
 
 def noise_text(noise: NoiseEstimate) -> str:
@@ -124,8 +110,8 @@ def _drifts(fit: Fit, drift: Drift | None) -> list[str]:
     why = "friction drifts before the step"
     if fit.model.slip_trend:
         why += " by another trend than the fitted one"
-    unit = "" if fit.record.friction_unit == "1" else f" {fit.record.friction_unit}"
-    return [f"besides its error A-B may be off by up to {drift.shift:.2g}{unit}: {why} (see below)"]
+    shift = with_unit(f"{drift.shift:.2g}", fit.record.friction_unit)
+    return [f"besides its error A-B may be off by up to {shift}: {why} (see below)"]
 
 
 def _stability(fit: Fit, drift: Drift | None) -> list[str]:
@@ -151,13 +137,12 @@ def _stability(fit: Fit, drift: Drift | None) -> list[str]:
 
 def _critical(fit: Fit) -> list[str]:
     """The critical stiffness and the stiffness in units of it, with their 95 % intervals."""
-    found, (unit, size) = fit.critical(), display_unit("K", fit)
+    found, (unit, size) = fit.critical(), unit_for("K", fit)
     own, ratio = found.stiffness, found.ratio
-    value, _, ends = interval_cells(own.value, own.std, own.lower, own.upper, size)
+    value, _, ends = cells(own, size)
     upper = f"to {ratio.upper:.2f}" if np.isfinite(ratio.upper) else "or more"
     return [
         f"stiffness is {ratio.value:.2f} times critical (95 %: {ratio.lower:.2f} {upper};"
         " massless, undamped)",
-        f"critical stiffness {value} {read_as(unit)} (95 %: {ends}; of"
-        f" {SAMPLES} samples of the covariance)",
+        f"critical stiffness {value} {unit} (95 %: {ends}; of {SAMPLES} samples of the covariance)",
     ]

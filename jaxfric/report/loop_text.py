@@ -10,16 +10,14 @@ from ..fitting import Estimate
 from ..loop.result import CandidateScore, Loop
 from ..loop.split import NAMES
 from ..loop.thresholds import ACCEPT, SIGNIFICANT
-from ..units import decimals, factor, format_si, p_text, read_as
-from .estimates import shown_unit
+from ..units import factor, format_si, p_text, read_as
+from .estimates import cells, shown_unit, signed
 from .fit_text import DIFFERENCE, noise_text, shown_name
 from .location_text import variable_words
 from .tables import TextTable
 from .verdict_text import words_of, words_of_refusal
 
 _LENGTHS = (("nm", 1e-9), ("um", 1e-6), ("mm", 1e-3), ("cm", 1e-2), ("m", 1.0))
-_MOST_PLACES = 6
-"""Decimal places beyond which a number has an exponent."""
 _BLOCKS = {
     "train": "train: fitted",
     "select": "select: validation, used to choose the model",
@@ -72,29 +70,14 @@ def moved(loop: Loop) -> TextTable:
 
 def _moved(loop: Loop, name: str, before: Estimate | None, after: Estimate) -> tuple[str, ...]:
     unit, size = shown_unit(after, length_of(loop))
-    value, std, interval = _estimate(after, size)
-    old = "–" if before is None else _estimate(before, size)[0]
+    value, std, interval = cells(after, size)
+    old = "–" if before is None else cells(before, size)[0]
     shift = ""
     if before is not None and after.std > 0:
-        shift = f"{(after.value - before.value) / after.std:+.1f}".replace("-", "−")
+        shift = signed((after.value - before.value) / after.std)
     if std:
         value = f"{value} ± {std}"
     return shown_name(name), _meaning(loop, name), old, value, interval, shift, unit
-
-
-def _estimate(estimate: Estimate, size: float) -> tuple[str, str, str]:
-    """Value, standard deviation and 95 % interval as text."""
-    if not estimate.free:
-        return f"{estimate.value / size:.6g}", "", "given"
-    if not estimate.determined or not np.isfinite(estimate.value):
-        return "undetermined", "", ""
-    numbers = [x / size for x in (estimate.value, estimate.std, estimate.lower, estimate.upper)]
-    places, power, exponent = decimals(numbers[1]), 0, ""
-    if places > _MOST_PLACES:
-        power = math.floor(math.log10(max(map(abs, numbers[:2]))))
-        places, exponent = max(places + power, 0), f"e{power}"
-    texts = [f"{x / 10.0**power:.{places}f}{exponent}".replace("-", "−") for x in numbers]
-    return texts[0], texts[1], f"{texts[2]} to {texts[3]}"
 
 
 def _meaning(loop: Loop, name: str) -> str:
@@ -135,7 +118,7 @@ def candidates(loop: Loop) -> TextTable:
     rows = [
         (
             " + ".join(c.effects) or "base",
-            _finite(c.delta_bic, "{:+.1f}").replace("-", "−"),
+            signed(c.delta_bic) if math.isfinite(c.delta_bic) else "failed",
             _finite(c.train_rms / loop.sigma, "{:.3f}"),
             _finite(c.validation_rms / loop.sigma_of(loop.blocks.select), "{:.3f}"),
             _role(loop, c),

@@ -4,6 +4,7 @@ import math
 
 from ..prediction import Prediction
 from ..units import prefixed
+from .estimates import UNDETERMINED, signed
 from .report import Report
 from .tables import TextTable
 
@@ -18,10 +19,16 @@ def report(found: Prediction) -> Report:
 def _errors(found: Prediction) -> TextTable:
     rows = []
     for c in found.comparisons:
-        plain = c.unit in ("1", "%")
-        rms = f"{c.rms:.3g} {c.unit}".removesuffix(" 1") if plain else prefixed(c.rms, c.unit, 3)
         sigma = "" if c.in_sigma is None else f"{c.in_sigma:.2f}"
-        rows.append((c.model, c.method, f"{100 * c.relative_error:.3g} %", rms, sigma))
+        rows.append(
+            (
+                c.model,
+                c.method,
+                f"{100 * c.relative_error:.3g} %",
+                prefixed(c.rms, c.unit, 3),
+                sigma,
+            )
+        )
     of = "the recorded friction less its mean" if found.kind == "slider" else "what was recorded"
     note = f"relative error: |predicted - recorded|/|recorded|, of {of}. in sigma: rms over the"
     note += " scatter of neighbouring rows of this record"
@@ -37,10 +44,9 @@ def _parameters(found: Prediction) -> list[TextTable]:
         return []
     rows = []
     for shift in found.shifts:
-        cells = ("", "undetermined", "")
+        cells = ("", UNDETERMINED, "")
         if math.isfinite(shift.in_sigma):
-            sigma = f"{shift.in_sigma:+.1f}".replace("-", "−")
-            cells = (f"{shift.here:.5g}", f"{shift.error:.2g}", sigma)
+            cells = (f"{shift.here:.5g}", f"{shift.error:.2g}", signed(shift.in_sigma))
         rows.append((shift.name, f"{shift.model:.5g}", *cells))
     marked = tuple(k for k, shift in enumerate(found.shifts) if abs(shift.in_sigma) > 3)
     heads = ("parameter (SI)", "model", "fitted here", "± of the difference", "in sigma")

@@ -23,6 +23,7 @@ from ..records.steady import SteadyCurve
 from ..records.steady_load import Load
 from ..schemas import STEADY
 from ..units import measured
+from .estimates import signed
 from .fit_text import noise_lines
 from .report import Report
 from .tables import TextTable
@@ -178,7 +179,7 @@ def tables(loop: SteadyLoop) -> list[TextTable]:
             f"{m.rms / size:.4g}",
             f"{m.heldout / size:.4g}" if np.isfinite(m.heldout) else "–",
             f"{m.spread / size:.3g}",
-            f"{m.bic - loop.base.bic:+.1f}".replace("-", "−"),
+            signed(m.bic - loop.base.bic),
             "taken" if m is loop.final else "base" if m is loop.base else "",
         )
         for m in loop.candidates

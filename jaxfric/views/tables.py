@@ -96,10 +96,7 @@ def fit(fit: "Fit") -> DataFrame:
     of = {DIFFERENCE: fit.A_minus_B, **fit.parameters}
     found = []
     for (name, estimate), row in zip(of.items(), rows(fit), strict=True):
-        error = f" ± {row.std}" if row.std not in ("", "fixed") else ""
-        unit = f" {row.unit}" if row.unit and estimate.determined else ""
-        row = {"name": name, "shown": f"{row.value}{error}{unit}"}
-        found.append(row | _estimated(name, estimate))
+        found.append({"name": name, "shown": row.shown} | _estimated(name, estimate))
     return _table(found, "name", **about_fit(fit))
 
 
@@ -148,7 +145,7 @@ def posterior(posterior: "Posterior") -> DataFrame:
 
     The first columns of this table are in words.
     """
-    from ..report.posterior_text import posterior_rows
+    from ..report.posterior_text import spread_rows
 
     spreads, maximum, fitted = posterior.parameters, posterior.maximum(), posterior.fitted()
     of = {DIFFERENCE: posterior.fit.A_minus_B, **posterior.fit.parameters}
@@ -156,7 +153,7 @@ def posterior(posterior: "Posterior") -> DataFrame:
         {"name": name, "shown": row.shown, "maximum": maximum[name], **spreads[name]._asdict()}
         | {"unit": of[name].unit, "fit": fitted[name].value, "fit_std": fitted[name].std}
         | (posterior.chains[name]._asdict() if name in posterior.chains else {})
-        for name, row in zip((DIFFERENCE, *posterior.names), posterior_rows(posterior), strict=True)
+        for name, row in spread_rows(posterior, spreads).items()
     ]
     method = "Laplace" if posterior.draws is None else "NUTS"
     about = {"converged": posterior.converged, "warnings": list(posterior.warnings)}
