@@ -16,9 +16,9 @@ def plain(table: Mapping[str, object]) -> dict[str, object]:
     return {name: _plain(value) for name, value in table.items()}
 
 
-def entries(source: object, *names: str) -> dict[str, object]:
-    """The attributes of a result that have the same name in the result's JSON file."""
-    return {name: getattr(source, name) for name in names}
+def entries(source: object, *names: str, **renamed: str) -> dict[str, object]:
+    """The attributes of a result for its JSON file; `renamed` are those of another name there."""
+    return {new: getattr(source, old) for new, old in ({n: n for n in names} | renamed).items()}
 
 
 def _plain(value: object) -> object:

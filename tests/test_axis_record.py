@@ -95,7 +95,7 @@ def test_the_verb_on_an_axis(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     for words in (
         "6825 used of 6825",
         "every 0.002 s",
-        "position [rad]: 0 to 3.17",
+        "position: 0 to 3.17",
         "a turn)",
         "controller: 7.5 N m/rad per position error, 0.3 N m s/rad per velocity",
         "strokes: 16, 8 forwards and 8 backwards",

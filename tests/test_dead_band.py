@@ -39,7 +39,7 @@ def test_the_dead_band_is_static_friction_over_stiffness():
     assert gains_json.content(found)["at_rest"]["dead_band"] == pytest.approx(5e-3)
 
 
-@pytest.mark.parametrize(("parameters", "unit"), [(CURVE, "1500 N/m"), (JOINT, "1500 N m/rad")])
+@pytest.mark.parametrize(("parameters", "unit"), [(CURVE, "1.5 kN/m"), (JOINT, "1.5 kN m/rad")])
 def test_an_accuracy_asks_for_stiffness(parameters, unit):
     found = gains(parameters, accuracy=2e-3)
     assert found.kp == pytest.approx(STATIC / 2e-3)

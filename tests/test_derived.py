@@ -20,6 +20,7 @@ from jaxfric.report.fit_text import rows, shown_name, summary
 from jaxfric.report.stability_json import content
 from jaxfric.report.stability_text import report
 from jaxfric.stability.analysis import study, with_samples
+from jaxfric.units import prefixed
 
 VALUES = {"f0": 0.6, "A": 0.010, "B": 0.014, "L": 2e-5}
 TWO = {"f0": 0.6, "A": 0.010, "B": 0.009, "L": 1e-5, "B2": 0.006, "L2": 8e-5}
@@ -190,7 +191,8 @@ def test_the_critical_stiffness_of_a_study_has_the_interval_of_samples_in_closed
     low, high = heavy.critical_interval
     assert exact.min() <= low < np.quantile(exact, 0.06) and np.quantile(exact, 0.94) < high
     told = "\n".join(report(heavy, "slip").headline)
-    assert f"k_cr lies from {low:.4g} to {high:.4g} N/m with 95 % (of 64 samples" in told
+    ends = " to ".join(prefixed(k, "N/m") for k in (low, high))
+    assert f"k_cr lies from {ends} with 95 % (of 64 samples" in told
     assert content(heavy, "slip")["rice_ruina_criterion"]["critical_stiffness_interval"] == [
         low,
         high,

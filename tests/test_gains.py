@@ -150,7 +150,7 @@ def test_an_optimum_at_a_double_pole():
 def test_infeasible_says_which_scenario_and_by_how_much():
     found = single(GOLDEN, {"stiffness": 1.0}, upper=(100.0, 10.0))
     assert isinstance(found, Infeasible)
-    assert "stiffness=1 is missed at velocity 0.002 m/s, mass 2 kg" in found.text
+    assert "stiffness=1 is missed at velocity 2 mm/s, mass 2 kg" in found.text
     reached = float(found.text.split("reaches ")[1].split(";")[0])
     assert reached == pytest.approx(100 / critical(10.0, **GOLDEN), rel=1e-2)
 
@@ -173,7 +173,7 @@ def test_that_there_are_no_gains_is_an_error_of_its_kind():
     with pytest.raises(NoGains) as refused:
         find_gains(law, **asked)
     assert isinstance(refused.value.found, Infeasible)
-    assert "k_p up to 1000 N/m" in str(refused.value) == refused.value.found.text
+    assert "k_p up to 1 kN/m" in str(refused.value) == refused.value.found.text
     for wrong in ({"velocity": -1.0}, {"confidence": 2.0}, {"upper": (-1.0, None)}):
         with pytest.raises(InputError) as refused:
             find_gains(law, **{**asked, **wrong})

@@ -130,7 +130,7 @@ def test_either_alone_without_margins_is_the_number_of_stability():
         known["rice_ruina_criterion"]["critical_stiffness"],
     )
     assert (damping, stiffness) == (pytest.approx(1000), pytest.approx(2016))
-    assert "k_v >= 1000 N s/m, without margins" in told
+    assert "k_v >= 1 kN s/m, without margins" in told
     assert "stable for k_p above k_cr, without margins" in told
     stiff, damped = (
         line for line in out.splitlines() if line.startswith(("stiffness alone", "damping alone"))
@@ -159,7 +159,7 @@ def test_where_damping_alone_does_not_do_it_is_told(monkeypatch):
     (line,) = (
         x for x in report(dataclasses.replace(late, largest=(6.264e4, inf))).lines if "larger" in x
     )
-    assert "k_p up to 6.26e+04 N/m with k_v = 0, k_v up to inf N s/m" in line
+    assert "k_p up to 62.6 kN/m with k_v = 0, k_v up to inf N s/m" in line
     monkeypatch.setattr(gains_module, "largest_alone", lambda *_: (3.0, inf))
     none = dataclasses.replace(late, kp=float(late.region.lower[0]), kv=0.0)
     assert _bounded(none).largest == (3.0, inf)
@@ -261,7 +261,7 @@ def test_what_a_fit_warned_of_goes_through_every_verb():
         (["--max-kp", "-1 N/m"], ["upper limit of k_p", "positive"]),
         (["--min-kp", "5 N/m", "--max-kp", "2 N/m"], ["limits of k_p", "empty range"]),
         (["--scale-kv", "0 N*s/m"], ["scale of k_v", "positive"]),
-        (["--max-kp", "1 N/m", "--max-kv", "1 N*s/m"], ["stiffness=2 is missed", "0.002 m/s"]),
+        (["--max-kp", "1 N/m", "--max-kv", "1 N*s/m"], ["stiffness=2 is missed", "2 mm/s"]),
         (["--no-check", "--basin", "2"], ["--basin", "--no-check"]),
         (["--basin", "0.5"], ["basin is 0.5"]),
         (["--normal-force", "5 N"], ["--normal-force goes with --from"]),

@@ -272,7 +272,7 @@ def test_given_gains_are_looked_at_with_a_delay():
     assert bool(found.stable) == (min(signed) > 0) and "stiffness" not in found.margins
     assert float(found.margins["decay"]) == -np.max(np.asarray(found.poles).real)
     told = report(found, "law")
-    assert "controller delay of 0.003 s" in told.lines[-1]
+    assert "controller delay of 3 ms" in told.lines[-1]
     assert ("STABLE" if found.stable else "UNSTABLE") in told.headline[0].split()
     assert "without margins and delay" in told.headline[-1]
     names = [name for name, *_ in told.tables[-1].rows]

@@ -89,8 +89,8 @@ def _slider(measured: "Record", steps: str | None, reduced: Path | None) -> _Ins
 def _axis(measured: "AxisRecord") -> _Inspected:
     from ..plot.axis_record import axis_record_figure
     from ..records.strokes import find_strokes
-    from ..report.axis_record_text import report_axis
     from ..report.record_json import axis_content
+    from ..report.record_text import report_axis
 
     strokes = find_strokes(measured)
     return _Inspected(
@@ -102,8 +102,8 @@ def _axis(measured: "AxisRecord") -> _Inspected:
 
 def _steady(curve: "SteadyCurve") -> _Inspected:
     from ..plot.axis_record import curve_figure
-    from ..report.axis_record_text import report_steady
     from ..report.record_json import steady_content
+    from ..report.record_text import report_steady
 
     figures = {"record": lambda: curve_figure(curve)}
     return _Inspected(report_steady(curve), steady_content(curve), figures)

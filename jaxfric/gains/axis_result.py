@@ -1,25 +1,9 @@
 """Gains that an axis needs; `jaxfric.report.axis_gains_text` describes these gains in words."""
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from ..described import said
 from ..stability.claims import Claim, Curve, curve_claim
-
-
-class Shown(NamedTuple):
-    """A display unit, and its size in SI."""
-
-    name: str
-    size: float = 1.0
-
-    def text(self, value: float, error: float | None = None) -> str:
-        """Write `value` (SI) and its standard error as text in this unit."""
-        shown = f"{value / self.size:.4g}"
-        return f"{shown}{'' if error is None else f' ± {error / self.size:.2g}'} {self.name}"
-
-
-SI, SPEED = Shown("N s/m"), Shown("m/s")
 
 
 @dataclass(frozen=True)
@@ -60,10 +44,10 @@ class AxisGains:
             return Claim("open", ("the error and range of the fitted curve are unknown",))
         return curve_claim(self.curve)
 
-    def sentence(self, unit: Shown = SI, velocity: Shown = SPEED) -> str:
-        """Sentences on stability and on excluded speeds, in units of damping and of velocity."""
-        return said("axis_gains_text.sentence", self, unit, velocity)
+    def sentence(self, force: str = "N", speed: str = "m/s") -> str:
+        """Sentences on stability and on excluded speeds; `speed` may be rad/s or rpm."""
+        return said("axis_gains_text.sentence", self, force, speed)
 
-    def short(self, unit: Shown = SI, velocity: Shown = SPEED) -> str:
+    def short(self, force: str = "N", speed: str = "m/s") -> str:
         """One sentence: whether friction causes stick-slip, and which gains prevent stick-slip."""
-        return said("axis_gains_text.short", self, unit, velocity)
+        return said("axis_gains_text.short", self, force, speed)

@@ -25,16 +25,6 @@ def si_units(coordinate: str) -> dict[str, str]:
     }
 
 
-def shown_units(coordinate: str, force_unit: str) -> dict[str, str]:
-    """Return the unit in which each column of a record is shown."""
-    rotary = coordinate == "rotary"
-    found = {
-        name: AXIS.roles[name].shown(rotary=rotary)
-        for name in ("time", "position", "reference_position", "velocity")
-    }
-    return {**found, "motor_force": force_unit, "disturbance_force": force_unit}
-
-
 def spelling(unit: str) -> str:
     """Translate a unit as drives write it to the spelling of `jaxfric.units`.
 

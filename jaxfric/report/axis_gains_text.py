@@ -2,24 +2,29 @@
 
 import numpy as np
 
-from ..gains.axis_result import AxisGains, Shown
+from ..gains.axis_result import AxisGains
+from ..units import format_si, prefix, prefixed
 from .words import capital
 
 
-def sentence(gains: AxisGains, unit: Shown, velocity: Shown) -> str:
+def sentence(gains: AxisGains, force: str, speed: str) -> str:
     """The short text, the slope of friction, and the damping needed with a controller delay.
 
-    `unit` is the displayed unit of damping, `velocity` the displayed unit of velocity.
+    `force` is the unit of force, `speed` the displayed unit of velocity: m/s, rad/s or rpm.
     """
-    claim, curve, text = gains.claim, gains.curve, capital(short(gains, unit, velocity))
+    claim, curve, text = gains.claim, gains.curve, capital(short(gains, force, speed))
     if claim.kind == "open" or curve is None:
-        return f"{text}.{_not_seen(gains, velocity)}"
-    slope = f"{unit.text(gains.slope, curve.error or None)}, at {_worst(gains, velocity)}"
+        return f"{text}.{_not_seen(gains, speed)}"
+    size, unit = prefix(gains.slope, _per(force, speed, " s"))
+    error = f" ± {curve.error / size:.2g}" if curve.error else ""
+    slope = f"{gains.slope / size:.4g}{error} {unit}, at {_worst(gains, speed)}"
     if claim.kind == "free":
+        spare = prefixed(claim.spare, _per(force, speed, " s"))
+        stiffness = prefixed(1e3 * claim.spare, _per(force, speed))
         return (
             f"{text} Any k_p > 0 holds the axis without damping, if the controller answers at once."
-            f" With a delay d, k_p must stay below ({unit.text(claim.spare)})/d,"
-            f" {_stiffness(unit).text(1e3 * claim.spare)} at 1 ms. The least slope is {slope}."
+            f" With a delay d, k_p must stay below ({spare})/d, {stiffness} at 1 ms. The least"
+            f" slope is {slope}."
         )
     return (
         f"{text} This k_v covers two errors of the slope, {slope}. With a controller delay d, k_v"
@@ -27,45 +32,51 @@ def sentence(gains: AxisGains, unit: Shown, velocity: Shown) -> str:
     )
 
 
-def short(gains: AxisGains, unit: Shown, velocity: Shown) -> str:
+def short(gains: AxisGains, force: str, speed: str) -> str:
     """Say whether friction makes the axis stick-slip, and which gain prevents stick-slip."""
-    claim, curve, not_seen = gains.claim, gains.curve, _not_seen(gains, velocity)
+    claim, curve, not_seen = gains.claim, gains.curve, _not_seen(gains, speed)
     if claim.kind == "open" or curve is None:
         return f"nothing can be said: {'; '.join(claim.reasons)}"
-    speeds = f"from {velocity.text(curve.slowest)} to {velocity.text(curve.fastest)}"
+    speeds = f"from {_speed(curve.slowest, speed)} to {_speed(curve.fastest, speed)}"
     if claim.kind == "free":
         return f"friction grows with speed {speeds} and causes no stick-slip there.{not_seen}"
     text = (
-        f"friction falls with speed, most steeply at {_worst(gains, velocity)}, so the axis may"
+        f"friction falls with speed, most steeply at {_worst(gains, speed)}, so the axis may"
         " stick-slip. The controller must add damping k_v above"
-        f" {unit.text(claim.damping)} to prevent stick-slip at speeds {speeds}"
+        f" {prefixed(claim.damping, _per(force, speed, ' s'))} to prevent stick-slip at speeds"
+        f" {speeds}"
     )
     if gains.stiff is not None and 0 < gains.stiff.critical_stiffness < np.inf:
-        text += f", or stiffness k_p above {_stiffness(unit).text(gains.stiff.critical_stiffness)}"
+        stiffness = prefixed(gains.stiff.critical_stiffness, _per(force, speed))
+        text += f", or stiffness k_p above {stiffness}"
     return f"{text}.{not_seen}"
 
 
-def _worst(gains: AxisGains, velocity: Shown) -> str:
+def _per(force: str, speed: str, time: str = "") -> str:
+    """The unit of stiffness, or with a time that of damping."""
+    return f"{force}{time}/{'m' if speed == 'm/s' else 'rad'}"
+
+
+def _speed(velocity: float, unit: str) -> str:
+    return format_si(velocity, "m/s" if unit == "m/s" else "rad/s", unit)
+
+
+def _worst(gains: AxisGains, speed: str) -> str:
     way = "backwards" if gains.worst_velocity < 0 else "forwards"
-    return f"{velocity.text(abs(gains.worst_velocity))} {way}"
+    return f"{_speed(abs(gains.worst_velocity), speed)} {way}"
 
 
-def _not_seen(gains: AxisGains, velocity: Shown) -> str:
+def _not_seen(gains: AxisGains, speed: str) -> str:
     """Words on what was recorded at low speed but is not friction of a steady speed."""
     if gains.curve is None:
         return ""
-    said, slowest, above = "", velocity.text(gains.curve.slowest), gains.curve.above
+    said, slowest, above = "", _speed(gains.curve.slowest, speed), gains.curve.above
     if above is not None:
         said = (
-            f" The {above.number} slowest, up to {velocity.text(above.speed)}, lie above the"
+            f" The {above.number} slowest, up to {_speed(above.speed, speed)}, lie above the"
             f" curve, {above.excess / above.error:.1f} times the error of that."
         )
     below = [one.what for one in gains.curve.unseen if one.speed < gains.curve.slowest]
     if below:
         return f"{said} Below {slowest} nothing is said: {'; '.join(below)}."
     return f"{said} Slower motion than {slowest} was not seen."
-
-
-def _stiffness(damping: Shown) -> Shown:
-    """The unit of stiffness that goes with one of damping."""
-    return Shown(damping.name.replace(" s/", "/"), damping.size)

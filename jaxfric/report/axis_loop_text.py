@@ -6,11 +6,12 @@ import numpy as np
 
 from ..fitting import Estimate
 from ..fitting.axis_fit import AxisFit
-from ..gains.axis_result import AxisGains, Shown
+from ..gains.axis_result import AxisGains
 from ..loop.axis.driven import ONE_SPEED, UNKNOWN, Driven, at_one_speed
 from ..loop.axis.result import AxisDetails
 from ..loop.family import listed
 from ..units import measured
+from .estimates import UNDETERMINED, bracketed
 from .tables import TextTable
 from .words import capital
 
@@ -31,7 +32,7 @@ def found(details: AxisDetails) -> str:
     """
     if details.withheld or not at_one_speed(details.driven):
         return details.withheld
-    told = words_of_driven(details.driven, details.record.force_unit, f"{_length(details)}/s")
+    told = words_of_driven(details.driven, *_units(details))
     return f"{told}; {listed(UNKNOWN)} are not known, as {ONE_SPEED}"
 
 
@@ -77,16 +78,10 @@ def stability(details: AxisDetails) -> str:
 
 def tables(details: AxisDetails) -> list[TextTable]:
     """Tables: parameters of both fits with standard errors; gains of the axis."""
-    fits, unit = [fit for _, fit in details.fits], _length(details)
-    columns = [
-        {
-            name: _value(value, fit.std[name], determined=name not in fit.loose)
-            for name, value in fit.values.items()
-        }
-        for fit in fits
-    ]
+    fits, unit = [fit for _, fit in details.fits], details.record.length_unit
+    columns = [values_of(fit) for fit in fits]
     names = dict.fromkeys(name for column in columns for name in column)
-    loop = {n: _value(e.value, e.std, determined=e.determined) for n, e in details.loop.items()}
+    loop = {name: bracketed(estimate) for name, estimate in details.loop.items()}
     rows = [(name, *(column.get(name, "") for column in (*columns, loop))) for name in names]
     rows.append(("relative error", *(f"{100 * fit.relative_error:.4g} %" for fit in fits), ""))
     units = {"inverse dynamics": details.record.force_unit}
@@ -103,13 +98,17 @@ def tables(details: AxisDetails) -> list[TextTable]:
     return [TextTable("Fits over all rows", head, rows, note), gains_table(details)]
 
 
-def _value(value: float, std: float, *, determined: bool) -> str:
-    return measured(value, std) if determined else "undetermined"
+def values_of(fit: AxisFit) -> dict[str, str]:
+    """The parameters of a fit with their errors, as text."""
+    return {
+        name: UNDETERMINED if name in fit.loose else measured(value, fit.std.get(name, 0.0))
+        for name, value in fit.values.items()
+    }
 
 
 def gains_table(details: AxisDetails) -> TextTable:
     """Table of the controller's gains in force, and of the least damping that friction requires."""
-    force, drive, unit = details.record.force_unit, details.record.drive, _length(details)
+    force, drive, unit = details.record.force_unit, details.record.drive, details.record.length_unit
     rows = _least(details.gains, force, unit)
     signal = "V" if drive is None else drive.signal
     if drive is not None and drive.gain and details.gains.claim.kind != "open":
@@ -145,11 +144,6 @@ def _least(gains: AxisGains, force: str, unit: str) -> list[tuple[str, ...]]:
     return rows
 
 
-def _length(details: AxisDetails) -> str:
-    return "m" if details.record.coordinate == "linear" else "rad"
-
-
-def _units(details: AxisDetails) -> tuple[Shown, Shown]:
-    """The units of damping and of velocity in sentences."""
-    unit = _length(details)
-    return Shown(f"{details.record.force_unit} s/{unit}"), Shown(f"{unit}/s")
+def _units(details: AxisDetails) -> tuple[str, str]:
+    """The units of force and of velocity."""
+    return details.record.force_unit, f"{details.record.length_unit}/s"

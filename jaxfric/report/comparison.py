@@ -3,6 +3,7 @@
 from ..fitting.misfit import EXCESS, excess
 from ..loop.compare import LawComparison, LawScore
 from ..loop.thresholds import ACCEPT
+from ..plain import entries
 from ..runs.table import amount, csv_text, short
 from ..schemas import COMPARISON
 from .fits_table import TabledFit, csv_rows, latex_text, text_table
@@ -143,15 +144,14 @@ def to_json(found: LawComparison) -> dict:
         "next": next_step(found),
         "supported": None if supported is None else _model(supported),
         "rivals": [_model(score) for score in found.rivals],
-        "noise": {"sigma": found.sigma, "independent_rows": found.independent_rows},
+        "noise": entries(found, "sigma", "independent_rows"),
         "held_out_steps": list(found.held_out_steps),
         "laws": [
             {
                 **_model(score),
                 "bic_above_best": found.above(score),
+                **entries(score, "held_out_deviance", held_out_rms="held_out"),
                 "fitted_parameters": score.parameters,
-                "held_out_rms": score.held_out,
-                "held_out_deviance": score.held_out_deviance,
                 "fit": score.fit.to_json(),
             }
             for score in found.scores

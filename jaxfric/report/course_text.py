@@ -7,10 +7,12 @@ import numpy as np
 
 from ..gains.course import Course, Motion
 from ..gains.thresholds import MAX_STEPS
+from ..plain import entries
 from ..schemas import SIMULATION
 from ..simulation import RESULTS
-from ..units import factor, format_si, prefixed
+from ..units import factor, format_si
 from .report import Report
+from .words import amount, machine
 
 _ENDS = {
     "steady": "steady sliding, or ever closer to it",
@@ -27,11 +29,11 @@ def report(course: Course, law: str, width: float | None, length: str) -> Report
     assumed range of velocity `width` [m/s].
     """
     motion, early = course.motion, course.result != RESULTS.successful
-    notes = [law, _machine(motion)]
+    notes = [law, machine(motion, motion.k_p, motion.k_v, motion.mass)]
     if width is not None:
-        speed = motion.unit("m/s")
-        notes.append(f"the sign of friction turns over {width:.3g} {speed} (parameter width)")
-    jump = "" if course.jump is None else f" by {prefixed(course.jump, motion.unit('m'))}"
+        speed = amount(motion, width, "m/s", 3)
+        notes.append(f"the sign of friction turns over {speed} (parameter width)")
+    jump = "" if course.jump is None else f" by {amount(motion, course.jump, 'm')}"
     notes.append(f"start: {course.start.replace('_', ' ')}{jump}")
     reached = f"{float(motion.time[-1]):.6g} s of {course.duration:.6g} s"
     notes.append(f"simulated: {reached}, {course.solver_steps} steps")
@@ -49,9 +51,7 @@ def content(
         "schema": SIMULATION,
         "law": law,
         "width": width,
-        "mass": run.mass,
-        "kp": run.k_p,
-        "kv": run.k_v,
+        **entries(run, "mass", kp="k_p", kv="k_v"),
         "units": {"kp": run.unit("N/m"), "kv": run.unit("N s/m"), "slip": run.unit("m")},
         "course": course.to_json(),
         "rows": len(run.time),
@@ -76,12 +76,6 @@ def trajectory_text(motion: Motion, made: Mapping[str, str], notes: Sequence[str
     out = io.StringIO()
     np.savetxt(out, rows, formats, ",", header="\n".join(lines), comments="")
     return out.getvalue()
-
-
-def _machine(motion: Motion) -> str:
-    k_p, k_v, mass = (motion.unit(unit) for unit in ("N/m", "N s/m", "kg"))
-    text = "no mass (quasi-static)" if motion.mass is None else f"mass {motion.mass:g} {mass}"
-    return f"k_p = {motion.k_p:g} {k_p}, k_v = {motion.k_v:g} {k_v}, {text}"
 
 
 def _why(result: RESULTS) -> str:

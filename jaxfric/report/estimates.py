@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from ..fitting import Estimate
+from ..records import Record
 from ..units import decimals, factor, measured, read_as, with_unit
 
 UNDETERMINED = "undetermined"
@@ -59,6 +60,12 @@ def _sign(rate: Estimate) -> str:
     if rate.lower > 0:
         return "velocity strengthening"
     return "whether velocity weakens friction is not known"
+
+
+def bracketed(estimate: Estimate, *, short: bool = False) -> str:
+    """An estimate in SI with its standard error in brackets; or "undetermined"."""
+    known = estimate.determined and math.isfinite(estimate.std)
+    return measured(estimate.value, estimate.std, short=short) if known else UNDETERMINED
 
 
 class Row(NamedTuple):
@@ -132,3 +139,13 @@ def shown_unit(estimate: Estimate, length: str) -> tuple[str, float]:
     else:
         shown, size = "" if unit == "1" else unit, 1.0
     return read_as(shown), size
+
+
+def length_of(record: Record) -> str:
+    """Return the symbol of the record's unit of length; "um" for a unit such as "0.05 um"."""
+    told = record.units.get("load_point_displacement", "um")
+    if told == "rad":
+        return told
+    size = factor(told, "m", "length")
+    names = ("nm", "um", "mm", "cm", "m")
+    return next((name for name in names if math.isclose(size, factor(name, "m", ""))), "um")

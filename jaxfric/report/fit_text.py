@@ -10,7 +10,7 @@ from ..fitting.problem import quantity_of
 from ..fitting.result import DIFFERENCE, Estimate, Fit, display_unit
 from ..stability.claims import SURE
 from ..units import format_si, read_as, with_unit
-from .estimates import ROCK_NAMES, STATE, Row, cells, friction_line
+from .estimates import ROCK_NAMES, STATE, Row, cells, friction_line, length_of
 from .report import Report
 from .tables import TextTable
 
@@ -56,8 +56,7 @@ def headline(fit: Fit) -> list[str]:
     if not fit.converged:
         return ["the fit did not converge: its numbers mean nothing"]
     drift = told_drift(fit)
-    length = fit.record.units.get("load_point_displacement", "um")
-    found = friction_line(fit.A_minus_B, fit.parameters, length)
+    found = friction_line(fit.A_minus_B, fit.parameters, length_of(fit.record))
     return [
         f"{fit.law} law: {found}",
         _stability(fit, drift)[0],
@@ -125,9 +124,8 @@ def _stability(fit: Fit, drift: Drift | None) -> list[str]:
     if drift is not None and own.value - SURE * own.std < drift.shift:
         return ["nothing is said of stability: A-B may be off by more than it is above 0"]
     moving = np.abs(fit.steps.velocities[fit.steps.velocities != 0])
-    length = fit.record.units.get("load_point_displacement", "um")
-    ends = (format_si(V, "m/s", f"{length}/s", 3) for V in (moving.min(), moving.max()))
-    low, high = map(read_as, ends)
+    unit = f"{length_of(fit.record)}/s"
+    low, high = (read_as(format_si(V, "m/s", unit, 3)) for V in (moving.min(), moving.max()))
     doubt = "; only if the model holds (see the warnings)" if drift or misfit_warning(fit) else ""
     return [
         "velocity strengthening (A > B by more than two standard errors): steady sliding is"

@@ -13,7 +13,7 @@ from ..fitting import Fit
 from ..fitting.misfit import COLUMN, EXCESS, excess
 from ..runs.table import BRACKETS, Cell, csv_text, estimate_cell, fit_cells, parameter_cells
 from ..schemas import FITS
-from .latex import latex_of, plain
+from .latex import latex_cells, latex_of, plain
 from .report import Report
 from .tables import TextTable
 
@@ -63,11 +63,6 @@ class _Column(NamedTuple):
     latex: str
     unit: str
     cell: Callable[[Fit], str]
-
-    @property
-    def latex_unit(self) -> str:
-        """The unit in LaTeX, in square brackets."""
-        return f"[{self.unit}]".replace("µ", r"$\mu$") if self.unit else ""
 
 
 def _columns(fits: Sequence[TabledFit], records: bool) -> list[_Column]:
@@ -135,13 +130,11 @@ def latex_text(fits: Sequence[TabledFit], head: str, *, records: bool = False) -
     columns, more = _columns(fits, records), _more(fits)
     heads = (
         [head, *(c.latex for c in columns), *map(plain, more)],
-        ["", *(c.latex_unit for c in columns), *[""] * len(more)],
+        ["", *(plain(f"[{c.unit}]") if c.unit else "" for c in columns), *[""] * len(more)],
     )
     rows = []
     for one, name in zip(fits, short_names(fits), strict=True):
-        numbers = [f"${x}$" if x[:1] in set("-0123456789") else x for x in _cells(one, columns)]
-        if not one.known:
-            numbers[-1] = "no fit"
+        numbers = latex_cells(_cells(one, columns) if one.known else None, len(columns))
         marks = ",".join(_marks(one))
         shown = plain(name) + (f"$^{{{marks}}}$" if marks else "")
         rows.append([shown, *numbers, *_further(one, more)])
@@ -159,8 +152,12 @@ def _cells(one: TabledFit, columns: Sequence[_Column]) -> list[str]:
 
 
 def _further(one: TabledFit, more: Sequence[str]) -> list[str]:
-    cells = [one.more.get(name) for name in more]
-    return [f"{x:.4g}" if isinstance(x, float) else str("" if x is None else x) for x in cells]
+    return [cell_text(one.more.get(name)) for name in more]
+
+
+def cell_text(value: Cell) -> str:
+    """A cell of a CSV file as text; a value that is not known is blank."""
+    return f"{value:.4g}" if isinstance(value, float) else "" if value is None else str(value)
 
 
 def _marks(one: TabledFit) -> list[str]:

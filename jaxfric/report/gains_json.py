@@ -17,29 +17,23 @@ def content(gains: Gains) -> dict:
     region, scenarios, unsafe = gains.region, gains.scenarios, list(gains.unsafe)
     result = {
         "schema": GAINS,
-        "law": gains.law,
-        "controller_delay": gains.delay,
+        **entries(gains, "law", "kp", "kv", "norm", "fragile", "optima", controller_delay="delay"),
         "recommended": not unsafe,
         "not_recommended": unsafe,
-        "fragile": gains.fragile,
-        **entries(gains, "kp", "kv"),
         "ki": gains.integral or 0.0,
         "units": {name: gains.unit(unit) for name, unit in UNITS.items()},
-        "norm": gains.norm,
         "scales": _pair(region.scale),
         "limits": _pair(np.stack([region.lower, region.upper], axis=1)),
         "required": dict(zip(gains.requirement.names, gains.requirement.values, strict=True)),
-        "optima": gains.optima,
         "at_rest": {
-            "friction": gains.rest_friction,
-            **entries(gains, "dead_band", "accuracy"),
+            **entries(gains, "dead_band", "accuracy", friction="rest_friction"),
             "hunting": gains.hunting and hunting_entry(gains.hunting),
             "units": {"friction": gains.unit("N"), "dead_band": gains.unit("m")},
         },
         "single_gain": _alone(gains),
         "largest": gains.largest and _pair(gains.largest),
         "margins": {
-            name: {"value": worst.value, "unit": worst.unit, "worst_scenario": worst.scenario}
+            name: entries(worst, "value", "unit", worst_scenario="scenario")
             for name, worst in gains.margins.items()
         },
         "scenarios": {
@@ -62,8 +56,7 @@ def hunting_entry(found: Hunting) -> dict:
 
 
 def _alone(gains: Gains) -> dict | None:
-    known = gains.alone
-    if known is None:
+    if (known := gains.alone) is None:
         return None
     rows = zip(_KINDS, known.meets, known.tried, known.edge or (np.inf, np.inf), strict=True)
     return {

@@ -12,10 +12,9 @@ from ..stability.margin_table import MARGINS
 from ..units import between, prefixed
 from .report import Report
 from .tables import TextTable
+from .words import amount
 
 _HELD_BY = {"stiff": "stiffness", "damped": "damping"}
-_ANY = {"gain": 1e6, "delay": 1e4}
-"""Margins above which a loop has as much as anybody asks for: a factor, and seconds."""
 
 
 def report(gains: Gains) -> Report:
@@ -26,38 +25,43 @@ def report(gains: Gains) -> Report:
         lines.append(f"controller: answers {prefixed(gains.delay, 's')} late{samples}")
     integral = ""
     if gains.integral is not None:
-        integral = f" + k_i int (x_ref - x) dt, k_i = {gains.integral:.6g} {gains.unit('N/(m s)')}"
+        k_i = amount(gains, gains.integral, "N/(m s)")
+        integral = f" + k_i int (x_ref - x) dt, k_i = {k_i}"
     lines.append(f"controller: force = k_p (x_ref - x) + k_v (v_ref - v){integral}")
     lines += [*_largest(gains), *_at_rest(gains), certified(gains.certificate)]
     tables = [_optima(gains), _margins(gains)]
-    notes = _simulation(gains)
-    return Report(headline(gains), tables, lines, notes, gains.warnings)
+    return Report(headline(gains), tables, lines, _simulation(gains), gains.warnings)
 
 
 def headline(gains: Gains) -> list[str]:
     """State warnings, gains, margins (rounded down), scenarios, and how simulated motions end."""
-    margins = [
+    asked = {"modulus", "delay", *gains.requirement.names}
+    margins = ", ".join(
         f"{name} margin {_least(worst)}"
         for name, worst in gains.margins.items()
-        if name in ("modulus", "delay", *gains.requirement.names)
-        and worst.value < _ANY.get(name, math.inf)
-    ]
+        if name in asked and math.isfinite(worst.value)
+    )
     kp, kv = _pair(gains, gains.kp, gains.kv)
-    kp, kv = kp if gains.any_stiffness else f"k_p = {kp}", f"k_v = {kv}"
+    told = f"{kp if gains.any_stiffness else f'k_p = {kp}'}, k_v = {kv}"
     if gains.none_needed:
-        kp, kv = "stable at any gain, because friction damps the motion", kp
-    told = f"{kp}, {kv}" + (f" ({', '.join(margins)})" if margins else "")
-    doubts = _doubts(gains)
-    rests = _at_rest(gains) if gains.simulation is not None else []
-    last = rests or _simulation(gains)
+        told = f"stable at any gain, because friction damps the motion, {kp}"
+    doubts = [f"NOT RECOMMENDED: {'; '.join(gains.unsafe)}"] if gains.unsafe else []
+    if gains.fragile:
+        doubts.append(
+            f"fragile: modulus is {gains.margins['modulus'].value:.2g} (below {FRAGILE:g} a small"
+            " error of the model makes the loop unstable)"
+        )
+    simulated = _simulation(gains)
+    last = simulated if gains.simulation is None else _at_rest(gains) or simulated
+    told += f" ({margins})" if margins else ""
     return [*doubts, told, f"scenarios: {_scenarios(gains)}", *([] if doubts else last[:1])]
 
 
 def _pair(gains: Gains, k_p: float, k_v: float) -> tuple[str, str]:
     """k_p and k_v with their units."""
     known = gains.region.any_stiffness(k_p)
-    stiffness = gains.smallest_kp if known else prefixed(k_p, gains.unit("N/m"))
-    return stiffness, prefixed(k_v, gains.unit("N s/m"))
+    stiffness = gains.smallest_kp if known else amount(gains, k_p, "N/m")
+    return stiffness, amount(gains, k_v, "N s/m")
 
 
 def _least(worst: WorstCase) -> str:
@@ -66,20 +70,7 @@ def _least(worst: WorstCase) -> str:
     if value > 0:
         unit = 10.0 ** (math.floor(math.log10(value)) - 2)
         value = math.floor(value / unit * (1 + 1e-9)) * unit
-    if worst.unit == "s":
-        return prefixed(value, "s")
-    return f"{value:.3g} {worst.unit}".removesuffix(" 1")
-
-
-def _doubts(gains: Gains) -> list[str]:
-    """What speaks against these gains, before all else."""
-    lines = [f"NOT RECOMMENDED: {'; '.join(gains.unsafe)}"] if gains.unsafe else []
-    if gains.fragile:
-        lines.append(
-            f"fragile: modulus is {gains.margins['modulus'].value:.2g} (below {FRAGILE:g} a small"
-            " error of the model makes the loop unstable)"
-        )
-    return lines
+    return prefixed(value, worst.unit, 3)
 
 
 def certified(known: Certificate) -> str:
@@ -96,29 +87,27 @@ def _accuracy(gains: Gains) -> str:
     """The accuracy that is required at rest, and the stiffness that it asks for."""
     if gains.accuracy is None or gains.rest_friction is None:
         return ""
-    least = f"{gains.rest_friction / gains.accuracy:.4g} {gains.unit('N/m')}"
-    return f", {prefixed(gains.accuracy, gains.unit('m'))} accuracy at rest (k_p >= {least})"
+    least = amount(gains, gains.rest_friction / gains.accuracy, "N/m")
+    return f", {amount(gains, gains.accuracy, 'm')} accuracy at rest (k_p >= {least})"
 
 
 def _at_rest(gains: Gains) -> list[str]:
     """How near its target the slider stops, or whether integral action makes it hunt about it."""
-    found, length = gains.hunting, gains.unit("m")
-    if found is not None:
+    if (found := gains.hunting) is not None:
         if found.amplitude is None:
             return [f"at rest: no hunting about the target seen within {found.duration:.3g} s"]
         if found.period is None:
             return ["at rest: simulated from rest its motion grows; lower k_i"]
         return [
-            f"at rest it hunts about the target, by ±{prefixed(found.amplitude, length)} with a"
+            f"at rest it hunts about the target, by ±{amount(gains, found.amplitude, 'm')} with a"
             f" period of {found.period:.3g} s (simulated); lower k_i, or give the integral a dead"
             " zone as large"
         ]
-    if gains.dead_band is None:
+    if gains.dead_band is None or gains.rest_friction is None:
         return []
-    force = f"{gains.rest_friction:.4g} {gains.unit('N')}"
     return [
-        f"at rest it stops within {prefixed(gains.dead_band, length)} of the target (static"
-        f" friction {force} over k_p; --accuracy bounds it)"
+        f"at rest it stops within {amount(gains, gains.dead_band, 'm')} of the target (static"
+        f" friction {amount(gains, gains.rest_friction, 'N')} over k_p; --accuracy bounds it)"
     ]
 
 
@@ -131,13 +120,12 @@ def required(what: Requirement) -> str:
 
 
 def _scenarios(gains: Gains) -> str:
-    scenarios, V = gains.scenarios, gains.scenarios.velocity
-    ends = dict.fromkeys(prefixed(v, gains.unit("m/s"), 3) for v in (V.min(), V.max()))
-    text = f"{len(scenarios)}, velocity {' to '.join(ends)}"
-    if scenarios.mass is None:
-        text += ", no mass"
-    else:
-        text += f", mass {between(scenarios.mass.min(), scenarios.mass.max(), gains.unit('kg'))}"
+    scenarios, V, mass = gains.scenarios, gains.scenarios.velocity, gains.scenarios.mass
+    ends = dict.fromkeys(amount(gains, v, "m/s", 3) for v in (V.min(), V.max()))
+    inertia = "no mass"
+    if mass is not None:
+        inertia = f"mass {between(mass.min(), mass.max(), gains.unit('kg'))}"
+    text = f"{len(scenarios)}, velocity {' to '.join(ends)}, {inertia}"
     count = len(set(scenarios.sample.tolist()))
     text += f", {count} samples of the law" if count > 1 else ""
     if gains.confidence < 1:
@@ -153,16 +141,14 @@ def _optima(gains: Gains) -> TextTable:
     ]
     k_p, k_v = gains.region.scale
     note = f"norm: of k_p/{k_p:.5g} and k_v/{k_v:.5g} (SI)"
-    alone = gains.alone
-    if alone is not None:
-        units = gains.unit("N/m"), gains.unit("N s/m")
-        pairs = zip(alone.tried, units, strict=True)
-        k_p, k_v = (f"none up to {prefixed(tried, unit, 3)}" for tried, unit in pairs)
+    if (alone := gains.alone) is not None:
+        pairs = zip(alone.tried, ("N/m", "N s/m"), strict=True)
+        k_p, k_v = (f"none up to {amount(gains, tried, unit, 3)}" for tried, unit in pairs)
         rows += [] if alone.meets[0] else [("stiffness alone", k_p, "0", "")]
         rows += [] if alone.meets[1] else [("damping alone", "0", k_v, "")]
-    if alone is not None and alone.edge is not None:
-        k_p, k_v = (f"{edge:.6g}" for edge in alone.edge)
-        note += f"; without margins k_p = {k_p} or k_v = {k_v} alone is enough (inf: none is)"
+        if alone.edge is not None:
+            k_p, k_v = (f"{edge:.6g}" for edge in alone.edge)
+            note += f"; without margins k_p = {k_p} or k_v = {k_v} alone is enough (inf: none is)"
     heads = ("held by", "k_p", "k_v", "norm")
     return TextTable("Smallest gains that meet the requirement", heads, rows, note)
 
@@ -179,8 +165,8 @@ def _largest(gains: Gains) -> list[str]:
         return []
     k_p, k_v = gains.largest
     return [
-        f"larger gains meet the requirement, too: k_p up to {k_p:.3g} {gains.unit('N/m')} with"
-        f" k_v = 0, k_v up to {k_v:.3g} {gains.unit('N s/m')} with k_p near 0"
+        f"larger gains meet the requirement, too: k_p up to {amount(gains, k_p, 'N/m', 3)} with"
+        f" k_v = 0, k_v up to {amount(gains, k_v, 'N s/m', 3)} with k_p near 0"
     ]
 
 
@@ -188,12 +174,11 @@ def _margins(gains: Gains) -> TextTable:
     """Every margin at these gains, and the scenario in which it is least."""
     rows = []
     for name, worst in gains.margins.items():
-        where = worst.scenario
-        text = f"{worst.value:.5g} {worst.unit}".removesuffix(" 1")
+        where, text = worst.scenario, prefixed(worst.value, worst.unit, 5)
         if math.isinf(worst.value) and name in MARGINS:
             text = MARGINS[name].unlimited
-        mass = "" if where["mass"] is None else f"{where['mass']:.3g} {gains.unit('kg')}"
-        velocity = prefixed(where["velocity"], gains.unit("m/s"), 3)
+        mass = "" if where["mass"] is None else amount(gains, where["mass"], "kg", 3)
+        velocity = amount(gains, where["velocity"], "m/s", 3)
         rows.append((name, text, velocity, mass, str(where["sample"])))
     heads = ("margin", "worst", "at", "mass", "sample")
     return TextTable("Margins at these gains", heads, rows)
@@ -212,10 +197,11 @@ def _simulation(gains: Gains) -> list[str]:
     ):
         text += f", {count} {name}" if count else ""
     lines = [text]
-    for start in checked.starts:
-        if start.end != "steady":
-            V = prefixed(start.scenario["velocity"], gains.unit("m/s"), 3)
-            lines.append(f"  {start.start} at {V}: {start.end}")
+    lines += [
+        f"  {start.start} at {amount(gains, start.scenario['velocity'], 'm/s', 3)}: {start.end}"
+        for start in checked.starts
+        if start.end != "steady"
+    ]
     if checked.basin is not None:
         more = "" if checked.basin_lost else " or more"
         lines.append(f"velocity may jump by a factor {checked.basin:.3g}{more}, either way{late}")
@@ -225,16 +211,18 @@ def _simulation(gains: Gains) -> list[str]:
 def infeasible(found: Infeasible) -> str:
     """Say by how much the best gains miss an infeasible requirement, and what to do."""
     _, scenarios, region = found.task
-    where, gains = found.scenario, found.gains
-    units = ("N/m", "N s/m", "m/s", "kg")
-    k_p, k_v, speed, inertia = (unit_of(unit, region.coordinate) for unit in units)
-    mass = "" if where["mass"] is None else f", mass {where['mass']:g} {inertia}"
+    where = found.scenario
+
+    def text(value: float, unit: str) -> str:
+        return prefixed(value, unit_of(unit, region.coordinate), 3)
+
+    mass = "" if where["mass"] is None else f", mass {text(where['mass'], 'kg')}"
     sample = f" (sample {where['sample']})" if number_of_samples(scenarios.laws) > 1 else ""
-    limits = f"k_p up to {region.upper[0]:g} {k_p}, k_v up to {region.upper[1]:g} {k_v}"
+    (most_kp, most_kv), (k_p, k_v) = region.upper, found.gains
     return (
-        f"no gains ({limits}) meet the requirement: {found.margin}={found.required:g} is missed"
-        f" at velocity {where['velocity']:.3g} {speed}{mass}{sample}, where the best"
-        f" compromise, k_p = {gains[0]:.3g} {k_p} and k_v = {gains[1]:.3g} {k_v}, reaches"
-        f" {found.reached:.3g}; lower the margin, widen the limits, reduce the controller's delay"
-        " or leave that scenario out"
+        f"no gains (k_p up to {text(most_kp, 'N/m')}, k_v up to {text(most_kv, 'N s/m')}) meet the"
+        f" requirement: {found.margin}={found.required:g} is missed at velocity"
+        f" {text(where['velocity'], 'm/s')}{mass}{sample}, where the best compromise, k_p ="
+        f" {text(k_p, 'N/m')} and k_v = {text(k_v, 'N s/m')}, reaches {found.reached:.3g}; lower"
+        " the margin, widen the limits, reduce the controller's delay or leave that scenario out"
     )

@@ -39,11 +39,11 @@ def latex_cells(cells: Sequence[str] | None, count: int = 4) -> list[str]:
     """Put numbers in math mode, or "no fit" across all columns if no number is given."""
     if cells is None or not any(cells):
         return [rf"\multicolumn{{{count}}}{{c}}{{no fit}}"]
-    return [f"${cell}$" if cell else "" for cell in cells]
+    return [f"${cell}$" if cell[:1] in set("-0123456789") else cell for cell in cells]
 
 
 def plain(text: str) -> str:
     """Text with the special characters of LaTeX escaped."""
     own = {c: f"\\{c}" for c in "&%$#_{}"} | {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}"}
-    own |= {"^": r"\textasciicircum{}", "Δ": r"$\Delta$", "σ": r"$\sigma$"}
+    own |= {"^": r"\textasciicircum{}", "Δ": r"$\Delta$", "σ": r"$\sigma$", "µ": r"$\mu$"}
     return "".join(own.get(c, c) for c in text)

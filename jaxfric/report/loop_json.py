@@ -30,13 +30,11 @@ def content(loop: Loop) -> dict:
         "steps": np.stack([steps.times, steps.velocities], axis=1),
         **entries(loop, "verdict", "sentence", "reasons"),
         "findings": [one.to_json(loop.velocity) for one in loop.findings],
-        **entries(loop, "effects", "alias_groups"),
+        **entries(loop, "effects", "alias_groups", "candidates", "screened"),
+        **entries(loop, separated_by="separations", location_map="location"),
         "separations": {id: change_words(one) for id, one in loop.separations.items()},
-        "separated_by": loop.separations,
         "families": [family(one) for one in loop.families],
-        "candidates": loop.candidates,
         "rules": {fault.value: source for fault, source in SOURCES.items()},
-        "screened": loop.screened,
         "supported": "before" if loop.supported is loop.before else "after",
         "before": _score(loop, loop.before),
         "after": _score(loop, loop.after),
@@ -50,17 +48,13 @@ def content(loop: Loop) -> dict:
             name: {"before": p, "after": loop.after.tests[name]}
             for name, p in loop.before.tests.items()
         },
-        "location_map": loop.location,
-        "aliasing": {"ids": loop.alias_ids, "cosines": loop.alias_cosines},
+        "aliasing": entries(loop, ids="alias_ids", cosines="alias_cosines"),
         "blocks": {
             "by_step": loop.blocks.by_step,
             **{name: int(loop.blocks.of(name).sum()) for name in NAMES},
         },
         **({} if loop.details is None else loop.details.to_json()),
-        "next_steps": [
-            {"code": step.code, "text": step.text, "command": step.command}
-            for step in next_steps(loop)
-        ],
+        "next_steps": [entries(step, "code", "text", "command") for step in next_steps(loop)],
         "warned": coded(loop.warnings),
         **entries(loop, "warnings", "seconds"),
     }
@@ -87,7 +81,7 @@ def family(curve: CurveFamily) -> dict[str, object]:
     return {
         "family": "steady_curve",
         **entries(curve, "effects", "velocities", "parameters"),
-        "others": [{"shape": other.shape, "worse_by": other.worse} for other in curve.others],
+        "others": [entries(other, "shape", worse_by="worse") for other in curve.others],
         **entries(curve, "fitting", "decided_by"),
     }
 
@@ -102,24 +96,21 @@ def axis(details: AxisDetails) -> dict[str, object]:
         "axis": {
             "coordinate": details.record.coordinate,
             **entries(details.preparation, "cutoff", "decimation"),
-            "notes": details.notes,
-            "sign_width": details.width,
-            "least_slip_length": details.reach,
-            "acceleration": details.acceleration,
-            "drive": None if drive is None else {"k_p": drive.K_p, "k_v": drive.K_d},
-            **entries(details, "longest_delay", "driven", "withheld", "spring", "covariance"),
+            **entries(details, "notes", "acceleration", "longest_delay", "driven", "withheld"),
+            **entries(
+                details, "spring", "covariance", sign_width="width", least_slip_length="reach"
+            ),
+            "drive": drive and entries(drive, k_p="K_p", k_v="K_d"),
             "gains": {
                 **least,
                 "claim": gains.claim.kind,
-                "slowest": None if gains.curve is None else gains.curve.slowest,
-                "fastest": None if gains.curve is None else gains.curve.fastest,
+                **{end: getattr(gains.curve, end, None) for end in ("slowest", "fastest")},
                 "sentence": stability(details),
             },
             "fits": [
                 {
                     "model": when,
-                    **entries(fit, "method", "values", "std"),
-                    "undetermined": fit.loose,
+                    **entries(fit, "method", "values", "std", undetermined="loose"),
                     **entries(fit, "relative_error", "rms", "converged"),
                 }
                 for when, fit in details.fits

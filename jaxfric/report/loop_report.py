@@ -7,12 +7,11 @@ from ..loop.family import listed
 from ..loop.result import Loop, Score
 from ..loop.thresholds import FAR
 from .aliases import apart, confused
-from .estimates import friction_line, with_error
+from .estimates import friction_line, length_of, with_error
 from .loop_next import next_steps, run_to_make
 from .loop_text import (
     candidates,
     errors,
-    length_of,
     moved,
     rests_on,
     significance,
@@ -93,7 +92,7 @@ def first_lines(loop: Loop) -> list[str]:
     most = loop.held_out_threshold
     found += f" (noise alone gives up to {most:.2f})" if math.isfinite(most) else ""
     rate, parameters = loop.supported.A_minus_B, loop.supported.parameters
-    friction = [] if rate is None else [friction_line(rate, parameters, length_of(loop))]
+    friction = [] if rate is None else [friction_line(rate, parameters, length_of(loop.record))]
     if friction and loop.supported is not loop.after:
         friction = [f"base model, as the effects added predict the test rows worse: {friction[0]}"]
     if loop.verdict == "effects":
@@ -129,10 +128,10 @@ def _found(loop: Loop, details: AxisDetails) -> str:
 
 def _base_of(loop: Loop, model: Score) -> str:
     """Coulomb and viscous friction and the mass of an axis by a model, with errors."""
-    mass = "inertia" if length_of(loop) == "rad" else "mass"
+    mass = "inertia" if length_of(loop.record) == "rad" else "mass"
     names, known = {"F_c": "Coulomb", "F_v": "viscous", "M": mass}, model.parameters
     return ", ".join(
-        f"{name} {with_error(known[symbol], length_of(loop))}"
+        f"{name} {with_error(known[symbol], length_of(loop.record))}"
         for symbol, name in names.items()
         if symbol in known
     )

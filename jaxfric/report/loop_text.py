@@ -10,14 +10,13 @@ from ..fitting import Estimate
 from ..loop.result import CandidateScore, Loop
 from ..loop.split import NAMES
 from ..loop.thresholds import ACCEPT, SIGNIFICANT
-from ..units import factor, format_si, p_text, read_as
-from .estimates import cells, shown_unit, signed
+from ..units import format_si, p_text, prefix, read_as
+from .estimates import cells, length_of, shown_unit, signed
 from .fit_text import DIFFERENCE, noise_text, shown_name
 from .location_text import variable_words
 from .tables import TextTable
 from .verdict_text import words_of, words_of_refusal
 
-_LENGTHS = (("nm", 1e-9), ("um", 1e-6), ("mm", 1e-3), ("cm", 1e-2), ("m", 1.0))
 _BLOCKS = {
     "train": "train: fitted",
     "select": "select: validation, used to choose the model",
@@ -69,7 +68,7 @@ def moved(loop: Loop) -> TextTable:
 
 
 def _moved(loop: Loop, name: str, before: Estimate | None, after: Estimate) -> tuple[str, ...]:
-    unit, size = shown_unit(after, length_of(loop))
+    unit, size = shown_unit(after, length_of(loop.record))
     value, std, interval = cells(after, size)
     old = "–" if before is None else cells(before, size)[0]
     shift = ""
@@ -173,15 +172,10 @@ def base_name(loop: Loop) -> str:
 def readable(loop: Loop) -> tuple[float, str]:
     """Return a factor and a unit in which the noise of friction is a readable number."""
     level, unit = 10 * loop.sigma, loop.record.friction_unit
-    if unit == "%":
-        return 1.0, unit
-    if unit == "1" and level < 1e-4:
-        return 1e6, "10⁻⁶"
-    if level < 0.1:
-        return 1e3, "10⁻³" if unit == "1" else f"m{unit}"
     if unit == "1":
-        return 1.0, ""
-    return (1.0, unit) if level < 1e3 else (1e-3, f"k{unit}")
+        return (1e6, "10⁻⁶") if level < 1e-4 else (1e3, "10⁻³") if level < 0.1 else (1.0, "")
+    size, shown = prefix(level, unit)
+    return 1 / size, shown
 
 
 def sigma_texts(loop: Loop) -> tuple[str, ...]:
@@ -197,18 +191,9 @@ def in_words(loop: Loop, friction: float) -> str:
     return f"{size * friction:.3g}{times}{unit}".rstrip()
 
 
-def length_of(loop: Loop) -> str:
-    """Return the symbol of the record's unit of length; "um" for a unit such as "0.05 um"."""
-    told = loop.record.units.get("load_point_displacement", "um")
-    if told == "rad":
-        return told
-    size = factor(told, "m", "length")
-    return next((name for name, one in _LENGTHS if math.isclose(size, one)), "um")
-
-
 def _speed(loop: Loop, velocity: float) -> str:
     """A velocity in the record's unit of length."""
-    return read_as(format_si(velocity, f"{loop.length_unit}/s", f"{length_of(loop)}/s", 4))
+    return read_as(format_si(velocity, f"{loop.length_unit}/s", f"{length_of(loop.record)}/s", 4))
 
 
 def _finite(value: float, form: str) -> str:

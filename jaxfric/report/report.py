@@ -90,11 +90,11 @@ def cut(table: TextTable, most: int) -> TextTable:
     """
     most = max(most, 3)
     shown = range(len(table.rows))
-    if len(table.rows) > most:
+    if len(table.rows) > most + 1:  # a line on one more row takes as much room as the row
         shown = sorted(sorted(shown, key=lambda k: (k not in table.marked, k))[:most])
     columns = [k for k, head in enumerate(table.head) if head != "meaning"]
     left = len(table.rows) - len(shown)
-    note = table.note if len(table.note) < _WIDTH else ""
+    note = table.note if len(table.note) < _WIDTH and len(shown) <= most else ""
     return TextTable(
         table.title,
         tuple(table.head[k] for k in columns),

@@ -44,24 +44,20 @@ def record(record: "Record") -> Report:
 def axis_record(record: "AxisRecord") -> Report:
     """Report columns, sampling and strokes of an axis record, as `jaxfric inspect` does."""
     from ..records.strokes import find_strokes
-    from .axis_record_text import report_axis
+    from .record_text import report_axis
 
     return _with_columns(record, report_axis(record, find_strokes(record)))
 
 
 def axis_fit(fit: "AxisFit") -> Report:
     """Report the fitted parameters of an axis with their errors, in SI."""
-    rows = [
-        (name, "undetermined", "")
-        if name in fit.loose
-        else (name, f"{value:.4g}", f"{fit.std[name]:.2g}" if name in fit.std else "")
-        for name, value in fit.values.items()
-    ]
+    from .axis_loop_text import values_of
+
     failed = () if fit.converged else ("the fit did not converge: its numbers mean nothing",)
     values = ", ".join(f"{name} = {value:.4g}" for name, value in fit.values.items())
     told = f"{fit.method}: relative error {100 * fit.relative_error:.3g} %, {values}"
-    note = f"SI; rms of the residual {fit.rms:.4g}"
-    table = TextTable(fit.method, ("parameter", "value", "std if white"), rows, note)
+    note = f"SI; errors of white noise in brackets; rms of the residual {fit.rms:.4g}"
+    table = TextTable(fit.method, ("parameter", "value"), [*values_of(fit).items()], note)
     return Report((*failed, told), [table], warnings=failed)
 
 

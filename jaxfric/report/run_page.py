@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from ..runs.findings import Findings
 from ..runs.fits import RunFit
 from ..runs.table import Cell
+from .fits_table import cell_text
 from .html import Figure, Page, origin_of, page_of, printable, words_of_page
 from .report import Report
 from .tables import TextTable
@@ -58,10 +59,4 @@ def _events(run: RunFit) -> TextTable:
 def _cells(rows: Sequence[Mapping[str, Cell]]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     """Head and rows of a CSV file as text; what is not known is blank."""
     head = tuple(dict.fromkeys(name for row in rows for name in row))
-    return head, [tuple(_cell(row.get(name)) for name in head) for row in rows]
-
-
-def _cell(value: Cell) -> str:
-    if value is None:
-        return ""
-    return f"{value:.5g}" if isinstance(value, float) else str(value)
+    return head, [tuple(cell_text(row.get(name)) for name in head) for row in rows]

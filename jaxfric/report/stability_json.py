@@ -26,21 +26,15 @@ def content(study: Study, law: str, warnings: Sequence[str] = ()) -> dict:
     result = {
         "schema": STABILITY,
         "law": law,
-        "mass": study.mass,
-        "kp": study.k_p,
-        "kv": study.k_v,
+        **entries(study, "mass", "stable", kp="k_p", kv="k_v", controller_delay="late"),
         "ki": study.k_i or 0.0,
         "units": {name: study.unit(unit) for name, unit in (UNITS | {"force": "N"}).items()},
-        "controller_delay": study.late,
-        "velocity": here.velocity,
+        **entries(here, "velocity", "needed_damping"),
         "friction": {
-            "steady": here.force,
-            **entries(here, "slope", "memory", "steady_slope"),
+            **entries(here, "slope", "memory", "steady_slope", steady="force"),
             "slip_slope": here.friction.trend,
         },
-        "needed_damping": here.needed_damping,
         "rice_ruina_criterion": _theorem_content(study),
-        "stable": study.stable,
         "poles": poles if poles is None else np.stack([poles.real, poles.imag], axis=-1),
         "margins": margins
         if margins is None
@@ -50,9 +44,8 @@ def content(study: Study, law: str, warnings: Sequence[str] = ()) -> dict:
             if name in margins
         },
         "velocities": {
-            "velocity": points.velocity,
+            **entries(points, "velocity", "needed_damping"),
             **entries(theorems, "critical_stiffness", "critical_frequency"),
-            "needed_damping": points.needed_damping,
         },
     }
     if study.delayed:

@@ -8,9 +8,11 @@ from ..rig.friction import AbstractStribeck, critical_velocity, worst_slope
 from ..stability.analysis import Study
 from ..stability.delay_analysis import delay_numbers, delay_summary
 from ..stability.margin_table import MARGINS
+from ..units import prefixed
 from .report import Report
 from .stability_json import intervals, solutions
 from .tables import TextTable
+from .words import amount, machine
 
 _ROWS = 9
 _Number = tuple[str, object, str]
@@ -22,40 +24,35 @@ def report(study: Study, law: str) -> Report:
 
     A table by velocity and all results of linear theory follow.
     """
-    mass = (
-        "none (quasi-static limit)" if study.mass is None else f"{study.mass:g} {study.unit('kg')}"
-    )
-    lines = [law, f"mass: {mass}; damping k_v: {study.k_v:g} {study.unit('N s/m')}"]
+    lines = [law, f"machine: {machine(study, study.k_p, study.k_v, study.mass)}"]
     if study.late is not None:
-        lines.append(f"poles and margins have a controller delay of {study.late:.4g} s")
+        lines.append(f"poles and margins have a controller delay of {prefixed(study.late, 's')}")
     return Report(_headline(study), [*_over_velocity(study), _numbers(study)], lines)
 
 
 def _headline(study: Study) -> list[str]:
     """The gains that were asked about, the conclusion of the theorem, and the damping that needs
     no stiffness, at the hardest velocity."""
-    at, damping = study.here, study.unit("N s/m")
-    where = f"at {_where(study)}"
-    told = []
+    at, where, told = study.here, f"at {_where(study)}", []
     if study.k_p is not None and study.margins is not None:
         word = "STABLE" if bool(study.stable) else "UNSTABLE"
         modulus = float(study.margins.get("modulus", math.nan))
         margin = f" (modulus margin {modulus:.3g})" if math.isfinite(modulus) else ""
-        gains = f"k_p = {study.k_p:g} {study.unit('N/m')}, k_v = {study.k_v:g} {damping}"
-        told.append(f"{gains}: {word} {where}{margin}")
+        rig = machine(study, study.k_p, study.k_v, study.mass)
+        told.append(f"{rig}: {word} {where}{margin}")
     slope = float(at.steady_slope)
     sign = "velocity weakening " if slope < 0 else "velocity strengthening " if slope > 0 else ""
     known = _stable_by_delay(study) if study.delayed else _conclusion(study)
     told.append(f"{sign}{where}: {known}")
     needed = float(at.needed_damping)
     if needed > 0:
-        told.append(f"damping alone: k_v >= {needed:.4g} {damping}, {_without(study)}")
+        told.append(f"damping alone: k_v >= {amount(study, needed, 'N s/m')}, {_without(study)}")
     return [*told, *_spread(study)][:3]
 
 
 def _where(study: Study) -> str:
     hardest = ", the hardest velocity" if len(study.points.velocity) > 1 else ""
-    return f"{float(study.here.velocity):.6g} {study.unit('m/s')}{hardest}"
+    return f"{amount(study, float(study.here.velocity), 'm/s', 6)}{hardest}"
 
 
 def _stable_by_delay(study: Study) -> str:
@@ -68,7 +65,7 @@ def _stable_by_delay(study: Study) -> str:
         return "no stable k_p was found"
     low, high = found[0][:2]
     more = ", and in further intervals of k_p" if len(found) > 1 else ""
-    return f"stable for {low:.4g} < k_p < {high:.4g} {study.unit('N/m')}{more}"
+    return f"stable for {amount(study, low, 'N/m')} < k_p < {amount(study, high, 'N/m')}{more}"
 
 
 def _conclusion(study: Study) -> str:
@@ -76,7 +73,7 @@ def _conclusion(study: Study) -> str:
     k_cr = float(study.theorem.critical_stiffness)
     w_cr = float(study.theorem.critical_frequency)
     if 0 < k_cr < math.inf:
-        at = f"k_cr = {k_cr:.10g} {study.unit('N/m')}, w_cr = {w_cr:.10g} rad/s"
+        at = f"k_cr = {amount(study, k_cr, 'N/m', 10)}, w_cr = {w_cr:.10g} rad/s"
         return f"{at}: stable for k_p above k_cr, {_without(study)}"
     if not bool(study.theorem.damped):
         return "no stiffness suffices: the instantaneous damping f_v + k_v is not positive"
@@ -99,10 +96,9 @@ def _spread(study: Study) -> list[str]:
     ends = study.critical_interval
     if ends is None or study.sampled is None:
         return []
-    unit = study.unit("N/m")
-    upper = f"{ends[1]:.4g} {unit}" if math.isfinite(ends[1]) else "infinity"
+    low, high = (amount(study, k, "N/m") if math.isfinite(k) else "infinity" for k in ends)
     return [
-        f"k_cr lies from {ends[0]:.4g} to {upper} with 95 % (of {len(study.sampled)} samples of the"
+        f"k_cr lies from {low} to {high} with 95 % (of {len(study.sampled)} samples of the"
         " fit's covariance)"
     ]
 

@@ -1,9 +1,10 @@
 """Report friction measured at steady speeds as text and as steady.json."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from ..fitting.noise import step_words
-from ..gains.axis_result import Shown
 from ..loop.steady.loop import (
     FEWEST,
     FEWEST_OF_EACH,
@@ -143,11 +144,8 @@ def _found(loop: SteadyLoop) -> str:
 
 def sentence(loop: SteadyLoop) -> str:
     """Sentences on the gains that the friction curve requires, in the displayed units."""
-    force, _, size = shown_units(loop.curve)
-    rotary = loop.curve.coordinate == "rotary"
-    speed = Shown("rpm", np.pi / 30) if rotary else Shown("m/s")
-    unit = f"{force} s/rad" if rotary else f"{force} s/m"
-    return steady_gains(loop).sentence(Shown(unit, size), speed)
+    speed = "rpm" if loop.curve.coordinate == "rotary" else "m/s"
+    return steady_gains(loop).sentence(loop.curve.force_unit, speed)
 
 
 def noise_text(noise: SteadyNoise, curve: SteadyCurve) -> list[str]:
@@ -224,40 +222,31 @@ def to_json(loop: SteadyLoop, noise: SteadyNoise | None = None) -> dict:
 
     def model(m: SteadyModel) -> dict:
         return {
-            "effects": m.effects,
-            "parameters": {
-                name: {"value": value, "std": m.std.get(name)} for name, value in m.values.items()
-            },
-            "rms": m.rms,
-            "validation_rms": m.heldout,
-            "spread": m.spread,
+            **entries(m, "effects", "rms", "spread", validation_rms="heldout"),
+            "parameters": parameters(m.values, m.std),
             "delta_bic": m.bic - loop.base.bic,
         }
+
+    def parameters(values: Mapping[str, float], std: Mapping[str, float]) -> dict:
+        return {name: {"value": value, "std": std.get(name)} for name, value in values.items()}
 
     table = {
         "schema": STEADY,
         "curve": {
-            "path": curve.provenance.path,
-            "runs": curve.names,
-            **entries(curve, "force_unit", "coordinate", "speed", "force", "error"),
+            **entries(curve, "force_unit", "coordinate", "speed", "force", "error", "outliers"),
+            **entries(curve, runs="names", shared_error="shared", effective_samples="effective"),
+            **entries(curve.provenance, "path", "notes"),
             "fitted": loop.used,
-            "shared_error": curve.shared,
-            "effective_samples": curve.effective,
-            "outliers": curve.outliers,
-            "notes": curve.provenance.notes,
         },
         **entries(loop, "verdict", "sentence", "withheld"),
         "findings": [one.to_json(curve.speed) for one in steady_findings(loop)],
         "stick_slip": curve.stick_slip,
-        "load": None
-        if load is None
-        else {
-            "effect": load.effect,
-            "parameters": {
-                name: {"value": value, "std": std}
-                for name, value, std in zip(load.names, load.values, load.std, strict=True)
-            },
-            **entries(load, "covariance", "centre"),
+        "load": load
+        and {
+            **entries(load, "effect", "covariance", "centre"),
+            "parameters": parameters(
+                *(dict(zip(load.names, x, strict=True)) for x in (load.values, load.std))
+            ),
         },
         "effects": loop.final.effects,
         "before": model(loop.base),
@@ -265,21 +254,16 @@ def to_json(loop: SteadyLoop, noise: SteadyNoise | None = None) -> dict:
         "candidates": [model(m) for m in loop.candidates],
         "gains": {
             **entries(gains, "worst_velocity", "slope", "least_damping"),
-            "claim": gains.claim.kind,
-            "reasons": gains.claim.reasons,
+            **entries(gains.claim, "reasons", claim="kind"),
             "damping": gains.claim.damping if gains.claim.kind == "damped" else None,
-            "slope_std": valid.error,
-            **entries(valid, "slowest", "fastest", "above"),
-            "not_seen": valid.unseen,
+            **entries(valid, "slowest", "fastest", "above", not_seen="unseen", slope_std="error"),
             "sentence": sentence(loop),
         },
-        "noise": None
-        if noise is None
-        else {
-            "sigma": noise.estimate.sigma,
+        "noise": noise
+        and {
+            **entries(noise.estimate, "sigma"),
             **noise.estimate.to_json(),
-            "effective_samples": noise.effective,
-            "after_a_turn": noise.after_a_turn,
+            **entries(noise, "after_a_turn", effective_samples="effective"),
             "text": noise_text(noise, curve),
         },
     }

@@ -1,18 +1,17 @@
 """Put a loop's verdict into words: its sentence, the reasons that limit it, and every finding."""
 
-import math
 import typing
 from collections.abc import Sequence
 
 from ..errors import option
 from ..findings import Finding, Severity
-from ..fitting import Estimate
 from ..loop.family import CurveFamily, listed
 from ..loop.findings import LoopCode
 from ..loop.refusal import Fault, Move, Refusal
 from ..loop.thresholds import ACCEPT, FAR, SIGNIFICANT
 from ..loop.verdict import Conclusion, Told
-from ..units import measured, p_text, prefixed
+from ..units import p_text, prefixed
+from .estimates import bracketed
 from .location_text import variable_words, where_it_sits
 from .words import TEMPLATES, say
 
@@ -164,10 +163,5 @@ def words_of_moves(moves: Sequence[Move]) -> str:
 
 def _ends(move: Move) -> dict[str, str]:
     """A parameter before and after, with its errors."""
-    return {"name": move.name, "before": _value(move.before), "after": _value(move.after)}
-
-
-def _value(estimate: Estimate) -> str:
-    if not (estimate.determined and math.isfinite(estimate.std)):
-        return "undetermined"
-    return measured(estimate.value, estimate.std, short=True)
+    before, after = (bracketed(one, short=True) for one in (move.before, move.after))
+    return {"name": move.name, "before": before, "after": after}

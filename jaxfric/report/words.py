@@ -4,8 +4,10 @@ Results hold codes and values. `say` makes sentences from them; no code parses a
 """
 
 from collections.abc import Iterable, Mapping
+from typing import Protocol
 
 from ..effects import RunChange
+from ..units import prefixed
 
 TEMPLATES: Mapping[str, str] = {
     # the sentence of a verdict
@@ -168,6 +170,26 @@ CHANGES: Mapping[RunChange, str] = {
 def say(code: str, **values: object) -> str:
     """Fill the template of a code with values."""
     return TEMPLATES[code].format(**values)
+
+
+class HasUnits(Protocol):
+    """A result whose quantities have the units of a line or of a rotation."""
+
+    def unit(self, si_unit: str) -> str:
+        """The unit of a quantity whose linear unit is `si_unit`."""
+        ...
+
+
+def amount(of: HasUnits, value: float, si_unit: str, digits: int = 4) -> str:
+    """A quantity of a result with the prefix of its unit."""
+    return prefixed(value, of.unit(si_unit), digits)
+
+
+def machine(of: HasUnits, k_p: float | None, k_v: float, mass: float | None) -> str:
+    """The gains and the mass of a machine; k_p may be open."""
+    stiffness = "" if k_p is None else f"k_p = {amount(of, k_p, 'N/m')}, "
+    inertia = "no mass (quasi-static)" if mass is None else f"mass {amount(of, mass, 'kg')}"
+    return f"{stiffness}k_v = {amount(of, k_v, 'N s/m')}, {inertia}"
 
 
 def lower(text: str) -> str:

@@ -113,8 +113,7 @@ def gains(gains: "Gains") -> DataFrame:
     """One row for each optimum, the recommended optimum first."""
     kp, kv = f"kp [{gains.unit('N/m')}]", f"kv [{gains.unit('N s/m')}]"
     rows = [
-        {"name": o.name, kp: o.kp, kv: o.kv, "norm": o.norm}
-        | {"minimum": o.minimum, "at_limit": o.at_limit}
+        entries(o, "name", "norm", "minimum", "at_limit", **{kp: "kp", kv: "kv"})
         for o in gains.optima
     ]
     return _table(rows, "name", law=gains.law, warnings=list(gains.warnings))
@@ -178,8 +177,7 @@ def about_prediction(found: "Prediction") -> dict[str, object]:
 def protocol(plan: "Protocol") -> DataFrame:
     """One row for each effect with its smallest identifiable amplitude, or nan."""
     rows = [
-        {"effect": s.id, "smallest": s.amplitude, "worst": s.worst, "unit": s.unit}
-        for s in plan.design.smallest
+        entries(s, "worst", "unit", effect="id", smallest="amplitude") for s in plan.design.smallest
     ]
     alike = [list(pair) for pair in plan.design.pairs()]
     table = _table(rows, "effect", alike=alike, warnings=list(plan.warnings))
