@@ -1086,7 +1086,8 @@ def test_the_line_of_a_model_ends_where_the_recorder_paused(pause: float) -> Non
     [(None, 2), (SimpleNamespace(K_d=2.0, K_p=None, velocity_gain=3.0, signal="V", gain=1.0), 3)],
 )
 def test_a_drive_of_which_nothing_is_known_has_no_column(drive, columns) -> None:
-    record: Any = SimpleNamespace(force_unit="N", drive=drive, coordinate="linear")
+    own = {"coordinate": "linear", "length_unit": "m"}
+    record: Any = SimpleNamespace(force_unit="N", drive=drive, **own)
     details = AxisDetails((), Preparation(50.0, 1), 1e-3, record, AxisGains(1.0, -2.0, 2.0, None))
     table = gains_table(details)
     assert len(table.head) == columns and {len(row) for row in table.rows} == {columns}
@@ -1118,7 +1119,8 @@ def test_the_answer_on_an_axis_comes_first(snapshot) -> None:
     ("speeds", "doubted"), [((), False), ((0.1, 3.0), False), ((0.1, np.inf), True)]
 )
 def test_a_reason_against_all_speeds_is_a_doubt(speeds: tuple[float, ...], doubted: bool) -> None:
-    record: Any = SimpleNamespace(force_unit="N", drive=None, coordinate="linear")
+    own = {"coordinate": "linear", "length_unit": "m"}
+    record: Any = SimpleNamespace(force_unit="N", drive=None, **own)
     curve = Curve(1.0, 0.1, 0.5, 2.0, unseen=tuple(Unseen("why", speed) for speed in speeds))
     for own, said in ((curve, doubted), (None, False)):
         gains = AxisGains(1.0, -2.0, 2.0, None, curve=own)
