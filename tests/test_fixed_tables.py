@@ -65,6 +65,11 @@ def test_errors_up_to_the_value(errors, names):
     assert loose(parts, 0.6, SIZE) == tuple(names)
 
 
+def test_a_weight_that_changes_little_over_the_record_may_exceed_all_force():
+    for change, found in ((0.59, ()), (0.61, ("a",))):
+        assert loose([Part("a", "F", 8.0, 0.1, True, change)], 0.6, SIZE) == found
+
+
 NAMES = ("f0", "wave.a", "wave.length", "wave.n", "lag.tau", "late.tau")
 UNITS = ("F", "F", "m", "1", "s", "s")
 VALUES = (0.6, 0.02, 1e-4, 1.5, 1.0, 2.0)
@@ -91,7 +96,7 @@ def engine(errors, *, shape=0.0, largest=0.6, failed=False, free_shape="", beyon
         return [i for i, name in enumerate(NAMES) if name.split(".")[0] in ids]
 
     return SimpleNamespace(
-        names=NAMES, rows=4, weight=np.ones(6), beyond=lambda effects, z, scales: beyond,
+        names=NAMES, rows=4, weight=np.ones(6), unit=1.0, beyond=lambda effects, z, scales: beyond,
         noise=SimpleNamespace(friction=np.asarray([0.01, -largest, 0, 0.01, 99, 99])),
         free=lambda effects: np.asarray([0, *columns(effects)]),
         evaluate=lambda z, index: SimpleNamespace(
@@ -100,7 +105,7 @@ def engine(errors, *, shape=0.0, largest=0.6, failed=False, free_shape="", beyon
         whiten=lambda columns, noise: columns,
         values=lambda z: dict(zip(NAMES, VALUES, strict=True)),
         model=SimpleNamespace(
-            columns=columns, quantity=about.__getitem__,
+            effects=(), columns=columns, quantity=about.__getitem__,
             amplitudes=lambda id: [
                 i for i in columns((id,)) if NAMES[i] not in (POSITIVE, BOUNDED)
             ],
@@ -156,7 +161,7 @@ def test_a_bristle_is_fixed_whatever_its_damping(errors, names):
     own = tuple(BRISTLE)
     about = dict(zip(own, quantities(Presliding).values(), strict=True))
     made = SimpleNamespace(
-        names=own, rows=2, weight=np.ones(3), beyond=lambda effects, z, scales: (),
+        names=own, rows=2, weight=np.ones(3), unit=1.0, beyond=lambda effects, z, scales: (),
         noise=SimpleNamespace(friction=np.asarray([100.0, -100.0, 0.0])),
         free=lambda effects: np.arange(3),
         evaluate=lambda z, index: SimpleNamespace(
@@ -166,7 +171,8 @@ def test_a_bristle_is_fixed_whatever_its_damping(errors, names):
         whiten=lambda columns, noise: columns,
         values=lambda z: BRISTLE,
         model=SimpleNamespace(
-            columns=lambda ids: [0, 1, 2], amplitudes=lambda id: [0, 1], quantity=about.__getitem__
+            effects=(), columns=lambda ids: [0, 1, 2], amplitudes=lambda id: [0, 1],
+            quantity=about.__getitem__,
         ),
     )  # fmt: skip
     candidate = SimpleNamespace(effects=("presliding",), z=np.ones(3), noise=None)

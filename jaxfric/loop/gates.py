@@ -107,18 +107,21 @@ class Part(NamedTuple):
     error: float
     """Error relative to the value; for a positive shape the error of its logarithm."""
     amplitude: bool
+    change: float = math.inf
+    """Half the range of the force of an amplitude of place over the train rows [F], else inf."""
 
 
 def not_fixed(engine: Engine, candidate: Candidate, scales: RecordScales) -> tuple[str, ...]:
     """Names of the parameters of a candidate's effects that the record does not determine.
 
     An amplitude is undetermined if it does not exceed its standard error, or if it alone would
-    change friction by more than the largest recorded friction. A shape parameter is undetermined if
-    its 95 % interval spans a decade, or if it lies outside the range of the record. Outside the
-    range are a length beyond twice the path, a time beyond twice the duration, and a velocity far
-    from all recorded ones. The class of an effect may set further limits to parameters. Pure shape
-    parameters, such as a bounded exponent, need not be determined: their values are held fixed when
-    the errors of other parameters are computed.
+    change friction by more than the largest recorded friction. For an effect of place the change
+    over the train rows may be small instead: over a small angle, a weight is mostly offset. A shape
+    parameter is undetermined if its 95 % interval spans a decade, or if it lies outside the range
+    of the record. Outside the range are a length beyond twice the path, a time beyond twice the
+    duration, and a velocity far from all recorded ones. The class of an effect may set further
+    limits to parameters. Pure shape parameters, such as a bounded exponent, need not be determined:
+    their values are held fixed when the errors of other parameters are computed.
     """
     own = engine.model.columns(candidate.effects)
     shapes = [i for i in own if _is_shape_only(engine, i)]
@@ -132,6 +135,9 @@ def not_fixed(engine: Engine, candidate: Candidate, scales: RecordScales) -> tup
     error = dict(zip(index.tolist(), np.sqrt(np.diag(spread)).tolist(), strict=True))
     force = float(np.max(np.abs(engine.noise.friction[: engine.rows])))
     values = engine.values(candidate.z)
+    half = np.ptp(rows.jacobian[engine.weight > 0], axis=0) / 2 * engine.unit
+    change = dict(zip(index.tolist(), half.tolist(), strict=True))
+    places = {e.id for e in engine.model.effects if issubclass(e, AbstractPlaceEffect)}
     found = [*engine.beyond(candidate.effects, candidate.z, scales)]
     for id in candidate.effects:
         parts, amplitudes = [], engine.model.amplitudes(id)
@@ -140,7 +146,9 @@ def not_fixed(engine: Engine, candidate: Candidate, scales: RecordScales) -> tup
                 continue
             size = max(abs(candidate.z[i]), 1e-300) if i in amplitudes else 1.0
             name, unit = engine.names[i], engine.model.quantity(engine.names[i]).unit
-            parts.append(Part(name, unit, values[name], error[i] / size, i in amplitudes))
+            part = Part(name, unit, values[name], error[i] / size, i in amplitudes)
+            of_place = part.amplitude and id in places
+            parts.append(part._replace(change=size * change[i]) if of_place else part)
         found += loose(parts, force, scales)
     return tuple(dict.fromkeys(found))
 
@@ -166,6 +174,8 @@ def _possible(part: Part, force: float, scales: RecordScales) -> bool:
     if not math.isfinite(size):
         return False
     if f == 1:
+        if part.change <= force:
+            return True
         if m == -s:
             return size * scales.fastest**-m <= force
         return size * scales.total_slip**-m * scales.duration**-s <= force
