@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from test_derived import VALUES, covariance_of, fit_of
 
@@ -18,18 +19,29 @@ def part(share, over="time", memory=2.0):
     ("parts", "words"),
     [
         ((), "white"),
-        ((part(0.004),), "white"),
-        ((part(0.04, "path", 15e-6),), "white (4 % correlated, negligible)"),
-        ((part(0.04), part(0.01, "rows", 3)), "white (5 % correlated, negligible)"),
-        ((part(-0.03),), "white (3 % correlated, negligible)"),
-        ((part(0.5), part(0.02, "rows", 3)), "50 % of its variance correlated over 2 s (2 %"
-         " correlated, negligible)"),
-        ((part(0.5), part(0.3, "rows", 3)), "50 % of its variance correlated over 2 s, 30 % over 3"
-         " rows"),
+        ((part(0.04, "path", 15e-6),), "4 % of its variance correlated over 15 µm of load-point"
+         " motion"),
+        ((part(-0.03),), "3 % of its variance anticorrelated over 2 s"),
+        ((part(0.932, memory=0.17), part(0.035)), "93.2 % of its variance correlated over 0.17 s,"
+         " 3.5 % correlated over 2 s"),
     ],
 )  # fmt: skip
-def test_noise_is_told_with_its_small_parts(parts, words):
+def test_noise_is_told_with_all_its_parts(parts, words):
     assert noise_text(NoiseEstimate(1.0, parts, pace=(1.0, 4.0, 9.0))) == words
+
+
+def test_a_small_part_of_the_noise_may_set_an_error():
+    """Of a linear fit, by its covariance: 3.5 % of the variance, alike over 100 rows, makes the
+    error of a slow column three times as large; the text names the part with its length."""
+    rows = np.arange(4000)
+    J = np.column_stack([np.ones(4000), np.exp(-rows / 800)])
+    P = np.linalg.inv(J.T @ J) @ J.T
+    lag = np.abs(rows[:, None] - rows)
+    slow = 0.035 * np.exp(-lag / 100)
+    with_it = (P @ (slow + 0.965 * np.eye(4000)) @ P.T)[1, 1]
+    assert with_it > 2.5**2 * (P @ P.T)[1, 1]
+    told = noise_text(NoiseEstimate(1.0, (part(0.035, "rows", 100.0),)))
+    assert "3.5 %" in told and "100 rows" in told
 
 
 @pytest.mark.parametrize("trend", [False, True])

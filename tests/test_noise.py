@@ -600,8 +600,8 @@ def test_a_memory_that_rows_do_not_resolve_is_told_as_white(memory, kind):
     noise = noise_of(1.0, 0.92, jnp.array([memory, jnp.inf, jnp.inf]))
     told = noise_estimate(noise, 1.0, np.ones(3))
     seen = told.resolved(np.array([0.02, 1.0, 1.0]))
-    assert seen.kind == kind and bool(seen.parts) == (kind != "white")
-    assert told.kind == "correlated" and seen.sigma == told.sigma == 1.0
+    assert bool(seen.parts) == (kind != "white") and (seen.text() == "white") == (kind == "white")
+    assert told.parts and seen.sigma == told.sigma == 1.0
 
 
 def R0(C):
@@ -783,11 +783,13 @@ def test_noise_in_words():
     )
     told = NoiseEstimate(1e-3, parts, (2.0, 1e-5, 25.0))
     assert told.text() == (
-        "40 % of its variance correlated over 2.9 rows, 30 % over 3.4 µm of load-point motion"
+        "40 % of its variance correlated over 2.9 rows, 30 % correlated over 3.4 µm of load-point"
+        " motion, 1 % correlated over 1 s"
     )
     assert told.bound() == "2 s or 10 µm of load-point motion or 25 rows"
-    assert NoiseEstimate(1.0, parts[2:]).text() == NoiseEstimate(1.0).text() == "white"
-    assert NoiseEstimate(1.0, (NoisePart(-0.4, "time", 1.0),)).text().startswith("alternating")
+    assert NoiseEstimate(1.0).text() == "white"
+    told = NoiseEstimate(1.0, (NoisePart(-0.4, "time", 1.0),)).text()
+    assert told == "40 % of its variance anticorrelated over 1 s"
     swing = NoisePart(0.5, "time", 0.5, beta=25.0)
     assert swing.text() == "0.5 s, swinging every 0.628 s"
     assert NoisePart(0.4, "rows", 1189.45).text() == "1200 rows"

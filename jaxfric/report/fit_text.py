@@ -14,9 +14,6 @@ from .estimates import ROCK_NAMES, STATE, Row, cells, friction_line, length_of
 from .report import Report
 from .tables import TextTable
 
-_LEAST, _SMALL = 0.005, 0.05
-"""Shares of a noise below which a part is not counted, and is counted as small."""
-
 
 def shown_name(name: str) -> str:
     """The name of a parameter with its name in rock mechanics: "A (a)", "L (D_c)", "A-B (a-b)"."""
@@ -85,11 +82,9 @@ def _noise_line(fit: Fit) -> str:
 
 
 def noise_text(noise: NoiseEstimate) -> str:
-    """Describe the noise, the share of its small components, and the removed hum."""
-    small = sum(abs(p.share) for p in noise.parts if _LEAST <= abs(p.share) < _SMALL)
-    told = noise.text() + (f" ({100 * small:.0f} % correlated, negligible)" if small else "")
+    """Describe the noise by all its parts, and the removed hum."""
     lines = " and ".join(one.text() for one in noise.hum)
-    return told + (f"; {lines} is taken out" if lines else "")
+    return noise.text() + (f"; {lines} is taken out" if lines else "")
 
 
 def noise_lines(noise: NoiseEstimate, of: str = "the record") -> list[str]:

@@ -130,24 +130,14 @@ class NoiseEstimate:
         )
         return dataclasses.replace(self, parts=parts)
 
-    @property
-    def kind(self) -> str:
-        """Kind of noise: "white", "correlated" or "alternating" (anticorrelated)."""
-        if any(part.share < -const.WHITE for part in self.parts):
-            return "alternating"
-        return "correlated" if any(part.share >= const.WHITE for part in self.parts) else "white"
-
     def text(self) -> str:
-        """The noise as text, such as "white" or "40 % of its variance correlated over 3 rows"."""
-        if self.kind == "alternating":
-            return "alternating: neighbouring rows differ by more than chance"
-        if self.kind == "white":
-            return "white"
-        told = [self._in_rows(p) for p in self.parts if p.share >= const.WHITE]
-        first, *more = [f"{100 * p.share:.0f} %" for p in told]
-        words = f"{first} of its variance correlated over {told[0].text()}"
-        rest = zip(more, told[1:], strict=True)
-        return words + "".join(f", {share} over {part.text()}" for share, part in rest)
+        """All parts of the noise: "white", or "40 % of its variance correlated over 3 rows"."""
+        told = [
+            f"{100 * abs(part.share):.3g} %{' of its variance' * (k == 0)}"
+            f" {'anti' * (part.share < 0)}correlated over {self._in_rows(part).text()}"
+            for k, part in enumerate(self.parts)
+        ]
+        return ", ".join(told) or "white"
 
     def _in_rows(self, part: NoisePart) -> NoisePart:
         """The part; a correlation length on the clock "pace" becomes rows of the median step."""

@@ -74,8 +74,6 @@ bound. It must be exact to half the BIC penalty of a part."""
 
 # ---- the noise of a result
 
-WHITE = 0.05
-"""Share of the variance below which a correlated part is negligible and not reported."""
 ALIKE = 0.2
 """Correlation of neighbouring rows below which a part counts as white: the rows do not resolve
 it."""
