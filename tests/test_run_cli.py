@@ -78,6 +78,7 @@ def test_what_is_printed_is_what_is_written(done):
     table = list(csv.DictReader((out / "table.csv").open()))
     lines = [x for x in outcome.out.splitlines() if " -> " in x]
     assert len(lines) == len(table)
+    assert "A-B against velocity: " in outcome.out and len(outcome.out.splitlines()) <= 20
     content = json.loads((out / "run.json").read_text())
     assert content["schema"] == "jaxfric.run/1"
     for step, row in zip(content["steps"], table, strict=True):

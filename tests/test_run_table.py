@@ -1,12 +1,14 @@
 """The tables of a run's steps, of fits that were never run: what is marked, and what is blank."""
 
 import csv
+import io
 import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 from test_derived import VALUES, covariance_of, fit_of
 
 from jaxfric.cli.call import Call
@@ -14,9 +16,10 @@ from jaxfric.cli.plan_line import run_line
 from jaxfric.fitting.misfit import misfit_warning, scatter
 from jaxfric.fitting.noise import Glitches
 from jaxfric.records.thin import blur_warning
-from jaxfric.report.report import text_of
+from jaxfric.report.report import Report, print_brief, text_of
 from jaxfric.report.run_page import page
 from jaxfric.report.run_report import latex_text, report
+from jaxfric.report.tables import TextTable
 from jaxfric.runs import Event
 from jaxfric.runs.findings import Findings
 from jaxfric.runs.fits import RunFit, StepFit
@@ -225,3 +228,15 @@ def test_what_is_not_determined_is_blank_in_both_tables(unknown):
         assert (ours[0][name] == "") == (theirs[0][other] == "") == blank, name
         assert (theirs[0].get(f"std {other}", "f0") == "") == (blank and name != "f0")
         assert theirs[1][other] == ours[1][name] != ""
+
+
+@pytest.mark.parametrize("count", [1, 10])
+def test_the_first_notes_stand_below_a_table_that_is_cut_for_them(count):
+    table = TextTable("Steps", ("step", "A"), [(str(k), "0.008") for k in range(40)])
+    notes = [f"trend {k}" for k in range(count)]
+    out = io.StringIO()
+    told = Report(["one", "two", "three"], [table], (), [*notes, "a detail"], first_notes=count)
+    print_brief(told, Console(file=out, width=80), room=18)
+    lines = out.getvalue().splitlines()
+    assert len(lines) <= 18 and lines[-1] == notes[min(count, 7) - 1]
+    assert "a detail" not in lines and any("0.008" in line for line in lines)

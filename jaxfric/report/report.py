@@ -16,7 +16,8 @@ SCREEN, STEPS = 20, 3
 """Lines, and next steps among them, that a terminal shows unless details are asked for."""
 _FRAME = 4
 """Lines of a table besides its rows: an empty one, the title, the heads, how many rows follow."""
-_WIDTH = 120
+_ROWS, _WIDTH = 3, 120
+"""Fewest rows of a cut table; the width of a report as text."""
 
 
 class NextStep(NamedTuple):
@@ -49,6 +50,8 @@ class Report(NamedTuple):
     short: TextTable | None = None
     """The table below the headline where it is not the first of all."""
     next_steps: Sequence[NextStep] = ()
+    first_notes: int = 0
+    """So many of the notes stand below the first table even if no details are asked for."""
 
 
 def print_brief(report: Report, console: "Console", *, room: int = SCREEN) -> None:
@@ -60,7 +63,9 @@ def print_brief(report: Report, console: "Console", *, room: int = SCREEN) -> No
     room -= len(report.headline)
     table = report.short or next((table for table in report.tables if table.rows), None)
     if table is not None and table.rows:
-        print_tables(console, [cut(table, room - _FRAME)])
+        notes = report.notes[: min(report.first_notes, room - _FRAME - _ROWS - 1)]
+        print_tables(console, [cut(table, room - _FRAME - len(notes) - bool(notes))])
+        _print_lines(console, ["", *notes] if notes else [])
     elif not report.lines:
         _print_lines(console, report.notes[:room])
 
@@ -84,11 +89,11 @@ def print_next_steps(report: Report, console: "Console", *, most: int | None = N
 
 
 def cut(table: TextTable, most: int) -> TextTable:
-    """Cut a table to the given number of rows (3 or more): marked rows first, then the top rows.
+    """Cut a table to the given number of rows, 3 or more: marked rows first, then the top rows.
 
     The cut table has no column of meanings, and no note longer than one line.
     """
-    most = max(most, 3)
+    most = max(most, _ROWS)
     shown = range(len(table.rows))
     if len(table.rows) > most + 1:  # a line on one more row takes as much room as the row
         shown = sorted(sorted(shown, key=lambda k: (k not in table.marked, k))[:most])

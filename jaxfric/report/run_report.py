@@ -40,15 +40,16 @@ def report(run: RunFit, others: Findings = _NOTHING, ask: str = "") -> Report:
     number = len(run.events)
     words = ", ".join(f"{count} {kind}" for kind, count in kinds.most_common())
     events = f"{len(run.record)} rows, {number} event{'' if number == 1 else 's'}: {words}"
-    told = [*told_of_all(run.steps), *others.told()]
+    of_steps = told_of_all(run.steps)
+    told = [*of_steps, *others.told()]
     cells = [text_cells(step) for step in run.steps]
     table = TextTable("Velocity steps", HEAD, cells, f"{BRACKETS}; -: not determined; {MISFIT}")
     warnings = (*warnings_of(run), *others.warnings)
     first = [headline(run) if run.steps else _NO_STEP, events]
     asked = ask_on(run)
     steps = [NextStep(f"{asked}:" if ask else asked, ask)] if asked else []
-    head = [*first, *told[:1]]
-    return Report(head, [table], notes=told[1:], warnings=warnings, next_steps=steps)
+    head, lines = [*first, *told[:1]], len(of_steps[1:])
+    return Report(head, [table], (), told[1:], warnings, next_steps=steps, first_notes=lines)
 
 
 def files_of(run: RunFit, others: Findings) -> dict[str, str]:
