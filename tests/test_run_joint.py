@@ -51,16 +51,31 @@ def steps(rng, count, *, size=1.0, drift=0.0, along="after"):
 
 
 def test_shared_values_are_the_weighted_mean():
-    """Of two steps with diagonal covariances: each by the inverse of its variance."""
+    """Of two steps with diagonal covariances: each by the inverse of its variance. The test rejects
+    that they share A, so that the errors are enlarged by the factor of Birge."""
     a = step(1, [0.008, 0.012, 1e-5], np.diag([1e-8, 4e-8, 1e-14]))
     b = step(2, [0.009, 0.012, 1e-5], np.diag([4e-8, 4e-8, 1e-14]))
     found = share([a, b])
     assert found.values["A"] == pytest.approx((0.008 * 4 + 0.009) / 5)
-    assert found.errors["A"] == pytest.approx(np.sqrt(1 / (1e8 + 0.25e8)))
+    birge = np.sqrt(0.001**2 / 5e-8 / 3)
+    assert found.p < 0.01 and found.errors["A"] == pytest.approx(birge / np.sqrt(1.25e8))
     assert found.values["L"] == pytest.approx(1e-5)
-    assert found.errors["L"] == pytest.approx(1e-7 / np.sqrt(2))
+    assert found.errors["L"] == pytest.approx(birge * 1e-7 / np.sqrt(2))
     assert found.chi_square == pytest.approx(0.001**2 / (1e-8 + 4e-8))
     assert found.freedom == 3 and found.p == pytest.approx(chi2.sf(found.chi_square, 3))
+
+
+def test_the_error_of_a_rejected_mean_is_that_of_steps_which_scatter():
+    """Steps whose A scatters by 20 errors: the mean of 300 sets scatters by its own error, which
+    their covariances give 20 times too small."""
+    rng, found = np.random.default_rng(12), []
+    for _ in range(300):
+        made = [rng.multivariate_normal(TRUE, np.diag([4e-6, 4e-6, 1e-14])) for _ in range(12)]
+        C = np.diag([1e-8, 1e-8, 1e-14])
+        found.append(share([step(k, values, C) for k, values in enumerate(made, 1)]))
+    scatter = np.std([one.values["A"] for one in found])
+    assert scatter == pytest.approx(2e-3 / np.sqrt(12), rel=0.15)
+    assert np.mean([one.errors["A"] for one in found]) == pytest.approx(scatter, rel=0.3)
 
 
 def test_separate_by_chance_as_often_as_it_says():

@@ -8,8 +8,9 @@ noise of its rows. If the steps share one y, the most likely y and the statistic
 
 Q is the likelihood-ratio statistic of shared against separate parameters, to second order about
 each step's fit. For n steps with p parameters, Q is distributed as chi-square with p (n - 1)
-degrees of freedom (Cochran 1954, Biometrics 10, 101-129). f0 and a trend with slip are separate for
-each step.
+degrees of freedom (Cochran 1954, Biometrics 10, 101-129). If Q rejects a common y, y is a mean of
+different steps: its errors are multiplied by the square root of Q over its degrees of freedom
+(Birge, as in `weighted`). f0 and a trend with slip are separate for each step.
 
 A weighted line through the n steps (`weighted`) tests whether a quantity depends on velocity
 (`mean_velocity` of a step), displacement or normal stress. The error of the line's slope follows
@@ -52,7 +53,8 @@ _DECADES = 0.2
 @dataclass(frozen=True, eq=False)
 class Shared:
     """Common parameters of all steps: natural `values` and standard `errors` by name (SI), and the
-    p-value of the test that the steps share these parameters."""
+    p-value of the test that the steps share these parameters. If p is below 0.01, `errors` are
+    enlarged to the scatter of the steps."""
 
     values: dict[str, float]
     errors: dict[str, float]
@@ -133,13 +135,15 @@ def share(steps: Sequence[StepFit]) -> Shared | None:
     freedom = len(names) * (len(fits) - 1)
     lengths = np.array([n[0] == "L" for n in names])
     values = np.where(lengths, np.exp(np.where(lengths, mean, 0.0)), mean)
-    errors = np.sqrt(np.diag(covariance)) * np.where(lengths, values, 1.0)
+    p = float(chdtrc(freedom, chi_square))
+    birge = chi_square / freedom if p < _DIFFER else 1.0
+    errors = np.sqrt(birge * np.diag(covariance)) * np.where(lengths, values, 1.0)
     return Shared(
         dict(zip(names, values.tolist(), strict=True)),
         dict(zip(names, errors.tolist(), strict=True)),
         chi_square,
         freedom,
-        float(chdtrc(freedom, chi_square)),
+        p,
         tuple(step.number for step in known),
     )
 
@@ -237,8 +241,8 @@ def told(steps: Sequence[StepFit]) -> list[str]:
     if shared.p < _DIFFER:
         lines = [
             f"the steps do not share their parameters (likelihood-ratio test: {p_text(shared.p)},"
-            f" chi-square {shared.chi_square:.4g} with {shared.freedom} d.o.f.); weighted mean:"
-            f" {values}"
+            f" chi-square {shared.chi_square:.4g} with {shared.freedom} d.o.f.); weighted mean,"
+            f" errors enlarged to the scatter: {values}"
         ]
     else:
         lines = [
