@@ -311,7 +311,8 @@ def test_rates_of_a_run_fill_their_panels(monkeypatch, middle, words) -> None:
         fit.A_minus_B = SimpleNamespace(determined=i != 2)
         steps.append(SimpleNamespace(fit=fit, event=event, position=1e-3 * i))
     steps[2].fit.pair = (9.0, 5.0)  # nothing is known of it
-    monkeypatch.setattr(plot_run, "difference", lambda fit: fit.pair)
+    monkeypatch.setattr(plot_run, "has_trend", lambda _: False)
+    monkeypatch.setattr(plot_run, "rate_of", lambda fit, trend: fit.pair)
     monkeypatch.setattr(plot_run, "misses", lambda step: step is steps[4])
     figure = plot_run.rates_figure(SimpleNamespace(steps=steps))
     figure.draw_without_rendering()

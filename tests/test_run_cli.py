@@ -84,6 +84,8 @@ def test_what_is_printed_is_what_is_written(done):
     for step, row in zip(content["steps"], table, strict=True):
         value = step["fit"]["parameters"]["A"]["value"]
         assert value == pytest.approx(float(row["A"]), rel=1e-6)
+        own = [float(row[f"{name}A-B with slip trend"]) for name in ("", "std ")]
+        assert own == pytest.approx(step["fit"]["A_minus_B_with_trend"], rel=1e-3)
 
 
 @pytest.fixture

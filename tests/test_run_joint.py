@@ -8,7 +8,7 @@ from scipy.optimize import curve_fit
 from scipy.stats import chi2, t
 
 from jaxfric.fitting.result import difference
-from jaxfric.runs.joint import Dependence, dependences, share, told
+from jaxfric.runs.joint import Dependence, dependences, has_trend, rate_of, share, told
 
 TRUE = np.array([0.008, 0.012, 15e-6])
 FREE = ("f0", "A", "B", "L")
@@ -140,6 +140,13 @@ def test_a_trend_over_slip_is_no_dependence_of_a_less_b(bias):
     x, y = np.linspace(5, 10, 10), np.array([difference(one.fit) for one in made])
     (slope, _), _ = curve_fit(lambda x, a, b: a * x + b, x, y[:, 0], sigma=y[:, 1])
     assert (line.slope == pytest.approx(slope, rel=1e-6)) is not bool(bias)
+    assert line.slip_trend is bool(bias)
+    text = " ".join(told(made))
+    words = "; without it A-B against normal stress: significant, slope +0.0"
+    assert (words in text) is bool(bias)
+    y = np.array([rate_of(one.fit, trend=has_trend(made)) for one in made])  # what the figure draws
+    (slope, _), _ = curve_fit(lambda x, a, b: a * x + b, x, y[:, 0], sigma=y[:, 1])
+    assert line.slope == pytest.approx(slope, abs=1e-4 * line.error)
 
 
 def test_what_is_not_determined_has_no_say():

@@ -10,7 +10,7 @@ from Student's t with six degrees of freedom.
 
 import math
 import typing
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +18,7 @@ import numpy as np
 from ..errors import option
 from ..findings import Warned, WarningCode
 from ..units import read_as
-from .result import Fit
+from .result import Fit, difference
 from .thresholds import BLOCKS, CONTRADICTED, RARE_DRIFT
 
 
@@ -64,6 +64,22 @@ def chance(slope: float, error: float, freedom: int) -> float:
     from scipy.special import stdtr
 
     return 2 * float(stdtr(freedom, -abs(slope) / error)) if error > 0 else 1.0
+
+
+def trend_chance(fits: Sequence[Fit]) -> float:
+    """p-value of the shifts of A-B of n fits if a slip trend is fitted too: the sum of the squared
+    shifts in units of their standard errors is chi-square with n degrees of freedom. The p-value
+    is 1 if a shift is unknown, or if a fit already has a trend.
+    """
+    from scipy.special import chdtrc
+
+    total = 0.0
+    for fit in fits:
+        if fit.with_trend is None:
+            return 1.0
+        (value, error), (other, wider) = difference(fit), fit.with_trend
+        total += (other - value) ** 2 / max(wider**2 - error**2, error**2)
+    return float(chdtrc(len(fits), total)) if fits else 1.0
 
 
 def told_drift(fit: Fit) -> Drift | None:

@@ -11,8 +11,9 @@ from ..records import Record
 from ..runs.events import Event, mean_velocity
 from ..runs.fits import RunFit
 from ..runs.holds import Hold, healing_rate
+from ..runs.joint import has_trend, rate_of
 from ..runs.stick_slip import is_stretch
-from ..runs.table import difference, misses
+from ..runs.table import misses
 from . import style
 from .palette import BLACK, BLUE, GOLD, MAGENTA, MINT, ORANGE, SKY, SLATE
 from .ticks import whole_numbers
@@ -123,13 +124,15 @@ def _number(axis: Axes, places: Sequence[float]) -> None:
 
 
 def rates_figure(run: RunFit) -> Figure:
-    """Figure of A-B of the steps against velocity, displacement and normal stress.
+    """Figure of A-B of the steps against velocity, displacement and normal stress, as tested: of
+    fits with a slip trend if this trend is significant.
 
     Only velocity steps that determine A-B are drawn. A hollow point marks a fit that does not
     describe its step.
     """
     found = [s for s in run.steps if s.fit and s.fit.converged and s.fit.A_minus_B.determined]
-    pairs = np.array([difference(step.fit) for step in found if step.fit is not None])
+    trend = has_trend(run.steps)
+    pairs = np.array([rate_of(step.fit, trend=trend) for step in found if step.fit is not None])
     missed = np.array([misses(step) for step in found], bool)
     stress = [step.event.normal_stress for step in found]
     sides = [
@@ -160,7 +163,8 @@ def rates_figure(run: RunFit) -> Figure:
     low, high = axes[0].get_ylim()
     words = "all below 0: velocity weakening" if high < 0 else "below the line: velocity weakening"
     words = "all above 0: velocity strengthening" if low > 0 else words
-    style.tidy(axes[0], words, y="A − B (bars: 95 %)")  # inside, text would hide the line at 0
+    y = f"A − B{' with slip trend' * trend} (bars: 95 %)"
+    style.tidy(axes[0], words, y=y)  # inside, text would hide the line at 0
     return style.finish(figure)
 
 

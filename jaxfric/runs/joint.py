@@ -20,10 +20,8 @@ p-values are multiplied by the number of tests (Bonferroni). For 5 steps, t = 7 
 .05 after correction for 9 tests. Parameters of steps may differ by far more than their errors
 although no line is significant.
 
-Friction that changes with slip biases A-B. Every step is also fitted with a trend over slip, which
-shifts its A-B by d_i; s_i is the standard error of this shift. If the sum of (d_i/s_i)^2 over the n
-steps, chi-square with n degrees of freedom, is significant, the lines of A-B use the estimates with
-a trend.
+Friction that changes with slip biases A-B. If a trend over slip is significant in all steps
+together (`fitting.drift.trend_chance`), the lines of A-B use the estimates with a trend.
 """
 
 from collections.abc import Sequence
@@ -33,7 +31,7 @@ import numpy as np
 
 from ..errors import option
 from ..fitting import Fit
-from ..fitting.drift import chance
+from ..fitting.drift import chance, trend_chance
 from ..units import measured, p_text
 from .events import mean_velocity
 from .fits import StepFit
@@ -67,7 +65,8 @@ class Shared:
 @dataclass(frozen=True)
 class Dependence:
     """A line of `quantity` over `along` through the steps: its `slope` per `unit`, standard error,
-    degrees of `freedom`, and the p-value after Bonferroni correction for all `questions`."""
+    degrees of `freedom`, and the p-value after Bonferroni correction for all `questions`. With
+    `slip_trend` the line is through estimates of fits with a slip trend."""
 
     quantity: str
     along: str
@@ -77,16 +76,23 @@ class Dependence:
     p: float
     freedom: int
     questions: int
+    slip_trend: bool = False
 
     def told(self) -> str:
         """Return the slope with its error, and the p-values of the test."""
-        size = f"{'+' if self.slope > 0 else ''}{measured(self.slope, self.error)}"
         alone = chance(self.slope, self.error, self.freedom)
         return (
-            f"{self.quantity} against {self.along}: {'' if self.shown else 'not '}significant,"
-            f" slope {size} per {self.unit} (t = {abs(self.slope) / self.error:.2g},"
+            f"{self.line()} (t = {abs(self.slope) / self.error:.2g},"
             f" {self.freedom} d.o.f., {p_text(alone)}; {p_text(self.p)} after Bonferroni correction"
             f" for {self.questions} tests)"
+        )
+
+    def line(self) -> str:
+        """Return the conclusion and the slope with its error."""
+        size = f"{'+' if self.slope > 0 else ''}{measured(self.slope, self.error)}"
+        return (
+            f"{self.quantity} against {self.along}: {'' if self.shown else 'not '}significant,"
+            f" slope {size} per {self.unit}"
         )
 
     @property
@@ -152,24 +158,28 @@ _QUANTITIES = ("A", "A-B", "ln L")
 """Quantities tested for a dependence."""
 
 
-def dependences(steps: Sequence[StepFit]) -> list[Dependence]:
+def dependences(steps: Sequence[StepFit], *, trend: bool | None = None) -> list[Dependence]:
     """Test the dependence of A, A-B and L on velocity, displacement and normal stress.
 
-    The test of a dependence needs at least four steps, and a variable that changes.
+    The test of a dependence needs at least four steps, and a variable that changes. A-B is that of
+    fits with a slip `trend`; None: if this trend is significant.
     """
+    trend = has_trend(steps) if trend is None else trend
     found = []
     for quantity in _QUANTITIES:
         known = _known(steps, quantity)
         if len(known) < _FEWEST:
             continue
         y, error = np.array([_estimate(step, quantity) for step in known]).T
-        if quantity == "A-B" and trend_chance(steps) < _DIFFER:
-            y, error = np.array([step.fit.with_trend for step in known if step.fit]).T
-        freedom = len(known) - 2
+        fits, with_trend = [step.fit for step in known if step.fit], trend and quantity == "A-B"
+        if with_trend:
+            y, error = np.array([rate_of(fit, trend=True) for fit in fits]).T
+        fitted, freedom = with_trend or fits[0].model.slip_trend, len(known) - 2
         for along, unit, x in _sides(known):
             line = weighted_line(x, y, error)
             p = chance(line.slope, line.error, freedom)
-            found.append(Dependence(quantity, along, unit, line.slope, line.error, p, freedom, 1))
+            about = (line.slope, line.error, p, freedom, 1, fitted)
+            found.append(Dependence(quantity, along, unit, *about))
     count = len(found)
     return [replace(d, p=min(1.0, count * d.p), questions=count) for d in found]
 
@@ -208,19 +218,19 @@ def _estimate(step: StepFit, quantity: str) -> tuple[float, float] | None:
     return (float(np.log(value)), std / value) if quantity == "ln L" else (value, std)
 
 
-def trend_chance(steps: Sequence[StepFit]) -> float:
-    """Return the p-value of the shift of A-B if a trend of friction over slip is fitted too; 1 if
-    the shift is unknown for a step, or if the fits already have a trend."""
-    from scipy.special import chdtrc
+def has_trend(steps: Sequence[StepFit]) -> bool:
+    """Whether friction has a significant trend with slip in the steps: then A-B is tested, and
+    drawn, with this trend."""
+    return _trend_chance(steps) < _DIFFER
 
-    fits = [step.fit for step in _known(steps, "A-B") if step.fit is not None]
-    if not fits or any(fit.with_trend is None for fit in fits):
-        return 1.0
-    moved = []
-    for fit in fits:
-        (value, error), (other, wider) = difference(fit), fit.with_trend or (0.0, 0.0)
-        moved.append((other - value) ** 2 / max(wider**2 - error**2, error**2))
-    return float(chdtrc(len(moved), sum(moved)))
+
+def _trend_chance(steps: Sequence[StepFit]) -> float:
+    return trend_chance([step.fit for step in _known(steps, "A-B") if step.fit is not None])
+
+
+def rate_of(fit: Fit, *, trend: bool) -> tuple[float, float]:
+    """Return A-B with its standard error, of the fit with a slip trend if there is one."""
+    return (fit.with_trend if trend else None) or difference(fit)
 
 
 def _first_length(fit: Fit) -> str:
@@ -255,9 +265,12 @@ def told(steps: Sequence[StepFit]) -> list[str]:
         f"A-B against velocity: not tested, which needs {_FEWEST} steps without a star at different"
         " mean velocities that determine A-B"
     ]
-    if any(d.quantity == "A-B" for d in answers) and (p := trend_chance(steps)) < _DIFFER:
+    if has_trend(steps) and any(d.quantity == "A-B" for d in answers):
+        pairs = zip(answers, dependences(steps, trend=False), strict=True)
+        others = "".join(f"; without it {o.line()}" for d, o in pairs if d.shown != o.shown)
         lines.append(
-            f"friction has a significant trend with slip in these steps ({p_text(p)}): the lines of"
-            f" A-B use fits with this trend ({option('slip-trend')})"
+            "friction has a significant trend with slip in these steps"
+            f" ({p_text(_trend_chance(steps))}): the lines of A-B use fits with this trend"
+            f" ({option('slip-trend')}){others}"
         )
     return lines + [d.told() for d in answers if d.shown and d not in of_velocity]

@@ -66,6 +66,10 @@ def fit_cells(fit: Fit) -> dict[str, Cell]:
     label, own = f"A-B{' [N]' if force else ''}", fit.A_minus_B
     row[label] = short(own.value) if own.determined else None
     row[f"std {label}"] = short(own.std, 4) if own.determined else None
+    if own.determined and fit.with_trend:
+        value, std = fit.with_trend
+        row |= {f"{label} with slip trend": short(value)}
+        row |= {f"std {label} with slip trend": short(std, 4)}
     for name, estimate in fit.parameters.items():
         if name == "V0":
             continue
