@@ -27,8 +27,8 @@ def rotary_text(
 ) -> str:
     """A joint of 0.05 kg m^2 that moves back and forth: 50 Hz, deg and mN m.
 
-    `thinning` is c of c ln(1 + |v|/(0.2 rad/s)) sgn v, `weight` the torque of a load that hangs down at the angle `bottom`, `swing` the largest
-    angle.
+    `thinning` is c of c ln(1 + |v|/(0.2 rad/s)) sgn v, `weight` the torque of a load that hangs
+    down at the angle `bottom`, `swing` the largest angle.
     """
     random = np.random.default_rng(5)
     t = np.arange(rows) / 50
