@@ -8,9 +8,13 @@ import typing
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from itertools import chain, repeat
 from typing import NamedTuple
 
 import numpy as np
+
+from .described import said
+from .plain import plain
 
 
 class Severity(StrEnum):
@@ -54,9 +58,11 @@ class WarningCode(StrEnum):
     MOVED_STEP = "step_time_moved"
     """A velocity step fits best elsewhere than the load point shows; values: step, sigmas."""
     EDGE = "edge_of_stability"
-    """The stiffness is near or below the critical one; values: ratio."""
+    """The stiffness is near the critical one; values: ratio."""
+    UNSTABLE = "below_the_critical_stiffness"
+    """Values: ratio."""
     SHORT_DELAY = "no_controller_is_as_fast"
-    """Gains survive a delay that is shorter than any controller's; values: delay."""
+    """Gains survive a delay that is shorter than any controller's; values: delay, least."""
     LOWEST_STIFFNESS = "stiffness_at_its_lower_limit"
     RAISED = "gains_raised"
     """Gains were raised for a basin; values: factor, basin."""
@@ -70,6 +76,84 @@ class WarningCode(StrEnum):
     """Values: share of the rows that count."""
     SECOND_SEARCH = "searched_with_other_blocks"
     """A second search with other blocks held out; values: taken."""
+    UNSAID = "unsaid_convergence"
+    """A file does not say whether its fit converged."""
+    NO_CLAIM = "no_claim"
+    """Values: what (result), of (what follows is of), reasons."""
+    AXIS_CLAIM = "no_claim_of_the_axis"
+    """Values: sentence."""
+    LAST_MODEL = "last_model_used"
+    """Values: verdict, sentence."""
+    BASE_MODEL = "base_model_used"
+    """Values: verdict, sentence."""
+    CHAINS = "chains_disagree"
+    """Values: name, R-hat, most."""
+    FEW_DRAWS = "few_draws"
+    """Values: name, size (effective sample size), least."""
+    DIVERGED = "diverged"
+    """Values: number."""
+    NO_MAXIMUM = "no_maximum"
+    """The maximum of a posterior was not found."""
+    NO_PRIOR = "no_prior"
+    """Neither record nor prior determines parameters; values: parameters, first."""
+    LOOSE_MODEL = "model_undetermined"
+    """The record of a model does not determine parameters; values: parameters."""
+    OTHER_VELOCITIES = "other_velocities"
+    """Values: velocities, slowest and fastest [m/s]."""
+    FASTER = "faster"
+    """Values: share of the rows, fastest speed, unit."""
+    FEW_ROWS = "few_rows"
+    """Values: compared, rows, recorded (rows in the file)."""
+    ONE_WAY = "one_direction"
+    """A fit determines only the sum of Coulomb friction and offset."""
+    DELAY_LAW = "delay_law_not_simulated"
+    INTEGRAL = "integral_not_simulated"
+    """Gains with integral action are simulated at rest at most."""
+    ANY_STIFFNESS = "any_stiffness_not_simulated"
+    SLOPES = "slopes_of_a_table"
+    NO_DIRECT = "no_direct_effect_assumed"
+    NO_MEMORY = "law_without_memory"
+    STIFFENS = "effect_stiffens"
+    """An effect that a law leaves out acts as a spring; values: effect, stiffness, unit."""
+    SOFTENS = "effect_softens"
+    """Values: effect, stiffness, unit, more (needed k_p)."""
+    OF_RECORD = "effect_of_the_record"
+    """An effect that a law leaves out; values: effect, room."""
+    VANISHES = "effect_vanishes_in_steady_motion"
+    DIRECTION = "law_of_one_direction"
+    """Values: effect, direction."""
+    UNSEEN = "law_beyond_its_record"
+    """Values: slowest, fastest (of the record), least, most (asked) [m/s], times beyond."""
+    OLD_FILE = "errors_of_an_older_version"
+    MIDDLE = "middle_of_the_travel"
+    """Friction changes along the travel, and its middle is compensated."""
+    GUESS = "curve_is_a_guess"
+    """Values: parameters, slowest, length."""
+    LEAST_WIDTH = "v_c_at_its_least"
+    """Values: width, length."""
+    LOOSE_TERMS = "terms_undetermined"
+    """Values: parameters."""
+    GAPS = "gaps_of_the_clock"
+    """Values: number, longest, time [s]."""
+    TO_AND_FRO = "load_point_turns_back"
+    """Values: turns."""
+    DIPS = "friction_falls_and_returns"
+    """Values: lowest, unit, rows (of the longest), times [s] of the first, number."""
+    PRESS = "one_stiffness_at_several_stresses"
+    """Values: stiffness, low, high [Pa], needed."""
+    RAMPS = "stiffness_is_not_that_of_the_ramps"
+    TEETH = "stiffness_is_not_that_of_stick_slip"
+    """Values: share by which it differs, found (in words)."""
+    MASS = "mass_in_the_margins_only"
+    """Values: advice."""
+    LOGARITHM = "motions_near_rest_without_mass"
+    """Values: least (f0/A)."""
+    NO_LOCKS = "file_system_without_locks"
+    """Values: store, error."""
+    VERSIONS = "begun_with_other_versions"
+    """Values: versions."""
+    SHORT_STEP = "steps_too_short"
+    """Values: slip, needed [m]."""
 
 
 class Warned(str):
@@ -77,23 +161,49 @@ class Warned(str):
 
     code: WarningCode | None
     values: Mapping[str, object]
-    """SI."""
+    """SI, or warnings."""
 
     def __new__(
         cls, text: str, code: WarningCode | None = None, values: Mapping[str, object] | None = None
     ) -> "Warned":
         """The text with a code; None if no code looks for this warning."""
         made = super().__new__(cls, text)
-        made.code, made.values = code, values or {}
+        made.code, made.values = code, values if isinstance(values, Mapping) else {}
         return made
 
 
-def coded(warnings: Iterable[str]) -> list[dict[str, object]]:
-    """Code and values of each warning, for a file; None for a warning without a code."""
-    return [
-        {"code": getattr(one, "code", None), "values": dict(getattr(one, "values", {}))}
+def warned(code: WarningCode, **values: object) -> Warned:
+    """A warning in the words of its code (`report.words`), with values that these words need."""
+    return Warned(said("words.warning", code, values), code, values)
+
+
+def listed(warnings: Iterable[str]) -> dict[str, list]:
+    """Entries of a file for warnings: the texts `warnings`, and `warned`, the code and the values
+    of each text. The code is None for a warning without a code."""
+    texts = list(warnings)
+    about = [(getattr(one, "code", None), getattr(one, "values", {})) for one in texts]
+    told = [{"code": code, "values": plain(values)} for code, values in about]
+    return {"warnings": texts, "warned": told}
+
+
+def read_warnings(table: Mapping) -> tuple[Warned, ...]:
+    """The `warnings` of a table of a file, with the codes and values that `listed` writes. Files of
+    older versions have no codes; codes of another form are ignored."""
+    known, about = {str(code): code for code in WarningCode}, table.get("warned")
+    sound = isinstance(about, list) and all(isinstance(one, dict) for one in about)
+    told = chain(about if sound else (), repeat({}))
+    return tuple(
+        Warned(" ".join(line.split()), known.get(str(one.get("code"))), one.get("values"))
+        for line, one in zip(table.get("warnings", []), told, strict=False)
+    )
+
+
+def marked(origin: str, warnings: Iterable[str]) -> tuple[Warned, ...]:
+    """Warnings of another result, which begin with their `origin`."""
+    return tuple(
+        Warned(f"{origin}: {one}", getattr(one, "code", None), getattr(one, "values", {}))
         for one in warnings
-    ]
+    )
 
 
 def is_of(warning: str, code: WarningCode) -> bool:

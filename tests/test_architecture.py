@@ -59,6 +59,8 @@ FLOORS = {
 }
 # One floor, but one is built from the other (never the other way).
 WITHIN_A_FLOOR = {
+    ("findings", "described"),
+    ("findings", "plain"),
     ("quantity", "errors"),
     ("units", "errors"),
     ("traced", "threads"),

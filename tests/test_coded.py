@@ -3,6 +3,7 @@
 import ast
 import json
 import os
+import string
 import subprocess
 import sys
 from pathlib import Path
@@ -13,9 +14,10 @@ from coded import OPEN, coded, differences
 from command import record_text, written
 
 from jaxfric.effects import RunChange
+from jaxfric.findings import WarningCode
 from jaxfric.loop import LoopCode
 from jaxfric.loop.refusal import Fault
-from jaxfric.report.words import TEMPLATES, change_words, say
+from jaxfric.report.words import TEMPLATES, WARNINGS, change_words, say
 
 HERE = Path(__file__).parent
 DATA = HERE.parent / "data"
@@ -50,7 +52,16 @@ CALLS = {
     "gains": ("gains", *LAW, "--velocity", "1..10 mm/s", "--mass", "2"),
     "gains where none are needed": ("gains", *STRENGTHENS, *SLOW),
     "a motion": ("simulate", *LAW, "--velocity", "2 mm/s", "--kp", "6 kN/m", "--duration", "3 s"),
-    "steady speeds": ("axis", "runs"),
+    "steady speeds": ("axis", "runs", "--out", "steadied"),
+    "a feedforward": ("feedforward", "steadied/steady.json", "--at", "0.3 rad/s"),
+    "a posterior": ("fit", "run.csv", *STIFF, *STEPS, "--prior", "priors.toml",
+                    "--out", "drawn"),
+    "stability of a posterior": ("stability", "--from", "drawn/posterior.nc", "--velocity",
+                                 "1 m/s", "--mass", "2", "--normal-force", "500 N"),
+    "a prediction beyond the record": ("predict", "fitted/fit.json", "fast.csv"),
+    "a plan": ("protocol", "1, 1.5, 1, 1.5 um/s", "--stiffness", "3e-4/um",
+               "--slip-per-step", "20 um", "--noise", "3e-4", "--rows", "40"),
+    "ramps of a run": ("run", "ramps.csv", "--stiffness", "9e-3/um"),
     "a loop": ("loop", DATA / "force_step.csv", "--stiffness", "4e5 N/m", "--downsample-to", "300",
                "--max-effects", "1"),
     "no file": ("fit", "none.csv"),
@@ -58,6 +69,22 @@ CALLS = {
     "an unknown law": ("fit", "run.csv", "--law", "dieterich"),
     "no column": ("fit", "runs/0.csv"),
 }  # fmt: skip
+
+
+PRIORS = "[priors]\nA = {normal = [0.010, 0.002]}\nB = {uniform = [0, 0.05]}\n"
+
+
+def ramps() -> str:
+    """A run that is unloaded and loaded again once, K = 5e-3/um, with a gap of the clock."""
+    t = np.arange(0, 200, 0.05)
+    x = np.interp(t, [0, 80, 90, 200], [0, 400, 350, 900])
+    f = np.full(len(t), 0.6)
+    for i in range(1, len(t)):
+        f[i] = min(f[i - 1] + 5e-3 * (x[i] - x[i - 1]), 0.6)
+    f += 3e-4 * np.random.default_rng(0).standard_normal(len(t))
+    clock = t + 60 * (t > 40)
+    rows = (f"{a:.6g},{b:.6g},{c:.6g}" for a, b, c in zip(clock, x, f, strict=True))
+    return "\n".join(["time [s],load_point_displacement [um],friction [1]", *rows]) + "\n"
 
 
 def runs(folder: Path) -> None:
@@ -87,6 +114,9 @@ def results(tmp_path_factory) -> dict[str, dict]:
         lines[40] = ",".join([*cells[:-1], f"{float(cells[-1]) + 0.01:.6f}"])
         written(folder / "outlier.csv", "\n".join(lines) + "\n")
         runs(folder / "runs")
+        written(folder / "priors.toml", PRIORS)
+        written(folder / "ramps.csv", ramps())
+        written(folder / "fast.csv", record_text().replace("[um]", "[mm]"))
         calls = {name: [*map(str, call), "--json", "--quiet"] for name, call in CALLS.items()}
         (folder / "calls.json").write_text(json.dumps(calls))
         script = [sys.executable, HERE / "coded.py", how, "calls.json", "results.json"]
@@ -169,17 +199,10 @@ def codes(node: ast.expr) -> list[str]:
     return [node.value] if isinstance(node, ast.Constant) else []
 
 
-def fields(code: str) -> set[str]:
-    """Names of the values of a template."""
-
-    class Asked(dict):
-        def __missing__(self, key):
-            self[key] = 0.0
-            return 0.0
-
-    asked = Asked()
-    TEMPLATES[code].format_map(asked)
-    return set(asked)
+def fields(words: str) -> set[str]:
+    """Names of the values of a template; options are no values."""
+    found = {name for _, name, _, _ in string.Formatter().parse(words) if name}
+    return {name for name in found if not name.startswith("option[")}
 
 
 def test_every_sentence_that_is_said_has_its_template_and_all_values() -> None:
@@ -187,9 +210,40 @@ def test_every_sentence_that_is_said_has_its_template_and_all_values() -> None:
     for place, call in says():
         given = {one.arg for one in call.keywords}
         for code in codes(call.args[0]):
-            if code not in TEMPLATES or (None not in given and not fields(code) <= given):
+            if code not in TEMPLATES or (
+                None not in given and not fields(TEMPLATES[code]) <= given
+            ):
                 missing.append((place, code))
     assert says() and missing == []
+
+
+def test_every_warning_that_is_made_has_its_words_and_all_values() -> None:
+    missing, made = [], 0
+    for path in sorted((HERE.parent / "jaxfric").rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if not isinstance(node, ast.Call) or getattr(node.func, "id", "") != "warned":
+                continue
+            made, given = made + 1, {one.arg for one in node.keywords}
+            for code in names(node.args[0]):
+                words = WARNINGS.get(code)
+                if words is None or (None not in given and not fields(words) <= given):
+                    missing.append((path.name, node.lineno, code))
+    assert made > 40 and missing == []
+    assert set(map(str, WarningCode)) - WARNINGS.keys() == IN_PLACE
+    assert WARNINGS.keys() <= set(map(str, WarningCode))
+
+
+IN_PLACE = {
+    *(WarningCode.MISSED, WarningCode.DRIFT, WarningCode.WANDERS, WarningCode.GLITCHES),
+    *(WarningCode.MISFIT, WarningCode.SECOND_SEARCH),
+}
+"""Warnings whose words are put together where they are made."""
+
+
+def names(node: ast.expr) -> list[WarningCode]:
+    """Codes of warnings that an argument may be."""
+    return [WarningCode[n.attr] for n in ast.walk(node) if isinstance(n, ast.Attribute)
+            and getattr(n.value, "id", "") == "WarningCode"]  # fmt: skip
 
 
 def test_every_code_has_its_words() -> None:

@@ -19,6 +19,7 @@ import jaxfric as jf
 from jaxfric.compensation import NothingToCompensate, fade_speed
 from jaxfric.compensation.fade import Memory, return_distance
 from jaxfric.errors import InputError
+from jaxfric.findings import WarningCode
 from jaxfric.report.feedforward_text import spoken
 from jaxfric.saved.entry import verdict_words
 
@@ -414,8 +415,9 @@ def test_a_bend_below_all_rows_is_told_as_the_width_that_stands_for_it(v_c, clam
     content = model("log_viscous", loose=("log_viscous.v_c",))
     content["after"]["parameters"]["log_viscous.v_c"]["value"] = v_c
     (tmp_path / "loop.json").write_text(json.dumps(content))
-    (told,) = (w for w in jf.feedforward(tmp_path / "loop.json").warnings if "v_c" in w)
-    assert ("v_c is set to" in told and "0.0005 m/s" in told) == clamped
+    told = {w.code: w.values for w in jf.feedforward(tmp_path / "loop.json").warnings}
+    assert WarningCode.GUESS in told and (WarningCode.LEAST_WIDTH in told) == clamped
+    assert not clamped or told[WarningCode.LEAST_WIDTH]["width"] == WIDTH
 
 
 def test_a_memory_that_the_record_does_not_fix_does_not_count(tmp_path):
@@ -684,7 +686,8 @@ def test_what_a_loop_says_of_itself_is_told_again(tmp_path):
     path = saved(tmp_path, "log_viscous", loose=("log_viscous.v_c",), verdict="outside_catalogue")
     first, second, third = jf.feedforward(path).warnings
     assert "the loop's own" in first and "outside_catalogue" in second
-    assert "log_viscous.v_c is not determined" in third and "0.01 m/s" in third
+    assert third.code is WarningCode.GUESS and third.values["parameters"] == ("log_viscous.v_c",)
+    assert third.values["slowest"] == pytest.approx(0.01)
 
 
 def older(path, folder):

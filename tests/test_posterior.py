@@ -284,7 +284,7 @@ GOOD = Chains(1.001, 900.0, 800.0)
         ({"A": GOOD, "L": GOOD._replace(ess_tail=399.0)}, 0, ["size of L is 399"]),
         ({"A": GOOD._replace(ess_tail=401.0)}, 0, []),
         ({"A": GOOD, "L": GOOD._replace(ess_tail=math.nan)}, 0, ["size of L"]),
-        ({"A": GOOD}, 1, ["1 transition of"]),
+        ({"A": GOOD}, 1, ["1 transitions of"]),
         ({"A": GOOD._replace(rhat=1.2, ess_bulk=10.0)}, 7, ["R-hat", "size", "7 transitions of"]),
     ],
 )

@@ -8,6 +8,7 @@ from scipy.integrate import solve_ivp
 
 import jaxfric as jf
 from fits.runs.generate import generate
+from jaxfric.findings import WarningCode
 from jaxfric.records import record_steps
 from jaxfric.records.teeth import find_spikes, find_teeth, turns
 from jaxfric.runs import KINDS, Event, find_events
@@ -451,18 +452,19 @@ def timed(*gaps):
 
 
 @pytest.mark.parametrize(
-    ("gaps", "words"),
+    ("gaps", "about"),
     [
         ([], None),
         ([(50, 9.0)], None),
-        ([(50, 36.0)], "a gap of 36 s after 50 s"),
-        ([(50, 36.0), (90, 40.0)], "2 gaps, the longest of 40 s after 125 s"),
+        ([(50, 36.0)], (1, 36.0, 50.0)),
+        ([(50, 36.0), (90, 40.0)], (2, 40.0, 125.0)),
         ([(50 + k, 36.0) for k in range(60)], None),  # the recorder was slow there
     ],
 )
-def test_gaps_of_the_clock_are_told(gaps, words):
+def test_gaps_of_the_clock_are_told(gaps, about):
     said = cautions(timed(*gaps), [])
-    assert (said == ()) if words is None else (words in said[0])
+    assert [one.code for one in said] == ([] if about is None else [WarningCode.GAPS])
+    assert about is None or tuple(said[0].values.values()) == about
 
 
 def test_a_load_point_that_goes_to_and_fro_is_told():
@@ -474,7 +476,8 @@ def test_a_load_point_that_goes_to_and_fro_is_told():
         for k in range(9)
         for s in ((-1) ** k,)
     ]
-    assert "turns back 4 times" in cautions(record, turns)[0]
+    (told,) = cautions(record, turns)
+    assert told.code is WarningCode.TO_AND_FRO and told.values == {"turns": 4}
     assert cautions(record, turns[:6]) == ()
     forwards = replace(record, load_point_displacement=x + 4e-6 * t)
     assert cautions(forwards, turns) == ()
@@ -549,11 +552,8 @@ def test_a_load_point_that_may_have_turned_is_said_once(turns, phase):
     _, events = find_events(record)
     assert not [event for event in events if event.kind == "glitch"]
     [said] = cautions(record, events)
-    assert (
-        said.startswith("friction falls to ") and " rows, at " in said and "may have turned" in said
-    )
-    times = [float(x) for x in said.partition(" at ")[2].partition(" s")[0].split(", ")]
-    assert times == pytest.approx(turns, abs=0.03)
+    assert said.code is WarningCode.DIPS
+    assert said.values["times"] == pytest.approx(turns, abs=0.03)
 
 
 def test_what_is_no_turn_of_the_load_point():

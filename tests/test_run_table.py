@@ -13,9 +13,9 @@ from test_derived import VALUES, covariance_of, fit_of
 
 from jaxfric.cli.call import Call
 from jaxfric.cli.plan_line import run_line
+from jaxfric.findings import WarningCode, warned
 from jaxfric.fitting.misfit import misfit_warning, scatter
 from jaxfric.fitting.noise import Glitches
-from jaxfric.records.thin import blur_warning
 from jaxfric.report.report import Report, print_brief, text_of
 from jaxfric.report.run_page import page
 from jaxfric.report.run_report import latex_text, report
@@ -35,6 +35,10 @@ from jaxfric.runs.table import (
     xlook_rows,
 )
 from jaxfric.runs.warned import missed_warning, warnings_of
+
+
+def blur_warning(rows, times):
+    return warned(WarningCode.FLATTENED, rows=rows, times=times)
 
 
 def left(times=1.0, *, off=0.0, at=24.0, glitches=(), **model):
@@ -161,8 +165,10 @@ def test_steps_that_are_missed_are_told_once_and_what_asks_on():
     """Each with by how much, in the order of the steps; a fit with a trend is asked otherwise."""
     run = run_of(left(off=11.0), left(), left(off=-6.0))
     (line,) = [text for text in warnings_of(run) if "miss" in text.partition(":")[2]]
-    assert line.startswith("step 1, 3: the fit misses its record by 0.0011, 11 times the noise")
-    assert line.endswith("mistake a drift for evolution (slip_trend=True) (values of step 1)")
+    assert line.startswith(
+        "step 1, 3 (values of step 1): the fit misses its record by 0.0011, 11 times the noise"
+    )
+    assert line.endswith("mistake a drift for evolution (slip_trend=True)")
     assert ask_on(run).startswith("fit again with a slip trend or a second state (states=2)")
     assert "(states=2): step 1, 3 (*) may mistake either for evolution" in ask_on(run)
     trend = left(off=11.0, slip_trend=True)
@@ -197,8 +203,8 @@ def test_a_warning_of_several_steps_is_told_once():
     drift, misfit, missed, failed = warnings_of(run)
     assert missed.startswith("step 3: the fit misses its record") and failed == "step 4: few"
     assert drift == "step 1, 2, 3: a drift"
-    assert misfit.startswith("step 2, 3: the fit leaves 2.2 times the scatter")
-    assert misfit.endswith("jaxfric loop asks which (values of step 2)")
+    assert misfit.startswith("step 2, 3 (values of step 2): the fit leaves 2.2 times the scatter")
+    assert misfit.endswith("jaxfric loop asks which")
     assert "slip_trend=True" in misfit and "fit_stiffness=True" in misfit
     assert "slip_trend" not in misfit_warning(left(3.0, slip_trend=True))[0]
     assert misfit_warning(left(1.0)) == ()
@@ -208,7 +214,10 @@ def test_what_means_cost_is_told_once_of_all_steps():
     fits = [replace(left(1.0), warnings=w) for w in ((blur_warning(2, 0.6),), (), ("other",))]
     fits[1] = replace(fits[1], warnings=("other", blur_warning(3, 1.1)))
     blurred, other = warnings_of(run_of(*fits))
-    assert blurred.startswith("step 1, 2: means over 2 rows") and "by 0.6 times" in blurred
+    assert (
+        blurred.startswith("step 1, 2 (values of step 1): means over 2 rows")
+        and "by 0.6 times" in blurred
+    )
     assert other == "step 2, 3: other"
 
 

@@ -161,7 +161,7 @@ class _Teller:
         from ..findings import Warned  # only here: the command begins without NumPy
 
         if isinstance(text, Warned):
-            warn([text.removeprefix("warning: ")])
+            warn([text])
         else:
             doing(text)
 

@@ -5,9 +5,11 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import option
+from ..findings import WarningCode, warned
 from ..lazy import old_arguments
 from ..loop import Loop
 from ..loop.steady.loop import SteadyLoop
+from ..plain import entries
 from ..stability.claims import SURE
 from .curve import FrictionCurve
 from .fade import WHOLE, Fade, FadeReason, Memory, fade_speed
@@ -206,17 +208,10 @@ def _warnings(about: Identified) -> tuple[str, ...]:
     loose = [name for name in about.loose if name not in bends]
     lines = list(about.warnings)
     if bends:
-        told = (
-            f"{', '.join(bends)} is not determined by the record: below {about.slowest:.3g}"
-            f" {about.length}/s the shape of the curve and its compensation are a guess"
-        )
+        own = entries(about, "slowest", "width", "length")
+        lines.append(warned(WarningCode.GUESS, parameters=bends, **own))
         if any(name.endswith(".v_c") and about.values[name] < about.width for name in bends):
-            told += f". v_c is set to the smallest value that the fit resolves, {about.width:.3g}"
-            told += f" {about.length}/s"
-        lines.append(told)
+            lines.append(warned(WarningCode.LEAST_WIDTH, **own))
     if loose:
-        lines.append(
-            f"{', '.join(loose)} is not determined by the record; the band of the table holds for"
-            " the sum of all terms"
-        )
+        lines.append(warned(WarningCode.LOOSE_TERMS, parameters=loose))
     return tuple(lines)

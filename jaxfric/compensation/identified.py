@@ -15,7 +15,7 @@ import numpy as np
 from ..described import said
 from ..effects import effect_of
 from ..errors import InputError, option
-from ..findings import Finding, read_findings
+from ..findings import Finding, WarningCode, read_findings, warned
 from ..loop import Loop
 from ..loop.axis.driven import ONE_SPEED, Driven, at_one_speed
 from ..loop.findings import LoopCode
@@ -285,10 +285,7 @@ def _covariance(about: Content, after: Content) -> tuple[object, list[str]]:
     """The covariance of the model; for an older file that of single parameters, with a warning."""
     if about.get("covariance") is not None:
         return about["covariance"], []
-    return after["covariance"], [
-        "the file is of an older version: its errors include other models that fit as well, so the"
-        " band of friction is too wide; run 'jaxfric axis' again"
-    ]
+    return after["covariance"], [warned(WarningCode.OLD_FILE)]
 
 
 def _refuse(content: Content, about: Content, effects: tuple[str, ...], source: str) -> None:
@@ -429,5 +426,5 @@ def _with_load(about: Identified, load: Load) -> Identified:
         middle=float(load.centre[0]) if load.effect == "position_dependence" else 0.0,
         warnings=about.warnings
         if set(load.names) <= set(told)
-        else (*about.warnings, "friction changes along the travel: its middle is compensated"),
+        else (*about.warnings, warned(WarningCode.MIDDLE)),
     )

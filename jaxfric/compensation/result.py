@@ -8,7 +8,7 @@ import numpy as np
 
 from ..described import Described, Drawable, Tabular
 from ..errors import option
-from ..findings import Finding, ranges
+from ..findings import Finding, listed, ranges
 from ..fitting.uncertainty import QUANTILE
 from ..plain import entries, plain
 from ..schemas import FEEDFORWARD
@@ -161,7 +161,7 @@ class Feedforward(Described, Drawable, Tabular):
                 "std": self.table.std,
                 "supported": self.seen(),
             },
-            "warnings": self.warnings,
+            **listed(self.warnings),
         }
         return plain(table)
 

@@ -8,10 +8,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..errors import option
-from ..findings import Warned, WarningCode
+from ..findings import Warned, WarningCode, warned
 from ..records import Record, VelocitySteps
 from ..records.rows import MIN_ROWS
-from ..units import format_si, read_as
 from .drift import drift_warning
 from .misfit import misfit_warning
 from .noise import Noise, longest_memory, noise_estimate, noise_words
@@ -197,13 +196,8 @@ def contradicted(record: Record, steps: VelocitySteps) -> list[str]:
         own = time[rows] - np.mean(time[rows])
         found = own @ motion[rows] / (own @ own)
         if stated and not 1 / OTHER_SPEED < found / stated < OTHER_SPEED:
-            said, seen = (read_as(format_si(v, "m/s", "um/s")) for v in (stated, found))
-            text = (
-                f"from {steps.times[k]:.4g} s on the steps say {said}, but the load point moves at"
-                f" {seen}: are they those of this record?"
-            )
             values = {"time": steps.times[k], "stated": stated, "moved": found}
-            return [Warned(text, WarningCode.CONTRADICTED, values)]
+            return [warned(WarningCode.CONTRADICTED, **values)]
     return []
 
 
@@ -212,16 +206,11 @@ def _warn(fit: Fit, moved: list[tuple[int, float]], *, wanders: bool) -> Fit:
     time is far from the detected one."""
     said = [*contradicted(fit.record, fit.steps), *noise_words(fit.noise, fit.record)]
     if not fit.converged:
-        text = f"the fit did not converge ({fit.result}): do not use its parameters"
-        said.append(Warned(text, WarningCode.FAILED, {"result": fit.result}))
+        said.append(warned(WarningCode.FAILED, result=fit.result))
         return dataclasses.replace(fit, warnings=tuple(said))
     open_ = [name for name, estimate in fit.parameters.items() if not estimate.determined]
     if open_:
-        verb = "is" if len(open_) == 1 else "are"
-        text = (
-            f"{', '.join(open_)} {verb} not determined by this record: other values fit it as well"
-        )
-        said.append(Warned(text, WarningCode.UNDETERMINED, {"parameters": open_}))
+        said.append(warned(WarningCode.UNDETERMINED, parameters=open_))
     if wanders:
         drift = "" if fit.model.slip_trend else f" a drift ({option('slip-trend')}),"
         text = (
@@ -230,12 +219,7 @@ def _warn(fit: Fit, moved: list[tuple[int, float]], *, wanders: bool) -> Fit:
         )
         said.append(Warned(text, WarningCode.WANDERS))
     for k, sigmas in moved:
-        text = (
-            f"velocity step {k} fits best {abs(sigmas):.1f} standard errors "
-            f"{'before' if sigmas < 0 else 'after'} the time that the load point shows: "
-            "the stiffness may be wrong, the step not sharp, or something lags"
-        )
-        said.append(Warned(text, WarningCode.MOVED_STEP, {"step": k, "sigmas": sigmas}))
+        said.append(warned(WarningCode.MOVED_STEP, step=k, sigmas=sigmas))
     said += [
         *edge_warnings(fit.parameters["K"].value, fit.critical_stiffness()),
         *drift_warning(fit),
@@ -247,12 +231,5 @@ def edge_warnings(K: float, critical: float) -> list[str]:
     """Warnings if K is below or near the critical stiffness; none for a critical stiffness <= 0."""
     if not critical > 0 or NEAR_EDGE * critical <= K:
         return []
-    ratio = f"K/K_cr = {K / critical:.2f}"
-    text = (
-        f"stick-slip regime: the stiffness is below the critical one of this fit ({ratio});"
-        " steady sliding is unstable and A, B, L are suspect"
-        if critical > K
-        else f"near the stability edge ({ratio}): finite velocity steps may leave the basin of"
-        " steady sliding"
-    )
-    return [Warned(text, WarningCode.EDGE, {"ratio": K / critical})]
+    code = WarningCode.UNSTABLE if critical > K else WarningCode.EDGE
+    return [warned(code, ratio=K / critical)]

@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..errors import InputError, option
+from ..findings import WarningCode, warned
 from ..laws.registry import fixed_states, known_law
 from ..lazy import old_arguments
 from ..records import Record, VelocitySteps, record_steps
@@ -24,7 +25,7 @@ from ..records.differences import noise_from_differences
 from ..records.given import as_record
 from ..records.steps import speeds_without_steps
 from ..records.teeth import slips_told
-from ..records.thin import blur, blur_warning, thinned
+from ..records.thin import blur, thinned
 from ..silent import silent
 from ..simulation import simulate
 from ..units import parse_quantity
@@ -229,7 +230,7 @@ def few_rows(record: Record, rows: int, steps: VelocitySteps) -> tuple[Record, t
     lost = blur(few, noise_from_differences(few.friction)) if few is not record else 0.0
     if lost < BLUR:
         return few, ()
-    return few, (blur_warning(-(-len(record) // rows), lost),)
+    return few, (warned(WarningCode.FLATTENED, rows=-(-len(record) // rows), times=lost),)
 
 
 def wanted_model(law: str, states: int, fit_stiffness: bool, slip_trend: bool) -> Model:

@@ -7,10 +7,11 @@ import numpy as np
 from jaxtyping import ArrayLike
 
 from ..coordinate import agreed, unit_of
-from ..errors import InputError, either, option
-from ..findings import Warned, WarningCode
+from ..errors import InputError
+from ..findings import Warned, WarningCode, warned
 from ..laws import LawSource
 from ..laws.registry import Law
+from ..plain import entries
 from ..rig.friction import AbstractLaw
 from ..saved.law import Result, law_source
 from ..silent import silent
@@ -249,21 +250,11 @@ def _warnings(
 ) -> list[str]:
     texts = []
     if delay is None and worst["delay"].value < SHORTEST_DELAY:
-        text = (
-            f"the delay margin of these gains is {1e6 * worst['delay'].value:.2g} us, less than the"
-            f" delay of any controller ({1e6 * SHORTEST_DELAY:.0f} us at a sample rate of 30 kHz)."
-            " Include the delay of yours:"
-            f" {either(option('sample-time', '1 ms'), 'sample_time=1e-3')}, or {option('delay')}"
-            " if it is known"
-        )
-        texts.append(Warned(text, WarningCode.SHORT_DELAY, {"delay": worst["delay"].value}))
+        values = {"delay": worst["delay"].value, "least": SHORTEST_DELAY}
+        texts.append(warned(WarningCode.SHORT_DELAY, **values))
     if region.any_stiffness(best.kp):
-        which = "any positive" if delay is None else "any small"
-        text = (
-            f"k_p is at its lower limit: {which} stiffness meets the requirement; give a lower"
-            f" limit ({option('min-kp')}) if the position must be controlled"
-        )
-        texts.append(Warned(text, WarningCode.LOWEST_STIFFNESS))
+        which = "positive" if delay is None else "small"
+        texts.append(warned(WarningCode.LOWEST_STIFFNESS, which=which))
     return texts
 
 
@@ -290,19 +281,12 @@ def check_gains(
     tell = progress or silent
     law = gains.scenarios.law(0)
     if not isinstance(law, AbstractLaw):
-        return _warned(gains, "gains under a delay law are not simulated")
+        return _with(gains, warned(WarningCode.DELAY_LAW))
     if gains.integral is not None:
         found = _hunting(gains, law, gains.integral, tell)
-        if found is None:
-            return _warned(
-                gains, "gains with integral action are not simulated; only margins are checked"
-            )
-        text = "gains with integral action are simulated at rest only, not in motion"
-        return replace(_warned(gains, text), hunting=found)
+        return replace(_with(gains, warned(WarningCode.INTEGRAL)), hunting=found)
     if gains.any_stiffness:
-        return _warned(
-            gains, "not simulated: k_p means any positive stiffness; give a lower limit of k_p"
-        )
+        return _with(gains, warned(WarningCode.ANY_STIFFNESS))
     values = np.asarray([gains.kp, gains.kv])
     task = GainTask(gains.requirement, gains.scenarios, gains.region)
     few = gains.scenarios.take(choose(gains.scenarios, task.slacks(values)[0], number=number))
@@ -310,20 +294,18 @@ def check_gains(
     largest = 10.0 if basin is None else max(10.0, 2 * basin)
     report = verify(few, values, largest=largest)
     if basin is None or (report.basin or 0) >= basin:
-        return replace(_warned(gains, *unresolved_warnings(report)), simulation=report)
+        return replace(_with(gains, *unresolved_warnings(report)), simulation=report)
     tell(f"raising the gains until the basin is {basin:g}")
     factor = _raise(few, values, basin, largest)
     raised = factor * values
     report = verify(few, raised, largest=largest)
-    text = f"the gains were raised by a factor {factor:.4g} for a basin of {basin:g}"
-    texts = [Warned(text, WarningCode.RAISED, {"factor": factor, "basin": basin})]
+    texts = [warned(WarningCode.RAISED, factor=factor, basin=basin)]
     texts += unresolved_warnings(report)
     missed = float(np.min(task.slacks(raised)))
     if missed < -1e-6:
-        text = f"the raised gains miss a required margin by {-missed:.2g} of its value"
-        texts.append(Warned(text, WarningCode.MISSED_MARGIN, {"by": -missed}))
+        texts.append(warned(WarningCode.MISSED_MARGIN, by=-missed))
     return replace(
-        _warned(gains, *texts),
+        _with(gains, *texts),
         kp=float(raised[0]),
         kv=float(raised[1]),
         norm=float(gains.region.norm(raised)),
@@ -332,7 +314,7 @@ def check_gains(
     )
 
 
-def _warned(gains: Gains, *texts: str) -> Gains:
+def _with(gains: Gains, *texts: str) -> Gains:
     return replace(gains, warnings=(*gains.warnings, *texts))
 
 
@@ -353,13 +335,7 @@ def unresolved_warnings(report: CheckReport) -> tuple[Warned, ...]:
     """Warn if more than half of the simulations end unresolved."""
     if 2 * report.unresolved <= report.checked:
         return ()
-    text = (
-        f"{report.unresolved} of {report.checked} simulated starts end unresolved: the simulation"
-        " stopped before they settled or not. They are not counted; look at one of them with"
-        " 'jaxfric simulate'"
-    )
-    values = {"unresolved": report.unresolved, "checked": report.checked}
-    return (Warned(text, WarningCode.UNRESOLVED, values),)
+    return (warned(WarningCode.UNRESOLVED, **entries(report, "unresolved", "checked")),)
 
 
 def _raise(few: Scenarios, values: np.ndarray, basin: float, largest: float) -> float:

@@ -37,6 +37,7 @@ from ..coordinate import Coordinate, unit_of
 from ..effects import AbstractEffect, AbstractPlaceEffect, made, parameters
 from ..effects.axis import DirectionAsymmetry, RateAndState
 from ..errors import InputError, either, option
+from ..findings import WarningCode, warned
 from ..quantity import Quantity, numbered_names, quantities
 from ..rig import QuasiStatic, Rig
 from ..rig.axis import LAW, AxisRig, BaseLaw
@@ -50,11 +51,8 @@ Effects = Sequence[type[AbstractEffect]]
 Parameters = dict[str, Array]
 
 _BASE = BaseLaw().names()
-_WHILE = {
-    "normal_stress": "it acts only while the normal force changes",
-    "time_drift": "it is of the time of the record",
-}
-"""Friction effects that vanish in steady motion, and why."""
+_WHILE = ("normal_stress", "time_drift")
+"""Friction effects that vanish in steady motion."""
 _ROOMS = {"machine": "machine", "drive": "drive", "sensor": "force sensor"}
 _DIRECT = f"{RateAndState.id}.A"
 # Width of the law's smoothed sign over that of the record: sharp at the speeds that were fitted,
@@ -210,40 +208,23 @@ def left_out(fitted: FittedLaw, scale: float = 1.0) -> tuple[str, ...]:
     as a spring, the line gives the spring stiffness [N/m] and advice. One unit of force in `fitted`
     equals `scale` newtons."""
     lines = []
-    moves, motion, later = "slider", "sliding", "; the law was fitted together with it"
-    if fitted.is_axis:
-        moves, motion = "axis", "motion"
-        later = ", and the law was fitted together with it; a lag that stays asks for larger gains"
     for effect in fitted.effects:
-        id, told = effect.id, f"{effect.id} is left out of the law: "
-        own = {name: fitted.parameters[f"{id}.{name}"] for name in parameters(effect)}
+        own = {name: fitted.parameters[f"{effect.id}.{name}"] for name in parameters(effect)}
         if issubclass(effect, AbstractPlaceEffect):
             spring = scale * float(made(effect, own).softest_spring())
-            told += f"it depends on where the {moves} is, so no steady {motion} exists with it. "
-            told += _spring_words(spring, unit_of("N/m", fitted.coordinate))
-            lines += [told] if spring else []
+            unit = unit_of("N/m", fitted.coordinate)
+            about = {"stiffness": spring, "more": -spring, "unit": unit}
+            code = WarningCode.STIFFENS if spring >= 0 else WarningCode.SOFTENS
+            lines += [warned(code, effect=effect.id, **about)] if spring else []
         elif effect.room != "friction":
             room = effect.room if fitted.is_axis else _ROOMS.get(effect.room)
-            lines.append(f"{told}it belongs to the {room} of the record{later}")
+            lines.append(warned(WarningCode.OF_RECORD, effect=effect.id, room=room))
         elif effect.id in _WHILE:
-            lines.append(told + _WHILE[id])
+            lines.append(warned(WarningCode.VANISHES, effect=effect.id))
         elif effect is DirectionAsymmetry:
             way = "backwards" if own["d"] > 0 else "forwards"
-            lines.append(
-                f"{id}: the law is that of motion {way}, where viscous friction is less; a sample"
-                " takes its own worse direction"
-            )
+            lines.append(warned(WarningCode.DIRECTION, effect=effect.id, direction=way))
     return tuple(lines)
-
-
-def _spring_words(stiffness: float, unit: str) -> str:
-    """Advice on k_p for an omitted effect that acts as a spring [`unit`]."""
-    if stiffness >= 0:
-        return "It acts as a spring that stiffens k_p, so leaving it out is safe"
-    return (
-        f"It acts as a spring of {stiffness:.3g} {unit} beside k_p: add {-stiffness:.3g} {unit} to"
-        " k_p"
-    )
 
 
 def _slider(

@@ -12,10 +12,11 @@ import numpy as np
 from ..coordinate import Coordinate, agreed, unit_of
 from ..effects.effect import id_of
 from ..errors import InputError
+from ..findings import WarningCode, warned
 from ..pairs import read_pairs
 from ..quantity import Quantity, numbered_names, quantities
 from ..rig.friction import AbstractRateState
-from ..units import between, parse_quantity
+from ..units import parse_quantity
 from .registry import (
     REGISTRY,
     Law,
@@ -63,11 +64,8 @@ class LawSource:
         if V.min() >= low / _BEYOND and V.max() <= _BEYOND * high:
             return ()
         worst = max(V.max() / high, low / V.min())
-        return (
-            f"the law is fitted to velocities of {between(low, high, 'm/s')} and asked at"
-            f" {between(V.min(), V.max(), 'm/s')}, up to {worst:.3g} times beyond the record:"
-            " an untested extrapolation",
-        )
+        asked = {"least": V.min(), "most": V.max(), "times": worst}
+        return (warned(WarningCode.UNSEEN, slowest=low, fastest=high, **asked),)
 
 
 def law_from_parameters(kind: str, text: str) -> LawSource:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from jaxtyping import Array
 
 from ..errors import InputError
-from ..findings import Warned
+from ..findings import WarningCode, warned
 from ..study import Progress, run
 from ..study.function import Function, refuse_clashes
 from .computations import COMPUTATIONS
@@ -79,10 +79,7 @@ def _left_out(spec: Spec, parts: list[StudyPart]) -> tuple[str, ...]:
             f"{spec.path.name}: m would not be used: {' and '.join(spec.compute)} has a slider"
             f" without mass; leave m out{', or ' + advice if simulated else ''}"
         )
-    return (
-        "the mass m is in the margins, and the simulated slider has none:"
-        f" {advice}, or inertia = false if this is intended",
-    )
+    return (warned(WarningCode.MASS, advice=advice),)
 
 
 def run_study(
@@ -109,7 +106,7 @@ def run_study(
     refuse_clashes(spec.grid, part.outputs)
     for line in spec.warnings:
         if tell is not None:
-            tell(Warned(f"warning: {line}"))
+            tell(line)
     return run(
         part.function,
         spec.grid,

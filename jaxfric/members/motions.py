@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Array
 
 from ..errors import InputError
+from ..findings import WarningCode, warned
 from ..gains.ends import ENDS
 from ..gains.settle import Policy, end_and_share, slowest_mode, stretched
 from ..gains.thresholds import RUNAWAY
@@ -329,11 +330,7 @@ def _logarithmic(spec: Spec) -> tuple[str, ...]:
     least = _range_of(spec, "f0")[0] / _range_of(spec, "A")[1]
     if least > _FAR_FROM_REST:
         return ()
-    return (
-        "motions without mass use the direct effect A ln(V/V_ref), margins the regularised one."
-        f" The two differ here, because f0 is down to {least:.3g} A. For one law in both give m and"
-        " inertia = true",
-    )
+    return (warned(WarningCode.LOGARITHM, least=least),)
 
 
 def _range_of(spec: Spec, name: str) -> tuple[float, float]:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError, option
+from ..findings import WarningCode, warned
 from ..fitting.noise import Noise
 from ..fitting.result import Fit
 from ..fitting.uncertainty import determined
@@ -129,16 +130,8 @@ def _determined(fit: Fit, target: Target, about: Laplace) -> list[bool]:
 def _of_maximum(fit: Fit, target: Target, about: Laplace) -> tuple[str, ...]:
     """Reasons why a maximum and its Laplace approximation are unreliable."""
     if not about.converged:
-        return (
-            "the maximum of the posterior was not found (do the priors contradict the record?), so"
-            " the posterior claims nothing",
-        )
+        return (warned(WarningCode.NO_MAXIMUM),)
     known = _determined(fit, target, about)
     pairs = zip(target.problem.model.names(), target.priors, known, strict=True)
     loose = [name for name, prior, fixed in pairs if isinstance(prior, FlatPrior) and not fixed]
-    if not loose:
-        return ()
-    return (
-        f"neither the record nor a prior determines {', '.join(loose)}, so the posterior claims"
-        f" nothing; give {loose[0]} a prior",
-    )
+    return (warned(WarningCode.NO_PRIOR, parameters=loose, first=loose[0]),) if loose else ()

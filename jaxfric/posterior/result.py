@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..described import Described, Drawable, Drawn, Tabular
-from ..errors import option
+from ..findings import WarningCode, listed, marked, warned
 from ..fitting.result import DIFFERENCE as DIFFERENCE
 from ..fitting.result import Fit
 from ..fitting.thresholds import ENDS
@@ -155,12 +155,12 @@ class Posterior(Described, Drawable, Drawn, Tabular):
             },
             "free": [law_name(name) for name in self.names],
             "covariance": np.atleast_2d(np.cov([drawn[name] for name in self.names])).tolist(),
-            "warnings": [*self._warned(), *open_words("posterior", claim, "draws")],
+            **listed((*self._warned(), *open_words("posterior", claim, "draws"))),
         }
 
-    def _warned(self) -> list[str]:
+    def _warned(self) -> tuple[str, ...]:
         """Warnings of the fit and of the posterior."""
-        return [*(f"the fit warned: {line}" for line in self.fit.warnings), *self.warnings]
+        return (*marked("the fit warned", self.fit.warnings), *self.warnings)
 
     def attributes(self) -> dict[str, object]:
         """Metadata for the file; lists and tables are JSON, velocities and stiffness SI."""
@@ -178,7 +178,7 @@ class Posterior(Described, Drawable, Drawn, Tabular):
             "reference_velocity": fit.parameters["V0"].value,
             "noise": json.dumps(noise),
             "noise_held": self.noise,
-            "warnings": json.dumps(self._warned()),
+            **{name: json.dumps(one) for name, one in listed(self._warned()).items()},
             ENTRY: json.dumps(self.law_entry()),
         }
 
@@ -205,22 +205,11 @@ def doubts(chains: dict[str, Chains], diverging: int) -> tuple[str, ...]:
     few = min(chains, key=lambda name: _worst(_least(chains[name]), -1))
     lines = []
     if not chains[rhat].rhat <= RHAT:
-        lines.append(
-            f"the chains disagree: R-hat of {rhat} is {chains[rhat].rhat:.3f}, above {RHAT}; the"
-            f" posterior claims nothing; ask for more {option('draws')}, or give looser"
-            " parameters a prior"
-        )
+        lines.append(warned(WarningCode.CHAINS, name=rhat, rhat=chains[rhat].rhat, most=RHAT))
     if not _least(chains[few]) >= ESS:
-        lines.append(
-            f"too few independent draws: the effective sample size of {few} is"
-            f" {_least(chains[few]):.0f}, below {ESS}; the posterior claims nothing; ask for more"
-            f" {option('draws')}"
-        )
+        lines.append(warned(WarningCode.FEW_DRAWS, name=few, size=_least(chains[few]), least=ESS))
     if diverging:
-        lines.append(
-            f"{diverging} transition{'s' if diverging > 1 else ''} of the sampler diverged: a part"
-            " of the posterior may be missing, so it claims nothing; give tighter priors"
-        )
+        lines.append(warned(WarningCode.DIVERGED, number=diverging))
     return tuple(lines)
 
 

@@ -18,6 +18,7 @@ from jaxtyping import Array, Float
 
 from ..effects import effect_of
 from ..errors import InputError
+from ..findings import WarningCode, warned
 from ..fitting.axis_fit import inverse_dynamics
 from ..fitting.axis_preparation import prepare, usual
 from ..fitting.axis_problem import AxisProblem, make_problem
@@ -274,20 +275,12 @@ def _warnings(setting: _AxisSetting) -> tuple[str, ...]:
     fastest = max([fastest, *centres])
     speed = np.abs(rows.velocity[rows.used])
     if np.mean(rows.used) < _FEW:
-        told.append(
-            f"{np.sum(rows.used)} of {len(rows.used)} rows are compared ({len(setting.record)} in"
-            " the file before averaging): the others are at rest, reverse, or have no neighbours"
-        )
+        of = {"compared": int(np.sum(rows.used)), "rows": len(rows.used)}
+        told.append(warned(WarningCode.FEW_ROWS, **of, recorded=len(setting.record)))
     beyond = float(np.mean(speed > _BEYOND * fastest))
     if beyond > _UNSEEN:
         unit = f"{setting.record.length_unit}/s"
-        told.append(
-            f"{100 * beyond:.0f} % of the rows are faster than {fastest:.3g} {unit}, the maximum of"
-            " the model's own record: there it extrapolates"
-        )
+        told.append(warned(WarningCode.FASTER, share=beyond, fastest=fastest, unit=unit))
     if one_way(rows.velocity[rows.used]):
-        told.append(
-            "the record moves in one direction only, so that a fit determines only the sum of"
-            " Coulomb friction and offset"
-        )
+        told.append(warned(WarningCode.ONE_WAY))
     return tuple(told)

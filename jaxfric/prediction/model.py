@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ..errors import InputError
+from ..findings import WarningCode, warned
 from ..saved.files import (
     Saved,
     missing_key,
@@ -54,9 +55,8 @@ class SavedModel(NamedTuple):
 
     def warnings(self) -> tuple[str, ...]:
         """Return warnings of the fit or loop itself, and of undetermined parameters."""
-        loose = self.undetermined()
-        line = f"the model's own record does not determine {', '.join(loose)}"
-        return (*own_warnings(self.content), *([line] if loose else []))
+        own, loose = own_warnings(self.content), self.undetermined()
+        return (*own, warned(WarningCode.LOOSE_MODEL, parameters=loose)) if loose else own
 
     def undetermined(self) -> list[str]:
         """Return the parameters that the model's own record did not determine."""

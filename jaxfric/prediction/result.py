@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..described import Described, Drawable, Gridded, Tabular
+from ..findings import listed
 from ..plain import entries, plain
 from ..records.record import Provenance
 from ..records.steps import VelocitySteps
@@ -180,6 +181,7 @@ class Prediction(Described, Drawable, Gridded, Tabular):
             "parameters": {
                 s.name: entries(s, "model", "here", "error", "in_sigma") for s in self.shifts
             },
-            **entries(self, "notes", "warnings"),
+            "notes": self.notes,
+            **listed(self.warnings),
         }
         return plain(table)

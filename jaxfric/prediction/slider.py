@@ -16,6 +16,7 @@ import numpy as np
 
 from ..effects import effect_of
 from ..errors import InputError, option
+from ..findings import WarningCode, warned
 from ..fitting.encompassing import EncompassingModel
 from ..fitting.fit import forward_steps, require_float64, steps_of
 from ..fitting.noise import estimate_noise, noise_rows, sandwich
@@ -262,9 +263,7 @@ def _warnings(setting: _SliderSetting) -> tuple[str, ...]:
     speeds = speeds[speeds > 0]
     beyond = (speeds > _BEYOND * fastest) | (speeds < slowest / _BEYOND)
     if beyond.any():
-        which = ", ".join(f"{1e6 * v:.3g}" for v in np.unique(speeds[beyond].round(12))[:6])
-        told.append(
-            f"velocities of this record ({which} um/s) are outside the range of the model's own"
-            f" record ({1e6 * slowest:.3g} to {1e6 * fastest:.3g} um/s): there it extrapolates"
-        )
+        which = np.unique(speeds[beyond].round(12))[:6].tolist()
+        values = {"velocities": which, "slowest": slowest, "fastest": fastest}
+        told.append(warned(WarningCode.OTHER_VELOCITIES, **values))
     return tuple(told)

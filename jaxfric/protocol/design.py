@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..described import Described, Drawable, Tabular
+from ..findings import listed
 from ..loop.thresholds import ALIAS
 from ..plain import entries, plain
 from ..records import VelocitySteps
@@ -252,10 +253,11 @@ class Protocol(Described, Drawable, Tabular, Planned):
         """Return the content of `protocol.json`, schema `schemas.PROTOCOL`; SI, null: unknown."""
         best = self.recommended()
         known = ("velocities", "slip_per_step", "duration", "stiffness", "noise", "noise_from")
-        known += ("slip_noise", "friction_unit", "law", "parameters", "warnings", "seconds")
+        known += ("slip_noise", "friction_unit", "law", "parameters", "seconds")
         return {
             "schema": PROTOCOL,
             **plain(entries(self, *known)),
+            **listed(self.warnings),
             "critical_stiffness": self.critical_stiffness if self.ratio is not None else None,
             "stiffness_ratio": self.ratio,
             "rows_per_step": self.rows,

@@ -19,6 +19,7 @@ import numpy as np
 
 from ..effects import CATALOGUE, AbstractEffect, RecordScales, effect_of, ids_of, parameters
 from ..errors import InputError, option
+from ..findings import WarningCode, warned
 from ..fitting.encompassing import EncompassingModel
 from ..fitting.padding import bucket
 from ..fitting.problem import (
@@ -247,16 +248,10 @@ def _slips_away(ratio: float | None) -> str:
 def _warnings(ratio: float | None, values: Mapping[str, float], slip: float) -> tuple[str, ...]:
     found = []
     if ratio is not None and ratio < NEAR:
-        found.append(
-            f"K/K_cr is {ratio:.2f}, below {NEAR:g}: a finite step may leave the basin of steady"
-            " sliding; use a stiffer machine"
-        )
+        found.append(warned(WarningCode.EDGE, ratio=ratio))
     longest = max(v for name, v in values.items() if name[0] == "L" and "." not in name)
     if slip < 3 * longest:
-        found.append(
-            f"a step of {1e6 * slip:.4g} um is shorter than 3 L ({3e6 * longest:.4g} um): friction"
-            " does not reach steady state between steps"
-        )
+        found.append(warned(WarningCode.SHORT_STEP, slip=slip, needed=3 * longest))
     return tuple(found)
 
 

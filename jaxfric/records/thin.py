@@ -15,7 +15,6 @@ from itertools import pairwise
 import numpy as np
 
 from ..errors import InputError, option
-from ..findings import Warned, WarningCode
 from .record import Record, frozen
 from .rows import MIN_ROWS
 from .steps import VelocitySteps
@@ -63,12 +62,3 @@ def blur(record: Record, noise: float) -> float:
     """Return the largest flattening of peaks in a record of means, divided by the `noise`."""
     second = np.abs(np.diff(record.friction, 2))
     return float(np.quantile(second, 1 - 3 / max(len(second), 6))) / 24 / noise
-
-
-def blur_warning(rows: int, lost: float) -> Warned:
-    """Return a warning: means over `rows` rows flatten peaks by `lost` times the noise."""
-    text = (
-        f"means over {rows} rows flatten the peaks after the steps by {lost:.2g} times the noise of"
-        f" the means: A is too small; choose a larger {option('downsample-to')}"
-    )
-    return Warned(text, WarningCode.FLATTENED, {"rows": rows, "times": lost})

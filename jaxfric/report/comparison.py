@@ -1,5 +1,6 @@
 """A comparison of laws in words, as JSON, and as a table with one row for each law."""
 
+from ..findings import listed
 from ..fitting.misfit import EXCESS, excess
 from ..loop.compare import LawComparison, LawScore
 from ..loop.thresholds import ACCEPT
@@ -156,7 +157,7 @@ def to_json(found: LawComparison) -> dict:
             }
             for score in found.scores
         ],
-        "warnings": list(warnings(found)),
+        **listed(warnings(found)),
     }
 
 

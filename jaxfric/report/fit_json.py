@@ -1,6 +1,6 @@
 """A fit as the content of fit.json."""
 
-from ..findings import coded
+from ..findings import listed
 from ..fitting.result import Estimate, Fit
 from ..plain import entries, plain
 from ..saved.entry import ENTRY, law_entry
@@ -30,8 +30,8 @@ def content(fit: Fit) -> dict:
             "stiffness_over_critical_interval": (kcr.ratio.lower, kcr.ratio.upper),
             **entries(fit, "sum_of_squares", "rms"),
             "noise": noise if fit.converged else dict.fromkeys(noise),
-            **entries(fit, "weighting", "converged", "iterations", "result", "warnings"),
-            "warned": coded(fit.warnings),
+            **entries(fit, "weighting", "converged", "iterations", "result"),
+            **listed(fit.warnings),
             "findings": [one.to_json(velocity) for one in fit.findings],
         }
     )

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..findings import coded
+from ..findings import listed
 from ..gains.hunting import Hunting
 from ..gains.result import Gains
 from ..plain import entries, plain
@@ -43,8 +43,8 @@ def content(gains: Gains) -> dict:
             "samples": int(np.unique(scenarios.sample).size),
             **entries(gains, "confidence", "kept_samples"),
         },
-        **entries(gains, "certificate", "simulation", "warnings"),
-        "warned": coded(gains.warnings),
+        **entries(gains, "certificate", "simulation"),
+        **listed(gains.warnings),
     }
     return plain(result)
 

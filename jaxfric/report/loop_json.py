@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..findings import coded
+from ..findings import listed
 from ..loop.axis.result import AxisDetails
 from ..loop.family import CurveFamily
 from ..loop.refusal import SOURCES
@@ -55,8 +55,8 @@ def content(loop: Loop) -> dict:
         },
         **({} if loop.details is None else loop.details.to_json()),
         "next_steps": [entries(step, "code", "text", "command") for step in next_steps(loop)],
-        "warned": coded(loop.warnings),
-        **entries(loop, "warnings", "seconds"),
+        **listed(loop.warnings),
+        **entries(loop, "seconds"),
     }
     told = plain(table)
     return told | {ENTRY: law_entry(told)}

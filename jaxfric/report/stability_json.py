@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..findings import listed
 from ..plain import entries, plain
 from ..rig.friction import AbstractStribeck, critical_velocity, worst_slope
 from ..schemas import STABILITY
@@ -55,7 +56,7 @@ def content(study: Study, law: str, warnings: Sequence[str] = ()) -> dict:
             "critical_velocity": critical_velocity(study.law),
             "worst_slope": worst_slope(study.law),
         }
-    return plain({**result, "warnings": warnings})
+    return plain({**result, **listed(warnings)})
 
 
 def _theorem_content(study: Study) -> dict:

@@ -3,10 +3,13 @@
 Results hold codes and values. `say` makes sentences from them; no code parses a sentence.
 """
 
+import string
 from collections.abc import Iterable, Mapping
 from typing import Protocol
 
 from ..effects import RunChange
+from ..errors import option
+from ..findings import WarningCode
 from ..units import prefixed
 
 TEMPLATES: Mapping[str, str] = {
@@ -141,6 +144,138 @@ TEMPLATES: Mapping[str, str] = {
 }
 """Every template by its code, "TABLE.CODE"; values are fields of `str.format`."""
 
+WARNINGS: Mapping[str, str] = {
+    # of a saved model
+    "unsaid_convergence": "its file does not say whether it converged",
+    "no_claim": "this {what} says nothing of stability ({reasons}): what follows is of its {of},"
+    " not of the record",
+    "no_claim_of_the_axis": "of the axis itself: {sentence}",
+    "last_model_used": "the loop's verdict is {verdict}{sentence}: the law of its last model is"
+    " used, which does not describe the record",
+    "base_model_used": "the loop's verdict is {verdict}{sentence}: the law of its base model is"
+    " used, since the effects added predict the test rows worse; it does not describe the record"
+    " either",
+    # of a posterior
+    "chains_disagree": "the chains disagree: R-hat of {name} is {rhat:.3f}, above {most}; the"
+    " posterior claims nothing; ask for more {option[draws]}, or give priors",
+    "few_draws": "too few independent draws: the effective sample size of {name} is {size:.0f},"
+    " below {least}; the posterior claims nothing; ask for more {option[draws]}",
+    "diverged": "{number} transitions of the sampler diverged: a part of the posterior may be"
+    " missing, so it claims nothing; give tighter priors",
+    "no_maximum": "the maximum of the posterior was not found (do the priors contradict the"
+    " record?): it claims nothing",
+    "no_prior": "neither the record nor a prior determines {parameters}, so the posterior claims"
+    " nothing; give {first} a prior",
+    # of a prediction
+    "model_undetermined": "the model's own record does not determine {parameters}",
+    "other_velocities": "velocities of this record ({velocities:u.3g} um/s) are outside the model's"
+    " own record ({slowest:u.3g} to {fastest:u.3g} um/s): there it extrapolates",
+    "faster": "{share:%.0f} % of the rows are faster than {fastest:.3g} {unit}, the maximum of the"
+    " model's own record: there it extrapolates",
+    "few_rows": "{compared} of {rows} rows are compared ({recorded} in the file before averaging):"
+    " the others are at rest, reverse, or have no neighbours",
+    "one_direction": "the record moves in one direction only, so that a fit determines only the sum"
+    " of Coulomb friction and offset",
+    # of a protocol
+    "steps_too_short": "a step of {slip:u.4g} um is shorter than 3 L ({needed:u.4g} um): friction"
+    " does not reach steady state between steps",
+    # of gains
+    "no_controller_is_as_fast": "the delay margin of these gains is {delay:u.2g} us, less than the"
+    " delay of any controller ({least:u.0f} us at a sample rate of 30 kHz). Include the delay of"
+    " yours: {option[sample-time]}, or {option[delay]} if it is known",
+    "stiffness_at_its_lower_limit": "k_p is at its lower limit: any {which} stiffness meets the"
+    " requirement; give a lower limit ({option[min-kp]}) if the position must be controlled",
+    "gains_raised": "the gains were raised by a factor {factor:.4g} for a basin of {basin:g}",
+    "margin_missed": "the raised gains miss a required margin by {by:.2g} of its value",
+    "simulations_unresolved": "{unresolved} of {checked} simulated starts end unresolved: the"
+    " simulation stopped before they settled. They are not counted: look at one with 'jaxfric"
+    " simulate'",
+    "delay_law_not_simulated": "gains under a delay law are not simulated",
+    "integral_not_simulated": "gains with integral action are not simulated in motion",
+    "any_stiffness_not_simulated": "not simulated: k_p means any positive stiffness; give a lower"
+    " limit of k_p",
+    # of a record or a fit
+    "means_flatten_the_peaks": "means over {rows} rows flatten the peaks after the steps by"
+    " {times:.2g} times the noise of the means: A is too small; raise {option[downsample-to]}",
+    "rows_at_uneven_times": "the rows are {least:m.3g} to {most:m.3g} ms apart ({middle:m.3g} as a"
+    " rule; {share:%.2g} % differ from that by more than a fifth): they are interpolated, which"
+    " blurs the acceleration. Record at even times",
+    "motion_does_not_answer_to_the_force": "in {share:%.2g} % of the rows that count ({times}) the"
+    " motion does not answer to the recorded force: by more than half of it. Something else acts"
+    " there; give what was added as a column ({option[column=disturbance=NAME]}), or cut those rows"
+    " out",
+    "steps_contradict_the_motion": "from {time:.4g} s on the steps say {stated:u.4g} µm/s, but the"
+    " load point moves at {moved:u.4g} µm/s: are they those of this record?",
+    "did_not_converge": "the fit did not converge ({result}): do not use its parameters",
+    "parameters_undetermined": "this record does not determine {parameters}: other values fit it as"
+    " well",
+    "edge_of_stability": "near the stability edge (K/K_cr = {ratio:.2f}): finite velocity steps may"
+    " leave the basin of steady sliding; a stiffer machine avoids it",
+    "below_the_critical_stiffness": "stick-slip regime: the stiffness is below the critical one of"
+    " this fit (K/K_cr = {ratio:.2f}); steady sliding is unstable and A, B, L are suspect",
+    "step_time_moved": "velocity step {step} fits best {sigmas:+.1f} standard errors from the time"
+    " that the load point shows: the stiffness may be wrong, the step not sharp, or there is a lag",
+    "coarse_recorder_steps": "{file}: friction is recorded in steps of {step:.2g}, more than twice"
+    " the rest of its noise ({noise:.2g}): neighbouring rows differ by steps, not by noise, and"
+    " what is smaller than a step may be lost; record more digits, or in a finer range",
+    # of a friction law
+    "slopes_of_a_table": "slopes are those between neighbouring rows of the table, including their"
+    " scatter",
+    "no_direct_effect_assumed": "the table does not determine a direct effect: none is assumed",
+    "law_without_memory": "a table of steady-state friction has no memory: only damping can"
+    " stabilise the slider, and the effect of stiffness is unknown. Give the memory distance if it"
+    " is known, {option[memory=1 mm]}",
+    "effect_stiffens": "{effect} is left out of the law: it depends on position, and stiffens k_p"
+    " like a spring, so leaving it out is safe",
+    "effect_softens": "{effect} is left out of the law: it depends on position, like a spring of"
+    " {stiffness:.3g} {unit} beside k_p: add {more:.3g} {unit} to k_p",
+    "effect_of_the_record": "{effect} is left out of the law: it belongs to the {room} of the"
+    " record; a lag that stays asks for larger gains",
+    "effect_vanishes_in_steady_motion": "{effect} is left out of the law: it vanishes in steady"
+    " motion",
+    "law_of_one_direction": "{effect}: the law is that of motion {direction}, where viscous"
+    " friction is less",
+    "law_beyond_its_record": "the law is fitted to velocities of {slowest:.3g} to {fastest:.3g} m/s"
+    " and asked at {least:.3g} to {most:.3g} m/s, up to {times:.3g} times beyond the record: an"
+    " untested extrapolation",
+    # of a feedforward
+    "errors_of_an_older_version": "the file is of an older version, so the band of friction is too"
+    " wide; run 'jaxfric axis' again",
+    "middle_of_the_travel": "friction changes along the travel: its middle is compensated",
+    "curve_is_a_guess": "the record does not determine {parameters}: below {slowest:.3g} {length}/s"
+    " the shape of the curve and its compensation are a guess",
+    "v_c_at_its_least": "v_c is set to the smallest value that the fit resolves, {width:.3g}"
+    " {length}/s",
+    "terms_undetermined": "the record does not determine {parameters}; the band of the table holds"
+    " for the sum of all terms",
+    # of a run
+    "gaps_of_the_clock": "gaps of the clock: {number}, the longest of {longest:.4g} s after"
+    " {time:.6g} s. Events in a gap are inferred from the rows before and after it",
+    "load_point_turns_back": "the load point turns back {turns} times: one direction is taken as"
+    " forward, the other as unloading. For such an axis use 'jaxfric axis'",
+    "friction_falls_and_returns": "friction falls to {lowest:.2g}{unit} and comes back within"
+    " {rows} rows, at {times:.6g} s ({number} in all): the load point may have turned there, if"
+    " |friction| was recorded. Cut the record there ({option[from]}, {option[to]}), or use 'jaxfric"
+    " axis' for motion back and forth",
+    "one_stiffness_at_several_stresses": "a stiffness of {stiffness:M.4g}/um was used at normal"
+    " stresses from {low:M.4g} to {high:M.4g} MPa, but a press has one stiffness of shear stress."
+    " If {stiffness:M.4g}/um holds at the last, give {option[stiffness]} as {needed:T.4g} MPa/um",
+    "stiffness_is_not_that_of_the_ramps": "{option[stiffness]} differs by {share:%+.0f} % from that"
+    " of the ramps ({found}): A, B and L depend on it. To use that: {option[stiffness=ramps]}",
+    "stiffness_is_not_that_of_stick_slip": "{option[stiffness]} differs by {share:%+.0f} % from the"
+    " slope of friction during stick, {found}",
+    # of a study
+    "mass_in_the_margins_only": "the mass m is in the margins, and the simulated slider has none:"
+    " {advice}, or inertia = false if this is intended",
+    "motions_near_rest_without_mass": "motions without mass use the direct effect A ln(V/V_ref),"
+    " margins the regularised one. They differ here (f0 = {least:.3g} A): for one law give m and"
+    " inertia = true",
+    "file_system_without_locks": "the file system of {store} has no locks ({error}); make sure that"
+    " no other run writes there",
+    "begun_with_other_versions": "begun with other versions: {versions}",
+}
+"""Every template of a warning by its code, a `findings.WarningCode`."""
+
 VARIABLE: Mapping[str, str] = {
     "log_velocity": "velocity",
     "slip_since_step": "the slip since a step",
@@ -167,9 +302,34 @@ CHANGES: Mapping[RunChange, str] = {
 """Changes of a run that tell effects apart."""
 
 
+_SIZES = {"u": 1e6, "m": 1e3, "M": 1e-6, "T": 1e-12, "%": 100.0}
+
+
+class _Filler(string.Formatter):
+    """Fills a template: "{option[draws]}" is an option of the command, or an argument of Python.
+    Each value of a list is written in turn. "{:u.3g}" writes a value in micro-units (`_SIZES`)."""
+
+    def get_field(self, field_name, args, kwargs):
+        if field_name.startswith("option["):
+            return option(*field_name[len("option[") : -1].split("=", 1)), field_name
+        return super().get_field(field_name, args, kwargs)
+
+    def format_field(self, value, format_spec):
+        if isinstance(value, list | tuple):
+            return ", ".join(self.format_field(one, format_spec) for one in value)
+        if format_spec[:1] in _SIZES:
+            value, format_spec = _SIZES[format_spec[0]] * value, format_spec[1:]
+        return super().format_field(value, format_spec)
+
+
 def say(code: str, **values: object) -> str:
     """Fill the template of a code with values."""
-    return TEMPLATES[code].format(**values)
+    return _Filler().vformat(TEMPLATES[code], (), values)
+
+
+def warning(code: WarningCode, values: Mapping[str, object]) -> str:
+    """A warning in words."""
+    return _Filler().vformat(WARNINGS[code], (), values)
 
 
 class HasUnits(Protocol):

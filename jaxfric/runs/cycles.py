@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import stdtrit
 
-from ..errors import option
+from ..findings import WarningCode, warned
 from ..fitting.thresholds import ENDS
 from ..fitting.uncertainty import HALF_DECADE, QUANTILE
 from ..plain import entries, plain
@@ -158,15 +158,13 @@ def disagreement(found: StickSlip | None, given: MachineStiffness | None) -> str
     own, stress = found.claimed(found.law).get("K"), found.fits[found.law].stress
     if own is None or (given.of_stress and stress is None):
         return None
-    words = departure(given.at(stress), *own)
-    if words is None:
+    share = departure(given.at(stress), *own)
+    if share is None:
         return None
     unit, scale = found.units["K"]
     K, error = own
-    return (
-        f"{option('stiffness')} is {words} the slope of friction during stick,"
-        f" {measured(scale * K, scale * error)} {unit}"
-    )
+    slope = f"{measured(scale * K, scale * error)} {unit}"
+    return warned(WarningCode.TEETH, share=share, found=slope)
 
 
 def rows(found: StickSlip | None) -> list[dict[str, Cell]]:

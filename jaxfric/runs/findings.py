@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from ..findings import listed
 from ..plain import entries
 from ..schemas import RUN
 from ..silent import silent
@@ -22,6 +23,7 @@ from .left_out import LeftOut, left_out
 from .ramps import Ramp, disagreement, find_ramps, ramp_stiffness
 from .stress_steps import FittedStress, fit_stress_steps
 from .table import Cell, claimed
+from .warned import warnings_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,4 +138,5 @@ def content(run: RunFit, others: Findings) -> dict[str, object]:
         "stiffness_from_ramps": None if stiffness is None else asdict(stiffness),
         "stick_slip": of_cycles.to_json(others.stick_slip),
         "dependences": [asdict(one) for one in dependences(run.steps)],
+        **listed((*warnings_of(run), *others.warnings)),
     }

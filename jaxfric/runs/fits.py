@@ -8,6 +8,7 @@ import numpy as np
 
 from ..described import Described, Drawable, Tabular
 from ..errors import InputError, option
+from ..findings import marked
 from ..fitting import Fit, fit
 from ..laws.registry import known_law
 from ..records import Record, VelocitySteps
@@ -90,7 +91,7 @@ def by_step(said: Iterable[tuple[int, str]]) -> list[str]:
         numbers = ", ".join(str(number) for number, _ in pairs)
         number, text = pairs[0]
         values = f" (values of step {number})" if any(other != text for _, other in pairs) else ""
-        lines.append(f"step {numbers}: {text}{values}")
+        lines += marked(f"step {numbers}{values}", [text])
     return lines
 
 

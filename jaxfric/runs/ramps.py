@@ -27,6 +27,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import InputError, option
+from ..findings import WarningCode, warned
 from ..records import Record
 from ..units import measured
 from .events import Event
@@ -247,13 +248,8 @@ def disagreement(
         if not (stress and stress > 0):
             return None
         value = value * stress if found.of_stress else value / stress
-    words = departure(value, found.value, found.error)
-    if words is None:
-        return None
-    return (
-        f"{option('stiffness')} is {words} that of the ramps ({found.told()}): A, B and L depend on"
-        f" it; to use that of the ramps: {option('stiffness', 'ramps')}"
-    )
+    share = departure(value, found.value, found.error)
+    return None if share is None else warned(WarningCode.RAMPS, share=share, found=found.told())
 
 
 def rows(ramps: Sequence[Ramp]) -> list[dict[str, Cell]]:

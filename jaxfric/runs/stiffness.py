@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import InputError, option
+from ..findings import WarningCode, warned
 from ..units import has_dimension, parse_quantity
 
 _ALIKE = 1.02
@@ -17,14 +18,12 @@ _OFF, _FAR = 0.1, 3.0
 """Stiffnesses disagree if they differ by more than `_OFF` and by more than `_FAR` errors."""
 
 
-def departure(given: float, found: float, error: float) -> str | None:
-    """Return the deviation of a given stiffness from a measured one with a standard error, as in
-    "31 % above"; None if both agree.
+def departure(given: float, found: float, error: float) -> float | None:
+    """Return the deviation of a given stiffness from a measured one with a standard error, as a
+    share of the measured one; None if both agree.
     """
-    if abs(given - found) <= max(_OFF * found, _FAR * error):
-        return None
-    share = 100 * (given / found - 1)
-    return f"{abs(share):.0f} % {'above' if share > 0 else 'below'}"
+    agree = abs(given - found) <= max(_OFF * found, _FAR * error)
+    return None if agree else given / found - 1
 
 
 @dataclass(frozen=True)
@@ -72,10 +71,5 @@ class MachineStiffness:
         """Return a warning if one stiffness in friction is used at several normal stresses [Pa]."""
         if self.of_stress or not stresses or max(stresses) < _ALIKE * min(stresses):
             return None
-        low, high = min(stresses) / 1e6, max(stresses) / 1e6
-        per = self.value * 1e-6
-        return (
-            f"a stiffness of {per:.4g}/um was used at normal stresses from {low:.4g} to"
-            f" {high:.4g} MPa, but a press has one stiffness of shear stress. If {per:.4g}/um holds"
-            f" at {high:.4g} MPa, give {option('stiffness')} as {per * high:.4g} MPa/um"
-        )
+        K, low, high = self.value, min(stresses), max(stresses)
+        return warned(WarningCode.PRESS, stiffness=K, low=low, high=high, needed=K * high)

@@ -13,6 +13,7 @@
     velocity        slowest and fastest velocity of the record [m/s], or null
     width, reach    of an axis' record [m/s], [m]
     warnings        lines to read before using the law
+    warned          code and values of each line
 
 For files of older versions, this module makes the entry "friction_law" from other entries.
 """
@@ -26,6 +27,7 @@ import numpy as np
 
 from ..effects import effect_of
 from ..errors import InputError
+from ..findings import WarningCode, listed, read_warnings, warned
 from ..laws.fitted import FittedLaw
 from ..laws.registry import count_states, fixed_states, is_rate_state
 from ..quantity import numbered_names
@@ -101,6 +103,7 @@ def read_entry(path: Path, entry: object, schema: str) -> FittedLaw:
         raise InputError(f"{path}: {error}") from None
     own["loose"] = [n for n, item in own["parameters"].items() if not item.get("determined", True)]
     own["parameters"] = values_of(own)
+    own["warnings"] = read_warnings(entry)  # ty: ignore[invalid-argument-type]
     own["velocity"] = None if own["velocity"] is None else tuple(own["velocity"])
     own["covariance"] = np.asarray(own["covariance"], float).reshape(2 * [len(own["free"])])
     fitted = FittedLaw(str(path), **own)
@@ -180,7 +183,7 @@ def law_entry(content: Mapping) -> dict[str, Any]:
         "velocity": seen_velocities(velocities),
         "width": about.get("sign_width") or 0.0,
         "reach": about.get("least_slip_length") or 0.0,
-        "warnings": [*own_warnings(content), *warnings],
+        **listed((*own_warnings(content), *warnings)),
     }
 
 
@@ -204,10 +207,7 @@ def open_words(what: str, claim: Claim, of: str) -> list[str]:
     """Warn if a result (`what`) supports no claim on stability; the warning names its `of`."""
     if claim.kind != "open":
         return []
-    return [
-        f"this {what} says nothing of stability ({'; '.join(claim.reasons)}): what follows is of"
-        f" its {of}, not of the record"
-    ]
+    return [warned(WarningCode.NO_CLAIM, what=what, reasons=claim.reasons, of=of)]
 
 
 def _doubts(content: Mapping) -> list[str]:
@@ -233,7 +233,7 @@ def _claim(about: Mapping) -> list[str]:
     if gains.get("claim") != "open":
         return []
     sentence = " ".join(str(gains.get("sentence") or "Nothing is said of stability.").split())
-    return [f"of the axis itself: {sentence}"]
+    return [warned(WarningCode.AXIS_CLAIM, sentence=sentence)]
 
 
 def verdict_words(content: Mapping) -> list[str]:
@@ -242,13 +242,9 @@ def verdict_words(content: Mapping) -> list[str]:
         return []
     sentence = str(content.get("sentence") or "").strip().rstrip(".")
     more = f" ({sentence})" if sentence else ""
-    which = "the law of its last model is used, which does not describe the record"
-    if _supported(content) == "before":
-        which = (
-            "the law of its base model is used, since the effects added predict the test rows"
-            " worse; it does not describe the record either"
-        )
-    return [f"the loop's verdict is {content['verdict']}{more}: {which}"]
+    last = _supported(content) == "after"
+    code = WarningCode.LAST_MODEL if last else WarningCode.BASE_MODEL
+    return [warned(code, verdict=content["verdict"], sentence=more)]
 
 
 def _supported(content: Mapping) -> str:

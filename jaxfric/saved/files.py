@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, option
+from ..findings import WarningCode, marked, read_warnings, warned
 from ..schemas import FIT, STEADY, VERBS
 from .upgrade import upgraded
 
@@ -97,10 +98,10 @@ def own_warnings(content: Mapping) -> tuple[str, ...]:
     warnings. A fit.json without the entry `converged` is used, with a warning.
     """
     verb = "fit" if content["schema"] == FIT else "loop"
-    lines = [" ".join(line.split()) for line in content.get("warnings", [])]
+    lines = [*read_warnings(content)]
     if content["schema"] == FIT and "converged" not in content:
-        lines.append("its file does not say whether it converged")
-    return tuple(f"the {verb} warned: {line}" for line in dict.fromkeys(lines) if line)
+        lines.append(warned(WarningCode.UNSAID))
+    return marked(f"the {verb} warned", filter(None, dict.fromkeys(lines)))
 
 
 def refuse_damage(path: Path, schema: str, problem: str | None) -> None:

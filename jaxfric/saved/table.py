@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..coordinate import Coordinate, unit_of
-from ..errors import InputError, either, option
+from ..errors import InputError, option
+from ..findings import WarningCode, warned
 from ..laws.fitted import force_of_unit
 from ..laws.source import LawSource, stack
 from ..records.friction_table import read_friction_table
@@ -15,6 +16,9 @@ from ..units import parse_quantity
 
 ENDINGS = (".csv", ".tsv", ".txt", ".dat")
 """Suffixes of files that hold a table and not a result of another verb."""
+
+_LACKS = {True: WarningCode.NO_DIRECT, False: WarningCode.NO_MEMORY}
+"""What a table does not show, by whether its memory distance is given."""
 
 
 def law_from_table(
@@ -55,21 +59,9 @@ def law_from_table(
         stack([law]),
         f"table of friction at {len(speed)} speeds: {where}",
         None,
-        _warnings(memory is not None),
+        tuple(map(warned, (WarningCode.SLOPES, _LACKS[memory is not None]))),
         (float(speed[0]), float(speed[-1])),
         coordinate=coordinate,
-    )
-
-
-def _warnings(memory: bool) -> tuple[str, ...]:
-    slopes = "slopes are those between neighbouring rows of the table, including their scatter"
-    if memory:
-        return (slopes, "the table does not determine a direct effect: none is assumed")
-    return (
-        slopes,
-        "a table of steady-state friction has no memory: only damping can stabilise the slider,"
-        " and the effect of stiffness is unknown. Give the memory distance if it is known,"
-        f" {either(option('memory', '1 mm'), 'law_from_table(..., memory=1e-3)')}",
     )
 
 

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError, option
-from ..findings import Warned
+from ..findings import WarningCode, warned
 
 if TYPE_CHECKING:
     from zarr.storage import ObjectStore
@@ -184,11 +184,7 @@ class Directory(AbstractPlace):
             except (BlockingIOError, PermissionError):
                 raise _held(self.shown) from None
             except OSError as error:
-                text = (
-                    f"warning: the file system of {self.shown} has no locks ({error.strerror});"
-                    " make sure that no other run writes there"
-                )
-                tell(Warned(text))
+                tell(warned(WarningCode.NO_LOCKS, store=self.shown, error=error.strerror))
             yield
 
 

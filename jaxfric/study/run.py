@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import InputError
-from ..findings import Warned
+from ..findings import WarningCode, warned
 from ..silent import silent
 from .function import (
     OUTCOME,
@@ -215,7 +215,7 @@ def _go_on(
         tell(f"{int(sound.sum())} of {len(sound)} chunks are written and sound")
         changed = changed_versions(store.place)
         if changed:
-            tell(Warned(f"warning: begun with other versions: {', '.join(changed)}"))
+            tell(warned(WarningCode.VERSIONS, versions=changed))
     retried = [number for number in store.with_errors() if sound[number]]
     if retried:
         tell(f"{len(retried)} of them have members that failed, and are computed again")

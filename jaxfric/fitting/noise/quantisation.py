@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from ...findings import Warned, WarningCode
+from ...findings import WarningCode, warned
 from . import thresholds as const
 
 
@@ -47,9 +47,4 @@ def step_words(step: float, sigma: float, path: str) -> tuple[str, ...]:
     rest = math.sqrt(max(sigma**2 - least_noise(step) ** 2, 0.0))
     if not step > const.COARSE * rest:
         return ()
-    text = (
-        f"{path}: friction is recorded in steps of {step:.2g}, more than twice the rest of its"
-        f" noise ({rest:.2g}): neighbouring rows differ by steps, not by noise, and what is smaller"
-        " than a step may be lost; record more digits, or in a finer range"
-    )
-    return (Warned(text, WarningCode.COARSE, {"step": step, "noise": rest}),)
+    return (warned(WarningCode.COARSE, file=path, step=step, noise=rest),)

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...errors import InputError, option
-from ...findings import Warned, WarningCode
+from ...findings import WarningCode, warned
 from ...fitting.axis_preparation import Preparation, Prepared, acceleration_noise, prepare, usual
 from ...fitting.noise.thresholds import CLEAR
 from ...records.axis_record import AxisRecord
@@ -94,17 +94,11 @@ def _refuse_still(record: AxisRecord, prepared: Prepared, rows: AxisRows) -> Non
 def _uneven(record: AxisRecord) -> str | None:
     """A warning about uneven sampling, since the motion is interpolated linearly."""
     steps = np.diff(record.time)
-    middle, least, most = (1e3 * float(x) for x in (np.median(steps), steps.min(), steps.max()))
+    middle, least, most = (float(x) for x in (np.median(steps), steps.min(), steps.max()))
     share = float(np.mean(np.abs(steps - np.median(steps)) > JITTER * np.median(steps)))
     if share < FEW:
         return None
-    text = (
-        f"the rows are {least:.3g} to {most:.3g} ms apart ({middle:.3g} as a rule;"
-        f" {100 * share:.2g} % differ from that by more than a fifth): they are"
-        " interpolated, which blurs the acceleration. Record at even times"
-    )
-    values = {"least": least / 1e3, "most": most / 1e3, "middle": middle / 1e3, "share": share}
-    return Warned(text, WarningCode.UNEVEN, values)
+    return warned(WarningCode.UNEVEN, least=least, most=most, middle=middle, share=share)
 
 
 def _unexplained(record: AxisRecord, prepared: Prepared, rows: AxisRows) -> str | None:
@@ -112,14 +106,8 @@ def _unexplained(record: AxisRecord, prepared: Prepared, rows: AxisRows) -> str 
     far = np.flatnonzero(unexplained_rows(prepared, rows.used, rows.width))
     if not len(far):
         return None
-    share = 100 * len(far) / int(rows.used.sum())
-    text = (
-        f"in {share:.2g} % of the rows that count ({stretches(far, rows.time)}) the motion does not"
-        " answer to the recorded force: by more than half of it. Something else acts there; give"
-        f" what was added as a column ({option('column', 'disturbance=NAME')}), or cut those rows"
-        " out"
-    )
-    return Warned(text, WarningCode.UNEXPLAINED, {"share": share / 100})
+    share = len(far) / int(rows.used.sum())
+    return warned(WarningCode.UNEXPLAINED, share=share, times=stretches(far, rows.time))
 
 
 def _prepare(record: AxisRecord, force: np.ndarray, chosen: Preparation | None, held: bool):
