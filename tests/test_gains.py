@@ -443,7 +443,7 @@ def test_a_delay_margin_below_any_controller_is_told():
         return " ".join(_warnings(best, region, worst, delay))
 
     assert "0.76 us" in said(7.6e-7)
-    assert "sample_time=1e-3" in said(7.6e-7) and "50 us" in said(7.6e-7)
+    assert "sample_time" in said(7.6e-7) and "50 us" in said(7.6e-7)
     assert said(6e-5) == "" and said(7.6e-7, 1.5e-3) == ""
 
 
