@@ -1,17 +1,22 @@
 """Sentences of a verdict, from constructed numbers: what is said is what they show."""
 
 import re
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy import stats
+from test_loop_report import make_loop
 
+from jaxfric.findings import Finding, Severity
+from jaxfric.loop.findings import LoopCode
 from jaxfric.loop.location import Bumps, _profile, _ripples, share_of
 from jaxfric.loop.refusal import Fault, Refusal
 from jaxfric.loop.result import LocationProfile, unfixed
 from jaxfric.loop.verdict import Conclusion, Told
 from jaxfric.report.location_text import where_it_sits
+from jaxfric.report.loop_report import headline
 
 RIPPLE = "periodic_in_slip"
 
@@ -51,6 +56,27 @@ def test_what_is_said_of_a_verdict(snapshot):
         assert set(effects) == set(re.findall("stiffness|gain|viscous|run_in", text))
         assert set(re.findall(r"\d+\.\d\d\b", text)) <= {f"{x:.2f}" for x in told[:3]}
     snapshot("verdicts", texts)
+
+
+@pytest.mark.parametrize(
+    ("left", "after", "slow"),
+    [
+        ({"block_means": 3e-6}, 0.98, True),
+        ({"block_means": 3e-6, "slip": 5e-8, "time": 3e-6, "periodic_in_slip": 1e-6}, 0.98, True),
+        ({"block_means": 3e-6}, 1.2, False),  # more than noise
+        ({"block_means": 3e-6, "slip_since_step": 1e-5}, 0.98, False),
+        ({"slip": 5e-8}, 0.98, False),
+    ],
+)
+def test_slow_noise_is_named_where_only_slow_changes_are_left(left, after, slow):
+    """A drift in noise that is 1/f in part: time_drift is found, slow changes are left."""
+    finding = Finding(LoopCode.STRUCTURE, Severity.CAUTION, left, np.ones(9, bool))
+    told = Told(("time_drift",), 7.42, after, 1.06, min(left.values()), 50.0)
+    sentence = Conclusion("outside_catalogue", told, (finding,), (), {}).sentence
+    loop = replace(make_loop("outside_catalogue"), findings=(finding,), held_out_threshold=1.06)
+    report = after / loop.test_error(loop.after) * loop.after.rms["report"]
+    loop = replace(loop, after=replace(loop.after, rms=loop.after.rms | {"report": report}))
+    assert ("Slow noise (1/f)" in sentence) is ("slow noise (1/f)" in headline(loop)) is slow
 
 
 TRIED = [

@@ -18,6 +18,7 @@ from .loop_text import (
 )
 from .report import Report
 from .rig_words import AXIS
+from .verdict_text import slow_alone
 from .words import lower, say
 
 _TOO_FEW = (
@@ -60,7 +61,9 @@ def headline(loop: Loop) -> str:
         return say("headline.effects", effects=listed([*others, curve]))
     if code == "too_weak" and loop.test_error(loop.before) > FAR * loop.held_out_threshold:
         code = "base_misses"
+    slow = False
     if code == "outside_catalogue":
+        slow = slow_alone(loop.findings, loop.test_error(loop.after), loop.held_out_threshold)
         helps = loop.effects and loop.test_error(loop.after) < loop.test_error(loop.before)
         code = ("beyond" if helps else code) + ("_unfixed" if loop.unfixed() else "")
     if code == "ambiguous" and effects:
@@ -68,7 +71,8 @@ def headline(loop: Loop) -> str:
         effects = [id for id in effects if id not in alike]
         code = "not_confirmed" if not alike else "also_one_of" if effects else "one_of"
         return say(f"headline.{code}", effects=listed(effects), either=listed([*alike.values()]))
-    return say(f"headline.{code}", effects=listed(effects) or "an effect")
+    found = say(f"headline.{code}", effects=listed(effects) or "an effect")
+    return say("headline.slow", found=found) if slow else found
 
 
 def first_lines(loop: Loop) -> list[str]:

@@ -15,6 +15,8 @@ from .estimates import bracketed
 from .location_text import variable_words, where_it_sits
 from .words import TEMPLATES, say
 
+_SLOW = {"block_means", "slip", "time", "periodic_in_slip"}
+"""Tests that find slow changes along the record."""
 _BLOCKS = {"report": "test", "select": "validation", "train": "train"}
 
 
@@ -38,7 +40,8 @@ def sentence(found: Conclusion) -> str:
         case "too_weak":
             return _too_weak(told)
         case "outside_catalogue":
-            return _outside(told, named)
+            slow = slow_alone(found.findings, told.after, told.most)
+            return _outside(told, named, slow=slow)
     curves = [id for family in found.families for id in family.effects]
     what = [id for id in told.effects if id not in curves]
     decided = ""
@@ -63,12 +66,20 @@ def _too_weak(told: Told) -> str:
     return say(f"verdict.{code}", p=p_text(told.p_value), **values)
 
 
-def _outside(told: Told, named: str) -> str:
+def slow_alone(findings: Sequence[Finding], error: float, most: float) -> bool:
+    """Whether slow noise may explain what is left: a test `error` [sigma] of at most `most`, and
+    structure that changes slowly along the record, not with its velocity steps."""
+    left = [one.values for one in findings if one.code is LoopCode.STRUCTURE]
+    return error <= most and any("block_means" in one and _SLOW.issuperset(one) for one in left)
+
+
+def _outside(told: Told, named: str, *, slow: bool) -> str:
     """What is known of what is missing: what explains a part, what would explain more, and where
-    the residual sits."""
+    the residual sits. `slow`: slow noise may explain it."""
     helped = told.effects and told.helped
     code = "in_part" if helped else "not_named" if told.closer else "outside"
     parts = [say(f"verdict.{'small' if told.after <= told.most else code}", after=told.after)]
+    parts += [say("verdict.slow")] if slow else []
     if told.effects:
         code = "helps" if helped else "in_vain"
         parts.append(say(f"verdict.{code}", named=named, change=change(told)))

@@ -30,6 +30,8 @@ TEMPLATES: Mapping[str, str] = {
     "verdict.not_named": "The missing effect cannot be named.",
     "verdict.small": "The residual is as small as the noise (test error {after:.2f} sigma), but it"
     " has structure. No effect whose parameters this record determines explains it.",
+    "verdict.slow": "The structure changes slowly along the record. Slow noise (1/f) of the"
+    " recorder also has such structure.",
     "verdict.moved": "With {named} the train block is fitted better, but {moves}, and the test"
     " block is predicted no better ({change}). This is not confirmed: the record leaves both"
     " possible.",
@@ -132,6 +134,7 @@ TEMPLATES: Mapping[str, str] = {
     " determine",
     "headline.beyond_unfixed": "Beyond {effects} something is missing that this record does not"
     " determine",
+    "headline.slow": "{found}, or the recorder has slow noise (1/f)",
     "headline.too_weak": "The evidence is too weak to name an effect",
     "headline.base_misses": "The test rows are missed, and no effect is supported",
     # which effects the record distinguishes from an added effect
