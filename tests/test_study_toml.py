@@ -147,7 +147,7 @@ def test_the_step_and_an_escape_are_told(ratio: str, words: str) -> None:
     code, out, err = run("study", "study.toml")
     assert code == 0, err
     assert f"end (end of the motion after a step from {words}" in out
-    assert ("  escape: The slider ran away: friction falls faster than" in out) == ("escape" in out)
+    assert ("\n  escape: The slider ran away" in out) == ("escape" in out)
     assert ratio != "" or "escape" in out
 
 
@@ -487,8 +487,8 @@ def test_the_law_of_a_file_stays_regularised() -> None:
         content["parameters"]["f0"]["value"] = f0
         written(Path("fit.json"), json.dumps(content))
         written(Path("ends.toml"), 'compute = ["simulate"]\n' + text.replace("OUT", '"end"'))
-        (*lines,) = make(Path("ends.toml"))[0].warnings
-        assert len(lines) == told and ("f0 is down to 2 A" in "".join(lines)) == told
+        found = make(Path("ends.toml"))[0].warnings
+        assert [one.values["least"] for one in found] == ([pytest.approx(2.0)] if told else [])
 
 
 @pytest.mark.parametrize("where", ["rig", "axes"])

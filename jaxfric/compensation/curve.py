@@ -56,7 +56,8 @@ class FrictionCurve:
         return 0.5 * (ends[0] - ends[1])
 
     def mean(self, velocity: np.ndarray, fade: float | None = None) -> FrictionValues:
-        """(F(v) - F(-v))/2, the mean of both directions, with its error; no fade by default."""
+        """(F(v) - F(-v))/2, half the difference of both directions, with its error; no fade by
+        default."""
         v = np.abs(np.asarray(velocity, float))
         width = _SHARP if fade is None else fade
         (f, by, slope), (g, other, back) = (self._numbers(s * v, width) for s in (1, -1))

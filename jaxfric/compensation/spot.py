@@ -15,7 +15,7 @@ _WHOLE = 0.995
 
 
 class ForceAt(NamedTuple):
-    """Friction in one direction, or a mean of both [F]."""
+    """Friction in one direction, or half the difference of both [F]."""
 
     force: float
     std: float

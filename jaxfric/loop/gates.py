@@ -217,7 +217,8 @@ def what_it_takes(engine: Engine, without: Candidate, candidate: Candidate) -> t
 def taken(
     before: Mapping[str, Estimate], after: Mapping[str, Estimate], *, of_place: bool = False
 ) -> tuple[Move, ...]:
-    """The parameters of the base that are determined `before` an effect is added, but not `after`.
+    """The parameters of the base model that the record determines `before` an effect is added, but
+    no longer `after`.
 
     A rate-and-state term with a long L mimics inertia. A presliding spring mimics Coulomb friction,
     and heating mimics a weakening evolution. A wrong effect may fit as well as the right one, but a

@@ -27,9 +27,9 @@ from ..simulation.thresholds import SAFETY
 CODES = {
     "steady": "The slider slides steadily, or converges to steady sliding.",
     "limit_cycle": "The slider keeps oscillating: stick-slip, or an oscillation that still grows.",
-    "escape": "The slider ran away: friction falls faster than its spring force, after a large step"
-    " also above the critical stiffness, and without mass nothing limits its speed; with mass it"
-    " would stick-slip (inertia = true).",
+    "escape": "The slider ran away: its friction falls faster than the spring force. This may also"
+    " happen above the critical stiffness, after a large step. Without mass nothing limits the"
+    " speed; with mass (inertia = true) the slider would stick-slip.",
     "failed": "The end state is not known: too many steps, or fewer than two cycles in the time.",
 }
 STEADY, LIMIT_CYCLE, ESCAPE, FAILED = range(4)

@@ -46,8 +46,8 @@ def spoken(found: Feedforward, here: FrictionAt) -> str:
     place = middle if uses_position(found.pieces) else ""
     text = (
         f"Friction at {here.speed:.4g} {speed}{place}: {here.forwards.text(unit)} forwards,"
-        f" {here.backwards.text(unit)} backwards; the mean of both {here.mean.text(unit)}"
-        f"{found.within(here)}"
+        f" {here.backwards.text(unit)} backwards; (forwards - backwards)/2 is"
+        f" {here.mean.text(unit)}{found.within(here)}"
     )
     if here.faded:
         ends = " and ".join(f"{force:+.4g}" for force in here.unfaded)

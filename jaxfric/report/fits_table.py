@@ -195,11 +195,17 @@ def report_of_files(fits: Sequence[TabledFit]) -> Report:
     if rates:
         weak = sum(rate.upper < 0 for rate in rates)
         strong = sum(rate.lower > 0 for rate in rates)
-        signs = {"weakening": weak, "strengthening": strong, "open": len(rates) - weak - strong}
+        unknown = len(rates) - weak - strong
+        signs = {
+            "velocity weakening": weak,
+            "velocity strengthening": strong,
+            "of unknown sign": unknown,
+        }
         told = ", ".join(f"{count} {sign}" for sign, count in signs.items() if count)
         values = [rate.value for rate in rates]
-        ends = " to ".join(dict.fromkeys(f"{value:.3g}" for value in (min(values), max(values))))
-        line += f": a - b {ends.replace('-', '−')}, velocity dependence: {told}"
+        ends = list(dict.fromkeys(f"{value:.3g}" for value in (min(values), max(values))))
+        range_ = f"is {ends[0]} in each" if len(ends) == 1 else f"is between {' and '.join(ends)}"
+        line += f": a - b {range_.replace('-', '−')}; {told}"
     return Report([line], tables=[table], warnings=warnings)
 
 

@@ -256,8 +256,8 @@ def told(steps: Sequence[StepFit]) -> list[str]:
         ]
     else:
         lines = [
-            f"shared by {len(shared.steps)} steps: {values} (likelihood-ratio test:"
-            f" {p_text(shared.p)}, not rejected)"
+            f"the {len(shared.steps)} steps may have the same parameters (likelihood-ratio test:"
+            f" {p_text(shared.p)}): {values}"
         ]
     answers = dependences(steps)
     of_velocity = [d for d in answers if (d.quantity, d.along) == ("A-B", "velocity")]

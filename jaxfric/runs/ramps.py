@@ -58,7 +58,7 @@ class Ramp:
     """A ramp from `start` to `stop` [s] that begins with an `unload` or a `reload` (`kind`).
 
     `slope` and its standard `error`: k [Pa/m] of shear stress if `of_stress`, else K of friction
-    [friction/m]; None if the ramp cannot be used, with the reason `why`.
+    [friction/m]. Both are None if the ramp cannot be used, and `why` gives the reason.
     """
 
     kind: str

@@ -1,4 +1,6 @@
-"""Compute a motion by `diffrax.diffeqsolve`, for a solver, controller or adjoint of the user."""
+"""Compute a motion by `diffrax.diffeqsolve`, with a solver, step-size controller or adjoint method
+that the user gives.
+"""
 
 import diffrax
 import equinox as eqx

@@ -86,8 +86,9 @@ def _plain(size: float) -> str:
 
 @dataclass(frozen=True)
 class NoiseEstimate:
-    """Noise of the residual: standard deviation (unit of friction) and correlated parts, the larger
-    first. The rest of the noise variance is white.
+    """Noise of the residual: standard deviation of a row (unit of friction), and correlated parts.
+
+    The part with the larger variance comes first. The rest of the variance is white noise.
     """
 
     sigma: float
