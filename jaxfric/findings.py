@@ -40,6 +40,8 @@ class WarningCode(StrEnum):
     DRIFT = "drift_before_the_step"
     """Friction drifts before a velocity step as the model does not; values: slope, error, shift,
     trend (that was fitted, or None)."""
+    TREND = "trend_with_slip"
+    """The model lacks a trend with slip; values: with_trend (A-B with it, and its error)."""
     WANDERS = "residual_wanders"
     """The residual wanders over the whole record."""
     CONTRADICTED = "steps_contradict_the_motion"

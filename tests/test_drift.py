@@ -14,7 +14,7 @@ from test_derived import VALUES, covariance_of, fit_of
 import jaxfric as jf
 from jaxfric import VelocitySteps, from_arrays
 from jaxfric.errors import words_of_the_command
-from jaxfric.findings import Warned, WarningCode
+from jaxfric.findings import Warned, WarningCode, is_of
 from jaxfric.fitting.drift import drift_before, drift_warning
 from jaxfric.fitting.misfit import misfit_warning, scatter
 from jaxfric.loop.slider import repeated
@@ -177,6 +177,25 @@ def test_hardening_with_slip_is_no_velocity_strengthening(seed):
     assert fit.to_json()["A_minus_B_with_trend"] == [value, error]
     warnings = jf.law_from_fit(fit, normal_force=1.0).warnings
     assert any("trend of friction over slip" in text for text in warnings)
+
+
+def test_a_trend_that_only_the_whole_record_shows_is_warned_of():
+    """Hardening of 6e-7 per um is hidden before the step, but moves A-B by four errors; with a
+    trend the fit has the true A-B. A loop, which asks for a trend itself, does not repeat it."""
+    record, K = hardening(0, per_mm=0.0006)
+    fit, truth = jf.fit(record, stiffness=K), 0.008 - 0.0081
+    assert drift_before(fit).p > 0.05 and abs(fit.A_minus_B.value - truth) > 4 * fit.A_minus_B.std
+    (said,) = [text for text in fit.warnings if is_of(text, WarningCode.TREND)]
+    refit = jf.fit(record, stiffness=K, slip_trend=True).A_minus_B
+    assert abs(refit.value - truth) < 2 * refit.std
+    assert f"with it A-B is {refit.value:.6f}(" in said and "slip_trend=True" in said
+    assert repeated([said]) == []
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_noise_is_no_trend(seed):
+    record, K = hardening(seed, per_mm=0.0)
+    assert drift_warning(jf.fit(record, stiffness=K)) == ()
 
 
 def test_strengthening_that_a_trend_leaves_is_told():

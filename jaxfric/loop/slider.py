@@ -205,10 +205,10 @@ def _channels(
 
 def repeated(warnings: Sequence[str]) -> list[str]:
     """The warnings of a fit that the loop repeats, with the name of the loop's option. Warnings
-    about noise and about a large or wandering residual are dropped, since the loop searches for
+    about noise, a trend and a large or wandering residual are dropped, since the loop searches for
     their cause.
     """
-    asked = (WarningCode.MISFIT, WarningCode.WANDERS, WarningCode.GLITCHES, WarningCode.COARSE)
+    asked = {WarningCode[name] for name in ("MISFIT", "WANDERS", "TREND", "GLITCHES", "COARSE")}
     kept = [text for text in warnings if not any(is_of(text, code) for code in asked)]
     own = option("include", "slip_trend")
     return [
