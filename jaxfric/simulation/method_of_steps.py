@@ -3,10 +3,10 @@
 Derivatives of the motion jump at the times t0 + n alpha. From one of these times to the next the
 motion is smooth, and the delayed velocity is known. `follow_delay` divides every delay into the
 same `pieces` and takes one step for each piece. In a step the motion is a polynomial that satisfies
-the equation of motion at Radau's points (collocation). The values of the polynomial at Radau's points are the
-history of the step one delay later. So the history has no interpolation error. Because time is
-measured in steps, the delay is an ordinary parameter. The length of a step does not depend on an
-error estimate, so results vary smoothly with parameters.
+the equation of motion at Radau's points (collocation). The values of the polynomial at Radau's
+points are the history of the step one delay later. So the history has no interpolation error.
+Because time is measured in steps, the delay is an ordinary parameter. The length of a step does not
+depend on an error estimate, so results vary smoothly with parameters.
 
 Unknowns are deviations from steady sliding at V0: v = V - V0 and p = sqrt(K/m) (x - x_s),
 both velocities of like size in an oscillation:
