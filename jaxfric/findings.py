@@ -41,7 +41,8 @@ class WarningCode(StrEnum):
     """Friction drifts before a velocity step as the model does not; values: slope, error, shift,
     trend (that was fitted, or None)."""
     TREND = "trend_with_slip"
-    """The model lacks a trend with slip; values: with_trend (A-B with it, and its error)."""
+    """The model lacks a trend with slip; values: with_trend (A-B with it, and its error), told and
+    without (A-B with and without it as text)."""
     WANDERS = "residual_wanders"
     """The residual wanders over the whole record."""
     CONTRADICTED = "steps_contradict_the_motion"

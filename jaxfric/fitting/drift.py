@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import option
-from ..findings import Warned, WarningCode
+from ..findings import Warned, WarningCode, warned
 from ..units import measured, read_as
 from .result import Fit, difference
 from .thresholds import BLOCKS, CONTRADICTED, RARE_DRIFT
@@ -116,11 +116,8 @@ def drift_warning(fit: Fit) -> tuple[str, ...]:
 def _trend_warning(fit: Fit) -> tuple[str, ...]:
     if fit.with_trend is None or trend_chance([fit]) >= RARE_DRIFT:
         return ()
-    text = (
-        "friction has a significant trend with slip that the model lacks: with it A-B is"
-        f" {measured(*fit.with_trend)}, not {measured(*difference(fit))} ({option('slip-trend')})"
-    )
-    return (Warned(text, WarningCode.TREND, {"with_trend": fit.with_trend}),)
+    told, without = measured(*fit.with_trend), measured(*difference(fit))
+    return (warned(WarningCode.TREND, told=told, without=without, with_trend=fit.with_trend),)
 
 
 def of_drift(values: Mapping[str, typing.Any], asking: str) -> Warned:
