@@ -198,8 +198,8 @@ WARNINGS: Mapping[str, str] = {
     "any_stiffness_not_simulated": "not simulated: k_p means any positive stiffness; give a lower"
     " limit of k_p",
     # of a record or a fit
-    "trend_with_slip": "friction has a significant trend with slip that the model lacks: with it A-B"
-    " is {told}, not {without} ({option[slip-trend]})",
+    "trend_with_slip": "friction has a significant trend with slip that the model lacks: with it"
+    " A-B is {told}, not {without} ({option[slip-trend]})",
     "means_flatten_the_peaks": "means over {rows} rows flatten the peaks after the steps by"
     " {times:.2g} times the noise of the means: A is too small; raise {option[downsample-to]}",
     "rows_at_uneven_times": "the rows are {least:m.3g} to {most:m.3g} ms apart ({middle:m.3g} as a"
