@@ -136,6 +136,8 @@ def test_a_weight_may_exceed_every_recorded_torque(tmp_path):
     for name, value in {"M": 0.05, "F_c": 0.3, "F_v": 0.04, "gravity.a": 8.0}.items():
         found = loop.after.parameters[name]
         assert abs(found.value - value) < 4 * found.std < 0.6 * abs(value), name
+        assert loop.details.check.values[name] == pytest.approx(value, rel=0.1), name
+    assert not loop.details.doubt()
 
 
 @pytest.mark.parametrize(("coordinate", "found"), [("rotary", True), ("linear", False)])

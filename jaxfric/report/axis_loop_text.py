@@ -47,15 +47,15 @@ def words_of_driven(directions: Sequence[Driven], force: str, speed: str) -> str
 
 
 def doubt(details: AxisDetails) -> str:
-    """Name mass and friction that differ between the loop and a least-squares fit of all rows.
+    """Name mass and friction that differ between the loop and least squares of the counted rows.
 
     A difference is named only if it exceeds both its error and a factor of 1.5. The result is '' if
     mass and friction do not differ.
     """
-    fit = details.fits[-1][1] if details.fits else None
+    fit = details.check
     told = [
         f"{name} is {measured(own.value, own.std)} by the loop and"
-        f" {measured(fit.values[name], fit.std[name])} by least squares over all rows"
+        f" {measured(fit.values[name], fit.std[name])} by least squares of the rows that count"
         for name, own in details.loop.items()
         if fit is not None and name in _MEASURED and _far_apart(fit, name, own)
     ]
@@ -92,7 +92,8 @@ def tables(details: AxisDetails) -> list[TextTable]:
         f" the position. Cutoff {details.preparation.cutoff:.3g} Hz, one row in"
         f" {details.preparation.decimation}; the sign of the velocity is smoothed over"
         f" {details.width:.2g} {unit}/s.{''.join(f' {capital(one)}.' for one in details.notes)}"
-        " Rows are all but those at rest, and the force acts at once, as in published fits; the"
+        " Rows are all but those at rest, and the force acts at once, as in published fits. Rows"
+        " near a reversal may bias these fits: the sign of the velocity is uncertain there. The"
         " loop's values are of its train block, with its noise."
     )
     return [TextTable("Fits over all rows", head, rows, note), gains_table(details)]

@@ -93,6 +93,10 @@ def details_of(
         simulated_free = engine.free(tuple(id for id in candidate.effects if id in acting))
         simulated = output_error(problem, candidate.z, simulated_free, record)
         fits += [] if simulated is None else [(when, simulated)]
+    weight = np.zeros(len(prepared.time))
+    weight[: prepared.rows] = counted.used
+    own_rows = dataclasses.replace(problem, weight=jnp.asarray(weight))
+    check = inverse_dynamics(own_rows, found.final.z, engine.free(found.final.effects))
     # slope and error must come from one model: that of the loop, over the used rows
     rig = problem.rig(jnp.asarray(found.final.z))
     unit = record.length_unit
@@ -123,6 +127,7 @@ def details_of(
         directions,
         withheld,
         spring,
+        check,
     )
     claims = axis_claims(counted, directions, details)
     return dataclasses.replace(details, claims=(*claims, *others))

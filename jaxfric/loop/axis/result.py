@@ -94,6 +94,8 @@ class AxisDetails:
     slid; '' otherwise."""
     spring: Spring | None = None
     """The spring of an axis that never slid; None if it slides."""
+    check: AxisFit | None = None
+    """Least squares of the final model over all rows that count, to compare with `loop`."""
     claims: tuple[Finding, ...] = ()
     """Friction in each direction and stability, with the rows that support them."""
 
@@ -113,9 +115,9 @@ class AxisDetails:
         return said("axis_loop_text.found", self)
 
     def doubt(self) -> str:
-        """Text that names the mass and friction parameters for which the loop and least squares
-        over all rows disagree; '' if none. Two values disagree if they differ by more than their
-        errors and by more than a factor of 1.5.
+        """Text that names the mass and friction parameters for which the loop and the fit `check`
+        disagree; '' if none. Two values disagree if they differ by more than their errors and by
+        more than a factor of 1.5.
         """
         return said("axis_loop_text.doubt", self)
 
