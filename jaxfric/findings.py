@@ -132,6 +132,8 @@ class WarningCode(StrEnum):
     """Friction changes along the travel, and its middle is compensated."""
     GUESS = "curve_is_a_guess"
     """Values: parameters, slowest, length."""
+    FALLS = "friction_falls_with_speed"
+    """Values: fastest, above (where the formula's friction would drive the axis), length."""
     LEAST_WIDTH = "v_c_at_its_least"
     """Values: width, length."""
     LOOSE_TERMS = "terms_undetermined"

@@ -17,13 +17,14 @@ from jaxfric.errors import InputError
 from jaxfric.loop.axis.loop import _seen_by
 from jaxfric.loop.case import Offered
 from jaxfric.plot.loop import FIGURES
+from jaxfric.report.loop_report import first_lines
 
 OFFERED = {"cubic", "log_viscous"}
 TRUTH = {"M": 0.05, "F_v": 0.04, "F_c": 0.3, "F_0": 0.02}
 
 
 def rotary_text(
-    rows=900, noise=5e-3, cubic=0.03, thinning=0.0, weight=0.0, swing=1.0, bottom=0.4
+    rows=900, noise=5e-3, cubic=0.03, thinning=0.0, weight=0.0, swing=1.0, bottom=0.4, viscous=0.04
 ) -> str:
     """A joint of 0.05 kg m^2 that moves back and forth: 50 Hz, deg and mN m.
 
@@ -37,7 +38,7 @@ def rotary_text(
     v = w * np.cos(w * t) * np.sin(slow * t + 0.5) + slow * np.sin(w * t) * np.cos(slow * t + 0.5)
     v *= swing
     a = np.gradient(v, t)
-    torque = 0.05 * a + 0.04 * v + 0.3 * np.sign(v) + 0.02 + cubic * v**3
+    torque = 0.05 * a + viscous * v + 0.3 * np.sign(v) + 0.02 + cubic * v**3
     torque += thinning * np.sign(v) * np.log(1 + np.abs(v) / 0.2)
     torque += weight * np.sin(q - bottom) + noise * random.standard_normal(rows)
     lines = ["time [s],position [deg],motor_torque [mN m]"]
@@ -138,6 +139,20 @@ def test_a_weight_may_exceed_every_recorded_torque(tmp_path):
         assert abs(found.value - value) < 4 * found.std < 0.6 * abs(value), name
         assert loop.details.check.values[name] == pytest.approx(value, rel=0.1), name
     assert not loop.details.doubt()
+
+
+@pytest.mark.parametrize(
+    ("viscous", "note"), [(0.04, ""), (0.0, "not different from 0"), (-0.06, "do not extrapolate")]
+)
+def test_a_viscous_friction_that_is_not_positive_is_marked(viscous, note, tmp_path):
+    path = tmp_path / "joint.csv"
+    written(path, rotary_text(cubic=0.0, viscous=viscous))
+    loop = close_axis_loop(path, exclude=tuple(AXIS_CATALOGUE))
+    found = loop.after.parameters["F_v"]
+    assert abs(found.value - viscous) < 3 * found.std
+    first = first_lines(loop)[0]
+    marks = ("not different from 0", "do not extrapolate")
+    assert [mark for mark in marks if mark in first] == ([note] if note else [])
 
 
 @pytest.mark.parametrize(("coordinate", "found"), [("rotary", True), ("linear", False)])

@@ -75,11 +75,36 @@ def test_the_c_source_is_the_equations_of_the_effects(effects, tmp_path):
     static = {n: x for n, x in p.items() if not n.startswith(("position_periodic", "gravity"))}
     for v in SPEEDS:
         told = called(library, "screw_2_friction", v)
-        assert told == pytest.approx(by_hand(static, v, fade, middle), rel=1e-12, abs=1e-13)
+        held = max(-FASTEST, min(v, FASTEST))  # beyond the record its last value
+        assert told == pytest.approx(by_hand(static, held, fade, middle), rel=1e-12, abs=1e-13)
         assert found.friction(v) == pytest.approx(told, rel=1e-11, abs=1e-12)
         q, a = 0.0123, -1.7
         told = called(library, "screw_2_feedforward", *((q,) if place else ()), v, a)
-        assert told == pytest.approx(by_hand(p, v, fade, q, a), rel=1e-12, abs=1e-13)
+        assert told == pytest.approx(by_hand(p, held, fade, q, a), rel=1e-12, abs=1e-13)
+
+
+def test_friction_that_falls_with_speed_never_drives_the_axis(tmp_path):
+    """F_c = 3 and F_v = -1.26 fall to 0 at 2.38 m/s: beyond the record, to 0.3 m/s, friction stays,
+    in every form."""
+    path = saved(tmp_path)
+    content = json.loads(path.read_text())
+    own = content["after"]["parameters"]
+    own["F_c"]["value"], own["F_v"]["value"], own["F_0"]["value"] = 3.0, -1.26, 0.0
+    path.write_text(json.dumps(content))
+    found = jf.feedforward(path)
+    library = built(found.c(), tmp_path)
+    for v in (0.31, 3.0, 1e3):
+        held = 3.0 - 1.26 * FASTEST
+        for side in (1, -1):
+            assert called(library, "axis_friction", side * v) == pytest.approx(side * held)
+            assert called(library, "axis_feedforward", side * v, 0.0) == pytest.approx(side * held)
+            assert found.friction(side * v) == pytest.approx(side * held)
+        at = found.at(v)
+        assert at.mean.force == pytest.approx(held) and not at.supported
+        assert "keeps its last value" in spoken(found, at)
+    (line,) = (w for w in found.warnings if w.code is WarningCode.FALLS)
+    assert line.values["above"] == pytest.approx(3 / 1.26)
+    assert not any(w.code is WarningCode.FALLS for w in jf.feedforward(STEADY).warnings)
 
 
 @pytest.mark.parametrize("effect", ["log_viscous", "rate_and_state"])
@@ -260,8 +285,9 @@ def test_the_friction_at_a_speed(tmp_path):
     ):  # fmt: skip
         here = found.at(asked)
         assert here.speed == pytest.approx(speed) and here.supported == supported
-        assert here.forwards.force == pytest.approx(10 * math.tanh(speed / 0.02) + 30 * speed + 1.5)
-        assert here.unfaded == pytest.approx((11.5 + 30 * speed, -8.5 - 30 * speed))
+        most = min(speed, FASTEST)  # the last value beyond the record
+        assert here.forwards.force == pytest.approx(10 * math.tanh(speed / 0.02) + 30 * most + 1.5)
+        assert here.unfaded == pytest.approx((11.5 + 30 * most, -8.5 - 30 * most))
         assert math.isnan(here.forwards.std) == math.isnan(here.mean.std) == (not supported)
         said = spoken(found, here)
         assert ("guess" in said and "from 0.01 to 0.3 m/s" in said) == (not supported)
@@ -290,7 +316,7 @@ def test_the_verb_tells_the_friction_at_a_speed_first(tmp_path, monkeypatch):
     )
     _, out, _ = run("feedforward", "loop.json", "--at", "1 rad/s", "--json")
     assert json.loads(out)["at"][0]["forwards"] == {
-        "force": pytest.approx(41.5),
+        "force": pytest.approx(20.5),
         "std": None,
     }
 
@@ -397,7 +423,7 @@ def test_both_low_speeds_are_told_everywhere(loose, tmp_path):
     found = jf.feedforward(saved(tmp_path, "log_viscous", loose=loose))
     said = found.to_json()["supported"]["below"]
     assert said.startswith("Below 0.01 m/s the map extrapolates the fitted curve, a guess")
-    assert said.endswith("although rows count in the fit from 0.001 m/s on")
+    assert "although rows count in the fit from 0.001 m/s on. Above 0.3 m/s it keeps" in said
     source = " ".join(found.c().split())
     assert said in found.cautions and said in source
     assert f"the sign fades below v_f = {found.fade.speed:.4g} m/s: {found.fade.why}" in source
@@ -407,7 +433,7 @@ def test_both_low_speeds_are_told_everywhere(loose, tmp_path):
 
 def test_steady_speeds_are_not_told_of_rows():
     said = jf.feedforward(STEADY).to_json()["supported"]["below"]
-    assert said.startswith("Below 1.05 rad/s the map") and said.endswith("a guess without errors")
+    assert said.startswith("Below 1.05 rad/s the map") and "a guess without errors. Above" in said
 
 
 @pytest.mark.parametrize(("v_c", "clamped"), [(WIDTH / 100, True), (0.004, False)])
@@ -444,7 +470,7 @@ def test_the_figure_has_no_band_where_the_map_is_a_guess(tmp_path):
         speeds = [unit * abs(x) for path in band.get_paths() for x in path.vertices[:, 0]]
         assert all(SLOWEST * 0.999 < x < FASTEST * 1.001 for x in speeds)
         assert bool(speeds) == (largest > SLOWEST)
-        assert "feedforward, extrapolated" in axis.get_legend_handles_labels()[1]
+        assert "feedforward, a guess" in axis.get_legend_handles_labels()[1]
 
 
 def test_a_file_that_does_not_tell_how_fast_it_turned(tmp_path):

@@ -15,6 +15,10 @@ _TAKEN = frozenset(
     inline int long register restrict return short signed sizeof static struct switch typedef
     union unsigned void volatile while""".split()  # noqa: SIM905
 )
+_SIGN = (
+    "    v = v > fastest ? fastest : v < -fastest ? -fastest : v;",
+    "    const double s = tanh(v / fade_speed);",
+)
 
 
 def c_code(
@@ -64,7 +68,7 @@ def c_code(
         *_comment([f"friction at the velocity v, in {about.force_unit}: the static map", known]),
         f"double {name}_friction(double v)",
         "{",
-        "    const double s = tanh(v / fade_speed);",
+        *_SIGN,
     ]
     if uses_position(pieces, ripple=False):
         lines.append("    const double q = middle_of_travel;")
@@ -74,7 +78,7 @@ def c_code(
     lines += [
         f"double {name}_feedforward({', '.join(arguments)})",
         "{",
-        "    const double s = tanh(v / fade_speed);",
+        *_SIGN,
         *_returned(_expression(pieces)),
         "}",
     ]
@@ -92,7 +96,7 @@ def _head(about: Identified, pieces: Sequence[Piece], fade: Fade) -> list[str]:
         f"u = {plain_formula(pieces, fade.speed).partition(' = ')[2]}",
         f"u in {about.force_unit}; {units}, all of the reference, not measured",
         f"the record supports it from {about.supported_text} in both directions; elsewhere it is"
-        " extrapolated, a guess",
+        " a guess",
         about.below,
         f"the sign fades below v_f = {fade.speed:.4g} {length}/s: {fade.why}",
     ]
@@ -100,7 +104,10 @@ def _head(about: Identified, pieces: Sequence[Piece], fade: Fade) -> list[str]:
 
 def _constants(about: Identified, pieces: Sequence[Piece], fade: float) -> list[str]:
     length = about.length
-    rows = [("fade_speed", fade, f"{length}/s, below it the sign fades")]
+    rows = [
+        ("fade_speed", fade, f"{length}/s, below it the sign fades"),
+        ("fastest", about.fastest, f"{length}/s, above it friction keeps its value there"),
+    ]
     if uses_position(pieces, ripple=False):
         rows.append(("middle_of_travel", about.middle, length))
     shapes = {}

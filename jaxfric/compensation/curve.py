@@ -4,6 +4,8 @@
 
 s is the (smoothed) sign of v. R is continuous at v = 0. The level G is the friction that changes
 sign with v. States of friction are steady. All numbers come from `AxisRig`, the fitted model.
+Above the highest supported speed, F keeps its value at that speed: an extrapolated fall of friction
+with speed would end in friction that drives the axis.
 """
 
 from collections.abc import Sequence
@@ -76,14 +78,16 @@ class FrictionCurve:
 
     def _numbers(self, velocity: np.ndarray, width: float) -> tuple[np.ndarray, ...]:
         """Force (n), its derivatives in the parameters (n, p) and in velocity (n)."""
-        v = np.asarray(velocity, float)
+        fastest, free = self.about.fastest, np.asarray(velocity, float)
+        v = np.clip(free, -fastest, fastest)
         padded = np.pad(v, (0, -len(v) % _BUCKET))  # one shape, compiled once
         with jax.enable_x64(True):  # independent of the user's precision
             row, at = jnp.asarray(self.row), jnp.asarray(padded)
             widths = jnp.asarray([self.about.width, width])
             place = jnp.asarray(self.place, float)
             found = _numbers(self.names, self.effects, row, at, widths, place)
-            return tuple(np.asarray(x)[: len(v)] for x in found)
+            force, by, slope = (np.asarray(x)[: len(v)] for x in found)
+        return force, by, np.where(v == free, slope, 0.0)
 
 
 @eqx.filter_jit

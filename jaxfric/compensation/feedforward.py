@@ -11,7 +11,7 @@ from ..loop import Loop
 from ..loop.steady.loop import SteadyLoop
 from ..plain import entries
 from ..stability.claims import SURE
-from .curve import FrictionCurve
+from .curve import FrictionCurve, FrictionValues
 from .fade import WHOLE, Fade, FadeReason, Memory, fade_speed
 from .identified import Identified, NothingToCompensate, identified
 from .pieces import Terms, terms_of
@@ -44,6 +44,7 @@ def feedforward(
     position_periodic, and rate_and_state in steady motion. The feedforward omits time_drift,
     presliding and the apparatus (servo_lag, sensor_lag, sensor_delay); `left_out` lists the omitted
     effects. Errors follow from the covariance of the fit. `jaxfric.compensation.fade` defines v_f.
+    Above the highest supported speed, v in the terms is that speed, as in the C function.
 
     Parameters
     ----------
@@ -128,7 +129,7 @@ def _result(terms: Terms, curve: FrictionCurve, fade: Fade, level: float) -> Fee
         level,
         float(max(0.0, 1 - SURE * np.max(mean.std / mean.force))),
         _least_damping(curve, fade.speed, about.slowest, about.fastest),
-        _warnings(about),
+        _warnings(about, mean),
     )
 
 
@@ -203,10 +204,17 @@ def _least_damping(curve: FrictionCurve, fade: float, slowest: float, fastest: f
     return float(max(np.max(more), 0.0))
 
 
-def _warnings(about: Identified) -> tuple[str, ...]:
+def _warnings(about: Identified, mean: FrictionValues) -> tuple[str, ...]:
+    """Warnings of the record, undetermined parameters, and friction `mean` that falls with speed up
+    to the highest supported speed."""
     bends = about.bends
     loose = [name for name in about.loose if name not in bends]
     lines = list(about.warnings)
+    slope = float(mean.slope[-1])
+    if slope < 0 and about.values["F_v"] + SURE * about.std({"F_v": 1.0}) < 0:
+        above = about.fastest - float(mean.force[-1]) / slope
+        own = entries(about, "fastest", "length")
+        lines.append(warned(WarningCode.FALLS, above=above, **own))
     if bends:
         own = entries(about, "slowest", "width", "length")
         lines.append(warned(WarningCode.GUESS, parameters=bends, **own))

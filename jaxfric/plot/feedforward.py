@@ -36,7 +36,7 @@ def _panel(axis: Axes, found: Feedforward, largest: float, title: str) -> None:
     axis.fill_between(v, line - half, line + half, color=GREY, alpha=0.45, lw=0, label=words)
     sharp = np.where(v == 0, np.nan, found.curve.at(v, None).force)  # it jumps at 0
     axis.plot(v, sharp, color=ORANGE, lw=1.0, ls=":", label="friction of the model")
-    axis.plot(v, curve.force, color=BLUE, lw=0.9, ls="--", label="feedforward, extrapolated")
+    axis.plot(v, curve.force, color=BLUE, lw=0.9, ls="--", label="feedforward, a guess")
     axis.plot(v, line, color=BLUE, lw=1.6, label="feedforward, supported by the record")
     if about.points is not None:
         x, y, error = about.points[np.abs(about.points[:, 0]) <= largest].T

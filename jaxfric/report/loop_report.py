@@ -2,10 +2,12 @@
 
 import math
 
+from ..fitting import Estimate
 from ..loop.axis.result import AxisDetails
 from ..loop.family import listed
 from ..loop.result import Loop, Score
 from ..loop.thresholds import FAR
+from ..stability.claims import SURE
 from .aliases import apart, confused
 from .estimates import friction_line, length_of, with_error
 from .loop_next import next_steps, run_to_make
@@ -136,9 +138,19 @@ def _base_of(loop: Loop, model: Score) -> str:
     names, known = {"F_c": "Coulomb", "F_v": "viscous", "M": mass}, model.parameters
     return ", ".join(
         f"{name} {with_error(known[symbol], length_of(loop.record))}"
+        f"{_falls(known[symbol]) if symbol == 'F_v' else ''}"
         for symbol, name in names.items()
         if symbol in known
     )
+
+
+def _falls(viscous: Estimate) -> str:
+    """A note in brackets on a viscous friction that is negative, or not different from 0."""
+    if not viscous.determined or not viscous.value < SURE * viscous.std:
+        return ""
+    if viscous.value < -SURE * viscous.std:
+        return " (negative: friction falls with speed in this range; do not extrapolate)"
+    return " (not different from 0)"
 
 
 def test_errors(loop: Loop) -> str:

@@ -249,6 +249,9 @@ WARNINGS: Mapping[str, str] = {
     "middle_of_the_travel": "friction changes along the travel: its middle is compensated",
     "curve_is_a_guess": "the record does not determine {parameters}: below {slowest:.3g} {length}/s"
     " the shape of the curve and its compensation are a guess",
+    "friction_falls_with_speed": "friction falls with speed up to {fastest:.3g} {length}/s, the"
+    " highest supported speed. Extrapolated, it would drive the axis above {above:.3g} {length}/s;"
+    " the friction map keeps the friction of {fastest:.3g} {length}/s instead",
     "v_c_at_its_least": "v_c is set to the smallest value that the fit resolves, {width:.3g}"
     " {length}/s",
     "terms_undetermined": "the record does not determine {parameters}; the band of the table holds"
