@@ -4,12 +4,14 @@ The law is 1 + 2 exp(-(V/0.05)^2) N, so that F_s is 3 N by hand.
 """
 
 import json
+from dataclasses import replace
 
 import pytest
 from command import assert_refused, run
 
 from jaxfric import find_gains, law_from_parameters
 from jaxfric.cli.folder import Folder
+from jaxfric.gains.verify import CheckReport
 from jaxfric.report import gains_json
 from jaxfric.report.gains_text import report
 
@@ -94,3 +96,14 @@ def test_accuracy_is_refused_where_it_has_no_meaning():
         )
     with pytest.raises(ValueError, match="does not contain"):
         gains("A=1 N, B=3 N, L=1 mm, V0=30 mm/s", "slip", accuracy=1e-3)
+
+
+def test_the_answer_has_the_simulation_and_the_rest():
+    """Of 3 N at rest; the simulation is without delay."""
+    checked = CheckReport(6, 5, 1, 0, 0, None, None, ())
+    source = law_from_parameters("gaussian-stribeck", CURVE)
+    own = find_gains(source, velocity=0.03, mass=1.0, lower=(600.0, None), margin="modulus=0.5")
+    found = replace(own, delay=1e-3, simulation=checked)
+    told = report(found).headline
+    assert len(told) == 3 and "simulated without the controller's delay from 6 starts" in told[-1]
+    assert "5 end steady, 1 in a limit cycle" in told[-1] and "at rest it stops" in told[-1]

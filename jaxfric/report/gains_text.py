@@ -34,7 +34,8 @@ def report(gains: Gains) -> Report:
 
 
 def headline(gains: Gains) -> list[str]:
-    """State warnings, gains, margins (rounded down), scenarios, and how simulated motions end."""
+    """State warnings, gains, margins (rounded down), scenarios, and how motions end: simulated
+    ones, and those that come to rest."""
     asked = {"modulus", "delay", *gains.requirement.names}
     margins = ", ".join(
         f"{name} margin {_least(worst)}"
@@ -51,10 +52,10 @@ def headline(gains: Gains) -> list[str]:
             f"fragile: modulus is {gains.margins['modulus'].value:.2g} (below {FRAGILE:g} a small"
             " error of the model makes the loop unstable)"
         )
-    simulated = _simulation(gains)
-    last = simulated if gains.simulation is None else _at_rest(gains) or simulated
+    moving = [] if gains.hunting else _simulation(gains)[:1]
+    last = "; ".join([*moving, *_at_rest(gains)])
     told += f" ({margins})" if margins else ""
-    return [*doubts, told, f"scenarios: {_scenarios(gains)}", *([] if doubts else last[:1])]
+    return [*doubts, told, f"scenarios: {_scenarios(gains)}", *([] if doubts else [last])]
 
 
 def _pair(gains: Gains, k_p: float, k_v: float) -> tuple[str, str]:
