@@ -75,8 +75,14 @@ def test_slow_noise_is_named_where_only_slow_changes_are_left(left, after, slow)
     sentence = Conclusion("outside_catalogue", told, (finding,), (), {}).sentence
     loop = replace(make_loop("outside_catalogue"), findings=(finding,), held_out_threshold=1.06)
     report = after / loop.test_error(loop.after) * loop.after.rms["report"]
-    loop = replace(loop, after=replace(loop.after, rms=loop.after.rms | {"report": report}))
-    assert ("Slow noise (1/f)" in sentence) is ("slow noise (1/f)" in headline(loop)) is slow
+    loop = replace(
+        loop, after=replace(loop.after, rms=loop.after.rms | {"report": report}, tests=left)
+    )
+    first = headline(loop)
+    assert ("Slow noise (1/f)" in sentence) is ("slow noise (1/f)" in first) is slow
+    # errors like noise are said beside the structure that is left
+    assert ("small as noise" in first) is (after < 1.06 and not slow)
+    assert "small as noise" not in first or f"p = {min(left.values()):.2g}" in first
 
 
 TRIED = [

@@ -6,10 +6,12 @@ from ..fitting import Estimate
 from ..loop.axis.result import AxisDetails
 from ..loop.family import listed
 from ..loop.result import Loop, Score
-from ..loop.thresholds import FAR
+from ..loop.thresholds import FAR, SIGNIFICANT
 from ..stability.claims import SURE
+from ..units import p_text
 from .aliases import apart, confused
 from .estimates import friction_line, length_of, with_error
+from .location_text import variable_words
 from .loop_next import next_steps, run_to_make
 from .loop_text import (
     candidates,
@@ -74,7 +76,14 @@ def headline(loop: Loop) -> str:
         code = "not_confirmed" if not alike else "also_one_of" if effects else "one_of"
         return say(f"headline.{code}", effects=listed(effects), either=listed([*alike.values()]))
     found = say(f"headline.{code}", effects=listed(effects) or "an effect")
-    return say("headline.slow", found=found) if slow else found
+    if slow:
+        return say("headline.slow", found=found)
+    p, small = loop.after.tests, loop.test_error(loop.after) <= loop.held_out_threshold
+    least = min(p, key=p.__getitem__, default="")
+    if loop.verdict == "outside_catalogue" and small and least and p[least] < SIGNIFICANT:
+        told = {"variable": variable_words(least), "p": p_text(p[least])}
+        return say("headline.small", found=found, **told)
+    return found
 
 
 def first_lines(loop: Loop) -> list[str]:
@@ -121,7 +130,7 @@ def _found(loop: Loop, details: AxisDetails) -> str:
     model = loop.before if loop.verdict == "outside_catalogue" else loop.after
     known = _base_of(loop, model)
     if known and model.effects != loop.after.effects:
-        known += " (of the base model alone)"
+        known = f"by the base model alone, {known}"
     also = lower(headline(loop))
     if loop.verdict == "no_missing_effect":
         also = "nothing else is missing"

@@ -134,6 +134,8 @@ TEMPLATES: Mapping[str, str] = {
     " determine",
     "headline.beyond_unfixed": "Beyond {effects} something is missing that this record does not"
     " determine",
+    "headline.small": "{found}: errors are as small as noise, but the residual has structure"
+    " ({variable}: {p})",
     "headline.slow": "{found}, or the recorder has slow noise (1/f)",
     "headline.too_weak": "The evidence is too weak to name an effect",
     "headline.base_misses": "The test rows are missed, and no effect is supported",
