@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -353,3 +354,15 @@ def test_the_law_that_a_message_proposes_is_one():
     assert float(law.c3) == 0.01
     outcome = run("gains", "--from", written(Path(), {"schema": "jaxfric.steady/2"}), *MACHINE)
     assert "'c0=20 N, c1=170 N*s/m, c2=5 N, c3=10 mm/s, c4=1'" in outcome.err
+
+
+def test_the_answer_stands_before_the_figures(tmp_path, monkeypatch):
+    """A user who stops the figures, which may take minutes, has the gains."""
+    printed = []
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(Folder, "draw", lambda *_: printed.append(sys.stdout.getvalue()))
+    code, out, err = run("gains", *LAW, *MACHINE, "--no-check", "--out", "g")
+    assert code == 0, err
+    assert "k_v = " in printed[0].splitlines()[0] and "written:" not in printed[0]
+    assert out.startswith(printed[0]) and out.splitlines()[-1].startswith("written: g/gains.json")

@@ -23,6 +23,7 @@ from ..schemas import FOLDER
 from .call import Call, current_call, made_by
 from .common import warn
 from .shown import OutputOptions, show
+from .told import pause
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -240,6 +241,19 @@ class Folder:
     def finish(self, report: "Report", written: str | None = None) -> int:
         """Print the report and the written files; return the exit code of the verb."""
         show(report, self.written if written is None else written, self.content, self.output)
+        return self.close()
+
+    def answer(self, report: "Report") -> None:
+        """Print the report before figures that take minutes; after them call `end`. A user who
+        stops the figures has the numbers."""
+        show(report, "", self.content, self.output)
+        sys.stdout.flush()
+
+    def end(self) -> int:
+        """Print the written files after `answer`; return the exit code of the verb."""
+        pause()
+        if not self.output.json:
+            print(f"\n{self.written}")
         return self.close()
 
     def close(self) -> int:

@@ -123,14 +123,14 @@ def gains(
     if simulated.check:
         say = lambda text: doing(f"{text} (2 of 3)")  # noqa: E731
         result = check_gains(result, basin=simulated.basin, progress=say)
-    doing("drawing figures (3 of 3)")
     folder.save_json("gains.json", gains_json.content(result))
+    new = tuple(line for line in result.warnings if line not in source.warnings)
+    folder.answer(report(result)._replace(warnings=new))
+    doing("drawing figures (3 of 3)")
     folder.draw_figure("gains", lambda: gains_figure(result))
     if simulated.map_:
         folder.draw_figure("end_map", lambda: _end_map(result))
-    new = tuple(line for line in result.warnings if line not in source.warnings)
-    code = folder.finish(report(result)._replace(warnings=new))
-    return code or int(bool(result.unsafe))
+    return folder.end() or int(bool(result.unsafe))
 
 
 def _end_map(result: "Gains") -> "Figure":

@@ -1,6 +1,5 @@
 """`jaxfric run`: fit all velocity steps of a whole run of a press."""
 
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -12,8 +11,7 @@ from .call import current_call
 from .common import prepare_jax
 from .folder import Folder, choose_folder
 from .plan_line import run_line
-from .shown import show
-from .told import doing, pause
+from .told import doing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -81,8 +79,7 @@ def run(
     folder.save_json("run.json", content(result, others), files_of(result, others))
     call = current_call()
     told_of = report(result, others, run_line(call))
-    show(told_of, "", folder.content, output)
-    sys.stdout.flush()  # figures of many steps take minutes: a user who stops here has the numbers
+    folder.answer(told_of)
     doing("drawing figures")
     _draw_events(record, found, folder)
     _draw(result, others, folder)
@@ -91,10 +88,7 @@ def run(
         ".png",
         lambda drawn: page(told_of, result, others, drawn, command=call.command),
     )
-    pause()
-    if not output.json:
-        print(folder.written)
-    return folder.close()
+    return folder.end()
 
 
 def _fitted(
