@@ -75,12 +75,11 @@ def test_the_c_source_is_the_equations_of_the_effects(effects, tmp_path):
     static = {n: x for n, x in p.items() if not n.startswith(("position_periodic", "gravity"))}
     for v in SPEEDS:
         told = called(library, "screw_2_friction", v)
-        held = max(-FASTEST, min(v, FASTEST))  # beyond the record its last value
-        assert told == pytest.approx(by_hand(static, held, fade, middle), rel=1e-12, abs=1e-13)
+        assert told == pytest.approx(by_hand(static, v, fade, middle), rel=1e-12, abs=1e-13)
         assert found.friction(v) == pytest.approx(told, rel=1e-11, abs=1e-12)
         q, a = 0.0123, -1.7
         told = called(library, "screw_2_feedforward", *((q,) if place else ()), v, a)
-        assert told == pytest.approx(by_hand(p, held, fade, q, a), rel=1e-12, abs=1e-13)
+        assert told == pytest.approx(by_hand(p, v, fade, q, a), rel=1e-12, abs=1e-13)
 
 
 def test_friction_that_falls_with_speed_never_drives_the_axis(tmp_path):
@@ -285,9 +284,8 @@ def test_the_friction_at_a_speed(tmp_path):
     ):  # fmt: skip
         here = found.at(asked)
         assert here.speed == pytest.approx(speed) and here.supported == supported
-        most = min(speed, FASTEST)  # the last value beyond the record
-        assert here.forwards.force == pytest.approx(10 * math.tanh(speed / 0.02) + 30 * most + 1.5)
-        assert here.unfaded == pytest.approx((11.5 + 30 * most, -8.5 - 30 * most))
+        assert here.forwards.force == pytest.approx(10 * math.tanh(speed / 0.02) + 30 * speed + 1.5)
+        assert here.unfaded == pytest.approx((11.5 + 30 * speed, -8.5 - 30 * speed))
         assert math.isnan(here.forwards.std) == math.isnan(here.mean.std) == (not supported)
         said = spoken(found, here)
         assert ("guess" in said and "from 0.01 to 0.3 m/s" in said) == (not supported)
@@ -316,7 +314,7 @@ def test_the_verb_tells_the_friction_at_a_speed_first(tmp_path, monkeypatch):
     )
     _, out, _ = run("feedforward", "loop.json", "--at", "1 rad/s", "--json")
     assert json.loads(out)["at"][0]["forwards"] == {
-        "force": pytest.approx(20.5),
+        "force": pytest.approx(41.5),
         "std": None,
     }
 
@@ -423,7 +421,7 @@ def test_both_low_speeds_are_told_everywhere(loose, tmp_path):
     found = jf.feedforward(saved(tmp_path, "log_viscous", loose=loose))
     said = found.to_json()["supported"]["below"]
     assert said.startswith("Below 0.01 m/s the map extrapolates the fitted curve, a guess")
-    assert "although rows count in the fit from 0.001 m/s on. Above 0.3 m/s it keeps" in said
+    assert said.endswith("although rows count in the fit from 0.001 m/s on")
     source = " ".join(found.c().split())
     assert said in found.cautions and said in source
     assert f"the sign fades below v_f = {found.fade.speed:.4g} m/s: {found.fade.why}" in source
@@ -433,7 +431,7 @@ def test_both_low_speeds_are_told_everywhere(loose, tmp_path):
 
 def test_steady_speeds_are_not_told_of_rows():
     said = jf.feedforward(STEADY).to_json()["supported"]["below"]
-    assert said.startswith("Below 1.05 rad/s the map") and "a guess without errors. Above" in said
+    assert said.startswith("Below 1.05 rad/s the map") and said.endswith("a guess without errors")
 
 
 @pytest.mark.parametrize(("v_c", "clamped"), [(WIDTH / 100, True), (0.004, False)])

@@ -1,5 +1,6 @@
 """A feedforward as C99: one function for the friction map, one for the whole feedforward."""
 
+import math
 import re
 import textwrap
 from collections.abc import Sequence
@@ -15,10 +16,6 @@ _TAKEN = frozenset(
     inline int long register restrict return short signed sizeof static struct switch typedef
     union unsigned void volatile while""".split()  # noqa: SIM905
 )
-_SIGN = (
-    "    v = v > fastest ? fastest : v < -fastest ? -fastest : v;",
-    "    const double s = tanh(v / fade_speed);",
-)
 
 
 def c_code(
@@ -26,6 +23,7 @@ def c_code(
     pieces: Sequence[Piece],
     fade: Fade,
     notes: Sequence[str] = (),
+    held: float = math.inf,
     *,
     name: str = "axis",
     made_by: Sequence[str] = (),
@@ -41,6 +39,7 @@ def c_code(
     about, pieces : the axis and the terms of its feedforward.
     fade : the fade speed v_f of the sign, with its reason.
     notes : omitted effects and limits, for the head comment.
+    held : the speed above which friction keeps its value.
     name : of the axis, a C identifier.
     made_by : lines on the origin of the code, for the head comment.
 
@@ -59,16 +58,18 @@ def c_code(
     head = [f"{name}: friction compensation from {about.source}", *_head(about, pieces, fade)]
     head += [*notes, *made_by]
     known = f"the record supports it from {about.supported_text}; elsewhere it is a guess"
+    sign = ["    v = v > held ? held : v < -held ? -held : v;"] * math.isfinite(held)
+    sign.append("    const double s = tanh(v / fade_speed);")
     lines = [
         *_comment(head),
         "#include <math.h>",
         "",
-        *_constants(about, pieces, fade.speed),
+        *_constants(about, pieces, fade.speed, held),
         "",
         *_comment([f"friction at the velocity v, in {about.force_unit}: the static map", known]),
         f"double {name}_friction(double v)",
         "{",
-        *_SIGN,
+        *sign,
     ]
     if uses_position(pieces, ripple=False):
         lines.append("    const double q = middle_of_travel;")
@@ -78,7 +79,7 @@ def c_code(
     lines += [
         f"double {name}_feedforward({', '.join(arguments)})",
         "{",
-        *_SIGN,
+        *sign,
         *_returned(_expression(pieces)),
         "}",
     ]
@@ -102,12 +103,11 @@ def _head(about: Identified, pieces: Sequence[Piece], fade: Fade) -> list[str]:
     ]
 
 
-def _constants(about: Identified, pieces: Sequence[Piece], fade: float) -> list[str]:
+def _constants(about: Identified, pieces: Sequence[Piece], fade: float, held: float) -> list[str]:
     length = about.length
-    rows = [
-        ("fade_speed", fade, f"{length}/s, below it the sign fades"),
-        ("fastest", about.fastest, f"{length}/s, above it friction keeps its value there"),
-    ]
+    rows = [("fade_speed", fade, f"{length}/s, below it the sign fades")]
+    if math.isfinite(held):
+        rows.append(("held", held, f"{length}/s, above it friction keeps its value there"))
     if uses_position(pieces, ripple=False):
         rows.append(("middle_of_travel", about.middle, length))
     shapes = {}

@@ -4,10 +4,11 @@
 
 s is the (smoothed) sign of v. R is continuous at v = 0. The level G is the friction that changes
 sign with v. States of friction are steady. All numbers come from `AxisRig`, the fitted model.
-Above the highest supported speed, F keeps its value at that speed: an extrapolated fall of friction
-with speed would end in friction that drives the axis.
+Above the speed `held`, F keeps its value at that speed: an extrapolated fall of friction with speed
+would end in friction that drives the axis.
 """
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -40,8 +41,14 @@ class FrictionValues(NamedTuple):
 class FrictionCurve:
     """Friction over velocity of an identified axis, at one position and with some effects."""
 
-    def __init__(self, about: Identified, effects: Sequence[type[AbstractEffect]], place: float):
-        self.about, self.effects, self.place = about, tuple(effects), place
+    def __init__(
+        self,
+        about: Identified,
+        effects: Sequence[type[AbstractEffect]],
+        place: float,
+        held: float = math.inf,
+    ):
+        self.about, self.effects, self.place, self.held = about, tuple(effects), place, held
         self.names = tuple(about.values)
         self.row = np.asarray([about.values[name] for name in self.names])
 
@@ -78,8 +85,8 @@ class FrictionCurve:
 
     def _numbers(self, velocity: np.ndarray, width: float) -> tuple[np.ndarray, ...]:
         """Force (n), its derivatives in the parameters (n, p) and in velocity (n)."""
-        fastest, free = self.about.fastest, np.asarray(velocity, float)
-        v = np.clip(free, -fastest, fastest)
+        free = np.asarray(velocity, float)
+        v = np.clip(free, -self.held, self.held)
         padded = np.pad(v, (0, -len(v) % _BUCKET))  # one shape, compiled once
         with jax.enable_x64(True):  # independent of the user's precision
             row, at = jnp.asarray(self.row), jnp.asarray(padded)

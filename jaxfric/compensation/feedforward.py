@@ -11,7 +11,7 @@ from ..loop import Loop
 from ..loop.steady.loop import SteadyLoop
 from ..plain import entries
 from ..stability.claims import SURE
-from .curve import FrictionCurve, FrictionValues
+from .curve import FrictionCurve
 from .fade import WHOLE, Fade, FadeReason, Memory, fade_speed
 from .identified import Identified, NothingToCompensate, identified
 from .pieces import Terms, terms_of
@@ -44,7 +44,8 @@ def feedforward(
     position_periodic, and rate_and_state in steady motion. The feedforward omits time_drift,
     presliding and the apparatus (servo_lag, sensor_lag, sensor_delay); `left_out` lists the omitted
     effects. Errors follow from the covariance of the fit. `jaxfric.compensation.fade` defines v_f.
-    Above the highest supported speed, v in the terms is that speed, as in the C function.
+    If friction falls with speed up to the highest supported speed, v in the terms is at most that
+    speed.
 
     Parameters
     ----------
@@ -111,6 +112,12 @@ def _result(terms: Terms, curve: FrictionCurve, fade: Fade, level: float) -> Fee
     """Build the result: table, safe share of friction, and least damping."""
     about = curve.about
     mean = curve.mean(_supported(about))
+    warnings = list(about.warnings)
+    if (slope := float(mean.slope[-1])) < 0 and about.values["F_v"] < 0:
+        curve = FrictionCurve(about, terms.effects, about.middle, held=about.fastest)
+        above = about.fastest - float(mean.force[-1]) / slope
+        own = entries(about, "fastest", "length")
+        warnings.append(warned(WarningCode.FALLS, above=above, **own))
     low = _SLOWEST * min(fade.speed, about.slowest)
     marks = [s for s in (about.slowest, fade.speed) if low < s < about.fastest]
     speeds = np.unique([*np.geomspace(low, about.fastest, _ROWS), *marks])
@@ -129,7 +136,7 @@ def _result(terms: Terms, curve: FrictionCurve, fade: Fade, level: float) -> Fee
         level,
         float(max(0.0, 1 - SURE * np.max(mean.std / mean.force))),
         _least_damping(curve, fade.speed, about.slowest, about.fastest),
-        _warnings(about, mean),
+        (*warnings, *_warnings(about)),
     )
 
 
@@ -204,17 +211,11 @@ def _least_damping(curve: FrictionCurve, fade: float, slowest: float, fastest: f
     return float(max(np.max(more), 0.0))
 
 
-def _warnings(about: Identified, mean: FrictionValues) -> tuple[str, ...]:
-    """Warnings of the record, undetermined parameters, and friction `mean` that falls with speed up
-    to the highest supported speed."""
+def _warnings(about: Identified) -> tuple[str, ...]:
+    """Warnings of undetermined parameters."""
     bends = about.bends
     loose = [name for name in about.loose if name not in bends]
-    lines = list(about.warnings)
-    slope = float(mean.slope[-1])
-    if slope < 0 and about.values["F_v"] + SURE * about.std({"F_v": 1.0}) < 0:
-        above = about.fastest - float(mean.force[-1]) / slope
-        own = entries(about, "fastest", "length")
-        lines.append(warned(WarningCode.FALLS, above=above, **own))
+    lines = []
     if bends:
         own = entries(about, "slowest", "width", "length")
         lines.append(warned(WarningCode.GUESS, parameters=bends, **own))

@@ -110,13 +110,13 @@ class Identified:
 
     @property
     def below(self) -> str:
-        """Text on the friction map outside the supported speeds."""
+        """Text on the friction map below the supported speeds."""
         speed = f"{self.length}/s"
         told = f"Below {self.slowest:.3g} {speed} the map extrapolates the fitted curve, a guess"
         told += " without errors"
         if self.slowest_row < self.slowest:
             told += f", although rows count in the fit from {self.slowest_row:.3g} {speed} on"
-        return f"{told}. Above {self.fastest:.3g} {speed} it keeps the friction of that speed"
+        return told
 
     def supports(self, velocity: np.ndarray) -> np.ndarray:
         """Whether the record supports the curve at velocities (n)."""

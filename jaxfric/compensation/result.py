@@ -73,7 +73,8 @@ class Feedforward(Described, Drawable, Tabular):
         """
         notes = [f"left out: {line}" for line in self.left_out]
         notes += [f"WARNING: {line}" for line in self.warnings]
-        return c_code(self.about, self.pieces, self.fade, notes, name=name, made_by=made_by)
+        held = self.curve.held
+        return c_code(self.about, self.pieces, self.fade, notes, held, name=name, made_by=made_by)
 
     def friction(self, velocity: np.ndarray | float) -> np.ndarray:
         """The static map at velocities [m/s or rad/s]: friction with fade [F]."""

@@ -60,7 +60,7 @@ def spoken(found: Feedforward, here: FrictionAt) -> str:
             f". This is a guess: the record supports the map from {about.slowest:.3g} to"
             f" {about.fastest:.3g} {speed} alone"
         )
-        text += "; above, the map keeps its last value" if here.speed > about.fastest else ""
+        text += "; above, the map keeps its last value" if here.speed > found.curve.held else ""
     return text
 
 
@@ -77,7 +77,8 @@ def tex(found: Feedforward) -> str:
     length = found.about.length
     rows = [f"% {p.name} = {p.value:.6g} +- {_error(p.std)} {p.unit}" for p in found.pieces]
     head = f"% u in {found.about.force_unit}; v in {length}/s, a in {length}/s^2, q in {length}"
-    left = [f"% {found.about.below}", *(f"% left out: {line}" for line in found.left_out)]
+    left = [f"% left out: {line}" for line in found.left_out]
+    left += [f"% warning: {line}" for line in found.warnings]
     body = ["\\begin{equation}", f"  {found.latex}", "\\end{equation}"]
     return "\n".join([head, *rows, *left, *body]) + "\n"
 
