@@ -207,7 +207,9 @@ def test_a_slider_through_the_command(monkeypatch: pytest.MonkeyPatch) -> None:
     assert json.loads(out)["warnings"] == [f"the fit warned: {own}"] and err.count(own) == 1
     slow = slider_model("slow.json", steps={"times": [0.0], "velocities": [1e-6, 1.1e-6]})
     code, out, err = run("predict", slow, "run.csv", *STEPS, "--json")
-    assert "outside the range of the model's own record (1 to 1.1 um/s)" in err
+    told = json.loads(out)["warned"][-1]
+    assert told["code"] == "other_velocities" and "(1 to 1.1 um/s)" in err
+    assert [told["values"][k] for k in ("slowest", "fastest")] == pytest.approx([1e-6, 1.1e-6])
 
 
 # ---- what is refused -------------------------------------------------------------------------

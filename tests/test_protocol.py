@@ -23,6 +23,7 @@ from jaxfric.cli.call import Call
 from jaxfric.cli.plan_line import changed_line
 from jaxfric.cli.protocol import read_velocities
 from jaxfric.effects import CATALOGUE
+from jaxfric.findings import WarningCode
 from jaxfric.loop.split import split
 from jaxfric.protocol.base import Base
 from jaxfric.protocol.design import Change, Design, Protocol, Smallest
@@ -319,7 +320,8 @@ def test_what_would_have_to_be_impossibly_large_is_not_seen():
 
 def test_near_the_edge(monkeypatch):
     near = planned(np.asarray([1, 1.5, 1]) * UM, stiffness=1.5 * STIFFNESS / 4, rows=250)
-    assert any("K/K_cr is 1.50" in line for line in near.warnings)
+    (edge,) = (line for line in near.warnings if line.code is WarningCode.EDGE)
+    assert edge.values["ratio"] == pytest.approx(1.5, rel=1e-3)
     with pytest.raises(jf.InputError, match=r"is 0\.80 of the critical one"):
         planned(stiffness=0.8 * STIFFNESS / 4)
     monkeypatch.setattr(sys.modules["jaxfric.protocol.plan"], "_look", lambda setup, variant: None)

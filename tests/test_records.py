@@ -520,7 +520,7 @@ def test_means_over_rows_reach_over_no_step_and_keep_what_rows_say() -> None:
     assert np.abs(late).max() < 1e-12  # a mean of time goes with a mean of displacement
     assert few.provenance.notes[-1] == f"means over 10 rows each: {len(few)} of 10000 rows"
     assert thinned(record, 10_000, steps) is record
-    with pytest.raises(InputError, match="rows is 7"):
+    with pytest.raises(InputError, match="downsample_to is 7"):
         thinned(record, 7, steps)
 
 
