@@ -788,7 +788,10 @@ def test_no_title_of_a_loop_is_longer_than_a_line(number: int) -> None:
     assert all("\n" not in text.get_text() for text in texts)
     assert all(text.get_window_extent().x1 <= figure.bbox.x1 for text in texts)
     title = texts[-1].get_text()
-    assert title.startswith(f"After, test error {loop.test_error(after):.2f} σ: ")
+    # nothing added: one panel, not two alike
+    when, score = ("After", after) if number else ("Residual", loop.before)
+    assert title.startswith(f"{when}, test error {loop.test_error(score):.2f} σ: ")
+    assert len(figure.axes) == (4 if number else 3)
     assert title.count("position_dependence") >= min(number, 1)
     assert title.endswith(" ...") == (number == 9)
 

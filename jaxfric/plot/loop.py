@@ -43,34 +43,39 @@ _ROLES = {
 
 
 def residual_figure(loop: Loop) -> Figure:
-    """The figure `residual`: record, models before and after adding effects, and both residuals."""
+    """The figure `residual`: record, models before and after adding effects, and their residuals.
+
+    Without an added effect the figure has one model and one residual.
+    """
     place = style.along(
         loop.base_fit.steps, loop.record.relative_time, over_path=loop.words.over_path
     )
-    figure, axes = style.panels([0.6, 1.7, 1.4, 1.4])
-    top, record, before, after = axes
+    scores = {"Before": loop.before} | ({"After": loop.after} if loop.effects else {})
+    figure, axes = style.panels([0.6, 1.7] + [1.4] * len(scores))
+    top, record, *residuals = axes
     words, friction = loop.words, np.asarray(loop.record.friction)
     name = "velocity\n", f"{loop.length_unit}/s"
     style.stairs(top, place, loop.base_fit.steps.velocities, name)
     style.tidy(top, f"{words.velocity}; dashed: {words.marks}")
     style.samples(record, place.x, friction, colour=GREY)
-    style.curve(record, place, friction + loop.before.residual, "model before", ORANGE)
-    if loop.effects:
-        style.curve(record, place, friction + loop.after.residual, "model after", BLUE)
+    for (when, score), colour in zip(scores.items(), (ORANGE, BLUE), strict=False):
+        label = f"model {when.lower()}" if loop.effects else "model"
+        style.curve(record, place, friction + score.residual, label, colour)
     style.tidy(record, "Record and model", y=(words.force, loop.record.friction_unit))
     room = style.letters(0.85 * style.DOUBLE, style.TITLE)
-    for axis, score, when in ((before, loop.before, "Before"), (after, loop.after, "After")):
+    for axis, (when, score) in zip(residuals, scores.items(), strict=True):
         _residual(axis, loop, -score.residual / loop.row_sigma(), place)
         mark_glitches(axis, place.x, score.noise.glitches)
         names = " + ".join([base_name(loop), *score.effects])
+        when = when if loop.effects else "Residual"
         title = f"{when}, test error {loop.test_error(score):.2f} σ: {names}"
         style.tidy(axis, style.shortened(title, room))
-    style.tidy(after, x=place.label)
+    style.tidy(axes[-1], x=place.label)
     for axis in axes:
         _blocks(axis, loop, place.x)
         axis.grid(False)
     style.mark_steps(axes, place, "")
-    after.set_xlim(place.x.min(), place.x.max())
+    axes[-1].set_xlim(place.x.min(), place.x.max())
     shades = [Patch(fc=colour, ec="0.8", label=text) for colour, text in _BLOCKS.values()]
     title = f"noise σ = {', in rows held out '.join(sigma_texts(loop))}"
     return style.finish(figure, title, of=loop.record.provenance.path, legend=shades)
