@@ -27,7 +27,7 @@ from jaxfric.loop.evidence import evidence
 from jaxfric.loop.gates import FITTED, Part, Trial, loose, refusal_of
 from jaxfric.loop.learn import largest_rms
 from jaxfric.loop.refit import Candidate
-from jaxfric.loop.refusal import Fault, Move, Refusal
+from jaxfric.loop.refusal import Fault, Refusal
 from jaxfric.loop.residual_tests import (
     chi_square_tail,
     holm,
@@ -439,7 +439,7 @@ class Fitted:
 
     def __init__(self, bic):
         self.bic = {frozenset(ids): value for ids, value in bic.items()}
-        self.offered = [SimpleNamespace(id=id) for id in self.ids]
+        self.offered = [type(id, (), {"id": id}) for id in self.ids]
         self.model = SimpleNamespace(
             effects=self.offered,
             columns=lambda ids: [self.ids.index(id) for id in ids],
@@ -454,9 +454,9 @@ class Fitted:
         return Candidate(tuple(effects), start, np.zeros(100), WHITE, bic, rms, True, False)
 
 
-def end_of_search(monkeypatch, bic, loose=lambda effects: (), lost=lambda before, after: ()):
+def end_of_search(monkeypatch, bic, loose=lambda effects: (), known=lambda effects: {}):
     """Among a to d, of which a and c are alike; `loose`: which of some effects are not fixed;
-    `lost`: what of the base is lost from the effects `before` to those `after`."""
+    `known`: the estimates of the base beside some effects."""
 
     def screened(engine, current, scales):
         del scales
@@ -471,8 +471,7 @@ def end_of_search(monkeypatch, bic, loose=lambda effects: (), lost=lambda before
         lambda engine, candidate, scales: tuple(loose(candidate.effects)),
     )
     monkeypatch.setattr(
-        "jaxfric.loop.gates.what_it_takes",
-        lambda engine, without, candidate: lost(without.effects, candidate.effects),
+        "jaxfric.loop.gates.estimates", lambda engine, fit, unit: (known(fit.effects), (), None)
     )
     monkeypatch.setattr(search_module, "refit", Fitted.refit)
     monkeypatch.setattr(search_module, "seek_parts", lambda engine, z: engine)
@@ -527,14 +526,14 @@ def test_what_is_not_fixed_beside_a_better_one_stood_in_for_it(monkeypatch, alon
 
 def test_two_effects_do_not_lose_together_what_the_base_knew(monkeypatch):
     """b beside a loses a parameter that the base alone knew, though each step keeps it."""
-    A = Move("A", Estimate(2.0, 0.1, 1.8, 2.2, "1"), Estimate(2.0, 3.0, -4.0, 8.0, "1"))
 
-    def lost(before, after):
-        return (A,) if before == () and len(after) > 1 else ()
+    def known(effects):
+        std = (0.1, 0.9, 3.0)[len(effects)]  # known alone, neither known nor lost, lost
+        return {"A": Estimate(2.0, std, 2.0 - 2 * std, 2.0 + 2 * std, "1")}
 
     bic = {"a": -100.0, "ab": -150.0}
     assert set(end_of_search(monkeypatch, bic).final.effects) == set("ab")
-    found = end_of_search(monkeypatch, bic, lost=lost)
+    found = end_of_search(monkeypatch, bic, known=known)
     assert found.final.effects == ("a",)
     (both,) = (c for c in found.tried if c.effects == ("a", "b"))
     assert both.rejection[:2] == (Fault.TAKES, ("A",))

@@ -73,11 +73,8 @@ def takes_nothing(trial: Trial) -> Refusal | None:
     Every model on the way to the candidate is asked, not only the last one. One effect may leave a
     parameter of the base badly known, and the next effect may lose this parameter.
     """
-    for without in trial.without:
-        moves = what_it_takes(trial.engine, without, trial.candidate)
-        if moves:
-            return Refusal(Fault.TAKES, tuple(m.name for m in moves), moves)
-    return None
+    moves = what_it_takes(trial.engine, trial.without, trial.candidate)
+    return Refusal(Fault.TAKES, tuple(m.name for m in moves), moves) if moves else None
 
 
 Gate = Callable[[Trial], Refusal | None]
@@ -204,14 +201,21 @@ _SHARED = ("F_v",)
 _WHOLE = ("M", "F_c")
 
 
-def what_it_takes(engine: Engine, without: Candidate, candidate: Candidate) -> tuple[Move, ...]:
-    """The parameters of the base that effects of a candidate take over. The fit `without` leaves
-    out these effects.
+def what_it_takes(
+    engine: Engine, on_the_way: Sequence[Candidate], candidate: Candidate
+) -> tuple[Move, ...]:
+    """The parameters of the base that effects of a candidate take over, from the first of the fits
+    `on_the_way` from which they take any. Each of these fits leaves out some of the effects.
     """
-    new = [e for e in engine.model.effects if e.id in {*candidate.effects} - {*without.effects}]
-    of_place = any(issubclass(effect, AbstractPlaceEffect) for effect in new)
-    before, after = (estimates(engine, c, "F")[0] for c in (without, candidate))
-    return taken(before, after, of_place=of_place)
+    after = estimates(engine, candidate, "F")[0]
+    for without in on_the_way:
+        added = {*candidate.effects} - {*without.effects}
+        new = [e for e in engine.model.effects if e.id in added]
+        of_place = any(issubclass(effect, AbstractPlaceEffect) for effect in new)
+        moves = taken(estimates(engine, without, "F")[0], after, of_place=of_place)
+        if moves:
+            return moves
+    return ()
 
 
 def taken(
