@@ -87,6 +87,8 @@ QUANTILE = NormalDist().inv_cdf(ENDS[1] / 100)
 """Half width of a 95 % interval in standard deviations of a normal distribution."""
 HALF_DECADE = 0.5 * np.log(10.0)
 """Half of the longest 95 % interval of the logarithm of a determined positive parameter."""
+LARGEST_ERROR = HALF_DECADE / QUANTILE
+"""Largest relative standard error of a determined positive parameter: 59 %."""
 PROFILE_POINTS = (0.7, 1.4, 2.0, 2.8, 4.0, 6.0)
 """Distances from the estimate at which a profile is computed, in standard errors."""
 SAMPLES = 4096

@@ -14,7 +14,8 @@ import numpy as np
 from ..effects import AbstractPlaceEffect, RecordScales
 from ..fitting import Estimate
 from ..fitting.abstract_problem import powers
-from ..fitting.uncertainty import HALF_DECADE, QUANTILE, normal_inverse
+from ..fitting.thresholds import LARGEST_ERROR
+from ..fitting.uncertainty import normal_inverse
 from .engine import Engine
 from .refit import Candidate, estimates
 from .refusal import Fault, Move, Refusal
@@ -160,7 +161,7 @@ def loose(parts: list[Part], force: float, scales: RecordScales) -> tuple[str, .
     found = [p.name for p in parts if not _possible(p, force, scales)]
     if amplitudes and not min(p.error for p in amplitudes) < 1:
         found += [p.name for p in amplitudes]
-    found += [p.name for p in parts if not p.amplitude and not QUANTILE * p.error < HALF_DECADE]
+    found += [p.name for p in parts if not p.amplitude and not p.error < LARGEST_ERROR]
     return tuple(dict.fromkeys(found))
 
 

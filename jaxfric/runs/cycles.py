@@ -22,8 +22,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from ..findings import WarningCode, warned
-from ..fitting.thresholds import ENDS
-from ..fitting.uncertainty import HALF_DECADE, QUANTILE
+from ..fitting.thresholds import ENDS, LARGEST_ERROR
 from ..plain import entries, plain
 from ..records import Record
 from ..silent import silent
@@ -83,7 +82,7 @@ class StickSlip:
             return {}
         fit = self.fits[law]
         both = {name: (fit.values[name], fit.errors[name]) for name in _NAMES}
-        known = {n: (v, e) for n, (v, e) in both.items() if QUANTILE * e < HALF_DECADE * abs(v)}
+        known = {n: (v, e) for n, (v, e) in both.items() if e < LARGEST_ERROR * abs(v)}
         if "A" not in known:  # without A, A-B does not determine B
             known.pop("B", None)
         return known

@@ -25,7 +25,7 @@ from ...errors import InputError, option
 from ...findings import Finding, Severity, deciding_rows
 from ...fitting.axis_problem import NEGLIGIBLE
 from ...fitting.noise.thresholds import CLEAR
-from ...fitting.uncertainty import HALF_DECADE, QUANTILE
+from ...fitting.thresholds import LARGEST_ERROR
 from ...gains.axis import axis_gains
 from ...gains.axis_result import AxisGains
 from ...gains.thresholds import SPEEDS
@@ -269,7 +269,7 @@ def _acceptable(current: SteadyModel, model: SteadyModel, curve: SteadyCurve) ->
     """Whether a model is likelier, predicts better, is possible, and has determined parameters, as
     for the loop of a record (`gates.not_fixed`)."""
     better = current.bic - model.bic > ACCEPT and model.heldout < current.heldout
-    limits = {"fs": 1.0, "vs": HALF_DECADE / QUANTILE}
+    limits = {"fs": 1.0, "vs": LARGEST_ERROR}
     fixed = all(model.std[k] < limits[k] * abs(model.values[k]) for k in limits if k in model.std)
     possible = model.values.get("fs", 1.0) > 0 and driving(curve, model, 0.0) is None
     return better and fixed and possible
