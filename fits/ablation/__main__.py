@@ -12,6 +12,7 @@ import importlib
 import json
 import multiprocessing
 import os
+import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -21,17 +22,17 @@ from fits.blind.cores import one_thread
 _RECORDS_PER_PROCESS = 12
 
 
-def treat(job: tuple[int, Path, tuple[str, ...]]) -> str:
-    """One record with all its loops; a line about it. Never raises."""
-    from .xla import weigh
+def treat(job: tuple[int, Path, tuple[str, ...]]) -> tuple[str, bool]:
+    """One record with all its loops: a line about it, and whether it did not fail."""
+    from .loops import weigh
 
     place, out, only = job
-    begun = time.monotonic()
+    begun, whole = time.monotonic(), True
     try:
         said = weigh(place, out, only)
     except Exception as failure:
-        said = f"FAILED {type(failure).__name__}: {failure}".splitlines()[0]
-    return f"{time.monotonic() - begun:6.1f} s  {said}"
+        said, whole = f"FAILED {type(failure).__name__}: {failure}".splitlines()[0], False
+    return f"{time.monotonic() - begun:6.1f} s  {said}", whole
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -45,16 +46,20 @@ def main(arguments: Sequence[str] | None = None) -> None:
     asked = parser.parse_args(arguments)
     from .records import blind
 
+    failed = 0
     if not asked.table:
         places = range(len(blind()))[: asked.records]
         jobs = [(place, asked.out, tuple(asked.only)) for place in places]
         context = multiprocessing.get_context("spawn")
         with context.Pool(asked.workers, one_thread, maxtasksperchild=_RECORDS_PER_PROCESS) as pool:
-            for done, said in enumerate(pool.imap_unordered(treat, jobs), start=1):
+            for done, (said, whole) in enumerate(pool.imap_unordered(treat, jobs), start=1):
                 print(f"{done:4}/{len(jobs)} {said}", flush=True)
+                failed += not whole
     from .table import published
 
     print(published(asked.out))
+    if failed:
+        sys.exit(f"{failed} of {len(jobs)} records failed")
 
 
 def write(path: Path, content: dict) -> None:
