@@ -318,6 +318,21 @@ def test_white_noise_is_found_white():
     assert float(found.noise.sigma) == pytest.approx(2e-3, rel=0.1)
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_load_point_that_holds_is_no_clock_of_white_noise():
+    """Its path stands still for a while, and begins with a level that the fit takes."""
+    rng, rows = np.random.default_rng(4), np.arange(300)
+    time = 0.1 * rows
+    path = np.interp(rows, [0, 120, 200, 299], [0.0, 1.2e-5, 1.2e-5, 1.1e-4])
+    clock = np.column_stack([time, path, rows])
+    jacobian = design(rng, time)
+    residual = rng.standard_normal(300) + 30.0
+    longest = 0.1 * np.ptp(clock, axis=0)
+    found = estimate_noise(noise_rows(clock, np.ones(300), residual, jacobian, longest))
+    assert found.family == Family()
+    assert float(found.noise.sigma) == pytest.approx(1.0, rel=0.15)
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_a_second_part_is_found_where_there_is_hardly_any_white_noise(seed):
     """At least as likely as the truth: 0.5 exp(-d/30) + 0.49 r(d/1.5), r a swing of six rows."""

@@ -215,7 +215,6 @@ PIECES: dict[str, Piece] = {
     "quantisation": _noise((engine, "recorded_steps", lambda friction: 0.0)),
     "outliers": _noise((learn, "_without_glitches", lambda learnt, rows: learnt)),
     "hum": _noise((learn, "_without_hum", lambda learnt, base: learnt)),
-    "spectrum": _noise((noise_search, "seems_white", lambda *_, **__: False)),
     "profile at every candidate": _held_noise(),
     "many noises to screen under": _one_noise_to_screen_under(),
     "first-order starts that are moderate": _fit((Engine, "moderate", lambda *_: True)),

@@ -4,8 +4,7 @@
   or rows).
 - `filter`, `covariance`, `likelihood`: a Kalman filter, the errors of parameters under a noise, and
   the restricted likelihoods of noises.
-- `search` finds the noise parts of a residual; `spectrum` tests quickly whether a residual is
-  white.
+- `search` finds the noise parts of a residual.
 - `by_step`: scale of the noise, and its correlation length in rows ("pace"), in every velocity
   step.
 - `hum`, `glitches`, `quantisation` find spectral lines of constant frequency, outliers, and

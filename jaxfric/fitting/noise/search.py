@@ -5,10 +5,9 @@ family's parameters. The derivatives are finite differences of the likelihood be
 are evaluated in one pass (`likelihood`).
 
 `estimate_noise` starts from white noise and adds a part if this lowers the BIC. `profile_noise`
-keeps the parts and estimates their sizes anew. If the spectrum of a residual clearly needs no
-correlated part, the noise is white without a search (`spectrum`). In a very long record the search
-for parts uses a few stretches of rows, and the estimate of their sizes more stretches. The standard
-deviation sigma and the likelihood use all rows.
+keeps the parts and estimates their sizes anew. In a very long record the search for parts uses a
+few stretches of rows, and the estimate of their sizes more stretches. The standard deviation sigma
+and the likelihood use all rows.
 """
 
 import itertools
@@ -25,7 +24,6 @@ from . import thresholds as const
 from .likelihood import restricted, restricted_white
 from .model import Noise, Noises, white_of
 from .parts import KINDS, Limits, Term
-from .spectrum import gains_of_parts, spectrum
 
 
 class Family(NamedTuple):
@@ -330,24 +328,13 @@ def _restricted_at(record: NoiseRows, parts: tuple, sigma: float) -> float:
 def _with_parts(record: NoiseRows, *, either_sign: bool) -> Found:
     """The likeliest noise, built part by part while the BIC falls."""
     best = _best_of(record, Family(), np.zeros((1, 0)))
-    for _ in range(0 if seems_white(record, either_sign=either_sign) else const.MOST_PARTS):
+    for _ in range(const.MOST_PARTS):
         more = _with_another(record, best, either_sign=either_sign)
         extra = more.family.parameters - best.family.parameters if more else 0
         if more is None or not more.value - best.value > extra * record.worth:
             break
         best = more
     return best
-
-
-def seems_white(record: NoiseRows, *, either_sign: bool) -> bool:
-    """Whether the residual's spectrum shows that no correlated part nearly lowers the BIC."""
-    scale = np.broadcast_to(record.scale, record.weight.shape)
-    seen = spectrum(record.clock, record.weight, record.columns / scale[:, None])
-    if seen is None:
-        return False
-    gains = gains_of_parts(seen, record.limits, either_sign=either_sign)
-    each = const.FAR_FROM * 2 * record.worth
-    return all(gain < each * kind.parameters for kind, gain in gains.items())
 
 
 def _with_another(record: NoiseRows, best: Found, *, either_sign: bool) -> Found | None:

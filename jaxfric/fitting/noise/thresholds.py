@@ -51,26 +51,13 @@ likelihood changes over a unit of theta."""
 SETTLED = 0.02
 """Gain of ln L that ends a search: less than a fiftieth of the BIC penalty of a parameter."""
 FAR_FROM = 0.5
-"""The noise is white if the spectrum's gain is below this share of a part's BIC penalty."""
+"""Velocity steps have one pace if the gain of separate paces is below this share of their BIC
+penalty."""
 STRETCH, SOUGHT, SIZED = 1024, 8, 64
 """Rows of a stretch; stretches of a long record to search its parts in, and to size them in."""
 BETWEEN, SIZES_AROUND, MEMORIES_AROUND = (0.0, 0.5, 1.0), (-1.5, 0.0, 1.5), (-0.7, 0.0, 0.7)
 """Positions between two noises, and offsets of the logarithms of sizes and correlation lengths, for
 screening candidates. A finer grid selects the same effects."""
-
-# ---- the spectrum
-
-SAME_SPEED, SAME_STEP = 0.02, 0.5
-"""Largest relative changes from row to row in a piece: of one clock over another, of a clock."""
-PIECE = 64
-"""Fewest rows of a piece."""
-LEFT_OUT = 0.1
-"""Largest share of rows in shorter pieces, which are not used."""
-BAND = 0.04
-"""Width of a band over its frequency: a part has no structure in it."""
-SPECTRAL_SIZES, SPECTRAL_MEMORIES = (-3.0, -2.0, -1.0, 0.0, 1.5, 3.0), 9
-"""Logarithms of sizes over the white noise, and number of correlation lengths on a clock, for the
-bound. It must be exact to half the BIC penalty of a part."""
 
 # ---- the noise of a result
 
