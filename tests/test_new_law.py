@@ -1,8 +1,9 @@
 """A law of one's own: one file and one entry in the registry, and every verb takes it.
 
 Two laws, each a module that is written here and touches nothing else: an evolution law (that of
-Perrin, Rice & Zheng 1995) and a law with two states, the second of which follows the first. What
-they do is compared with SciPy's integration of the same equations and with linear theory by hand.
+Perrin, Rice & Zheng 1995, but half as fast: it forgets over 2L, which no formula with L knows) and
+a law with two states, the second of which follows the first. What they do is compared with SciPy's
+integration of the same equations and with linear theory by hand.
 """
 
 import importlib.util
@@ -35,11 +36,11 @@ from jaxfric.rig.friction import AbstractEvolution
 
 
 class PerrinRiceZheng(AbstractEvolution):
-    """dTheta/dt = 1 - (V Theta/2L)^2, theta = B ln(V0 Theta/2L)."""
+    """2 dTheta/dt = 1 - (V Theta/2L)^2, theta = B ln(V0 Theta/2L)."""
 
     def rate(self, r, theta, B, L, V0):
         age = jnp.exp(theta / B)
-        return B * V0 / (2 * L) * (1 / age - r**2 * age)
+        return B * V0 / (4 * L) * (1 / age - r**2 * age)
 
     def steady_state(self, r, B, V0):
         return -B * jnp.log(r)
@@ -115,7 +116,7 @@ class Plant(NamedTuple):
         B, L = p["B"], p["L"]
         if not self.two:
             age = 2 * L / V0 * np.exp(theta[0] / B)
-            return [B / age * (1 - (V * age / (2 * L)) ** 2)]
+            return [B / age * (1 - (V * age / (2 * L)) ** 2) / 2]
         first = -V / L * (theta[0] + B * np.log(V / V0))
         return [first, -V / p["L2"] * (theta[1] - p["B2"] / B * theta[0])]
 
@@ -123,8 +124,8 @@ class Plant(NamedTuple):
         return [-self.p[name] * np.log(V / V0) for name in ("B", "B2") if name in self.p]
 
     def transfer(self, s, V):
-        p = self.p
-        first = -p["B"] / p["L"] / (s + V / p["L"])
+        p, L = self.p, self.p["L"] * (1 if self.two else 2)
+        first = -p["B"] / L / (s + V / L)
         second = p["B2"] / p["B"] * V / p["L2"] / (s + V / p["L2"]) * first if self.two else 0.0
         return p["A"] / V + first + second
 

@@ -21,7 +21,6 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..laws.fitted import draw_samples
-from ..laws.registry import evolution_of
 from ..rig.friction import AbstractRateState
 from ..stability.theorem import critical_stiffness
 from ..traced import traced
@@ -85,16 +84,12 @@ def rate_dependence(fit: Estimated, span: float = 0.0) -> Estimate:
 
 
 def critical_stiffness_of(law: AbstractRateState) -> float:
-    """Critical stiffness without mass and damping [friction/m]. For a `RateState` law the value is
-    from equation (25) of the theory, for another law from equations (18)-(20) at V0.
-    """
+    """Critical stiffness without mass and damping [friction/m], as `critical_stiffness`."""
     return float(_critical(law))
 
 
 def critical_stiffness_at(model: Model, values: Mapping[str, float]) -> float:
     """Critical stiffness of a model [friction/m] at the parameter values (SI), given by name."""
-    if model.states == 1 and evolution_of(model.law) is not None:  # nothing to compile
-        return float((values["B"] - values["A"]) / values["L"])
     own = np.asarray([values[name] for name in model.names()])
     return float(_critical_at(model, own, np.asarray(values["V0"]), np.asarray(values["K"])))
 

@@ -109,7 +109,9 @@ def apply_theorem(slider: LinearSlider) -> Theorem:
 def critical_stiffness(law: AbstractRateState) -> Float[Array, ""]:
     """Critical stiffness of a massless, undamped slider: (25) with m = k_v = 0 [force/m].
 
-    For one state the critical stiffness is (B - A)/L. For every other rate-and-state law the
+    For one state of the slip or ageing law the critical stiffness is (B - A)/L. For one state of
+    any evolution it is (B - A) w/V0, where the state forgets a step of velocity as exp(-w t) near
+    V0, and -B is the slope of its steady value over ln V. For every other rate-and-state law the
     critical stiffness follows from (18)-(20) at the velocity V0. For several states the critical
     stiffness does not depend on velocity. If the critical stiffness is zero or negative, every
     positive stiffness is stable. Derivatives of any order are exact.
@@ -124,11 +126,23 @@ def critical_stiffness(law: AbstractRateState) -> Float[Array, ""]:
             " apply_theorem(linearise(rig, velocity))"
         )
     if isinstance(law, RateState) and law.B.shape[0] == 1:
-        return (law.B[0] - law.A) / law.L[0]
+        return _of_one_state(law)
     friction = linear_friction(law, law.V0)
     return rice_ruina_criterion(
         friction.kernel, friction.slope, jnp.zeros_like(law.V0)
     ).critical_stiffness
+
+
+def _of_one_state(law: RateState) -> Float[Array, ""]:
+    """Critical stiffness of a law with one state, from the derivatives of its evolution at V0."""
+    one = jnp.ones_like(law.V0)
+    steady, fall = jax.jvp(
+        lambda r: law.evolution.steady_state(r, law.B, law.V0)[0], (one,), (one,)
+    )
+    _, pull = jax.jvp(
+        lambda x: law.evolution.rate(one, x[None], law.B, law.L, law.V0)[0], (steady,), (one,)
+    )
+    return (-fall - law.A) * -pull / law.V0
 
 
 def _rational(kernel: StateSpaceKernel, damping: Float[Array, ""], mass: Float[Array, ""]):
