@@ -18,6 +18,7 @@ import pickle
 import tempfile
 import threading
 import types
+from collections import UserDict
 from collections.abc import Callable, Hashable, Mapping
 from importlib.metadata import version
 from pathlib import Path
@@ -34,6 +35,7 @@ from .threads import on_processor
 
 P = ParamSpec("P")
 R = TypeVar("R")
+T = TypeVar("T")
 
 _OURS = __name__.split(".", maxsplit=1)[0]
 _LIBRARIES = ("jax", "jaxlib", "equinox", "diffrax", "optimistix", "lineax", "numpy")
@@ -49,10 +51,36 @@ _folder: list[Path] = []
 _tables: list[Mapping[str, object]] = []
 """Tables whose contents traced functions look up by name, so that they are part of every key."""
 
+_since: list[int] = [0]
+"""Number of times that compiled functions were forgotten: part of every key in memory."""
 
-def depends_on(table: Mapping[str, object]) -> None:
-    """Declare that traced functions look up entries of `table` by names that are arguments."""
-    _tables.append(table)
+
+class Registry(UserDict[str, T]):
+    """A table whose entries compiled functions look up by names that are arguments.
+
+    If an entry is replaced or removed, JAX forgets every compiled function. Otherwise functions
+    that were compiled with the old entry would go on with it.
+    """
+
+    def __init__(self, entries: Mapping[str, T]):
+        super().__init__(entries)
+        _tables.append(self)
+
+    def __setitem__(self, key: str, item: T) -> None:
+        """Add or replace an entry."""
+        if self.data.get(key, item) is not item:
+            _forget()
+        super().__setitem__(key, item)
+
+    def __delitem__(self, key: str) -> None:
+        """Remove an entry."""
+        _forget()
+        super().__delitem__(key)
+
+
+def _forget() -> None:
+    _since[0] += 1
+    jax.clear_caches()
 
 
 def keep_traced(folder: Path) -> None:
@@ -163,7 +191,7 @@ def _like(leaves: list, tree: Hashable) -> tuple[list[Array], tuple]:
     arrays = [x for x in leaves if eqx.is_array(x)]
     rest = tuple(None if eqx.is_array(x) else x for x in leaves)
     shapes = tuple((x.shape, x.dtype, getattr(x, "weak_type", False)) for x in arrays)
-    return arrays, (_folder[0], tree, rest, shapes, _settings())
+    return arrays, ((_folder[0], *_since), tree, rest, shapes, _settings())
 
 
 @functools.cache

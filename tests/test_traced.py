@@ -13,8 +13,9 @@ import pytest
 from jaxfric import traced as module
 from jaxfric.effects import effect_of, made
 from jaxfric.laws import REGISTRY
+from jaxfric.laws.registry import rate_state
 from jaxfric.rig import QuasiStatic, Rig
-from jaxfric.rig.friction import RateState
+from jaxfric.rig.friction import RateState, SlipEvolution
 from jaxfric.stability.theorem import critical_stiffness
 from jaxfric.traced import Traced, keep_traced
 
@@ -156,6 +157,26 @@ def test_a_law_under_another_name_is_another_function(folder, traces, monkeypatc
     monkeypatch.setitem(REGISTRY, "slip", REGISTRY["ageing"])
     Traced(critical_stiffness)(law())
     assert len(traces) == 2
+
+
+@pytest.mark.parametrize("kept", [False, True])
+def test_a_law_that_is_replaced_is_compiled_anew(kept, tmp_path, monkeypatch):
+    """In one session, as a notebook does that runs a cell again."""
+
+    class Faster(SlipEvolution):
+        times: float = 2.0
+
+        def rate(self, r, theta, B, L, V0):
+            return self.times * super().rate(r, theta, B, L, V0)
+
+    monkeypatch.setattr(module, "_folder", [tmp_path] if kept else [])
+    p = {"f0": 0.6, "A": 0.01, "B": 0.014, "L": 1e-5, "V0": 1e-6}
+    of_name = Traced(lambda name, L: critical_stiffness(rate_state(name, {**p, "L": L}, 1)))
+    found = []
+    for law in (SlipEvolution(), Faster(), Faster(3.0)):
+        monkeypatch.setitem(REGISTRY, "own", law)
+        found.append([float(f("own", jnp.asarray(1e-5))) for f in (of_name, of_name.nested)])
+    np.testing.assert_allclose(found, np.array([[400.0], [800.0], [1200.0]]) * [1, 1])
 
 
 def test_effects_of_the_catalogue_are_known_code():

@@ -34,20 +34,21 @@ from ..rig.friction import (
     RegularisedEffect,
     SlipEvolution,
 )
-from ..traced import depends_on
+from ..traced import Registry
 
 Law = AbstractLaw | AbstractDelayLaw
 
-REGISTRY: dict[str, AbstractEvolution | type[AbstractLaw] | type[AbstractDelayLaw]] = {
-    "slip": SlipEvolution(),
-    "ageing": AgeingEvolution(),
-    "stribeck": GeneralStribeck,
-    "gaussian-stribeck": GaussianStribeck,
-    "delay": HessSoom,
-    "dahl": Dahl,
-}
-"""Every law by its name."""
-depends_on(REGISTRY)
+REGISTRY: Registry[AbstractEvolution | type[AbstractLaw] | type[AbstractDelayLaw]] = Registry(
+    {
+        "slip": SlipEvolution(),
+        "ageing": AgeingEvolution(),
+        "stribeck": GeneralStribeck,
+        "gaussian-stribeck": GaussianStribeck,
+        "delay": HessSoom,
+        "dahl": Dahl,
+    }
+)
+"""Every law by its name. A law that is replaced is compiled anew."""
 
 _RATE_STATE = quantities(RateState)
 _OF_A_STATE = re.compile(r"[BL]([2-9])")
