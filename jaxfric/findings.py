@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from itertools import chain, repeat
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -162,14 +162,14 @@ class WarningCode(StrEnum):
 
 
 class Warned(str):
-    """A warning as text, with its code and the values in the text."""
+    """A warning or a reason as text, with its code and the values in the text."""
 
-    code: WarningCode | None
+    code: StrEnum | None
     values: Mapping[str, object]
     """SI, or warnings."""
 
     def __new__(
-        cls, text: str, code: WarningCode | None = None, values: Mapping[str, object] | None = None
+        cls, text: str, code: StrEnum | None = None, values: Mapping[str, object] | None = None
     ) -> "Warned":
         """The text with a code; None if no code looks for this warning."""
         made = super().__new__(cls, text)
@@ -179,16 +179,30 @@ class Warned(str):
 
 def warned(code: WarningCode, **values: object) -> Warned:
     """A warning in the words of its code (`report.words`), with values that these words need."""
-    return Warned(said("words.warning", code, values), code, values)
+    return Warned(said("words.coded", code, values), code, values)
 
 
-def listed(warnings: Iterable[str]) -> dict[str, list]:
-    """Entries of a file for warnings: the texts `warnings`, and `warned`, the code and the values
-    of each text. The code is None for a warning without a code."""
-    texts = list(warnings)
-    about = [(getattr(one, "code", None), getattr(one, "values", {})) for one in texts]
-    told = [{"code": code, "values": plain(values)} for code, values in about]
-    return {"warnings": texts, "warned": told}
+def because(code: StrEnum, **values: object) -> Warned:
+    """A reason in the words of its code (`report.words`), with values that these words need."""
+    return Warned(said("words.coded", code, values), code, values)
+
+
+def _coded(text: str) -> dict[str, Any]:
+    """The code of a text (None without one) and its values."""
+    return {"code": getattr(text, "code", None), "values": getattr(text, "values", {})}
+
+
+def listed(texts: Iterable[str], name: str = "warnings", codes: str = "warned") -> dict[str, list]:
+    """Entries of a file for warnings: the texts `name`, and `codes`, the code and the values of
+    each text. The code is None for a text without a code."""
+    texts = list(texts)
+    return {name: texts, codes: [plain(_coded(text)) for text in texts]}
+
+
+def reasoned(why: str, name: str = "why") -> dict[str, object]:
+    """Entries of a file for a reason: the text `name`, and `reason`, its code and values. `reason`
+    is None without a reason, and for a text of the user."""
+    return {name: why, "reason": plain(_coded(why)) if isinstance(why, Warned) else None}
 
 
 def read_warnings(table: Mapping) -> tuple[Warned, ...]:
@@ -205,10 +219,7 @@ def read_warnings(table: Mapping) -> tuple[Warned, ...]:
 
 def marked(origin: str, warnings: Iterable[str]) -> tuple[Warned, ...]:
     """Warnings of another result, which begin with their `origin`."""
-    return tuple(
-        Warned(f"{origin}: {one}", getattr(one, "code", None), getattr(one, "values", {}))
-        for one in warnings
-    )
+    return tuple(Warned(f"{origin}: {one}", **_coded(one)) for one in warnings)
 
 
 def is_of(warning: str, code: WarningCode) -> bool:

@@ -6,6 +6,7 @@ import os
 import string
 import subprocess
 import sys
+from enum import StrEnum
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,9 @@ from jaxfric.effects import RunChange
 from jaxfric.findings import WarningCode
 from jaxfric.loop import LoopCode
 from jaxfric.loop.refusal import Fault
-from jaxfric.report.words import TEMPLATES, WARNINGS, change_words, say
+from jaxfric.prediction.result import NoteCode
+from jaxfric.report.words import REASONS, TEMPLATES, WARNINGS, change_words, say
+from jaxfric.runs.reasons import RunReason
 
 HERE = Path(__file__).parent
 DATA = HERE.parent / "data"
@@ -217,22 +220,26 @@ def test_every_sentence_that_is_said_has_its_template_and_all_values() -> None:
     assert says() and missing == []
 
 
-def test_every_warning_that_is_made_has_its_words_and_all_values() -> None:
+def test_every_warning_and_reason_that_is_made_has_its_words_and_all_values() -> None:
     missing, made = [], 0
+    every = {**WARNINGS, **REASONS}
     for path in sorted((HERE.parent / "jaxfric").rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if not isinstance(node, ast.Call) or getattr(node.func, "id", "") != "warned":
+            if not isinstance(node, ast.Call) or getattr(node.func, "id", "") not in MAKERS:
                 continue
             made, given = made + 1, {one.arg for one in node.keywords}
             for code in names(node.args[0]):
-                words = WARNINGS.get(code)
+                words = every.get(code)
                 if words is None or (None not in given and not fields(words) <= given):
                     missing.append((path.name, node.lineno, code))
-    assert made > 40 and missing == []
+    assert made > 80 and missing == []
+    assert REASONS.keys() == {*map(str, RunReason), *map(str, NoteCode)}
     assert set(map(str, WarningCode)) - WARNINGS.keys() == IN_PLACE
     assert WARNINGS.keys() <= set(map(str, WarningCode))
 
 
+MAKERS = ("warned", "because", "without")
+CODES = {one.__name__: one for one in (WarningCode, RunReason, NoteCode)}
 IN_PLACE = {
     *(WarningCode.MISSED, WarningCode.DRIFT, WarningCode.WANDERS, WarningCode.GLITCHES),
     *(WarningCode.MISFIT, WarningCode.SECOND_SEARCH),
@@ -240,10 +247,10 @@ IN_PLACE = {
 """Warnings whose words are put together where they are made."""
 
 
-def names(node: ast.expr) -> list[WarningCode]:
-    """Codes of warnings that an argument may be."""
-    return [WarningCode[n.attr] for n in ast.walk(node) if isinstance(n, ast.Attribute)
-            and getattr(n.value, "id", "") == "WarningCode"]  # fmt: skip
+def names(node: ast.expr) -> list[StrEnum]:
+    """Codes of warnings and reasons that an argument may be."""
+    return [CODES[n.value.id][n.attr] for n in ast.walk(node) if isinstance(n, ast.Attribute)
+            and getattr(n.value, "id", "") in CODES]  # fmt: skip
 
 
 def test_every_code_has_its_words() -> None:

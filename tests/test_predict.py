@@ -191,6 +191,10 @@ def test_a_slider_through_the_command(monkeypatch: pytest.MonkeyPatch) -> None:
     assert {f.name for f in folder.iterdir()} >= {"prediction.json", "prediction.png"}
     content = json.loads((folder / "prediction.json").read_text())
     assert content["schema"] == "jaxfric.prediction/1"
+    fitted, stiffness, *_ = content["noted"]
+    assert fitted == {"code": "parameters_fitted", "values": {"parameters": ["f0"]}}
+    assert stiffness["code"] == "stiffness_of_the_model"
+    assert len(content["noted"]) == len(content["notes"])
     model, here = content["refitted"]["f0"]["model"], content["refitted"]["f0"]["here"]
     assert model == 0.5 and here == pytest.approx(0.6, abs=1e-3)
     assert content["comparisons"][0]["rms"] == pytest.approx(2e-4, rel=0.3)

@@ -8,12 +8,13 @@ from scipy.integrate import solve_ivp
 
 import jaxfric as jf
 from fits.runs.generate import generate
-from jaxfric.findings import WarningCode
+from jaxfric.findings import WarningCode, reasoned
 from jaxfric.records import record_steps
 from jaxfric.records.teeth import find_spikes, find_teeth, turns
 from jaxfric.runs import KINDS, Event, find_events
 from jaxfric.runs.cautions import cautions
 from jaxfric.runs.decisions import decisions_text, read_decisions
+from jaxfric.runs.reasons import RunReason
 from jaxfric.runs.stiffness import MachineStiffness
 from jaxfric.runs.stress import find_stress_changes, polyline
 
@@ -427,6 +428,18 @@ def test_a_stretch_of_teeth_comes_back_with_its_end(tmp_path):
     file.write_text(decisions_text((odd,), "mine.csv"))
     (back,) = read_decisions(file, 123456.789634)
     assert back.why == odd.why and back.stop == odd.stop
+
+
+def test_a_reason_of_the_program_has_a_code_and_that_of_a_user_has_none(tmp_path):
+    (found,) = find_events(run([(0, 3e-6)], offset=-1e-3)).events
+    assert found.why.code is RunReason.JUMP and "encoder jumps by " in found.why
+    assert found.why.values["size"] == pytest.approx(-1e-3, rel=0.01)
+    file = tmp_path / "events.toml"
+    file.write_text(decisions_text((found,), "mine.csv"))
+    (back,) = read_decisions(file, 400.0)
+    assert reasoned(back.why) == {"why": str(found.why), "reason": None}
+    told = reasoned(found.why)["reason"]
+    assert told["code"] == "encoder_jumps" and told["values"]["size"] < 0
 
 
 def test_glitches_beside_teeth_are_of_the_teeth():

@@ -142,7 +142,7 @@ def test_where_halves_differ_the_first_straight_part_counts():
 
 @pytest.mark.parametrize(
     ("change", "why"),
-    [({"jump": 0.02}, "the normal stress changes"), ({"noise": 0.3}, "its slope is lost")],
+    [({"jump": 0.02}, "the normal stress is not constant"), ({"noise": 0.3}, "its slope is lost")],
 )
 def test_what_tells_no_stiffness(change, why):
     record = run(**change)

@@ -2,13 +2,16 @@
 
 import itertools
 import sys
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from jaxfric.findings import because
 from jaxfric.runs import Event
+from jaxfric.runs.reasons import RunReason
 from jaxfric.runs.stress import StressChange
 from jaxfric.runs.stress_fit import Prior, fit_stress, prior_of, stiffness_of
 from jaxfric.runs.stress_problem import NAMES, StressRows, make_stress_step, predicted
@@ -232,17 +235,19 @@ def stress_event(before=V, after=V, time=100.0):
 
 
 @pytest.mark.parametrize(
-    ("before", "after", "why"),
+    ("before", "after", "told"),
     [
-        (0.0, 0.0, "holds"),
-        (V, 0.0, "holds"),
-        (V, 3 * V, "velocity step is superposed"),
-        (-V, -V, "moves back"),
+        (0.0, 0.0, "not 0 and 0 um/s"),
+        (V, 0.0, "not 3 and 0 um/s"),
+        (V, 3 * V, "not 3 and 9 um/s"),
+        (-V, -V, "not -3 and -3 um/s"),
     ],
 )
-def test_what_is_superposed_is_told(before, after, why):
-    with pytest.raises(_NotClaimedError, match=why):
+def test_what_is_superposed_is_told(before, after, told):
+    with pytest.raises(_NotClaimedError, match=told) as found:
         _refuse_superposed(stress_event(before, after))
+    (why,) = found.value.args
+    assert why.code is RunReason.VELOCITIES and why.values == {"before": before, "after": after}
     _refuse_superposed(stress_event())
 
 
@@ -250,18 +255,19 @@ def test_what_is_superposed_is_told(before, after, why):
 def test_a_slow_change_resolves_no_transient(seconds, refused):
     change = StressChange(100.0, 100.0 + seconds, 1e7, 1.15e7)
     if refused:
-        with pytest.raises(_NotClaimedError, match=r"changes slowly.*57 L"):
+        with pytest.raises(_NotClaimedError, match=r"is slow.*57 L"):
             _refuse_slow(change, L, K, V, F0)
     else:
         _refuse_slow(change, L, K, V, F0)
 
 
-@pytest.mark.parametrize(("share", "word"), [(0.02, ""), (0.3, "rises"), (-0.3, "falls")])
+@pytest.mark.parametrize(("share", "word"), [(0.02, ""), (0.3, "30 %"), (-0.3, "-30 %")])
 def test_a_slider_that_is_not_steady_before(share, word):
     steady = some_rows(F0 + share * K * V * TIME, 1e-4)
     if word:
-        with pytest.raises(_NotClaimedError, match=f"still {word} before it, by 30 %"):
+        with pytest.raises(_NotClaimedError, match=f"changes by {word} of what") as found:
             _refuse_unsteady(steady, K, V)
+        assert found.value.args[0].values["share"] == pytest.approx(share, rel=0.05)
     else:
         _refuse_unsteady(steady, K, V)
 
@@ -306,7 +312,8 @@ def test_of_changes_that_touch_each_event_has_its_own(time, which, monkeypatch):
     ones = np.ones(3)
     record = SimpleNamespace(normal_stress=ones, friction_unit="1", relative_time=ones)
     [found] = fit_stress_steps(record, [stress_event(0.0, 0.0, time)], [], None)
-    assert (found.before, found.after) == changes[which][2:] and "holds" in found.why
+    assert (found.before, found.after) == changes[which][2:]
+    assert found.why.code is RunReason.VELOCITIES
 
 
 def test_what_is_told():
@@ -321,4 +328,8 @@ def test_what_is_told():
     table = rows([some, none])
     assert (table[0]["alpha"], table[0]["K [1/um]"], table[1]["alpha"]) == (0.213, 1e-6, None)
     assert "K [1/um]" not in table[1]
+    assert to_json([none])[0]["reason"] is None  # a text without a code
+    coded = replace(none, why=because(RunReason.VELOCITIES, before=V, after=0.0))
+    reason = {"code": "not_one_velocity", "values": {"before": V, "after": 0.0}}
+    assert to_json([coded])[0]["reason"] == reason
     assert to_json([some])[0]["values"] == fit.values and to_json([none])[0]["values"] is None

@@ -18,7 +18,7 @@ from jaxtyping import Array, Float
 
 from ..effects import effect_of
 from ..errors import InputError
-from ..findings import WarningCode, warned
+from ..findings import Warned, WarningCode, because, warned
 from ..fitting.axis_fit import inverse_dynamics
 from ..fitting.axis_preparation import prepare, usual
 from ..fitting.axis_problem import AxisProblem, make_problem
@@ -30,7 +30,7 @@ from ..records.differences import noise_from_differences
 from ..rig.axis import AxisRig, BaseLaw
 from ..simulation.axis_closed_loop import ClosedLoop, Controller, simulate_closed_loop, substeps
 from .model import SavedModel
-from .result import Comparison, Prediction, Shift
+from .result import Comparison, NoteCode, Prediction, Shift
 
 ROWS = "inverse dynamics"
 POSITION = "closed loop: position"
@@ -252,12 +252,11 @@ def _refit(setting: _AxisSetting, name: str) -> tuple[float, tuple[Shift, ...]]:
     return fit.rms, tuple(shifts)
 
 
-def _notes(setting: _AxisSetting) -> tuple[str, ...]:
-    notes = ["no parameter was fitted to this record"]
+def _notes(setting: _AxisSetting) -> tuple[Warned, ...]:
+    codes = [NoteCode.NOTHING]
     if setting.inside is not None:
-        beside = "contains the disturbance" if setting.inside else "is without the disturbance"
-        notes.append(f"the recorded force {beside}: the model then predicts it better")
-    return tuple(notes)
+        codes.append(NoteCode.INSIDE if setting.inside else NoteCode.BESIDE)
+    return tuple(map(because, codes))
 
 
 def _warnings(setting: _AxisSetting) -> tuple[str, ...]:

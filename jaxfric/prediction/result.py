@@ -2,11 +2,12 @@
 
 import math
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 
 from ..described import Described, Drawable, Gridded, Tabular
-from ..findings import listed
+from ..findings import Warned, listed
 from ..plain import entries, plain
 from ..records.record import Provenance
 from ..records.steps import VelocitySteps
@@ -17,6 +18,19 @@ _AS_GOOD = 1.1
 _AT_NOISE = 1.3
 """Largest rms, over the scatter of neighbouring rows, of a refit that is consistent with noise."""
 _SHIFTED = 3.0
+
+
+class NoteCode(StrEnum):
+    """Codes of the notes of a prediction."""
+
+    FITTED = "parameters_fitted"
+    """Values: parameters."""
+    NOTHING = "nothing_fitted"
+    STEPS = "step_times_fitted"
+    STIFFNESS = "stiffness_of_the_model"
+    """Values: stiffness, unit."""
+    INSIDE = "disturbance_inside"
+    BESIDE = "disturbance_beside"
 
 
 @dataclass(frozen=True)
@@ -92,7 +106,8 @@ class Prediction(Described, Drawable, Gridded, Tabular):
     """Prediction at the rows (n); nan for rows that are not compared."""
     position: tuple[np.ndarray, np.ndarray, str] | None
     """For a closed loop: time, simulated minus recorded position, unit."""
-    notes: tuple[str, ...]
+    notes: tuple[Warned, ...]
+    """Notes with their codes (`NoteCode`) and values."""
     warnings: tuple[str, ...]
     steps: VelocitySteps | None = None
     """Velocity steps of a slider's record."""
@@ -181,7 +196,7 @@ class Prediction(Described, Drawable, Gridded, Tabular):
             "parameters": {
                 s.name: entries(s, "model", "here", "error", "in_sigma") for s in self.shifts
             },
-            "notes": self.notes,
+            **listed(self.notes, "notes", "noted"),
             **listed(self.warnings),
         }
         return plain(table)

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..effects import effect_of
 from ..errors import InputError, option
-from ..findings import WarningCode, warned
+from ..findings import Warned, WarningCode, because, warned
 from ..fitting.encompassing import EncompassingModel
 from ..fitting.fit import forward_steps, require_float64, steps_of
 from ..fitting.noise import estimate_noise, noise_rows, sandwich
@@ -33,11 +33,10 @@ from ..records.differences import noise_from_differences
 from ..rig.normal_stress import recorded_stress
 from ..units import parse_quantity
 from .model import SavedModel
-from .result import Comparison, Prediction, Shift
+from .result import Comparison, NoteCode, Prediction, Shift
 
 METHOD = "friction"
 _BEYOND = 1.2
-_TOLERANCE = 1e-6
 _TRIALS = 40
 
 
@@ -239,19 +238,12 @@ def _shifts(setting: _SliderSetting, name: str, refit: _Found) -> tuple[Shift, .
     return tuple(out)
 
 
-def _notes(setting: _SliderSetting, free: Sequence[str]) -> tuple[str, ...]:
-    what = " and ".join(free) if free else "nothing"
-    told = f"of this record {what} was fitted"
-    if len(setting.problem.shifted):
-        told += ", and the times of its velocity steps within their error"
-    if setting.own:
-        return (told,)
-    unit = unit_of("K", setting.record.friction_unit)
-    return (
-        told,
-        f"stiffness is the model's, {setting.stiffness:.4g} {unit}: if another machine made this"
-        f" record, give the stiffness of that machine ({option('stiffness')})",
-    )
+def _notes(setting: _SliderSetting, free: Sequence[str]) -> tuple[Warned, ...]:
+    told = because(NoteCode.FITTED, parameters=free) if free else because(NoteCode.NOTHING)
+    about = {"stiffness": setting.stiffness, "unit": unit_of("K", setting.record.friction_unit)}
+    own = () if setting.own else (because(NoteCode.STIFFNESS, **about),)
+    times = (because(NoteCode.STEPS),) if len(setting.problem.shifted) else ()
+    return (told, *own, *times)
 
 
 def _warnings(setting: _SliderSetting) -> tuple[str, ...]:

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..units import format_si
 from .joints import gaps
 from .record import Record
 from .steps import VelocitySteps, find_steps, find_steps_in_velocity
@@ -37,16 +36,6 @@ class Reset:
     size: float
     paused: float = 0.0
     """Duration of a pause in which the encoder did not count [s]; 0 for other jumps."""
-
-    def told(self) -> str:
-        """Return a sentence on the reset of the encoder."""
-        if self.paused:
-            return (
-                f"{format_si(-self.size, 'm', 'um', 3)} are not counted in {self.paused:.3g} s"
-                f" without rows before {self.time:.6g} s: the load point moves alike before and"
-                " after, and friction does not answer"
-            )
-        return f"encoder jumps by {format_si(self.size, 'm', 'um', 5)} at {self.time:.6g} s"
 
 
 @dataclass(frozen=True, eq=False)

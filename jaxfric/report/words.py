@@ -9,7 +9,6 @@ from typing import Protocol
 
 from ..effects import RunChange
 from ..errors import option
-from ..findings import WarningCode
 from ..units import prefixed
 
 TEMPLATES: Mapping[str, str] = {
@@ -286,6 +285,62 @@ WARNINGS: Mapping[str, str] = {
 }
 """Every template of a warning by its code, a `findings.WarningCode`."""
 
+REASONS: Mapping[str, str] = {
+    # of an event of a run
+    "of_some_time": "of {lasts:.4g} s",
+    "after_a_hold": "after a hold of {lasts:.4g} s",
+    "load_point_turns": "the load point reverses",
+    "saw_teeth_beside": "friction has saw teeth next to it",
+    "stress_changes": "the stress goes from {before:M.4g} to {after:M.4g} MPa until {stop:.6g} s",
+    "still_rises": "friction still rises before it, by {share:%.2g} % in a quarter of the time",
+    "still_loaded": "before it friction changes by {share:%.2g} % of what the motion would load",
+    "saw_teeth": "drops of {drop:.3g}{unit} every {period:.3g} s until {stop:.6g} s",
+    "outlier_of_friction": "outlier of friction",
+    "encoder_jumps": "encoder jumps by {size:u.5g} um at {time:.6g} s",
+    "motion_not_counted": "the encoder is off by {size:u.3g} um after {paused:.3g} s without rows"
+    " before {time:.6g} s: velocities before and after agree, and friction does not respond",
+    "too_few_rows": "{before} rows before it and {after} after it: {needed} are needed",
+    "normal_stress_not_constant": "the normal stress is not constant around it",
+    # of a hold that is not fitted, or not used to compare the laws
+    "no_sliding_before": "the load point does not slide before it",
+    "run_ends_in_it": "the run ends in it",
+    "no_reload_follows": "the next event is {kind}, not reload",
+    "not_one_velocity": "one forward velocity is needed, not {before:u.3g} and {after:u.3g} um/s",
+    "not_measured": "too few rows of sliding beside it, or the normal stress changes there",
+    "motion_not_recorded": "friction rises more than the recorded motion can load the spring: at"
+    " least {missing:u.2g} um are missing, or press and specimen are stiffer. No law is tested",
+    "no_fit_under_a_law": "no fit converged (law: {laws})",
+    "not_fitted_with_the_others": "it could not be fitted together with the holds before it",
+    "neither_law": "the better law ({law}) leaves {times:.2g} times the scatter between rows",
+    # of a change of the normal stress
+    "fit_did_not_converge": "the fit did not converge",
+    "no_step_of_one_state": "no velocity step of the run gives A, B and L of one state",
+    "other_event_meanwhile": "another event occurs while the stress changes",
+    "slow_change": "the change is slow: meanwhile the slider slips {slip:u.3g} um, {lengths:.2g} L",
+    "rougher_than_the_steps": "its residual is {times:.2g} times that of the velocity steps' fits",
+    "not_determined": "the record does not determine it",
+    # of a ramp, and of stick-slip
+    "slope_lost_in_noise": "its slope is lost in the noise",
+    "not_straight": "it is not straight",
+    "rises_missed": "its misfit is {misfit:%.2g} % of a drop: it does not describe the rises",
+    "near_critical": "K would be {share:.2g} of the critical stiffness; record unfiltered rows",
+    "inertia_during_creep": "a drop would last {lasts:.2g} s ({moved:u.3g} um of the load point,"
+    " and L {L:u.3g} um): inertia matters, or rows are running means: record unfiltered rows",
+    "too_few_teeth": "{teeth} teeth after the first {first}; {needed} are needed",
+    "too_few_rows_in_a_rise": "fewer than {needed} rows in a rise",
+    "teeth_not_alike": "its teeth are not alike",
+    "no_steady_rise": "friction does not rise steadily between its drops",
+    # notes of a prediction
+    "parameters_fitted": "of this record {parameters} was fitted",
+    "nothing_fitted": "no parameter was fitted to this record",
+    "step_times_fitted": "the times of the velocity steps were fitted within their error",
+    "stiffness_of_the_model": "stiffness is the model's, {stiffness:.4g} {unit}: if another machine"
+    " made this record, give the stiffness of that machine ({option[stiffness]})",
+    "disturbance_inside": "the recorded force contains the disturbance: so the error is smaller",
+    "disturbance_beside": "the recorded force is without the disturbance: so the error is smaller",
+}
+"""Every template of a reason (`runs.reasons`) or note (`prediction.NoteCode`) by its code."""
+
 VARIABLE: Mapping[str, str] = {
     "log_velocity": "velocity",
     "slip_since_step": "the slip since a step",
@@ -337,9 +392,9 @@ def say(code: str, **values: object) -> str:
     return _Filler().vformat(TEMPLATES[code], (), values)
 
 
-def warning(code: WarningCode, values: Mapping[str, object]) -> str:
-    """A warning in words."""
-    return _Filler().vformat(WARNINGS[code], (), values)
+def coded(code: str, values: Mapping[str, object]) -> str:
+    """A warning or a reason in words."""
+    return _Filler().vformat(WARNINGS.get(code) or REASONS[code], (), values)
 
 
 class HasUnits(Protocol):

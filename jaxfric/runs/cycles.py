@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import stdtrit
 
-from ..findings import WarningCode, warned
+from ..findings import WarningCode, because, reasoned, warned
 from ..fitting.thresholds import ENDS, LARGEST_ERROR
 from ..plain import entries, plain
 from ..records import Record
@@ -29,6 +29,7 @@ from ..silent import silent
 from ..units import measured
 from .events import Event
 from .holds import LAWS
+from .reasons import RunReason
 from .rise_fit import RiseFit, fit_rises
 from .stick_slip import Rises, find_rises
 from .stiffness import MachineStiffness, departure
@@ -45,7 +46,6 @@ _HELD = 0.9
 """K L/(B - A) above which the spring is stiff enough, or nearly, to prevent stick-slip."""
 _AVERAGED = 0.02
 """Least share of a drop by which running means must lower it for a note."""
-_SMOOTHED = "rows that are running means look the same; unfiltered rows would decide"
 _NAMES = ("A", "B", "A-B", "L", "K")
 
 
@@ -112,18 +112,14 @@ def doubt_of(fit: RiseFit, fastest: float) -> str:
     """Return the reason why a fit reports no parameters, or ''; `fastest` [m/s] is the largest
     velocity."""
     if not fit.converged or not np.isfinite([*fit.values.values(), *fit.errors.values()]).all():
-        return "the fit did not converge"
+        return because(RunReason.FAILED)
     if fit.misfit > _ROUGH:
-        return f"its misfit is {100 * fit.misfit:.2g} % of a drop: it does not describe the rises"
+        return because(RunReason.MISFIT, misfit=fit.misfit)
     if fit.values["softness"] > _HELD:
-        return f"K would be {fit.values['softness']:.2g} of the critical stiffness: {_SMOOTHED}"
-    way = fit.period * fastest
-    if way > _MASS * fit.values["L"]:
-        return (
-            f"a drop would last {0.5 * fit.period:.2g} s, in which the load point moves"
-            f" {0.5e6 * way:.3g} um, and L would be {1e6 * fit.values['L']:.3g} um: inertia matters"
-            f" during creep, or the slip is slow; {_SMOOTHED}"
-        )
+        return because(RunReason.STIFF, share=fit.values["softness"])
+    half, L = 0.5 * fit.period, fit.values["L"]
+    if 2 * half * fastest > _MASS * L:
+        return because(RunReason.INERTIA, lasts=half, moved=half * fastest, L=L)
     return ""
 
 
@@ -219,20 +215,21 @@ def to_json(found: StickSlip | None) -> dict[str, object] | None:
     """Return the stick-slip of a run as JSON values, SI; None without stick-slip."""
     if found is None:
         return None
-    own = ("start", "stop", "velocity", "normal_stress", "drops", "periods", "why")
+    own = ("start", "stop", "velocity", "normal_stress", "drops", "periods")
+    stretches = [
+        entries(one, *own) | {"swing": one.swing if one.resolved else None} | reasoned(one.why)
+        for one in found.stretches
+    ]
     return plain(
         {
             "law": found.law,
-            "stretches": [
-                entries(one, *own) | {"swing": one.swing if one.resolved else None}
-                for one in found.stretches
-            ],
+            "stretches": stretches,
             "fits": {
                 law: entries(fit, "values", "errors", "period", "stress", "misfit", "freedom")
                 | {
                     "chi_square": fit.chi2,
                     "claimed": sorted(found.claimed(law)),
-                    "doubt": found.doubts.get(law, ""),
+                    **reasoned(found.doubts.get(law, ""), "doubt"),
                 }
                 for law, fit in found.fits.items()
             },

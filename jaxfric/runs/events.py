@@ -22,16 +22,17 @@ its reason; the user can edit this line.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
 from typing import NamedTuple, TypeVar
 
 import numpy as np
 
+from ..findings import because
 from ..records import Record
 from ..records.run_motion import RunMotion, run_motion
 from ..records.teeth import Teeth, find_dips, find_spikes, find_teeth
-from ..units import format_si
+from .reasons import RunReason
 from .stiffness import MachineStiffness
 from .stress import StressChange, find_stress_changes, is_constant
 
@@ -62,9 +63,9 @@ class Event:
     """An event of a run at `time` [s since the first row].
 
     `before` and `after` are velocities of the load point [m/s]. A step to be fitted has a window
-    from `start` to `stop` [s]; `time_error` is the standard error of the step's time. `why` gives
-    the reason in words; `fitted`: whether the event is to be fitted. `steady` is False if friction
-    still rises before a step.
+    from `start` to `stop` [s]; `time_error` is the standard error of the step's time. `why` is
+    the reason, with code and values, or a text of the user; `fitted`: whether the event is to be
+    fitted. `steady` is False if friction still rises before a step.
     """
 
     kind: str
@@ -178,30 +179,24 @@ def _at_joint(
     """Return the event between phases k - 1 and k; `slid`: phase k - 1 followed steady sliding, so
     that the spring was loaded."""
     a, b = phases[k - 1], phases[k]
-    make = lambda kind, why="": Event(  # noqa: E731
-        kind,
-        b.start,
-        a.velocity,
-        b.velocity,
-        a.start,
-        b.stop,
-        b.error,
-        _stress_at(record, a),
-        why,
-    )
-    forwards = _forwards(phases)
+    forwards, stress = _forwards(phases), _stress_at(record, a)
+
+    def make(kind: str, why: str) -> Event:
+        speeds = a.velocity, b.velocity
+        return Event(kind, b.start, *speeds, a.start, b.stop, b.error, stress, why)
+
     if b.velocity == 0:
-        return make("hold", f"of {b.stop - b.start:.4g} s")
+        return make("hold", because(RunReason.HOLD, lasts=b.stop - b.start))
     if b.velocity * forwards < 0:
-        return make("unload", "the load point moves back")
+        return make("unload", because(RunReason.TURNS))
     if a.velocity == 0:
-        return make("reload", f"after a hold of {a.stop - a.start:.4g} s")
+        return make("reload", because(RunReason.AFTER_HOLD, lasts=a.stop - a.start))
     if a.velocity * forwards < 0:
-        return make("reload", "the load point turns to forward motion")
+        return make("reload", because(RunReason.TURNS))
     if _beside(a, b, teeth):
-        return make("stick_slip", "friction has saw teeth next to it")
+        return make("stick_slip", because(RunReason.TEETH_BESIDE))
     if changes := _beside(a, b, stresses):
-        return make("stress", _told_stress(changes[0]))
+        return make("stress", because(RunReason.STRESS, **changes[0]._asdict()))
     ends = [c.stop for c in stresses] + [found.stop for found in teeth]
     since = max((end for end in ends if a.start < end < b.start), default=a.start)
     why = _loading(record, motion, a._replace(start=since), stiffness)
@@ -238,17 +233,13 @@ def _loading(
     if stiffness is None or (stiffness.of_stress and not (stress is not None and stress > 0)):
         share = rise / abs(f[-1])
         if share > _RISING_ALONE and f[-1] - f[-2] > _SLOWER * np.diff(f).max():
-            return (
-                f"friction still rises before it, by {100 * share:.2g} % in a quarter of the time"
-            )
+            return because(RunReason.RISES, share=share)
         return ""
     moved = abs(
         float(np.median(motion.position[parts[-1]]) - np.median(motion.position[parts[-3]]))
     )
     share = rise / (stiffness.at(stress) * moved) if moved else 0.0
-    if share > _RISING:
-        return f"before it {100 * share:.2g} % of the motion still loads the spring"
-    return ""
+    return because(RunReason.LOADS, share=share) if share > _RISING else ""
 
 
 def _stress_at(record: Record, phase: _Phase) -> float | None:
@@ -260,23 +251,16 @@ def _stress_at(record: Record, phase: _Phase) -> float | None:
     return float(np.median(here)) if len(here) else None
 
 
-def _told_stress(change: StressChange) -> str:
-    before, after = (format_si(s, "Pa", "MPa", 4) for s in (change.before, change.after))
-    return f"the normal stress goes from {before} to {after} in {change.stop - change.start:.3g} s"
-
-
 def _stress_events(
     phases: Sequence[_Phase], stresses: Sequence[StressChange], events: Sequence[Event]
 ) -> list[Event]:
     """Return the events of changes of normal stress that belong to no velocity step."""
     joints = zip(events, phases, phases[1:], strict=False)
     taken = {_beside(a, b, stresses)[0] for event, a, b in joints if event.kind == "stress"}
+    alone = [(c, because(RunReason.STRESS, **c._asdict())) for c in stresses if c not in taken]
     return [
-        replace(
-            _lasting("stress", c.start, c.stop, phases, _told_stress(c)), normal_stress=c.before
-        )
-        for c in stresses
-        if c not in taken
+        replace(_lasting("stress", c.start, c.stop, phases, why), normal_stress=c.before)
+        for c, why in alone
     ]
 
 
@@ -291,8 +275,7 @@ def _teeth(t: np.ndarray, friction: np.ndarray, phase: _Phase) -> list[Teeth]:
 
 
 def _teeth_event(found: Teeth, phases: Sequence[_Phase], unit: str) -> Event:
-    drop = f"{found.drop:.3g}{' N' if unit == 'N' else ''}"
-    why = f"drops of {drop} every {found.period:.3g} s until {found.stop:.6g} s"
+    why = because(RunReason.TEETH, **found._asdict(), unit=" N" if unit == "N" else "")
     return _lasting("stick_slip", found.start, found.stop, phases, why)
 
 
@@ -305,20 +288,19 @@ def _glitches(
     """Return events for encoder jumps, and for outliers of friction away from other events."""
     t, out = record.relative_time, []
     for reset in motion.resets:
-        out.append(_lasting("glitch", reset.time, reset.time, phases, reset.told()))
+        code = RunReason.NOT_COUNTED if reset.paused else RunReason.JUMP
+        why = because(code, **asdict(reset))
+        out.append(_lasting("glitch", reset.time, reset.time, phases, why))
     joints = [p.rows.start for p in phases[1:]]
-    joints = np.array(
-        joints
-        + [int(i) for b in busy for i in np.searchsorted(t, [b.start, b.stop])]
-        # the load point may reverse there (`cautions`)
-        + [row for dip in find_dips(record.friction) for row in (dip.rows.start, dip.rows.stop)]
-    )
+    joints += [int(i) for b in busy for i in np.searchsorted(t, [b.start, b.stop])]
+    # the load point may reverse there (`cautions`)
+    joints += [row for dip in find_dips(record.friction) for row in (dip.rows.start, dip.rows.stop)]
     for row in find_spikes(record.friction):
         time = float(t[row])
-        beside = len(joints) and np.abs(joints - row).min() <= _ROWS
+        beside = len(joints) and np.abs(np.array(joints) - row).min() <= _ROWS
         if beside or any(_lies_in(time, found) for found in busy):
             continue
-        out.append(_lasting("glitch", time, time, phases, "outlier of friction"))
+        out.append(_lasting("glitch", time, time, phases, because(RunReason.OUTLIER)))
     return out
 
 
@@ -341,10 +323,12 @@ def _windowed(record: Record, event: Event, events: Sequence[Event]) -> Event:
     start = max((before + event.time) / 2, event.time - way / 2 / abs(event.before))
     rows = np.searchsorted(t, [start, event.time, after])
     if np.diff(rows).min() < _ROWS:
-        return replace(event, start=start, stop=after, why="too few rows around it to be fitted")
+        before, behind = map(int, np.diff(rows))
+        why = because(RunReason.FEW_ROWS, before=before, after=behind, needed=_ROWS)
+        return replace(event, start=start, stop=after, why=why)
     stress = record.normal_stress
     if stress is not None and not is_constant(stress[rows[0] : rows[2]], 4):
-        why = "the normal stress is not constant around it"
+        why = because(RunReason.STRESS_VARIES)
         return replace(event, start=start, stop=after, kind="stress", why=why)
     return replace(event, start=start, stop=after, fitted=True)
 

@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from ..findings import listed
+from ..findings import listed, reasoned
 from ..plain import entries
 from ..schemas import RUN
 from ..silent import silent
@@ -19,7 +19,7 @@ from .events import Event
 from .fits import HowFitted, RunFit
 from .holds import Hold
 from .joint import dependences, share
-from .left_out import LeftOut, left_out
+from .left_out import left_out
 from .ramps import Ramp, disagreement, find_ramps, ramp_stiffness
 from .stress_steps import FittedStress, fit_stress_steps
 from .table import Cell, claimed
@@ -36,7 +36,7 @@ class Findings:
     stick_slip: StickSlip | None = None
     warnings: tuple[str, ...] = ()
     holds: tuple[Hold, ...] = ()
-    left_out: tuple[LeftOut, ...] = ()
+    left_out: tuple[Event, ...] = ()
     unit: str = "1"
 
     def tables(self) -> dict[str, list[dict[str, Cell]]]:
@@ -63,7 +63,7 @@ class Findings:
 def _hold(hold: Hold) -> dict[str, object]:
     own = ("time", "lasts", "velocity", "normal_stress", "creep", "healing", "error")
     return entries(hold, *own, "preference", "group") | {
-        "no_law": of_holds.why_no_law(hold),
+        **reasoned(of_holds.why_no_law(hold), "no_law"),
         "missing_motion": hold.missing or None,
         "fits": {law: claimed(found) for law, found in hold.fits.items()},
     }
@@ -114,7 +114,8 @@ def content(run: RunFit, others: Findings) -> dict[str, object]:
                 **entries(event, "kind", "time"),
                 "velocities": [event.before, event.after],
                 "window": [event.start, event.stop],
-                **entries(event, "normal_stress", "fitted", "why"),
+                **entries(event, "normal_stress", "fitted"),
+                **reasoned(event.why),
             }
             for event in run.events
         ],
@@ -130,11 +131,9 @@ def content(run: RunFit, others: Findings) -> dict[str, object]:
         ],
         "shared": None if shared is None else asdict(shared),
         "holds": [_hold(hold) for hold in others.holds],
-        "holds_not_fitted": [
-            {"time": other.event.time, "why": other.why} for other in others.left_out
-        ],
+        "holds_not_fitted": [{"time": one.time, **reasoned(one.why)} for one in others.left_out],
         "stress_steps": of_stress.to_json(others.stress_steps),
-        "ramps": [asdict(ramp) for ramp in others.ramps],
+        "ramps": [asdict(ramp) | reasoned(ramp.why) for ramp in others.ramps],
         "stiffness_from_ramps": None if stiffness is None else asdict(stiffness),
         "stick_slip": of_cycles.to_json(others.stick_slip),
         "dependences": [asdict(one) for one in dependences(run.steps)],

@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import InputError
+from ..findings import because
 from ..fitting import Fit
 from ..fitting.misfit import excess
 from ..fitting.noise import estimate_noise, longest_memory, noise_rows
@@ -28,7 +29,8 @@ from ..silent import silent
 from ..units import measured
 from .events import Event
 from .fits import HowFitted
-from .left_out import SAME, LeftOut, joints_of, why_left_out
+from .left_out import SAME, joints_of, why_left_out
+from .reasons import RunReason
 from .stress import is_constant
 from .table import Cell, rounded, short
 from .weighted import WeightedLine, line_over_decades
@@ -273,25 +275,13 @@ def healing_rate(holds: Sequence[Hold]) -> WeightedLine | None:
 def why_no_law(hold: Hold) -> str:
     """Return the reason why a hold is not used to compare the laws, or ''."""
     if hold.missing:
-        return (
-            f"friction rises by more than the recorded motion of the load point can load it: at"
-            f" least {1e6 * hold.missing:.2g} um are missing. The hold is shorter than recorded, or"
-            " press and specimen are stiffer; neither law can be tested"
-        )
+        return because(RunReason.MOTION_LACKS, missing=hold.missing)
     if hold.preference is None:
-        missing = [law for law in LAWS if law not in hold.fits]
-        if missing:
-            laws = f"the {' and the '.join(missing)} law" + "s" * (len(missing) > 1)
-            return f"no fit of {laws} converged"
-        return "it could not be fitted together with the holds before it"
+        laws = [law for law in LAWS if law not in hold.fits]
+        return because(RunReason.NO_FIT, laws=laws) if laws else because(RunReason.ALONE)
     law = LAWS[hold.preference < 0]
     times = excess(hold.fits[law]) if law in hold.fits else 0.0
-    if times > _MANY:
-        return (
-            f"the residual of the {law} law is {times:.2g} times the scatter of neighbouring rows,"
-            " and the other law fits worse: neither describes it"
-        )
-    return ""
+    return because(RunReason.NEITHER, law=law, times=times) if times > _MANY else ""
 
 
 def preferred(holds: Sequence[Hold]) -> tuple[str | None, float]:
@@ -306,7 +296,7 @@ def preferred(holds: Sequence[Hold]) -> tuple[str | None, float]:
 
 
 def rows(
-    holds: Sequence[Hold], unit: str = "1", others: Sequence[LeftOut] = ()
+    holds: Sequence[Hold], unit: str = "1", others: Sequence[Event] = ()
 ) -> list[dict[str, Cell]]:
     """Return a row for every hold, with units in the names, then a row for each of the `others`,
     which were not fitted; unknown values are None. `unit` is the unit of friction, "1" or "N"."""
@@ -334,12 +324,12 @@ def rows(
         row["result"] = f"laws not compared: {why}" if why else "compared"
         out.append(row)
     for number, other in enumerate(others, len(holds) + 1):
-        place: dict[str, Cell] = {"hold": number, "time [s]": round(other.event.time, 4)}
+        place: dict[str, Cell] = {"hold": number, "time [s]": round(other.time, 4)}
         out.append(place | {"result": f"not fitted: {other.why}"})
     return out
 
 
-def told(holds: Sequence[Hold], unit: str = "1", others: Sequence[LeftOut] = ()) -> list[str]:
+def told(holds: Sequence[Hold], unit: str = "1", others: Sequence[Event] = ()) -> list[str]:
     """Return lines on the holds of a run and on the `others`, which were not fitted; `unit` is the
     unit of friction, "1" or "N"."""
     force = " N" if unit == "N" else ""
@@ -350,7 +340,7 @@ def told(holds: Sequence[Hold], unit: str = "1", others: Sequence[LeftOut] = ())
         + f" heals by {measured(hold.healing, hold.error)}{force}"
         for hold in holds
     ]
-    lines += [f"hold at {one.event.time:.6g} s: not fitted, {one.why}" for one in others]
+    lines += [f"hold at {one.time:.6g} s: not fitted, {one.why}" for one in others]
     if rate := healing_rate(holds):
         lines.append(f"healing: {measured(rate.slope, rate.error)}{force} per decade of hold time")
     for why in dict.fromkeys(filter(None, map(why_no_law, holds))):

@@ -21,16 +21,17 @@ changes after a velocity step than along a ramp.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from ..errors import InputError, option
-from ..findings import WarningCode, warned
+from ..findings import WarningCode, because, warned
 from ..records import Record
 from ..units import measured
 from .events import Event
+from .reasons import RunReason
 from .stiffness import MachineStiffness, departure
 from .stress import is_constant
 from .table import Cell, short
@@ -109,24 +110,16 @@ def find_ramps(record: Record, events: Sequence[Event]) -> tuple[Ramp, ...]:
     joints = [e for e in events if e.before != e.after or e.kind == "stress"]
     if not joints:
         return ()
-    way = sum(
-        e.after * (after - e.time)
-        for e, after in zip(joints, [*(j.time for j in joints[1:]), float(t[-1])], strict=True)
-    )
-    ahead = -1.0 if way < 0 else 1.0
+    phases = list(zip(joints, [*(j.time for j in joints[1:]), float(t[-1])], strict=True))
+    ahead = -1.0 if sum(e.after * (end - e.time) for e, end in phases) < 0 else 1.0
     out, level = [], None
-    for k, event in enumerate(joints):
-        rows = slice(*np.searchsorted(t, [event.time, _end(joints, k, float(t[-1]))]))
+    for event, end in phases:
+        rows = slice(*np.searchsorted(t, [event.time, end]))
         if event.before * ahead > 0 and rows.start >= _LEVEL:
             level = float(np.median(record.friction[rows.start - _LEVEL : rows.start]))
         if event.kind in ("unload", "reload") and event.after and rows.stop - rows.start > _FEWEST:
             out.append(_ramp(record, event, rows, level))
     return tuple(ramp for ramp in out if ramp is not None)
-
-
-def _end(joints: Sequence[Event], k: int, end: float) -> float:
-    """Return the time of the next change of velocity or stress."""
-    return joints[k + 1].time if k + 1 < len(joints) else end
 
 
 def _ramp(record: Record, event: Event, rows: slice, level: float | None) -> Ramp | None:
@@ -149,7 +142,7 @@ def _ramp(record: Record, event: Event, rows: slice, level: float | None) -> Ram
     about = None if here is None else float(np.median(here))
     ramp = Ramp(event.kind, float(t[part.start]), float(t[part.stop - 1]), about, of_stress)
     if not is_constant(here, 4):
-        return _without(ramp, "the normal stress changes")
+        return replace(ramp, why=because(RunReason.STRESS_VARIES))
     force = f[part] * here if of_stress and here is not None else f[part]
     return _straight(ramp, _RampRows(t[part], x[rows][part], force))
 
@@ -157,10 +150,6 @@ def _ramp(record: Record, event: Event, rows: slice, level: float | None) -> Ram
 def _first(there: np.ndarray) -> int:
     """Return the index of the first True, or the length if there is none."""
     return int(np.argmax(there)) if there.any() else len(there)
-
-
-def _without(ramp: Ramp, why: str) -> Ramp:
-    return Ramp(ramp.kind, ramp.start, ramp.stop, ramp.normal_stress, ramp.of_stress, why=why)
 
 
 def _straight(ramp: Ramp, rows: _RampRows) -> Ramp:
@@ -176,15 +165,15 @@ def _straight(ramp: Ramp, rows: _RampRows) -> Ramp:
         if off < max(_ALIKE * abs(slope), _SURE * unsure):
             error = float(np.hypot(error, max(off - unsure, 0.0) / 2))
             if not slope > 0 or error > _KNOWN * slope:
-                return _without(ramp, "its slope is lost in the noise")
+                return replace(ramp, why=because(RunReason.NOISY))
             start, stop = float(rows.time[0]), float(rows.time[-1])
-            return Ramp(ramp.kind, start, stop, ramp.normal_stress, ramp.of_stress, slope, error)
+            return replace(ramp, start=start, stop=stop, slope=slope, error=error)
         halves = slice(half), slice(half, None)
         first, second = (_slope(_RampRows(*(c[part] for c in rows)))[0] for part in halves)
         if half < 2 * _FEWEST or second > first:
             break
         rows = _RampRows(*(column[:half] for column in rows))
-    return _without(ramp, "it is not straight")
+    return replace(ramp, why=because(RunReason.BENT))
 
 
 def _slope(rows: _RampRows) -> tuple[float, float]:

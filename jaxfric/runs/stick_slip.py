@@ -14,9 +14,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..findings import because
 from ..records import Record
 from ..records.teeth import find_teeth, turns_from_foot
 from .events import Event
+from .reasons import RunReason
 
 EDGES = np.array([0.04, 0.12, 0.22, 0.32, 0.42, 0.52, 0.62, 0.72, 0.80, 0.87, 0.93, 0.97, 1.0])
 """Parts of a rise, over its duration. The beginning, where the machine still oscillates, is left
@@ -132,27 +134,27 @@ def _rises(record: Record, event: Event) -> Rises:
     about = None if stress is None or alone or not len(time) else float(np.median(stress[rows]))
     none = np.zeros(0)
 
-    def without(why: str) -> Rises:
-        nothing = np.zeros((0, len(EDGES) - 1)), none, none, none
-        return Rises(event.time, event.stop, velocity, about, *nothing, why=why)
+    def without(code: RunReason, **values: object) -> Rises:
+        nothing, why = np.zeros((0, len(EDGES) - 1)), because(code, **values)
+        return Rises(event.time, event.stop, velocity, about, nothing, none, none, none, why=why)
 
     found = _teeth(time, friction)
     if len(found) < _FEWEST:
-        return without(f"{len(found)} teeth after the first {_FIRST}; {_FEWEST} are needed")
+        return without(RunReason.FEW_TEETH, teeth=len(found), first=_FIRST, needed=_FEWEST)
     if np.median([tooth.tip - tooth.foot for tooth in found]) < _ROWS:
-        return without(f"fewer than {_ROWS} rows in a rise")
+        return without(RunReason.SHORT_RISE, needed=_ROWS)
     drops = np.array([friction[k.high] - friction[k.low] for k in found])
     periods = np.array([time[k.tip] - time[k.before] for k in found])
     heights = np.array([friction[k.tip] - friction[k.foot] for k in found])
     kept = _usual(drops) & _usual(heights) & _usual(periods)
     found = [tooth for tooth, alike in zip(found, kept, strict=True) if alike]
     if len(found) < _FEWEST:
-        return without("its teeth are not alike")
+        return without(RunReason.UNLIKE)
     each = [_means(time, friction, tooth) for tooth in found]
     rise = np.mean([means for means, _ in each], axis=0)
     slope, foot = straight(rise)
     if not (slope > 0 and rise[-1] > foot):
-        return without("friction does not rise steadily between its drops")
+        return without(RunReason.NO_RISE)
     between = np.median([_fall(time, friction, tooth) for tooth in found])
     return Rises(
         event.time,

@@ -39,14 +39,10 @@ class MachineStiffness:
 
         Raises `InputError` for another unit, and for a value that is not positive.
         """
-        if isinstance(text, str) and has_dimension(text, "Pa/m"):
-            found = cls(parse_quantity(text, "Pa/m", option("stiffness")), True)
-        else:
-            unit = "1/m" if friction_unit == "1" else "N/m"
-            value = (
-                parse_quantity(text, unit, option("stiffness")) if isinstance(text, str) else text
-            )
-            found = cls(float(value))
+        of_stress = isinstance(text, str) and has_dimension(text, "Pa/m")
+        unit = "Pa/m" if of_stress else "1/m" if friction_unit == "1" else "N/m"
+        value = parse_quantity(text, unit, option("stiffness")) if isinstance(text, str) else text
+        found = cls(float(value), of_stress)
         if not (np.isfinite(found.value) and found.value > 0):
             raise InputError(f"{option('stiffness')}: '{text}' is not positive")
         return found

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..findings import because, reasoned
 from ..fitting.uncertainty import QUANTILE
 from ..laws.registry import evolution_of
 from ..plain import entries
@@ -24,6 +25,7 @@ from ..silent import silent
 from ..units import measured
 from .events import Event, end_of
 from .fits import HowFitted, StepFit
+from .reasons import RunReason
 from .stress import StressChange, find_stress_changes, is_constant
 from .stress_fit import StressFit, fit_stress, prior_of, stiffness_of
 from .stress_problem import StressRows
@@ -69,7 +71,7 @@ class FittedStress:
 
 
 class _NotClaimedError(Exception):
-    """The reason why no alpha is reported."""
+    """The reason why no alpha is reported, its argument."""
 
 
 def fit_stress_steps(
@@ -97,7 +99,7 @@ def fit_stress_steps(
         try:
             out.append(_fitted(record, event, change, events, steps, how, blank))
         except _NotClaimedError as error:
-            out.append(replace(blank, why=str(error)))
+            out.append(replace(blank, why=error.args[0]))
     return tuple(out)
 
 
@@ -119,14 +121,13 @@ def _fitted(
     _refuse_superposed(event)
     prior = prior_of(steps, event.time)
     if prior is None or evolution_of(how.law) is None:
-        raise _NotClaimedError("no velocity step of the run gives A, B and L of one state")
+        raise _NotClaimedError(because(RunReason.NO_PRIOR))
     L = float(np.exp(prior.mean[2]))
     rows = _rows(record, event, change, events, (_BEFORE * L / event.before, how.rows))
     given = how.stiffness is not None
     found = stiffness_of(steps, change.before)
     K = found if how.stiffness is None else how.stiffness.at(change.before)
-    if K is None:
-        raise _NotClaimedError("the stiffness is not known")
+    assert K is not None  # the steps of the prior have one
     _refuse_unsteady(rows, K, event.before)
     _refuse_slow(change, L, K, event.before, float(np.median(rows.friction)))
     fit = fit_stress(
@@ -147,12 +148,9 @@ def _fitted(
 
 
 def _refuse_superposed(event: Event) -> None:
-    if event.before == 0 or event.after == 0:
-        raise _NotClaimedError("the load point holds while the stress changes")
-    if event.before != event.after:
-        raise _NotClaimedError("a velocity step is superposed")
-    if event.before < 0:
-        raise _NotClaimedError("the load point moves back while the stress changes")
+    if event.before != event.after or event.before <= 0:
+        speeds = {"before": event.before, "after": event.after}
+        raise _NotClaimedError(because(RunReason.VELOCITIES, **speeds))
 
 
 def _rows(
@@ -172,17 +170,16 @@ def _rows(
     since = max((end_of(e) for e in others if e.time < change.start), default=0.0)
     until = min((e.time for e in others if e.time > change.start), default=float(t[-1]) + 1.0)
     if since > change.start or until < change.stop:
-        raise _NotClaimedError("another event occurs while the stress changes")
+        raise _NotClaimedError(because(RunReason.OTHER_EVENT))
     longest, most = limits
     first = int(np.searchsorted(t, max((since + change.start) / 2, change.start - longest)))
     edges = np.searchsorted(t, [change.start, change.stop, until])
     low, high, last = int(edges[0]), int(edges[1]) + 1, int(edges[2])
-    if low - first < _FEWEST or last - high < _FEWEST:
-        raise _NotClaimedError(
-            f"{low - first} rows before it and {max(last - high, 0)} after it: {_FEWEST} are needed"
-        )
+    beside = {"before": low - first, "after": max(last - high, 0)}
+    if min(beside.values()) < _FEWEST:
+        raise _NotClaimedError(because(RunReason.FEW_ROWS, **beside, needed=_FEWEST))
     if not (is_constant(stress[first:low], 4) and is_constant(stress[high:last], 4)):
-        raise _NotClaimedError("the normal stress is not constant before and after it")
+        raise _NotClaimedError(because(RunReason.STRESS_VARIES))
     weight = np.ones(len(t))
     weight[low : high + 1] = 0.0
     for glitch in (e for e in events if e.kind == "glitch"):
@@ -212,9 +209,7 @@ def _refuse_unsteady(rows: StressRows, K: float, velocity: float) -> None:
     x, f = velocity * rows.time[before], rows.friction[before]
     (slope, _), covariance = np.polyfit(x, f, 1, cov=True)
     if abs(slope) > _STEADY * K and abs(slope) > _SURE * np.sqrt(covariance[0, 0]):
-        share = f"{100 * abs(slope) / K:.2g} % of what its motion would load"
-        word = "rises" if slope > 0 else "falls"
-        raise _NotClaimedError(f"friction still {word} before it, by {share}: no steady sliding")
+        raise _NotClaimedError(because(RunReason.LOADS, share=slope / K))
 
 
 def _refuse_slow(
@@ -226,25 +221,17 @@ def _refuse_slow(
     way = velocity * (change.stop - change.start)
     slip = way - max(friction * (ratio - 1) / K, 0.0)
     if slip > _SLOW * L:
-        raise _NotClaimedError(
-            f"the stress changes slowly: the slider slips {1e6 * slip:.3g} um meanwhile,"
-            f" {slip / L:.2g} L, and the transient is not resolved"
-        )
+        raise _NotClaimedError(because(RunReason.SLOW, slip=slip, lengths=slip / L))
 
 
 def _doubt(found: StressFit, usual: float) -> str:
     """Return the reason why a fitted alpha is not reported, or ''."""
     alpha, error = found.values["alpha"], found.errors["alpha"]
     if not found.converged or not np.isfinite([alpha, error]).all():
-        return "the fit did not converge"
+        return because(RunReason.FAILED)
     if found.rms > _ROUGH * usual:
-        return (
-            f"its residual is {found.rms / usual:.2g} times that of the velocity steps' fits: these"
-            " equations do not describe it"
-        )
-    if QUANTILE * error > found.values["f0"]:
-        return "the record does not determine it"
-    return ""
+        return because(RunReason.ROUGH, times=found.rms / usual)
+    return because(RunReason.UNDETERMINED) if QUANTILE * error > found.values["f0"] else ""
 
 
 def rows(found: Sequence[FittedStress]) -> list[dict[str, Cell]]:
@@ -284,8 +271,9 @@ def to_json(found: Sequence[FittedStress]) -> list[dict[str, object]]:
             "prior_widened": None if one.fit is None else one.fit.widened,
             "values": None if fit is None else fit.values,
             "errors": None if fit is None else fit.errors,
+            **reasoned(one.why),
         }
-        out.append(entries(one, "time", "lasts", "velocity", "alpha", "error", "why") | own)
+        out.append(entries(one, "time", "lasts", "velocity", "alpha", "error") | own)
     return out
 
 
