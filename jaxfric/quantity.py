@@ -11,6 +11,7 @@ normal force); the equations are the same. `F` in a unit stands for N or 1: stif
 
 import dataclasses
 import math
+import typing
 from collections.abc import Iterator
 from types import ModuleType
 from typing import Any, overload
@@ -172,10 +173,19 @@ def is_known(value: object) -> bool:
 
 def refuse_outside(module: eqx.Module, where: str) -> None:
     """Raise `InputError` for a concrete quantity outside its bounds, in a module or its parts."""
-    for about, value in _declared(module):
+    for about, value, _ in _declared(module):
         if is_known(value) and not np.all(about.allows(np.asarray(value))):
             wrong = np.asarray(value)[~about.allows(np.asarray(value))]
             about.check(float(wrong.flat[0]), where)
+
+
+def refuse_batch(module: eqx.Module, where: str) -> None:
+    """Raise `InputError` for a quantity with more axes than one module has (a batch)."""
+    for about, value, axes in _declared(module):
+        if value.ndim > axes:
+            raise InputError(
+                f"{where}: {about.symbol} has shape {value.shape}; compute many with jax.vmap"
+            )
 
 
 def all_inside(module: eqx.Module) -> Bool[Array, ""]:
@@ -185,18 +195,21 @@ def all_inside(module: eqx.Module) -> Bool[Array, ""]:
     """
     checks = [
         jnp.all(about.allows(value))
-        for about, value in _declared(module)
+        for about, value, _ in _declared(module)
         if not about.closed and math.isfinite(about.lower)
     ]
     return jnp.stack(checks).all() if checks else jnp.asarray(True)
 
 
-def _declared(module: eqx.Module) -> Iterator[tuple[Quantity, Array]]:
-    """Every quantity with its value, in a module and its parts."""
+def _declared(module: eqx.Module) -> Iterator[tuple[Quantity, Array, int]]:
+    """Every quantity with its value and its number of axes, in a module and its parts."""
     for field in dataclasses.fields(module):
         value = getattr(module, field.name, None)
         if "quantity" in field.metadata and value is not None:
-            yield field.metadata["quantity"], value
+            kinds = (field.type, *typing.get_args(field.type))  # an array, or an array or None
+            shapes = (getattr(kind, "dim_str", None) for kind in kinds)
+            axes = next((len(shape.split()) for shape in shapes if shape is not None), value.ndim)
+            yield field.metadata["quantity"], value, axes
         for part in value if isinstance(value, tuple) else (value,):
             if isinstance(part, eqx.Module):
                 yield from _declared(part)

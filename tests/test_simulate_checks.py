@@ -16,6 +16,8 @@ from jaxfric import (
     Rig,
     critical_stiffness,
     fit_many,
+    linearise,
+    minimum_gains,
     simulate,
     simulate_delay,
 )
@@ -38,6 +40,10 @@ def delay_law(delay=0.3):
 
 def run(ts=TS, motion=MOTION, start=None, **policy):
     return simulate(Rig(QuasiStatic(1e3), law()), motion, jnp.asarray(ts), start=start, **policy)
+
+
+def many():
+    return Rig(QuasiStatic([1e3, 2e3]), law())
 
 
 def run_delay(ts=TS, velocity=0.5):
@@ -82,6 +88,11 @@ def run_delay(ts=TS, velocity=0.5):
         (lambda: run_delay(TS[::-1]), "ts must ascend"),
         (lambda: run_delay(velocity=0.0), "velocity is 0 m/s"),
         (lambda: run_delay(velocity=-1.0), "velocity is -1 m/s"),
+        (lambda: simulate(many(), MOTION, TS), r"simulate: K has shape \(2,\).*jax.vmap"),
+        (lambda: linearise(many(), 1e-6), r"linearise: K has shape \(2,\).*jax.vmap"),
+        (lambda: linearise(Rig(QuasiStatic(1.0), law()), [1e-6, 2e-6]), r"velocity has shape"),
+        (lambda: critical_stiffness(law(A=[0.01, 0.02])), r"A has shape \(2,\)"),
+        (lambda: minimum_gains(law(), jnp.zeros(0), 1.0, {}), r"have shape \(0,\)"),
     ],
 )
 def test_what_is_known_is_refused_by_name(ask, says):
@@ -99,6 +110,12 @@ def test_bounds_of_what_is_inside_a_module_are_seen():
         refuse_outside(wrong, "rig")
     # the null of an effect on its bound is none: damping 0, a lag of 0
     assert bool(all_inside(Rig(Inertial(1.0, 1.0, 0.0), law())))
+
+
+def test_times_of_single_precision_are_those_of_the_rig():
+    found, exact = run(TS.astype(np.float32)), run()
+    assert found.force.dtype == exact.force.dtype
+    np.testing.assert_allclose(found.force, exact.force, rtol=1e-6)
 
 
 def test_under_jit_and_vmap_the_result_says_so():

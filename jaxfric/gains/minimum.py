@@ -156,7 +156,7 @@ def minimum_gains(
     rows = jnp.broadcast_arrays(*map(jnp.atleast_1d, given.values()))
     of = dict(zip(given, rows, strict=True))
     V, m, sample = of["velocity"], of.get("mass"), of.get("sample")
-    if V.ndim != 1:
+    if V.ndim != 1 or not V.size:
         raise InputError(
             f"minimum_gains: the scenarios have shape {V.shape}; give velocity, mass, delay and"
             " integral_gain one axis, and use jax.vmap for more"

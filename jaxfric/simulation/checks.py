@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, PyTree
 
 from ..errors import InputError
 from ..motion import AbstractMotion, PiecewiseVelocity
-from ..quantity import all_inside, is_known, refuse_outside
+from ..quantity import all_inside, is_known, refuse_batch, refuse_outside
 from ..rig import Rig
 from .start import InitialState
 
@@ -22,13 +22,15 @@ def refuse_impossible(
 ) -> None:
     """Raise `InputError` in the name of the function `where` for invalid concrete values.
 
-    A parameter of the rig out of bounds, or a start that is not finite, is invalid. Sample times
+    A batch of rigs, a parameter of the rig out of bounds, or a start that is not finite, is
+    invalid. Sample times
     `ts` are invalid if they are not of one dimension, empty, not finite, descending, or before the
     motion begins.
     """
     if jnp.ndim(ts) != 1 or jnp.size(ts) == 0:
         raise InputError(f"{where}: ts has shape {jnp.shape(ts)}; give one row of times, not empty")
     refuse_outside(rig, where)
+    refuse_batch(rig, where)
     given = {f"start.{name}": value for name, value in vars(start).items()} | {"ts": ts}
     for name, value in given.items():
         if value is not None and is_known(value) and not np.all(np.isfinite(np.asarray(value))):

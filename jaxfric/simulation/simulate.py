@@ -64,7 +64,9 @@ def simulate(
     at_steps : record at the solver's own steps between `ts[0]` and `ts[-1]` instead of at `ts`:
         all arrays get the length `max_steps` + 1, and the last row repeats to the end.
     rtol : requested error, relative to the range over which each quantity moves. For rtol 1e-4 to
-        1e-8, results of all tested rigs were within 10 rtol of an independent solution.
+        1e-8, results of all tested rigs were within 10 rtol of an independent solution. In float32
+        (without `jax_enable_x64`) rounding limits the steps at 1e-6: with mass `max_steps` may not
+        suffice, as `result` then says. Ask for 1e-4.
     max_steps : maximum number of solver steps.
     runaway : end the simulation when the slider moves `runaway` times faster than the
         largest commanded speed.
@@ -102,9 +104,9 @@ def simulate(
     refuse_impossible("simulate", rig, ts, begin, motion=motion)
     if stiff is None:
         stiff = _is_stiff(rig, motion, ts)
-    ts = jnp.asarray(ts)
     equation = SliderEquation(rig, motion, begin)
     initial = equation.initial()
+    ts = jnp.asarray(ts, jnp.result_type(ts, *jax.tree.leaves(initial)))
     refuse_no_steady_state(initial, motion.first_velocity())
     possible = is_possible(rig, ts, begin, initial, motion=motion)
     ts_used = jnp.where(possible, ts, 0.0)

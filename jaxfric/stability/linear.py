@@ -30,6 +30,7 @@ from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Complex, Float, PyTree
 
 from ..errors import InputError
+from ..quantity import as_floats, refuse_batch
 from ..rig import Inertial, QuasiStatic, Rig
 from ..rig.friction.delay import AbstractDelayLaw
 from ..rig.friction.law import AbstractLaw, Conditions
@@ -193,7 +194,7 @@ def linear_friction(
     A law without states gives a kernel without states, G = 0. A delay law gives f_v and
     G(s) = k_f exp(-alpha s)   (26)-(29).
     """
-    V = jnp.asarray(velocity, jnp.result_type(float, velocity))
+    V = as_floats(velocity)
     if isinstance(law, AbstractDelayLaw):
         slope = jax.jacfwd(law.force)(V, V)
         return LinearFriction(
@@ -238,17 +239,21 @@ def linearise(rig: Rig, velocity: ArrayLike | str) -> LinearSlider:
 
     Raises
     ------
-    InputError : a concrete `velocity` is not positive; the rig's friction is not a friction law.
+    InputError : a concrete `velocity` is not positive; the rig's friction is not a friction law; an
+        array for one number outside of `jax.vmap`.
     """
     machine = rig.machine
     if not isinstance(machine, QuasiStatic | Inertial):
         raise TypeError(f"no linearisation of a {type(machine).__name__}")
     if isinstance(velocity, str):
         velocity = parse_quantity(velocity, "m/s", "velocity")
-    V = jnp.asarray(velocity, jnp.result_type(float, velocity))
+    V = as_floats(velocity)
     if not isinstance(V, Tracer) and not bool(jnp.all(jnp.isfinite(V) & (V > 0))):
         raise InputError(f"linearise: velocity is {V} m/s; steady sliding needs a positive one")
+    if V.ndim:
+        raise InputError(f"linearise: velocity has shape {V.shape}; compute many with jax.vmap")
     refuse_no_law(rig.friction)
+    refuse_batch(rig, "linearise")
     mass = machine.mass if isinstance(machine, Inertial) else None
     damping = jnp.zeros_like(machine.stiffness) if machine.damping is None else machine.damping
     return LinearSlider(mass, machine.stiffness, damping, linear_friction(rig.friction, V))

@@ -18,6 +18,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from ..errors import InputError
+from ..quantity import refuse_batch
 from ..rig.friction import AbstractRateState, RateState
 from . import polynomial as poly
 from .frequency import crossings
@@ -118,13 +119,15 @@ def critical_stiffness(law: AbstractRateState) -> Float[Array, ""]:
 
     Raises
     ------
-    InputError : `law` is no rate-and-state law. For other laws see `linearise` and `apply_theorem`.
+    InputError : `law` is no rate-and-state law (for other laws see `linearise` and
+        `apply_theorem`), or a batch of laws outside of `jax.vmap`.
     """
     if not isinstance(law, AbstractRateState):
         raise InputError(
             f"critical_stiffness: the law is a {type(law).__name__}, no rate-and-state law; use"
             " apply_theorem(linearise(rig, velocity))"
         )
+    refuse_batch(law, "critical_stiffness")
     if isinstance(law, RateState) and law.B.shape[0] == 1:
         return _of_one_state(law)
     friction = linear_friction(law, law.V0)
