@@ -166,6 +166,9 @@ WIDTH_IN_NOISE, WIDTH_SHARE = 2.0, 1e-3
 this share of the largest speed."""
 STUCK = 0.05
 """Shortest stop [s]; rows that deviate within this time of each other belong to one stretch."""
+SIDE = 0.1
+"""Smallest ratio of the ways before and after a stop in mid-stroke, and of a steady stroke to the
+longest one."""
 JITTER, FEW = 0.2, 0.01
 """Relative jitter of the time of a row, and share of such rows, that warn."""
 NEARLY_ALL = 0.99

@@ -99,8 +99,7 @@ def details_of(
     check = inverse_dynamics(own_rows, found.final.z, engine.free(found.final.effects))
     # slope and error must come from one model: that of the loop, over the used rows
     rig = problem.rig(jnp.asarray(found.final.z))
-    unit = record.length_unit
-    supported = seen(engine, found, rows, prepared, unit, directions, withheld)
+    supported = seen(engine, found, rows, prepared, record, directions, withheld)
     place = float(np.median(rows.position))
     usual = jnp.asarray(np.median(np.abs(rows.velocity[rows.used])))
     own = abs(float(rig.turning_friction(place, usual)))

@@ -18,6 +18,7 @@ from ...errors import option
 from ...fitting.axis_preparation import Prepared
 from ...fitting.axis_problem import SLOWEST, AxisProblem
 from ...fitting.uncertainty import normal_inverse
+from ...records.axis_record import AxisRecord
 from ...records.steady_mean import effective_samples
 from ...stability.claims import Above, Unseen, above_curve
 from ..engine import Engine
@@ -28,12 +29,15 @@ from ..thresholds import (
     ANEW,
     BEGUN,
     BINS,
+    ENDS_OF_SPEED,
     HELD_OUT,
     HYSTERESIS,
     LAGS,
     LATEST,
+    ONE_SPEED_RANGE,
     ROWS_OF_BIN,
     SAME_FORCE,
+    SIDE,
     STAIRS,
     STEPS,
     UNEXPLAINED,
@@ -59,31 +63,41 @@ def seen(
     search: Search,
     rows: AxisRows,
     prepared: Prepared,
-    unit: str,
+    record: AxisRecord,
     directions: Sequence[Driven],
     withheld: str,
 ) -> Seen:
-    """Support of the slope of friction in the final fit of a `search`; `unit` is the unit of the
-    position, for texts. A speed that was driven in only one of the `directions` is not supported.
-    No speed is supported if the verdict is `withheld` (a reason, as text).
+    """Support of the slope of friction in the final fit of a `search`. A speed that was driven in
+    only one of the `directions` is not supported. No speed is supported if the verdict is
+    `withheld` (a reason, as text).
     """
-    found = search.final
+    found, unit, reference = search.final, record.length_unit, record.reference_position
+    if reference is not None:
+        reference = np.interp(rows.time, record.relative_time, reference)
+        dwells = ""
+    else:
+        dwells = " (if these were commanded dwells, record the reference position too)"
     speed = np.abs(rows.velocity[rows.used])
-    ways = [speed[np.sign(rows.velocity[rows.used]) == one.sign] for one in directions] or [speed]
+    ways = [speed[np.sign(rows.velocity[rows.used]) == one.sign] for one in directions]
     fastest = min(float(own.max()) for own in ways)
     unseen = []
     if at_one_speed(directions):
         unseen.append(Unseen(ONE_SPEED, np.inf))
-    stops, at = _stops(rows)
-    if stops:
-        unseen.append(Unseen(f"it stopped {stops} times on its way", at))
-    size, at = _stairs(rows, prepared)
+    size, removed = _stairs(rows, prepared)
     if size > 0:
         what = f"position in {unit}" if prepared.of_position else f"velocity in {unit}/s"
         cutoff = f"the low-pass at {prepared.preparation.cutoff:.3g} Hz"
-        unseen.append(Unseen(f"{cutoff} took stairs of {size:.1g} ({what}) away", at))
-    edges = [one.speed for one in unseen if np.isfinite(one.speed)]
-    slowest, why = max(slowest_told(own, rows.width, unit, edges) for own in ways)
+        unseen.append(Unseen(f"{cutoff} took stairs of {size:.1g} ({what}) away", removed))
+    limits = []
+    for one, own in zip(directions, ways, strict=True):
+        stops, unsteady = _stops(rows, reference, one.sign)
+        if len(stops):
+            times = f"it stopped {len(stops)} time{'s' * (len(stops) > 1)} on its way"
+            what = f"{times} {one.direction}, at up to {stops.max():.2g} {unit}/s"
+            other = ", though slower strokes ran steadily" if unsteady < stops.max() else ""
+            unseen.append(Unseen(what + other + dwells, unsteady))
+        limits.append(slowest_told(own, rows.width, unit, max(unsteady, removed)))
+    slowest, why = max(limits)
     if slowest >= fastest:
         unseen.append(Unseen("the two directions were driven at no speed in common", np.inf))
         slowest, fastest = (float(np.quantile(speed, SLOWEST)), float(speed.max()))
@@ -93,13 +107,11 @@ def seen(
     return Seen(slowest, fastest, error, _above(engine, found, rows), tuple(unseen))
 
 
-def slowest_told(
-    speed: np.ndarray, width: float, unit: str, unseen: Sequence[float]
-) -> tuple[float, str]:
+def slowest_told(speed: np.ndarray, width: float, unit: str, unseen: float) -> tuple[float, str]:
     """The lowest speed at which the slope of friction is supported, and the reason as text.
 
-    speed : of the used rows. width : of the smoothed sign of the velocity. unseen : speeds up to
-    which the record shows no steady motion.
+    speed : of the used rows. width : of the smoothed sign of the velocity. unseen : speed up to
+    which the record does not show friction of steady motion; 0: none.
     """
     rare = f"only {100 * SLOWEST:g} % of the fitted rows"
     limits = [
@@ -110,10 +122,9 @@ def slowest_told(
         ),
         (float(np.quantile(speed, SLOWEST)), f"{rare} are slower"),
     ]
-    edge = max(unseen, default=0.0)
-    faster = speed[speed > edge]
-    if edge and len(faster):
-        text = f"no steady motion up to {edge:.2g} {unit}/s was seen, and {rare} above are slower"
+    faster = speed[speed > unseen]
+    if unseen and len(faster):
+        text = f"{rare} above {unseen:.2g} {unit}/s are slower"
         limits.append((float(np.quantile(faster, SLOWEST)), text))
     return max(limits)
 
@@ -258,21 +269,38 @@ def _above(engine: Engine[AxisProblem], found: Candidate, rows: AxisRows) -> Abo
     return above_curve(speed, excess, error)
 
 
-def _stops(rows: AxisRows) -> tuple[int, float]:
-    """Number of stops in mid-stroke (the direction continues), and the largest mean speed there."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], rows.stuck.astype(int), [0]])))
-    number, largest = 0, 0.0
-    for begin, end in edges.reshape(-1, 2):
-        if not (begin > 0 and end < len(rows.time)):
-            continue
-        first = int(np.searchsorted(rows.segment, rows.segment[begin - 1]))
-        last = int(np.searchsorted(rows.segment, rows.segment[end], side="right")) - 1
-        came = rows.position[begin] - rows.position[first]
-        went = rows.position[last] - rows.position[end - 1]
-        if came * went > 0:
-            mean = abs(came + went) / float(rows.time[last] - rows.time[first])
-            number, largest = number + 1, max(largest, mean)
-    return number, largest
+def _stops(rows: AxisRows, reference: np.ndarray | None, sign: float) -> tuple[np.ndarray, float]:
+    """Speeds at which the axis stopped on its way in the direction `sign`, and the largest of them
+    below every steady stroke in that direction (0: none).
+
+    The axis moves on in its direction, by at least a tenth of the way before the stop, and not ten
+    times as far. If there is a `reference` (n), it must move on during the middle half of the stop.
+    The speed of a stop is the mean of motion and stop, on the slower side of the stop. On a steady
+    stroke, without a stop at its ends, nine in ten rows have a speed within a factor of two.
+    """
+    n, time = len(rows.time), rows.time
+    moving = [np.flatnonzero((rows.segment == k) & ~rows.stuck) for k in np.unique(rows.segment)]
+    first = np.asarray([max(here[0] - 1, 0) for here in moving])
+    last = np.asarray([min(here[-1] + 1, n - 1) for here in moving])
+    way = sign * (rows.position[last] - rows.position[first])
+    came, went, begin, end = way[:-1], way[1:], last[:-1], first[1:]
+    stop = (begin < end) & (np.minimum(came, went) > SIDE * np.maximum(came, went))
+    if reference is not None:
+        early, late = (
+            np.interp(time[begin] + x * (time[end] - time[begin]), time, sign * reference)
+            for x in (0.25, 0.75)
+        )
+        stop &= late - early > rows.width * (time[end] - time[begin])
+    mean = np.minimum(came / (time[end] - time[first[:-1]]), went / (time[last[1:]] - time[begin]))
+    whole = ~np.append(stop, False) & ~np.append(False, stop) & (way > SIDE * way.max())
+    slowest = np.inf
+    for k in np.flatnonzero(whole):
+        speed = np.abs(rows.velocity[moving[k]][rows.used[moving[k]]])
+        slow, fast = np.quantile(speed, ENDS_OF_SPEED) if len(speed) >= ROWS_OF_BIN else (0.0, 0.0)
+        if fast < ONE_SPEED_RANGE * slow:
+            slowest = min(slowest, float(np.median(speed)))
+    stops = mean[stop]
+    return stops, float(np.max(stops[stops < slowest], initial=0.0))
 
 
 def _stairs(rows: AxisRows, prepared: Prepared) -> tuple[float, float]:
