@@ -8,7 +8,8 @@ import pytest
 from command import assert_refused, run
 
 from jaxfric.errors import InputError
-from jaxfric.plot.axis_record import axis_record_figure, ordinary
+from jaxfric.plot.axis_record import axis_record_figure
+from jaxfric.plot.style import ordinary
 from jaxfric.records import axis_from_arrays, read_axis, read_steady
 from jaxfric.records.strokes import encoder_step, find_strokes
 
@@ -140,10 +141,10 @@ def test_the_verb_on_steady_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ids=["a sine", "a spike", "a small one", "2 % of the rows", "none"],
 )
 def test_a_few_wild_rows_do_not_set_the_limits_of_a_force(values, beyond):
-    (low, high), found = ordinary(values)
+    limits, found = ordinary(values)
     assert found == beyond
     if beyond:
-        np.testing.assert_allclose([low, high], [-3, 3], rtol=0.01)
+        np.testing.assert_allclose(limits, [-1.1, 1.1], rtol=0.01)
 
 
 @pytest.mark.parametrize("disturbed", [False, True])

@@ -776,8 +776,8 @@ def test_one_sigma_for_the_sentence_the_table_the_figure_and_the_file(
 
 
 @pytest.mark.parametrize("number", [0, 1, 9])
-def test_no_title_of_a_loop_is_longer_than_a_line(number: int) -> None:
-    """Whatever was added is named, or counted where the names are too long; the error is told."""
+def test_the_titles_of_a_loop_name_the_whole_model(number: int) -> None:
+    """Whatever was added is named, in several lines if need be; the error is told."""
     loop = make_loop("effects")
     names = ("position_dependence", "direction_asymmetry", "log_viscous") * 3
     after = dataclasses.replace(loop.after, effects=names[:number])
@@ -785,15 +785,61 @@ def test_no_title_of_a_loop_is_longer_than_a_line(number: int) -> None:
     figure = residual_figure(loop)
     figure.canvas.draw()
     texts = [figure._suptitle, *(axis._left_title for axis in figure.axes)]
-    assert all("\n" not in text.get_text() for text in texts)
     assert all(text.get_window_extent().x1 <= figure.bbox.x1 for text in texts)
-    title = texts[-1].get_text()
+    title = texts[-1].get_text().replace("\n", " ")
     # nothing added: one panel, not two alike
     when, score = ("After", after) if number else ("Residual", loop.before)
     assert title.startswith(f"{when}, test error {loop.test_error(score):.2f} σ: ")
     assert len(figure.axes) == (4 if number else 3)
-    assert title.count("position_dependence") >= min(number, 1)
-    assert title.endswith(" ...") == (number == 9)
+    assert title.endswith(" + ".join(["slip law", *names[:number]]))
+
+
+def test_numbers_and_titles_of_the_candidates_are_whole_and_apart() -> None:
+    """Of models with long names that lower BIC by tens of thousands."""
+    loop = make_loop("effects")
+    names = ("position_dependence", "rate_and_state", "position_periodic", "log_viscous")
+    far = dataclasses.replace(loop.candidates[0], effects=names, delta_bic=-2.6e4)
+    figure = figure_of(dataclasses.replace(loop, candidates=(far, *loop.candidates)), "candidates")
+    figure.canvas.draw()
+    for axis in figure.axes[:3]:
+        assert axis._left_title.get_window_extent().x1 <= figure.bbox.x1
+        for side in (axis.xaxis, axis.yaxis):
+            boxes = [text.get_window_extent() for text in side.get_ticklabels() if text.get_text()]
+            assert not any(a.overlaps(b) for a, b in itertools.combinations(boxes, 2))
+
+
+def test_strokes_and_rows_that_do_not_count_shape_no_panel() -> None:
+    """Steps with fewer than ten rows in a block have no line; a peak of a model is told."""
+    loop = make_loop("effects")
+    kept = (loop.blocks.step < 8) | (np.arange(len(loop.record)) >= len(loop.record) - 5)
+    blocks = loop.blocks
+    masks = {name: blocks.of(name) & kept for name in NAMES}
+    peak = np.where(np.arange(len(kept)) == 40, 5.0, loop.before.residual)
+    before = dataclasses.replace(loop.before, residual=peak)
+    blocks = blocks._replace(**masks)
+    record = residual_figure(dataclasses.replace(loop, blocks=blocks, before=before)).axes[1]
+    dashed = [line for line in record.lines if line.get_linestyle() == "--"]
+    assert len(dashed) == 8
+    assert "1 row lies beyond the panel" in record.get_title(loc="left")
+    assert np.ptp(record.get_ylim()) < 1.2 * np.ptp(loop.record.friction)
+
+
+@pytest.mark.parametrize(
+    ("kind", "length", "unit", "name"),
+    [
+        ("axis", "rad", "N m", "motor torque [N m]"),
+        ("axis", "rad", "%", "motor torque [%]"),
+        ("axis", "mm", "N", "motor force [N]"),
+        ("slider", "um", "1", "friction coefficient"),
+        ("slider", "um", "N", "friction force [N]"),
+    ],
+)
+def test_a_force_has_one_name(kind: Any, length: str, unit: str, name: str) -> None:
+    loop = make_loop("effects")
+    units = {"load_point_displacement": length}
+    record = dataclasses.replace(loop.record, units=units, friction_unit=unit)
+    figure = residual_figure(dataclasses.replace(loop, record=record, kind=kind))
+    assert figure.axes[1].get_ylabel() == name
 
 
 def test_the_residual_after_an_effect_has_a_scale_of_its_own() -> None:

@@ -24,14 +24,15 @@ def axis_record_figure(record: AxisRecord, strokes: Strokes) -> Figure:
     The upper panels show against time: motor force and disturbance, position and reference,
     position error, and speed. The last panel shows force against speed.
     """
-    length, name = ("rad", "torque") if record.coordinate == "rotary" else ("m", "force")
+    length, rotary = record.length_unit, record.coordinate == "rotary"
+    name, unit = style.motor_label(record.force_unit, rotary=rotary)
     place = style.along(None, record.relative_time)
     reference = record.reference_position
     followed = reference is not None and record.position is not None
     heights = [1.2, 1.0, *[1.0] * followed, 1.0, 1.5]
     figure, axes = style.panels(heights, last_alone=True)
     force, path, *between, speed, plane = axes
-    style.samples(force, place.x, record.motor_force, f"motor {name}")
+    style.samples(force, place.x, record.motor_force, name)
     if record.disturbance_force is not None:
         style.samples(force, place.x, record.disturbance_force, "disturbance", ORANGE)
     style.samples(path, place.x, position_of(record), "")
@@ -46,33 +47,19 @@ def axis_record_figure(record: AxisRecord, strokes: Strokes) -> Figure:
         for start, stop in zip(strokes.start, strokes.stop, strict=True):
             axis.axvspan(start, stop, color=_STROKE, lw=0, zorder=0, label="strokes")
     style.samples(plane, moved, record.motor_force, "")
-    limits, beyond = ordinary(record.motor_force)
-    if beyond and record.disturbance_force is None:
+    limits, beyond = style.ordinary(record.motor_force)
+    if limits and record.disturbance_force is None:
         force.set_ylim(*limits)
         plane.set_ylim(*limits)
-        rows = "1 row lies" if beyond == 1 else f"{beyond} rows lie"
-        style.tidy(force, f"{rows} beyond the panel")
+        style.tidy(force, style.beyond(beyond))
     speeds = "speed", f"{length}/s"
-    style.tidy(force, y=(name, record.force_unit))
+    style.tidy(force, y=(name, unit))
     style.tidy(path, y=("position", length))
     style.tidy(speed, x=place.label, y=speeds)
-    style.tidy(plane, x=speeds, y=(name, record.force_unit))
+    style.tidy(plane, x=speeds, y=(name, unit))
     number = f"{len(strokes)} stroke{'' if len(strokes) == 1 else 's'}"
     title = f"{record.sampling()}; {number}"
     return style.finish(figure, title, of=record.provenance.path)
-
-
-def ordinary(values: np.ndarray) -> tuple[tuple[float, float], int]:
-    """Axis limits that a few outliers do not affect, and the number of values beyond the limits.
-
-    The limits contain all values if all values lie within four times the range of 99 % of the
-    values.
-    """
-    low, high = (float(x) for x in np.quantile(values, [0.005, 0.995]))
-    limits = low - (high - low), high + (high - low)
-    if np.ptp(values) <= 4 * (high - low):
-        return limits, 0
-    return limits, int(np.sum((values < limits[0]) | (values > limits[1])))
 
 
 def curve_figure(curve: SteadyCurve) -> Figure:
@@ -81,8 +68,8 @@ def curve_figure(curve: SteadyCurve) -> Figure:
     figure, (axis,) = style.panels([2.25])
     style.bars(axis, factor * curve.speed, curve.force, curve.error, colour=BLACK)
     axis.axvline(0, color=GREY, lw=0.8)
-    name = f"motor {'torque' if curve.coordinate == 'rotary' else 'force'}"
-    style.tidy(axis, x=("speed", unit), y=(name, curve.force_unit), zero=True)
+    y = style.motor_label(curve.force_unit, rotary=curve.coordinate == "rotary")
+    style.tidy(axis, x=("speed", unit), y=y, zero=True)
     title = f"{len(curve)} steady runs, mean ± its error"
     return style.finish(figure, title, of=curve.provenance.path)
 

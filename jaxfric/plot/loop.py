@@ -1,6 +1,7 @@
 """Figures of a closed loop: record, model and residual, noise, candidates."""
 
 import itertools
+import textwrap
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -28,6 +29,8 @@ _BLOCKS = {
 }
 _MOST_BINS, _BIN_ROWS = 18, 10
 _MOST_CANDIDATES = 14
+_NAME = 50
+"""Letters of a line of a model's name beside its bar."""
 _ROLES = {
     "model": (BLUE, "the chosen model; below, its effects"),
     "base": (MIDDLE, "the base, and models on the way"),
@@ -45,7 +48,8 @@ _ROLES = {
 def residual_figure(loop: Loop) -> Figure:
     """The figure `residual`: record, models before and after adding effects, and their residuals.
 
-    Without an added effect the figure has one model and one residual.
+    Without an added effect the figure has one model and one residual. Dashed lines are the ends of
+    the velocity steps or strokes of which at least `_BIN_ROWS` rows count.
     """
     place = style.along(
         loop.base_fit.steps, loop.record.relative_time, over_path=loop.words.over_path
@@ -61,20 +65,29 @@ def residual_figure(loop: Loop) -> Figure:
     for (when, score), colour in zip(scores.items(), (ORANGE, BLUE), strict=False):
         label = f"model {when.lower()}" if loop.effects else "model"
         style.curve(record, place, friction + score.residual, label, colour)
-    style.tidy(record, "Record and model", y=(words.force, loop.record.friction_unit))
-    room = style.letters(0.85 * style.DOUBLE, style.TITLE)
+    counted = loop.blocks.train | loop.blocks.select | loop.blocks.report
+    models = [friction + score.residual for score in scores.values()]
+    limits, beyond = style.ordinary(np.stack([friction, *models]), counted)
+    record.set_ylim(limits)
+    name = style.friction_label(loop.record.friction_unit)
+    if loop.kind == "axis":
+        name = style.motor_label(loop.record.friction_unit, rotary=loop.length_unit == "rad")
+    title = "; ".join(filter(None, ("Record and model", style.beyond(beyond))))
+    style.tidy(record, title, y=name)
     for axis, (when, score) in zip(residuals, scores.items(), strict=True):
         _residual(axis, loop, -score.residual / loop.row_sigma(), place)
         mark_glitches(axis, place.x, score.noise.glitches)
         names = " + ".join([base_name(loop), *score.effects])
         when = when if loop.effects else "Residual"
         title = f"{when}, test error {loop.test_error(score):.2f} σ: {names}"
-        style.tidy(axis, style.shortened(title, room))
+        style.tidy(axis, style.wrapped(title, 0.85 * style.DOUBLE))
     style.tidy(axes[-1], x=place.label)
     for axis in axes:
         _blocks(axis, loop, place.x)
         axis.grid(False)
-    style.mark_steps(axes, place, "")
+    own = np.flatnonzero(np.bincount(loop.blocks.step[counted]) >= _BIN_ROWS)
+    edges = np.intersect1d([0, *own, *own + 1], np.arange(len(place.starts)))
+    style.mark_steps(axes, place._replace(starts=place.starts[edges]), "")
     axes[-1].set_xlim(place.x.min(), place.x.max())
     shades = [Patch(fc=colour, ec="0.8", label=text) for colour, text in _BLOCKS.values()]
     title = f"noise σ = {', in rows held out '.join(sigma_texts(loop))}"
@@ -153,11 +166,12 @@ def _candidates_figure(loop: Loop) -> Figure:
     """Bars of the change of BIC by every model and every single effect: below 0 it is better."""
     tried = loop.ranked()[:_MOST_CANDIDATES]
     screened = [s for s in loop.screened if np.isfinite(s.delta_bic)]
-    heights = [max(n, 1) + 1.5 for n in (len(tried), len(screened))]
+    names = [textwrap.fill(" + ".join(c.effects) or "base", _NAME) for c in tried]
+    lines = max((name.count("\n") + 1 for name in names), default=1)
+    heights = [max(n, 1) + 1.5 for n in (max(0.8 * lines, 1) * len(tried), len(screened))]
     figure = style.new_figure(style.DOUBLE, 1.2 + 0.16 * sum(heights))
     axes = figure.subplot_mosaic("ab;c.", width_ratios=[1.6, 1], height_ratios=heights)
     first, beside, second = (axes[k] for k in "abc")
-    names = [" + ".join(c.effects) or "base" for c in tried]
     colours = [_ROLES[loop.role(c)][0] for c in tried]
     _bars(first, "Fitted models", names, [c.delta_bic for c in tried], colours)
     _held_out(beside, loop, tried, colours)
@@ -184,7 +198,6 @@ def _bars(
     style.lying_bars(axis, names, lengths, colours, told)
     axis.set_xscale("symlog", linthresh=ACCEPT, linscale=0.7)
     axis.set_xlim(1.5 * min(-1.5 * ACCEPT, *lengths), 2 * max(4.0, *lengths))
-    axis.xaxis.set_major_formatter(lambda x, _: f"{x:g}".replace("-", "−"))
     axis.axvline(0, color=BLACK, lw=0.8, zorder=3)
     axis.axvline(-ACCEPT, color=ORANGE, lw=1.2, ls="--", zorder=1)
     style.tidy(axis, title, x="ΔBIC = BIC − BIC of the base (below 0: better)")
@@ -205,7 +218,7 @@ def _held_out(axis: Axes, loop: Loop, tried: list[CandidateScore], colours: Sequ
     texts = [f"{value:.3f}" if value < 100 else f"{value:.3g}" for value in values]
     style.beside_rows(axis, np.where(known, texts, "").tolist())
     axis.set_yticks(range(len(tried)), [""] * len(tried))
-    style.tidy(axis, "Error on the validation block", x="rms [σ]")
+    style.tidy(axis, "Validation error", x="rms [σ]")
 
 
 FIGURES: dict[str, Callable[[Loop], Figure]] = {

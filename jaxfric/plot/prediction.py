@@ -14,10 +14,9 @@ def prediction_figure(found: Prediction) -> Figure:
     place = style.along(found.steps, found.time)
     style.samples(top, place.x, np.asarray(found.recorded))
     style.curve(top, place, found.predicted, "model", ORANGE)
-    name, unit = style.friction_label(found.force_unit)
-    if found.kind == "axis":
-        name = "motor torque" if unit == "N m" else "motor force"
-    style.tidy(top, y=(name, unit))
+    unit = found.force_unit
+    named = style.motor_label if found.kind == "axis" else style.friction_label
+    style.tidy(top, y=named(unit))
     style.mark_steps([top, middle], place)
     style.band(middle, 1.96 * found.sigma, "±1.96 σ, the scatter of neighbouring rows")
     style.samples(middle, place.x, found.recorded - found.predicted, "residual")

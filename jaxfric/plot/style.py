@@ -157,7 +157,7 @@ def finish(
             text.set_fontsize(LETTERS)
     title = ": ".join(filter(None, (shortened(printable(of), _LONGEST), title)))
     if title:
-        title = shortened(title, letters(figure.get_figwidth(), TITLE))
+        title = wrapped(title, figure.get_figwidth())
         figure.suptitle(title, x=0.01, ha="left", fontsize=TITLE, parse_math=False, color=colour)
     figure.align_ylabels()
     shown = [handle for axis in figure.axes for handle in axis.get_legend_handles_labels()[0]]
@@ -169,6 +169,12 @@ def finish(
 def shortened(text: str, most: int) -> str:
     """Shorten a text to at most `most` letters; a shortened text ends in "..."."""
     return text if len(text) <= most else f"{text[: most - 4].rstrip()} ..."
+
+
+def wrapped(title: str, width: float) -> str:
+    """Break a title into lines of at most `width` [inch]."""
+    lines = (textwrap.fill(line, letters(width, TITLE)) for line in title.split("\n"))
+    return "\n".join(lines)
 
 
 def letters(width: float, size: float = LETTERS) -> int:
@@ -336,6 +342,35 @@ def stairs(
 def band(axis: Axes, half: float, label: str, colour: str = BAND) -> None:
     """Shade the values up to `half` on both sides of 0."""
     axis.axhspan(-half, half, color=colour, lw=0, label=label, zorder=0.2)
+
+
+def ordinary(
+    values: np.ndarray, used: np.ndarray | slice = slice(None)
+) -> tuple[tuple[float, float] | None, int]:
+    """Axis limits that outliers do not affect, and the number of rows with values beyond them.
+
+    `values` are curves over the same rows, with shape (k, n), or one curve (n). Outliers are
+    farther from the range of 99 % of the `used` rows of the first curve than the width of this
+    range. The limits are None unless all values together span more than four times this range.
+    """
+    values = np.atleast_2d(values)
+    low, high = np.quantile(values[0, used], [0.005, 0.995])
+    far = (values < 2 * low - high) | (values > 2 * high - low)
+    if np.nanmax(values) - np.nanmin(values) <= 4 * (high - low):
+        return None, 0
+    near = values[~far & np.isfinite(values)]
+    margin = 0.05 * np.ptp(near)
+    return (float(near.min() - margin), float(near.max() + margin)), int(far.any(axis=0).sum())
+
+
+def beyond(rows: int) -> str:
+    """Words on the number of rows beyond the limits of a panel; "" without such rows."""
+    return "" if not rows else f"{rows} row{' lies' if rows == 1 else 's lie'} beyond the panel"
+
+
+def motor_label(unit: str, *, rotary: bool = False) -> tuple[str, str]:
+    """The name of an axis of a motor's force, and the unit; on a rotary axis it is a torque."""
+    return f"motor {'torque' if rotary or unit == 'N m' else 'force'}", unit
 
 
 def friction_label(unit: str) -> tuple[str, str]:

@@ -28,8 +28,6 @@ class LoopWords(NamedTuple):
     quantity: Callable[[str], Quantity]
     """Symbol, unit and meaning of a parameter of the base. Raises `KeyError` where it has none of
     that name."""
-    force: str
-    """What the model predicts: the name of its axis in a figure."""
     over_path: bool
     """Whether figures are drawn over the motion, where that always advances; else over time."""
 
@@ -42,7 +40,6 @@ SLIDER = LoopWords(
     speed="um/s",
     catalogue=CATALOGUE,
     quantity=quantity_of,
-    force="friction",
     over_path=True,
 )
 AXIS = LoopWords(
@@ -53,7 +50,6 @@ AXIS = LoopWords(
     speed="mm/s",
     catalogue=AXIS_CATALOGUE,
     quantity={about.symbol: about for about in quantities(AxisRig).values()}.__getitem__,
-    force="motor force",
     over_path=False,
 )
 
