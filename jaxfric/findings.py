@@ -4,7 +4,6 @@ A claim holds only for the speeds and directions of the rows that support it. A 
 claim for speeds at which the record has no rows.
 """
 
-import typing
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
@@ -235,38 +234,26 @@ class Finding:
     severity: Severity
     values: Mapping[str, object]
     rows: np.ndarray
-    """Mask of the rows of the record that support it (n)."""
+    """Mask of the fitted rows, or of the runs of a steady curve, that support it (n)."""
 
-    def to_json(self, velocity: np.ndarray) -> dict[str, object]:
-        """Return the finding as JSON: code, severity, values, and the rows that support the
-        finding. Rows are given as ranges [first, last + 1], with directions and speeds. `velocity`
-        (n) is the velocity of every row of the record.
+    def to_json(self, velocity: np.ndarray, time: np.ndarray | None = None) -> dict[str, object]:
+        """Return the finding as JSON: code, severity, values, and what supports the finding, with
+        directions and speeds.
+
+        The fitted rows may be means of rows of the file, or rows at other times. So the support is
+        given as `time_ranges`. Without `time` it is given as `ranges` of runs. `velocity` and
+        `time` (n) belong to the fitted rows or runs.
         """
+        support_of = {"runs": ranges(self.rows)}
+        if time is not None:
+            support_of = {"times": time_ranges(self.rows, time)}
         return {
             "code": self.code.value,
             "severity": self.severity.value,
             "values": self.values,
-            "rows": ranges(self.rows),
+            **support_of,
             "support": support(self.rows, velocity),
         }
-
-
-def read_findings(told: object, code: StrEnum, *, rows: int) -> tuple[Finding, ...]:
-    """Read the findings with one code from a list made by `Finding.to_json`.
-
-    `rows` is the number of rows of the record. Raises `ValueError` if the list is damaged.
-    """
-    found = []
-    try:
-        for one in typing.cast("list[dict]", told):
-            if one["code"] == code.value:
-                mask = np.zeros(rows, bool)
-                for start, stop in one["rows"]:
-                    mask[start:stop] = True
-                found.append(Finding(code, Severity(one["severity"]), dict(one["values"]), mask))
-    except (TypeError, KeyError, AttributeError) as error:
-        raise ValueError(str(error)) from None
-    return tuple(found)
 
 
 class Support(NamedTuple):
@@ -324,3 +311,12 @@ def ranges(rows: np.ndarray) -> list[list[int]]:
     """The ranges [first, last + 1] of consecutive rows in a mask."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], rows.astype(int), [0]])))
     return edges.reshape(-1, 2).tolist()
+
+
+def time_ranges(rows: np.ndarray, time: np.ndarray) -> list[list[float]]:
+    """The times [s] from start to end of consecutive rows in a mask (n); `time` (n) of the rows.
+
+    A range reaches halfway to the neighbouring rows.
+    """
+    edges = np.concatenate([time[:1], 0.5 * (time[1:] + time[:-1]), time[-1:]])
+    return edges[np.asarray(ranges(rows), int).reshape(-1, 2)].tolist()

@@ -86,7 +86,7 @@ def test_one_json_document_and_nothing_else(name: str, monkeypatch: pytest.Monke
 def test_the_json_of_a_record_is_what_is_printed() -> None:
     found = one_document("inspect", "run.csv")
     printed = run("inspect", "run.csv", "--out", "o").out
-    assert f"rows: {found['record']['rows']} used of {found['rows_read']}" in printed
+    assert f"rows: {found['record']['used_rows']} used of {found['record']['rows']}" in printed
     (_, step) = zip(found["steps"]["times"], found["steps"]["velocities"], strict=True)
     assert abs(step[0] - 20) < 0.5 and abs(step[1] - 10e-6) < 0.2e-6
     assert found["columns"]["load_point_displacement"]["unit_in_file"] == "um"

@@ -9,8 +9,9 @@ from scipy.ndimage import gaussian_filter1d
 
 import jaxfric as jf
 from jaxfric.effects import AXIS_CATALOGUE, CATALOGUE
-from jaxfric.findings import Severity, ranges, support
+from jaxfric.findings import Severity, ranges, support, time_ranges
 from jaxfric.records import axis_from_arrays, from_arrays
+from jaxfric.records.thin import thinned
 
 UM = 1e-6
 A, B, L, B2, L2, K, V0 = 0.01, 0.012, 3 * UM, 0.006, 20 * UM, 1e4, 1 * UM
@@ -56,6 +57,25 @@ def looped(run, rows):
     return jf.close_loop(record, stiffness=K, exclude=offered)
 
 
+def inside(times, time):
+    """Mask of the rows at `time` in ranges of times of a file."""
+    return np.any([(a <= time) & (time <= b) for a, b in times], axis=0)
+
+
+def test_the_times_of_means_are_those_of_the_rows_of_the_file():
+    """Of means over four rows, on a clock that does not begin at 0."""
+    time = 1e9 + 0.5 * np.arange(1001)
+    record = from_arrays(time, 0.6 + 0 * time, load_point_displacement=UM * time)
+    few = thinned(record, 260, jf.VelocitySteps(np.zeros(1), np.full(1, 2 * UM)))
+    rows = np.isin(np.arange(len(few)), [0, 7, 8, 30, len(few) - 1])
+    times = time_ranges(rows, few.time)
+    assert len(times) == 4 and times[0][0] == time[0]
+    of_file = np.flatnonzero(inside(times[1:], time))
+    np.testing.assert_array_equal(of_file[:12], [*range(25, 33), *range(117, 121)])
+    told = few.provenance.to_json(len(few))
+    assert (told["rows"], told["used_rows"]) == (1001, 251)
+
+
 def test_an_effect_is_claimed_by_its_rows(run):
     """Rows after the steps, at all speeds: before the first of them slip is steady."""
     loop = looped(run, np.ones(len(run[0]), bool))
@@ -64,7 +84,7 @@ def test_an_effect_is_claimed_by_its_rows(run):
     assert effect.values["delta_bic"] < -10
     assert effect.rows[:100].mean() < 0.2 < effect.rows[100:].mean() < 0.95
     told = loop.to_json()["findings"][0]
-    assert sum(stop - start for start, stop in told["rows"]) == effect.rows.sum()
+    np.testing.assert_array_equal(inside(told["times"], run[0]), effect.rows)
     assert {one["direction"] for one in told["support"]} == {"forwards"}
     assert looped(run, ~effect.rows).effects == ()
     # as many others may be missed
@@ -74,7 +94,7 @@ def test_an_effect_is_claimed_by_its_rows(run):
     assert looped(run, kept).effects == ("second_state",)
 
 
-RATE, M, FC = 200.0, 4.0, 9.0
+RATE, M, FC, START = 200.0, 4.0, 9.0, 50.0
 
 
 def axis(speeds, back=None, strokes=3, length=0.05, others=()):
@@ -89,7 +109,7 @@ def axis(speeds, back=None, strokes=3, length=0.05, others=()):
                 marks += [np.full(n, v), np.full(20, v)]
     v = gaussian_filter1d(np.concatenate(pieces), 4.0)
     random = np.random.default_rng(0)
-    time = np.arange(len(v)) / RATE
+    time = START + np.arange(len(v)) / RATE
     friction = FC + 5.0 * np.exp(-np.abs(v) / 4e-3) + 80.0 * np.abs(v)
     force = M * np.gradient(v, 1 / RATE) + friction * np.tanh(v / 1e-4)
     force += 0.05 * random.standard_normal(len(v))
@@ -146,8 +166,16 @@ def test_friction_is_claimed_in_the_directions_and_at_the_speeds_that_were_drive
         (way,) = support(one.rows, both_ways.velocity)
         assert way.direction == one.values["direction"]
         assert way.slowest >= one.values["slowest"] and way.fastest <= one.values["fastest"]
-    made = jf.feedforward(both_ways)
-    assert [one.values for one in made.findings] == [one.values for one in named]
+    made, told = jf.feedforward(both_ways), both_ways.to_json()
+    assert [one["values"] for one in made.findings] == [one.values for one in named]
+    assert made.to_json()["findings"] == [one for one in told["findings"] if one in made.findings]
+    recorded = both_ways.details.record
+    assert told["record"]["rows"] == len(recorded)
+    assert told["record"]["used_rows"] == len(both_ways.record)
+    speed = RATE * np.gradient(recorded.position)
+    for one, sign in zip(made.findings, (1, -1), strict=True):
+        here = inside(one["times"], recorded.time)
+        assert here.any() and np.mean(sign * speed[here] > 0) > 0.99
 
 
 def test_rows_are_told_by_direction_and_as_ranges():

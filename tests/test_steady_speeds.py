@@ -279,7 +279,7 @@ def test_what_runs_claim_goes_with_them(tmp_path):
 
     def without(code):
         """The codes that are left without the runs of a claim, of friction that backwards."""
-        for start, stop in found[code]["rows"]:
+        for start, stop in found[code]["runs"]:
             for name in names[start:stop]:
                 (tmp_path / "runs" / name).rename(tmp_path / f"{code}{name}")
         return {one["code"] for one in told(tmp_path / "runs")[1]["findings"]}

@@ -15,7 +15,7 @@ import numpy as np
 from ..described import said
 from ..effects import effect_of
 from ..errors import InputError, option
-from ..findings import Finding, WarningCode, read_findings, warned
+from ..findings import WarningCode, warned
 from ..loop import Loop
 from ..loop.axis.driven import ONE_SPEED, Driven, at_one_speed
 from ..loop.findings import LoopCode
@@ -85,7 +85,7 @@ class Identified:
     left: tuple[float, float] | None = None
     """Rms residual of the test block, and the noise [F], if the file has them."""
     warnings: tuple[str, ...] = ()
-    claims: tuple[Finding, ...] = ()
+    claims: tuple[Content, ...] = ()
     """Friction by direction, with the rows that support it, if the file has them."""
 
     @property
@@ -314,12 +314,9 @@ def _refuse(content: Content, about: Content, effects: tuple[str, ...], source: 
         raise NothingToCompensate(f"{source}: {why}")
 
 
-def _claims(content: Content) -> tuple[Finding, ...]:
+def _claims(content: Content) -> tuple[Content, ...]:
     """The friction that the file claims, by direction; empty for a file without findings."""
-    if content.get("findings") is None:
-        return ()
-    rows = int(content["record"]["rows"])
-    return read_findings(content["findings"], LoopCode.FRICTION, rows=rows)
+    return tuple(one for one in content.get("findings") or () if one["code"] == LoopCode.FRICTION)
 
 
 def _profile(content: Content, variable: str) -> list[float]:

@@ -1,14 +1,15 @@
 """The result of a feedforward: formula, C function, table, fade speed and limits."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from ..described import Described, Drawable, Tabular
 from ..errors import option
-from ..findings import Finding, listed, ranges
+from ..findings import listed
 from ..fitting.uncertainty import QUANTILE
 from ..plain import entries, plain
 from ..schemas import FEEDFORWARD
@@ -47,8 +48,8 @@ class Feedforward(Described, Drawable, Tabular):
     warnings: tuple[str, ...]
 
     @property
-    def findings(self) -> tuple[Finding, ...]:
-        """The identified friction by direction, with the rows that support it."""
+    def findings(self) -> tuple[Mapping[str, Any], ...]:
+        """The identified friction by direction, and its support, as in the file of the model."""
         return self.about.claims
 
     @property
@@ -144,10 +145,7 @@ class Feedforward(Described, Drawable, Tabular):
                 "rows_count_from": about.slowest_row,
                 "below": about.below,
             },
-            "findings": [
-                {"code": one.code, "values": one.values, "rows": ranges(one.rows)}
-                for one in self.findings
-            ],
+            "findings": self.findings,
             "middle_of_travel": about.middle,
             "at": [here.to_json() for here in asked],
             "at_the_slowest": self.at(self.about.slowest).to_json(),

@@ -42,8 +42,10 @@ class Provenance:
     """Line number of every row in the file; None if the rows are not those of a file."""
 
     def to_json(self, rows: int) -> dict[str, object]:
-        """Return the entry "record" of a result file: origin, and number of used `rows`."""
-        return {"path": self.path, "sha256": self.sha256, "rows": rows}
+        """Return the entry "record" of a result file: origin, the rows of the file, and the number
+        of used `rows`: without omitted ones, or after averaging or interpolation."""
+        about = {"path": self.path, "sha256": self.sha256}
+        return {**about, "rows": self.rows_read, "used_rows": rows}
 
 
 @dataclass(frozen=True)

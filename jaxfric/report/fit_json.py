@@ -32,7 +32,7 @@ def content(fit: Fit) -> dict:
             "noise": noise if fit.converged else dict.fromkeys(noise),
             **entries(fit, "weighting", "converged", "iterations", "result"),
             **listed(fit.warnings),
-            "findings": [one.to_json(velocity) for one in fit.findings],
+            "findings": [one.to_json(velocity, fit.record.time) for one in fit.findings],
         }
     )
     return table | {ENTRY: law_entry(table) if fit.converged else None}

@@ -29,7 +29,7 @@ def content(loop: Loop) -> dict:
         "reference_velocity": values.get("V0"),
         "steps": np.stack([steps.times, steps.velocities], axis=1),
         **entries(loop, "verdict", "sentence", "reasons"),
-        "findings": [one.to_json(loop.velocity) for one in loop.findings],
+        "findings": [one.to_json(loop.velocity, loop.record.time) for one in loop.findings],
         **entries(loop, "effects", "alias_groups", "candidates", "screened"),
         **entries(loop, separated_by="separations", location_map="location"),
         "separations": {id: change_words(one) for id, one in loop.separations.items()},

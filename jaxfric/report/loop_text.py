@@ -154,7 +154,8 @@ def rests_on(loop: Loop) -> TextTable:
             rows.append((told, f"{part.rows}", part.direction, " to ".join(dict.fromkeys(ends))))
     head = ("statement", "rows", "direction", "speeds")
     note = (
-        "Without these rows the statement could not be made. Of an effect they are the fewest whose"
+        "Without these fitted rows the statement could not be made; loop.json has their times. Of"
+        " an effect they are the fewest whose"
         f" loss brings the models with and without it within a BIC of {ACCEPT:g}. Directions and"
         " speeds are those commanded, or those of the axis"
     )

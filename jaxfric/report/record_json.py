@@ -29,7 +29,7 @@ def steady_content(curve: SteadyCurve) -> dict[str, object]:
 
 
 def _origin(rig: str, origin: Provenance, used: int) -> dict[str, object]:
-    told = entries(origin, "rows_read", "dropped", "notes", "reduction")
+    told = entries(origin, "dropped", "notes", "reduction")
     return {"schema": RECORD, "rig": rig, "record": origin.to_json(used), **told}
 
 

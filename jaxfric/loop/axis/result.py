@@ -41,9 +41,10 @@ class AxisRows:
         return VelocitySteps(self.time[first] - self.time[0], np.asarray(mean))
 
     def as_record(self, record: AxisRecord, force: np.ndarray) -> Record:
-        """The decimated rows as a record for reports; `force` is the force at the rows (n)."""
+        """The decimated rows as a record for reports, at times of the clock of the `record`;
+        `force` is the force at the rows (n)."""
         return Record(
-            self.time,
+            record.time[0] + self.time,
             np.asarray(force)[: len(self.time)],
             friction_unit=record.force_unit,
             units={"load_point_displacement": "mm" if record.coordinate == "linear" else "rad"},
