@@ -77,6 +77,21 @@ def test_outputs_are_inferred_and_batches_taken_whole(tmp_path):
     np.testing.assert_array_equal(found.pair[..., 1], np.broadcast_to(found.y, (7, 5)))
 
 
+@pytest.mark.parametrize("kind", ["member", "batch", "host"])
+def test_complex_outputs_are_refused(tmp_path, kind):
+    """Listed or inferred. An array of them would be stored by its real part alone."""
+    for listed in [(study.Output("z"),), None][: 1 if kind == "host" else 2]:
+        with pytest.raises(InputError, match="output 'z' is complex; return its real and"):
+            study.run(
+                lambda p: {"z": np.asarray(1j) * p["x"]},
+                f.grid(),
+                tmp_path / "a",
+                outputs=listed,
+                kind=kind,
+            )
+        shutil.rmtree(tmp_path / "a", ignore_errors=True)
+
+
 def test_samples_are_in_the_store(tmp_path):
     g = f.grid(3, 2, samples=11)
     found = study.run(lambda p: {"echo": p["z"] + 0 * p["x"]}, g, tmp_path / "a", chunk=10)

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 
 if TYPE_CHECKING:
-    from jax import Array, ShapeDtypeStruct
+    from jax import Array
+    from jax.typing import ArrayLike
 
 from ..errors import InputError
 from .grid import SAMPLE, Axis, Grid, Tiling
@@ -120,16 +121,37 @@ def refuse_clashes(grid: Grid, outputs: Sequence[Output]) -> None:
             raise InputError(f"dimension '{dim.name}' is of two lengths or values; rename one")
 
 
-def check_outputs(found: Mapping[str, "ShapeDtypeStruct"], outputs: tuple[Output, ...]) -> None:
-    """Raise `InputError` if the function lacks an output, or returns one of another shape."""
+def member_shape(name: str, x: "ArrayLike", number: int) -> tuple[int, ...]:
+    """Return the shape of one member's output, from this output of `number` members.
+
+    Raises
+    ------
+    InputError : the output is complex.
+    """
+    refuse_complex(name, x)
+    shape = np.shape(x)
+    return shape[1:]
+
+
+def refuse_complex(name: str, x: "ArrayLike") -> None:
+    """Raise `InputError` for a complex output."""
+    if np.iscomplexobj(x):
+        raise InputError(f"output '{name}' is complex; return its real and imaginary parts as two")
+
+
+def check_outputs(
+    found: Mapping[str, "ArrayLike"], outputs: tuple[Output, ...], number: int
+) -> None:
+    """Raise `InputError` if an output of `number` members is missing or has another shape."""
     for output in outputs:
         if output.name not in found:
             raise InputError(
                 f"the function gives no output '{output.name}'; it gives: {', '.join(found)}"
             )
-        shape = tuple(len(dim.values) for dim in output.dims)
-        if tuple(found[output.name].shape) != shape:
+        expected = tuple(len(dim.values) for dim in output.dims)
+        shape = member_shape(output.name, found[output.name], number)
+        if shape != expected:
             raise InputError(
-                f"output '{output.name}' has shape {tuple(found[output.name].shape)} for one"
-                f" member, not {shape}; give its dimensions with Output(dims=...)"
+                f"output '{output.name}' has shape {shape} for one member, not {expected}; give"
+                " its dimensions with Output(dims=...)"
             )

@@ -16,7 +16,17 @@ import numpy as np
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
 from ..threads import at_once
-from .function import OUTCOME, OUTCOMES, Computed, Function, Output, Task, check_outputs
+from .function import (
+    OUTCOME,
+    OUTCOMES,
+    Computed,
+    Function,
+    Output,
+    Task,
+    check_outputs,
+    member_shape,
+    refuse_complex,
+)
 from .grid import Axis, Grid
 
 _FEW = 64
@@ -156,8 +166,7 @@ def _batched(task: Task) -> OfArrays:
 
     def rows(members: Arrays) -> Arrays:
         found = function(members)
-        one = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape[1:], x.dtype), dict(found))
-        check_outputs(one, task.outputs)
+        check_outputs(found, task.outputs, len(next(iter(members.values()))))
         kept = {o.name: jnp.asarray(found[o.name], _dtype(task, o)) for o in task.outputs}
         return kept | {OUTCOME: _outcome(task.outputs, kept)}
 
@@ -195,6 +204,8 @@ def _one_by_one(
         for i in range(number):
             try:
                 given = task.function({name: float(x[i]) for name, x in members.items()})
+                for o in task.outputs:
+                    refuse_complex(o.name, given[o.name])
                 row = {o.name: np.asarray(given[o.name], _dtype(task, o)) for o in task.outputs}
             except (KeyboardInterrupt, MemoryError):
                 raise
@@ -216,13 +227,10 @@ def error_text(error: Exception) -> str:
 
 def infer_outputs(function: Function, grid: Grid, kind: str, precision: str) -> tuple[Output, ...]:
     """Infer the names and dimensions of the outputs of a JAX function."""
-    one = {name: jax.ShapeDtypeStruct((), precision) for name in grid.names}
+    one = {name: jax.ShapeDtypeStruct((1,), precision) for name in grid.names}
     with jax.enable_x64(precision == "float64"):
-        if kind == "batch":
-            one = {name: jax.ShapeDtypeStruct((1,), precision) for name in grid.names}
-        found = jax.eval_shape(function, one)
-    skipped = 1 if kind == "batch" else 0
-    return outputs_of_shapes({name: x.shape[skipped:] for name, x in found.items()})
+        found = jax.eval_shape(function if kind == "batch" else jax.vmap(function), one)
+    return outputs_of_shapes({name: member_shape(name, x, 1) for name, x in found.items()})
 
 
 def outputs_of_shapes(shapes: Mapping[str, Sequence[int]]) -> tuple[Output, ...]:
