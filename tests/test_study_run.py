@@ -92,6 +92,12 @@ def test_complex_outputs_are_refused(tmp_path, kind):
         shutil.rmtree(tmp_path / "a", ignore_errors=True)
 
 
+@pytest.mark.parametrize("value", [1.0, jnp.ones(3)])
+def test_batches_without_an_axis_of_members_are_refused(tmp_path, value):
+    with pytest.raises(InputError, match=r"'z' has shape .* for 1 members; .*'batch' returns"):
+        study.run(lambda p: {"z": value}, f.grid(), tmp_path / "a", kind="batch")
+
+
 def test_samples_are_in_the_store(tmp_path):
     g = f.grid(3, 2, samples=11)
     found = study.run(lambda p: {"echo": p["z"] + 0 * p["x"]}, g, tmp_path / "a", chunk=10)

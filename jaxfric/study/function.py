@@ -126,10 +126,15 @@ def member_shape(name: str, x: "ArrayLike", number: int) -> tuple[int, ...]:
 
     Raises
     ------
-    InputError : the output is complex.
+    InputError : the output is complex, or its first axis is not that of the members.
     """
     refuse_complex(name, x)
     shape = np.shape(x)
+    if shape[:1] != (number,):
+        raise InputError(
+            f"output '{name}' has shape {shape} for {number} members; a function of kind 'batch'"
+            " returns arrays whose first axis is that of the members"
+        )
     return shape[1:]
 
 
