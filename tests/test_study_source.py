@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from command import written
 
 pytest.importorskip("zarr")
 pytest.importorskip("xarray")
@@ -28,6 +29,7 @@ def helper(x, power=1):
     return x**power
 class Law:
     rate = 1.0
+    table = {"gain": np.ones(2), "range": (1.0, 2.0)}
     def force(self, x):
         return helper(x) * FACTOR
 def outer(c):
@@ -56,6 +58,8 @@ CHANGES = {
     "default": ("power=1", "power=2"),
     "method": ("* FACTOR", "/ FACTOR"),
     "class": ("rate = 1.0", "rate = 2.0"),
+    "array of a class": ("np.ones(2)", "np.zeros(2)"),
+    "tuple of a class": ("(1.0, 2.0)", "(1.0, 3.0)"),
     "function of a library": ("helper(x) * F", "jnp.sin(x) * F"),
 }
 
@@ -91,6 +95,39 @@ def test_a_function_that_travels_keeps_its_fingerprint(wrap):
     cloudpickle = pytest.importorskip("cloudpickle")
     function = wrap(made())
     assert fingerprint(cloudpickle.loads(cloudpickle.dumps(function))) == fingerprint(function)
+
+
+def test_what_a_module_holds_now_counts_if_it_is_read(tmp_path, monkeypatch):
+    """Not its text alone, which says what it held first."""
+    (tmp_path / "config").mkdir()
+    written(tmp_path / "config" / "__init__.py", "unread = 1.0\n")
+    written(tmp_path / "config" / "table.py", "import numpy as np\nK = np.ones(2)\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    text = "import config.table\ndef made(p):\n    return {'value': config.table.K[0] * p['x']}\n"
+    function = made(text)
+    import config.table  # ty: ignore[unresolved-import]
+
+    before = fingerprint(function)
+    config.unread = 2.0
+    assert fingerprint(function) == before
+    config.table.K = np.zeros(2)
+    assert fingerprint(function) != before
+
+
+def test_an_installed_package_counts_by_its_version_and_files(tmp_path):
+    """One that `versions` does not list, as the user's own."""
+    folder, about = tmp_path / "site-packages", "own_pkg-1.0.dist-info"
+    (folder / about).mkdir(parents=True)
+    written(folder / "own_pkg.py", "def value(p):\n    return {'value': p['x']}\n")
+    code = "import sys; sys.path.insert(0, sys.argv[1]); import own_pkg; from jaxfric.study.source"
+    code += " import fingerprint; print(fingerprint(own_pkg.value))"
+    found = []
+    for release, checksum in (("1.0", "aa"), ("1.0", "aa"), ("1.1", "aa"), ("1.1", "bb")):
+        written(folder / about / "METADATA", f"Name: own_pkg\nVersion: {release}\n")
+        written(folder / about / "RECORD", f"own_pkg.py,sha256={checksum},9\n")
+        called = [sys.executable, "-c", code, str(folder)]
+        found.append(subprocess.run(called, capture_output=True, text=True, check=True).stdout)
+    assert found[0] == found[1] and len(set(found)) == 3
 
 
 def test_another_process_finds_the_same(tmp_path):

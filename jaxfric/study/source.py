@@ -14,8 +14,14 @@ import pickle
 import sys
 import types
 from collections.abc import Iterable
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import (
+    PackageNotFoundError,
+    distribution,
+    packages_distributions,
+    version,
+)
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -69,9 +75,9 @@ def belongs_to_package(function: object) -> bool:
 def fingerprint(function: object) -> str:
     """Return a checksum of a function: byte code, defaults, closure, and used globals.
 
-    The checksum follows functions, classes and modules of the user recursively. Functions of
-    installed packages enter the checksum by name, because `versions` covers their code. Arrays
-    enter the checksum by their values.
+    The checksum follows functions, classes and modules of the user recursively, and the attributes
+    of modules that functions read. Functions of installed packages enter the checksum by name. If
+    `versions` lacks their package, its version and files enter too. Arrays enter by their values.
     """
     walk = _Walk()
     walk.add(function)
@@ -145,30 +151,43 @@ class _Walk:
                 self.add(cell.cell_contents)
             except ValueError:  # an empty cell: a function that refers to itself
                 self._say("empty")
-        if _installed(function.__module__):
+        if self._stops_at(function.__module__):
             return
-        for name in sorted(_globals_of(function.__code__)):
-            if name in function.__globals__:
-                self._say(name)
-                self.add(function.__globals__[name])
+        looked_up = _names_in(function.__code__, "LOAD_GLOBAL", "LOAD_NAME")
+        attributes = _names_in(function.__code__, "LOAD_ATTR", "LOAD_METHOD")
+        self._read(function.__globals__, looked_up, attributes)
+
+    def _read(self, space: dict[str, Any], names: set[str], attributes: set[str]) -> None:
+        """Add the objects of these names and, from the user's modules among them, `attributes`."""
+        for name in sorted(names & space.keys()):
+            part = space[name]
+            self._say(name)
+            self.add(part)
+            if isinstance(part, types.ModuleType) and not _installed(part.__name__):
+                self._read(vars(part), attributes, attributes - {name})
+
+    def _stops_at(self, module: str | None) -> bool:
+        """Whether a module is not followed, as not the user's; if so, add its package's release."""
+        if not module or not _installed(module):
+            return False
+        self._say(*_release(module.partition(".")[0]))
+        return True
 
     def _class(self, kind: type) -> None:
         self._say(kind.__qualname__)
-        if _installed(kind.__module__):
+        if self._stops_at(kind.__module__):
             return
         self._all(kind.__bases__)
         for name, part in sorted(vars(kind).items()):
             part = getattr(part, "__func__", getattr(part, "fget", part))
-            if name in ("__module__", "__doc__", "__firstlineno__"):
-                continue
-            if isinstance(part, types.FunctionType | bool | int | float | str):
+            if isinstance(part, types.FunctionType) or not name.startswith("__"):
                 self._say(name)
                 self.add(part)
 
     def _module(self, module: types.ModuleType) -> None:
         self._say(module.__name__)
         file = getattr(module, "__file__", None)
-        if file is None or _installed(module.__name__):
+        if file is None or self._stops_at(module.__name__):
             return
         try:
             self._say(hashlib.sha256(Path(file).read_bytes()).hexdigest())
@@ -190,13 +209,26 @@ class _Walk:
                 self._say(getattr(x, "__qualname__", ""))
 
 
-def _globals_of(code: types.CodeType) -> set[str]:
-    """Return the names that a function, and functions inside it, look up in its module."""
-    looked_up = ("LOAD_GLOBAL", "LOAD_NAME")
-    found = {i.argval for i in dis.get_instructions(code) if i.opname in looked_up}
+def _names_in(code: types.CodeType, *instructions: str) -> set[str]:
+    """Return the names that these instructions of a function, and of functions inside it, take."""
+    found = {i.argval for i in dis.get_instructions(code) if i.opname in instructions}
     for part in code.co_consts:
         if isinstance(part, types.CodeType):
-            found |= _globals_of(part)
+            found |= _names_in(part, *instructions)
+    return found
+
+
+@functools.cache
+def _release(top: str) -> list[str]:
+    """Return the version and checksums of an installed package, unless `versions` covers it."""
+    if top in (*sys.builtin_module_names, *sys.stdlib_module_names, *_COMPUTING):
+        return []
+    found = []
+    for name in sorted(set(packages_distributions().get(top, ()))):
+        about = distribution(name)
+        files = [f for f in about.files or () if f.parts[0].removesuffix(".py") == top]
+        checksums = sorted(f"{f} {f.hash.value}" for f in files if f.suffix == ".py" and f.hash)
+        found += [name, about.version, *checksums]
     return found
 
 
