@@ -6,9 +6,11 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from command import run, written
@@ -18,7 +20,11 @@ pytest.importorskip("xarray")
 
 import jaxfric as jf
 from jaxfric import study
+from jaxfric.laws import REGISTRY
+from jaxfric.members import run_study
 from jaxfric.members.computations import COMPUTATIONS
+from jaxfric.members.spec import Computation
+from jaxfric.rig.friction import AbstractEvolution
 from jaxfric.stability.margin_table import MARGINS
 
 PARAMETERS = "A=1 N, B=3 N, L=1 mm, V0=2 mm/s"
@@ -187,3 +193,48 @@ def test_a_computation_is_one_entry(add: Add, tmp_path: Path) -> None:
     np.testing.assert_allclose(kept.fall, 2 * np.log(2.0), rtol=1e-9)
     expected = [np.log(2.0) * slowest_halving(k) for k in (1e3, 3e3)]
     np.testing.assert_allclose(kept.decay, expected, rtol=1e-6)
+
+
+class HalfRate(AbstractEvolution):
+    """As the slip law, over twice the distance."""
+
+    def rate(self, r, theta, B, L, V0):
+        return -0.5 * r * V0 / L * (theta + B * jnp.log(r))
+
+    def steady_state(self, r, B, V0):
+        return -B * jnp.log(r)
+
+
+class QuarterRate(HalfRate):
+    """As the slip law, over four times the distance."""
+
+    def rate(self, r, theta, B, L, V0):
+        return -0.25 * r * V0 / L * (theta + B * jnp.log(r))
+
+
+def test_a_store_is_that_of_the_entries_it_uses(
+    add: Add, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Numbers of an entry that was replaced are not handed out as those of the new one."""
+    monkeypatch.setitem(REGISTRY, "half", HalfRate())
+    margin, fall = add("own_margin", HALVINGS), add("own_computation", FALL)
+    names = 'compute = ["fall", "margins"]\noutputs = ["halvings", "fall"]\n'
+    text = written(tmp_path / "s.toml", names + RIG.replace('"slip"', '"half"'))
+    run_study(text, "s.zarr")
+    margin.tripled = lambda of: 3 * margin.halvings(of)
+    for table, name, entry, words in (
+        (REGISTRY, "half", QuarterRate(), "law half"),
+        (
+            MARGINS,
+            "halvings",
+            replace(MARGINS["halvings"], function="own_margin:tripled"),
+            "margin",
+        ),
+        (COMPUTATIONS, "fall", Computation(lambda *given: fall.make_fall(*given)), "compute fall"),
+    ):
+        with monkeypatch.context() as here:
+            here.setitem(table, name, entry)
+            with pytest.raises(jf.InputError, match=f"another study, which differs in {words}"):
+                run_study(text, "s.zarr")
+    monkeypatch.setitem(REGISTRY, "unused", QuarterRate())
+    assert run_study(text, "s.zarr").sizes["k_p"] == 2

@@ -90,7 +90,9 @@ def test_the_function_of_a_worker_is_that_of_the_client(cluster, tmp_path, monke
             client.run(lambda place: sys.path.insert(0, place), str(tmp_path / "there"))
     monkeypatch.syspath_prepend(str(tmp_path / "here"))
     function = importlib.import_module(name).value
-    words = "your function" if there else "has no package 'lonely'; install there what is here"
+    words = (
+        "source of the function" if there else "has no package 'lonely'; install there what is here"
+    )
     with pytest.raises(InputError, match=words.replace("is here", "is installed here")):
         study.run(
             function,

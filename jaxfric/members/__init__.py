@@ -8,6 +8,7 @@ ends         end states of massless sliders, determined during the simulation
 one_by_one   gains, fits and loops: Python, member by member
 computations the computations of a study, one entry each
 spec         study.toml
+together     the computations of a study as one function, with the entries that it uses
 make         from a study.toml to a running study
 """
 

@@ -1,34 +1,22 @@
 """Make the function, grid and outputs of a study from its study.toml, and run the study."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
-
-from jaxtyping import Array
 
 from ..errors import InputError
 from ..findings import WarningCode, warned
 from ..study import Progress, run
-from ..study.function import Function, refuse_clashes
+from ..study.function import refuse_clashes
 from .computations import COMPUTATIONS
 from .own import read_own
 from .spec import Spec, StudyPart, read_spec, refuse_outputs
 from .tables import table_of
+from .together import Together
 
 if TYPE_CHECKING:
     import xarray
-
-
-@dataclass(frozen=True, eq=False)
-class Together:
-    """A function that runs several computations on the same arrays of members."""
-
-    parts: tuple[Function, ...]
-
-    def __call__(self, varied: Mapping[str, Array]) -> dict[str, Array]:
-        """Return the outputs of all computations."""
-        return {name: x for part in self.parts for name, x in part(dict(varied)).items()}
 
 
 def make(path: str | Path, own: str | None = None) -> tuple[Spec, StudyPart]:
@@ -41,17 +29,20 @@ def make(path: str | Path, own: str | None = None) -> tuple[Spec, StudyPart]:
     if own is not None:
         return read_own(path, own)
     spec = read_spec(path, COMPUTATIONS)
-    parts = [
-        COMPUTATIONS[name].make(spec, spec.options.get(name, {}), f"{spec.path.name} [{name}]")
-        for name in spec.compute
-    ]
-    refuse_outputs(spec, tuple(output for part in parts for output in part.outputs))
-    used = [part for part in parts if part.kept(spec)]
-    functions = tuple(part.function for part in used)
+    makers = {name: COMPUTATIONS[name].make for name in spec.compute}
+    parts = {
+        name: maker(spec, spec.options.get(name, {}), f"{spec.path.name} [{name}]")
+        for name, maker in makers.items()
+    }
+    refuse_outputs(spec, tuple(output for part in parts.values() for output in part.outputs))
+    kept = {name: part for name, part in parts.items() if part.kept(spec)}
+    used = list(kept.values())
+    outputs = tuple(output for part in used for output in part.kept(spec))
+    functions = {name: (makers[name], part.function) for name, part in kept.items()}
     told = (*(line for part in used for line in part.warnings), *_left_out(spec, used))
     part = StudyPart(
-        functions[0] if len(functions) == 1 else Together(functions),
-        tuple(output for part in used for output in part.kept(spec)),
+        Together.of(functions, spec, outputs),
+        outputs,
         kind=used[0].kind,
         cost=next((part.cost for part in used if part.cost is not None), None),
         chunk=spec.chunk or min(part.chunk for part in used),

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 from ..errors import InputError, option
 from .function import Computed, Stopped, Task
 from .place import Tell
-from .source import belongs_to_package, fingerprint, other_versions, versions
+from .source import other_versions, own_code, versions
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -63,9 +63,9 @@ def local_processes(number: int) -> "Generator[Client]":
         environment["JAX_COMPILATION_CACHE_DIR"] = str(folder)
         environment["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
         environment["JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES"] = "-1"
-    pages: dict[str, Any] = {"dashboard_address": None, "worker_dashboard_address": None}
+    more: dict[str, Any] = {"dashboard_address": None, "worker_dashboard_address": None}
     with _silent(), _without_main():
-        made = LocalCluster(n_workers=number, threads_per_worker=1, env=environment, **pages)
+        made = LocalCluster(n_workers=number, threads_per_worker=1, env=environment, **more)
         with made, connected(made.scheduler_address) as client:
             yield client
 
@@ -142,9 +142,7 @@ _compared: set[str] = set()
 
 def code_of(task: Task) -> dict[str, str]:
     """Return the versions of all code that computes a task in this process."""
-    if belongs_to_package(task.function):
-        return versions()
-    return versions() | {"your function": fingerprint(task.function)}
+    return versions() | own_code(task.function)
 
 
 class OtherCode(Stopped):

@@ -29,7 +29,7 @@ from .grid import Grid, Tiling
 from .layout import Label, outputs_of
 from .place import Tell, place_of
 from .progress import Clock, Progress
-from .source import belongs_to_package, fingerprint
+from .source import belongs_to_package, own_code
 from .store import Store, attributes, changed_versions, error_texts, open_store, require_packages
 from .store import verify as verify_store
 
@@ -183,10 +183,7 @@ def load(path: str | Path, *, verify: bool = True) -> "xarray.Dataset":
 
 
 def _described(task: Task, description: Mapping[str, object] | None) -> dict[str, object]:
-    """Return what identifies a study: its description, its function, and its layout.
-
-    A function of the package has no fingerprint: `versions` covers it.
-    """
+    """Return what identifies a study: its description, the user's code, and its layout."""
     function = task.function
     if description is None:
         samples = task.grid.samples
@@ -197,11 +194,9 @@ def _described(task: Task, description: Mapping[str, object] | None) -> dict[str
             "dtype": task.dtype,
             "precision": task.precision,
         }
-    own = not belongs_to_package(function)
-    source = {"source of the function": fingerprint(function)} if own else {}
     outputs = [output.name for output in task.outputs]
     layout = {"block": list(task.blocks.block), "outputs": outputs}
-    return {**description, **source, "layout": layout}
+    return {**description, **own_code(function), "layout": layout}
 
 
 def _go_on(

@@ -66,10 +66,20 @@ def package_source() -> str:
 
 
 def belongs_to_package(function: object) -> bool:
-    """Whether a function, or the class of a callable object, belongs to jaxfric."""
+    """Whether a function, a class, or the class of an object, belongs to jaxfric."""
     function = getattr(function, "__wrapped__", function)
-    kind = function if isinstance(function, types.FunctionType) else type(function)
+    kind = function if isinstance(function, types.FunctionType | type) else type(function)
     return (kind.__module__ or "").partition(".")[0] == __name__.partition(".")[0]
+
+
+def own_code(function: object) -> dict[str, str]:
+    """Return checksums of the user's code in the function of a study; `versions` covers the rest.
+
+    A function of the package may tell by its method `own` what it uses of the user.
+    """
+    if belongs_to_package(function):
+        return getattr(function, "own", dict)()
+    return {"source of the function": fingerprint(function)}
 
 
 def fingerprint(function: object) -> str:
@@ -100,7 +110,7 @@ class _Walk:
             return self._say("again", self.seen[id(x)])
         self.seen[id(x)] = len(self.seen)
         self.kept.append(x)
-        self._say(type(x).__qualname__)
+        self._say(type(x).__name__)
         self._add_compound(x)
 
     def _say(self, *words: object) -> None:
@@ -174,7 +184,7 @@ class _Walk:
         return True
 
     def _class(self, kind: type) -> None:
-        self._say(kind.__qualname__)
+        self._say(kind.__name__)  # a class that travels loses its __qualname__
         if self._stops_at(kind.__module__):
             return
         self._all(kind.__bases__)
