@@ -6,6 +6,7 @@ import signal
 import sys
 import threading
 import time
+import types
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -21,6 +22,11 @@ pytest.importorskip("distributed")
 import distributed
 
 from jaxfric import InputError, study
+from jaxfric.laws import REGISTRY
+from jaxfric.members import run_study
+from jaxfric.rig.friction import SlipEvolution
+from jaxfric.stability.margin_table import MARGINS, Margin
+from jaxfric.stability.margins import modulus
 from jaxfric.study.cluster import _Pool
 
 GOOD = 'outputs = ["k_cr", "stability"]\n' + f.MARGINS
@@ -102,6 +108,29 @@ def test_the_function_of_a_worker_is_that_of_the_client(cluster, tmp_path, monke
             kind="host",
             scheduler=cluster.scheduler_address,
         )
+
+
+def test_workers_have_the_laws_and_margins_of_the_client(cluster, tmp_path, monkeypatch):
+    """Those registered in this process, and replaced in it."""
+
+    class Slowed(SlipEvolution):
+        factor: float
+
+        def rate(self, r, theta, B, L, V0):
+            return self.factor * super().rate(r, theta, B, L, V0)
+
+    twice = types.FunctionType((lambda of: 2 * modulus(of)).__code__, {"modulus": modulus}, "twice")
+    twice.__module__ = "__main__"
+    monkeypatch.setattr(sys.modules["__main__"], "twice", twice, raising=False)
+    monkeypatch.setitem(MARGINS, "twice", Margin("1", 0.0, "twice", "__main__:twice"))
+    text = f.MARGINS.replace('"slip"', '"slowed"').replace("chunk = 8", "chunk = 18")
+    path = written(tmp_path / "study.toml", 'outputs = ["k_cr", "twice", "modulus"]\n' + text)
+    for factor in (0.5, 0.25):
+        monkeypatch.setitem(REGISTRY, "slowed", Slowed(factor))
+        found = run_study(path, tmp_path / str(factor), scheduler=cluster.scheduler_address)
+        undamped = found.sel(k_v=0.0)
+        np.testing.assert_allclose(undamped.k_cr, factor * 1.5 / 5e-6, rtol=1e-9)
+        np.testing.assert_allclose(found.twice, 2 * found.modulus, rtol=1e-12)
 
 
 def test_a_client_that_waits_says_so():

@@ -64,6 +64,7 @@ def local_processes(number: int) -> "Generator[Client]":
         environment["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
         environment["JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES"] = "-1"
     more: dict[str, Any] = {"dashboard_address": None, "worker_dashboard_address": None}
+    more["silence_logs"] = logging.CRITICAL  # of the processes, which write to this terminal
     with _silent(), _without_main():
         made = LocalCluster(n_workers=number, threads_per_worker=1, env=environment, **more)
         with made, connected(made.scheduler_address) as client:
