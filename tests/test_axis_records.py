@@ -752,8 +752,15 @@ def test_other_joints_that_move_are_known_by_their_names(tmp_path: Path) -> None
     asked = {"position": "q3", "motor_force": "tau3"}
     assert read_axis(file, columns=asked).others == ("q1",)
     assert read_axis(file, columns={**asked, "position": "q4"}).others == ("q1",)
-    without = file.read_text().replace("q1 [rad]", "phase [rad]")
-    file.write_text(without)
+    text = file.read_text()
+    file.write_text(text.replace("q1 [rad]", "phase [rad]"))
+    assert read_axis(file, columns=asked).others == ()
+    # numbers are the names of all columns, of whatever quantity; those in use are no other joint
+    file.write_text(text.partition("\n")[2])
+    asked = {"time": "#1 [s]", "position": "#4 [rad]", "motor_force": "#7 [N m]"}
+    assert read_axis(file, columns=asked).others == ()
+    np.savetxt(file, rows[:, [0, 1, 5]], delimiter=",", header="c1,c2,c3", comments="")
+    asked = {"time": "c1 [s]", "position": "c2 [rad]", "motor_force": "c3 [N m]"}
     assert read_axis(file, columns=asked).others == ()
 
 

@@ -101,15 +101,20 @@ def _to_record(
 
 def _other_joints(found: Understood) -> tuple[str, ...]:
     """Return the columns of other joints that move. Their names differ from that of the motion only
-    in a number; they move by at least 5 % of its range, and in another way."""
+    in a number; they move by at least 5 % of its range, and in another way. Columns in use, of
+    another unit, or of a file without a header are none."""
     use = found.uses.get("position") or found.uses["velocity"]
-    table = found.table
+    table, used = found.table, {one.column for one in found.uses.values()}
     pattern = _NUMBER.sub("#", table.names[use.column])
-    if pattern in ("#", table.names[use.column]):
+    if table.doubt or pattern in ("#", table.names[use.column]):
         return ()
-    own = table.columns[use.column]
-    alike = (j for j, name in enumerate(table.names) if _NUMBER.sub("#", name) == pattern)
-    return tuple(table.names[j] for j in alike if _moves_apart(table.columns[j], own))
+    own, unit = table.columns[use.column], table.units[use.column]
+    return tuple(
+        name
+        for j, name in enumerate(table.names)
+        if j not in used and table.units[j] == unit and _NUMBER.sub("#", name) == pattern
+        if _moves_apart(table.columns[j], own)
+    )
 
 
 def _moves_apart(values: np.ndarray, own: np.ndarray) -> bool:
