@@ -1,64 +1,122 @@
-"""Hunting of a slider with integral action about its target, against SciPy's Radau.
+"""Hunting of a slider with integral action about its target, against SciPy.
 
-1 + 2 |V| + c2 exp(-(V/0.02)^2) N: where c2 is 0 kinetic friction is not below static friction.
+The reference solves every slip to the time at which the velocity is zero. A stuck slider does not
+creep: its integral grows until the force exceeds static friction c0 + c2.
 """
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 from jaxfric import check_gains, find_gains, law_from_parameters
-from jaxfric.gains.hunting import hunting
 from jaxfric.report import gains_json
 from jaxfric.report.gains_text import report
 
-M, K_P, K_V, K_I, DROP = 1.0, 400.0, 1.0, 800.0, 1.5
+STEEP = (10.0, 50.0, 5.0, 2e-3)
+"""c0 [N], c1 [N s/m], c2 [N], c3 [m/s] of a law that falls much at low velocity."""
+EVEN = (1.0, 2.0, 0.0, 0.02)
+"""Kinetic friction that is not below static friction."""
 
 
-def law(drop):
-    text = f"c0=1 N, c1=2 N s/m, c2={drop} N, c3=20 mm/s"
-    return law_from_parameters("gaussian-stribeck", text)
+def found(curve, c4=2.0, mass=2.0, integral=800.0, **given):
+    c0, c1, c2, c3 = curve
+    text = f"c0={c0} N, c1={c1} N s/m, c2={c2} N, c3={c3} m/s, c4={c4}"
+    given = {"velocity": 0.1, "margin": {"decay": 0.0, "modulus": 0.0}, **given}
+    return find_gains(
+        law_from_parameters("stribeck", text), mass=mass, integral_gain=integral, **given
+    )
 
 
-def by_scipy(drop, offset, end, width=1e-7):
-    def slope(t, y):
-        x, v, integral = y
-        friction = (1 + 2 * abs(v) + drop * np.exp(-((v / 0.02) ** 2))) * np.tanh(v / width)
-        return [v, (K_P * (offset - x) - K_V * v + K_I * integral - friction) / M, offset - x]
-
-    t = np.linspace(0, end, 8001)
-    small = [1e-11, 1e-10, 1e-11]
-    found = solve_ivp(slope, (0, end), [0, 0, 0], "Radau", t, rtol=1e-7, atol=small)
-    half = t >= end / 2
-    x = found.y[0][half]
-    y, t = x - 0.5 * (x.min() + x.max()), t[half]
-    up = t[np.flatnonzero((y[:-1] < 0) & (y[1:] >= 0))]
-    return np.ptp(x) / 2, (up[-1] - up[0]) / (len(up) - 1)
+def checked(k_p, k_v, *of, **given):
+    return check_gains(replace(found(*of, **given), kp=k_p, kv=k_v))
 
 
-def test_amplitude_and_period_of_hunting():
-    found = hunting(law(DROP).law, M, (K_P, K_V, K_I), 1 + DROP, 0.1)
-    amplitude, period = by_scipy(DROP, 2 * (1 + DROP) / K_P, 30.0)
-    assert found.amplitude == pytest.approx(amplitude, rel=1e-2)
-    assert found.period == pytest.approx(period, rel=1e-2)
+def by_scipy(k_p, k_v, k_i, curve, c4, mass, end):
+    """Half the range of x in the last half, and the mean time between slips to the same side."""
+    c0, c1, c2, c3 = curve
+    static = c0 + c2
+    t, x, total, stops = 0.0, -2 * static / k_p, 0.0, []
+    while t < end:
+        force = -k_p * x + k_i * total
+        if abs(force) < static:
+            wait = (np.sign(-x) * static * (1 + 1e-5) - force) / (-k_i * x)
+            stops.append((t, x))
+            t, total = t + wait, total - x * wait
+        way = np.sign(-k_p * x + k_i * total)
+
+        def slope(_, y, way=way):
+            x, v, total = y
+            friction = c0 + c1 * abs(v) + c2 * np.exp(-((abs(v) / c3) ** c4))
+            return [v, (-k_p * x - k_v * v + k_i * total - way * friction) / mass, -x]
+
+        def stopped(_, y, way=way):
+            return way * y[1]
+
+        stopped.terminal, stopped.direction = True, -1
+        small = [1e-11 * static / k_p] * 3
+        one = solve_ivp(
+            slope, (t, t + end), [x, 0, total], "LSODA", events=stopped, rtol=1e-8, atol=small
+        )
+        t, x, total = one.t[-1], one.y[0, -1], one.y[2, -1]
+    at, x = np.transpose([(t, x) for t, x in stops if t > end / 2])
+    right = at[x > x.mean()]
+    return np.ptp(x) / 2, np.diff(right).mean()
+
+
+@pytest.mark.parametrize(
+    ("k_p", "k_v", "k_i", "curve", "c4", "mass", "end"),
+    [
+        (400.0, 1.0, 800.0, (1.0, 2.0, 1.5, 0.02), 2.0, 1.0, 60.0),
+        (5e3, 100.0, 5e3, STEEP, 2.0, 2.0, 600.0),
+        (5e3, 1e3, 5e4, STEEP, 1.0, 2.0, 200.0),
+    ],
+)
+def test_amplitude_and_period_of_hunting(k_p, k_v, k_i, curve, c4, mass, end):
+    """In the second and third case a slider sticks for 3 to 100 times k_p/k_i."""
+    seen = checked(k_p, k_v, curve, c4, mass, k_i).hunting
+    amplitude, period = by_scipy(k_p, k_v, k_i, curve, c4, mass, end)
+    assert seen.clear and seen.amplitude == pytest.approx(amplitude, rel=2e-2)
+    assert seen.period == pytest.approx(period, rel=1e-2)
+    assert seen.error == pytest.approx(seen.amplitude, rel=0.1)
+
+
+def test_a_slider_that_sticks_off_its_target_is_not_clear():
+    k_p, k_v, k_i, curve = 16930.0, 6500.0, 5e4, (1.0, 50.0, 14.0, 2e-3)
+    told = checked(k_p, k_v, curve, 1.0, 2.0, k_i)
+    amplitude, period = by_scipy(k_p, k_v, k_i, curve, 1.0, 2.0, 6000.0)
+    assert not told.hunting.clear and told.hunting.amplitude is None
+    assert amplitude < told.hunting.error < 2 * amplitude
+    assert period > told.hunting.duration / 2
+    assert gains_json.content(told)["at_rest"]["hunting"]["clear"] is False
+    assert any("not clear within" in line for line in report(told).lines)
 
 
 def test_without_a_fall_of_friction_nothing_hunts():
-    found = hunting(law(0).law, M, (K_P, K_V, K_I), 1.0, 0.1)
-    assert found.amplitude is None and found.period is None and found.duration > 100
+    seen = checked(400.0, 1.0, EVEN, mass=1.0).hunting
+    assert seen.clear and seen.amplitude is None and seen.period is None
+    assert seen.error < 1e-3 / 400 and seen.duration > 100
 
 
 def test_a_linearly_unstable_controller_runs_away():
     """(k_v + 2) k_p < m k_i: Routh and Hurwitz."""
-    found = hunting(law(0).law, M, (K_P, K_V, 4e3), 1.0, 0.1)
-    assert gains_json.hunting_entry(found)["grows"]
+    seen = checked(400.0, 1.0, EVEN, mass=1.0, integral=4e3).hunting
+    assert gains_json.hunting_entry(seen)["grows"]
+
+
+def test_the_least_and_the_largest_mass_are_simulated():
+    """Two masses hunt as the one of them that hunts more; the requested velocity is no matter."""
+    curve = (1.0, 2.0, 1.5, 0.02)
+    both = checked(400.0, 1.0, curve, mass=[0.1, 1.0])
+    each = [checked(400.0, 1.0, curve, mass=m, velocity=0.2).hunting for m in (0.1, 1.0)]
+    assert both.hunting.amplitude == pytest.approx(max(one.amplitude for one in each), rel=1e-6)
+    assert both.hunting.masses == (0.1, 1.0) and both.hunting.samples == (0,)
+    assert any("simulated at 0.1 kg and 1 kg" in line for line in report(both).lines)
 
 
 def test_checked_gains_say_whether_they_hunt():
-    margin = {"decay": 0.0, "modulus": 0.0}
-    given = {"lower": (K_P, None), "integral_gain": K_I}
-    found = find_gains(law(DROP), velocity=0.1, mass=M, margin=margin, **given)
-    told = check_gains(found)
+    told = check_gains(found((1.0, 2.0, 1.5, 0.02), mass=1.0, lower=(400.0, None)))
     assert told.hunting.amplitude is not None and told.dead_band is None
     assert any(line.startswith("at rest it hunts about") for line in report(told).lines)
     assert gains_json.content(told)["at_rest"]["hunting"]["period"] == told.hunting.period

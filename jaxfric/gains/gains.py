@@ -25,9 +25,9 @@ from .margins import several_margins
 from .requirement import DEFAULT, Requirement, refuse_controller
 from .rest import friction_at_rest
 from .result import SHORTEST_DELAY, Gains, LocalOptimum, WorstCase
-from .scenarios import Scenarios
+from .scenarios import Scenarios, law_of
 from .solve import Infeasible, NoGains, Optima, Optimum, Pair, make_region, solve
-from .thresholds import MOST_RAISED, OF_A_RANGE, ROUNDS
+from .thresholds import MOST_RAISED, OF_A_RANGE, OF_LAWS, ROUNDS
 from .verify import CheckReport, choose, verify
 
 
@@ -270,7 +270,8 @@ def check_gains(
     With `basin`, both gains are raised by one common factor, accurate to 2 %. The common factor is
     the least at which velocity may jump up or down by the factor `basin` in every checked scenario.
     The returned margins are then margins of the raised gains. Gains with integral action are
-    simulated only at rest (`hunting`), and the result has a warning.
+    simulated only at rest (`hunting`), for the least and the largest mass and up to 4 samples of
+    the law, and the result has a warning.
 
     Raises
     ------
@@ -279,12 +280,13 @@ def check_gains(
     if basin is not None and not basin >= 1:
         raise InputError(f"basin is {basin:g}; it is a factor, 1 or more")
     tell = progress or silent
-    law = gains.scenarios.law(0)
-    if not isinstance(law, AbstractLaw):
+    laws = gains.scenarios.laws
+    if not isinstance(laws, AbstractLaw):
         return _with(gains, warned(WarningCode.DELAY_LAW))
     if gains.integral is not None:
-        found = _hunting(gains, law, gains.integral, tell)
-        return replace(_with(gains, warned(WarningCode.INTEGRAL)), hunting=found)
+        return replace(
+            _with(gains, warned(WarningCode.INTEGRAL)), hunting=_hunting(gains, laws, tell)
+        )
     if gains.any_stiffness:
         return _with(gains, warned(WarningCode.ANY_STIFFNESS))
     values = np.asarray([gains.kp, gains.kv])
@@ -318,17 +320,19 @@ def _with(gains: Gains, *texts: str) -> Gains:
     return replace(gains, warnings=(*gains.warnings, *texts))
 
 
-def _hunting(
-    gains: Gains, law: AbstractLaw, k_i: float, tell: Callable[[str], None]
-) -> Hunting | None:
-    """Whether the slider hunts at rest, for the first sample of the law and the largest mass."""
-    masses = gains.scenarios.mass
-    if gains.rest_friction is None or masses is None:
+def _hunting(gains: Gains, laws: AbstractLaw, tell: Callable[[str], None]) -> Hunting | None:
+    """Whether sliders of the least and the largest mass hunt, in some samples of the law."""
+    scenarios = gains.scenarios
+    if gains.rest_friction is None or scenarios.mass is None or gains.integral is None:
         return None
     tell("simulating the slider at rest")
-    fastest = float(np.max(gains.scenarios.velocity))
-    own = gains.kp, gains.kv, k_i
-    return hunting(law, float(np.max(masses)), own, gains.rest_friction, fastest)
+    samples = np.unique(scenarios.sample)
+    samples = np.unique(samples[np.linspace(0, len(samples) - 1, OF_LAWS).astype(int)])
+    ends = np.unique([np.min(scenarios.mass), np.max(scenarios.mass)])
+    index, mass = (x.ravel() for x in np.meshgrid(samples, ends))
+    own = gains.kp, gains.kv, gains.integral
+    found = hunting(law_of(laws, index), mass, own, gains.rest_friction)
+    return found._replace(masses=tuple(ends.tolist()), samples=tuple(samples.tolist()))
 
 
 def unresolved_warnings(report: CheckReport) -> tuple[Warned, ...]:

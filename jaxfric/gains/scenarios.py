@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import equinox as eqx
 import jax
@@ -14,6 +15,8 @@ from ..laws.registry import Law
 from ..stability.kernel import StateSpaceKernel
 from ..stability.linear import LinearFriction, Setting, linear_friction, refuse_without_steady_state
 from .thresholds import RATIONAL_TILE, TILE
+
+L = TypeVar("L", bound=Law)
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +148,7 @@ def number_of_samples(laws: Law) -> int:
     return jax.tree.leaves(eqx.filter(laws, eqx.is_array))[0].shape[0]
 
 
-def law_of(laws: Law, index: int | Array | np.ndarray) -> Law:
+def law_of(laws: L, index: int | Array | np.ndarray) -> L:
     """Select one law of a batch, or several."""
     return jax.tree.map(lambda leaf: leaf[index] if eqx.is_array(leaf) else leaf, laws)
 

@@ -26,6 +26,9 @@ MOST_RAISED = 30.0
 """Largest factor by which gains are raised for a basin; more is not worth its cost."""
 OF_A_RANGE = 5
 """Number of values that represent a range: masses given as text, velocities around a set point."""
+OF_LAWS = 4
+"""Number of samples of the law with which a slider is simulated at rest: the estimate and others at
+even distances."""
 CURVATURE = 0.1
 """Least curvature of the Lagrangian along a constraint, over that of the norm. With less, a step
 would leave the region in which the linearised constraints are accurate."""
@@ -51,9 +54,10 @@ several, as from one of them it may stop so near its target that it sticks for v
 LEAST_DROP = 0.05
 """Least drop from static to kinetic friction, over F_s: it limits the simulated time."""
 CREEP = 1e-4
-"""Largest creep of a stuck slider due to the smoothed sign, over F_s/k_p."""
+"""Largest creep of a stuck slider due to the smoothed sign in the simulated time, over F_s/k_p."""
 DECAYED = 0.5
-"""Ratio of the ranges in the last and the third quarter below which a motion decays."""
+"""Ratio of the ranges in the last and the third quarter below which a motion decays; its inverse:
+above which a motion grows."""
 GROWN = 10.0
 """Range of x, over the largest initial offset, above which the motion grows."""
 DEGREE = 5

@@ -50,7 +50,7 @@ def content(gains: Gains) -> dict:
 
 
 def hunting_entry(found: Hunting) -> dict:
-    """The JSON entry `hunting`: growth, or amplitude and period; null without hunting."""
+    """The JSON entry `hunting`: growth, or amplitude and period, null if no hunting is seen."""
     grows = found.amplitude is not None and not np.isfinite(found.amplitude)
     return plain({**found._asdict(), "grows": grows})
 

@@ -95,14 +95,24 @@ def _accuracy(gains: Gains) -> str:
 def _at_rest(gains: Gains) -> list[str]:
     """How near its target the slider stops, or whether integral action makes it hunt about it."""
     if (found := gains.hunting) is not None:
+        masses = " and ".join(amount(gains, mass, "kg") for mass in found.masses)
+        laws = f", with {len(found.samples)} samples of the law" if len(found.samples) > 1 else ""
+        at = f"(simulated at {masses}{laws})"
+        seen = f"within {found.duration:.3g} s {at}"
+        error = amount(gains, found.error, "m")
+        if not found.clear:
+            return [
+                f"at rest: not clear {seen} whether it hunts about the target, as it is still up to"
+                f" {error} off; test it on the machine"
+            ]
         if found.amplitude is None:
-            return [f"at rest: no hunting about the target seen within {found.duration:.3g} s"]
+            return [f"at rest: no hunting about the target seen {seen}"]
         if found.period is None:
             return ["at rest: simulated from rest its motion grows; lower k_i"]
         return [
             f"at rest it hunts about the target, by ±{amount(gains, found.amplitude, 'm')} with a"
-            f" period of {found.period:.3g} s (simulated); lower k_i, or give the integral a dead"
-            " zone as large"
+            f" period of {found.period:.3g} s {at}; lower k_i, or give the integral a"
+            " dead zone as large"
         ]
     if gains.dead_band is None or gains.rest_friction is None:
         return []
