@@ -155,6 +155,26 @@ def test_infeasible_says_which_scenario_and_by_how_much():
     assert reached == pytest.approx(100 / critical(10.0, **GOLDEN), rel=1e-2)
 
 
+def test_infeasible_names_a_scenario_that_is_infeasible_alone():
+    """m s + f_v + k_v + ... with 1.5 samples of delay T: no PD gains where T |f_v|/m > 1.
+
+    f_v = 50 - (5/0.002) exp(-V/0.002) N s/m: T |f_v|/m is 2.85 at 0.5 mm/s and 1 kg, the largest of
+    all; at 3 kg, 5 mm/s and 10 mm/s it is below 1.
+    """
+    text = "c0=10 N, c1=50 N*s/m, c2=5 N, c3=2 mm/s, c4=1"
+    given = {"integral_gain": 5000.0, "sample_time": 1e-3}
+    with pytest.raises(NoGains) as refused:
+        find_gains(
+            law_from_parameters("stribeck", text),
+            velocity=[5e-4, 5e-3, 1e-2],
+            mass="1..3 kg",
+            **given,
+        )
+    found = refused.value.found
+    assert found.alone and found.scenario == {"velocity": 5e-4, "mass": 1.0, "sample": 0}
+    assert "unstable" in found.text and "reaches" not in found.text
+
+
 @pytest.mark.long
 def test_margins_that_contradict_each_other():
     """A delay margin of 10 s allows no gains as large as the decay rate needs."""

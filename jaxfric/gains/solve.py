@@ -22,6 +22,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float
 
 from ..coordinate import Coordinate
 from ..described import said
@@ -35,7 +36,7 @@ from .requirement import Requirement
 from .result import Certificate
 from .scenarios import Scenarios, padded
 from .search import CARRIED, TRUST, GainProblem, steps
-from .thresholds import ALIKE, FEASIBLE, FINE, POSITIVE, REFINED, ROUNDS, ZERO
+from .thresholds import ALIKE, FEASIBLE, FINE, HANDFUL, POSITIVE, REFINED, ROUNDS, ZERO
 
 Pair = tuple[float | None, float | None]
 """(k_p, k_v), each None if not given."""
@@ -45,12 +46,16 @@ class Infeasible(NamedTuple):
     """Result of a search if no gains meet the requirement, although the input is valid."""
 
     margin: str
-    """The margin that is missed most, in the worst scenario at the best compromise."""
+    """The margin that is missed most, in `scenario` at `gains`."""
     required: float
     reached: float
     scenario: dict
+    alone: bool
+    """Whether no gains meet the requirement in this scenario alone; else it is the worst scenario
+    of the best compromise."""
     gains: np.ndarray
-    """The best compromise (k_p, k_v), SI: its worst scenario misses least."""
+    """(k_p, k_v), SI, that miss the requirement least: in this scenario if `alone`, else in the
+    worst scenario."""
     task: GainTask
 
     @property
@@ -127,7 +132,7 @@ def solve(task: GainTask) -> Optima | Infeasible:
     starts = minima(carried)
     for rounds in range(1, ROUNDS + 1):
         if not starts:
-            return _infeasible(carried)
+            return _infeasible(task, carried)
         optima = _optima(task, carried, starts)
         single = alone(carried)
         worse = _violated(task, [*(o.gains for o in optima), *single])
@@ -158,10 +163,13 @@ def solve(task: GainTask) -> Optima | Infeasible:
 
 def _first(task: GainTask) -> np.ndarray:
     """The worst scenarios at a handful of gains."""
-    u, v = np.meshgrid([1e-3, 0.1, 1.0, 3.0], [0.0, 0.1, 0.5, 1.2])
-    gains = np.stack([u.ravel(), v.ravel()], axis=1) * task.region.unit
-    gains = np.clip(gains, task.region.lower, task.region.upper)
-    return np.unique(np.argmin(task.slacks(gains), axis=1))
+    return np.unique(np.argmin(task.slacks(_grid(task, *HANDFUL)), axis=1))
+
+
+def _grid(task: GainTask, u: np.ndarray, v: np.ndarray) -> Float[np.ndarray, "p 2"]:
+    """All pairs of gains `u` and `v`, in natural units, moved into the region; SI."""
+    grid = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2) * task.region.unit
+    return np.unique(np.clip(grid, task.region.lower, task.region.upper), axis=0)
 
 
 _kkt = eqx.filter_jit(kkt_of)
@@ -263,16 +271,25 @@ def _dense(task: GainTask, carried: GainTask, optima: list[Optimum]) -> tuple[in
     return tried, grid[:64][task.accepts(grid[:64])]
 
 
-def _infeasible(task: GainTask) -> Infeasible:
-    """Build an `Infeasible` from the max-min gains and their worst scenario."""
-    requirement, scenarios, region = task
-    u = np.geomspace(1e-6, 1e4, 61)
+def _infeasible(task: GainTask, carried: GainTask) -> Infeasible:
+    """Build an `Infeasible` from a scenario that is infeasible by itself, if there is one.
+
+    Of several, take the one that grows fastest or decays slowest at the best gains, because a
+    margin does not tell how unstable a slider is. Else take the max-min gains of the carried
+    scenarios and their worst scenario.
+    """
+    decay = task._replace(requirement=Requirement({"decay": 0.0}))
+    hardest = np.argsort(np.max(decay.slacks(_grid(task, *HANDFUL)), axis=0))[:CARRIED]
+    few = carried.among(carried.scenarios.join(task.scenarios.take(hardest)))
+    requirement, scenarios, region = few
     v = np.concatenate([[0.0], np.geomspace(1e-5, 1e3, 61)])
-    grid = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2) * region.unit
-    grid = np.unique(np.clip(grid, region.lower, region.upper), axis=0)
-    slack = task.slacks(grid)
-    best = int(np.argmax(np.min(slack, axis=1)))
-    worst = int(np.argmin(slack[best]))
+    grid = _grid(few, np.geomspace(1e-6, 1e4, 61), v)
+    slack = few.slacks(grid)
+    most = np.max(decay.among(scenarios).slacks(grid), axis=0)
+    worst = int(np.argmin(np.where(np.max(slack, axis=0) < 0, most, np.inf)))
+    single = not minima(few.among(scenarios.take([worst])))
+    best = int(np.argmax(slack[:, worst] if single else np.min(slack, axis=1)))
+    worst = worst if single else int(np.argmin(slack[best]))
     here = scenarios.take([worst])
     each = {
         name: float(GainTask(Requirement({name: least}), here, region).slacks(grid[best])[0, 0])
@@ -281,4 +298,4 @@ def _infeasible(task: GainTask) -> Infeasible:
     name = min(each, key=each.__getitem__)
     required = requirement.values[requirement.names.index(name)]
     reached = float(several_margins([name], here, grid[best])[name][0])
-    return Infeasible(name, required, reached, scenarios.describe(worst), grid[best], task)
+    return Infeasible(name, required, reached, scenarios.describe(worst), single, grid[best], few)

@@ -66,6 +66,8 @@ of terms grows like a factorial."""
 RATIOS, RADII = np.geomspace(1e-4, 1e4, 14), np.append(0.0, np.geomspace(3e-3, 3e3, 13))
 """Ratios of damping to stiffness, and norms, of the gains at which a search starts, in natural
 units. Half of the ratios are below 1, so that there is a stiff and a damped start."""
+HANDFUL = np.array([1e-3, 0.1, 1.0, 3.0]), np.array([0.0, 0.1, 0.5, 1.2])
+"""k_p and k_v, in natural units, whose pairs show which scenarios are hard."""
 CARRIED, STEPS, NEAREST = 8, 4, 6
 """Worst scenarios in a round of the search, steps in a round, constraints in a step."""
 TRUST, SHRINK = 0.5, 0.9

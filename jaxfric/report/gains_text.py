@@ -230,10 +230,13 @@ def infeasible(found: Infeasible) -> str:
     mass = "" if where["mass"] is None else f", mass {text(where['mass'], 'kg')}"
     sample = f" (sample {where['sample']})" if number_of_samples(scenarios.laws) > 1 else ""
     (most_kp, most_kv), (k_p, k_v) = region.upper, found.gains
+    best = " even alone: the best pair," if found.alone else ", where the best compromise,"
+    out = "that scenario" if found.alone else "hard scenarios"
+    reached = f"reaches {found.reached:.3g}" if found.reached >= 0 else "is unstable"
     return (
         f"no gains (k_p up to {text(most_kp, 'N/m')}, k_v up to {text(most_kv, 'N s/m')}) meet the"
         f" requirement: {found.margin}={found.required:g} is missed at velocity"
-        f" {text(where['velocity'], 'm/s')}{mass}{sample}, where the best compromise, k_p ="
-        f" {text(k_p, 'N/m')} and k_v = {text(k_v, 'N s/m')}, reaches {found.reached:.3g}; lower"
-        " the margin, widen the limits, reduce the controller's delay or leave that scenario out"
+        f" {text(where['velocity'], 'm/s')}{mass}{sample}{best} k_p ="
+        f" {text(k_p, 'N/m')} and k_v = {text(k_v, 'N s/m')}, {reached}; lower"
+        f" the margin, widen the limits, reduce the controller's delay or leave {out} out"
     )
