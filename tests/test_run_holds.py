@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.stats import linregress
 
 import jaxfric as jf
@@ -336,3 +337,48 @@ def test_a_hold_that_lacks_motion_is_asked_nothing_and_has_no_time():
     assert lines[0].startswith("hold of at most 10") and "um are missing" in lines[1]
     assert healing_rate([hold(10, 0.01), hold(100, 0.02), found]) is None
     assert "um are missing" in str(rows([found])[0]["result"])
+
+
+def held_and_healed(law, rate, lasts=(3.0, 10.0, 30.0, 100.0, 300.0), slide=20.0):
+    """Holds in sliding at 10 um/s, by SciPy: time, load point, friction, creep and healing."""
+    K, A, B, L, V = 1.6e3, 0.008, 0.012, 1e-5, 1e-5
+
+    def change(t, y, pulled):  # y: friction above the level of sliding, ln(theta V/L)
+        v = np.exp((y[0] - B * y[1]) / A)  # over V
+        x = v * np.exp(y[1])
+        state = np.exp(-y[1]) - v if law == "ageing" else -v * np.log(x)
+        return [K * V * (pulled - v), state * V / L]
+
+    parts, creep, healing, y, u = [], [], [], np.zeros(2), 0.0
+    for k, last in enumerate([slide, *(part for hold_ in lasts for part in (hold_, slide))]):
+        moves = float(k % 2 == 0)
+        made = solve_ivp(change, (0, last), y, "LSODA", args=(moves,), dense_output=True,
+                         rtol=1e-9, atol=1e-11)  # fmt: skip
+        if k and moves:
+            healing.append(made.sol(np.linspace(0, 10, 100001))[0].max())
+        elif k:
+            creep.append(-made.y[0, -1])
+        t = np.arange(round(last * rate)) / rate
+        parts.append([u + V * moves * t, 0.6 + made.sol(t)[0]])
+        y, u = made.y[:, -1], u + V * moves * last
+    u, f = np.concatenate(parts, axis=1)
+    return np.arange(len(u)) / rate, u, f, np.array([creep, healing])
+
+
+@pytest.mark.parametrize("law", ["slip", "ageing"])
+@pytest.mark.parametrize("rate", [5, 20])
+def test_healing_does_not_depend_on_the_sampling_rate(law, rate):
+    """Healing and creep agree with SciPy within errors that are neither small nor large, and the
+    peaks of friction are no outliers."""
+    t, u, f, true = held_and_healed(law, rate)
+    z = []
+    for seed in range(8):
+        noise = 2e-4 * np.random.default_rng(seed).standard_normal(len(t))
+        record = jf.from_arrays(t, f + noise, load_point_displacement=u)
+        _, events = find_events(record)
+        assert [event.kind for event in events] == ["hold", "reload"] * true.shape[1]
+        found = fit_holds(record, events, HowFitted(None))
+        values = np.array([[one.creep for one in found], [one.healing for one in found]])
+        z.append((values - true) / [one.error for one in found])
+    mean, spread = np.mean(z, axis=(0, 2)), np.std(z, axis=(0, 2))
+    assert np.all(np.abs(mean) < 0.5) and np.all((spread > 0.6) & (spread < 1.3)), (mean, spread)

@@ -285,7 +285,10 @@ def _glitches(
     phases: Sequence[_Phase],
     busy: Sequence[Teeth | StressChange],
 ) -> list[Event]:
-    """Return events for encoder jumps, and for outliers of friction away from other events."""
+    """Return events for encoder jumps, and for outliers of friction away from other events, and
+    from the peak of friction after a hold or a reversal."""
+    from scipy.ndimage import median_filter  # imported late: fits do not need it
+
     t, out = record.relative_time, []
     for reset in motion.resets:
         code = RunReason.NOT_COUNTED if reset.paused else RunReason.JUMP
@@ -295,6 +298,12 @@ def _glitches(
     joints += [int(i) for b in busy for i in np.searchsorted(t, [b.start, b.stop])]
     # the load point may reverse there (`cautions`)
     joints += [row for dip in find_dips(record.friction) for row in (dip.rows.start, dip.rows.stop)]
+    smooth = median_filter(record.friction, 9, mode="nearest")
+    joints += [
+        b.rows.start + int(np.argmax(smooth[b.rows]))
+        for a, b in pairwise(phases)
+        if a.velocity * b.velocity <= 0 and len(smooth[b.rows])
+    ]
     for row in find_spikes(record.friction):
         time = float(t[row])
         beside = len(joints) and np.abs(np.array(joints) - row).min() <= _ROWS

@@ -36,8 +36,10 @@ from .table import Cell, rounded, short
 from .weighted import WeightedLine, line_over_decades
 
 LAWS = ("slip", "ageing")
-_LEVEL, _PEAK = 0.1, 5
-"""Share of the window before a hold whose median is the level; rows in the mean at the peak."""
+_LEVEL, _FEWEST = 0.1, 5
+"""Share of the window before a hold whose median is the level; least rows of a level or a peak."""
+_TOP, _SCATTERS = 0.15, 4.0
+"""A peak is the rows at most `_TOP` of its height, or `_SCATTERS` scatters, below its top."""
 _LATE = 0.2
 """Largest time from the last row of a hold to its end, over its duration."""
 _STRONG = 3.0
@@ -55,7 +57,8 @@ class Hold:
     """A hold of `lasts` [s] at `time` [s], from and to sliding at `velocity` [m/s].
 
     `creep` is the decrease of friction during the hold (None: not recorded), `healing` the height
-    of the peak after the hold above the level before the hold, with standard `error`. `fits` are
+    of the peak after the hold above the level before the hold, with standard `error` (of noise,
+    white and slow, and of the peak's shape). `fits` are
     the converged fits by law, to all holds with the same number `group`. `preference` is the
     log-likelihood ln L of the slip law minus ln L of the ageing law; None without both fits.
     `missing` is unrecorded motion of the load point [m] (`missing_motion`). If motion is missing,
@@ -161,9 +164,9 @@ def _healed(record: Record, window: HoldWindow, how: HowFitted) -> Hold | None:
     seen = _heal(part, event.time - begin, window.back - begin)
     if seen is None:
         return None
-    creep, healing, error = seen
+    creep, healing, error, spread = seen
     K = None if how.stiffness is None else how.stiffness.at(event.normal_stress)
-    missing = missing_motion(part, event.time - begin, K, error)
+    missing = missing_motion(part, event.time - begin, K, spread)
     return Hold(
         time=event.time,
         lasts=window.back - event.time,
@@ -192,7 +195,9 @@ def missing_motion(
     u = part.load_point_displacement
     if u is None or not stiffness:
         return 0.0
-    on = max(int(np.searchsorted(part.relative_time, hold)) - _PEAK, 0)  # the hold may have no rows
+    on = max(
+        int(np.searchsorted(part.relative_time, hold)) - _FEWEST, 0
+    )  # the hold may have no rows
     f, pulled = part.friction[on:], stiffness * u[on:]
     rest = f - pulled
     lowest = np.minimum.accumulate(rest)
@@ -236,21 +241,57 @@ def _fitted(
     return found if found.converged else None
 
 
-def _heal(part: Record, hold: float, back: float) -> tuple[float | None, float, float] | None:
-    """Return creep, healing and its error; None without rows, or if the normal stress changes."""
+def _heal(
+    part: Record, hold: float, back: float
+) -> tuple[float | None, float, float, float] | None:
+    """Return creep, healing, its error, and the scatter of the rows before the hold; None without
+    rows, or if the normal stress changes."""
     t, f = part.relative_time, part.friction
-    before, after = f[t < hold], f[t >= back]
-    held = f[(t >= hold) & (t < back)]
-    if len(before) < 2 * _PEAK or len(after) < 2 * _PEAK:
+    before, held, after = t < hold, (t >= hold) & (t < back), t >= back
+    if min(before.sum(), after.sum()) < 2 * _FEWEST:
         return None
     if not is_constant(part.normal_stress, 8):
         return None
-    steady = before[-max(int(_LEVEL * len(before)), _PEAK) :]
-    level, spread = float(np.median(steady)), float(np.std(steady))
-    means = np.convolve(after, np.full(_PEAK, 1 / _PEAK), mode="valid")
-    late = t[(t < back)][-1] > back - _LATE * (back - hold) if len(held) >= _PEAK else False
-    creep = level - float(np.median(held[-_PEAK:])) if late else None
-    return creep, float(means.max()) - level, spread
+    steady = f[before][-max(int(_LEVEL * before.sum()), _FEWEST) :]
+    level, white = float(np.median(steady)), noise_from_differences(f)
+    # noise of long memory is the same in all rows of a level, and another at the peak
+    slow = max(float(np.var(f[before][before.sum() // 2 :])) - white**2, 0.0)
+    peak, error = _peak(t[after], f[after], level, white)
+    error = float(np.sqrt(error**2 + np.pi / 2 * white**2 / len(steady) + 2 * slow))
+    creep = None
+    late = held & (t > back - _LATE * (back - hold))
+    if late.any() and held.sum() >= _FEWEST:
+        last = np.flatnonzero(held)[-max(int(late.sum()), _FEWEST) :]
+        creep = level - float(np.polyval(np.polyfit(t[last] - back, f[last], 1), 0.0))
+    return creep, peak - level, error, float(np.std(steady))
+
+
+def _peak(t: np.ndarray, f: np.ndarray, level: float, white: float) -> tuple[float, float]:
+    """Return the maximum of friction after a reload, and its error.
+
+    It is the maximum of a cubic in time through the rows near the peak. A mean would flatten the
+    peak, and the largest row is high by noise. The error is that of noise `white`, and the change
+    of the maximum from a cubic to a quartic beyond noise.
+    """
+    means = np.convolve(f, np.full(3, 1 / 3), mode="valid")
+    top = int(np.argmax(means))
+    low = means < means[top] - max(_TOP * (means[top] - level), _SCATTERS * white)
+    first = top - int(np.argmax(np.append(low[top::-1], True))) + 2
+    last = top + int(np.argmax(np.append(low[top:], True)))
+    missing = max(_FEWEST - (last - first + 1), 0)
+    first = max(min(first - missing // 2, len(f) - _FEWEST), 0)
+    rows = slice(first, max(last + 1, first + _FEWEST))
+    x = (t[rows] - t[top + 1]) / (t[rows][-1] - t[rows][0])
+    tops, variances = [], []
+    for order in (3, 4):
+        p = np.polyfit(x, f[rows], order)
+        at = np.linspace(x[0], x[-1], 401)
+        at = at[[np.argmax(np.polyval(p, at))]]
+        gain = np.vander(at, order + 1) @ np.linalg.pinv(np.vander(x, order + 1))
+        tops.append(float(np.polyval(p, at)[0]))
+        variances.append(white**2 * float((gain**2).sum()))
+    beyond = (tops[1] - tops[0]) ** 2 - (variances[1] - variances[0])
+    return tops[0], float(np.sqrt(variances[0] + max(beyond, 0.0)))
 
 
 def log_likelihood(found: Fit) -> float:
