@@ -47,6 +47,10 @@ class WarningCode(StrEnum):
     CONTRADICTED = "steps_contradict_the_motion"
     """The velocity that is stated for a step is not that of the recorded load point; values: time,
     stated, moved."""
+    UNSTEADY = "not_steady_at_the_start"
+    """Values: time [s] after the first row from which sliding is steady."""
+    STRESS = "normal_stress_changes"
+    """Values: least, most [Pa], when (times of the changes, in words)."""
     FLATTENED = "means_flatten_the_peaks"
     """Means over rows flatten the peaks; values: rows, times the noise."""
     GLITCHES = "outliers_excluded"

@@ -10,13 +10,13 @@ import jaxfric as jf
 from fits.runs.generate import generate
 from jaxfric.findings import WarningCode, reasoned
 from jaxfric.records import record_steps
+from jaxfric.records.stress import find_stress_changes, polyline
 from jaxfric.records.teeth import find_spikes, find_teeth, turns
 from jaxfric.runs import KINDS, Event, find_events
 from jaxfric.runs.cautions import cautions
 from jaxfric.runs.decisions import decisions_text, read_decisions
 from jaxfric.runs.reasons import RunReason
 from jaxfric.runs.stiffness import MachineStiffness
-from jaxfric.runs.stress import find_stress_changes, polyline
 
 RNG = np.random.default_rng(11)
 T = np.arange(0, 400, 0.1)

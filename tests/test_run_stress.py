@@ -10,9 +10,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from jaxfric.findings import because
+from jaxfric.records.stress import StressChange
 from jaxfric.runs import Event
 from jaxfric.runs.reasons import RunReason
-from jaxfric.runs.stress import StressChange
 from jaxfric.runs.stress_fit import Prior, fit_stress, prior_of, stiffness_of
 from jaxfric.runs.stress_problem import NAMES, StressRows, make_stress_step, predicted
 from jaxfric.runs.stress_ramp import find_ramp

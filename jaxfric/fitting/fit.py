@@ -30,6 +30,7 @@ from ..silent import silent
 from ..simulation import simulate
 from ..units import parse_quantity
 from .assemble import assemble
+from .assumed import changed_stress, unsteady_start
 from .loading import UNIT_RIGHT, refuse_contradicted, steepest_loading
 from .loading import doubts as loading_doubts
 from .noise import (
@@ -157,6 +158,9 @@ def task_of(
         seen = steepest_loading(record.relative_time, sign * record.friction, forward)
         refuse_contradicted(seen, K, unit)
         doubts = (*doubts, *loading_doubts(seen, K, unit))
+    if K is not None:
+        doubts += unsteady_start(record.relative_time, sign * record.friction, forward, K)
+    doubts += changed_stress(record)
     V0 = float(abs(steps.velocities[0])) if V0 is None else V0
     return FitTask(record, forward, sign, model, K, V0, m, doubts, steps)
 

@@ -205,10 +205,11 @@ def _channels(
 
 def repeated(warnings: Sequence[str]) -> list[str]:
     """The warnings of a fit that the loop repeats, with the name of the loop's option. Warnings
-    about noise, a trend and a large or wandering residual are dropped, since the loop searches for
-    their cause.
+    about noise, a trend, the normal stress, and a large or wandering residual are dropped, since
+    the loop searches for their cause.
     """
-    asked = {WarningCode[name] for name in ("MISFIT", "WANDERS", "TREND", "GLITCHES", "COARSE")}
+    names = ("MISFIT", "WANDERS", "TREND", "GLITCHES", "COARSE", "STRESS")
+    asked = {WarningCode[name] for name in names}
     kept = [text for text in warnings if not any(is_of(text, code) for code in asked)]
     own = option("include", "slip_trend")
     return [

@@ -17,6 +17,7 @@ import numpy as np
 from ..effects import effect_of
 from ..errors import InputError, option
 from ..findings import Warned, WarningCode, because, warned
+from ..fitting.assumed import changed_stress, unsteady_start
 from ..fitting.encompassing import EncompassingModel
 from ..fitting.fit import forward_steps, require_float64, steps_of
 from ..fitting.noise import estimate_noise, noise_rows, sandwich
@@ -258,4 +259,8 @@ def _warnings(setting: _SliderSetting) -> tuple[str, ...]:
         which = np.unique(speeds[beyond].round(12))[:6].tolist()
         values = {"velocities": which, "slowest": slowest, "fastest": fastest}
         told.append(warned(WarningCode.OTHER_VELOCITIES, **values))
+    record, friction = setting.record, setting.sign * setting.record.friction
+    told += unsteady_start(record.relative_time, friction, setting.steps, setting.stiffness)
+    if setting.problem.normal_stress is None:
+        told += changed_stress(record)
     return tuple(told)

@@ -201,6 +201,11 @@ WARNINGS: Mapping[str, str] = {
     # of a record or a fit
     "trend_with_slip": "friction has a significant trend with slip that the model lacks: with it"
     " A-B is {told}, not {without} ({option[slip-trend]})",
+    "not_steady_at_the_start": "sliding is not steady at its start, as the model assumes: begin"
+    " at least {time:.4g} s later ({option[from]})",
+    "normal_stress_changes": "the normal stress goes from {least:M.3g} to {most:M.3g} MPa{when};"
+    " the model takes it as constant. Leave out its changes ({option[from]}, {option[to]}), or use"
+    " 'jaxfric loop', which has the effect normal_stress",
     "means_flatten_the_peaks": "means over {rows} rows flatten the peaks after the steps by"
     " {times:.2g} times the noise of the means: A is too small; raise {option[downsample-to]}",
     "rows_at_uneven_times": "the rows are {least:m.3g} to {most:m.3g} ms apart ({middle:m.3g} as a"

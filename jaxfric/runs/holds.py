@@ -25,13 +25,13 @@ from ..fitting.noise import estimate_noise, longest_memory, noise_rows
 from ..fitting.problem import clock_of
 from ..records import Record, VelocitySteps
 from ..records.differences import noise_from_differences
+from ..records.stress import is_constant
 from ..silent import silent
 from ..units import measured
 from .events import Event
 from .fits import HowFitted
 from .left_out import SAME, joints_of, why_left_out
 from .reasons import RunReason
-from .stress import is_constant
 from .table import Cell, rounded, short
 from .weighted import WeightedLine, line_over_decades
 

@@ -18,10 +18,10 @@ import numpy as np
 from ..errors import InputError, option
 from ..records import Record, VelocitySteps
 from ..records.record import frozen
+from ..records.stress import is_constant
 from ..rig.normal_stress import NormalStress, stress_of_levels
 from .events import Event
 from .holds import find_holds
-from .stress import is_constant
 
 _ALIKE = 0.01
 """Normal stresses are equal within this share of the first stretch's."""

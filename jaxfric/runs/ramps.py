@@ -29,11 +29,11 @@ import numpy as np
 from ..errors import InputError, option
 from ..findings import WarningCode, because, warned
 from ..records import Record
+from ..records.stress import is_constant
 from ..units import measured
 from .events import Event
 from .reasons import RunReason
 from .stiffness import MachineStiffness, departure
-from .stress import is_constant
 from .table import Cell, short
 from .weighted import weighted_mean
 

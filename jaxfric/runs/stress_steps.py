@@ -21,12 +21,12 @@ from ..fitting.uncertainty import QUANTILE
 from ..laws.registry import evolution_of
 from ..plain import entries
 from ..records import Record
+from ..records.stress import StressChange, find_stress_changes, is_constant
 from ..silent import silent
 from ..units import measured
 from .events import Event, end_of
 from .fits import HowFitted, StepFit
 from .reasons import RunReason
-from .stress import StressChange, find_stress_changes, is_constant
 from .stress_fit import StressFit, fit_stress, prior_of, stiffness_of
 from .stress_problem import StressRows
 from .stress_ramp import find_ramp

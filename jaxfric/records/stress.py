@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..records.differences import noise_from_differences
+from .differences import noise_from_differences
 
 _LEAST = 0.01
 """Least change of the normal stress, over the larger of the two."""
