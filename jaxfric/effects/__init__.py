@@ -5,6 +5,7 @@ from .catalogue import AXIS_CATALOGUE as AXIS_CATALOGUE
 from .catalogue import CATALOGUE as CATALOGUE
 from .catalogue import STEADY_CURVES as STEADY_CURVES
 from .catalogue import effect_of as effect_of
+from .catalogue import effects_of_file as effects_of_file
 from .catalogue import register as register
 from .effect import AbstractEffect as AbstractEffect
 from .effect import AbstractHeavyEffect as AbstractHeavyEffect

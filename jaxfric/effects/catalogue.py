@@ -3,6 +3,8 @@
 `register` adds your own effect to the catalogue of every rig to which the effect applies.
 """
 
+from collections.abc import Iterable
+
 from ..errors import InputError, did_you_mean
 from ..rig import Rig
 from ..rig.axis import AxisRig
@@ -84,3 +86,20 @@ def effect_of(name: str, rig: type[Rig] | type[AxisRig] = Rig) -> type[AbstractE
     hint = did_you_mean(name, known)
     of = " of an axis" if rig is AxisRig else ""
     raise InputError(f"effect '{name}'{of} does not exist{hint}")
+
+
+def effects_of_file(
+    ids: Iterable[str], rig: type[Rig] | type[AxisRig] = Rig
+) -> tuple[type[AbstractEffect], ...]:
+    """Look up the effects of a file of results by their ids.
+
+    Raises
+    ------
+    InputError : no such effect; an effect of the user must be registered first.
+    """
+    try:
+        return tuple(effect_of(id, rig) for id in ids)
+    except InputError as error:
+        raise InputError(
+            f"{error}. Register an effect of your own first, with jaxfric.effects.register"
+        ) from None

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..effects import effect_of
+from ..effects import effects_of_file
 from ..errors import InputError
 from ..findings import Warned, WarningCode, because, warned
 from ..fitting.axis_fit import inverse_dynamics
@@ -176,7 +176,7 @@ def _prepared(
         )
     weight = np.zeros(len(prepared.time))
     weight[: prepared.rows] = rows.used
-    effects = tuple(effect_of(id, AxisRig) for id in saved.effects())
+    effects = effects_of_file(saved.effects(), AxisRig)
     problem = make_problem(
         prepared,
         weight,

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from ..effects import effect_of
+from ..effects import effects_of_file
 from ..errors import InputError, option
 from ..findings import Warned, WarningCode, because, warned
 from ..fitting.assumed import changed_stress, unsteady_start
@@ -134,7 +134,7 @@ def _setting(
 ) -> _SliderSetting:
     values = saved.values(list(saved.tables())[-1])
     found, sign = forward_steps(record, steps_of(record, steps))
-    effects = tuple(effect_of(id) for id in saved.effects())
+    effects = effects_of_file(saved.effects())
     K = values["K"] if stiffness is None else _stated(stiffness, record.friction_unit)
     law = saved.content["law"]
     if effects:

@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from ..effects import effect_of
+from ..effects import effects_of_file
 from ..errors import InputError
 from ..findings import WarningCode, listed, read_warnings, warned
 from ..laws.fitted import FittedLaw
@@ -92,13 +92,19 @@ def read_entry(path: Path, entry: object, schema: str) -> FittedLaw:
 
     Raises
     ------
-    InputError : damaged content; an effect that is not in the catalogue.
+    InputError : damaged content; a law or an effect that is not registered.
     """
+    law = entry.get("name") if isinstance(entry, dict) else None
+    if law is not None and law != LAW and not is_rate_state(law):
+        raise InputError(
+            f"{path}: law '{law}' is not known; register a law of your own first, in"
+            " jaxfric.laws.REGISTRY"
+        )
     refuse_damage(path, schema, _damage(entry))
     own: dict[str, Any] = {key: entry[key] for key in _KEYS}  # ty: ignore[not-subscriptable]
     try:
         rig = AxisRig if own["name"] == LAW else Rig
-        own["effects"] = tuple(effect_of(id, rig) for id in own["effects"])
+        own["effects"] = effects_of_file(own["effects"], rig)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     own["loose"] = [n for n, item in own["parameters"].items() if not item.get("determined", True)]
@@ -119,8 +125,6 @@ def _damage(entry: object) -> str | None:
         return problem
     assert isinstance(entry, dict)
     name, states, seen = entry["name"], entry["states"], entry["velocity"]
-    if name != LAW and not is_rate_state(name):
-        return f"law '{name}' is not known"
     always = 0 if name == LAW else fixed_states(name)
     if states not in (range(1, 10) if always is None else (always,)):
         return f"the number of states is '{states}'"
