@@ -322,7 +322,8 @@ def test_a_slider_with_mass_tells_by_how_much_its_cycles_differ(tmp_path, monkey
 def test_ends_with_mass(tmp_path, monkeypatch):
     """The paper's sample, at half and twice its critical stiffness and about: the cycles take more
     steps than are kept at first, and are followed again two at a time."""
-    function = make(written(tmp_path / "s.toml", WITH_MASS))[1].function
+    together = make(written(tmp_path / "s.toml", WITH_MASS))[1].function
+    function = together.parts["simulate"][1]
     k_p, order = np.array([4e3, 1e3, 4.2e3, 900.0, 1.1e3]), np.array([4, 1, 2, 0, 3])
     monkeypatch.setattr(motions, "_FEW_STEPS", 512)
     monkeypatch.setattr(motions, "_AGAIN", 2)
