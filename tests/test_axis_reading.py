@@ -191,6 +191,10 @@ def test_rows_at_uneven_times_are_warned_of(snapshot):
     (warning,) = reading(dataclasses.replace(record, time=late)).warnings
     assert re.findall(r"\d+(?:\.\d+)?", warning)[:3] == ["0.1", "1.9", "1"]
     snapshot("axis_uneven", {"times": warning})
+    # every third row is late by a fifth, whatever the rounding of the clock
+    late = np.cumsum(np.where(np.arange(len(record)) % 3, H, 1.2 * H))
+    (warning,) = reading(dataclasses.replace(record, time=late)).warnings
+    assert "33 %" in warning
 
 
 def test_motion_that_a_low_cutoff_takes_away_is_no_noise():

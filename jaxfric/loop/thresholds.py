@@ -169,8 +169,8 @@ STUCK = 0.05
 SIDE = 0.1
 """Smallest ratio of the ways before and after a stop in mid-stroke, and of a steady stroke to the
 longest one."""
-JITTER, FEW = 0.2, 0.01
-"""Relative jitter of the time of a row, and share of such rows, that warn."""
+JITTER, FEW = 0.2 - 1e-6, 0.01
+"""Relative jitter of the time of a row, less its rounding, and share of such rows, that warn."""
 NEARLY_ALL = 0.99
 """Quantile of the speeds that must exceed `CLEAR` deviations of the velocity noise. That quantile
 of normal noise alone is 2.6."""

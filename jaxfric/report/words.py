@@ -209,7 +209,7 @@ WARNINGS: Mapping[str, str] = {
     "means_flatten_the_peaks": "means over {rows} rows flatten the peaks after the steps by"
     " {times:.2g} times the noise of the means: A is too small; raise {option[downsample-to]}",
     "rows_at_uneven_times": "the rows are {least:m.3g} to {most:m.3g} ms apart ({middle:m.3g} as a"
-    " rule; {share:%.2g} % differ from that by more than a fifth): they are interpolated, which"
+    " rule; {share:%.2g} % differ from that by a fifth or more): they are interpolated, which"
     " blurs the acceleration. Record at even times",
     "motion_does_not_answer_to_the_force": "in {share:%.2g} % of the rows that count ({times}) the"
     " motion does not answer to the recorded force: by more than half of it. Something else acts"

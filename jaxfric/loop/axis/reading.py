@@ -95,7 +95,7 @@ def _uneven(record: AxisRecord) -> str | None:
     """A warning about uneven sampling, since the motion is interpolated linearly."""
     steps = np.diff(record.time)
     middle, least, most = (float(x) for x in (np.median(steps), steps.min(), steps.max()))
-    share = float(np.mean(np.abs(steps - np.median(steps)) > JITTER * np.median(steps)))
+    share = float(np.mean(np.abs(steps - middle) > JITTER * middle))
     if share < FEW:
         return None
     return warned(WarningCode.UNEVEN, least=least, most=most, middle=middle, share=share)
