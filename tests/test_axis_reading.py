@@ -85,6 +85,9 @@ def test_a_disturbance_acts_with_the_motor(snapshot):
     texts["half of it acts"] = refusal(reading, wrong)
     hidden = dataclasses.replace(a_record(pulses(t)), disturbance_force=None)
     (texts["not recorded"],) = reading(hidden).warnings
+    spike = np.where(np.abs(t - 2.005) < 5e-3, -400.0, 0.0)  # in one row of 10 ms
+    hidden = dataclasses.replace(a_record(spike), disturbance_force=None)
+    (texts["one row"],) = reading(hidden).warnings
     snapshot("axis_disturbance", texts)
 
 

@@ -212,9 +212,9 @@ WARNINGS: Mapping[str, str] = {
     " rule; {share:%.2g} % differ from that by a fifth or more): they are interpolated, which"
     " blurs the acceleration. Record at even times",
     "motion_does_not_answer_to_the_force": "in {share:%.2g} % of the rows that count ({times}) the"
-    " motion does not answer to the recorded force: by more than half of it. Something else acts"
-    " there; give what was added as a column ({option[column=disturbance=NAME]}), or cut those rows"
-    " out",
+    " motion does not answer to the recorded force: by more than half of it. Either something"
+    " else acts there, or the force is wrong: give what was added as a column"
+    " ({option[column=disturbance=NAME]}), or cut those rows out",
     "steps_contradict_the_motion": "from {time:.4g} s on the steps say {stated:u.4g} µm/s, but the"
     " load point moves at {moved:u.4g} µm/s: are they those of this record?",
     "did_not_converge": "the fit did not converge ({result}): do not use its parameters",

@@ -66,4 +66,5 @@ def stretches(rows: np.ndarray, time: np.ndarray) -> str:
     parts = np.split(rows, np.flatnonzero(np.diff(rows) > gap) + 1)
     longest = max(parts, key=len)
     more = f" and {len(parts) - 1} more stretches" if len(parts) > 1 else ""
-    return f"{time[longest[0]]:.4g} to {time[longest[-1]]:.4g} s{more}"
+    last = f"{time[longest[-1]]:.4g} s{more}"
+    return f"{time[longest[0]]:.4g} to {last}" if len(longest) > 1 else f"one row at {last}"
