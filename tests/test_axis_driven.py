@@ -73,6 +73,17 @@ def test_one_speed_a_direction_has_one_friction_a_direction(seal):
     assert "12.36" in told and "6.72" in told
 
 
+def test_a_force_that_drives_one_way_is_a_load_and_friction(seal):
+    """Forces of f + P and f - P against the motion, of a cylinder under pressure P."""
+    forces = zip(seal.details.driven, (260.5, -237.5), (0.3, 0.4), strict=True)
+    loaded = tuple(one._replace(force=force, error=error) for one, force, error in forces)
+    details = replace(seal.details, driven=loaded)
+    assert details.found().startswith("11.5 ± 0.25 N") and "load of about 249 N" in details.found()
+    assert "load" not in seal.details.found()
+    with pytest.raises(NothingToCompensate, match=r"11\.5 ± 0\.25 N.*load of about 249 N"):
+        jf.feedforward(replace(seal, details=details))
+
+
 def test_nothing_is_compensated_at_a_speed_that_was_not_driven(seal, tmp_path):
     path = tmp_path / "loop.json"
     path.write_text(json.dumps(seal.to_json()))

@@ -37,13 +37,30 @@ def found(details: AxisDetails) -> str:
 
 
 def words_of_driven(directions: Sequence[Driven], force: str, speed: str) -> str:
-    """Friction of each direction at the speed of that direction; `force` and `speed` are units."""
-    each = (
-        f"{one.force:.4g}{'' if np.isnan(one.error) else f' ± {one.error:.2g}'} {force}"
-        f" {one.direction} at {one.speed:.3g} {speed} ({one.slowest:.3g} to {one.fastest:.3g})"
+    """Friction of each direction at the speed of that direction; `force` and `speed` are units.
+
+    Friction cannot drive. If the force drives in one direction, it includes a load P: the forces
+    against the motion are f + P and f - P, and half their sum is the friction f.
+    """
+    each = " and ".join(
+        f"{_with_error(one.force, one.error)} {force} {one.direction} at {one.speed:.3g} {speed}"
+        f" ({one.slowest:.3g} to {one.fastest:.3g})"
         for one in directions
     )
-    return " and ".join(each)
+    if min(one.force for one in directions) >= 0:
+        return each
+    (there, back), (error, other) = zip(*((o.force, o.error) for o in directions), strict=True)
+    friction = _with_error((there + back) / 2, float(np.hypot(error, other)) / 2)
+    return (
+        f"{friction} {force} if it is equal in both directions, as the resistance includes a load"
+        f" of about {abs(there - back) / 2:.3g} {force}: {each}; subtract the known load, such as"
+        " pressure times area or a weight, from the recorded force"
+    )
+
+
+def _with_error(force: float, error: float) -> str:
+    """A force with its standard error, if that is known."""
+    return f"{force:.4g}" if np.isnan(error) else f"{force:.4g} ± {error:.2g}"
 
 
 def doubt(details: AxisDetails) -> str:
