@@ -7,6 +7,7 @@ import dataclasses
 import io
 import itertools
 import json
+import math
 import re
 import shlex
 from collections.abc import Sequence
@@ -1231,15 +1232,22 @@ def test_a_model_that_predicts_worse_than_the_base_is_not_used() -> None:
 
 
 def test_an_axis_whose_verdict_is_not_sure_still_has_its_friction() -> None:
-    """With effects that explain a part, Coulomb and viscous friction are those of the base."""
+    """Its Coulomb and viscous friction are those of the model that predicts the test rows."""
     loop = in_axis_words(make_loop("ambiguous"))
     base = {"F_c": _estimate(2.016, 0.043, "N m"), "F_v": _estimate(3.386, 0.066, "N m s/rad")}
     lost = {"F_c": _estimate(0.92, 1.11, "N m"), "F_v": _estimate(1.35, 1.32, "N m s/rad")}
+    lost["M"] = dataclasses.replace(_estimate(0.1, math.nan, "kg m^2"), determined=False)
     loop = dataclasses.replace(
         loop,
         before=dataclasses.replace(loop.before, parameters=base),
         after=dataclasses.replace(loop.after, parameters=lost),
     )
     assert "Coulomb 0.9(11)" in first_lines(loop)[0]
-    found = first_lines(dataclasses.replace(loop, verdict="outside_catalogue"))[0]
+    loop = dataclasses.replace(loop, verdict="outside_catalogue")
+    assert loop.test_error(loop.after) < loop.test_error(loop.before)
+    found = first_lines(loop)[0]
+    assert "Coulomb 0.9(11)" in found and "not known" in found and "base" not in found
+    assert all(found.count(id) == 1 for id in loop.effects)
+    worse = dataclasses.replace(loop.after, rms=dict.fromkeys(loop.after.rms, 9.0))
+    found = first_lines(dataclasses.replace(loop, after=worse))[0]
     assert "Coulomb 2.02(4)" in found and "viscous 3.39(7)" in found and "base" in found

@@ -121,18 +121,18 @@ def first_lines(loop: Loop) -> list[str]:
 
 
 def _found(loop: Loop, details: AxisDetails) -> str:
-    """What is known of the friction of an axis, with errors."""
+    """What is known of the friction of an axis, with errors, by the model to use."""
     if known := details.found():
         return known
     if details.doubted() and loop.verdict in ("no_missing_effect", "effects"):
         fitted = listed([AXIS.base, *loop.effects])
         return f"these rows do not determine it, though the residual of {fitted} looks like noise"
-    model = loop.before if loop.verdict == "outside_catalogue" else loop.after
+    model, also = loop.supported, lower(headline(loop))
     known = _base_of(loop, model)
-    if known and model.effects != loop.after.effects:
-        known = f"by the base model alone, {known}"
-    also = lower(headline(loop))
-    if loop.verdict == "no_missing_effect":
+    if known and loop.verdict == "outside_catalogue" and loop.effects:
+        by = f"a model with {listed(model.effects)}" if model.effects else "the base model alone"
+        known, also = f"{known}, by {by}", also.replace(listed(loop.effects), "these", 1)
+    elif loop.verdict == "no_missing_effect":
         also = "nothing else is missing"
     elif loop.verdict == "effects" and not loop.families:
         means = {id: meaning(loop, id) for id in loop.effects}
