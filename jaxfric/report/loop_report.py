@@ -2,11 +2,13 @@
 
 import math
 
+import numpy as np
+
 from ..fitting import Estimate
 from ..loop.axis.result import AxisDetails
 from ..loop.family import listed
 from ..loop.result import Loop, Score
-from ..loop.thresholds import FAR, SIGNIFICANT
+from ..loop.thresholds import FAR, SIGNIFICANT, UNEXPLAINED
 from ..stability.claims import SURE
 from ..units import p_text
 from .aliases import apart, confused
@@ -124,10 +126,12 @@ def _found(loop: Loop, details: AxisDetails) -> str:
     """What is known of the friction of an axis, with errors, by the model to use."""
     if known := details.found():
         return known
+    model, also, lost = loop.supported, lower(headline(loop)), "these rows do not determine it"
     if details.doubted() and loop.verdict in ("no_missing_effect", "effects"):
         fitted = listed([AXIS.base, *loop.effects])
-        return f"these rows do not determine it, though the residual of {fitted} looks like noise"
-    model, also = loop.supported, lower(headline(loop))
+        return f"{lost}, though the residual of {fitted} looks like noise"
+    if details.doubted() if model is loop.after else _unexplained(loop, model):
+        return f"{lost}; {also}"
     known = _base_of(loop, model)
     if known and loop.verdict == "outside_catalogue" and loop.effects:
         by = f"a model with {listed(model.effects)}" if model.effects else "the base model alone"
@@ -139,6 +143,12 @@ def _found(loop: Loop, details: AxisDetails) -> str:
         named = [f"{id} ({told})" if told else id for id, told in means.items()]
         also = f"also found: {listed(named)}"
     return "; ".join(filter(None, (known, also)))
+
+
+def _unexplained(loop: Loop, model: Score) -> bool:
+    """Whether a model leaves most of the force of its rows unexplained."""
+    left, force = model.residual, loop.record.friction
+    return bool(np.nanstd(left) > UNEXPLAINED * np.std(force[np.isfinite(left)]))
 
 
 def _base_of(loop: Loop, model: Score) -> str:
