@@ -741,7 +741,7 @@ def test_the_shipped_loop_of_a_measured_axis(old, slowest, tmp_path):
 
 
 @pytest.mark.parametrize("supported", ["before", "after"])
-def test_a_loop_whose_base_model_is_used_says_so(supported):
+def test_a_loop_whose_base_model_is_used_says_so_and_uses_it(supported, tmp_path):
     content = {
         "verdict": "outside_catalogue",
         "sentence": "What is missing is not named.",
@@ -750,3 +750,7 @@ def test_a_loop_whose_base_model_is_used_says_so(supported):
     (said,) = verdict_words(content)
     assert ("its base model" in said) == (supported == "before")
     assert verdict_words(content | {"verdict": "effects"}) == []
+    path = saved(tmp_path, "cubic", before=model(part=0.03)["after"], **content)
+    about = jf.feedforward(path).about
+    assert about.effects == (() if supported == "before" else ("cubic",))
+    assert about.std({"F_c": 1.0}) == pytest.approx(3.0 if supported == "before" else 0.1)

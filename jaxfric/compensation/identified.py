@@ -24,7 +24,7 @@ from ..loop.steady.model import curve_covariance
 from ..quantity import Quantity, quantities
 from ..records.steady_load import Load
 from ..rig.axis import LAW, AxisRig, BaseLaw
-from ..saved.entry import verdict_words
+from ..saved.entry import supported, verdict_words
 from ..saved.files import own_warnings, read_saved, refuse_damage, table_damage, values_of
 from ..schemas import LOOP, STEADY
 from .units import amplitude, unit_of
@@ -213,7 +213,7 @@ def _size(table: Content, *path: str) -> float | None:
 
 
 def _of_axis(content: Content, source: str) -> Identified:
-    """The model after the loop of an axis."""
+    """The model of an axis that its loop supports."""
     with _undamaged(source, LOOP):
         return _read_axis(content, source)
 
@@ -224,11 +224,12 @@ def _read_axis(content: Content, source: str) -> Identified:
             f"{source}: it is of a slider, not of an axis or joint; give the loop.json or"
             " steady.json of 'jaxfric axis'"
         )
-    after, about = content["after"], content.get("axis") or {}
-    covariance, own = _covariance(about, after)
-    problem = table_damage({**after, "covariance": covariance}, _BASE, "after.")
+    when, about = supported(content), content.get("axis") or {}
+    model = content[when]
+    covariance, own = _covariance(about, model) if when == "after" else (model["covariance"], [])
+    problem = table_damage({**model, "covariance": covariance}, _BASE, f"{when}.")
     refuse_damage(Path(source), LOOP, problem)
-    values = values_of(after)
+    values = values_of(model)
     effects = tuple(dict.fromkeys(n.partition(".")[0] for n in values if "." in n))
     slowest, fastest = (_size(content, "axis", "gains", x) for x in ("slowest", "fastest"))
     width, damping = _size(content, "axis", "sign_width"), _size(content, "axis", "drive", "k_v")
@@ -245,9 +246,9 @@ def _read_axis(content: Content, source: str) -> Identified:
         str(content["friction_unit"]),
         str(about.get("coordinate", "linear")),
         values,
-        tuple(after["free"]),
-        np.asarray(covariance, float).reshape(len(after["free"]), -1),
-        tuple(n for n, item in after["parameters"].items() if not item.get("determined", True)),
+        tuple(model["free"]),
+        np.asarray(covariance, float).reshape(len(model["free"]), -1),
+        tuple(n for n, item in model["parameters"].items() if not item.get("determined", True)),
         effects,
         width or 0.0,
         2 * width if width else slowest,
@@ -275,7 +276,7 @@ def _left(content: Content) -> tuple[float, float] | None:
     if noise alone explains it."""
     noise = content.get("noise") or {}
     sigma = noise.get("sigma_held_out") or noise.get("sigma")
-    found = content["after"].get("report_rms"), sigma
+    found = content[supported(content)].get("report_rms"), sigma
     rms, sigma = (float(x) if isinstance(x, int | float) else 0.0 for x in found)
     most = noise.get("held_out_threshold") or 1.0
     return (rms, rms if rms <= most * sigma else sigma) if rms > 0 and sigma > 0 else None

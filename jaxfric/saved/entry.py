@@ -164,7 +164,7 @@ def law_entry(content: Mapping) -> dict[str, Any]:
         states = 0 if axis else count_states(law if is_rate_state(law) else None, known)
         origin = f"from the loop ({content['verdict']})"
         velocities = [step[-1] for step in content.get("steps", [])]
-        found = content["effects"] if _supported(content) == "after" else []
+        found = content["effects"] if supported(content) == "after" else []
         warnings = [*verdict_words(content), *_claim(about)]
     declared = [name.split(".")[0] for name in known if "." in name]
     return {
@@ -193,7 +193,7 @@ def law_entry(content: Mapping) -> dict[str, Any]:
 
 def _table(content: Mapping) -> Mapping:
     """Return the part of a file with the parameters of the model to use."""
-    return content if content["schema"] == FIT else content[_supported(content)]
+    return content if content["schema"] == FIT else content[supported(content)]
 
 
 def law_name(name: str) -> str:
@@ -246,11 +246,11 @@ def verdict_words(content: Mapping) -> list[str]:
         return []
     sentence = str(content.get("sentence") or "").strip().rstrip(".")
     more = f" ({sentence})" if sentence else ""
-    last = _supported(content) == "after"
+    last = supported(content) == "after"
     code = WarningCode.LAST_MODEL if last else WarningCode.BASE_MODEL
     return [warned(code, verdict=content["verdict"], sentence=more)]
 
 
-def _supported(content: Mapping) -> str:
+def supported(content: Mapping) -> str:
     """Return which model of a loop.json to use, "before" or "after" (`Loop.supported`)."""
     return "before" if content.get("supported") == "before" else "after"
