@@ -126,7 +126,10 @@ def _found(loop: Loop, details: AxisDetails) -> str:
     """What is known of the friction of an axis, with errors, by the model to use."""
     if known := details.found():
         return known
-    model, also, lost = loop.supported, lower(headline(loop)), "these rows do not determine it"
+    also, lost = lower(headline(loop)), "these rows do not determine it"
+    # effects that stand for others blur the numbers of a base that explains most of the force
+    sound = loop.verdict == "outside_catalogue" and not _unexplained(loop, loop.before)
+    model = loop.before if sound else loop.supported
     if details.doubted() and loop.verdict in ("no_missing_effect", "effects"):
         fitted = listed([AXIS.base, *loop.effects])
         return f"{lost}, though the residual of {fitted} looks like noise"
