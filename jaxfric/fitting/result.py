@@ -12,7 +12,7 @@ from ..findings import Finding
 from ..motion import PiecewiseVelocity
 from ..records import Record, VelocitySteps
 from ..rig import Rig
-from ..stability.claims import Claim, held_with_trend, rate_state_claim
+from ..stability.claims import SURE, Claim, held_with_trend, rate_state_claim
 from ..units import factor
 from .derived import (
     Critical,
@@ -29,8 +29,11 @@ from .findings import stability_finding
 from .noise import NoiseEstimate
 from .problem import Model, quantity_of
 from .solved import Solved
+from .thresholds import CLEAR_SIGN
 from .trend import shift_with_trend
+from .uncertainty import rise_at_zero
 
+_OTHER_LENGTH = "another D_c, with A - B of the other sign, fits as well: longer steps would decide"
 DIFFERENCE = "A_minus_B"
 """The name of A less all B, in files and tables of data."""
 
@@ -97,7 +100,8 @@ class Fit(Described, Drawable, Gridded, Tabular):
         in the unit of friction. A negative A - B is velocity weakening.
         """
         found = rate_dependence(self, float(np.ptp(self.record.friction)))
-        return found if self.converged else replace(found, determined=False)
+        known = self.converged and self._sign_is_known
+        return found if known else replace(found, determined=False)
 
     def critical(self) -> Critical:
         """The critical stiffness and the ratio K/K_cr, with 95 % intervals from 4096 samples of the
@@ -124,6 +128,19 @@ class Fit(Described, Drawable, Gridded, Tabular):
         moved, error = shift_with_trend(self.solved, signs(self), way)
         return difference(self)[0] + moved, error
 
+    @functools.cached_property
+    def _sign_is_known(self) -> bool:
+        """Whether no other slip length fits as well with A - B of the other sign. The errors assume
+        a quadratic misfit, which rises far more slowly where a record ends too early."""
+        value, error = difference(self)
+        if self.solved is None or self.model.states > 1 or not abs(value) < CLEAR_SIGN * error:
+            return True
+        problem, solution = self.solved.problem, self.solved.solution
+        index, length = problem.model.names().index("L"), self.parameters["L"]
+        weights = signs(self)
+        rise = rise_at_zero(problem, solution, index, length.std / length.value, weights)
+        return rise > SURE**2
+
     def stability(self) -> Claim:
         """The stability claim from A and all B (and L, for a critical stiffness). The claim is made
         only if a fitted slip trend would not change the claim.
@@ -145,6 +162,8 @@ class Fit(Described, Drawable, Gridded, Tabular):
         A, *B = (self.parameters[n].value for n in sorted(names))
         known = all(self.parameters[n].determined for n in names)
         claim = rate_state_claim(A, B, error, determined=known)
+        if claim.kind != "open" and not self._sign_is_known:
+            return Claim("open", (_OTHER_LENGTH,))
         if claim.kind == "critical" and not all(self.parameters[n].determined for n in lengths):
             return Claim("open", ("L is not determined",))
         return claim

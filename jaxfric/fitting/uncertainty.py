@@ -13,14 +13,16 @@ all other parameters, has risen by q^2 C_ii/G_ii. C is the covariance of the par
 and covariance agree (Chandler & Bate 2007, doi:10.1093/biomet/asm015).
 """
 
+from collections.abc import Mapping
+
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from .abstract_problem import AbstractProblem, powers
 from .noise import Noise, sandwich
 from .problem import Problem
 from .solve import Solution, descend
-from .thresholds import HALF_DECADE, PROFILE_POINTS, QUANTILE
+from .thresholds import HALF_DECADE, OTHER_LENGTHS, PROFILE_POINTS, QUANTILE
 
 
 def normal_inverse(jacobian: Float[Array, "n p"] | np.ndarray) -> np.ndarray:
@@ -115,6 +117,38 @@ def determined(problem: AbstractProblem, z: np.ndarray, std: np.ndarray, span: f
 
     limits = map(limit, problem.model.names(), z)
     return [bool(0 < QUANTILE * s < most) for s, most in zip(std, limits, strict=False)]
+
+
+def rise_at_zero(
+    problem: Problem, solution: Solution, index: int, std: float, weights: Mapping[str, int]
+) -> float:
+    """Least rise of the misfit if a weighted sum of parameters, such as A - B, is 0 while another
+    slip length is imposed, relative to the noise; inf if it stays away from 0.
+
+    `index` is the slip length among the unbounded variables, `std` its error there. The sum has the
+    sign of the solution at a rise below 4 if the record determines this sign by two errors.
+    """
+    names = problem.model.names()
+    unit = std**2 / normal_inverse(solution.jacobian)[index, index]
+    free = np.delete(np.arange(len(solution.z)), index)
+
+    def sum_at(z: ArrayLike) -> float:
+        natural = np.asarray(problem.coordinates.from_free(np.asarray(z)))
+        return float(sum(weights.get(n, 0) * x for n, x in zip(names, natural, strict=False)))
+
+    found = np.inf
+    for factor in (*OTHER_LENGTHS, *(1 / x for x in OTHER_LENGTHS)):
+        if factor in (OTHER_LENGTHS[0], 1 / OTHER_LENGTHS[0]):  # another side
+            z, last, rose = np.array(solution.z), sum_at(solution.z), 0.0
+        z[index] = solution.z[index] + np.log(factor)
+        ended = descend(problem, z, free)
+        z, now = np.array(ended.z), sum_at(ended.z)
+        rise = max(ended.cost - solution.cost, 0.0) / unit
+        if now * last <= 0:
+            found = min(found, rose + (rise - rose) * last / (last - now))
+            continue
+        last, rose = now, rise
+    return found
 
 
 def profile_interval(

@@ -55,9 +55,9 @@ def _known(estimate: Estimate) -> bool:
 
 def _sign(rate: Estimate) -> str:
     """What the sign of A - B means, where its 95 % interval has one sign."""
-    if rate.upper < 0:
+    if rate.determined and rate.upper < 0:
         return "velocity weakening"
-    if rate.lower > 0:
+    if rate.determined and rate.lower > 0:
         return "velocity strengthening"
     return "whether velocity weakens friction is not known"
 

@@ -193,8 +193,8 @@ def report_of_files(fits: Sequence[TabledFit]) -> Report:
     rates = [one.fit.A_minus_B for one in fits if one.fit is not None and one.known]
     line = f"{len(rates)} of {len(fits)} records fitted"
     if rates:
-        weak = sum(rate.upper < 0 for rate in rates)
-        strong = sum(rate.lower > 0 for rate in rates)
+        weak = sum(rate.determined and rate.upper < 0 for rate in rates)
+        strong = sum(rate.determined and rate.lower > 0 for rate in rates)
         unknown = len(rates) - weak - strong
         signs = {
             "velocity weakening": weak,

@@ -1,0 +1,93 @@
+"""The sign of A - B where a record ends too early, against SciPy with A - B = 0 imposed.
+
+A step that is followed over two slip lengths fits a short L with A > B and a long L with A < B
+nearly as well. Errors that assume a quadratic misfit do not see this.
+"""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import least_squares
+
+import jaxfric
+
+K, V0, SIGMA = 1.6e3, 1e-6, 2e-4
+TIME, STEP, FASTER = np.linspace(0.0, 4.0, 81), 2.0, 10.0
+
+
+def force(p):
+    """Friction of an ageing slider after its load point has become ten times as fast."""
+    f0, A, B, L = p
+
+    def rate(_, y):
+        V = V0 * np.exp((y[0] - f0 - B * y[1]) / A)
+        return [K * (FASTER * V0 - V), V0 / L * np.exp(-y[1]) - V / L]
+
+    after = TIME[TIME > STEP]
+    found = solve_ivp(rate, (STEP, TIME[-1]), [f0, 0.0], "LSODA", after, rtol=1e-8, atol=1e-10)
+    return np.append(np.full(np.sum(TIME <= STEP), f0), found.y[0])
+
+
+def misfit(friction, first, free):
+    """Least sum of squares over SIGMA^2; `free` maps variables to (f0, A, B, L)."""
+    found = least_squares(lambda x: (force(free(x)) - friction) / SIGMA, first, x_scale="jac")
+    return 2 * found.cost
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    """Forty noisy records of one slider that weakens with velocity."""
+    exact = force((0.6, 0.008, 0.012, 10e-6))
+    rng = np.random.default_rng(11)
+    steps = jaxfric.VelocitySteps(np.array([0.0, STEP]), np.array([V0, FASTER * V0]))
+    way = steps.displacement(TIME)
+    records = [
+        jaxfric.from_arrays(
+            TIME, exact + SIGMA * rng.standard_normal(TIME.size), load_point_displacement=way
+        )
+        for _ in range(40)
+    ]
+    return jaxfric.fit_many(records, stiffness=K, law="ageing", steps=[steps] * len(records))
+
+
+def test_a_sign_that_another_slip_length_turns_is_not_claimed(fitted):
+    compared = 0
+    for fit in fitted:
+        A, B, L = (fit.parameters[name] for name in "ABL")
+        linear = abs(A.value - B.value) / max(jaxfric.fitting.result.difference(fit)[1], 1e-300)
+        if not fit.converged or not (A.determined and B.determined and 2 < linear < 10):
+            continue
+        first = np.array([0.6, A.value, B.value, L.value])
+        whole = misfit(fit.record.friction, np.log(first), np.exp)
+        equal = [
+            misfit(
+                fit.record.friction,
+                np.log([0.6, A.value, times * L.value]),
+                lambda x: np.exp([x[0], x[1], x[1], x[2]]),
+            )
+            for times in (1.0, 2.0)
+        ]
+        scale = whole / (TIME.size - 4)
+        rise = (min(equal) - whole) / scale
+        if abs(rise - 4) > 1.5:
+            compared += 1
+            assert (fit.stability().kind == "open") == (rise < 4), (rise, fit.stability())
+            assert fit.A_minus_B.determined == (rise > 4)
+    assert compared >= 4
+
+
+def test_a_long_record_keeps_its_sign():
+    """Ten times the slip: nothing else fits."""
+    time = np.linspace(0.0, 40.0, 801)
+    steps = jaxfric.VelocitySteps(np.array([0.0, STEP]), np.array([V0, FASTER * V0]))
+    law = jaxfric.RateState(
+        f0=0.6, A=0.008, B=[0.012], L=[10e-6], V0=V0, evolution=jaxfric.AgeingEvolution()
+    )
+    rig = jaxfric.Rig(jaxfric.QuasiStatic(K), law)
+    motion = jaxfric.PiecewiseVelocity(steps.times, steps.velocities)
+    exact = np.asarray(jaxfric.simulate(rig, motion, jnp.asarray(time)).force)
+    noisy = exact + SIGMA * np.random.default_rng(3).standard_normal(time.size)
+    record = jaxfric.from_arrays(time, noisy, load_point_displacement=steps.displacement(time))
+    fit = jaxfric.fit(record, stiffness=K, law="ageing", steps=steps)
+    assert fit.stability().kind == "critical" and fit.A_minus_B.determined
