@@ -11,22 +11,25 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from jaxfric import check_gains, find_gains, law_from_parameters
+from jaxfric.laws.source import stack
 from jaxfric.report import gains_json
 from jaxfric.report.gains_text import report
 
 STEEP = (10.0, 50.0, 5.0, 2e-3)
 """c0 [N], c1 [N s/m], c2 [N], c3 [m/s] of a law that falls much at low velocity."""
+FALLS = (1.0, 2.0, 1.5, 0.02)
 EVEN = (1.0, 2.0, 0.0, 0.02)
 """Kinetic friction that is not below static friction."""
 
 
-def found(curve, c4=2.0, mass=2.0, integral=800.0, **given):
-    c0, c1, c2, c3 = curve
+def law(c0, c1, c2, c3, c4=2.0):
     text = f"c0={c0} N, c1={c1} N s/m, c2={c2} N, c3={c3} m/s, c4={c4}"
+    return law_from_parameters("stribeck", text)
+
+
+def found(of, mass=2.0, integral=800.0, **given):
     given = {"velocity": 0.1, "margin": {"decay": 0.0, "modulus": 0.0}, **given}
-    return find_gains(
-        law_from_parameters("stribeck", text), mass=mass, integral_gain=integral, **given
-    )
+    return find_gains(of, mass=mass, integral_gain=integral, **given)
 
 
 def checked(k_p, k_v, *of, **given):
@@ -68,14 +71,14 @@ def by_scipy(k_p, k_v, k_i, curve, c4, mass, end):
 @pytest.mark.parametrize(
     ("k_p", "k_v", "k_i", "curve", "c4", "mass", "end"),
     [
-        (400.0, 1.0, 800.0, (1.0, 2.0, 1.5, 0.02), 2.0, 1.0, 60.0),
+        (400.0, 1.0, 800.0, FALLS, 2.0, 1.0, 60.0),
         (5e3, 100.0, 5e3, STEEP, 2.0, 2.0, 600.0),
         (5e3, 1e3, 5e4, STEEP, 1.0, 2.0, 200.0),
     ],
 )
 def test_amplitude_and_period_of_hunting(k_p, k_v, k_i, curve, c4, mass, end):
     """In the second and third case a slider sticks for 3 to 100 times k_p/k_i."""
-    seen = checked(k_p, k_v, curve, c4, mass, k_i).hunting
+    seen = checked(k_p, k_v, law(*curve, c4), mass, k_i).hunting
     amplitude, period = by_scipy(k_p, k_v, k_i, curve, c4, mass, end)
     assert seen.clear and seen.amplitude == pytest.approx(amplitude, rel=2e-2)
     assert seen.period == pytest.approx(period, rel=1e-2)
@@ -84,7 +87,7 @@ def test_amplitude_and_period_of_hunting(k_p, k_v, k_i, curve, c4, mass, end):
 
 def test_a_slider_that_sticks_off_its_target_is_not_clear():
     k_p, k_v, k_i, curve = 16930.0, 6500.0, 5e4, (1.0, 50.0, 14.0, 2e-3)
-    told = checked(k_p, k_v, curve, 1.0, 2.0, k_i)
+    told = checked(k_p, k_v, law(*curve, 1.0), 2.0, k_i)
     amplitude, period = by_scipy(k_p, k_v, k_i, curve, 1.0, 2.0, 6000.0)
     assert not told.hunting.clear and told.hunting.amplitude is None
     assert amplitude < told.hunting.error < 2 * amplitude
@@ -94,29 +97,30 @@ def test_a_slider_that_sticks_off_its_target_is_not_clear():
 
 
 def test_without_a_fall_of_friction_nothing_hunts():
-    seen = checked(400.0, 1.0, EVEN, mass=1.0).hunting
+    seen = checked(400.0, 1.0, law(*EVEN), mass=1.0).hunting
     assert seen.clear and seen.amplitude is None and seen.period is None
     assert seen.error < 1e-3 / 400 and seen.duration > 100
 
 
 def test_a_linearly_unstable_controller_runs_away():
     """(k_v + 2) k_p < m k_i: Routh and Hurwitz."""
-    seen = checked(400.0, 1.0, EVEN, mass=1.0, integral=4e3).hunting
+    seen = checked(400.0, 1.0, law(*EVEN), mass=1.0, integral=4e3).hunting
     assert gains_json.hunting_entry(seen)["grows"]
 
 
-def test_the_least_and_the_largest_mass_are_simulated():
-    """Two masses hunt as the one of them that hunts more; the requested velocity is no matter."""
-    curve = (1.0, 2.0, 1.5, 0.02)
-    both = checked(400.0, 1.0, curve, mass=[0.1, 1.0])
-    each = [checked(400.0, 1.0, curve, mass=m, velocity=0.2).hunting for m in (0.1, 1.0)]
-    assert both.hunting.amplitude == pytest.approx(max(one.amplitude for one in each), rel=1e-6)
-    assert both.hunting.masses == (0.1, 1.0) and both.hunting.samples == (0,)
-    assert any("simulated at 0.1 kg and 1 kg" in line for line in report(both).lines)
+def test_masses_and_samples_of_the_law_are_simulated():
+    """The answer is of the slider that hunts most; the requested velocity is no matter."""
+    laws = stack([law(1.0, 2.0, drop, 0.02).law for drop in (0.5, 0.7, 0.9, 1.1, 1.3, 1.5)])
+    told = checked(400.0, 1.0, replace(law(*FALLS), samples=laws), mass=[0.1, 0.5, 1.0])
+    each = [checked(400.0, 1.0, law(*FALLS), mass=m, velocity=0.2).hunting for m in (0.1, 1.0)]
+    assert told.hunting.amplitude == pytest.approx(max(one.amplitude for one in each), rel=1e-6)
+    assert told.hunting.masses == (0.1, 1.0) and told.hunting.samples == (0, 1, 3, 5)
+    words = "simulated at 0.1 kg and 1 kg, with 4 samples of the law"
+    assert any(words in line for line in report(told).lines)
 
 
 def test_checked_gains_say_whether_they_hunt():
-    told = check_gains(found((1.0, 2.0, 1.5, 0.02), mass=1.0, lower=(400.0, None)))
+    told = check_gains(found(law(*FALLS), mass=1.0, lower=(400.0, None)))
     assert told.hunting.amplitude is not None and told.dead_band is None
     assert any(line.startswith("at rest it hunts about") for line in report(told).lines)
     assert gains_json.content(told)["at_rest"]["hunting"]["period"] == told.hunting.period
