@@ -371,6 +371,14 @@ def test_warnings() -> None:
     assert "even the likeliest law, slip, leaves 2.4 times" in far or "leaves 2.5 times" in far
 
 
+def test_a_likeliest_law_that_does_not_fit_is_not_supported_in_words() -> None:
+    laws = [("slip", 1, 0, 1, 50), ("ageing", 1, 43, 1, 50)]
+    fits, far = made_up(*laws).sentence, made_up(*laws, rms=5.5).sentence
+    assert fits.startswith("The record supports the slip law with 1 state: its BIC is 43 below")
+    assert far.startswith("None of the laws may be right; the likeliest is the slip law with 1")
+    assert "43 below" in far and "supports" not in far
+
+
 def test_a_law_that_rests_on_the_noise_of_a_step_is_told_so() -> None:
     """A record of one step and a longer one with the same step gave 14 and 3.8."""
     found = made_up(("slip", 1, 0, None, None), ("ageing", 1, 11, None, None), held=False)

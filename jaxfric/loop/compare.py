@@ -33,6 +33,7 @@ import numpy as np
 
 from ..described import Described, Drawable, Tabular, said
 from ..errors import InputError
+from ..findings import WarningCode, is_of
 from ..fitting import Fit, fit
 from ..fitting.fit import few_rows, require_float64, steps_of
 from ..fitting.marquardt import Descent, levenberg_marquardt
@@ -303,8 +304,14 @@ def compare_laws(
         independent_rows=independent,
         held_out_steps=tuple(held),
         unasked=unasked,
-        own_warnings=warnings,
+        own_warnings=(*warnings, *_of_record(fits[0])),
     )
+
+
+def _of_record(fit: Fit) -> tuple[str, ...]:
+    """The warnings of a fit that hold for every law."""
+    codes = WarningCode.UNSTEADY, WarningCode.STRESS
+    return tuple(text for text in fit.warnings if any(is_of(text, code) for code in codes))
 
 
 def _models(laws: Sequence[str] | None) -> list[tuple[str, int]]:

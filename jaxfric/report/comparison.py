@@ -42,7 +42,10 @@ def answer(found: LawComparison) -> str:
         return f"The record cannot tell {' from '.join(found.untold)}"
     if len(found.of_laws) < 2:
         return "Nothing to compare"
-    return f"The record supports the {_law(found.of_laws[0])}"
+    law = _law(found.of_laws[0])
+    if _misfit(found):
+        return f"None of the laws may be right; the likeliest is the {law}"
+    return f"The record supports the {law}"
 
 
 def next_step(found: LawComparison) -> str:
@@ -57,8 +60,7 @@ def next_step(found: LawComparison) -> str:
     first = found.of_laws[0]
     tried = {score.states for score in found.ranked if score.fit.law == first.fit.law}
     if first.states == 1 or 1 not in tried:
-        left = excess(found.ranked[0].fit)
-        if left < EXCESS:
+        if not (left := _misfit(found)):
             return ""
         return (
             f"jaxfric loop asks what these laws lack: the likeliest leaves {left:.2g} times the"
@@ -76,11 +78,10 @@ def warnings(found: LawComparison) -> tuple[str, ...]:
     """Warnings to read before using the conclusion of the comparison."""
     unfitted = [score for score in found.scores if score.bic is None]
     told = [f"{score.name}: could not be fitted ({score.fit.result})" for score in unfitted]
-    best = found.ranked[0] if found.ranked else None
-    if best is not None and (left := excess(best.fit)) >= EXCESS:
+    if left := _misfit(found):
         told.append(
-            f"even the likeliest law, {best.name}, leaves {left:.2g} times the scatter of"
-            " neighbouring rows: none of these laws may be right; jaxfric loop asks what lacks"
+            f"even the likeliest law, {found.ranked[0].name}, leaves {left:.2g} times the scatter"
+            " of neighbouring rows: none of these laws may be right; jaxfric loop asks what lacks"
         )
     if found.unasked:
         told.append(
@@ -88,6 +89,12 @@ def warnings(found: LawComparison) -> tuple[str, ...]:
             " estimated from these rows, and more rows before or after a step may say otherwise"
         )
     return (*found.own_warnings, *told)
+
+
+def _misfit(found: LawComparison) -> float:
+    """The residual of the likeliest law, over the scatter of neighbouring rows; 0 if it fits."""
+    left = excess(found.ranked[0].fit) if found.ranked else 0.0
+    return left if left >= EXCESS else 0.0
 
 
 def _law(score: LawScore) -> str:
