@@ -36,6 +36,9 @@ _FEWEST, _ROWS = 4, 8
 """Least number of teeth, and of rows in a rise."""
 _ALIKE = 2.0
 """Teeth whose drop, height or duration deviates from the median by this factor are excluded."""
+_SETTLED, _SCATTERS = 0.01, 4.0
+"""The first teeth still settle if drop, height or duration deviates from the median by more than
+this share, by so many scatters of all teeth (from the median deviation), and by two rows."""
 _HIGH, _LOW, _COSINE = 0.9, 0.1, 0.5903
 """Levels of a drop between which its duration is measured; this duration over half a period of an
 oscillation."""
@@ -147,6 +150,9 @@ def _rises(record: Record, event: Event) -> Rises:
     periods = np.array([time[k.tip] - time[k.before] for k in found])
     heights = np.array([friction[k.tip] - friction[k.foot] for k in found])
     kept = _usual(drops) & _usual(heights) & _usual(periods)
+    settles = [_settles(drops), _settles(heights), _settles(periods, 2 * np.median(np.diff(time)))]
+    first = int(np.argmin(np.any(settles, axis=0)))
+    kept[: min(first, max(int(kept.sum()) - _FEWEST, 0))] = False
     found = [tooth for tooth, alike in zip(found, kept, strict=True) if alike]
     if len(found) < _FEWEST:
         return without(RunReason.UNLIKE)
@@ -171,7 +177,7 @@ def _rises(record: Record, event: Event) -> Rises:
 
 
 def _teeth(time: np.ndarray, friction: np.ndarray) -> list[_Tooth]:
-    """Return the teeth without the first ones."""
+    """Return the teeth without the first `_FIRST`."""
     stretches = find_teeth(time, friction)
     if not stretches:
         return []
@@ -197,6 +203,13 @@ def _edges(friction: np.ndarray, tip: int, foot: int) -> tuple[int, int]:
 def _usual(values: np.ndarray) -> np.ndarray:
     usual = np.median(values)
     return (values < _ALIKE * usual) & (values * _ALIKE > usual)
+
+
+def _settles(values: np.ndarray, least: float = 0.0) -> np.ndarray:
+    """Whether values deviate from their median by more than teeth of steady stick-slip do."""
+    usual = np.median(values)
+    away = np.abs(values - usual)
+    return away > max(_SCATTERS * 1.4826 * np.median(away), _SETTLED * usual, least)
 
 
 def _means(time: np.ndarray, friction: np.ndarray, tooth: _Tooth) -> tuple[np.ndarray, float]:
