@@ -328,7 +328,8 @@ REASONS: Mapping[str, str] = {
     "slope_lost_in_noise": "its slope is lost in the noise",
     "not_straight": "it is not straight",
     "rises_missed": "its misfit is {misfit:%.2g} % of a drop: it does not describe the rises",
-    "near_critical": "K would be {share:.2g} of the critical stiffness; record unfiltered rows",
+    "near_critical": "K would be {share:.2g} of the critical stiffness: the mass of the slider"
+    " matters while it creeps, or rows are running means (record unfiltered rows)",
     "inertia_during_creep": "a drop would last {lasts:.2g} s ({moved:u.3g} um of the load point,"
     " and L {L:u.3g} um): inertia matters, or rows are running means: record unfiltered rows",
     "too_few_teeth": "{teeth} teeth after the first {first}; {needed} are needed",
