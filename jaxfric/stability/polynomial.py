@@ -5,6 +5,7 @@ for a batch.
 """
 
 import functools
+import itertools
 
 import jax
 import jax.numpy as jnp
@@ -274,9 +275,10 @@ def _newton_polygon(height: list[Array]) -> list[Array]:
     The slope over (k - 1, k) is the least, over i < k, of the largest chord from i to j >= k.
     """
     n = len(height) - 1
-    slopes = []
-    for k in range(1, n + 1):
-        chords = [[(height[j] - height[i]) / (j - i) for j in range(k, n + 1)] for i in range(k)]
-        largest = [functools.reduce(jnp.maximum, from_i) for from_i in chords]
-        slopes.append(functools.reduce(jnp.minimum, largest))
-    return slopes
+    chords = [[(height[j] - height[i]) / (j - i) for j in range(n, i, -1)] for i in range(n)]
+    # largest[i][n - k]: over j >= k
+    largest = [list(itertools.accumulate(from_i, jnp.maximum)) for from_i in chords]
+    return [
+        functools.reduce(jnp.minimum, (largest[i][n - k] for i in range(k)))
+        for k in range(1, n + 1)
+    ]
