@@ -195,9 +195,8 @@ def missing_motion(
     u = part.load_point_displacement
     if u is None or not stiffness:
         return 0.0
-    on = max(
-        int(np.searchsorted(part.relative_time, hold)) - _FEWEST, 0
-    )  # the hold may have no rows
+    # the hold may have no rows
+    on = max(int(np.searchsorted(part.relative_time, hold)) - _FEWEST, 0)
     f, pulled = part.friction[on:], stiffness * u[on:]
     rest = f - pulled
     lowest = np.minimum.accumulate(rest)
