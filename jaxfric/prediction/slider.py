@@ -110,7 +110,7 @@ def predict_slider(
         predicted=record.friction + setting.sign * found.error,
         position=None,
         notes=_notes(setting, free),
-        warnings=_warnings(setting),
+        warnings=(*_warnings(setting), *_of_record(setting)),
         steps=setting.steps,
     )
 
@@ -259,8 +259,11 @@ def _warnings(setting: _SliderSetting) -> tuple[str, ...]:
         which = np.unique(speeds[beyond].round(12))[:6].tolist()
         values = {"velocities": which, "slowest": slowest, "fastest": fastest}
         told.append(warned(WarningCode.OTHER_VELOCITIES, **values))
-    record, friction = setting.record, setting.sign * setting.record.friction
-    told += unsteady_start(record.relative_time, friction, setting.steps, setting.stiffness)
-    if setting.problem.normal_stress is None:
-        told += changed_stress(record)
     return tuple(told)
+
+
+def _of_record(setting: _SliderSetting) -> tuple[str, ...]:
+    """Return the warnings of a record that does not begin steadily, or has a changing stress."""
+    record, friction = setting.record, setting.sign * setting.record.friction
+    told = unsteady_start(record.relative_time, friction, setting.steps, setting.stiffness)
+    return told if setting.problem.normal_stress is not None else (*told, *changed_stress(record))

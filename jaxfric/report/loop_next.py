@@ -75,7 +75,7 @@ def _with_model(loop: Loop, file: str) -> list[NextStep]:
     steps = [_step("gains", _gains_line(loop, file))] if takes_gains(loop) else []
     if any(one.code is LoopCode.FRICTION for one in loop.findings):
         steps.append(_step("feedforward", f"jaxfric feedforward {file}"))
-    if set(loop.after.effects) <= set(loop.words.catalogue):
+    if {*loop.before.effects, *loop.effects} <= set(loop.words.catalogue):
         steps.append(_step("predict", f"jaxfric predict {file} OTHER.csv"))
     return [*steps, *_next_run(loop, file)]
 
