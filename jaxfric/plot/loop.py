@@ -190,7 +190,7 @@ def _bars(
 ) -> None:
     """Horizontal bars, first on top, numbers beside; the line from which an effect is added."""
     lengths = np.where(np.isfinite(values), values, 0.0).tolist()
-    texts = [f"{x:+.4g}" if abs(x) >= 1e4 else f"{x:+.1f}" for x in values]
+    texts = [f"{x:+.0f}" if abs(x) >= 1e4 else f"{x:+.1f}" for x in values]
     told = [
         t.replace("-", "−") if np.isfinite(x) else "failed"
         for t, x in zip(texts, values, strict=True)
