@@ -137,17 +137,17 @@ def rise_at_zero(
         return float(sum(weights.get(n, 0) * x for n, x in zip(names, natural, strict=False)))
 
     found = np.inf
-    for factor in (*OTHER_LENGTHS, *(1 / x for x in OTHER_LENGTHS)):
-        if factor in (OTHER_LENGTHS[0], 1 / OTHER_LENGTHS[0]):  # another side
-            z, last, rose = np.array(solution.z), sum_at(solution.z), 0.0
-        z[index] = solution.z[index] + np.log(factor)
-        ended = descend(problem, z, free)
-        z, now = np.array(ended.z), sum_at(ended.z)
-        rise = max(ended.cost - solution.cost, 0.0) / unit
-        if now * last <= 0:
-            found = min(found, rose + (rise - rose) * last / (last - now))
-            continue
-        last, rose = now, rise
+    for side in (1.0, -1.0):
+        z, last, rose = np.array(solution.z), sum_at(solution.z), 0.0
+        for factor in OTHER_LENGTHS:
+            z[index] = solution.z[index] + side * np.log(factor)
+            ended = descend(problem, z, free)
+            z, now = np.array(ended.z), sum_at(ended.z)
+            rise = max(ended.cost - solution.cost, 0.0) / unit
+            if now * last <= 0:
+                found = min(found, rose + (rise - rose) * last / (last - now))
+                break
+            last, rose = now, rise
     return found
 
 
