@@ -180,13 +180,9 @@ class Warned(str):
         return made
 
 
-def warned(code: WarningCode, **values: object) -> Warned:
-    """A warning in the words of its code (`report.words`), with values that these words need."""
-    return Warned(said("words.coded", code, values), code, values)
-
-
-def because(code: StrEnum, **values: object) -> Warned:
-    """A reason in the words of its code (`report.words`), with values that these words need."""
+def warned(code: StrEnum, **values: object) -> Warned:
+    """A warning, reason or note in the words of its code (`report.words`), with values that these
+    words need."""
     return Warned(said("words.coded", code, values), code, values)
 
 

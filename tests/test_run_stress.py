@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from jaxfric.findings import because
+from jaxfric.findings import warned
 from jaxfric.records.stress import StressChange
 from jaxfric.runs import Event
 from jaxfric.runs.reasons import RunReason
@@ -329,7 +329,7 @@ def test_what_is_told():
     assert (table[0]["alpha"], table[0]["K [1/um]"], table[1]["alpha"]) == (0.213, 1e-6, None)
     assert "K [1/um]" not in table[1]
     assert to_json([none])[0]["reason"] is None  # a text without a code
-    coded = replace(none, why=because(RunReason.VELOCITIES, before=V, after=0.0))
+    coded = replace(none, why=warned(RunReason.VELOCITIES, before=V, after=0.0))
     reason = {"code": "not_one_velocity", "values": {"before": V, "after": 0.0}}
     assert to_json([coded])[0]["reason"] == reason
     assert to_json([some])[0]["values"] == fit.values and to_json([none])[0]["values"] is None

@@ -18,7 +18,7 @@ from jaxtyping import Array, Float
 
 from ..effects import effects_of_file
 from ..errors import InputError
-from ..findings import Warned, WarningCode, because, warned
+from ..findings import Warned, WarningCode, warned
 from ..fitting.axis_fit import inverse_dynamics
 from ..fitting.axis_preparation import prepare, usual
 from ..fitting.axis_problem import AxisProblem, make_problem
@@ -256,7 +256,7 @@ def _notes(setting: _AxisSetting) -> tuple[Warned, ...]:
     codes = [NoteCode.NOTHING]
     if setting.inside is not None:
         codes.append(NoteCode.INSIDE if setting.inside else NoteCode.BESIDE)
-    return tuple(map(because, codes))
+    return tuple(map(warned, codes))
 
 
 def _warnings(setting: _AxisSetting) -> tuple[str, ...]:

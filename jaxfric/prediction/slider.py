@@ -16,7 +16,7 @@ import numpy as np
 
 from ..effects import effects_of_file
 from ..errors import InputError, option
-from ..findings import Warned, WarningCode, because, warned
+from ..findings import Warned, WarningCode, warned
 from ..fitting.assumed import changed_stress, unsteady_start
 from ..fitting.encompassing import EncompassingModel
 from ..fitting.fit import forward_steps, require_float64, steps_of
@@ -240,10 +240,10 @@ def _shifts(setting: _SliderSetting, name: str, refit: _Found) -> tuple[Shift, .
 
 
 def _notes(setting: _SliderSetting, free: Sequence[str]) -> tuple[Warned, ...]:
-    told = because(NoteCode.FITTED, parameters=free) if free else because(NoteCode.NOTHING)
+    told = warned(NoteCode.FITTED, parameters=free) if free else warned(NoteCode.NOTHING)
     about = {"stiffness": setting.stiffness, "unit": unit_of("K", setting.record.friction_unit)}
-    own = () if setting.own else (because(NoteCode.STIFFNESS, **about),)
-    times = (because(NoteCode.STEPS),) if len(setting.problem.shifted) else ()
+    own = () if setting.own else (warned(NoteCode.STIFFNESS, **about),)
+    times = (warned(NoteCode.STEPS),) if len(setting.problem.shifted) else ()
     return (told, *own, *times)
 
 

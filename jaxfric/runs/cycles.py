@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import stdtrit
 
-from ..findings import WarningCode, because, reasoned, warned
+from ..findings import WarningCode, reasoned, warned
 from ..fitting.thresholds import ENDS, LARGEST_ERROR
 from ..plain import entries, plain
 from ..records import Record
@@ -112,14 +112,14 @@ def doubt_of(fit: RiseFit, fastest: float) -> str:
     """Return the reason why a fit reports no parameters, or ''; `fastest` [m/s] is the largest
     velocity."""
     if not fit.converged or not np.isfinite([*fit.values.values(), *fit.errors.values()]).all():
-        return because(RunReason.FAILED)
+        return warned(RunReason.FAILED)
     if fit.misfit > _ROUGH:
-        return because(RunReason.MISFIT, misfit=fit.misfit)
+        return warned(RunReason.MISFIT, misfit=fit.misfit)
     if fit.values["softness"] > _HELD:
-        return because(RunReason.STIFF, share=fit.values["softness"])
+        return warned(RunReason.STIFF, share=fit.values["softness"])
     half, L = 0.5 * fit.period, fit.values["L"]
     if 2 * half * fastest > _MASS * L:
-        return because(RunReason.INERTIA, lasts=half, moved=half * fastest, L=L)
+        return warned(RunReason.INERTIA, lasts=half, moved=half * fastest, L=L)
     return ""
 
 

@@ -28,7 +28,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from ..findings import because
+from ..findings import warned
 from ..records import Record
 from ..records.run_motion import RunMotion, run_motion
 from ..records.stress import StressChange, find_stress_changes, is_constant
@@ -186,17 +186,17 @@ def _at_joint(
         return Event(kind, b.start, *speeds, a.start, b.stop, b.error, stress, why)
 
     if b.velocity == 0:
-        return make("hold", because(RunReason.HOLD, lasts=b.stop - b.start))
+        return make("hold", warned(RunReason.HOLD, lasts=b.stop - b.start))
     if b.velocity * forwards < 0:
-        return make("unload", because(RunReason.TURNS))
+        return make("unload", warned(RunReason.TURNS))
     if a.velocity == 0:
-        return make("reload", because(RunReason.AFTER_HOLD, lasts=a.stop - a.start))
+        return make("reload", warned(RunReason.AFTER_HOLD, lasts=a.stop - a.start))
     if a.velocity * forwards < 0:
-        return make("reload", because(RunReason.TURNS))
+        return make("reload", warned(RunReason.TURNS))
     if _beside(a, b, teeth):
-        return make("stick_slip", because(RunReason.TEETH_BESIDE))
+        return make("stick_slip", warned(RunReason.TEETH_BESIDE))
     if changes := _beside(a, b, stresses):
-        return make("stress", because(RunReason.STRESS, **changes[0]._asdict()))
+        return make("stress", warned(RunReason.STRESS, **changes[0]._asdict()))
     ends = [c.stop for c in stresses] + [found.stop for found in teeth]
     since = max((end for end in ends if a.start < end < b.start), default=a.start)
     why = _loading(record, motion, a._replace(start=since), stiffness)
@@ -233,13 +233,13 @@ def _loading(
     if stiffness is None or (stiffness.of_stress and not (stress is not None and stress > 0)):
         share = rise / abs(f[-1])
         if share > _RISING_ALONE and f[-1] - f[-2] > _SLOWER * np.diff(f).max():
-            return because(RunReason.RISES, share=share)
+            return warned(RunReason.RISES, share=share)
         return ""
     moved = abs(
         float(np.median(motion.position[parts[-1]]) - np.median(motion.position[parts[-3]]))
     )
     share = rise / (stiffness.at(stress) * moved) if moved else 0.0
-    return because(RunReason.LOADS, share=share) if share > _RISING else ""
+    return warned(RunReason.LOADS, share=share) if share > _RISING else ""
 
 
 def _stress_at(record: Record, phase: _Phase) -> float | None:
@@ -257,7 +257,7 @@ def _stress_events(
     """Return the events of changes of normal stress that belong to no velocity step."""
     joints = zip(events, phases, phases[1:], strict=False)
     taken = {_beside(a, b, stresses)[0] for event, a, b in joints if event.kind == "stress"}
-    alone = [(c, because(RunReason.STRESS, **c._asdict())) for c in stresses if c not in taken]
+    alone = [(c, warned(RunReason.STRESS, **c._asdict())) for c in stresses if c not in taken]
     return [
         replace(_lasting("stress", c.start, c.stop, phases, why), normal_stress=c.before)
         for c, why in alone
@@ -275,7 +275,7 @@ def _teeth(t: np.ndarray, friction: np.ndarray, phase: _Phase) -> list[Teeth]:
 
 
 def _teeth_event(found: Teeth, phases: Sequence[_Phase], unit: str) -> Event:
-    why = because(RunReason.TEETH, **found._asdict(), unit=" N" if unit == "N" else "")
+    why = warned(RunReason.TEETH, **found._asdict(), unit=" N" if unit == "N" else "")
     return _lasting("stick_slip", found.start, found.stop, phases, why)
 
 
@@ -292,7 +292,7 @@ def _glitches(
     t, out = record.relative_time, []
     for reset in motion.resets:
         code = RunReason.NOT_COUNTED if reset.paused else RunReason.JUMP
-        why = because(code, **asdict(reset))
+        why = warned(code, **asdict(reset))
         out.append(_lasting("glitch", reset.time, reset.time, phases, why))
     joints = [p.rows.start for p in phases[1:]]
     joints += [int(i) for b in busy for i in np.searchsorted(t, [b.start, b.stop])]
@@ -309,7 +309,7 @@ def _glitches(
         beside = len(joints) and np.abs(np.array(joints) - row).min() <= _ROWS
         if beside or any(_lies_in(time, found) for found in busy):
             continue
-        out.append(_lasting("glitch", time, time, phases, because(RunReason.OUTLIER)))
+        out.append(_lasting("glitch", time, time, phases, warned(RunReason.OUTLIER)))
     return out
 
 
@@ -333,11 +333,11 @@ def _windowed(record: Record, event: Event, events: Sequence[Event]) -> Event:
     rows = np.searchsorted(t, [start, event.time, after])
     if np.diff(rows).min() < _ROWS:
         before, behind = map(int, np.diff(rows))
-        why = because(RunReason.FEW_ROWS, before=before, after=behind, needed=_ROWS)
+        why = warned(RunReason.FEW_ROWS, before=before, after=behind, needed=_ROWS)
         return replace(event, start=start, stop=after, why=why)
     stress = record.normal_stress
     if stress is not None and not is_constant(stress[rows[0] : rows[2]], 4):
-        why = because(RunReason.STRESS_VARIES)
+        why = warned(RunReason.STRESS_VARIES)
         return replace(event, start=start, stop=after, kind="stress", why=why)
     return replace(event, start=start, stop=after, fitted=True)
 

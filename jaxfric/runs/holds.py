@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import InputError
-from ..findings import because
+from ..findings import warned
 from ..fitting import Fit
 from ..fitting.misfit import excess
 from ..fitting.noise import estimate_noise, longest_memory, noise_rows
@@ -315,13 +315,13 @@ def healing_rate(holds: Sequence[Hold]) -> WeightedLine | None:
 def why_no_law(hold: Hold) -> str:
     """Return the reason why a hold is not used to compare the laws, or ''."""
     if hold.missing:
-        return because(RunReason.MOTION_LACKS, missing=hold.missing)
+        return warned(RunReason.MOTION_LACKS, missing=hold.missing)
     if hold.preference is None:
         laws = [law for law in LAWS if law not in hold.fits]
-        return because(RunReason.NO_FIT, laws=laws) if laws else because(RunReason.ALONE)
+        return warned(RunReason.NO_FIT, laws=laws) if laws else warned(RunReason.ALONE)
     law = LAWS[hold.preference < 0]
     times = excess(hold.fits[law]) if law in hold.fits else 0.0
-    return because(RunReason.NEITHER, law=law, times=times) if times > _MANY else ""
+    return warned(RunReason.NEITHER, law=law, times=times) if times > _MANY else ""
 
 
 def preferred(holds: Sequence[Hold]) -> tuple[str | None, float]:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 
-from ..findings import because
+from ..findings import warned
 from .events import Event
 from .reasons import RunReason
 
@@ -21,13 +21,13 @@ def why_left_out(hold: Event, back: Event | None) -> str:
     """Return the reason why a hold is not between sliding at about one velocity, or ''; `back` is
     the joint after the hold."""
     if not hold.before:
-        return because(RunReason.NO_SLIDING)
+        return warned(RunReason.NO_SLIDING)
     if back is None:
-        return because(RunReason.RUN_ENDS)
+        return warned(RunReason.RUN_ENDS)
     if back.kind != "reload":
-        return because(RunReason.NO_RELOAD, kind=back.kind)
+        return warned(RunReason.NO_RELOAD, kind=back.kind)
     if not 1 / SAME < back.after / hold.before < SAME:
-        return because(RunReason.VELOCITIES, before=hold.before, after=back.after)
+        return warned(RunReason.VELOCITIES, before=hold.before, after=back.after)
     return ""
 
 
@@ -35,5 +35,5 @@ def left_out(events: Sequence[Event], fitted: Sequence[float]) -> list[Event]:
     """Return the holds other than those at the `fitted` times [s]; `why` gives the reasons."""
     back = dict(pairwise(joints_of(events)))
     holds = [event for event in events if event.kind == "hold" and event.time not in fitted]
-    reasons = [why_left_out(hold, back.get(hold)) or because(RunReason.BESIDE) for hold in holds]
+    reasons = [why_left_out(hold, back.get(hold)) or warned(RunReason.BESIDE) for hold in holds]
     return [replace(hold, why=why) for hold, why in zip(holds, reasons, strict=True)]

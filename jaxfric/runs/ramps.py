@@ -27,7 +27,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import InputError, option
-from ..findings import WarningCode, because, warned
+from ..findings import WarningCode, warned
 from ..records import Record
 from ..records.stress import is_constant
 from ..units import measured
@@ -142,7 +142,7 @@ def _ramp(record: Record, event: Event, rows: slice, level: float | None) -> Ram
     about = None if here is None else float(np.median(here))
     ramp = Ramp(event.kind, float(t[part.start]), float(t[part.stop - 1]), about, of_stress)
     if not is_constant(here, 4):
-        return replace(ramp, why=because(RunReason.STRESS_VARIES))
+        return replace(ramp, why=warned(RunReason.STRESS_VARIES))
     force = f[part] * here if of_stress and here is not None else f[part]
     return _straight(ramp, _RampRows(t[part], x[rows][part], force))
 
@@ -165,7 +165,7 @@ def _straight(ramp: Ramp, rows: _RampRows) -> Ramp:
         if off < max(_ALIKE * abs(slope), _SURE * unsure):
             error = float(np.hypot(error, max(off - unsure, 0.0) / 2))
             if not slope > 0 or error > _KNOWN * slope:
-                return replace(ramp, why=because(RunReason.NOISY))
+                return replace(ramp, why=warned(RunReason.NOISY))
             start, stop = float(rows.time[0]), float(rows.time[-1])
             return replace(ramp, start=start, stop=stop, slope=slope, error=error)
         halves = slice(half), slice(half, None)
@@ -173,7 +173,7 @@ def _straight(ramp: Ramp, rows: _RampRows) -> Ramp:
         if half < 2 * _FEWEST or second > first:
             break
         rows = _RampRows(*(column[:half] for column in rows))
-    return replace(ramp, why=because(RunReason.BENT))
+    return replace(ramp, why=warned(RunReason.BENT))
 
 
 def _slope(rows: _RampRows) -> tuple[float, float]:

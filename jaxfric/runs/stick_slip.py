@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..findings import because
+from ..findings import warned
 from ..records import Record
 from ..records.teeth import find_teeth, turns_from_foot
 from .events import Event
@@ -138,7 +138,7 @@ def _rises(record: Record, event: Event) -> Rises:
     none = np.zeros(0)
 
     def without(code: RunReason, **values: object) -> Rises:
-        nothing, why = np.zeros((0, len(EDGES) - 1)), because(code, **values)
+        nothing, why = np.zeros((0, len(EDGES) - 1)), warned(code, **values)
         return Rises(event.time, event.stop, velocity, about, nothing, none, none, none, why=why)
 
     found = _teeth(time, friction)

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..findings import because, reasoned
+from ..findings import reasoned, warned
 from ..fitting.uncertainty import QUANTILE
 from ..laws.registry import evolution_of
 from ..plain import entries
@@ -121,7 +121,7 @@ def _fitted(
     _refuse_superposed(event)
     prior = prior_of(steps, event.time)
     if prior is None or evolution_of(how.law) is None:
-        raise _NotClaimedError(because(RunReason.NO_PRIOR))
+        raise _NotClaimedError(warned(RunReason.NO_PRIOR))
     L = float(np.exp(prior.mean[2]))
     rows = _rows(record, event, change, events, (_BEFORE * L / event.before, how.rows))
     given = how.stiffness is not None
@@ -150,7 +150,7 @@ def _fitted(
 def _refuse_superposed(event: Event) -> None:
     if event.before != event.after or event.before <= 0:
         speeds = {"before": event.before, "after": event.after}
-        raise _NotClaimedError(because(RunReason.VELOCITIES, **speeds))
+        raise _NotClaimedError(warned(RunReason.VELOCITIES, **speeds))
 
 
 def _rows(
@@ -170,16 +170,16 @@ def _rows(
     since = max((end_of(e) for e in others if e.time < change.start), default=0.0)
     until = min((e.time for e in others if e.time > change.start), default=float(t[-1]) + 1.0)
     if since > change.start or until < change.stop:
-        raise _NotClaimedError(because(RunReason.OTHER_EVENT))
+        raise _NotClaimedError(warned(RunReason.OTHER_EVENT))
     longest, most = limits
     first = int(np.searchsorted(t, max((since + change.start) / 2, change.start - longest)))
     edges = np.searchsorted(t, [change.start, change.stop, until])
     low, high, last = int(edges[0]), int(edges[1]) + 1, int(edges[2])
     beside = {"before": low - first, "after": max(last - high, 0)}
     if min(beside.values()) < _FEWEST:
-        raise _NotClaimedError(because(RunReason.FEW_ROWS, **beside, needed=_FEWEST))
+        raise _NotClaimedError(warned(RunReason.FEW_ROWS, **beside, needed=_FEWEST))
     if not (is_constant(stress[first:low], 4) and is_constant(stress[high:last], 4)):
-        raise _NotClaimedError(because(RunReason.STRESS_VARIES))
+        raise _NotClaimedError(warned(RunReason.STRESS_VARIES))
     weight = np.ones(len(t))
     weight[low : high + 1] = 0.0
     for glitch in (e for e in events if e.kind == "glitch"):
@@ -209,7 +209,7 @@ def _refuse_unsteady(rows: StressRows, K: float, velocity: float) -> None:
     x, f = velocity * rows.time[before], rows.friction[before]
     (slope, _), covariance = np.polyfit(x, f, 1, cov=True)
     if abs(slope) > _STEADY * K and abs(slope) > _SURE * np.sqrt(covariance[0, 0]):
-        raise _NotClaimedError(because(RunReason.LOADS, share=slope / K))
+        raise _NotClaimedError(warned(RunReason.LOADS, share=slope / K))
 
 
 def _refuse_slow(
@@ -221,17 +221,17 @@ def _refuse_slow(
     way = velocity * (change.stop - change.start)
     slip = way - max(friction * (ratio - 1) / K, 0.0)
     if slip > _SLOW * L:
-        raise _NotClaimedError(because(RunReason.SLOW, slip=slip, lengths=slip / L))
+        raise _NotClaimedError(warned(RunReason.SLOW, slip=slip, lengths=slip / L))
 
 
 def _doubt(found: StressFit, usual: float) -> str:
     """Return the reason why a fitted alpha is not reported, or ''."""
     alpha, error = found.values["alpha"], found.errors["alpha"]
     if not found.converged or not np.isfinite([alpha, error]).all():
-        return because(RunReason.FAILED)
+        return warned(RunReason.FAILED)
     if found.rms > _ROUGH * usual:
-        return because(RunReason.ROUGH, times=found.rms / usual)
-    return because(RunReason.UNDETERMINED) if QUANTILE * error > found.values["f0"] else ""
+        return warned(RunReason.ROUGH, times=found.rms / usual)
+    return warned(RunReason.UNDETERMINED) if QUANTILE * error > found.values["f0"] else ""
 
 
 def rows(found: Sequence[FittedStress]) -> list[dict[str, Cell]]:
