@@ -11,17 +11,7 @@ from ..findings import Warned, WarningCode, warned
 from ..records import Record, VelocitySteps
 from ..records.differences import noise_from_differences
 from ..records.stress import find_stress_changes, is_constant
-from .thresholds import CLEAR_RISE
-
-_PARTS, _SCALES, _ROWS = 8, (4, 8, 16, 32), 5
-"""Parts of the first velocity at which sliding may become steady; shares of the rows in which a
-change is sought; least number of rows of a mean."""
-_LOADS, _AWAY, _USUAL = 0.1, 0.03, 3.0
-"""Friction settles if more than this share of the motion loads or unloads the spring, if friction
-differs from its later level by this share of its range, and if it changes by this factor more than
-later, as a trend or a slow noise does not."""
-_SAFE = 0.3
-"""Factor of both shares from which a later start is advised."""
+from . import thresholds as const
 
 
 def unsteady_start(
@@ -37,30 +27,30 @@ def unsteady_start(
 
     def settles(first: int, factor: float = 1.0) -> bool:
         t, f = time[first:n], friction[first:n]
-        for half in (len(f) // scale // 2 for scale in _SCALES):
-            if half < _ROWS:
+        for half in (len(f) // scale // 2 for scale in const.STEADY_SCALES):
+            if half < const.STEADY_ROWS:
                 break
             means = f[: len(f) // half * half].reshape(-1, half).mean(axis=1)
             later = means[len(means) // 2 :]
             change, away = means[1] - means[0], np.median(later) - means[0]
             usual = float(np.sqrt(np.mean(np.diff(later) ** 2)))
-            clear = max(CLEAR_RISE * noise * np.sqrt(2 / half), _USUAL * usual)
-            loads = factor * _LOADS * K * V * (t[half] - t[0])
-            if abs(change) > max(loads, clear) and abs(away) > factor * _AWAY * size:
+            clear = max(const.CLEAR_RISE * noise * np.sqrt(2 / half), const.STEADY_USUAL * usual)
+            loads = factor * const.STEADY_LOADS * K * V * (t[half] - t[0])
+            if abs(change) > max(loads, clear) and abs(away) > factor * const.STEADY_AWAY * size:
                 return True
         return False
 
     if not (V > 0 and settles(0)):
         return ()
-    parts = [n * k // _PARTS for k in range(1, _PARTS)]
-    later = next((row for row in parts if not settles(row, _SAFE)), parts[-1])
+    parts = [n * k // const.STEADY_PARTS for k in range(1, const.STEADY_PARTS)]
+    later = next((row for row in parts if not settles(row, const.STEADY_SAFE)), parts[-1])
     return (warned(WarningCode.UNSTEADY, time=float(time[later])),)
 
 
 def changed_stress(record: Record) -> tuple[Warned, ...]:
     """Warn if the recorded normal stress of a record is not constant."""
     stress, time = record.normal_stress, record.relative_time
-    if stress is None or is_constant(stress, _PARTS):
+    if stress is None or is_constant(stress, const.STEADY_PARTS):
         return ()
     changes = find_stress_changes(time, stress)
     return (
@@ -68,6 +58,6 @@ def changed_stress(record: Record) -> tuple[Warned, ...]:
             WarningCode.STRESS,
             least=float(np.min(stress)),
             most=float(np.max(stress)),
-            when="".join(f", at {change.start:.4g} s" for change in changes[:_PARTS]),
+            when="".join(f", at {change.start:.4g} s" for change in changes[: const.STEADY_PARTS]),
         ),
     )

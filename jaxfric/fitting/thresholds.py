@@ -153,3 +153,15 @@ FEWEST_ROWS = 10
 """Fewest rows that a cutoff must leave."""
 SAMPLES_OF_ROW = 20
 """Fewest samples of the motion in a long row."""
+
+# ---- a steady start
+
+STEADY_PARTS, STEADY_SCALES, STEADY_ROWS = 8, (4, 8, 16, 32), 5
+"""Parts of the first velocity at which sliding may become steady; shares of the rows in which a
+change is sought; least number of rows of a mean."""
+STEADY_LOADS, STEADY_AWAY, STEADY_USUAL = 0.1, 0.03, 3.0
+"""Friction settles if more than this share of the motion loads or unloads the spring, if friction
+differs from its later level by this share of its range, and if it changes by this factor more than
+later, as a trend or a slow noise does not."""
+STEADY_SAFE = 0.3
+"""Factor of both shares from which a later start is advised."""
