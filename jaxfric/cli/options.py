@@ -217,7 +217,8 @@ DownsampleTo = Annotated[
     Parameter(
         help="Reduce the record to about this number of rows by block averaging. The fit is faster"
         " by the same factor. White noise falls with the square root of the rows in a block; errors"
-        " are computed from the residual of the means. A run uses 4000 rows for each window."
+        " are computed from the residual of the means. Default: 4000 rows for each window of a run,"
+        " 8192 rows for a loop (all rows if averaging would flatten a peak), all rows for a fit."
     ),
     MORE,
 ]

@@ -139,7 +139,7 @@ def task_of(
 ) -> FitTask:
     """Return the task that `fit` solves; raise the same errors as `fit`."""
     record = as_record(record)
-    unit, doubts = record.friction_unit, ()
+    unit = record.friction_unit
     if stiffness is None and not model.fit_stiffness:
         raise InputError(
             f"stiffness is needed, in {unit_of('K', unit)} (as in"
@@ -147,8 +147,7 @@ def task_of(
         )
     K, m = _stated(stiffness, "K", "stiffness", unit), _stated(mass, "m", "mass", unit)
     steps = steps_of(record, steps)
-    if rows is not None:
-        record, doubts = few_rows(record, rows, steps)
+    record, doubts = few_rows(record, rows, steps)
     if K is not None:
         _refuse_soft(K, record, steps)
     V0 = _stated(reference_velocity, "V0", option("reference-velocity"), unit)
@@ -228,12 +227,23 @@ def require_float64() -> None:
         )
 
 
-def few_rows(record: Record, rows: int, steps: VelocitySteps) -> tuple[Record, tuple[str, ...]]:
-    """The record averaged over neighbouring rows, and a warning if averaging flattens peaks."""
-    few = thinned(record, rows, steps)
+def few_rows(
+    record: Record, rows: int | None, steps: VelocitySteps, *, most: int | None = None
+) -> tuple[Record, tuple[str, ...]]:
+    """The record averaged over neighbouring rows, and a warning if averaging flattens peaks.
+
+    With `rows` None the result has at most `most` rows (default: all rows), but the record is not
+    averaged if averaging would flatten peaks.
+    """
+    asked = most if rows is None else rows
+    if asked is None:
+        return record, ()
+    few = thinned(record, asked, steps)
     lost = blur(few, noise_from_differences(few.friction)) if few is not record else 0.0
     if lost < BLUR:
         return few, ()
+    if rows is None:
+        return record, ()
     return few, (warned(WarningCode.FLATTENED, rows=-(-len(record) // rows), times=lost),)
 
 

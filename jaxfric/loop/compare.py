@@ -255,9 +255,7 @@ def compare_laws(
     record = as_record(record)
     progress("velocity steps")
     steps = steps_of(record, steps)
-    record, warnings = (
-        (record, ()) if downsample_to is None else few_rows(record, downsample_to, steps)
-    )
+    record, warnings = few_rows(record, downsample_to, steps)
 
     def fitted(law: str, states: int) -> Fit:
         return fit(

@@ -30,6 +30,7 @@ from .result import Loop
 from .run import run_loop
 from .slider import refuse_failed, slider_subject, with_channels
 from .split import split
+from .thresholds import MOST_ROWS
 
 
 @old_arguments(with_="include", without="exclude", most="max_effects", rows="downsample_to")
@@ -60,7 +61,8 @@ def close_loop(
     include : ids of effects that belong to the base; exclude : ids of excluded effects.
     own : your own effects, in addition to the catalogue.
     max_effects : largest number of effects added, 0 to `case.MOST`.
-    downsample_to : as in `jaxfric.fit`: average neighbouring rows, to about so many.
+    downsample_to : as in `jaxfric.fit`: average neighbouring rows, to about so many. None: only a
+        record of more than 8192 rows is averaged, and only if no peak is flattened.
     progress : callback for progress messages.
 
     Returns
@@ -99,9 +101,8 @@ def _step_subject(
     progress: Callable[[str], None],
 ) -> Subject[Problem]:
     """The subject of a record of velocity steps."""
-    found_steps, thinning = steps_of(record, steps), ()
-    if rows is not None:
-        record, thinning = few_rows(record, rows, found_steps)
+    found_steps = steps_of(record, steps)
+    record, thinning = few_rows(record, rows, found_steps, most=MOST_ROWS)
     stress = _stress(record)
     asked = with_channels(record, law, asked, stress=stress is not None)
     progress("base fit of the whole record")

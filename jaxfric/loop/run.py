@@ -31,7 +31,7 @@ from .residual_tests import merged
 from .result import BaseModel, Loop, RunDetails
 from .slider import refuse_failed, slider_subject, with_channels
 from .split import Blocks, split_again, split_units
-from .thresholds import ACCEPT, LATE, SIGNIFICANT, START_ROWS
+from .thresholds import ACCEPT, LATE, MOST_ROWS, SIGNIFICANT, START_ROWS
 
 _NAMED = ("effects", "ambiguous")
 
@@ -52,9 +52,7 @@ def run_loop(
     ------
     InputError : fewer than three usable steps and holds; or as in `jaxfric.fit`.
     """
-    joined, thinning = join(record, events), ()
-    if rows is not None:
-        joined, thinning = _thinned(joined, rows)
+    joined, thinning = _thinned(join(record, events), rows)
     asked = with_channels(joined.record, how.law, asked, stress=False)
     units = _units(joined)
     blocks = split_units(*units, record.provenance.path)
@@ -252,15 +250,18 @@ def _left_out(joined: Joined) -> np.ndarray:
     return count
 
 
-def _thinned(joined: Joined, rows: int) -> tuple[Joined, tuple[str, ...]]:
-    """The joined run averaged over neighbouring rows, never over two phases."""
+def _thinned(joined: Joined, rows: int | None) -> tuple[Joined, tuple[str, ...]]:
+    """The joined run averaged as by `few_rows` to at most `MOST_ROWS` rows, never over phases."""
     edges = np.flatnonzero(np.diff(joined.phase)) + 1
     cuts = _between(joined.record.time, edges)
-    few, said = few_rows(joined.record, rows, VelocitySteps(cuts, np.ones(len(cuts))))
+    within = VelocitySteps(cuts, np.ones(len(cuts)))
+    few, said = few_rows(joined.record, rows, within, most=MOST_ROWS)
     if few is joined.record:
         return joined, ()
     in_run = VelocitySteps(_between(joined.rows.relative_time, edges), np.ones(len(cuts)))
-    shown, _ = few_rows(joined.rows, rows, in_run)
+    shown, _ = few_rows(joined.rows, rows or MOST_ROWS, in_run)
+    if len(shown) != len(few) and rows is None:
+        return joined, ()
     if len(shown) != len(few):
         raise InputError(
             f"{option('downsample-to', rows)}: a phase of the run would be lost; ask for more rows"

@@ -13,7 +13,7 @@ from jaxtyping import Array, ArrayLike, Float, Int
 
 from ..errors import InputError
 
-_KNOTS, _OF_A_HALF = 4096, 1024
+_KNOTS = 1024
 _FEWEST = 5
 _EACH = 64
 
@@ -127,6 +127,6 @@ def moved_stress(time: ArrayLike, stress: ArrayLike) -> float:
     independent in the two histories.
     """
     t, s = np.asarray(time, float), np.asarray(stress, float)
-    halves = [recorded_stress(t[k::2], s[k::2], knots=_OF_A_HALF) for k in (0, 1)]
+    halves = [recorded_stress(t[k::2], s[k::2], knots=_KNOTS) for k in (0, 1)]
     ratios = [np.asarray(jax.vmap(half.ratio)(jnp.asarray(t))) for half in halves]
     return float(np.sqrt(max(np.cov(ratios)[0, 1], 0.0)))
