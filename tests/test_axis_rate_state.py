@@ -555,5 +555,15 @@ def test_the_loop_names_rate_and_state_and_finds_its_weakening():
 
 
 @pytest.mark.long
+def test_no_gains_of_a_memory_whose_length_is_not_determined():
+    """Friction forgets within a row, so the record shows A - B at most: (B - A)/L is unknown."""
+    others = sorted(set(AXIS_CATALOGUE) - {"rate_and_state"})
+    axis, how = record(0, 8, L=2e-6), {"include": "rate_and_state", "exclude": others}
+    loop = close_axis_loop(axis, zero_order_hold=False, max_effects=0, **how)
+    assert not loop.after.parameters["rate_and_state.L"].determined
+    assert loop.details.gains.claim.kind == "open"
+
+
+@pytest.mark.long
 def test_among_all_effects():
     check_named(close_axis_loop(record(1), zero_order_hold=False))

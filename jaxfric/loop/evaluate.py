@@ -27,7 +27,7 @@ from ..fitting.encompassing import EncompassingModel
 from ..fitting.thresholds import FAILED_MISFIT
 from ..threads import go_on
 from ..traced import traced
-from .thresholds import AT_ONCE, FORGOTTEN, GROUPS, HEAVY, KEPT, MOST_ROWS, OF_LONG
+from .thresholds import AT_ONCE, FITTED_ROWS, FORGOTTEN, GROUPS, HEAVY, KEPT, OF_LONG
 
 
 class SharedShifts:
@@ -202,7 +202,7 @@ class Evaluator(Generic[P]):
 
 
 def _at_once(problem: AbstractProblem) -> int:
-    return AT_ONCE if len(problem.time) <= MOST_ROWS else OF_LONG
+    return AT_ONCE if len(problem.time) <= FITTED_ROWS else OF_LONG
 
 
 def _parts(problem: AbstractProblem, directions: np.ndarray) -> int:

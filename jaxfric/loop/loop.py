@@ -30,7 +30,7 @@ from .result import Loop
 from .run import run_loop
 from .slider import refuse_failed, slider_subject, with_channels
 from .split import split
-from .thresholds import MOST_ROWS
+from .thresholds import FITTED_ROWS
 
 
 @old_arguments(with_="include", without="exclude", most="max_effects", rows="downsample_to")
@@ -102,7 +102,7 @@ def _step_subject(
 ) -> Subject[Problem]:
     """The subject of a record of velocity steps."""
     found_steps = steps_of(record, steps)
-    record, thinning = few_rows(record, rows, found_steps, most=MOST_ROWS)
+    record, thinning = few_rows(record, rows, found_steps, most=FITTED_ROWS)
     stress = _stress(record)
     asked = with_channels(record, law, asked, stress=stress is not None)
     progress("base fit of the whole record")

@@ -31,7 +31,7 @@ from .residual_tests import merged
 from .result import BaseModel, Loop, RunDetails
 from .slider import refuse_failed, slider_subject, with_channels
 from .split import Blocks, split_again, split_units
-from .thresholds import ACCEPT, LATE, MOST_ROWS, SIGNIFICANT, START_ROWS
+from .thresholds import ACCEPT, FITTED_ROWS, LATE, SIGNIFICANT, START_ROWS
 
 _NAMED = ("effects", "ambiguous")
 
@@ -251,15 +251,15 @@ def _left_out(joined: Joined) -> np.ndarray:
 
 
 def _thinned(joined: Joined, rows: int | None) -> tuple[Joined, tuple[str, ...]]:
-    """The joined run averaged as by `few_rows` to at most `MOST_ROWS` rows, never over phases."""
+    """The joined run averaged as by `few_rows` to at most `FITTED_ROWS` rows, never over phases."""
     edges = np.flatnonzero(np.diff(joined.phase)) + 1
     cuts = _between(joined.record.time, edges)
     within = VelocitySteps(cuts, np.ones(len(cuts)))
-    few, said = few_rows(joined.record, rows, within, most=MOST_ROWS)
+    few, said = few_rows(joined.record, rows, within, most=FITTED_ROWS)
     if few is joined.record:
         return joined, ()
     in_run = VelocitySteps(_between(joined.rows.relative_time, edges), np.ones(len(cuts)))
-    shown, _ = few_rows(joined.rows, rows or MOST_ROWS, in_run)
+    shown, _ = few_rows(joined.rows, rows or FITTED_ROWS, in_run)
     if len(shown) != len(few) and rows is None:
         return joined, ()
     if len(shown) != len(few):

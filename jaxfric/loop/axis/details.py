@@ -81,6 +81,7 @@ def details_of(
     problem = engine.case.problem
     prepared, rows = reading.prepared, reading.rows
     usual_force = as_published(problem, prepared, rows)
+    acting = {e.id for e in engine.model.effects if e.room == "friction"}
     fits: list[tuple[str, AxisFit]] = []
     models = [("before", found.base)]
     models += [] if found.final is found.base else [("after", found.final)]
@@ -89,7 +90,6 @@ def details_of(
         progress("inverse dynamics of all rows")
         fits.append((when, inverse_dynamics(usual_force, candidate.z, free)))
         progress("closed-loop output error")
-        acting = [e.id for e in engine.model.effects if e.room == "friction"]
         simulated_free = engine.free(tuple(id for id in candidate.effects if id in acting))
         simulated = output_error(problem, candidate.z, simulated_free, record)
         fits += [] if simulated is None else [(when, simulated)]
@@ -108,7 +108,8 @@ def details_of(
         what = f"the model misses the test block by {missed:.2g} {unit_of} beyond noise"
         why = f"{what}, where friction is {own:.2g} {unit_of}"
         supported = supported._replace(unseen=(*supported.unseen, Unseen(why, np.inf)))
-    gains = _gains(rig, place, supported, record.drive)
+    loose = [n for n, e in told.items() if not e.determined and n.split(".")[0] in acting]
+    gains = _gains(rig, place, supported, record.drive, loose)
     details = AxisDetails(
         tuple(fits),
         prepared.preparation,
@@ -144,13 +145,21 @@ def turning_acceleration(rows: AxisRows, acceleration: np.ndarray) -> float:
     return float(np.median(largest))
 
 
-def _gains(rig: AxisRig, position: float, known: Seen, drive: Drive | None) -> AxisGains:
-    """Gains for friction with a state variable, or else for its steady curve at `position`."""
+def _gains(
+    rig: AxisRig, position: float, known: Seen, drive: Drive | None, loose: Sequence[str]
+) -> AxisGains:
+    """Gains for friction with a state variable, or else for its steady curve at `position`.
+
+    The error of a steady curve accounts for undetermined parameters. Gains for friction with a
+    state have no such error: they support no claim if a parameter of friction is in `loose`.
+    """
     slow, fast = known.slowest, known.fastest
     gains = state_gains(rig, position, slow, fast, drive=drive)
     if gains is not None:
         error = known.error(gains.worst_velocity)
-        curve = Curve(gains.slope, error, slow, fast, known.above, known.unseen)
+        unknown = (Unseen(f"{name} is not determined", np.inf) for name in loose)
+        unseen = (*known.unseen, *unknown)
+        curve = Curve(gains.slope, error, slow, fast, known.above, unseen)
         return dataclasses.replace(gains, curve=curve)
 
     def steady(speed: np.ndarray) -> np.ndarray:
