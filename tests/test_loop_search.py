@@ -362,13 +362,36 @@ def test_a_load_point_that_turns_is_refused_and_one_that_holds_is_fitted(after, 
         assert text == "fitted first"
 
 
-@pytest.mark.parametrize(("rows", "size"), [(None, 1), (400, 2), (399, 3)])
-def test_few_rows_are_means_before_anything_is_fitted(monkeypatch, rows, size):
-    """Two velocities, 400 rows each: the first row, then means of `size` rows, none over the step.
+@pytest.mark.parametrize(
+    ("number", "rows", "size"),
+    [(800, None, 1), (800, 400, 2), (800, 399, 3), (8192, None, 1), (8200, None, 2)],
+)
+def test_few_rows_are_means_before_anything_is_fitted(monkeypatch, number, rows, size):
+    """Two velocities: the first row, then means of `size` rows, none over the step between them.
 
     The whole loop on few rows is not run here: it takes a quarter of a minute.
     """
-    record, up, fitted = plain([UM, 10 * UM], rows=800), [UM, 10 * UM], []
+    record, up, half = plain([UM, 10 * UM], rows=number), [UM, 10 * UM], number // 2
+    fitted = first_fitted(monkeypatch, record, up, rows)
+    starts = [np.arange(1, half + 1 - size, size), np.arange(half, number + 1 - size, size)]
+    starts = np.concatenate(starts)
+    for role in ("time", "friction", "load_point_displacement"):
+        values = getattr(record, role)
+        means = np.mean([values[starts + k] for k in range(size)], axis=0)
+        np.testing.assert_allclose(getattr(fitted, role), np.append(values[0], means), rtol=1e-12)
+
+
+def test_a_long_record_with_sharp_peaks_keeps_its_rows(monkeypatch):
+    """Waves of four rows and little noise: means of two rows would cut off their peaks."""
+    record, up, row = plain([UM, 10 * UM], rows=8200), [UM, 10 * UM], np.arange(8200)
+    peaks = 5e-3 * np.sin(row * np.pi / 4) * (row % 40 < 4)
+    sharp = record_of(record.time, record.load_point_displacement, record.friction + peaks)
+    assert len(first_fitted(monkeypatch, sharp, up, None)) == 8200
+
+
+def first_fitted(monkeypatch, record, velocities, rows):
+    """The record of the first fit of a loop, which ends there."""
+    fitted = []
 
     def fit(record, **options):
         fitted.append(record)
@@ -376,13 +399,8 @@ def test_few_rows_are_means_before_anything_is_fitted(monkeypatch, rows, size):
 
     monkeypatch.setattr("jaxfric.loop.loop.fit", fit)
     with pytest.raises(jf.InputError, match="no need"):
-        close_loop(record, stiffness=1e3, steps=steps_of(up), downsample_to=rows)
-    starts = np.concatenate([np.arange(1, 401 - size, size), np.arange(400, 801 - size, size)])
-    for role in ("time", "friction", "load_point_displacement"):
-        values = getattr(record, role)
-        means = np.mean([values[starts + k] for k in range(size)], axis=0)
-        found = getattr(fitted[0], role)
-        np.testing.assert_allclose(found, np.append(values[0], means), rtol=1e-12)
+        close_loop(record, stiffness=1e3, steps=steps_of(velocities), downsample_to=rows)
+    return fitted[0]
 
 
 def test_a_base_fit_that_did_not_converge_is_refused():
