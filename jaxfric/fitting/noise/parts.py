@@ -270,7 +270,7 @@ class Resonator(AbstractPart):
 
     @classmethod
     def joins(cls, others: Sequence[type[AbstractPart]], *, either_sign: bool) -> bool:
-        """Whether no resonator is present yet: a record has at most one resonator."""
+        """Whether no resonator is present yet; an exchange of parts may add a second one."""
         del either_sign
         return cls not in others
 

@@ -4,7 +4,8 @@ A `Family` lists the parts of a noise and their clocks. Damped Newton steps find
 family's parameters. The derivatives are finite differences of the likelihood between noises that
 are evaluated in one pass (`likelihood`).
 
-`estimate_noise` starts from white noise and adds a part if this lowers the BIC. `profile_noise`
+`estimate_noise` starts from white noise and adds a part if this lowers the BIC. If the
+autocorrelation of the residual contradicts the result, parts are exchanged. `profile_noise`
 keeps the parts and estimates their sizes anew. In a very long record the search for parts uses a
 few stretches of rows, and the estimate of their sizes more stretches. The standard deviation sigma
 and the likelihood use all rows.
@@ -21,9 +22,11 @@ from jaxtyping import ArrayLike, Float
 from ...threads import side_by_side
 from ..padding import Numbers, counted_rows, padded_columns
 from . import thresholds as const
+from .autocorrelation import autocorrelation
+from .estimate import noise_estimate
 from .likelihood import restricted, restricted_white
 from .model import Noise, Noises, white_of
-from .parts import KINDS, Limits, Term
+from .parts import KINDS, AbstractPart, Exponential, Limits, Resonator, Term
 
 
 class Family(NamedTuple):
@@ -34,7 +37,12 @@ class Family(NamedTuple):
     @property
     def parameters(self) -> int:
         """Number of parameters of the family, without sigma."""
-        return sum(term.kind.parameters for term in self.terms)
+        return sum(kind.parameters for kind in self.kinds)
+
+    @property
+    def kinds(self) -> list[type[AbstractPart]]:
+        """The kinds of its parts."""
+        return [kind for kind, _ in self.terms]
 
     def joined(
         self, term: Term, theta: np.ndarray, new: Sequence[Sequence[float]]
@@ -48,6 +56,12 @@ class Family(NamedTuple):
         place = Family(terms[0]).parameters
         both = np.array([[*theta[:place], *own, *theta[place:]] for own in new])
         return Family((*terms[0], term, *terms[1])), both
+
+    def without(self, k: int, theta: np.ndarray) -> tuple["Family", np.ndarray]:
+        """The family without its part `k`, and the parameters of the new family."""
+        rest = [own for i, own in enumerate(self.split(theta)) if i != k]
+        terms = tuple(term for i, term in enumerate(self.terms) if i != k)
+        return Family(terms), np.concatenate([np.zeros(0), *rest])
 
     def split(self, theta: Float[np.ndarray, "*g q"]) -> list[Float[np.ndarray, "*g p"]]:
         """The parameters of every part of the family."""
@@ -326,22 +340,52 @@ def _restricted_at(record: NoiseRows, parts: tuple, sigma: float) -> float:
 
 
 def _with_parts(record: NoiseRows, *, either_sign: bool) -> Found:
-    """The likeliest noise, built part by part while the BIC falls."""
+    """The likeliest noise, built part by part while the BIC falls.
+
+    The part that is added first may be a compromise between two others. If the autocorrelation
+    contradicts the noise, each part in turn is replaced, and a second oscillation is allowed.
+    """
     best = _best_of(record, Family(), np.zeros((1, 0)))
     for _ in range(const.MOST_PARTS):
-        more = _with_another(record, best, either_sign=either_sign)
-        extra = more.family.parameters - best.family.parameters if more else 0
-        if more is None or not more.value - best.value > extra * record.worth:
+        kinds = [kind for kind in KINDS if kind.joins(best.family.kinds, either_sign=either_sign)]
+        more = _with_another(record, best, kinds)
+        if not _pays(record, more, best):
+            break
+        best = more
+    for _ in range(const.EXCHANGES):
+        number = len(best.family.terms)
+        if not number or not _contradicted(record, best):
+            break
+        rests = [best] if number < const.MOST_PARTS else []
+        for k in range(number) if number > 1 else ():
+            family, theta = best.family.without(k, best.theta)
+            rests.append(_best_of(record, family, theta[None]))
+        kinds = [Exponential, Resonator]
+        found = [_with_another(record, rest, kinds) for rest in rests]
+        more = max(found, key=lambda one: one.value - record.worth * one.family.parameters)
+        if not _pays(record, more, best):
             break
         best = more
     return best
 
 
-def _with_another(record: NoiseRows, best: Found, *, either_sign: bool) -> Found | None:
-    """The likeliest noise with one more part than `best`."""
+def _pays(record: NoiseRows, more: Found, best: Found) -> bool:
+    """Whether the BIC of `more` is below that of `best`."""
+    extra = more.family.parameters - best.family.parameters
+    return more.value - best.value > max(extra * record.worth, const.SETTLED)
+
+
+def _contradicted(record: NoiseRows, found: Found) -> bool:
+    """Whether the autocorrelation of the residual contradicts a noise (`autocorrelation`)."""
+    clock, residual = np.asarray(record.clock), record.columns[:, 0] / record.scale
+    known = np.where(np.asarray(record.weight) > 0, residual, np.nan)
+    noise = noise_estimate(found.noise, 1.0, record.limits.longest)
+    return bool(autocorrelation(clock, known, noise).beyond())
+
+
+def _with_another(record: NoiseRows, best: Found, kinds: Sequence[type[AbstractPart]]) -> Found:
+    """The likeliest noise with one more part than `best`, of one of the `kinds`."""
     limits, family = record.limits, best.family
-    there = [kind for kind, _ in family.terms]
-    kinds = [kind for kind in KINDS if kind.joins(there, either_sign=either_sign)]
     # sizes are relative to white noise: scale them up if `best` is mostly correlated
     white = -float(np.log(np.clip(best.noise.white, np.exp(-const.LARGEST), 1.0)))
     starts = {}
@@ -360,7 +404,7 @@ def _with_another(record: NoiseRows, best: Found, *, either_sign: bool) -> Found
         return _refined(record, one, best.value + more * record.worth)
 
     found = side_by_side(refined, found)
-    return max(found, key=lambda one: one.value - 3 * one.family.parameters, default=None)
+    return max(found, key=lambda one: one.value - 3 * one.family.parameters)
 
 
 def _memories(limits: Limits, clock: int, number: int) -> list[float]:
