@@ -102,6 +102,8 @@ class WarningCode(StrEnum):
     """The maximum of a posterior was not found."""
     NO_PRIOR = "no_prior"
     """Neither record nor prior determines parameters; values: parameters, first."""
+    PRIOR_ENDS = "prior_ends_inside"
+    """Uniform priors end inside the posterior; values: parameters."""
     LOOSE_MODEL = "model_undetermined"
     """The record of a model does not determine parameters; values: parameters."""
     OTHER_VELOCITIES = "other_velocities"

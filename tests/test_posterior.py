@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy import integrate, stats
+from scipy import integrate, optimize, stats
 from scipy.linalg import cho_factor, cho_solve
 
 from jaxfric.errors import InputError
@@ -209,7 +209,7 @@ def test_nuts_has_the_moments_of_quadrature_and_of_the_closed_form(curved, linea
         std = np.sqrt(np.diag(spread_of)) if spread_of.ndim == 2 else spread_of
         about = laplace(target, target.start(np.array([1.0, 1.0])))
         assert about.converged
-        found = nuts(target, about, draws=1500, chains=2, seed=3, warmup=200)
+        found = nuts(about, draws=1500, chains=2, seed=3, warmup=200)
         assert found.values.shape == (2, 1500, 2) and found.diverging.sum() == 0
         values = found.values.reshape(-1, 2)
         names = ("A", "B")
@@ -232,14 +232,75 @@ def test_the_normal_law_of_a_curved_posterior_keeps_bounds_and_is_not_all(curved
     assert np.all((away > 0.1) & (away < 0.3))
 
 
+ENDS = (8.0, 3.0, 1.0, 0.0, -3.0, -30.0)
+"""Ends of a uniform prior, in standard errors above the estimate of the record."""
+
+
+def cut_at(end):
+    """One signed parameter whose uniform prior ends there: (target, its truncated normal law)."""
+    problem = line(("f0",), np.ones((25, 1)), np.array([0.5]), 0.4)
+    mean, std = float(np.mean(problem.data)), 0.4 / 5
+    low, high = mean - 40 * std, mean + end * std
+    law = stats.truncnorm((low - mean) / std, end, mean, std)
+    return Target(problem, None, (made(UniformPrior, SIGNED, low, high),), 0), law
+
+
+@pytest.mark.parametrize("end", ENDS)
+def test_a_uniform_prior_that_cuts_the_likelihood_has_its_maximum_and_curvature(end):
+    """Against the density of SciPy's truncated normal law in y = ln((x - low)/(high - x))."""
+    target, law = cut_at(end)
+    low, high = law.support()
+
+    def density(y):
+        share = 1 / (1 + np.exp(-y))
+        return law.logpdf(low + (high - low) * share) + np.log(share) + np.log1p(-share)
+
+    found = laplace(target, target.start(np.array([0.5 / 0.3])))
+    best = optimize.minimize_scalar(lambda y: -density(y), bounds=(-5, 15), options={"xatol": 1e-9})
+    assert found.cut == (() if end > 3 else (0,)) and found.converged
+    assert found.y[0] == pytest.approx(best.x, abs=1e-3)
+    h, at = 1e-3, found.y[0]
+    curvature = -(density(at + h) - 2 * density(at) + density(at - h)) / h**2
+    assert 1 / found.covariance[0, 0] == pytest.approx(curvature, rel=1e-3)
+
+
+def test_what_a_cut_parameter_trades_with_follows_it_in_the_normal_law():
+    """The mean of the record is known as well as without the cut, at any value of the slope."""
+    t = np.linspace(20.0, 21.0, 30)
+    problem = line(("f0", "c0"), np.column_stack([np.ones(30), t]), np.array([0.5, -0.2]), 0.4)
+    slope, error = np.polyfit(t, problem.data, 1)[0], 0.4 / math.sqrt(np.sum((t - t.mean()) ** 2))
+    end = made(UniformPrior, SIGNED, slope - 40 * error, slope)
+    target = Target(problem, None, (made(FlatPrior, SIGNED), end), 0)
+    found = laplace(target, target.start(np.array([0.5, -0.2]) / 0.3))
+    assert found.converged and found.cut == (1,)
+    mean = found.draws @ np.array([1.0, t.mean()])
+    assert mean.std() == pytest.approx(0.4 / math.sqrt(30), rel=0.01)
+    assert mean.mean() == pytest.approx(float(np.mean(np.asarray(problem.data))), abs=0.002)
+    assert np.all(found.draws[:, 1] < slope)
+
+
+def test_nuts_draws_from_a_likelihood_that_a_uniform_prior_cuts():
+    pytest.importorskip("blackjax")
+    target, law = cut_at(-3.0)
+    found = nuts(laplace(target, target.start(np.array([1.0]))), draws=1500, chains=2)
+    two = np.concatenate([found.values, found.values**2], axis=-1)
+    ess, values = diagnosed(("A", "B"), found._replace(values=two))["A"], found.values.ravel()
+    assert found.diverging.sum() == 0 and ess.ess_bulk > 500
+    assert abs(values.mean() - law.mean()) < 4 * law.std() / np.sqrt(ess.ess_bulk)
+    assert values.std() == pytest.approx(law.std(), rel=0.15)
+    assert np.mean(values < law.ppf(0.1)) == pytest.approx(0.1, abs=0.03)
+
+
 def test_an_end_of_the_density_is_far_below_its_maximum_and_nuts_starts_elsewhere(linear):
     """A start where the posterior has none is moved towards the maximum."""
     target, *_ = linear
     about = laplace(target, target.start(np.array([1.0, 1.0])))
-    near, density, slope = sampler._start(target, about, np.array([0.5, -0.4]))
+    near, density, slope = sampler._start(about, np.array([0.5, -0.4]))
     np.testing.assert_array_equal(near, [0.5, -0.4])
     walled = eqx.tree_at(lambda t: t.problem.sigma, target, number(1e-3))
-    moved, *_ = sampler._start(walled, about._replace(log_density=0.0), np.array([0.5, -0.4]))
+    moved, *_ = sampler._start(
+        about._replace(target=walled, log_density=0.0), np.array([0.5, -0.4])
+    )
     assert np.linalg.norm(moved) < 0.1
     h = 1e-5
     for i, e in enumerate(np.eye(2)):  # in units of standard errors

@@ -47,11 +47,11 @@ WIDE = tomllib.loads(PRIORS)["priors"]
 FORCE = ("--normal-force", "500 N", "--mass", "2", "--velocity", "5 um/s", "--no-check")
 
 
-def draws_of_the_normal_law(target, about, *, draws, chains, seed, progress, warmup=0):
+def draws_of_the_normal_law(about, *, draws, chains, seed, progress, warmup=0):
     """A stand-in for NUTS."""
     u = np.random.default_rng(seed).standard_normal((chains, draws, len(about.y)))
     y = about.y + u @ about.root.T
-    values = np.asarray(natural_of(target, jax.device_put(y.reshape(-1, len(about.y)))))
+    values = np.asarray(natural_of(about.target, jax.device_put(y.reshape(-1, len(about.y)))))
     density = -0.5 * np.sum(u**2, axis=-1)
     none, whole = np.zeros((chains, draws)), np.ones((chains, draws), int)
     values = values.reshape(chains, draws, -1)
@@ -175,6 +175,18 @@ def test_the_line_of_a_posterior_is_that_of_its_draws(fitted, monkeypatch, draws
     assert line in found.summary()
     other = dataclasses.replace(found, converged=False)
     assert other.summary().splitlines()[1].endswith("; did not converge: it claims nothing")
+
+
+@pytest.mark.parametrize(("end", "warns"), [(8.0, False), (0.0, True)])
+def test_a_uniform_prior_that_ends_inside_asks_for_draws(fitted, monkeypatch, end, warns):
+    """Draws are not of the normal law, so they have no such warning."""
+    B = fitted.parameters["B"]
+    priors = {"B": {"uniform": [0.0, B.value + end * B.std]}}
+    found = find_posterior(fitted, priors)
+    assert found.converged and len(found.warnings) == warns
+    assert all("prior of B ends inside" in one for one in found.warnings)
+    monkeypatch.setattr(sys.modules["jaxfric.posterior.posterior"], "nuts", draws_of_the_normal_law)
+    assert not find_posterior(fitted, priors, draws=400).warnings
 
 
 def test_gains_take_a_fit_and_a_posterior_at_hand(fitted, tmp_path):

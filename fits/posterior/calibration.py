@@ -38,7 +38,7 @@ def one(seed: int) -> dict:
     scale = float(fit.solved.problem.noise_scale)
     target, start = target_of(fit, PRIORS, noise=noise_of(SIGMA / scale))
     about = laplace(target, start)
-    drawn = nuts(target, about, draws=DRAWS, chains=1, seed=seed, warmup=150)
+    drawn = nuts(about, draws=DRAWS, chains=1, seed=seed, warmup=150)
     thin = drawn.values[0, :: DRAWS // KEPT]
     true = named(NAMES, truth)
     ranks = {k: int(np.sum(v < true[k])) for k, v in named(NAMES, thin).items()}

@@ -116,7 +116,8 @@ def _save(result: "Fit", posterior: "Posterior | None", folder: Folder) -> None:
 
 
 def _report(result: "Fit", posterior: "Posterior | None") -> "Report":
-    """Return the report of the fit, with the table of the posterior first if there is one."""
+    """Return the report of the fit and its posterior; the short table is that of a posterior that
+    converged, from its draws if there are any."""
     from ..views import report
 
     fit = report(result)
@@ -127,7 +128,7 @@ def _report(result: "Fit", posterior: "Posterior | None") -> "Report":
         tables=[*fit.tables, *also.tables],
         notes=[*fit.notes, *also.notes],
         warnings=[*fit.warnings, *also.warnings],
-        short=also.tables[0] if posterior.found else None,
+        short=also.tables[-1] if posterior.converged else None,
     )
 
 

@@ -1,6 +1,6 @@
 """`find_posterior(fit, priors)`: the posterior of a fit's parameters under priors."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -50,7 +50,8 @@ def find_posterior(
 
     Returns
     -------
-    Posterior. Check `converged` and `warnings` of the posterior.
+    Posterior. Check `converged` and `warnings` of the posterior. Near the end of a uniform prior
+    the Laplace approximation is inexact; a warning then asks for draws.
 
     Raises
     ------
@@ -64,14 +65,18 @@ def find_posterior(
     progress("the maximum of the posterior")
     about = laplace(target, start)
     names = target.problem.model.names()
-    said, held = _of_maximum(fit, target, about), "the fit's estimate" if noise is None else "given"
+    refused = _of_maximum(fit, target, about)
+    held = "the fit's estimate" if noise is None else "given"
     whitened = None
-    if not said and target.whitening is not None and fit.weighting == "ordinary":
+    if not refused and target.whitening is not None and fit.weighting == "ordinary":
         progress("the fit without priors of the same weighting")
         whitened = _whitened(fit, noise)
-    if draws is None or said:
-        return Posterior(fit, names, target.priors, about, None, {}, not said, said, held, whitened)
-    found = nuts(target, about, draws=draws, chains=chains, seed=seed, progress=progress)
+    if draws is None or refused:
+        said = refused or _cut(names, about)
+        return Posterior(
+            fit, names, target.priors, about, None, {}, not refused, said, held, whitened
+        )
+    found = nuts(about, draws=draws, chains=chains, seed=seed, progress=progress)
     agreed = diagnosed(names, found)
     said = doubts(agreed, int(found.diverging.sum()))
     return Posterior(
@@ -135,3 +140,9 @@ def _of_maximum(fit: Fit, target: Target, about: Laplace) -> tuple[str, ...]:
     pairs = zip(target.problem.model.names(), target.priors, known, strict=True)
     loose = [name for name, prior, fixed in pairs if isinstance(prior, FlatPrior) and not fixed]
     return (warned(WarningCode.NO_PRIOR, parameters=loose, first=loose[0]),) if loose else ()
+
+
+def _cut(names: Sequence[str], about: Laplace) -> tuple[str, ...]:
+    """A warning of uniform priors that end inside the Laplace approximation."""
+    cut = [names[i] for i in about.cut]
+    return (warned(WarningCode.PRIOR_ENDS, parameters=cut),) if cut else ()

@@ -1,11 +1,11 @@
 """Draws of a log posterior by NUTS, in the form of blackjax. NUTS is the no-U-turn sampler of
 Hoffman & Gelman (2014, JMLR 15, 1593).
 
-Chains move in units of the Laplace approximation, y = y_MAP + R u. In units of the Laplace
-approximation the posterior is roughly standard normal, so the mass matrix is the identity. Only the
-step size is adapted. Chains run one after another. Parallel chains would all wait for the longest
-tree and the slowest simulation, so parallel chains take longer on few cores. Each chain starts at a
-draw of the Laplace approximation.
+Chains move in the variables and units of the Laplace approximation, y = y_MAP + R u. In these units
+the posterior is roughly standard normal, so the mass matrix is the identity. Only the step size is
+adapted. Chains run one after another. Parallel chains would all wait for the longest tree and the
+slowest simulation, so parallel chains take longer on few cores. Each chain starts at a draw of the
+Laplace approximation.
 """
 
 import importlib.metadata
@@ -25,7 +25,9 @@ from .laplace import Laplace
 from .target import Target, natural_of, point, value_and_gradient
 
 MISSING = 'draws by NUTS need blackjax and arviz; install them: pip install "jaxfric[posterior]"'
-_ACCEPTANCE, _DOUBLINGS = 0.8, 8
+_ACCEPTANCE, _NEAR_AN_END, _DOUBLINGS = 0.8, 0.9, 8
+"""Acceptance that the step size is adapted to; where a uniform prior ends inside the posterior its
+density falls steeply on one side, and shorter steps diverge less."""
 _WARMUP = 250
 """Warm-up draws of a chain, which adapt the step size and are discarded."""
 _SLACK, _HALVINGS = 50.0, 8
@@ -55,7 +57,6 @@ def require_blackjax() -> None:
 
 
 def nuts(
-    target: Target,
     about: Laplace,
     *,
     draws: int = 1000,
@@ -64,31 +65,35 @@ def nuts(
     warmup: int = _WARMUP,
     progress: Callable[[str], None] = silent,
 ) -> Draws:
-    """Draw from a target by NUTS, starting from its Laplace approximation `about`.
+    """Draw from a log posterior by NUTS, starting from its Laplace approximation `about`.
 
     Raises `InputError` if blackjax is not installed.
     """
     require_blackjax()
-    y, root = jax.device_put(about.y), jax.device_put(about.root)
+    target, y, root = about.target, jax.device_put(about.y), jax.device_put(about.root)
+    aim = _NEAR_AN_END if about.cut else _ACCEPTANCE
     found, version = [], importlib.metadata.version("blackjax")
     for c in range(chains):
         progress(f"NUTS, chain {c + 1} of {chains}" + (", compiling first" if c == 0 else ""))
         first, key = jax.random.split(jax.random.fold_in(jax.random.PRNGKey(seed), c))
-        begin = _start(target, about, np.asarray(jax.random.normal(first, (len(about.y),))))
-        out = _chain(target, y, root, begin, key, (warmup, draws), version)
+        begin = _start(about, np.asarray(jax.random.normal(first, (len(about.y),))))
+        out = _chain(target, y, root, begin, key, (warmup, draws), aim, version)
         found.append([np.asarray(x) for x in out])
     position, density, told, size = (np.stack(x) for x in zip(*found, strict=True))
-    ys = about.y + position @ about.root.T
-    values = natural_of(target, jax.device_put(ys.reshape(-1, len(about.y))))
-    values = np.asarray(values).reshape(*ys.shape[:2], -1)
+    every = jax.device_put((about.y + position @ about.root.T).reshape(-1, len(about.y)))
+    values, ys = (
+        np.asarray(x).reshape(*position.shape[:2], -1)
+        for x in (natural_of(target, every), jax.vmap(target.unsheared)(every))
+    )
     diverging, acceptance, depth, steps = np.moveaxis(told, -1, 0)
     counts = depth.astype(int), steps.astype(int)
     return Draws(values, ys, density, diverging > 0, acceptance, *counts, size)
 
 
-def _start(target: Target, about: Laplace, u: np.ndarray) -> tuple[Array, Array, Array]:
+def _start(about: Laplace, u: np.ndarray) -> tuple[Array, Array, Array]:
     """Start at a draw of the Laplace approximation, moved towards the maximum if the posterior is
     negligible there; return it with log density and gradient."""
+    target = about.target
     at = point(target, jax.device_put(about.y + about.root @ u))
     for _ in range(_HALVINGS):
         if float(at.log_density) > about.log_density - _SLACK - 0.5 * float(u @ u):
@@ -125,18 +130,20 @@ def _chain(
     begin: tuple[Float[Array, " q"], Float[Array, ""], Float[Array, " q"]],
     key: Array,
     counts: tuple[int, int],
+    acceptance: float,
     version: str,
 ) -> tuple[Array, Array, Array, Array]:
     """Run one chain from `begin`: a position, its log density and its gradient.
 
-    `counts` are the numbers of warm-up and of kept draws. Returns positions, log densities and
+    `counts` are the numbers of warm-up and of kept draws; the step size is adapted to `acceptance`.
+    Returns positions, log densities and
     diagnostics of the kept draws, and the step size. The cached trace depends on `version`."""
     from blackjax.adaptation import step_size
     from blackjax.mcmc import hmc
     from blackjax.mcmc import nuts as sampler
 
     density, kernel = _log_density(target, y, root), sampler.build_kernel()
-    start, adapt, end = step_size.dual_averaging_adaptation(_ACCEPTANCE)
+    start, adapt, end = step_size.dual_averaging_adaptation(acceptance)
     mass, warmup = jnp.ones_like(y), counts[0]
 
     def draw(carry: tuple, turn: tuple[Array, Array]) -> tuple[tuple, tuple]:
@@ -154,7 +161,7 @@ def _chain(
     turns = jnp.arange(sum(counts)), jax.random.split(key, sum(counts))
     # blackjax annotates traced numbers as floats
     begun = hmc.HMCState(*begin)  # ty: ignore[invalid-argument-type]
-    first = begun, jax.tree.map(_real, start(_ACCEPTANCE))
+    first = begun, jax.tree.map(_real, start(acceptance))
     (_, sizes), out = jax.lax.scan(draw, first, turns)
     position, log_density, told = (x[warmup:] for x in out)
     return position, log_density, told, jnp.asarray(end(sizes))

@@ -31,6 +31,21 @@ from ..traced import traced
 from .distributions import AbstractPrior
 
 
+class Shear(eqx.Module):
+    """Variables w in which the priors with bounds leave the others' likelihood unbent.
+
+    y_o = w_o + sum_b K_ob [z_b(w_b) - z_b(y*_b) - z'_b(y*_b) (w_b - y*_b)],   y_b = w_b.
+
+    The likelihood is nearly normal in the fit's variables z. So the most likely y_o follow z_b on a
+    line, and y_b on a curve where z_b(y_b) is bent. The determinant of dy/dw is 1.
+    """
+
+    at: Float[Array, " q"]
+    """The maximum y*."""
+    gain: Float[Array, "q q"]
+    """K, 0 but for rows o and columns b."""
+
+
 class Target(eqx.Module):
     """A problem whose residual has unit variance, and the priors of its parameters in order."""
 
@@ -41,20 +56,36 @@ class Target(eqx.Module):
     priors: tuple[AbstractPrior, ...]
     shifts: int = eqx.field(static=True)
     """Number of fitted shifts of step times; the problem's others are padding."""
+    shear: Shear | None = None
+    """If given, the methods below take the variables w of the shear in place of y."""
+
+    def unsheared(self, w: Float[Array, " q"]) -> Float[Array, " q"]:
+        """Convert the variables to y, one of each parameter."""
+        if self.shear is None:
+            return w
+        at, plain = self.shear.at, dataclasses.replace(self, shear=None)
+        line = sum(jax.jvp(lambda y: plain.free(y)[: len(y)], (at,), (w - at,)))
+        return w + self.shear.gain @ (plain.free(w)[: len(w)] - line)
 
     def natural(self, y: Float[Array, " q"]) -> Float[Array, " p"]:
         """Convert the variables to parameters [SI]."""
+        y = self.unsheared(y)
         return jnp.stack([prior.natural(y[i]) for i, prior in enumerate(self.priors)])
 
     def free(self, y: Float[Array, " q"]) -> Float[Array, " q"]:
         """Convert the variables to the fit's unbounded variables."""
         p = len(self.priors)
         own, padding = self.problem.coordinates.to_free(self.natural(y)), p + self.shifts
-        return jnp.concatenate([own[:p], y[p:], own[padding:]])
+        return jnp.concatenate([own[:p], self.unsheared(y)[p:], own[padding:]])
 
     def log_prior(self, y: Float[Array, " q"]) -> Float[Array, ""]:
         """Log density of the priors, Jacobians included; the prior of the shifts is part of r."""
+        y = self.unsheared(y)
         return jnp.sum(jnp.stack([p.log_density(y[i]) for i, p in enumerate(self.priors)]))
+
+    def stretch(self, y: Float[Array, " q"]) -> Float[Array, " q"]:
+        """dz/dy of every variable, without a shear."""
+        return jax.jvp(lambda y: self.free(y)[: len(y)], (y,), (jnp.ones_like(y),))[1]
 
     def start(self, z: np.ndarray) -> np.ndarray:
         """Convert the fit's unbounded variables, moved into the support of every prior."""
@@ -86,8 +117,8 @@ def _put(x: object) -> Array:
 
 
 class Point(NamedTuple):
-    """The log posterior at a point: value, gradient, Jacobian of the residual, and minus the second
-    derivatives of the log prior, which are diagonal."""
+    """The log posterior at a point: value, gradient, Jacobian of the residual, and the prior's part
+    of minus its second derivatives at the maximum, which is diagonal (`point`)."""
 
     log_density: Float[Array, ""]
     gradient: Float[Array, " q"]
@@ -106,11 +137,23 @@ def value_and_gradient(
 
 @traced
 def point(target: Target, y: Float[Array, " q"]) -> Point:
-    """Evaluate the log posterior and its curvature at a point."""
+    """Evaluate the log posterior and its curvature at a point.
+
+    With z_i(y_i), the fit's unbounded variables, and l, p, the log likelihood and log prior,
+
+        -d^2 (l + p)/dy^2 = z' (-d^2 l/dz^2) z' + diag(-dl/dz z'' - d^2 p/dy^2).
+
+    The first term is J^T J, as in the fit's own errors. At the maximum dl/dz = -(dp/dy)/z'. So the
+    prior's part is (dp/dy) z''/z' - d^2 p/dy^2, here at any y. It is positive for a uniform prior,
+    whose end may cut the likelihood where dl/dz is large.
+    """
     r, jacobian = _residual(target, y)
     prior, slope = jax.value_and_grad(target.log_prior)(y)
     bend = jnp.diagonal(jax.hessian(target.log_prior)(y))
-    return Point(prior - 0.5 * jnp.sum(r * r), slope - r @ jacobian, jacobian, -bend)
+    first, second = jax.jvp(target.stretch, (y,), (jnp.ones_like(y),))
+    flat = first == 0  # a uniform prior's end, to rounding
+    own = slope * jnp.where(flat, 0.0, second / jnp.where(flat, 1.0, first)) - bend
+    return Point(prior - 0.5 * jnp.sum(r * r), slope - r @ jacobian, jacobian, own)
 
 
 @traced

@@ -12,7 +12,13 @@ from .tables import TextTable
 
 
 def report(posterior: Posterior) -> Report:
-    """Report a posterior: ordinary fit, maximum, Laplace approximation and draws."""
+    """Report a posterior: ordinary fit, maximum, Laplace approximation and draws.
+
+    A posterior whose maximum is unreliable has no numbers, only its warnings.
+    """
+    if not posterior.found:
+        headline = f"{posterior.fit.law} law, posterior; did not converge: it claims nothing"
+        return Report([headline], warnings=posterior.warnings)
     rows, drawn = (
         spread_rows(posterior, spreads)
         for spreads in (posterior.approximation(), posterior.sampled())

@@ -170,6 +170,8 @@ WARNINGS: Mapping[str, str] = {
     " record?): it claims nothing",
     "no_prior": "neither the record nor a prior determines {parameters}, so the posterior claims"
     " nothing; give {first} a prior",
+    "prior_ends_inside": "the uniform prior of {parameters} ends inside the posterior: there the"
+    " Laplace approximation is inexact; ask for {option[draws]}",
     # of a prediction
     "model_undetermined": "the model's own record does not determine {parameters}",
     "other_velocities": "velocities of this record ({velocities:u.3g} um/s) are outside the model's"
