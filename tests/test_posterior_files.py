@@ -146,6 +146,34 @@ def test_gains_take_its_draws_as_samples(folder, tmp_path, monkeypatch):
     assert "posterior (NUTS)" in text and "6 samples of the law" in text
 
 
+def test_a_study_takes_its_draws_whole(folder, tmp_path, monkeypatch):
+    """Each member has A, B and L of one draw; verbs that read JSON name the file as a posterior."""
+    at, _ = folder
+    monkeypatch.chdir(tmp_path)
+    file = at / "out" / "posterior.nc"
+    axes = f"""
+    compute = ["margins"]
+    outputs = ["k_cr"]
+    [rig]
+    V0 = "5 um/s"
+    k_p = "1 MN/m"
+    [samples]
+    number = 64
+    [axes]
+    law = {{ from = "{file}", normal_force = "500 N" }}
+    """
+    code, _, err = run("study", written(Path("study.toml"), axes), "--out", "a.zarr")
+    assert code == 0, err
+    found, data = jaxfric.study.load("a.zarr"), arviz.from_netcdf(file).posterior
+    every = {n: np.ravel(data[n]) * (1e-6 if n == "L" else 500) for n in ("A", "B", "L")}
+    rows = [int(np.argmin(np.abs(every["A"] - a))) for a in found.A.values]
+    assert len(set(rows)) > 50
+    for name, column in every.items():
+        np.testing.assert_allclose(found[name], column[rows], rtol=1e-12)
+    np.testing.assert_allclose(found.k_cr, (found.B - found.A) / found.L, rtol=1e-9)
+    assert_refused(run("predict", file, at / "run.csv"), "posterior.nc: a posterior", "not read")
+
+
 def same_samples(one, other):
     for a, b in zip(jax.tree.leaves(one.samples), jax.tree.leaves(other.samples), strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-12)

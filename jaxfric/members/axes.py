@@ -7,13 +7,14 @@ import numpy as np
 
 from ..errors import InputError, did_you_mean
 from ..laws import LawSource, law_of, name_of
-from ..laws.fitted import force_of_unit
+from ..laws.fitted import FittedLaw, force_of_unit
 from ..quantity import Quantity, numbered_names
 from ..rig.friction import AbstractRateState
 from ..saved.entry import fitted_law
+from ..saved.posterior_file import is_posterior, posterior_law
 from ..schemas import FIT
 from ..study import Axis, Grid, Normal, Samples, Uniform, linspace, logspace, values
-from ..study.grid import KINDS
+from ..study.grid import KINDS, Tabled
 from .parameters import parameter, positive, value_of
 from .tables import Table, file_of, flag, placed, refuse_unknown, table_of, whole
 
@@ -32,7 +33,7 @@ def read_grid(
     if not table:
         raise InputError(f"{path.name}: [axes] is missing or empty; vary a parameter or more")
     axes: list[Axis] = []
-    columns: list[Uniform | Normal] = []
+    columns: list[Uniform | Normal | Tabled] = []
     for name, axis in table.items():
         if not isinstance(axis, dict):
             raise InputError(f"{where} {name}: write it as {{ linspace = [...], points = 20 }}")
@@ -108,10 +109,16 @@ def _column(about: Quantity, kind: str, axis: Table, where: str) -> Uniform:
         return Uniform(name, low, high, about.unit, about.text, log, kind)
 
 
-def _draws(axis: Table, path: Path, where: str, files: dict[str, str]) -> Normal:
-    """Return columns from the covariance of a fit.json, lognormal for those with a lower bound."""
+def _fitted(source: Path) -> FittedLaw:
+    """Read the law of a fit.json or a posterior.nc."""
+    return posterior_law(source) if is_posterior(source) else fitted_law(source, FIT)
+
+
+def _draws(axis: Table, path: Path, where: str, files: dict[str, str]) -> Normal | Tabled:
+    """Return columns from the draws of a posterior.nc, or from the covariance of a fit.json, which
+    are lognormal for parameters with a lower bound."""
     source = file_of(axis["from"], path, where, files)
-    fitted = fitted_law(source, FIT)
+    fitted = _fitted(source)
     force = positive(axis, "normal_force", "N", where)
     scale = force_of_unit(fitted.friction_unit, force, fitted.where)
     names = [n for n in fitted.free if n in ("A", "f0") or n[0] in "BL"]
@@ -123,21 +130,25 @@ def _draws(axis: Table, path: Path, where: str, files: dict[str, str]) -> Normal
         raise InputError(f"{where}: {source}: the fit leaves {what} undetermined; nothing to draw")
     abouts = [parameter(n, where) for n in names]
     size = np.asarray([scale if a.unit == "N" else 1.0 for a in abouts])
+    labels = tuple(a.unit for a in abouts), tuple(a.text for a in abouts)
+    if fitted.draws is not None:
+        return Tabled(
+            tuple(names), np.stack([fitted.draws[n] for n in names], axis=-1) * size, *labels
+        )
     mean = size * [fitted.parameters[n] for n in names]
     log = np.asarray([a.lower == 0.0 for a in abouts])
     spread = np.where(log, size / mean, size)
     lowered, vectors = np.linalg.eigh(covariance * np.outer(spread, spread))
     root = vectors * np.sqrt(np.maximum(lowered, 0.0))
-    labels = tuple(a.unit for a in abouts), tuple(a.text for a in abouts)
     return Normal(tuple(names), mean, root, tuple(bool(x) for x in log), *labels)
 
 
 def posterior(
     content: Table, path: Path, grid: Grid
 ) -> tuple[str | None, dict[str, float], tuple[str, ...]]:
-    """Return law, parameters and warnings of the fit that an axis names by `from`.
+    """Return law, parameters and warnings of the result that an axis names by `from`.
 
-    The result leaves out parameters that the axis draws from the posterior.
+    The returned parameters are those that the axis does not draw.
     """
     table = table_of(content, "axes", path.name)
     sources = [axis for axis in table.values() if isinstance(axis, dict) and "from" in axis]
@@ -146,7 +157,7 @@ def posterior(
     if len(sources) > 1:
         raise InputError(f"{path.name} [axes]: two axes with from; a member has one law")
     (axis,) = sources
-    fitted = fitted_law(path.parent / axis["from"], FIT)
+    fitted = _fitted(path.parent / axis["from"])
     force = positive(axis, "normal_force", "N", f"{path.name} [axes]")
     read = law_of(fitted, normal_force=force, samples=0)
     kind, own = parameters_of(read)

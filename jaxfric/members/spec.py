@@ -14,7 +14,7 @@ m = "2 kg"
 k_p = { logspace = ["100 kN/m", "1 MN/m"], points = 60 }
 V0 = { values = ["1 um/s", "10 um/s"] }
 B = { sobol = ["4 N", "10 N"], log = true }
-law = { from = "fit.json", normal_force = "500 N" }      # draws from the posterior of a fit
+law = { from = "fit.json", normal_force = "500 N" }      # draws; or from = "posterior.nc"
 
 [samples]                           # of the axes sobol, latin, random and from
 number = 4096

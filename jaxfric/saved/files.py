@@ -45,6 +45,11 @@ def read_saved(source: Saved, *schemas: str) -> tuple[Path, dict]:
         path = Path(f"{type(source).__name__}{of}")
         return path, _checked(path, content, *schemas)
     path = Path(source)
+    if path.suffix == ".nc":
+        raise InputError(
+            f"{path}: a posterior, which is not read here; a file of {verbs} is needed, as the"
+            " fit.json beside it"
+        )
     try:
         content = upgraded(json.loads(path.read_text(encoding="utf-8")))
     except FileNotFoundError:

@@ -95,7 +95,7 @@ class Uniform:
 
 @dataclass(frozen=True, eq=False)
 class Normal:
-    """Several parameters drawn from one normal distribution, such as the posterior of a fit.
+    """Several parameters drawn from one normal distribution, such as that of a fit's errors.
 
     x = mean + root z, where root root' is the covariance. A parameter in `log` is lognormal, x =
     mean exp(root z). For such a parameter `mean` is the median, and root root' the covariance of
@@ -111,11 +111,25 @@ class Normal:
 
 
 @dataclass(frozen=True, eq=False)
+class Tabled:
+    """Several parameters taken together from one row of a table, such as posterior draws.
+
+    Each member has a row chosen at random, so a row may serve several members.
+    """
+
+    names: tuple[str, ...]
+    table: np.ndarray
+    """Values (n, p)."""
+    units: tuple[str, ...]
+    long_names: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
 class Samples:
     """A number of sampled members, each with a value of every sampled parameter."""
 
     number: int
-    columns: tuple[Uniform | Normal, ...]
+    columns: tuple[Uniform | Normal | Tabled, ...]
     seed: int = 0
 
     def __post_init__(self):
@@ -149,6 +163,11 @@ class Samples:
         for place, column in enumerate(self.columns):
             if isinstance(column, Normal):
                 found |= self._normal(column, index, 100 * (place + 1))
+                continue
+            if isinstance(column, Tabled):
+                u = sampling.uniform(index, self.seed, 100 * (place + 1))
+                row = (u * len(column.table)).astype(int)
+                found |= dict(zip(column.names, column.table[row].T, strict=True))
                 continue
             if column.kind == "sobol":
                 u = next(points)
