@@ -278,8 +278,9 @@ def _numbers(velocity: Array, seen: _SeenEnds, code: Array) -> Ends:
 
     return Ends(
         code,
-        number(0.5 * (high - low), jnp.inf, 0.0),
-        number(0.5 * (springs[1] - springs[0]), jnp.inf, 0.0),
+        # rounding may exchange the ends of a range of width 0
+        number(jnp.maximum(0.5 * (high - low), 0.0), jnp.inf, 0.0),
+        number(jnp.maximum(0.5 * (springs[1] - springs[0]), 0.0), jnp.inf, 0.0),
         number(low, -jnp.inf, velocity),
         jnp.where(code == LIMIT_CYCLE, period, jnp.inf),
         jnp.where(code == LIMIT_CYCLE, spread, jnp.inf),
