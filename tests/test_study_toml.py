@@ -361,10 +361,10 @@ def test_study_runs_and_goes_on() -> None:
     path = written(Path("study.toml"), FEW + GOOD)
     outcome = run("study", path)
     assert outcome.code == 0, outcome.err
-    assert "18 members (6 k_p x 3 k_v); 18 computed" in outcome.out
+    assert "18 members (6 k_p x 3 k_v); 18 members done" in outcome.out
     assert "stability: " in outcome.out and "written: study.zarr" in outcome.out
     again = run("study", path)
-    assert again.code == 0 and "nothing left to compute" in again.out
+    assert again.code == 0 and "nothing left to do" in again.out
     written(
         path,
         FEW + GOOD + "m = { values = ['1 kg', '2 kg'] }\n",

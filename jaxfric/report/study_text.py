@@ -20,10 +20,10 @@ _NOT_PLAIN = ("escape", "failed")
 
 
 def report(found: "Dataset", seconds: float, members: int, store: str) -> Report:
-    """Report how many members the study has, how many are computed, and how many have each code."""
+    """Report how many members the study has, how many this run did, and how many have each code."""
     dims = found["outcome"].dims
     shape = " x ".join(f"{found.sizes[d]} {d}" for d in dims)
-    done = f"{members} computed in {duration(seconds)}" if members else "nothing left to compute"
+    done = f"{members} members done in {duration(seconds)}" if members else "nothing left to do"
     notes = []
     for name, counts in codes(found).items():
         about = found[name].attrs
