@@ -1,6 +1,7 @@
 """`jaxfric fit --prior`: the posterior of a fit, in a file, a figure and tables."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -50,11 +51,19 @@ class PriorOptions:
         """Before the fit, refuse priors of parameters that the model does not have."""
         from ..fitting.problem import Model
         from ..laws.registry import known_law
-        from ..posterior.priors import priors_of, read_priors
+        from ..posterior.priors import priors_of
 
         if self.prior is not None:
             model = Model(known_law(law), **of.model())
-            priors_of(model, read_priors(self.prior), friction_unit, str(self.prior))
+            priors_of(model, self._read, friction_unit, str(self.prior))
+
+    @cached_property
+    def _read(self) -> dict[str, object]:
+        """The priors, read once: a pipe, as <(printf ...), has its lines only once."""
+        from ..posterior.priors import read_priors
+
+        assert self.prior is not None
+        return read_priors(self.prior)
 
     def of(self, fit: "Fit") -> "Posterior | None":
         """Return the posterior of a fit; None without priors, or if the fit did not converge."""
@@ -64,7 +73,7 @@ class PriorOptions:
             return None
         return find_posterior(
             fit,
-            self.prior,
+            self._read,
             draws=self.draws,
             chains=self.chains,
             seed=self.seed,
