@@ -24,7 +24,7 @@ from .source import other_versions, own_code, versions
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-Elsewhere = Callable[[bytes, int, dict[str, str]], Computed]
+Elsewhere = Callable[[bytes, int, dict[str, str], str], Computed]
 # Blocks in progress for each thread of the cluster: one computed, one waiting.
 _AHEAD = 2
 # If a block loses this number of workers, the block itself counts as the cause.
@@ -95,8 +95,10 @@ def distributed(
     yield from _Pool(client, task, address, tell).blocks(list(todo))
 
 
-def compute_block(task: Task, number: int, expected: dict[str, str]) -> Computed:
+def compute_block(task: Task, number: int, expected: dict[str, str], flags: str) -> Computed:
     """Compute one block on a worker, with as many threads as Dask counts for it.
+
+    `flags` are the XLA_FLAGS of the client: with other flags numbers differ by the solver's error.
 
     Raises
     ------
@@ -106,7 +108,7 @@ def compute_block(task: Task, number: int, expected: dict[str, str]) -> Computed
     from distributed import get_worker
 
     worker = get_worker()
-    _limit_threads(worker.state.nthreads)
+    _set_up_xla(worker.state.nthreads, flags)
     if task.token not in _compared:
         changed = other_versions(expected, code_of(task))
         if changed:
@@ -127,12 +129,14 @@ def _travelling() -> Elsewhere:
     is missing there. Sent by code, the worker imports them and reports what is missing.
     """
 
-    def compute_elsewhere(packed: bytes, number: int, expected: dict[str, str]) -> Computed:
+    def compute_elsewhere(
+        packed: bytes, number: int, expected: dict[str, str], flags: str
+    ) -> Computed:
         import pickle
 
         from jaxfric.study.cluster import compute_block
 
-        return compute_block(pickle.loads(packed), number, expected)
+        return compute_block(pickle.loads(packed), number, expected, flags)
 
     return compute_elsewhere
 
@@ -150,12 +154,14 @@ class OtherCode(Stopped):
     """Raised if the code on a worker differs from the code on the client."""
 
 
-def _limit_threads(number: int) -> None:
-    """Limit the threads of XLA before its first use; by default it uses all cores."""
+def _set_up_xla(threads: int, flags: str) -> None:
+    """Before the first use of XLA limit its threads, which are all cores by default, and set its
+    flags, unless the worker has its own."""
     from jax._src import xla_bridge
 
     if not xla_bridge.backends_are_initialized():
-        os.environ.setdefault("NPROC", str(number))
+        os.environ.setdefault("NPROC", str(threads))
+        os.environ.setdefault("XLA_FLAGS", flags)
 
 
 def _connect(address: str) -> "Client":
@@ -204,7 +210,8 @@ class _Pool:
         """Yield each block of `todo` once, when it is finished."""
         import cloudpickle
 
-        work = (_travelling(), cloudpickle.dumps(self.task), code_of(self.task))
+        flags = os.environ.get("XLA_FLAGS", "")
+        work = (_travelling(), cloudpickle.dumps(self.task), code_of(self.task), flags)
         todo.reverse()
         while todo or self.futures:
             self._fill(todo, *work)
@@ -218,7 +225,12 @@ class _Pool:
                     yield number, block
 
     def _fill(
-        self, todo: list[int], compute: Elsewhere, packed: bytes, expected: dict[str, str]
+        self,
+        todo: list[int],
+        compute: Elsewhere,
+        packed: bytes,
+        expected: dict[str, str],
+        flags: str,
     ) -> None:
         room = max(_AHEAD * self._threads(), _AHEAD) - len(self.futures)
         for _ in range(min(room, len(todo))):
@@ -226,7 +238,7 @@ class _Pool:
             key = f"block-{self.task.token}-{number}-{self.losses.get(number, 0)}"
             future = self._ask(
                 lambda key=key, number=number: self.client.submit(
-                    compute, packed, number, expected, key=key, pure=False, retries=0
+                    compute, packed, number, expected, flags, key=key, pure=False, retries=0
                 )
             )
             self.futures[future] = number
