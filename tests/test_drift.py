@@ -228,3 +228,48 @@ def test_a_claim_on_stability_is_gone_without_its_rows():
     assert kept(without) == "critical"
     (told,) = fit.to_json()["findings"]
     assert told["code"] == "stability" and told["times"] == time_ranges(found.rows, record.time)
+
+
+UM = 1e-6
+CLIMB = {"A": 0.0048, "B": 0.0052, "L": 100 * UM, "slip_trend": 10.0}
+
+
+@pytest.fixture(scope="module")
+def climbing():
+    """Eight velocities of 300 um each under the slip law, as SciPy has it. Over them friction rises
+    by 0.024 with slip, and by 0.002 at most with velocity."""
+    A, B, L, s = CLIMB.values()
+    K, V0, way, n = 5e3, UM, 300 * UM, 100
+    begin, columns, state = 0.0, [], np.zeros(3)  # state: ln V/V0, theta, slip
+    for k, V in enumerate(UM * v for v in (1, 3, 10, 30, 100, 30, 10, 3)):
+
+        def rate(_, y, V=V):
+            own = V0 * np.exp(y[0])
+            theta = -(own / L) * (y[1] + B * y[0])
+            return [(K * (V - own) - theta - s * own) / A, theta, own]
+
+        at = np.linspace(0, way / V, n + 1)
+        path = solve_ivp(rate, (0, at[-1]), state, "LSODA", at, rtol=1e-9, atol=1e-12).y
+        friction = 0.6 + A * path[0] + path[1] + s * path[2]
+        columns.append([begin + at[:-1], k * way + V * at[:-1], friction[:-1]])
+        begin, state = begin + at[-1], path[:, -1]
+    time, point, friction = np.concatenate(columns, axis=1)
+    friction += 3e-4 * np.random.default_rng(0).standard_normal(len(time))
+    return from_arrays(time, friction, load_point_displacement=point), K
+
+
+def test_the_base_of_a_loop_is_fitted_with_the_trend_that_it_includes(climbing, monkeypatch):
+    """Without the trend the base fit does not converge, so that the loop would end there."""
+    record, K = climbing
+    monkeypatch.setattr("jaxfric.loop.loop.close", lambda subject, **_: subject)
+    subject = jf.close_loop(record, stiffness=K, include="slip_trend")
+    names = subject.case.model.names()
+    found = dict(
+        zip(names, subject.case.problem.coordinates.from_free(subject.start), strict=False)
+    )
+    assert subject.fitted == ("slip_trend",)
+    for name, true in CLIMB.items():
+        value = found["slip_trend.s" if name == "slip_trend" else name]
+        assert value == pytest.approx(true, rel=0.05)
+    with pytest.raises(jf.InputError, match="the base fit did not converge"):
+        jf.close_loop(record, stiffness=K)

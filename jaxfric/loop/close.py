@@ -62,7 +62,7 @@ class Subject(Generic[P]):
 
     case: Case[P]
     start: np.ndarray
-    """Parameters of the base, with all effects at their null."""
+    """Parameters of the base, with all effects but the `fitted` ones at their null."""
     scales: RecordScales
     """Scales of the record, for starting values of shapes."""
     friction_unit: str
@@ -78,6 +78,8 @@ class Subject(Generic[P]):
     details: Callable[[Engine[P], Search, Score, float, Callable[[str], None]], LoopDetails | None]
     """Further results for this kind of rig, from the score after, the rms test error beyond its
     noise [unit of friction], and a progress callback."""
+    fitted: tuple[str, ...] = ()
+    """Effects of the base that the base fit has too; `start` holds their parameters."""
     edge: float | None = None
     """K/K_cr of the base; None if there is no critical stiffness."""
     withheld: Finding | None = None
@@ -158,10 +160,10 @@ def declared(subject: Subject[P]) -> np.ndarray:
         return z
     open_ = dataclasses.replace(case, choice=case.choice._replace(always=(), one_of=()))
     engine = Engine.of(open_)
-    engine, current = learn_noise(engine, refit(engine, (), z))
+    engine, current = learn_noise(engine, refit(engine, subject.fitted, z))
     if current.failed:
         return z
-    for id in case.choice.always:
+    for id in (one for one in case.choice.always if one not in subject.fitted):
         one = next(s for s in screen(engine, current, subject.scales) if s.id == id)
         current = refit_safely(engine, (*current.effects, id), one, current)
     return current.z

@@ -85,7 +85,8 @@ def close_loop(
     law = known_law(law)
     asked = offered(CATALOGUE, own, ids_of(include), ids_of(exclude), max_effects, effect_of)
     if events is not None:
-        how = HowFitted(MachineStiffness.parse(stiffness, record.friction_unit), law)
+        machine = MachineStiffness.parse(stiffness, record.friction_unit)
+        how = HowFitted(machine, law, slip_trend="slip_trend" in asked.with_)
         return run_loop(record, events, how, downsample_to, asked, begun=begun, progress=progress)
     subject = _step_subject(record, stiffness, law, steps, downsample_to, asked, progress)
     return close(subject, most=max_effects, begun=begun, progress=progress)
@@ -109,7 +110,14 @@ def _step_subject(
     _refuse_turns(record, found_steps)
     say = lambda text: progress(f"base fit of the whole record: {text}")  # noqa: E731
 
-    base_fit = fit(record, stiffness=stiffness, law=law, steps=found_steps, progress=say)
+    base_fit = fit(
+        record,
+        stiffness=stiffness,
+        law=law,
+        slip_trend="slip_trend" in asked.with_,
+        steps=found_steps,
+        progress=say,
+    )
     refuse_failed(record, base_fit)
     return slider_subject(
         record,

@@ -180,6 +180,7 @@ def _base_fit(
         dataclasses.replace(joined.record, friction=aligned),
         stiffness=how.stiffness.at(joined.stretches[0].normal_stress),
         law=how.law,
+        slip_trend=how.slip_trend,
         steps=joined.steps(),
         start=start,
         progress=lambda text: progress(f"base fit of all windows: {text}"),
