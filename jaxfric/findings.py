@@ -42,6 +42,12 @@ class WarningCode(StrEnum):
     TREND = "trend_with_slip"
     """The model lacks a trend with slip; values: with_trend (A-B with it, and its error), told and
     without (A-B with and without it as text)."""
+    LONG = "slip_length_beyond_the_slip"
+    """L of a fit without a slip trend is longer than all slip: its law is a drift with slip;
+    values: L, slip [m], advice (the option that fits a slip trend)."""
+    VANISHED = "direct_effect_vanishes"
+    """A of a fit without a slip trend changes friction by less than the noise; values: A, change,
+    noise, advice."""
     WANDERS = "residual_wanders"
     """The residual wanders over the whole record."""
     CONTRADICTED = "steps_contradict_the_motion"

@@ -15,7 +15,7 @@ import jaxfric as jf
 from jaxfric import VelocitySteps, from_arrays
 from jaxfric.errors import words_of_the_command
 from jaxfric.findings import Warned, WarningCode, is_of, time_ranges
-from jaxfric.fitting.drift import drift_before, drift_warning
+from jaxfric.fitting.drift import drift_before, drift_warning, runaway_warning
 from jaxfric.fitting.misfit import misfit_warning, scatter
 from jaxfric.loop.slider import repeated
 from jaxfric.report.fit_text import summary
@@ -271,5 +271,49 @@ def test_the_base_of_a_loop_is_fitted_with_the_trend_that_it_includes(climbing, 
     for name, true in CLIMB.items():
         value = found["slip_trend.s" if name == "slip_trend" else name]
         assert value == pytest.approx(true, rel=0.05)
-    with pytest.raises(jf.InputError, match="the base fit did not converge"):
+
+
+def test_a_slip_length_beyond_the_slip_is_a_drift(climbing):
+    """The fit and the loop say so and name the remedy, each by its own option."""
+    record, K = climbing
+    fit = jf.fit(record, stiffness=K)
+    (line,) = [text for text in fit.warnings if is_of(text, WarningCode.LONG)]
+    assert not fit.converged and line.endswith("slip_trend=True")
+    slip = np.ptp(record.load_point_displacement)
+    assert line.values["slip"] == pytest.approx(slip, rel=0.01)
+    assert line.values["L"] == fit.parameters["L"].value > 10 * slip
+    with pytest.raises(jf.InputError, match="the base fit did not converge") as error:
         jf.close_loop(record, stiffness=K)
+    assert str(error.value).endswith('include="slip_trend"')
+    with words_of_the_command():
+        assert repeated([line])[0].endswith("--include slip_trend")
+    assert runaway_warning(jf.fit(record, stiffness=K, slip_trend=True)) == ()
+
+
+@pytest.mark.parametrize(
+    ("length", "strength", "determined", "code"),
+    [
+        (1e-6, 1e-6, False, WarningCode.VANISHED),
+        (1e-6, 1e-6, True, None),
+        (1e-6, 0.02, False, None),
+        (1.0, 1e-6, False, WarningCode.LONG),
+        (1.0, 0.02, True, None),
+    ],
+)
+def test_a_direct_effect_below_the_noise_may_be_hidden_by_a_drift(
+    length, strength, determined, code
+):
+    """A ln 10 = 2e-6 is far below the noise of 1e-4; the load point moves by 320 um."""
+    fit = drifting(0.0, alike(np.random.default_rng(2), 0))
+    own = {"A": strength, "L": length}
+    changed = {
+        n: replace(fit.parameters[n], value=v, determined=determined) for n, v in own.items()
+    }
+    fit = replace(fit, converged=False, parameters={**fit.parameters, **changed})
+    found = runaway_warning(fit)
+    assert [text.code for text in found] == ([] if code is None else [code])
+    if code is WarningCode.VANISHED:
+        assert found[0].values["change"] == pytest.approx(1e-6 * np.log(10))
+        assert found[0].values["noise"] == pytest.approx(NOISE, rel=0.1)
+    trend = replace(fit, model=fit.model._replace(slip_trend=True))
+    assert runaway_warning(trend) == ()

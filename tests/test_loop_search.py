@@ -404,7 +404,7 @@ def first_fitted(monkeypatch, record, velocities, rows):
 
 
 def test_a_base_fit_that_did_not_converge_is_refused():
-    base: Any = SimpleNamespace(converged=False, result="no luck")
+    base: Any = SimpleNamespace(converged=False, result="no luck", warnings=())
     with pytest.raises(jf.InputError, match=r"did not converge \(no luck\)"):
         refuse_failed(plain([UM, 10 * UM]), base)
 

@@ -84,11 +84,12 @@ def _fit_one(file: Path, fitter: Fitter, prior: PriorOptions, output: options.Ou
     code = folder.finish(_report(result, posterior))
     if result.converged:
         return 1 if posterior is not None and posterior.warnings else code
+    drift = "" if result.model.slip_trend else " fit a drift with slip (--slip-trend),"
     why = (
         f"the fit did not converge ({result.result}): its numbers mean nothing, and other verbs"
         f" refuse its fit.json. Look at the figure in {folder.path}: are the steps right ('jaxfric"
-        " inspect'), is the stiffness? Else cut the record to fewer steps (--from, --to), or give"
-        " starting values, as in --start 'A=0.01, B=0.012, L=20 um'"
+        f" inspect'), is the stiffness? Else{drift} cut the record to fewer steps (--from, --to),"
+        " or give starting values, as in --start 'A=0.01, B=0.012, L=20 um'"
     )
     warn([why], "error")
     return 1

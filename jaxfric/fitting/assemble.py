@@ -11,7 +11,7 @@ from ..errors import option
 from ..findings import Warned, WarningCode, warned
 from ..records import Record, VelocitySteps
 from ..records.rows import MIN_ROWS
-from .drift import drift_warning
+from .drift import drift_warning, runaway_warning
 from .misfit import misfit_warning
 from .noise import Noise, longest_memory, noise_estimate, noise_words
 from .noise.thresholds import CLEAR
@@ -206,11 +206,11 @@ def _warn(fit: Fit, moved: list[tuple[int, float]], *, wanders: bool) -> Fit:
     time is far from the detected one."""
     said = [*contradicted(fit.record, fit.steps), *noise_words(fit.noise, fit.record)]
     if not fit.converged:
-        said.append(warned(WarningCode.FAILED, result=fit.result))
+        said += [warned(WarningCode.FAILED, result=fit.result), *runaway_warning(fit)]
         return dataclasses.replace(fit, warnings=tuple(said))
     open_ = [name for name, estimate in fit.parameters.items() if not estimate.determined]
     if open_:
-        said.append(warned(WarningCode.UNDETERMINED, parameters=open_))
+        said += [warned(WarningCode.UNDETERMINED, parameters=open_), *runaway_warning(fit)]
     if wanders:
         drift = "" if fit.model.slip_trend else f" a drift ({option('slip-trend')}),"
         text = (

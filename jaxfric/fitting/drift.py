@@ -21,6 +21,7 @@ import numpy as np
 
 from ..errors import option
 from ..findings import Warned, WarningCode, warned
+from ..records.differences import noise_from_differences
 from ..units import measured, read_as
 from .result import Fit, difference
 from .thresholds import BLOCKS, CONTRADICTED, RARE_DRIFT
@@ -111,6 +112,28 @@ def drift_warning(fit: Fit) -> tuple[str, ...]:
     trend = fit.parameters["slip_trend"].value if fit.model.slip_trend else None
     values = {"slope": found.slope, "error": found.error, "shift": found.shift, "trend": trend}
     return (of_drift(values | {"unit": fit.record.friction_unit}, option("slip-trend")),)
+
+
+def runaway_warning(fit: Fit) -> tuple[str, ...]:
+    """Warning about a fit without a slip trend whose L is beyond the slip of the record, or whose
+    A is undetermined and changes friction by less than the noise.
+
+    If L is far longer than the slip x, the state of the slip law is -B ln(V/V0) x/L: a drift with
+    slip. A fit ends there if friction drifts by more than a velocity step changes it.
+    """
+    if fit.model.slip_trend:
+        return ()
+    advice, speed = option("slip-trend"), np.abs(fit.steps.velocities[fit.steps.velocities != 0])
+    slip = float(np.ptp(fit.steps.displacement(fit.record.relative_time)))
+    A, L = fit.parameters["A"], fit.parameters["L"]
+    if L.value > slip and not L.determined:
+        return (warned(WarningCode.LONG, L=L.value, slip=slip, advice=advice),)
+    change = A.value * math.log(speed.max() / speed.min())
+    noise = noise_from_differences(fit.record.friction)
+    if change < noise and not A.determined:
+        values = {"A": A.value, "change": change, "noise": noise}
+        return (warned(WarningCode.VANISHED, **values, advice=advice),)
+    return ()
 
 
 def _trend_warning(fit: Fit) -> tuple[str, ...]:

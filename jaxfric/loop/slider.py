@@ -9,7 +9,7 @@ import numpy as np
 
 from ..effects import AbstractEffect, RecordScales
 from ..errors import InputError, option
-from ..findings import Warned, WarningCode, is_of
+from ..findings import Warned, WarningCode, is_of, warned
 from ..fitting import Fit
 from ..fitting.drift import of_drift
 from ..fitting.encompassing import EncompassingModel
@@ -28,6 +28,7 @@ from .sampling import seen_between
 from .split import Blocks
 from .thresholds import FELT
 
+_OF_DRIFTS = (WarningCode.LONG, WarningCode.VANISHED)
 FITTED = {"slip_trend": {"slip_trend.s": "slip_trend"}}
 """Effects that `fit` fits too: their parameters by name, and the names of these in a `Fit`."""
 
@@ -152,13 +153,15 @@ def with_channels(record: Record, law: str, asked: Offered, *, stress: bool) -> 
 
 
 def refuse_failed(record: Record, base: Fit) -> None:
-    """Raises `InputError` for a base fit that did not converge."""
-    path = record.provenance.path
-    if not base.converged:
-        raise InputError(
-            f"{path}: the base fit did not converge ({base.result}); nothing"
-            " can be said of what it lacks. Check stiffness and steps"
-        )
+    """Raises `InputError` for a base fit that did not converge, with its warning about a drift."""
+    if base.converged:
+        return
+    drifts = [text for text in repeated(base.warnings) if any(is_of(text, c) for c in _OF_DRIFTS)]
+    advice = drifts[0] if drifts else "Check stiffness and steps"
+    raise InputError(
+        f"{record.provenance.path}: the base fit did not converge ({base.result}); nothing can be"
+        f" said of what it lacks. {advice}"
+    )
 
 
 def _problem_of(
@@ -228,9 +231,15 @@ def repeated(warnings: Sequence[str]) -> list[str]:
     asked = {WarningCode[name] for name in names}
     kept = [text for text in warnings if not any(is_of(text, code) for code in asked)]
     own = option("include", "slip_trend")
-    return [
-        of_drift(text.values, own)
-        if isinstance(text, Warned) and text.code is WarningCode.DRIFT
-        else text
-        for text in kept
-    ]
+    return [_with_option(text, own) for text in kept]
+
+
+def _with_option(text: str, own: str) -> str:
+    """A warning of a fit about a drift with slip, which names the option `own` of the loop."""
+    if not isinstance(text, Warned):
+        return text
+    if text.code is WarningCode.DRIFT:
+        return of_drift(text.values, own)
+    if text.code in _OF_DRIFTS:
+        return warned(text.code, **{**text.values, "advice": own})
+    return text

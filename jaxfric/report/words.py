@@ -220,6 +220,11 @@ WARNINGS: Mapping[str, str] = {
     "steps_contradict_the_motion": "from {time:.4g} s on the steps say {stated:u.4g} µm/s, but the"
     " load point moves at {moved:u.4g} µm/s: are they those of this record?",
     "did_not_converge": "the fit did not converge ({result}): do not use its parameters",
+    "slip_length_beyond_the_slip": "L ends at {L:m.3g} mm, beyond the {slip:m.3g} mm of slip in"
+    " this record: such a law only lets friction drift with slip. Fit the drift itself: {advice}",
+    "direct_effect_vanishes": "A ends at {A:.2g}: from the slowest to the fastest velocity it"
+    " changes friction by {change:.2g}, and the noise is {noise:.2g}. A drift of friction with slip"
+    " may hide the direct effect. Fit the drift too: {advice}",
     "parameters_undetermined": "this record does not determine {parameters}: other values fit it as"
     " well",
     "edge_of_stability": "near the stability edge (K/K_cr = {ratio:.2f}): finite velocity steps may"
