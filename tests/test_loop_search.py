@@ -23,13 +23,13 @@ from fits.blind.plants import Base, Protocol
 from fits.runs.generate import generate
 from jaxfric.effects import CATALOGUE
 from jaxfric.effects.effect import AbstractLinearEffect, with_term
+from jaxfric.fitting.stiffness import MachineStiffness
 from jaxfric.loop import close_loop
 from jaxfric.loop.slider import refuse_failed
 from jaxfric.quantity import quantity
 from jaxfric.records import from_arrays
 from jaxfric.rig.friction.extended import AbstractStatelessTerm
 from jaxfric.runs.fits import decided_events
-from jaxfric.runs.stiffness import MachineStiffness
 
 pytestmark = pytest.mark.computes
 

@@ -13,6 +13,7 @@ from command import assert_refused, run
 
 import jaxfric as jf
 from fits.runs.generate import generate
+from jaxfric.fitting.stiffness import MachineStiffness
 from jaxfric.report.report import text_of
 from jaxfric.report.run_page import page
 from jaxfric.report.run_report import latex_text, report
@@ -23,7 +24,6 @@ from jaxfric.runs.findings import Findings
 from jaxfric.runs.fits import HowFitted, RunFit, StepFit, fit_run
 from jaxfric.runs.ramps import Ramp
 from jaxfric.runs.stick_slip import MIDDLE, Rises, find_rises
-from jaxfric.runs.stiffness import MachineStiffness
 from jaxfric.runs.stress_steps import FittedStress
 from jaxfric.runs.table import (
     csv_text,

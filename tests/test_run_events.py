@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 import jaxfric as jf
 from fits.runs.generate import generate
 from jaxfric.findings import WarningCode, reasoned
+from jaxfric.fitting.stiffness import MachineStiffness
 from jaxfric.records import record_steps
 from jaxfric.records.stress import find_stress_changes, polyline
 from jaxfric.records.teeth import find_spikes, find_teeth, turns
@@ -16,7 +17,6 @@ from jaxfric.runs import KINDS, Event, find_events
 from jaxfric.runs.cautions import cautions
 from jaxfric.runs.decisions import decisions_text, read_decisions
 from jaxfric.runs.reasons import RunReason
-from jaxfric.runs.stiffness import MachineStiffness
 
 RNG = np.random.default_rng(11)
 T = np.arange(0, 400, 0.1)
@@ -529,6 +529,7 @@ def test_a_press_is_as_stiff_as_it_is(text, unit, stress, value):
     [
         ("0.16 MPa/um", "1", None, "no normal stress there"),
         ("0.16 MPa/um", "1", -1.0, "no normal stress there"),
+        ("0.16 MPa/um", "N", 1e8, "N/m"),
         ("-1 MPa/um", "1", 1e8, "not positive"),
         ("0 1/um", "1", 1e8, "not positive"),
         ("3 s", "1", 1e8, "'s' is not a unit"),

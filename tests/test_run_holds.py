@@ -9,6 +9,7 @@ from scipy.stats import linregress
 
 import jaxfric as jf
 from fits.runs.generate import generate
+from jaxfric.fitting.stiffness import MachineStiffness
 from jaxfric.records.differences import noise_from_differences
 from jaxfric.runs import Event, find_events
 from jaxfric.runs.fits import HowFitted, without_resets_of
@@ -29,7 +30,6 @@ from jaxfric.runs.holds import (
 )
 from jaxfric.runs.left_out import left_out
 from jaxfric.runs.reasons import RunReason
-from jaxfric.runs.stiffness import MachineStiffness
 
 
 def event(kind, time, before, after):

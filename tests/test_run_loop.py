@@ -14,6 +14,7 @@ from public_data import public_record
 import jaxfric as jf
 from jaxfric.errors import InputError
 from jaxfric.fitting.problem import Model, ProblemSizes, make_problem
+from jaxfric.fitting.stiffness import MachineStiffness
 from jaxfric.laws.registry import rate_state
 from jaxfric.loop import run as run_module
 from jaxfric.loop.location import _log_steps
@@ -27,7 +28,6 @@ from jaxfric.rig.normal_stress import stress_of_levels
 from jaxfric.runs.events import Event
 from jaxfric.runs.fits import decided_events
 from jaxfric.runs.joined import join
-from jaxfric.runs.stiffness import MachineStiffness
 from jaxfric.simulation import simulate
 
 UM = 1e-6

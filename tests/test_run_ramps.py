@@ -5,6 +5,7 @@ import pytest
 
 import jaxfric as jf
 from jaxfric.errors import InputError
+from jaxfric.fitting.stiffness import MachineStiffness
 from jaxfric.runs import Event
 from jaxfric.runs.ramps import (
     Ramp,
@@ -15,7 +16,6 @@ from jaxfric.runs.ramps import (
     stiffness_from_ramps,
     told,
 )
-from jaxfric.runs.stiffness import MachineStiffness
 
 V, SIGMA, K = 3e-6, 1e7, 1.5e-3 / 1e-6
 """Velocity [m/s], normal stress [Pa] and stiffness of friction [1/m] of the run below."""

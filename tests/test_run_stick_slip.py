@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 
 import jaxfric as jf
 from fits.runs.saw import Slider, move
+from jaxfric.fitting.stiffness import MachineStiffness
 from jaxfric.records.teeth import find_spikes
 from jaxfric.runs import Event, find_events
 from jaxfric.runs.cycles import (
@@ -26,7 +27,6 @@ from jaxfric.runs.cycles import (
 )
 from jaxfric.runs.rise_fit import RiseFit, fit_rises
 from jaxfric.runs.stick_slip import EDGES, MIDDLE, Rises, find_rises, is_stretch
-from jaxfric.runs.stiffness import MachineStiffness
 
 pytestmark = pytest.mark.computes
 

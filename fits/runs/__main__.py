@@ -48,10 +48,10 @@ def study(task: tuple[int, str, bool, int]) -> dict:
     jax.config.update("jax_enable_x64", True)
     import jaxfric as jf
     from jaxfric.cache import cache_compiled
+    from jaxfric.fitting.stiffness import MachineStiffness
     from jaxfric.runs import find_events
     from jaxfric.runs.fits import HowFitted, fit_run, without_resets_of
     from jaxfric.runs.joint import share
-    from jaxfric.runs.stiffness import MachineStiffness
     from jaxfric.runs.table import difference
 
     cache_compiled()

@@ -185,9 +185,9 @@ def study(task: tuple[str, int, Size]) -> dict:
     import jaxfric as jf
     from jaxfric.cache import cache_compiled
     from jaxfric.cli.xla import whole_loops
+    from jaxfric.fitting.stiffness import MachineStiffness
     from jaxfric.loop import close_loop
     from jaxfric.runs.fits import decided_events
-    from jaxfric.runs.stiffness import MachineStiffness
 
     whole_loops()  # as the command does
     cache_compiled()

@@ -186,9 +186,9 @@ def study(seed: int) -> dict:
     jax.config.update("jax_enable_x64", True)
     import jaxfric as jf
     from jaxfric.cache import cache_compiled
+    from jaxfric.fitting.stiffness import MachineStiffness
     from jaxfric.runs.fits import HowFitted, decided_events
     from jaxfric.runs.holds import fit_holds, preferred
-    from jaxfric.runs.stiffness import MachineStiffness
 
     cache_compiled()
     begun = time.monotonic()

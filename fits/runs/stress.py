@@ -27,9 +27,9 @@ def study(seed: int, events: int) -> dict:
     jax.config.update("jax_enable_x64", True)
     import jaxfric as jf
     from jaxfric.cache import cache_compiled
+    from jaxfric.fitting.stiffness import MachineStiffness
     from jaxfric.runs import find_events
     from jaxfric.runs.fits import HowFitted, fit_run, without_resets_of
-    from jaxfric.runs.stiffness import MachineStiffness
     from jaxfric.runs.stress_steps import fit_stress_steps
 
     cache_compiled()

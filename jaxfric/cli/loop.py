@@ -56,8 +56,8 @@ def loop(
     found = None
     if run or events is not None:
         doing(f"finding events in {len(record)} rows")
+        from ..fitting.stiffness import MachineStiffness
         from ..runs.fits import decided_events
-        from ..runs.stiffness import MachineStiffness
 
         machine = MachineStiffness.parse(stiffness, record.friction_unit)
         record, found = decided_events(record, events, machine)

@@ -203,8 +203,9 @@ class HeldAxisOptions(AxisOptions):
 STIFFNESS = Parameter(
     allow_leading_hyphen=True,
     help="Stiffness of the machine with unit: 1.6e-3/um, or 2e6 N/m for a force. For several files:"
-    " one value, or one per file in their order. For a run also 0.16 MPa/um (it is divided by the"
-    " normal stress of each event), or ramps: the stiffness during unloading and reloading.",
+    " one value, or one per file in their order. With a recorded normal stress also 0.16 MPa/um,"
+    " which is divided by the mean normal stress, in a run by that of each event. For a run also"
+    " ramps: the stiffness during unloading and reloading.",
 )
 """`fit` takes a list of them, one for each record."""
 Stiffness = Annotated[str | None, STIFFNESS]

@@ -53,12 +53,12 @@ def run(
     stress_steps.csv, stick_slip.csv, ramps.csv and stick_slip_laws.csv. The default output folder
     is ./NAME-run/; options that differ from their default are part of the folder's name.
     """
+    from ..fitting.stiffness import MachineStiffness
     from ..report.run_page import page
     from ..report.run_report import files_of, report
     from ..runs.findings import content, findings_of
     from ..runs.fits import HowFitted, decided_events
     from ..runs.ramps import RAMPS, stiffness_from_ramps
-    from ..runs.stiffness import MachineStiffness
 
     rows = _ROWS if downsample_to is None else downsample_to
     how = HowFitted(law=law, rows=rows, **model.model())

@@ -28,7 +28,7 @@ from ..records.teeth import slips_told
 from ..records.thin import blur, thinned
 from ..silent import silent
 from ..simulation import simulate
-from ..units import parse_quantity
+from ..units import has_dimension, parse_quantity
 from .assemble import assemble
 from .assumed import changed_stress, unsteady_start
 from .loading import UNIT_RIGHT, refuse_contradicted, steepest_loading
@@ -56,6 +56,7 @@ from .solve import DESCENTS, Solution, known_at, solve
 from .solved import Solved
 from .stages import Begun, FitTask, averaged, first_stage, one_state_model, second_stage
 from .start import one_state_starts
+from .stiffness import MachineStiffness
 from .thresholds import BLUR, MOST_STATES
 from .uncertainty import data_part, fair_hold
 
@@ -89,7 +90,8 @@ def fit(
     Parameters
     ----------
     record : as read by `jaxfric.read`, or the path of a file that `read` needs no options for.
-    stiffness : of spring and specimen [1/m for a coefficient, N/m for a force], or "1.6e-3/um".
+    stiffness : of spring and specimen [1/m for a coefficient, N/m for a force], or "1.6e-3/um"; for
+        a coefficient also "0.1 MPa/um", which is divided by the mean recorded normal stress.
     mass : of the slider [kg for a force; kg/N = s^2/m for a coefficient: mass over normal force],
         or "12 kg"; None: negligible. The recorded friction is the spring force minus m dV/dt.
     law : "slip" or "ageing".
@@ -145,6 +147,8 @@ def task_of(
             f"stiffness is needed, in {unit_of('K', unit)} (as in"
             f" {option('stiffness', '1.6e-3/um')}), or fit it ({option('fit-stiffness')})"
         )
+    if isinstance(stiffness, str) and has_dimension(stiffness, "Pa/m"):
+        stiffness = MachineStiffness.parse(stiffness, unit).at(record.mean_normal_stress)
     K, m = _stated(stiffness, "K", "stiffness", unit), _stated(mass, "m", "mass", unit)
     steps = steps_of(record, steps)
     record, doubts = few_rows(record, rows, steps)

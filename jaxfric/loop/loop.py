@@ -14,6 +14,7 @@ from ..fitting.fit import few_rows, steps_of
 from ..fitting.padding import bucket
 from ..fitting.problem import Problem
 from ..fitting.stages import FELT
+from ..fitting.stiffness import MachineStiffness
 from ..laws.registry import known_law
 from ..lazy import old_arguments
 from ..records import Record, VelocitySteps
@@ -22,7 +23,6 @@ from ..records.given import as_record
 from ..rig.normal_stress import NormalStress, moved_stress, recorded_stress
 from ..runs.events import Event
 from ..runs.fits import HowFitted
-from ..runs.stiffness import MachineStiffness
 from ..silent import silent
 from .case import MOST, Offered, offered
 from .close import Subject, close

@@ -156,6 +156,11 @@ class Record(Measured):
         """
         return self._cut(self.moved(), start, stop)
 
+    @property
+    def mean_normal_stress(self) -> float | None:
+        """Mean of the recorded normal stress [Pa]; None if it is not recorded."""
+        return None if self.normal_stress is None else float(np.mean(self.normal_stress))
+
     def moved(self) -> np.ndarray:
         """Displacement of the load point [m], integrated from its velocity if not recorded."""
         if self.load_point_displacement is not None:

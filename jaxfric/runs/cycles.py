@@ -22,6 +22,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from ..findings import WarningCode, reasoned, warned
+from ..fitting.stiffness import MachineStiffness, departure
 from ..fitting.thresholds import ENDS, LARGEST_ERROR
 from ..plain import entries, plain
 from ..records import Record
@@ -32,7 +33,6 @@ from .holds import LAWS
 from .reasons import RunReason
 from .rise_fit import RiseFit, fit_rises
 from .stick_slip import Rises, find_rises
-from .stiffness import MachineStiffness, departure
 from .table import Cell, rounded, short
 from .weighted import WeightedLine, line_over_decades
 

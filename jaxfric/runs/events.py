@@ -29,12 +29,12 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from ..findings import warned
+from ..fitting.stiffness import MachineStiffness
 from ..records import Record
 from ..records.run_motion import RunMotion, run_motion
 from ..records.stress import StressChange, find_stress_changes, is_constant
 from ..records.teeth import Teeth, find_dips, find_spikes, find_teeth
 from .reasons import RunReason
-from .stiffness import MachineStiffness
 
 KINDS = ("step", "stress", "hold", "reload", "unload", "stick_slip", "glitch")
 

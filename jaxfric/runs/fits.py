@@ -10,6 +10,7 @@ from ..described import Described, Drawable, Tabular
 from ..errors import InputError, option
 from ..findings import marked
 from ..fitting import Fit, fit
+from ..fitting.stiffness import MachineStiffness
 from ..laws.registry import known_law
 from ..records import Record, VelocitySteps
 from ..records.record import frozen
@@ -20,7 +21,6 @@ from ..threads import side_by_side
 from .decisions import read_decisions
 from .events import Event, find_events
 from .stick_slip import is_stretch
-from .stiffness import MachineStiffness
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,12 +28,12 @@ import numpy as np
 
 from ..errors import InputError, option
 from ..findings import WarningCode, warned
+from ..fitting.stiffness import MachineStiffness, departure
 from ..records import Record
 from ..records.stress import is_constant
 from ..units import measured
 from .events import Event
 from .reasons import RunReason
-from .stiffness import MachineStiffness, departure
 from .table import Cell, short
 from .weighted import weighted_mean
 

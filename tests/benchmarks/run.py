@@ -23,9 +23,9 @@ from jaxfric.cli.xla import whole_loops
 from jaxfric.fitting.problem import Model
 from jaxfric.fitting.solve import solve as descend_from
 from jaxfric.fitting.stages import prepare
+from jaxfric.fitting.stiffness import MachineStiffness
 from jaxfric.runs import find_events
 from jaxfric.runs.fits import HowFitted, fit_run, window_of
-from jaxfric.runs.stiffness import MachineStiffness
 
 STEPS, ROWS, STIFFNESS = 50, 2000, 1e3
 V = (1e-6, 1e-5)

@@ -26,6 +26,11 @@ def departure(given: float, found: float, error: float) -> float | None:
     return None if agree else given / found - 1
 
 
+def alike(one: float, other: float) -> bool:
+    """Whether two positive normal stresses are equal within `_ALIKE`."""
+    return max(one, other) < _ALIKE * min(one, other)
+
+
 @dataclass(frozen=True)
 class MachineStiffness:
     """Stiffness `value` [friction/m]; if `of_stress`, [Pa/m] at any normal stress."""
@@ -35,12 +40,13 @@ class MachineStiffness:
 
     @classmethod
     def parse(cls, text: str | float, friction_unit: str) -> "MachineStiffness":
-        """Parse text with a unit: "1.6e-3/um", "2e6 N/m" for a force, or "0.16 MPa/um".
+        """Parse text with a unit: "1.6e-3/um" or "0.16 MPa/um", or "2e6 N/m" for a force.
 
         Raises `InputError` for another unit, and for a value that is not positive.
         """
-        of_stress = isinstance(text, str) and has_dimension(text, "Pa/m")
-        unit = "Pa/m" if of_stress else "1/m" if friction_unit == "1" else "N/m"
+        coefficient = friction_unit == "1"
+        of_stress = coefficient and isinstance(text, str) and has_dimension(text, "Pa/m")
+        unit = "Pa/m" if of_stress else "1/m" if coefficient else "N/m"
         value = parse_quantity(text, unit, option("stiffness")) if isinstance(text, str) else text
         found = cls(float(value), of_stress)
         if not (np.isfinite(found.value) and found.value > 0):
@@ -65,7 +71,7 @@ class MachineStiffness:
 
     def doubt(self, stresses: list[float]) -> str | None:
         """Return a warning if one stiffness in friction is used at several normal stresses [Pa]."""
-        if self.of_stress or not stresses or max(stresses) < _ALIKE * min(stresses):
+        if self.of_stress or not stresses or alike(min(stresses), max(stresses)):
             return None
         K, low, high = self.value, min(stresses), max(stresses)
         return warned(WarningCode.PRESS, stiffness=K, low=low, high=high, needed=K * high)
