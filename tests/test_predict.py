@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from command import STEPS, assert_refused, record_text, run, written
+from scipy.integrate import odeint
 
 import jaxfric
 from jaxfric.cli.folder import Folder
@@ -216,7 +217,60 @@ def test_a_slider_through_the_command(monkeypatch: pytest.MonkeyPatch) -> None:
     assert [told["values"][k] for k in ("slowest", "fastest")] == pytest.approx([1e-6, 1.1e-6])
 
 
+PRESS = 1e11
+"""Stiffness of a press: 0.1 MPa/um."""
+
+
+def at_normal_stress(sigma: float, velocities: tuple[float, ...]) -> jaxfric.Record:
+    """Steps of 200 um each under the slip law, as SciPy has it, on a press, at `sigma` [Pa]."""
+    A, B, L, V0, way = 0.008, 0.012, 2e-5, 1e-6, 2e-4
+    K, begin, state, columns = PRESS / sigma, 0.0, np.zeros(2), []
+    for k, V in enumerate(velocities):
+
+        def rate(y, _, V=V):
+            own = V0 * np.exp(y[0])
+            theta = -(own / L) * (y[1] + B * y[0])
+            return [(K * (V - own) - theta) / A, theta]
+
+        at = np.linspace(0, way / V, 201)
+        path = odeint(rate, state, at, rtol=1e-10, atol=1e-12)
+        friction = 0.6 + A * path[:, 0] + path[:, 1]
+        columns.append([begin + at[:-1], k * way + V * at[:-1], friction[:-1]])
+        begin, state = begin + at[-1], path[-1]
+    time, point, friction = np.concatenate(columns, axis=1)
+    friction += 1e-4 * np.random.default_rng(0).standard_normal(len(time))
+    stress = np.full(len(time), sigma)
+    columns = {"load_point_displacement": point, "normal_stress": stress}
+    return jaxfric.from_arrays(time, friction, **columns)
+
+
+def test_a_fit_at_another_normal_stress_keeps_the_machine_not_its_k() -> None:
+    """K = k/sigma: a press of 0.1 MPa/um is 5e-3/um at 20 MPa and 12.5e-3/um at 8 MPa."""
+    fit = jaxfric.fit(at_normal_stress(20e6, (1e-6, 1e-5)), stiffness="0.1 MPa/um")
+    assert fit.parameters["K"].value == pytest.approx(5e3)
+    Path("fit.json").write_text(json.dumps(fit.to_json()))
+    record = at_normal_stress(8e6, (1e-6, 1e-5))
+    found = jaxfric.predict("fit.json", record)
+    _, note, *_ = found.notes
+    assert note.code == "stiffness_scaled_by_normal_stress"
+    values = [note.values[name] for name in ("stiffness", "of_model", "before", "here")]
+    assert values == pytest.approx([12.5e3, 5e3, 20e6, 8e6])
+    assert "(8 MPa) instead of the model's (20 MPa)" in note
+    assert found.rms == pytest.approx(1e-4, rel=0.1)
+    stated = jaxfric.predict("fit.json", record, stiffness="0.1 MPa/um")
+    assert stated.rms == pytest.approx(found.rms) and len(stated.notes) == len(found.notes) - 1
+    kept = jaxfric.predict("fit.json", record, stiffness="5e-3/um")
+    assert kept.rms > 2 * found.rms
+
+
 # ---- what is refused -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("verb", ["fit", "loop"])
+def test_a_stiffness_of_stress_needs_a_normal_stress(verb: str) -> None:
+    written(Path("run.csv"), record_text())
+    said = "the record has no normal stress there; map one, as in --column"
+    assert_refused(run(verb, "run.csv", *STEPS, "--stiffness", "0.1 MPa/um"), said)
 
 
 @pytest.mark.parametrize(

@@ -63,6 +63,12 @@ class SavedModel(NamedTuple):
         last = list(self.tables().values())[-1]["parameters"]
         return [name for name, item in last.items() if not item.get("determined", True)]
 
+    def normal_stress(self) -> float | None:
+        """Return the normal stress [Pa] at which K of the model holds: the mean of its record, or
+        that of the first stretch of a run; None if it is not known."""
+        first = self.content.get("stretches") or [self.content.get("record", {})]
+        return first[0].get("normal_stress")
+
     def speeds(self) -> tuple[float, float]:
         """Return the slowest and fastest steady motion of the model's own record [m/s]."""
         steps = self.content["steps"]

@@ -29,6 +29,8 @@ class NoteCode(StrEnum):
     STEPS = "step_times_fitted"
     STIFFNESS = "stiffness_of_the_model"
     """Values: stiffness, unit."""
+    SCALED = "stiffness_scaled_by_normal_stress"
+    """Values: stiffness, of_model, unit; before and here, the normal stresses [Pa]."""
     INSIDE = "disturbance_inside"
     BESIDE = "disturbance_beside"
 

@@ -26,13 +26,13 @@ from ..fitting.problem import Model, Problem
 from ..fitting.result import unit_of
 from ..fitting.solve import descend, known_at
 from ..fitting.stages import prepare
+from ..fitting.stiffness import MachineStiffness, alike
 from ..fitting.thresholds import FAILED_MISFIT
 from ..fitting.uncertainty import spread_of
 from ..loop.sampling import seen_between
 from ..records import Record, VelocitySteps
 from ..records.differences import noise_from_differences
 from ..rig.normal_stress import recorded_stress
-from ..units import parse_quantity
 from .model import SavedModel
 from .result import Comparison, NoteCode, Prediction, Shift
 
@@ -48,8 +48,8 @@ class _SliderSetting(NamedTuple):
     steps: VelocitySteps
     sign: float
     stiffness: float
-    own: bool
-    """Whether the user gave the stiffness for this record; else it is that of the model."""
+    stiffness_note: tuple[Warned, ...]
+    """The source of the stiffness; empty if the user gave the stiffness for this record."""
 
 
 class _Found(NamedTuple):
@@ -135,7 +135,7 @@ def _setting(
     values = saved.values(list(saved.tables())[-1])
     found, sign = forward_steps(record, steps_of(record, steps))
     effects = effects_of_file(saved.effects())
-    K = values["K"] if stiffness is None else _stated(stiffness, record.friction_unit)
+    K, stiffness_note = _stiffness(saved, values["K"], record, stiffness)
     law = saved.content["law"]
     if effects:
         model = EncompassingModel(Model(law=law), effects)
@@ -148,7 +148,7 @@ def _setting(
         record,
         found,
         model,
-        stiffness=float(K),
+        stiffness=K,
         V0=values["V0"],
         sign=sign,
         force_scale=abs(values["A"]),
@@ -163,18 +163,28 @@ def _setting(
         padded = stress.padded(bucket(len(stress.knots)))
         problem = dataclasses.replace(problem, normal_stress=padded)
     if effects:
-        problem = seen_between(problem, values["A"] / float(K), values["L"])
-    return _SliderSetting(saved, record, problem, found, sign, float(K), stiffness is not None)
+        problem = seen_between(problem, values["A"] / K, values["L"])
+    return _SliderSetting(saved, record, problem, found, sign, K, stiffness_note)
 
 
-def _stated(stiffness: float | str, friction_unit: str) -> float:
-    """Return the given stiffness [F/m]."""
-    unit = unit_of("K", friction_unit)
-    text = isinstance(stiffness, str)
-    K = parse_quantity(stiffness, unit, "stiffness") if text else stiffness
-    if not K > 0:
-        raise InputError(f"stiffness is {K:g} {unit}; it must be positive")
-    return K
+def _stiffness(
+    saved: SavedModel, of_model: float, record: Record, given: float | str | None
+) -> tuple[float, tuple[Warned, ...]]:
+    """Return the stiffness [F/m] for a record, and a note on its source unless it is `given`.
+
+    A machine has one stiffness of shear stress [Pa/m]. For a coefficient of friction it is divided
+    by the normal stress, so K of the model is scaled by the ratio of both normal stresses.
+    """
+    if given is not None:
+        machine = MachineStiffness.parse(given, record.friction_unit)
+        return machine.at(record.mean_normal_stress), ()
+    unit = unit_of("K", record.friction_unit)
+    before, here = saved.normal_stress(), record.mean_normal_stress
+    if record.friction_unit != "1" or not before or not here or alike(before, here):
+        return of_model, (warned(NoteCode.STIFFNESS, stiffness=of_model, unit=unit),)
+    K = of_model * before / here
+    values = {"stiffness": K, "of_model": of_model, "before": before, "here": here}
+    return K, (warned(NoteCode.SCALED, **values, unit=unit),)
 
 
 def _start(setting: _SliderSetting, name: str) -> np.ndarray:
@@ -241,10 +251,8 @@ def _shifts(setting: _SliderSetting, name: str, refit: _Found) -> tuple[Shift, .
 
 def _notes(setting: _SliderSetting, free: Sequence[str]) -> tuple[Warned, ...]:
     told = warned(NoteCode.FITTED, parameters=free) if free else warned(NoteCode.NOTHING)
-    about = {"stiffness": setting.stiffness, "unit": unit_of("K", setting.record.friction_unit)}
-    own = () if setting.own else (warned(NoteCode.STIFFNESS, **about),)
     times = (warned(NoteCode.STEPS),) if len(setting.problem.shifted) else ()
-    return (told, *own, *times)
+    return (told, *setting.stiffness_note, *times)
 
 
 def _warnings(setting: _SliderSetting) -> tuple[str, ...]:

@@ -16,7 +16,10 @@ def content(fit: Fit) -> dict:
     table = plain(
         {
             "schema": FIT,
-            "record": origin.to_json(len(fit.record)),
+            "record": {
+                **origin.to_json(len(fit.record)),
+                "normal_stress": fit.record.mean_normal_stress,
+            },
             **entries(fit.model, "law", "states"),
             "friction_unit": fit.record.friction_unit,
             "A_minus_B": _told(fit.A_minus_B),

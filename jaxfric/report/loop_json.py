@@ -22,7 +22,10 @@ def content(loop: Loop) -> dict:
     origin, values, steps = loop.record.provenance, loop.base_fit.values(), loop.base_fit.steps
     table = {
         "schema": LOOP,
-        "record": origin.to_json(len(loop.record)),
+        "record": {
+            **origin.to_json(len(loop.record)),
+            **({} if loop.kind == "axis" else {"normal_stress": loop.record.mean_normal_stress}),
+        },
         "friction_unit": loop.record.friction_unit,
         "law": loop.base_fit.law,
         "stiffness": values.get("K"),

@@ -349,6 +349,10 @@ REASONS: Mapping[str, str] = {
     "step_times_fitted": "the times of the velocity steps were fitted within their error",
     "stiffness_of_the_model": "stiffness is the model's, {stiffness:.4g} {unit}: if another machine"
     " made this record, give the stiffness of that machine ({option[stiffness]})",
+    "stiffness_scaled_by_normal_stress": "stiffness is {stiffness:.4g} {unit}, from the model's"
+    " {of_model:.4g} {unit}: the same machine [MPa/µm], at the normal stress of this record"
+    " ({here:M.4g} MPa) instead of the model's ({before:M.4g} MPa). If another machine made this"
+    " record, give the stiffness of that machine ({option[stiffness]})",
     "disturbance_inside": "the recorded force contains the disturbance: so the error is smaller",
     "disturbance_beside": "the recorded force is without the disturbance: so the error is smaller",
 }
