@@ -536,4 +536,4 @@ def test_a_clock_that_moves_is_not_doubted():
     time = np.repeat(np.arange(100.0), 3)
     x = 1e-6 * np.arange(len(time))
     record = from_arrays(time, 0.6 + 0 * time, load_point_displacement=x)
-    assert len(record) == 100 and record.provenance.doubts == ()
+    assert len(record) == 100 and record.doubts == ()

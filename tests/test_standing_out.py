@@ -51,12 +51,30 @@ def write(path: Path, friction) -> Path:
 
 def test_a_cell_typed_over_is_named_with_its_row_and_can_be_dropped(tmp_path: Path) -> None:
     path = write(tmp_path / "typo.csv", typed_over(STEADY, 7, 6.01))
-    (doubt,) = read(path).provenance.doubts
+    (doubt,) = read(path).doubts
     assert doubt.startswith(f"{path}: friction has outliers") and "6.01 in row 9." in doubt
     assert path.read_text().splitlines()[9 - 1].endswith(",6.01") and "drop_bad=True" in doubt
     record = read(path, drop_bad=True)
-    assert len(record) == 199 and record.friction.max() < 0.7 and not record.provenance.doubts
+    assert len(record) == 199 and record.friction.max() < 0.7 and not record.doubts
     assert record.provenance.dropped == {"far out of its neighbours": 1}
+
+
+def test_only_used_columns_and_rows_are_doubted(tmp_path: Path) -> None:
+    """Friction has an outlier at 7 s, the velocity of the load point one at 50 s."""
+    path = write(tmp_path / "typo.csv", typed_over(STEADY, 7, 6.01))
+    head, *rows = path.read_text().splitlines()
+    speeds = typed_over(np.full(200, 10.0), 50, 1390.0)
+    both = [f"{row},{v}" for row, v in zip(rows, speeds, strict=True)]
+    path.write_text("\n".join([f"{head},load_point_velocity [um/s]", *both]) + "\n")
+    record = read(path)
+    (doubt,) = record.doubts
+    assert "friction has outliers: 6.01 in row 9." in doubt
+    assert record.window(0, 20).doubts == (doubt,) and record.window(20, 150).doubts == ()
+    assert len(read(path, drop_bad=True)) == 199
+    alone = read(path, columns={"load_point_displacement": "none"})
+    named = {one.split(" has")[0].split(": ")[1] for one in alone.doubts}
+    assert named == {"friction", "load_point_velocity"}
+    assert len(alone.window(20, 150).doubts) == 1
 
 
 def test_a_record_of_an_axis_is_told_from_one_of_a_slider(tmp_path: Path) -> None:

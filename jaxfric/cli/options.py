@@ -95,8 +95,9 @@ class SliderOptions(RecordOptions):
 
         columns = self.roles("--column friction=mu")
         record = read(file, columns=columns, drop_bad=self.drop_bad, reduce=self.reduce)
-        warn(record.provenance.doubts)
-        return self.windowed(record)
+        record = self.windowed(record)
+        warn(record.doubts)
+        return record
 
 
 Steps = Annotated[

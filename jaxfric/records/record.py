@@ -32,8 +32,8 @@ class Provenance:
     rows_read: int = 0
     dropped: Mapping[str, int] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
-    doubts: tuple[str, ...] = ()
-    """Outlier cells, one line for each column: rows of the outliers, and what to do."""
+    outliers: Mapping[str, np.ndarray] = field(default_factory=dict, compare=False, repr=False)
+    """Line numbers of the outlier cells of each used column; empty if bad rows were dropped."""
     reduction: tuple[str, ...] = ()
     """What each step of a reduction did, one line for each; empty without a reduction."""
     stated: Mapping[str, str] = field(default_factory=dict)
@@ -157,6 +157,17 @@ class Record(Measured):
         return self._cut(self.moved(), start, stop)
 
     @property
+    def doubts(self) -> tuple[str, ...]:
+        """A warning for every used column that has outlier cells in the rows of this record."""
+        lines = self.provenance.lines
+        if lines is None or len(lines) != len(self):  # means of rows
+            return ()
+        units = {**ROLES, "friction": self.friction_unit}
+        return standing_out.told(
+            self.provenance.path, self.columns, lines, self.provenance.outliers, units
+        )
+
+    @property
     def mean_normal_stress(self) -> float | None:
         """Mean of the recorded normal stress [Pa]; None if it is not recorded."""
         return None if self.normal_stress is None else float(np.mean(self.normal_stress))
@@ -219,12 +230,10 @@ def build(
         raise InputError("a record needs load_point_displacement or load_point_velocity")
     columns, keep, dropped = whole_rows(columns, origin.path, rows, drop_bad)
     si_units = {**ROLES, "friction": friction_unit}
-    doubts = ()
+    outliers = _outliers(columns, keep)
     if drop_bad:
-        keep, dropped = _without(columns, keep, dropped)
-    else:
-        here = {role: values[keep] for role, values in columns.items()}
-        doubts = standing_out.told(origin.path, here, rows.lines[keep], si_units)
+        keep, dropped = _without(outliers, keep, dropped)
+        outliers = {}
     kept = {role: frozen(values[keep]) for role, values in columns.items()}
     refuse_few(int(keep.sum()), origin.path)
     refuse_sizes(kept, si_units, units, origin.path, rows.lines[keep])
@@ -232,22 +241,30 @@ def build(
         origin,
         rows_read=origin.rows_read + len(rows.lines),
         dropped={**origin.dropped, **dropped},
-        doubts=doubts,
+        outliers={role: rows.lines[found] for role, found in outliers.items()},
         lines=rows.lines[keep],
     )
     return Record(**kept, friction_unit=friction_unit, units=dict(units), provenance=origin)
 
 
+def _outliers(columns: Mapping[str, np.ndarray], keep: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the rows of outlier cells among the rows to `keep`, for each used column. The velocity
+    of the load point is not used if its displacement is recorded."""
+    rows, found = np.flatnonzero(keep), {}
+    for role, values in columns.items():
+        if role != "load_point_velocity" or "load_point_displacement" not in columns:
+            found[role] = rows[standing_out.standing_out(role, values[rows])]
+    return found
+
+
 def _without(
-    columns: Mapping[str, np.ndarray], keep: np.ndarray, dropped: dict[str, int]
+    outliers: Mapping[str, np.ndarray], keep: np.ndarray, dropped: dict[str, int]
 ) -> tuple[np.ndarray, dict[str, int]]:
     """Drop rows with outlier cells too; return the rows to keep, and the counts of the others."""
-    rows = np.flatnonzero(keep)
-    far = [standing_out.standing_out(role, values[rows]) for role, values in columns.items()]
-    wild = np.any(far, axis=0)
+    wild = np.unique(np.concatenate(list(outliers.values())))
     keep = keep.copy()
-    keep[rows[wild]] = False
-    return keep, dropped | ({"far out of its neighbours": int(wild.sum())} if wild.any() else {})
+    keep[wild] = False
+    return keep, dropped | ({"far out of its neighbours": len(wild)} if len(wild) else {})
 
 
 def vector(values: ArrayLike, role: str) -> np.ndarray:

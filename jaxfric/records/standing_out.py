@@ -47,16 +47,21 @@ def standing_out(role: str, values: np.ndarray) -> np.ndarray:
 
 
 def told(
-    path: str, columns: Mapping[str, np.ndarray], lines: np.ndarray, units: Mapping[str, str]
+    path: str,
+    columns: Mapping[str, np.ndarray],
+    lines: np.ndarray,
+    outliers: Mapping[str, np.ndarray],
+    units: Mapping[str, str],
 ) -> tuple[str, ...]:
     """Return a warning for every column with outlier cells: position, value and remedy.
 
-    `units` are the SI units of the columns, `lines` the line numbers of the rows.
+    `lines` are the line numbers of the rows, `outliers` those of the outlier cells of each column,
+    and `units` the SI units of the columns.
     """
     found = []
-    for role, values in columns.items():
-        rows = np.flatnonzero(standing_out(role, values))
-        if not len(rows):
+    for role, far in outliers.items():
+        rows, values = np.flatnonzero(np.isin(lines, far)), columns.get(role)
+        if values is None or not len(rows):
             continue
         unit = units[role]
         shown = {"m": "um", "m/s": "um/s", "Pa": "MPa"}.get(unit, unit)

@@ -22,7 +22,7 @@ def report(record: Record, steps: VelocitySteps) -> Report:
     ]
     number = f"velocity steps: {len(steps) - 1 or '0 (none found)'}"
     table = TextTable("", ("from [s]", "±", "velocity"), rows)
-    return Report([*describe(record), number], [table], warnings=record.provenance.doubts)
+    return Report([*describe(record), number], [table], warnings=record.doubts)
 
 
 def report_axis(record: AxisRecord, strokes: Strokes) -> Report:
@@ -50,7 +50,7 @@ def report_axis(record: AxisRecord, strokes: Strokes) -> Report:
         "fastest": (strokes.fastest, one, ".4g"),
     }
     table = _table(columns)
-    return Report([*lines, turns], [table], warnings=record.provenance.doubts)
+    return Report([*lines, turns], [table])
 
 
 def report_steady(curve: SteadyCurve) -> Report:
