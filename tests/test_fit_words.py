@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from test_derived import VALUES, covariance_of, fit_of
 
-from jaxfric.fitting import NoiseEstimate, NoisePart
+from jaxfric.fitting import Estimate, NoiseEstimate, NoisePart
 from jaxfric.fitting.assemble import _warn
+from jaxfric.report.estimates import friction_line
 from jaxfric.report.fit_text import noise_text
 
 
@@ -52,3 +53,25 @@ def test_a_drift_is_not_asked_for_twice(trend):
     fit = replace(fit, model=fit.model._replace(slip_trend=trend))
     (said,) = [text for text in _warn(fit, [], wanders=True).warnings if "wanders" in text]
     assert ("slip_trend=True" in said) != trend and "a wrong step" in said
+
+
+@pytest.mark.parametrize(
+    ("value", "determined", "open_parameter", "words"),
+    [
+        (0.0012, False, "", "a - b = 0.0012(8), a = 0.0100(10), b = "),
+        (0.0012, True, "", "a - b = 0.0012(8), "),
+        (0.0012, False, "B", "a - b is not known, "),
+        (0.0120, False, "", "a - b is not known, "),  # another D_c fits with the other sign
+    ],
+)
+def test_a_difference_whose_sign_is_open_is_a_number(value, determined, open_parameter, words):
+    """A - B of 1.5 standard errors says no sign, but it is a number with an error."""
+    sizes = {"A": (0.010, 1e-3), "B": (0.0088, 1e-3), "L": (2e-5, 2e-6)}
+    parameters = {
+        name: Estimate(v, e, v - 2 * e, v + 2 * e, "1", determined=name != open_parameter)
+        for name, (v, e) in sizes.items()
+    }
+    rate = Estimate(value, 8e-4, value - 1.6e-3, value + 1.6e-3, "1", determined=determined)
+    line = friction_line(rate, parameters, "um")
+    assert line.startswith(words)
+    assert line.endswith("whether velocity weakens friction is not known.")

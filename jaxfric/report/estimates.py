@@ -2,11 +2,13 @@
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 from ..fitting import Estimate
 from ..records import Record
+from ..stability.claims import SURE
 from ..units import decimals, factor, measured, read_as, with_unit
 
 UNDETERMINED = "undetermined"
@@ -31,13 +33,22 @@ def friction_line(rate: Estimate, parameters: Mapping[str, Estimate], length: st
         if (m := STATE.fullmatch(name))
     }
     states = sorted(name for name in own if name[0] == "b")
-    shown = {" - ".join(("a", *(states or ["b"]))): rate}
+    only_sign = _is_open(rate, [known for name, known in own.items() if name[0] in "ab"])
+    number = replace(rate, determined=True) if only_sign else rate
+    shown = {" - ".join(("a", *(states or ["b"]))): number}
     shown |= {name: own[name] for name in sorted(own, key=lambda name: "abD".index(name[0]))}
     told = [
         f"{name} {'=' if _known(estimate) else 'is'} {with_error(estimate, length)}"
         for name, estimate in shown.items()
     ]
     return f"{', '.join(told)}: {_sign(rate)}."
+
+
+def _is_open(rate: Estimate, amplitudes: Sequence[Estimate]) -> bool:
+    """Whether only the sign of A - B is open: A and all B are determined, and A - B is within two
+    standard errors of 0. The number and its error are then stated, but no sign."""
+    known = math.isfinite(rate.std) and all(_known(one) for one in amplitudes)
+    return known and abs(rate.value) <= SURE * rate.std
 
 
 def with_error(estimate: Estimate, length: str) -> str:
