@@ -5,7 +5,7 @@ files of earlier versions.
 """
 
 COMPARISON = "jaxfric.comparison/1"
-FEEDFORWARD = "jaxfric.feedforward/1"
+FEEDFORWARD = "jaxfric.feedforward/2"
 FIT = "jaxfric.fit/2"
 FITS = "jaxfric.fits/1"
 FOLDER = "jaxfric.folder/1"

@@ -74,9 +74,9 @@ def test_the_c_source_is_the_equations_of_the_effects(effects, tmp_path):
     middle = 0.05 if "position_dependence" in effects else 0.0
     static = {n: x for n, x in p.items() if not n.startswith(("position_periodic", "gravity"))}
     for v in SPEEDS:
-        told = called(library, "screw_2_friction", v)
+        told = called(library, "screw_2_compensation", v)
         assert told == pytest.approx(by_hand(static, v, fade, middle), rel=1e-12, abs=1e-13)
-        assert found.friction(v) == pytest.approx(told, rel=1e-11, abs=1e-12)
+        assert found.compensation(v) == pytest.approx(told, rel=1e-11, abs=1e-12)
         q, a = 0.0123, -1.7
         told = called(library, "screw_2_feedforward", *((q,) if place else ()), v, a)
         assert told == pytest.approx(by_hand(p, v, fade, q, a), rel=1e-12, abs=1e-13)
@@ -95,9 +95,10 @@ def test_friction_that_falls_with_speed_never_drives_the_axis(tmp_path):
     for v in (0.31, 3.0, 1e3):
         held = 3.0 - 1.26 * FASTEST
         for side in (1, -1):
-            assert called(library, "axis_friction", side * v) == pytest.approx(side * held)
+            assert called(library, "axis_compensation", side * v) == pytest.approx(side * held)
             assert called(library, "axis_feedforward", side * v, 0.0) == pytest.approx(side * held)
             assert found.friction(side * v) == pytest.approx(side * held)
+            assert found.compensation(side * v) == pytest.approx(side * held)
         at = found.at(v)
         assert at.mean.force == pytest.approx(held) and not at.supported
         assert "keeps its last value" in spoken(found, at)
@@ -117,8 +118,8 @@ def test_a_bend_in_c_is_no_lower_than_the_record_sees(effect, tmp_path):
     library = built(found.c(), tmp_path)
     for v in (1e-3, -0.2):
         told = by_hand(parameters(path), v, found.fade.speed)
-        assert called(library, "axis_friction", v) == pytest.approx(told, rel=1e-12)
-        assert found.friction(v) == pytest.approx(told, rel=1e-11)
+        assert called(library, "axis_compensation", v) == pytest.approx(told, rel=1e-12)
+        assert found.compensation(v) == pytest.approx(told, rel=1e-11)
 
 
 def test_the_published_curve_in_c(tmp_path):
@@ -152,13 +153,17 @@ def test_a_table_is_the_map_with_its_band(tmp_path):
     found = jf.feedforward(saved(tmp_path, "direction_asymmetry"))
     rows = list(csv.DictReader(io.StringIO(found.csv())))
     table = {name: np.asarray([row[name] for row in rows]) for name in rows[0]}
-    v, force, std, low, high = (
+    v, force, std, low, high, given = (
         np.asarray([float(cell or "nan") for cell in table[f"{name}]"]])
-        for name in ("velocity [m/s", "force [N", "std [N", "lower [N", "upper [N")
-    )
+        for name in (
+            "velocity [m/s", "friction [N", "std [N", "lower [N", "upper [N", "compensation [N",
+        )
+    )  # fmt: skip
     p, fade = BASE | {"direction_asymmetry.d": 4.0}, found.fade.speed
-    np.testing.assert_allclose(force, [by_hand(p, x, fade) for x in v], rtol=1e-7, atol=1e-7)
-    s = np.tanh(v / fade)
+    np.testing.assert_allclose(given, [by_hand(p, x, fade) for x in v], rtol=1e-7, atol=1e-7)
+    s = np.sign(v)
+    by_signs = [30 * x + 1.5 + y * (10 + 4 * x) for x, y in zip(v, s, strict=True)]
+    np.testing.assert_allclose(force, by_signs, rtol=1e-7, atol=1e-7)
     own = np.sqrt((0.3 * v) ** 2 + 0.015**2 + (0.1 * s) ** 2 + (0.04 * v * s) ** 2)
     inside = (np.abs(v) >= SLOWEST - 1e-9) & (np.abs(v) <= FASTEST + 1e-9)
     np.testing.assert_array_equal(table["basis"], np.where(inside, "record", "guess"))
@@ -253,7 +258,7 @@ def test_units_of_a_joint(tmp_path):
     units = {p.name: p.unit for p in found.pieces}
     assert units["M"] == "kg m^2" and units["F_v"] == "N m s/rad"
     assert units["cubic.c"] == "N m s^3/rad^3" and units["position_dependence.k"] == "N m/rad"
-    assert "velocity [rad/s],force [N m]" in found.csv()
+    assert "velocity [rad/s],friction [N m]" in found.csv()
 
 
 # ---- friction at a speed -----------------------------------------------------------------------
@@ -267,7 +272,7 @@ def test_the_friction_that_is_told_first_is_that_of_the_table(tmp_path):
     p = parameters(tmp_path / "loop.json")
     for side, v in ((here.forwards, SLOWEST), (here.backwards, -SLOWEST)):
         assert side.force == pytest.approx(by_hand(p, v, found.fade.speed))
-        assert side.force == pytest.approx(float(rows[v]["force [N]"]), rel=1e-8)
+        assert side.force == pytest.approx(float(rows[v]["friction [N]"]), rel=1e-8)
         assert side.std == pytest.approx(float(rows[v]["std [N]"]), rel=1e-8)
         assert f"{side.force:+.2f} ± {side.std:.2f} N" in found.sentence
     # F_0 and d v of both directions cancel: F_c + F_v v and their errors
@@ -284,12 +289,30 @@ def test_the_friction_at_a_speed(tmp_path):
     ):  # fmt: skip
         here = found.at(asked)
         assert here.speed == pytest.approx(speed) and here.supported == supported
-        assert here.forwards.force == pytest.approx(10 * math.tanh(speed / 0.02) + 30 * speed + 1.5)
-        assert here.unfaded == pytest.approx((11.5 + 30 * speed, -8.5 - 30 * speed))
+        faded = 10 * math.tanh(speed / 0.02) + 30 * speed
+        assert here.compensation == pytest.approx((faded + 1.5, 1.5 - faded))
+        assert here.forwards.force == pytest.approx(11.5 + 30 * speed)
+        assert here.backwards.force == pytest.approx(-8.5 - 30 * speed)
+        assert here.mean.force == pytest.approx(10 + 30 * speed)
         assert math.isnan(here.forwards.std) == math.isnan(here.mean.std) == (not supported)
         said = spoken(found, here)
         assert ("guess" in said and "from 0.01 to 0.3 m/s" in said) == (not supported)
-        assert ("without the fade" in said) == (speed < 0.055) and ("±" in said) == supported
+        assert ("The compensation there" in said) == (speed < 0.055) and ("±" in said) == supported
+
+
+@pytest.mark.parametrize(("fade", "reduced"), [("10 mm/s", True), ("2 mm/s", False)])
+def test_a_compensation_that_fades_is_not_told_as_friction(fade, reduced, tmp_path):
+    """F = +-(10 + 30 |v|) + 1.5 at 10 mm/s, whatever the fade; tanh(1) = .76 is compensated."""
+    found = jf.feedforward(saved(tmp_path), fade_speed=fade)
+    assert "friction is +11.80 ± 0.10 N forwards and -8.80 ± 0.10 N backwards" in found.sentence
+    assert ("the compensation there is +9.416 N forwards" in found.sentence) == reduced
+    assert found.friction(SLOWEST) == pytest.approx(11.8)
+    given = 10 * math.tanh(SLOWEST / found.fade.speed) + 1.8
+    assert found.compensation(SLOWEST) == pytest.approx(given)
+    told = found.to_json()["at_the_slowest"]
+    assert told["forwards"]["force"] == pytest.approx(11.8)
+    assert told["compensation"][0] == pytest.approx(given)
+    assert found.to_json()["table"]["compensation"] == pytest.approx(found.given)
 
 
 @pytest.mark.parametrize("asked", [0.0, -0.05, "-5 mm/s", math.nan, "5 mm", "fast"])
@@ -455,7 +478,7 @@ def test_the_c_source_repeats_the_warnings_and_the_verdict(tmp_path):
     source = " ".join(found.c().split())
     assert all(f"WARNING: {line}" in source for line in found.warnings) and len(found.warnings) == 3
     assert "WARNING: the loop's verdict is outside_catalogue" in source
-    known = "the static map the record supports it from 0.01 to 0.3 m/s; elsewhere it is a guess */"
+    known = "v, in N the record supports it from 0.01 to 0.3 m/s; elsewhere it is a guess */"
     assert known in source
     built(found.c(), tmp_path)
 
@@ -608,7 +631,7 @@ def test_the_verb_writes_what_it_says(tmp_path, monkeypatch):
     assert "warning: the loop warned: the loop's own" in err
     code, out, _ = run("feedforward", "loop.json", "--json", "--quiet")
     found = json.loads(out)
-    assert found["schema"] == "jaxfric.feedforward/1" and found["made_by"]["command"]
+    assert found["schema"] == "jaxfric.feedforward/2" and found["made_by"]["command"]
     assert found["formula"] == jf.feedforward("loop.json").formula
     (folder,) = tmp_path.glob("*-feedforward")
     assert (folder / "feedforward.json").is_file()
@@ -737,7 +760,7 @@ def test_the_shipped_loop_of_a_measured_axis(old, slowest, tmp_path):
     p = parameters(EMPS)
     static = {n: x for n, x in p.items() if not n.startswith(("position_periodic", "gravity"))}
     told = by_hand(static, 0.1, found.fade.speed, found.about.middle)
-    assert float(found.friction(0.1)) == pytest.approx(told, rel=1e-9)
+    assert float(found.compensation(0.1)) == pytest.approx(told, rel=1e-9)
 
 
 @pytest.mark.parametrize("supported", ["before", "after"])

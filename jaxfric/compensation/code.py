@@ -28,11 +28,11 @@ def c_code(
     name: str = "axis",
     made_by: Sequence[str] = (),
 ) -> str:
-    """Return the source of NAME_friction(v) and NAME_feedforward(v, a), for -std=c99.
+    """Return the source of NAME_compensation(v) and NAME_feedforward(v, a), for -std=c99.
 
     The source includes only math.h. If friction depends on position, the feedforward is
-    NAME_feedforward(q, v, a). If friction depends on position, NAME_friction holds for the middle
-    of the travel, without ripples and weight.
+    NAME_feedforward(q, v, a), and NAME_compensation holds for the middle of the travel, without
+    ripples and weight. Below the fade speed the compensation is less than the friction.
 
     Parameters
     ----------
@@ -66,8 +66,8 @@ def c_code(
         "",
         *_constants(about, pieces, fade.speed, held),
         "",
-        *_comment([f"friction at the velocity v, in {about.force_unit}: the static map", known]),
-        f"double {name}_friction(double v)",
+        *_comment([f"compensation of friction at the velocity v, in {about.force_unit}", known]),
+        f"double {name}_compensation(double v)",
         "{",
         *sign,
     ]
@@ -100,6 +100,7 @@ def _head(about: Identified, pieces: Sequence[Piece], fade: Fade) -> list[str]:
         " a guess",
         about.below,
         f"the sign fades below v_f = {fade.speed:.4g} {length}/s: {fade.why}",
+        "below v_f the compensation is less than the friction; feedforward.csv has both",
     ]
 
 

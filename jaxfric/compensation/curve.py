@@ -64,12 +64,10 @@ class FrictionCurve:
         ends = [self._numbers(s * v, _SHARP)[0] - self._numbers(s * v, _NONE)[0] for s in (1, -1)]
         return 0.5 * (ends[0] - ends[1])
 
-    def mean(self, velocity: np.ndarray, fade: float | None = None) -> FrictionValues:
-        """(F(v) - F(-v))/2, half the difference of both directions, with its error; no fade by
-        default."""
+    def mean(self, velocity: np.ndarray) -> FrictionValues:
+        """(F(v) - F(-v))/2, half the difference of both directions without fade, with its error."""
         v = np.abs(np.asarray(velocity, float))
-        width = _SHARP if fade is None else fade
-        (f, by, slope), (g, other, back) = (self._numbers(s * v, width) for s in (1, -1))
+        (f, by, slope), (g, other, back) = (self._numbers(s * v, _SHARP) for s in (1, -1))
         return FrictionValues(0.5 * (f - g), self._error(0.5 * (by - other)), 0.5 * (slope + back))
 
     def _error(self, by: np.ndarray) -> np.ndarray:

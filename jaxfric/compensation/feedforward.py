@@ -59,8 +59,9 @@ def feedforward(
 
     Returns
     -------
-    Feedforward : `formula`, `latex`, `c()`, `csv()`, `to_pandas()`, `plot()`, the fade speed with
-        its reasons, and the conditions for use with a measured velocity.
+    Feedforward : `formula`, `latex`, `c()`, `csv()`, `to_pandas()`, `plot()`, `friction(v)`,
+        `compensation(v)`, the fade speed with its reasons, and the conditions for use with a
+        measured velocity.
 
     Raises
     ------
@@ -122,7 +123,7 @@ def _result(terms: Terms, curve: FrictionCurve, fade: Fade, level: float) -> Fee
     marks = [s for s in (about.slowest, fade.speed) if low < s < about.fastest]
     speeds = np.unique([*np.geomspace(low, about.fastest, _ROWS), *marks])
     velocity = np.concatenate([-speeds[::-1], [0.0], speeds])
-    table = curve.at(velocity, fade.speed)
+    table = curve.at(velocity, None)
     # the formula is untested outside the supported speeds
     table = table._replace(std=np.where(about.supports(velocity), table.std, np.nan))
     return Feedforward(
@@ -133,6 +134,7 @@ def _result(terms: Terms, curve: FrictionCurve, fade: Fade, level: float) -> Fee
         terms.left_out,
         velocity,
         table,
+        curve.at(velocity, fade.speed).force,
         level,
         float(max(0.0, 1 - SURE * np.max(mean.std / mean.force))),
         _least_damping(curve, fade.speed, about.slowest, about.fastest),

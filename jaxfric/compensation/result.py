@@ -36,8 +36,10 @@ class Feedforward(Described, Drawable, Tabular):
     velocity: np.ndarray
     """Velocities of the table [m/s or rad/s], ascending (n)."""
     table: FrictionValues
-    """Friction with fade at the velocities of the table (n); errors are nan outside the supported
-    speeds."""
+    """Friction at the velocities of the table (n), without fade; errors are nan outside the
+    supported speeds."""
+    given: np.ndarray
+    """Compensation at the velocities of the table: friction with fade (n) [F]."""
     level: float
     """Friction that changes sign, at the lowest supported speed [F]."""
     share: float
@@ -67,7 +69,7 @@ class Feedforward(Described, Drawable, Tabular):
         return self.about.supports(self.velocity)
 
     def c(self, name: str = "axis", *, made_by: Sequence[str] = ()) -> str:
-        """The source of `NAME_friction` and `NAME_feedforward` in C99, see `compensation.code`.
+        """The source of `NAME_compensation` and `NAME_feedforward` in C99, see `compensation.code`.
 
         `made_by` gives lines for the head comment of the source. Raises `InputError` if `name` is
         not a C identifier.
@@ -78,12 +80,19 @@ class Feedforward(Described, Drawable, Tabular):
         return c_code(self.about, self.pieces, self.fade, notes, held, name=name, made_by=made_by)
 
     def friction(self, velocity: np.ndarray | float) -> np.ndarray:
-        """The static map at velocities [m/s or rad/s]: friction with fade [F]."""
+        """Friction of the model at velocities [m/s or rad/s], without fade [F]."""
+        return self._force(velocity, None)
+
+    def compensation(self, velocity: np.ndarray | float) -> np.ndarray:
+        """Compensation at velocities [m/s or rad/s]: friction with fade, as in C [F]."""
+        return self._force(velocity, self.fade.speed)
+
+    def _force(self, velocity: np.ndarray | float, fade: float | None) -> np.ndarray:
         v = np.asarray(velocity, float)
-        return self.curve.at(v.ravel(), self.fade.speed).force.reshape(v.shape)
+        return self.curve.at(v.ravel(), fade).force.reshape(v.shape)
 
     def at(self, velocity: float | str) -> FrictionAt:
-        """Friction at a speed [m/s or rad/s], or a text as "50 mm/s", in both directions.
+        """Friction and compensation at a speed [m/s or rad/s], or a text as "50 mm/s".
 
         `supported` of the result tells whether the record supports this speed; if not, errors are
         nan.
@@ -96,18 +105,19 @@ class Feedforward(Described, Drawable, Tabular):
         return friction_at(self.curve, self.fade.speed, speed)
 
     def columns(self) -> dict[str, np.ndarray]:
-        """The table by column: velocity, force, standard error and 95 % band of the force, and the
-        basis of the force. Errors are nan outside the supported speeds; the basis is "record" or
-        "guess". Column names contain the units.
+        """The table by column: velocity, friction with its standard error and 95 % band, the
+        compensation (friction with fade), and the basis of the friction. Errors are nan outside the
+        supported speeds; the basis is "record" or "guess". Column names contain the units.
         """
         force, std = self.table.force, self.table.std
         unit, speed = self.about.force_unit, f"{self.about.length}/s"
         return {
             f"velocity [{speed}]": self.velocity,
-            f"force [{unit}]": force,
+            f"friction [{unit}]": force,
             f"std [{unit}]": std,
             f"lower [{unit}]": force - QUANTILE * std,
             f"upper [{unit}]": force + QUANTILE * std,
+            f"compensation [{unit}]": self.given,
             "basis": np.where(self.seen(), "record", "guess"),
         }
 
@@ -156,8 +166,9 @@ class Feedforward(Described, Drawable, Tabular):
             },
             "table": {
                 "velocity": self.velocity,
-                "force": self.table.force,
+                "friction": self.table.force,
                 "std": self.table.std,
+                "compensation": self.given,
                 "supported": self.seen(),
             },
             **listed(self.warnings),
@@ -166,15 +177,17 @@ class Feedforward(Described, Drawable, Tabular):
 
     @property
     def sentence(self) -> str:
-        """One line: the compensated friction and the fade speed."""
+        """One line: the friction, the fade speed, and the compensation if the fade reduces it."""
         about, speed = self.about, f"{self.about.length}/s"
         inertia = any(p.part == INERTIA for p in self.pieces)
-        here = self.at(about.slowest)
+        here, fades = self.at(about.slowest), f"{self.fade.speed:.3g} {speed}"
+        if here.faded:
+            fades += f": the compensation there is {here.given(about.force_unit)}"
         return (
             f"Feedforward of friction{' and inertia' if inertia else ''}: friction is"
             f" {here.forwards.text(about.force_unit)} forwards and"
             f" {here.backwards.text(about.force_unit)} backwards at {about.slowest:.3g} {speed}"
-            f"{self.within(here)}. The sign of friction fades below {self.fade.speed:.3g} {speed}."
+            f"{self.within(here)}. The sign of friction fades below {fades}."
             f" The record supports the map from {about.slowest:.3g} to {about.fastest:.3g} {speed}."
         )
 

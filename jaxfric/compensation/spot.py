@@ -32,34 +32,40 @@ class ForceAt(NamedTuple):
 class FrictionAt(NamedTuple):
     """Friction of the map at one speed. SI; forces in the unit of the feedforward.
 
-    Friction is defined as in the table and in NAME_friction in C. The values hold in the middle
-    of the travel, without ripples and weight, and with the faded sign.
+    The values hold in the middle of the travel, without ripples and weight. Friction is the
+    model's, without fade. The compensation is the part of the friction that the fade leaves, as in
+    NAME_compensation in C.
     """
 
     speed: float
     """|v| [m/s or rad/s]."""
     forwards: ForceAt
-    """F(|v|)."""
+    """Friction F(|v|)."""
     backwards: ForceAt
-    """F(-|v|), negative if it resists the motion."""
+    """Friction F(-|v|), negative if it resists the motion."""
     mean: ForceAt
     """(F(|v|) - F(-|v|))/2."""
     sign: float
     """s = tanh(|v|/v_f): the remaining share of the part that changes sign with velocity."""
-    unfaded: tuple[float, float]
-    """Friction of the model forwards and backwards, without the fade."""
+    compensation: tuple[float, float]
+    """Compensation forwards and backwards: friction with the faded sign [F]."""
     supported: bool
     """Whether the record supports the friction at this speed; else it is a guess."""
 
     @property
     def faded(self) -> bool:
-        """Whether the fade reduces the friction enough to be reported."""
+        """Whether the compensation is less than the friction by enough to be reported."""
         return self.sign < _WHOLE
+
+    def given(self, unit: str) -> str:
+        """The compensation in both directions in words."""
+        there, back = (f"{force:+.4g}" for force in self.compensation)
+        return f"{there} {unit} forwards and {back} {unit} backwards"
 
     def to_json(self) -> dict:
         """An entry of `feedforward.json`."""
-        same = ("speed", "forwards", "backwards", "mean", "sign", "supported")
-        return {**entries(self, *same), "without_fade": self.unfaded}
+        same = ("speed", "forwards", "backwards", "mean", "sign", "compensation", "supported")
+        return entries(self, *same)
 
 
 def speeds(text: str, length: str) -> list[float]:
@@ -73,9 +79,9 @@ def speeds(text: str, length: str) -> list[float]:
 
 
 def friction_at(curve: FrictionCurve, fade: float, speed: float) -> FrictionAt:
-    """Friction of a map at a speed [m/s or rad/s], with the fade speed `fade`."""
+    """Friction at a speed [m/s or rad/s], and its compensation with the fade speed `fade`."""
     v = np.asarray([speed, -speed])
-    both, sharp, mean = curve.at(v, fade), curve.at(v, None).force, curve.mean(v[:1], fade)
+    both, given, mean = curve.at(v, None), curve.at(v, fade).force, curve.mean(v[:1])
     supported = bool(curve.about.supports(v)[0])
 
     def side(force: np.ndarray, std: np.ndarray, k: int = 0) -> ForceAt:
@@ -87,6 +93,6 @@ def friction_at(curve: FrictionCurve, fade: float, speed: float) -> FrictionAt:
         side(both.force, both.std, 1),
         side(mean.force, mean.std),
         math.tanh(speed / fade),
-        (float(sharp[0]), float(sharp[1])),
+        (float(given[0]), float(given[1])),
         supported,
     )

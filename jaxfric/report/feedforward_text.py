@@ -50,10 +50,9 @@ def spoken(found: Feedforward, here: FrictionAt) -> str:
         f" {here.mean.text(unit)}{found.within(here)}"
     )
     if here.faded:
-        ends = " and ".join(f"{force:+.4g}" for force in here.unfaded)
         text += (
-            f". Its sign is faded to {100 * here.sign:.3g} % there, as the C function has it;"
-            f" without the fade {ends} {unit}"
+            f". The compensation there is {here.given(unit)}: the sign fades to"
+            f" {100 * here.sign:.3g} %"
         )
     if not here.supported:
         text += (
