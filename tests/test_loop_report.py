@@ -368,6 +368,7 @@ def in_axis_words(loop: Loop, doubted: bool = False) -> Loop:
         doubted=lambda: doubted,
         found=str,
         doubt=str,
+        gains=AxisGains(1.0, -2.0, 2.0, None),
     )
     return dataclasses.replace(loop, details=details)
 
@@ -1231,7 +1232,7 @@ def test_a_model_that_predicts_worse_than_the_base_is_not_used() -> None:
 
 
 def test_an_axis_whose_verdict_is_not_sure_still_has_its_friction() -> None:
-    """They are those of the base if it explains most of the force, else of the model to use."""
+    """Those of the base if it explains most of the force and the model to use agrees with it."""
     loop = in_axis_words(make_loop("ambiguous"))
     base = {"F_c": _estimate(2.016, 0.043, "N m"), "F_v": _estimate(3.386, 0.066, "N m s/rad")}
     lost = {"F_c": _estimate(0.92, 1.11, "N m"), "F_v": _estimate(1.35, 1.32, "N m s/rad")}
@@ -1253,3 +1254,46 @@ def test_an_axis_whose_verdict_is_not_sure_still_has_its_friction() -> None:
     for after in (loop.after, worse):
         found = first_lines(dataclasses.replace(loop, before=close, after=after))[0]
         assert "Coulomb 2.02(4)" in found and "viscous 3.39(7)" in found and "base" in found
+        assert all(id in found for id in loop.effects) == (after is loop.after)
+
+
+def test_the_friction_of_an_axis_is_of_the_model_that_predicts_it() -> None:
+    """A joint of Coulomb .60 N m, viscous .08 N m s/rad, inertia .02 kg m^2 with Stribeck and
+    weight: the base has .69(3), .014(16) and no inertia, and explains most of the force."""
+    loop = in_axis_words(make_loop("effects"))
+    lost = dataclasses.replace(_estimate(0.1, math.nan, "kg m^2"), determined=False)
+    base = {"F_c": _estimate(0.69, 0.03, "N m"), "F_v": _estimate(0.014, 0.016, "N m s/rad")}
+    best = {
+        "F_c": _estimate(0.5986, 0.0096, "N m"),
+        "F_v": _estimate(0.0807, 0.0036, "N m s/rad"),
+        "M": _estimate(0.01934, 0.00029, "kg m^2"),
+    }
+    before = dataclasses.replace(
+        loop.before, parameters=base | {"M": lost}, residual=0.4 * loop.before.residual
+    )
+    loop = dataclasses.replace(loop, verdict="outside_catalogue", before=before)
+
+    best_model = dataclasses.replace(loop.after, parameters=best)
+
+    def told(**after: Estimate) -> str:
+        model = dataclasses.replace(loop.after, parameters=best | after)
+        return first_lines(dataclasses.replace(loop, after=model))[0]
+
+    found = told()
+    assert "Coulomb 0.60(1) N m, viscous 0.081(4)" in found and "mass 0.0193(3)" in found
+    assert "base" not in found and all(found.count(id) == 1 for id in loop.effects)
+    # an axis whose effects leave its friction open: its base, although one of them is otherwise
+    open_ = {"F_c": _estimate(0.5, 0.2, "N m"), "F_v": _estimate(0.05, 0.04, "N m s/rad")}
+    found = told(**open_, M=lost)
+    falls: Any = SimpleNamespace(claim=SimpleNamespace(kind="falls"))
+    axis: Any = loop.details
+    axis.gains, axis.short = falls, lambda: "stick-slip: friction falls"
+    open_model = dataclasses.replace(loop.after, parameters=best | open_ | {"M": lost})
+    slip = first_lines(dataclasses.replace(loop, after=open_model))[1]
+    assert slip == "stick-slip, by the model with these effects: friction falls"
+    assert first_lines(dataclasses.replace(loop, after=best_model))[1] == axis.short()
+    assert "Coulomb 0.69(3) N m" in found and "by the base model alone" in found
+    assert all(found.count(id) == 1 for id in loop.effects)
+    assert "Coulomb 0.5(2)" in told(**open_)  # the inertia is known with the effects alone
+    far = told(F_c=open_["F_c"], F_v=_estimate(0.25, 0.04, "N m s/rad"), M=lost)
+    assert "viscous 0.25(4)" in far

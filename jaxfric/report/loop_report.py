@@ -27,6 +27,7 @@ from .rig_words import AXIS
 from .verdict_text import slow_alone
 from .words import lower, say
 
+_FRICTION = ("F_c", "F_v", "M")
 _TOO_FEW = (
     "The record has too few velocity steps to hold out whole ones, so it was split by displacement"
     " into before, transient and tail. Fewer effects can be distinguished."
@@ -100,7 +101,7 @@ def first_lines(loop: Loop) -> list[str]:
         return [
             f"friction: {_found(loop, details)}",
             *([f"not sure: {doubt}"] if doubt else []),
-            details.short(),
+            _stick_slip(loop, details),
             f"test error: {test_errors(loop)} sigma (test block only; noise alone gives 1)",
         ]
     if loop.verdict == "effects" and not loop.families:
@@ -127,9 +128,7 @@ def _found(loop: Loop, details: AxisDetails) -> str:
     if known := details.found():
         return known
     also, lost = lower(headline(loop)), "these rows do not determine it"
-    # effects that stand for others blur the numbers of a base that explains most of the force
-    sound = loop.verdict == "outside_catalogue" and not _unexplained(loop, loop.before)
-    model = loop.before if sound else loop.supported
+    model = _model_of_friction(loop)
     if details.doubted() and loop.verdict in ("no_missing_effect", "effects"):
         fitted = listed([AXIS.base, *loop.effects])
         return f"{lost}, though the residual of {fitted} looks like noise"
@@ -137,8 +136,12 @@ def _found(loop: Loop, details: AxisDetails) -> str:
         return f"{lost}; {also}"
     known = _base_of(loop, model)
     if known and loop.verdict == "outside_catalogue" and loop.effects:
-        by = f"a model with {listed(model.effects)}" if model.effects else "the base model alone"
-        known, also = f"{known}, by {by}", also.replace(listed(loop.effects), "these", 1)
+        full = f"a model with {listed(loop.effects)}"
+        by = full if model.effects else "the base model alone"
+        if loop.supported.effects and not model.effects:
+            by += f" ({full} agrees within {SURE:g} of its errors)"
+        known = f"{known}, by {by}"
+        also = also.replace(listed(loop.effects), "these", 1) if full in by else also
     elif loop.verdict == "no_missing_effect":
         also = "nothing else is missing"
     elif loop.verdict == "effects" and not loop.families:
@@ -146,6 +149,34 @@ def _found(loop: Loop, details: AxisDetails) -> str:
         named = [f"{id} ({told})" if told else id for id, told in means.items()]
         also = f"also found: {listed(named)}"
     return "; ".join(filter(None, (known, also)))
+
+
+def _stick_slip(loop: Loop, details: AxisDetails) -> str:
+    """Whether the axis stick-slips, by the final model: the line says so if the friction line has
+    the base model's numbers."""
+    told, claim = details.short(), details.gains.claim
+    if claim.kind == "open" or _model_of_friction(loop).effects == loop.after.effects:
+        return told
+    return told.replace(":", ", by the model with these effects:", 1)
+
+
+def _model_of_friction(loop: Loop) -> Score:
+    """The model whose friction the headline of an axis gives: the supported model, or the base.
+
+    Effects that stand for others may leave Coulomb and viscous friction almost undetermined. Then
+    the headline has the numbers of a base that explains most of the force, if the supported model
+    agrees with all of them within `SURE` of its errors. Of two models that disagree, the headline
+    has the supported one: it predicts the test block better.
+    """
+    base, own = loop.before.parameters, loop.supported.parameters
+    if loop.verdict != "outside_catalogue" or _unexplained(loop, loop.before):
+        return loop.supported
+    agree = (
+        base[name].determined and abs(own[name].value - base[name].value) <= SURE * own[name].std
+        for name in _FRICTION
+        if name in own and own[name].determined
+    )
+    return loop.before if all(agree) else loop.supported
 
 
 def _unexplained(loop: Loop, model: Score) -> bool:
@@ -157,7 +188,8 @@ def _unexplained(loop: Loop, model: Score) -> bool:
 def _base_of(loop: Loop, model: Score) -> str:
     """Coulomb and viscous friction and the mass of an axis by a model, with errors."""
     mass = "inertia" if length_of(loop.record) == "rad" else "mass"
-    names, known = {"F_c": "Coulomb", "F_v": "viscous", "M": mass}, model.parameters
+    names = dict(zip(_FRICTION, ("Coulomb", "viscous", mass), strict=True))
+    known = model.parameters
     return ", ".join(
         f"{name} {with_error(known[symbol], length_of(loop.record))}"
         f"{_falls(known[symbol]) if symbol == 'F_v' else ''}"
