@@ -309,7 +309,12 @@ def test_laws(law, parameters, words):
         (
             {"schema": "jaxfric.steady/2"},
             [],
-            ["steady-state curve", "entry gains", "--law stribeck"],
+            ["steady-state curve", "entry gains", "in N and m/s", "--law stribeck"],
+        ),
+        (
+            {"schema": "jaxfric.steady/2", "curve": {"coordinate": "rotary"}},
+            [],
+            ["in N m and rad/s", "c1=0.01 N m s/rad"],
         ),
         (fit_content(converged=False), ["--normal-force", "5 N"], ["did not converge"]),
         (fit_content(), [], ["friction coefficient", "--normal-force '500 N'"]),

@@ -68,11 +68,16 @@ def _checked(path: Path, content: dict, *schemas: str) -> dict:
     """Return the content of a file if it has one of the `schemas` and may be used."""
     schema = content.get("schema") if isinstance(content, dict) else None
     if schema == STEADY and STEADY not in schemas:
+        curve = content.get("curve")
+        rotary = isinstance(curve, dict) and curve.get("coordinate") == "rotary"
+        units, law = "N and m/s", "c0=20 N, c1=170 N*s/m, c2=5 N, c3=10 mm/s, c4=1"
+        if rotary:
+            units = "N m and rad/s"
+            law = "c0=0.2 N m, c1=0.01 N m s/rad, c2=0.05 N m, c3=1 rad/s, c4=1"
         raise InputError(
             f"{path}: a steady-state curve, whose friction has no memory: its entry gains has the"
-            " required damping. For margins give its law by name, in N and m/s:"
-            f" {option('law', 'stribeck')}"
-            f" {option('parameters', 'c0=20 N, c1=170 N*s/m, c2=5 N, c3=10 mm/s, c4=1')}"
+            f" required damping. For margins give its law by name, in {units}:"
+            f" {option('law', 'stribeck')} {option('parameters', law)}"
         )
     if schema not in schemas:
         found = f"its schema is '{schema}'" if schema else "it names no schema"
