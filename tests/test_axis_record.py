@@ -80,6 +80,16 @@ def test_steps_of_an_encoder() -> None:
     assert encoder_step(np.array([0.0, 1.0])) is None
 
 
+def test_steps_of_a_fast_axis_are_found_among_wide_gaps() -> None:
+    """A quarter of a metre in steps of 0.1 um: values are 125 steps apart as a rule."""
+    number = 2_500_000 * np.random.default_rng(1).random(20_000)
+    assert encoder_step(1e-7 * np.round(number)) == pytest.approx(1e-7, rel=1e-6)
+    assert encoder_step(1e-7 * number) is None
+    millimetres = np.round(1e-4 * number, 4)  # of a file with four digits
+    assert encoder_step(1e-3 * millimetres) == pytest.approx(1e-7, rel=1e-6)
+    assert encoder_step(1e-7 * np.round(number[:1000])) is None  # too few are neighbours
+
+
 def test_motion_of_a_velocity_alone() -> None:
     t = np.arange(0, 4, 1e-2)
     record = axis_from_arrays(t, np.cos(t) + t, velocity=0.1 * np.sin(np.pi * t))

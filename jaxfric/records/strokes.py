@@ -23,6 +23,9 @@ _ON_GRID = 0.1
 _ON_GRID_SHARE = 0.95
 _MOST_STEPS = 8.5
 """Values lie on a grid if gaps of up to `_MOST_STEPS` steps are integers within `_ON_GRID`."""
+_FEWEST_GAPS = 20
+"""Number of such gaps that show a grid, if most gaps of a fast axis are wider. By chance 95 % of 20
+gaps are integers within `_ON_GRID` once in 1e12."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +75,8 @@ def find_strokes(record: AxisRecord) -> Strokes:
 
 
 def encoder_step(position: np.ndarray) -> float | None:
-    """Return the smallest step of a position whose values lie on a grid, else None."""
+    """Return the smallest step of a position whose values lie on a grid. The result is None if they
+    lie on none, or if too few of them are neighbours on the grid."""
     gaps = np.diff(np.unique(position))
     gaps = gaps[gaps > 1e-9 * np.ptp(position)]
     if len(gaps) < 3:
@@ -81,7 +85,7 @@ def encoder_step(position: np.ndarray) -> float | None:
     few = gaps[gaps < _MOST_STEPS * step]
     number = np.round(few / step)
     on_grid = np.abs(few / step - number) < _ON_GRID
-    if 2 * len(few) < len(gaps) or np.mean(on_grid) < _ON_GRID_SHARE:
+    if len(few) < min(len(gaps) / 2, _FEWEST_GAPS) or np.mean(on_grid) < _ON_GRID_SHARE:
         return None
     return float(few.sum() / number.sum())
 

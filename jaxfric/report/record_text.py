@@ -82,7 +82,9 @@ def _encoder(record: AxisRecord) -> str:
         return "no position was recorded: it is the sum of the velocity"
     step = encoder_step(record.position)
     if step is None:
-        return "no steps are seen in the position"
+        return (
+            "its steps could not be told: few or no values of the position are neighbours on a grid"
+        )
     (unit, size), travel = _shown(record, "position"), float(np.ptp(record.position))
     turn = f" (about {2 * np.pi / step:.4g} a turn)" if record.coordinate == "rotary" else ""
     return f"steps of {step / size:.4g} {unit}{turn}, over a travel of {travel / size:.5g} {unit}"
