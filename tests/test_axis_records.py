@@ -705,6 +705,17 @@ def steady_folder(folder: Path, speeds=(-200, -50, -10, 10, 50, 200)) -> np.ndar
     return np.array(means)
 
 
+@pytest.mark.parametrize("named", ["runs", "."])
+def test_runs_without_a_folder_below_are_of_their_folder(
+    named: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    steady_folder(tmp_path)
+    (tmp_path / "steady").rename(tmp_path / "runs")
+    monkeypatch.chdir(tmp_path / ("runs" if named == "." else ""))
+    notes = read_steady(named).provenance.notes
+    assert "6 steady runs of 6 files, from runs" in notes
+
+
 def test_a_folder_of_steady_runs(tmp_path: Path) -> None:
     means = steady_folder(tmp_path)
     curve = read_steady(tmp_path)

@@ -278,7 +278,8 @@ def _provenance(
 ) -> Provenance:
     """Return the origin of the runs, with notes on excluded runs and rows."""
     folders = sorted({Path(run.name).parent.as_posix() for run in used})
-    notes = [f"{len(used)} steady runs of {len(runs)} files, from {', '.join(folders)}"]
+    own = [folder.resolve().name if name == "." else name for name in folders]
+    notes = [f"{len(used)} steady runs of {len(runs)} files, from {', '.join(own)}"]
     if len(folders) > 1:
         notes.append("runs of several folders are assumed to be of one axis under one load")
     wild = [run for run in used if run.outliers]
