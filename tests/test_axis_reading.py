@@ -11,13 +11,20 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from command import assert_refused, run, written
+from scipy import signal
 from test_axis_rotary import rotary_text
 
 import jaxfric
 from jaxfric import InputError
 from jaxfric.axis import close_axis_loop
 from jaxfric.effects.axis import AxisSensorDelay
-from jaxfric.fitting.axis_preparation import Preparation, acceleration_noise, prepare, usual
+from jaxfric.fitting.axis_preparation import (
+    Preparation,
+    acceleration_noise,
+    memory,
+    prepare,
+    usual,
+)
 from jaxfric.fitting.axis_problem import make_problem
 from jaxfric.fitting.encompassing import EncompassingModel
 from jaxfric.loop.axis.controller_check import disagreement
@@ -379,3 +386,84 @@ def test_the_stated_controller_is_compared_with_the_force(snapshot):
     assert said(force, disturbance_force=pulses(t), held=False) is None
     other = said(force, drive=dataclasses.replace(drive, position_gain=100.0)) or ""
     snapshot("axis_controller", {"pulses beside": told, "another gain": other})
+
+
+# ---- the ends that are left out ----------------------------------------------------------------
+
+
+@pytest.mark.parametrize("cutoff", [4.0, 20.0, 60.0])
+@pytest.mark.parametrize("ratio", [1e2, 1e3, 1e5])
+def test_filters_have_forgotten_a_jump_after_their_memory(cutoff, ratio):
+    """Of a step of `ratio` sigma SciPy's low-pass, twice, leaves less than sigma after it, and more
+    than sigma after a quarter of it."""
+    sos = signal.butter(4, 2 * cutoff * H, output="sos")
+    step = np.where(np.arange(20001) < 10000, 0.0, ratio)
+    left = np.abs(signal.sosfiltfilt(sos, step) - step)[10000:]
+    late = round(memory(Preparation(cutoff, 10), H, ratio) / H)
+    assert np.max(left[late:]) < 1 < np.max(left[late // 4 :])
+
+
+def test_long_rows_have_a_memory_of_their_own():
+    """Rows of 50 samples at 1 kHz pass 10 Hz, less than a cutoff of 20 Hz."""
+    short, long = (memory(Preparation(20.0, every), H, 100.0) for every in (10, 50))
+    assert long == pytest.approx(2 * short)
+    decay = 2 * np.pi * 20.0 * np.sin(np.pi / 8)
+    assert short == pytest.approx(np.log(100.0) / decay)
+
+
+def started(seconds=12.0, seed=0):
+    """An axis at rest, whose controller asks for full speed at once; by explicit steps of 0.1 ms.
+
+    M = 0.02, F_v = 0.03, F_c = 0.25; a PD controller, noise of the force 0.003; t, q, u, v, a.
+    """
+    step, every = 1e-4, 10
+    random, n = np.random.default_rng(seed), round(seconds / 1e-4)
+    q = v = 0.0
+    rows = []
+    for k in range(n):
+        t = k * step
+        ref = np.sin(2.5 * t) + 0.3 * np.sin(5.7 * t)
+        rate = 2.5 * np.cos(2.5 * t) + 1.71 * np.cos(5.7 * t)
+        u = 60.0 * (ref - q) + 1.5 * (rate - v)
+        s = np.tanh(v / 1e-3)
+        # implicit in the sharp sign of friction
+        stiff = 0.25 / 1e-3 * (1 - s * s) + 0.03
+        a = (u - 0.25 * s - 0.03 * v) / (0.02 + step * stiff)
+        if k % every == 0:
+            rows.append((t, q, u, v, a))
+        v += step * a
+        q += step * v
+    t, q, u, v, a = np.asarray(rows).T
+    return t, q, u + 0.003 * random.standard_normal(len(t)), v, a
+
+
+def test_a_jump_at_the_start_is_not_in_the_rows_of_a_low_cutoff():
+    """At 9 Hz the start still stands out of the noise 0.2 s later, and not where rows begin."""
+    t, q, u, _, _ = started()
+    prepared = prepare(t, q, None, u, preparation=usual(H, 9.0))
+    n, at_rows = prepared.rows, prepared.forces
+    motion = prepared.motion
+    columns = (
+        motion.acceleration,
+        motion.velocity,
+        jnp.tanh(motion.velocity / 1e-3),
+        jnp.ones_like(motion.velocity),
+    )
+    matrix = np.stack([np.asarray(at_rows(x))[:n] for x in columns], axis=1)
+    left = prepared.force[:n] - matrix @ [0.02, 0.03, 0.25, 0.0]
+    speed = np.abs(np.asarray(prepared.means(motion.velocity))[:n])
+    time, inside = prepared.time[:n], prepared.inside[:n]
+    noise = np.std(left[(time > 2) & (time < 10) & (speed > 1.0)])
+    assert noise < 0.003
+    old = (time > 0.2) & (time < 0.5)
+    assert np.max(np.abs(left[old])) > 10 * noise
+    kept = inside & (time < 2) & (speed > 1.0)
+    assert 0.4 < time[inside][0] < 1.2  # at most a tenth of the record
+    assert np.max(np.abs(left[kept])) < 5 * noise
+
+
+def test_the_ends_of_a_usual_cutoff_are_as_before():
+    t, q, u, _, _ = started(3.0)
+    prepared = prepare(t, q, None, u)
+    inside = prepared.time[prepared.inside]
+    assert inside[0] == pytest.approx(0.2, abs=0.01) and inside[-1] == pytest.approx(2.8, abs=0.01)

@@ -26,6 +26,7 @@ from jaxtyping import Array, ArrayLike, Float, Num
 
 from ..errors import InputError
 from ..motion import MeasuredMotion
+from ..records.differences import noise_from_differences
 from . import thresholds as const
 from .padding import bucket
 
@@ -221,7 +222,10 @@ def prepare(
     padded = np.pad(recorded, more, "edge")
     acting = 0.5 * (padded + np.concatenate([padded[:1], padded[:-1]])) if held else padded
     at = (np.arange(size // every) * every + kept.start + 0.5 * (every - thin)) * interval
-    inside = (at >= const.EDGE) & (at <= time[-1] - const.EDGE)
+    rows = len(time) // every
+    at_rows = np.asarray(recording[0](jnp.asarray(acting)))
+    ratio = float(np.ptp(acting)) / noise_from_differences(at_rows[:rows])
+    ends = _ends(chosen, interval, time[-1], ratio)
     return Prepared(
         motion,
         Means(every // thin),
@@ -229,16 +233,42 @@ def prepare(
         interval,
         thin * interval,
         at,
-        np.asarray(recording[0](jnp.asarray(acting))),
+        at_rows,
         np.asarray(recording[1](jnp.asarray(padded))),
-        len(time) // every,
-        inside,
+        rows,
+        (at >= ends) & (at <= time[-1] - ends),
         _white(raw, smooth, chosen, interval),
         position is not None,
         np.sqrt(np.mean(np.pad((raw - smooth) ** 2, more).reshape(-1, every), axis=1)),
         _floor(raw),
         chosen,
     )
+
+
+def memory(chosen: Preparation, interval: float, ratio: float) -> float:
+    """Time [s] after which the filters have forgotten a jump that is `ratio` times the noise.
+
+    The step response of a Butterworth low-pass of order n and cutoff f ends as exp(-t/tau),
+
+        tau = 1/(2 pi f sin(pi/(2 n))),    t = tau ln(ratio),
+
+    by its slowest pair of poles (Butterworth 1930); forwards and backwards, tau stays. f is the
+    lower one of the position's cutoff and, for long rows, half the row rate. The poles' amplitudes
+    are below 1/4, so that less than a quarter of the noise remains.
+    """
+    rows = 0.5 / (chosen.decimation * interval)
+    long = chosen.decimation > usual(interval).decimation
+    cutoff = min(chosen.cutoff, rows) if long else chosen.cutoff
+    return float(np.log(ratio) / (2 * np.pi * cutoff * np.sin(np.pi / (2 * const.ORDER))))
+
+
+def _ends(chosen: Preparation, interval: float, duration: float, ratio: float) -> float:
+    """Time [s] left out at both ends: there a filter sees samples on one side only.
+
+    A record may begin or end with a jump. `ratio`: the range of the force over the noise of a row.
+    """
+    most = max(const.EDGE, const.MOST_EDGE * duration)
+    return min(max(const.EDGE, memory(chosen, interval, max(ratio, 1.0))), most)
 
 
 def _refuse_unusable(chosen: Preparation, time: np.ndarray, interval: float, count: int) -> None:

@@ -142,7 +142,9 @@ RIPPLE = 0.05
 PASS = 0.8
 """Pass band of that filter, over half the row rate."""
 EDGE = 0.2
-"""Time [s] left out at both ends, where a zero-phase filter sees samples on one side only."""
+"""Least time [s] left out at both ends, where a zero-phase filter sees samples on one side only."""
+MOST_EDGE = 0.1
+"""Most time left out at each end, over the duration: a short record has no more rows to spare."""
 UNEVEN = 0.01
 """Relative jitter of intervals above which rows are interpolated."""
 MARGIN = 0.5
