@@ -1257,6 +1257,26 @@ def test_an_axis_whose_verdict_is_not_sure_still_has_its_friction() -> None:
         assert all(id in found for id in loop.effects) == (after is loop.after)
 
 
+def test_an_axis_says_first_why_something_is_missing() -> None:
+    """The structure, and the block of the largest error over that of noise: it may decide alone."""
+    loop = in_axis_words(make_loop("effects"))
+    train, caution = loop.blocks.train, Severity.CAUTION
+    left = Finding(LoopCode.STRUCTURE, caution, {"block_means": 1.2e-7}, train)
+    large, small = (
+        Finding(LoopCode.BLOCK, caution, {"block": block, "error": error, "most": most}, train)
+        for block, error, most in (("train", 4.425, 1.34), ("report", 4.5, 1.59))
+    )
+    missing = dataclasses.replace(loop, verdict="outside_catalogue")
+    for findings, told in (
+        ((left, small, large), "p = 1.2e-07; the train error is 4.425 sigma"),
+        ((small,), "caution: the test error is 4.500 sigma"),
+    ):
+        last = first_lines(dataclasses.replace(missing, findings=findings))[-1]
+        assert last.startswith("caution: ") and told in last
+    assert "caution" not in "".join(first_lines(dataclasses.replace(loop, findings=(left,))))
+    assert first_lines(missing)[-1].startswith("test error")
+
+
 def test_the_friction_of_an_axis_is_of_the_model_that_predicts_it() -> None:
     """A joint of Coulomb .60 N m, viscous .08 N m s/rad, inertia .02 kg m^2 with Stribeck and
     weight: the base has .69(3), .014(16) and no inertia, and explains most of the force."""

@@ -1,12 +1,15 @@
 """Report a closed loop: the missing effect, the friction of the final model, and its meaning."""
 
 import math
+from typing import Any
 
 import numpy as np
 
+from ..findings import Finding
 from ..fitting import Estimate
 from ..loop.axis.result import AxisDetails
 from ..loop.family import listed
+from ..loop.findings import LoopCode
 from ..loop.result import Loop, Score
 from ..loop.thresholds import FAR, SIGNIFICANT, UNEXPLAINED
 from ..stability.claims import SURE
@@ -24,7 +27,7 @@ from .loop_text import (
 )
 from .report import Report
 from .rig_words import AXIS
-from .verdict_text import slow_alone
+from .verdict_text import slow_alone, words_of
 from .words import lower, say
 
 _FRICTION = ("F_c", "F_v", "M")
@@ -93,7 +96,8 @@ def first_lines(loop: Loop) -> list[str]:
     """State the verdict, the friction parameters of the final model, and their meaning.
 
     If the verdict is limited, the first reason replaces the meaning of the parameters. For an axis,
-    the lines give its friction, whether friction causes stick-slip, and the test error.
+    the lines give its friction, whether friction causes stick-slip, the test error, and the
+    evidence that something is missing if no effect explains it.
     """
     details, found = loop.details, headline(loop)
     if isinstance(details, AxisDetails):
@@ -103,6 +107,7 @@ def first_lines(loop: Loop) -> list[str]:
             *([f"not sure: {doubt}"] if doubt else []),
             _stick_slip(loop, details),
             f"test error: {test_errors(loop)} sigma (test block only; noise alone gives 1)",
+            *_evidence(loop),
         ]
     if loop.verdict == "effects" and not loop.families:
         found += ", confirmed"
@@ -121,6 +126,24 @@ def first_lines(loop: Loop) -> list[str]:
             run = run_to_make(loop)
             told = [f"next run, to decide: {run.words()}" if run else loop.sentence]
     return [f"{found}.", *friction, *told]
+
+
+def _evidence(loop: Loop) -> list[str]:
+    """Why something is missing on an axis, if no effect explains it: structure in the residual,
+    and the block whose error exceeds that of noise most."""
+    if loop.verdict != "outside_catalogue":
+        return []
+    structure = [one for one in loop.findings if one.code is LoopCode.STRUCTURE]
+    blocks = [one for one in loop.findings if one.code is LoopCode.BLOCK]
+    blocks.sort(key=_excess, reverse=True)
+    told = [words_of(one) for one in (*structure, *blocks[:1])]
+    return [f"caution: {'; '.join(told)}"] if told else []
+
+
+def _excess(block: Finding) -> float:
+    """Error of a block over the largest that noise explains."""
+    values: dict[str, Any] = dict(block.values)
+    return values["error"] / values["most"]
 
 
 def _found(loop: Loop, details: AxisDetails) -> str:
