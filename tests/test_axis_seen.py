@@ -192,15 +192,15 @@ def test_friction_that_drives_is_not_possible(coulomb, viscous, possible):
 @pytest.mark.parametrize(
     ("width", "unseen", "slowest", "why"),
     [
-        (1e-5, 0.0, 0.02, "only 2 % of the fitted rows are slower"),
+        (1e-5, 0.0, 0.02, "only 2 % of the fitted rows backwards are slower"),
         (0.01, 0.0, 0.04, "rows below 0.02 m/s do not count"),
-        (1e-5, 0.5, 0.51, "only 2 % of the fitted rows above 0.5 m/s are slower"),
+        (1e-5, 0.5, 0.51, "only 2 % of the fitted rows backwards above 0.5 m/s are slower"),
         (0.2, 0.5, 0.8, "rows below 0.4 m/s do not count"),
     ],
 )
 def test_slower_motion_is_left_out_for_the_reason_that_decides(width, unseen, slowest, why):
     speed = np.linspace(0, 1, 1001)
-    found, told = slowest_told(speed, width, "m", unseen)
+    found, told = slowest_told(speed, width, "m", unseen, "backwards")
     assert found == pytest.approx(slowest, abs=2e-3) and told.startswith(why)
 
 

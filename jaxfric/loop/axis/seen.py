@@ -96,7 +96,7 @@ def seen(
             what = f"{times} {one.direction}, at up to {stops.max():.2g} {unit}/s"
             other = ", though slower strokes ran steadily" if unsteady < stops.max() else ""
             unseen.append(Unseen(what + other + dwells, unsteady))
-        limits.append(slowest_told(own, rows.width, unit, max(unsteady, removed)))
+        limits.append(slowest_told(own, rows.width, unit, max(unsteady, removed), one.direction))
     slowest, why = max(limits)
     if slowest >= fastest:
         unseen.append(Unseen("the two directions were driven at no speed in common", np.inf))
@@ -107,13 +107,16 @@ def seen(
     return Seen(slowest, fastest, error, _above(engine, found, rows), tuple(unseen))
 
 
-def slowest_told(speed: np.ndarray, width: float, unit: str, unseen: float) -> tuple[float, str]:
+def slowest_told(
+    speed: np.ndarray, width: float, unit: str, unseen: float, direction: str
+) -> tuple[float, str]:
     """The lowest speed at which the slope of friction is supported, and the reason as text.
 
-    speed : of the used rows. width : of the smoothed sign of the velocity. unseen : speed up to
-    which the record does not show friction of steady motion; 0: none.
+    speed : of the used rows of one `direction`, "forwards" or "backwards". width : of the smoothed
+    sign of the velocity. unseen : speed up to which the record does not show friction of steady
+    motion; 0: none.
     """
-    rare = f"only {100 * SLOWEST:g} % of the fitted rows"
+    rare = f"only {100 * SLOWEST:g} % of the fitted rows {direction}"
     limits = [
         (
             4 * width,
