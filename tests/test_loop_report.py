@@ -369,6 +369,7 @@ def in_axis_words(loop: Loop, doubted: bool = False) -> Loop:
         found=str,
         doubt=str,
         gains=AxisGains(1.0, -2.0, 2.0, None),
+        covariance=None,
     )
     return dataclasses.replace(loop, details=details)
 
@@ -1255,6 +1256,30 @@ def test_an_axis_whose_verdict_is_not_sure_still_has_its_friction() -> None:
         found = first_lines(dataclasses.replace(loop, before=close, after=after))[0]
         assert "Coulomb 2.02(4)" in found and "viscous 3.39(7)" in found and "base" in found
         assert all(id in found for id in loop.effects) == (after is loop.after)
+
+
+@pytest.mark.parametrize(
+    ("alone", "note", "widened"),
+    [
+        (0.0014, "(± 0.0014 by this model alone; rival models allow 0)", "32 times smaller"),
+        (0.0444, "(not different from 0)", ""),
+        (None, "(not different from 0)", ""),
+    ],
+)
+def test_errors_of_rival_models_are_told_from_those_of_one(alone, note, widened) -> None:
+    """A joint of .08 N m s/rad: 0.08(4) with rivals, as a feedforward has it 0.0801 ± 0.0014."""
+    loop = in_axis_words(make_loop("effects"))
+    parameters = {"F_c": _estimate(0.6, 0.01, "N m"), "F_v": _estimate(0.0801, 0.0444, "N m s/rad")}
+    after = dataclasses.replace(loop.after, parameters=parameters, free=("F_c", "F_v"))
+    loop = dataclasses.replace(
+        loop, after=after, before=dataclasses.replace(loop.before, parameters=parameters)
+    )
+    axis: Any = loop.details
+    axis.covariance = None if alone is None else np.diag([0.01**2, alone**2])
+    answer, *_ = first_lines(loop)
+    assert f"viscous 0.08(4) N m s/rad {note}" in answer
+    table = report_of(loop).tables[0]
+    assert ("rival models" in table.note) == bool(widened) and widened in table.note
 
 
 def test_an_axis_says_first_why_something_is_missing() -> None:

@@ -111,7 +111,8 @@ def tables(details: AxisDetails) -> list[TextTable]:
         f" {details.width:.2g} {unit}/s.{''.join(f' {capital(one)}.' for one in details.notes)}"
         " Rows are all but those at rest, and the force acts at once, as in published fits. Rows"
         " near a reversal may bias these fits: the sign of the velocity is uncertain there. The"
-        " loop's values are of its train block, with its noise."
+        " loop's values are of its train block, with its noise; their errors include the"
+        " differences between rival models."
     )
     return [TextTable("Fits over all rows", head, rows, note), gains_table(details)]
 

@@ -18,7 +18,8 @@ def tables(found: Feedforward) -> list[TextTable]:
         for p in found.pieces
     ]
     speed = f"{found.about.length}/s"
-    note = f"SI; errors within this model; s = tanh(v/v_f), v_f = {found.fade.speed:.4g} {speed}"
+    fades = f"s = tanh(v/v_f), v_f = {found.fade.speed:.4g} {speed}"
+    note = f"SI; errors of this model alone, without rival models; {fades}"
     reasons = [
         (one.name, "?" if math.isnan(one.speed) else f"{one.speed:.4g}", one.text)
         for one in found.fade.reasons

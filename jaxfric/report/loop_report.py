@@ -30,6 +30,8 @@ from .rig_words import AXIS
 from .verdict_text import slow_alone, words_of
 from .words import lower, say
 
+_WIDER = 1.5
+"""Factor by which rival models widen an error, from which the report says so."""
 _FRICTION = ("F_c", "F_v", "M")
 _TOO_FEW = (
     "The record has too few velocity steps to hold out whole ones, so it was split by displacement"
@@ -42,8 +44,15 @@ def report(loop: Loop, *, file: str = "loop.json") -> Report:
 
     `file` is the path of the loop's JSON file in the next commands.
     """
+    parameters = moved(loop)
+    if (times := _widened(loop)) > _WIDER:
+        note = (
+            "errors include the differences between rival models; those of this model alone, as in"
+            f" a feedforward, are up to {times:.0f} times smaller"
+        )
+        parameters = parameters._replace(note=f"{parameters.note}; {note}")
     tables = [
-        moved(loop),
+        parameters,
         significance(loop),
         errors(loop),
         candidates(loop),
@@ -146,6 +155,24 @@ def _excess(block: Finding) -> float:
     return values["error"] / values["most"]
 
 
+def _alone(loop: Loop) -> dict[str, float]:
+    """Standard errors of the final model of an axis without rival models; {} if unknown."""
+    details = loop.details
+    if not isinstance(details, AxisDetails) or details.covariance is None:
+        return {}
+    std = np.sqrt(np.diag(details.covariance)).tolist()
+    return dict(zip(loop.after.free, std, strict=True))
+
+
+def _widened(loop: Loop) -> float:
+    """Largest factor by which rival models widen an error of the final model; 1 if unknown."""
+    known = loop.after.parameters
+    return max(
+        (known[n].std / std for n, std in _alone(loop).items() if std > 0 and known[n].determined),
+        default=1.0,
+    )
+
+
 def _found(loop: Loop, details: AxisDetails) -> str:
     """What is known of the friction of an axis, with errors, by the model to use."""
     if known := details.found():
@@ -212,21 +239,26 @@ def _base_of(loop: Loop, model: Score) -> str:
     """Coulomb and viscous friction and the mass of an axis by a model, with errors."""
     mass = "inertia" if length_of(loop.record) == "rad" else "mass"
     names = dict(zip(_FRICTION, ("Coulomb", "viscous", mass), strict=True))
-    known = model.parameters
+    known, alone = model.parameters, _alone(loop) if model is loop.after else {}
     return ", ".join(
         f"{name} {with_error(known[symbol], length_of(loop.record))}"
-        f"{_falls(known[symbol]) if symbol == 'F_v' else ''}"
+        f"{_falls(known[symbol], alone.get(symbol)) if symbol == 'F_v' else ''}"
         for symbol, name in names.items()
         if symbol in known
     )
 
 
-def _falls(viscous: Estimate) -> str:
-    """A note in brackets on a viscous friction that is negative, or not different from 0."""
+def _falls(viscous: Estimate, alone: float | None) -> str:
+    """A note in brackets on a viscous friction that is negative, or not different from 0.
+
+    alone : its standard error in this model, without rival models; None if unknown.
+    """
     if not viscous.determined or not viscous.value < SURE * viscous.std:
         return ""
     if viscous.value < -SURE * viscous.std:
         return " (negative: friction falls with speed in this range; do not extrapolate)"
+    if alone is not None and abs(viscous.value) > SURE * alone:
+        return f" (± {alone:.2g} by this model alone; rival models allow 0)"
     return " (not different from 0)"
 
 
