@@ -14,6 +14,7 @@ import pytest
 from helpers import critical_rate_state, exponentials
 from scipy.integrate import quad
 from scipy.optimize import brentq
+from scipy.special import exp1
 
 import jaxfric as jf
 from jaxfric.errors import InputError
@@ -201,7 +202,7 @@ def test_a_callable_kernel_agrees_with_25():
 @pytest.mark.long
 def test_tables_too_rough_to_interpolate_are_refined_exactly():
     """A kernel that is a box: G = (1 - exp(-s T))/s oscillates for ever along the axis."""
-    kernel = FunctionKernel(lambda t: 1.0 + 0 * t, 3.0)
+    kernel = FunctionKernel(lambda t: 1.0 + 0 * t, 3.0, breaks=(3.0,))
     found = theorem(kernel, jnp.asarray(0.7), jnp.asarray(0.2), number=2)
     w = brentq(lambda w: np.sin(3 * w) / w - 0.7, 0.1, 1.04)
     k = 0.2 * w**2 + 1 - np.cos(3 * w)
@@ -346,9 +347,52 @@ def test_a_measured_kernel_gives_its_critical_stiffness():
     np.testing.assert_allclose(0.7 * w**2 + w * moments(w)[1], found.critical_stiffness, rtol=1e-9)
 
 
-def test_a_horizon_that_is_none():
-    with pytest.raises(InputError, match="horizon"):
-        FunctionKernel(lambda t: t, -1.0)
+def oscillating(rate, horizon, **options):
+    return FunctionKernel(lambda t: 6 * jnp.exp(-rate * t) * jnp.cos(3 * t), horizon, **options)
+
+
+@pytest.mark.parametrize("horizon", [360.0, 400.0])
+def test_panels_are_split_until_they_resolve_g(horizon):
+    kernel = oscillating(0.1, horizon)
+    s = 1j * np.array([0.0, 0.1, 1.0, 2.9, 3.0, 3.2, 10.0, 100.0])
+    G = jax.jit(jax.vmap(kernel.transform))(jnp.asarray(s))
+    np.testing.assert_allclose(G, 6 * (s + 0.1) / ((s + 0.1) ** 2 + 9), atol=1e-6)
+
+
+def test_a_jump_that_is_not_named_is_resolved():
+    kernel = FunctionKernel(lambda t: jnp.where(t < 1, 4.0, 0.0), 2.0)
+    np.testing.assert_allclose(kernel.transform(2j), 4 * (1 - np.exp(-2j)) / 2j, rtol=1e-6)
+
+
+def test_transform_of_a_power_law():
+    kernel = FunctionKernel(lambda t: (1 + t) ** -2.0, 1e6)
+    transform = eqx.filter_jit(kernel.transform)
+    np.testing.assert_allclose(transform(0j), 1.0, rtol=2e-6)
+    for w in (0.1, 1.0, 30.0):
+        # int (1 + t)^-2 exp(-i w t) dt = 1 - s e^s E_1(s), s = i w
+        s = 1j * w
+        np.testing.assert_allclose(transform(s), 1 - s * np.exp(s) * exp1(s), rtol=1e-6)
+
+
+def test_a_kernel_of_traced_numbers_is_resolved_or_nan():
+    few, many = jax.jit(
+        lambda r: [oscillating(r, 360.0, panels=n).transform(0j) for n in (32, 1200)]
+    )(0.1)
+    assert np.isnan(few)
+    np.testing.assert_allclose(many, 0.6 / 9.01, rtol=1e-6)
+
+
+def test_a_kernel_that_cannot_be_resolved_is_refused():
+    for function, horizon, words in (
+        (lambda t: t, -1.0, "the horizon is -1 s"),
+        (lambda t: jnp.exp(-t), 5.0, "raise the horizon"),
+        (lambda t: jnp.sin(1e6 * t) * jnp.exp(-t), 40.0, "4096 panels do not resolve g"),
+        (lambda t: jnp.log(-t), 40.0, "not finite"),
+    ):
+        with pytest.raises(InputError, match=words):
+            FunctionKernel(function, horizon)
+    with pytest.raises(InputError, match="panels=1"):
+        FunctionKernel(lambda t: jnp.exp(-t), 40.0, panels=1)
 
 
 # ---- derivatives -----------------------------------------------------------------------------

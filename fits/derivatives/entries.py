@@ -148,7 +148,7 @@ def _table(*, jump: bool):
             return jnp.where(t < 2.0, decay, 0.0) if jump else decay
 
         breaks = (2.0,) if jump else ()
-        kernel = FunctionKernel(g, 30.0, panels=8, order=8, breaks=breaks)
+        kernel = FunctionKernel(g, 30.0, panels=16, order=12, breaks=breaks)
         friction = LinearFriction(f_v, kernel, jnp.zeros_like(f_v))
         return _of_slider(LinearSlider(m, k, c, friction))
 

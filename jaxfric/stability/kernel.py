@@ -11,16 +11,19 @@ a delay law is an impulse.
 
 import abc
 from collections.abc import Callable, Sequence
+from typing import cast
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Complex, Float
 
 from ..errors import InputError
 from ..quantity import quantity
 from . import polynomial as poly
+from .thresholds import LATE, MOST_PANELS, NEGLECTED, ROUNDINGS, SPLIT, UNRESOLVED
 
 
 class AbstractKernel(eqx.Module):
@@ -97,13 +100,21 @@ class FunctionKernel(AbstractKernel):
     oscillating factor is integrated, not sampled). So G vanishes at infinity, as the theorem
     requires.
 
+    Panels that do not resolve g are split in halves, if g gives concrete numbers. If g depends on
+    numbers that JAX traces, panels cannot be split. An unresolved kernel is then nan.
+
     Parameters
     ----------
     g : a function of t [s] to force/m.
     horizon : time [s] after which g is negligible (exp(-36) is 2e-16).
     panels, order : panels grow geometrically over five decades up to the horizon, with `order`
         Gauss points each.
-    breaks : times [s] at which g or its slope jumps.
+    breaks : times [s] at which g or its slope jumps; with the horizon, if g jumps to 0 there.
+
+    Raises
+    ------
+    InputError : the horizon, `panels` or `order` is too small; g is not finite; g needs more than
+        4096 panels; g is not negligible at the horizon.
     """
 
     edges: Float[Array, " p+1"]
@@ -122,15 +133,21 @@ class FunctionKernel(AbstractKernel):
     ):
         if not horizon > 0:
             raise InputError(f"kernel: the horizon is {horizon:g} s; it must be positive")
+        if panels < 2 or order < 3:
+            raise InputError(f"kernel: panels={panels}, order={order}; least are 2 and 3")
         inner = np.geomspace(1e-5 * horizon, horizon, panels)
         inside = np.asarray(breaks, float)
-        edges = np.unique(np.concatenate([[0.0], inner, inside[inside < horizon]]))
-        x, w = np.polynomial.legendre.leggauss(order)
-        middle, half = 0.5 * (edges[1:] + edges[:-1]), 0.5 * np.diff(edges)
-        values = jax.vmap(jax.vmap(g))(jnp.asarray(middle[:, None] + half[:, None] * x))
-        basis = np.polynomial.legendre.legvander(x, order - 1)
+        inside = inside[(inside > 0) & (inside <= horizon)]
+        edges = np.unique(np.concatenate([[0.0], inner[:-1], inside, [horizon]]))
+        edges, values = _resolving(g, edges, order)
+        total, unresolved, at_end = _quality(edges, values)
+        if horizon in inside:
+            at_end = 0.0 * at_end
+        if not isinstance(total, Tracer):
+            _refuse_unresolved(total, unresolved / _unresolved(values), at_end)
+        sound = (unresolved <= _unresolved(values) * total) & (at_end <= NEGLECTED * total)
         self.edges = jnp.asarray(edges)
-        self.coefficients = values @ jnp.asarray(w[:, None] * basis * (np.arange(order) + 0.5))
+        self.coefficients = jnp.where(sound, values @ _projection(order), jnp.nan)
 
     def transform(self, s: Complex[Array, ""]):
         half = 0.5 * jnp.diff(self.edges)
@@ -140,6 +157,73 @@ class FunctionKernel(AbstractKernel):
 
     def frequencies(self):
         return 0.1 / self.edges[-1], 10 / jnp.min(jnp.diff(self.edges))
+
+
+def _projection(order: int) -> np.ndarray:
+    """Matrix from values at `order` Gauss points to Legendre coefficients."""
+    x, w = np.polynomial.legendre.leggauss(order)
+    return w[:, None] * np.polynomial.legendre.legvander(x, order - 1) * (np.arange(order) + 0.5)
+
+
+def _resolving(
+    g: Callable[[Float[Array, ""]], Float[Array, ""]], edges: np.ndarray, order: int
+) -> tuple[np.ndarray, Array]:
+    """Edges of panels and g at their Gauss points; panels are split if g is concrete."""
+    while True:
+        middle = 0.5 * (edges[1:] + edges[:-1])
+        values = jax.vmap(jax.vmap(g))(jnp.asarray(_times(edges, order)))
+        if isinstance(values, Tracer):
+            return edges, values
+        values = cast(Array, np.asarray(values))  # NumPy compiles nothing for a new shape
+        total, _, _ = _quality(edges, values)
+        rough = _tails(edges, values) > SPLIT * _unresolved(values) / len(edges) * total
+        rough &= (middle > edges[:-1]) & (middle < edges[1:])
+        if not rough.any() or len(edges) > MOST_PANELS:
+            return edges, values
+        edges = np.sort(np.concatenate([edges, middle[rough]]))
+
+
+def _times(edges: np.ndarray, order: int) -> np.ndarray:
+    """Gauss points of all panels [s], shape (panels, order)."""
+    x = np.polynomial.legendre.leggauss(order)[0]
+    return 0.5 * (edges[1:] + edges[:-1])[:, None] + 0.5 * np.diff(edges)[:, None] * x
+
+
+def _tails(edges: np.ndarray, values: Float[Array, "p n"]) -> Float[Array, " p"]:
+    """Length of each panel times the size of its last two Legendre coefficients [force s/m]."""
+    last = values @ _projection(values.shape[1])[:, -2:]
+    return abs(last).sum(axis=1) * np.diff(edges)
+
+
+def _unresolved(values: Float[Array, "p n"]) -> float:
+    """Largest share of int |g| dt that panels may leave unresolved, in the precision of values."""
+    return max(UNRESOLVED, ROUNDINGS * float(jnp.finfo(values.dtype).eps))
+
+
+def _quality(edges: np.ndarray, values: Float[Array, "p n"]) -> tuple[Array, Array, Array]:
+    """int |g| dt, the part of it that panels do not resolve, and |g(horizon)| times the horizon."""
+    order = values.shape[1]
+    weights = 0.5 * np.diff(edges)[:, None] * np.polynomial.legendre.leggauss(order)[1]
+    late = _times(edges, order) > LATE * edges[-1]
+    at_end = (abs(values) * late).max() * edges[-1]
+    return (abs(values) * weights).sum(), _tails(edges, values).sum(), at_end
+
+
+def _refuse_unresolved(total: Array, unresolved: Array, at_end: Array) -> None:
+    """Raise `InputError` for concrete numbers of `_quality` that make a kernel wrong."""
+    if not jnp.isfinite(total):
+        raise InputError("kernel: g is not finite at a time between 0 and the horizon")
+    if unresolved > total:
+        raise InputError(
+            f"kernel: {MOST_PANELS} panels do not resolve g; lower the horizon, or name the times"
+            " of jumps in breaks="
+        )
+    if at_end > NEGLECTED * total:
+        raise InputError(
+            f"kernel: |g| near the horizon times the horizon is {at_end / total:.2g} of"
+            f" int |g| dt, more than {NEGLECTED:g}; raise the horizon, or name it in breaks= if g"
+            " jumps to 0 there"
+        )
 
 
 def _legendre_moments(z: Complex[Array, " p"], order: int) -> Complex[Array, "p n"]:

@@ -15,6 +15,14 @@ DELAY_POLES = 9
 FREQUENCIES, BEYOND_MEMORY = 257, 30.0
 """Frequencies at which the largest Re G(i w) is searched, and the factor by which they extend
 beyond those of the kernel."""
+UNRESOLVED, SPLIT = 1e-6, 0.05
+"""Largest share of int |g| dt in the last two Legendre coefficients of the panels of a kernel, and
+the part of it above which panels are split."""
+MOST_PANELS = 4096
+"""Panels of a kernel are split up to this number."""
+LATE, NEGLECTED = 0.9, 1e-4
+"""Largest |g| after the first share of the horizon, times the horizon, as a share of int |g| dt.
+This is about the share of a kernel ~ 1/t^2 that lies beyond the horizon."""
 BEYOND_KERNEL = 1e3
 """Factor by which the search for critical frequencies extends beyond those of the kernel."""
 POINTS, BEYOND = 2048, 1e2
