@@ -20,8 +20,8 @@ import jaxfric as jf
 from jaxfric.errors import InputError
 from jaxfric.rig.friction import GaussianStribeck
 from jaxfric.stability.kernel import DelayKernel, FunctionKernel, StateSpaceKernel
-from jaxfric.stability.linear import linearise
-from jaxfric.stability.margins import poles
+from jaxfric.stability.linear import LinearFriction, LinearSlider, linearise
+from jaxfric.stability.margins import poles, stability_margin
 from jaxfric.stability.theorem import apply_theorem, critical_points
 from jaxfric.stability.theorem import rice_ruina_criterion as eager_theorem
 
@@ -207,6 +207,79 @@ def test_tables_too_rough_to_interpolate_are_refined_exactly():
     w = brentq(lambda w: np.sin(3 * w) / w - 0.7, 0.1, 1.04)
     k = 0.2 * w**2 + 1 - np.cos(3 * w)
     np.testing.assert_allclose([found.frequencies[0], found.stiffnesses[0]], [w, k], rtol=1e-10)
+
+
+def box(d):
+    """g = 4 until t = 1: all w_n by brentq on G = 4 (1 - exp(-s))/s, on a fine linear grid."""
+    w = np.linspace(1e-3, 8 / d, 400_001)
+    excess = 4 * np.sin(w) / w - d
+    (i,) = np.nonzero((excess[:-1] > 0) != (excess[1:] > 0))
+    root = np.array([brentq(lambda x: 4 * np.sin(x) / x - d, w[j], w[j + 1]) for j in i])
+    return root, 2.0 * root**2 + 4 * (1 - np.cos(root))
+
+
+def test_every_solution_for_a_box_is_found_or_the_result_is_incomplete():
+    kernel = FunctionKernel(lambda t: jnp.where(t < 1, 4.0, 0.0), 2.0, breaks=(1.0,))
+    damping = np.array([0.9, 0.5, 0.2, 0.12, 0.05, 0.01])
+    search = eqx.filter_jit(eqx.filter_vmap(eager_theorem, in_axes=(None, 0, None)))
+    found = search(kernel, jnp.asarray(damping), jnp.asarray(2.0))
+    for i, d in enumerate(damping[:-1]):
+        w, k = box(d)
+        assert found.complete[i] and found.holds[i]
+        np.testing.assert_allclose(found.frequencies[i, : len(w)], w, rtol=1e-9)
+        assert np.all(np.isinf(found.frequencies[i, len(w) :]))
+        np.testing.assert_allclose(found.critical_stiffness[i], k.max(), rtol=1e-9)
+    assert not found.complete[-1] and np.isnan(found.critical_stiffness[-1])  # 127 solutions
+    few = eqx.filter_jit(lambda: eager_theorem(kernel, 0.12, 2.0, number=4))()
+    assert not few.complete and np.isnan(few.critical_stiffness)
+    k = 1.03 * found.critical_stiffness[3] * jnp.array([1.0, 0.9])
+    margin = jax.jit(jax.vmap(lambda k, d: stability_margin("stiffness", slider(kernel, k, d))))
+    np.testing.assert_allclose(margin(k, jnp.array([0.12, 0.12])), [1.03, 0.927], rtol=1e-9)
+    assert np.isnan(margin(k, jnp.array([0.01, 0.01]))).all()
+
+
+def slider(kernel, k, d):
+    zero = jnp.zeros(())
+    return LinearSlider(2.0 + zero, k, zero, LinearFriction(d, kernel, zero))
+
+
+@pytest.mark.parametrize("d", [0.5, 5.0])
+def test_a_resonance_of_the_kernel(d):
+    def G(s):
+        return 6 * (s + 0.1) / ((s + 0.1) ** 2 + 9)
+
+    found = theorem(oscillating(0.1, 360.0), jnp.asarray(d), jnp.asarray(2.0))
+    grid = np.geomspace(0.1, 100, 100_001)
+    excess = G(1j * grid).real - d
+    (i,) = np.nonzero((excess[:-1] > 0) != (excess[1:] > 0))
+    w = [brentq(lambda x: G(1j * x).real - d, grid[j], grid[j + 1]) for j in i]
+    k = max(2 * x**2 - x * G(1j * x).imag for x in w)
+    assert bool(found.complete)
+    np.testing.assert_allclose(found.frequencies[: len(w)], w, rtol=1e-6)
+    np.testing.assert_allclose(found.critical_stiffness, k, rtol=1e-6)
+
+
+def test_derivatives_of_every_order_for_a_kernel_of_time():
+    """k_cr = m y + y c/(y + l^2), y = c l/d - l^2, for g = c exp(-l t): up to the third order."""
+
+    def by_search(p):
+        kernel = FunctionKernel(lambda t: p[0] * jnp.exp(-p[1] * t), 20.0)
+        return eager_theorem(kernel, p[2], p[3], points=256, number=1).critical_stiffness
+
+    def closed(p):
+        c, rate, d, m = p
+        y = c * rate / d - rate**2
+        return m * y + y * c / (y + rate**2)
+
+    p, v = jnp.array([3.0, 2.0, 0.7, 2.0]), jnp.array([0.3, -0.2, 0.5, 1.0])
+
+    def along(f):
+        g = lambda x: f(p + x * v)  # noqa: E731
+        d1 = jax.jacfwd(g)
+        d2 = jax.jacfwd(d1)
+        return jax.jit(lambda x: jnp.stack([g(x), d1(x), d2(x), jax.jacfwd(d2)(x)]))(0.0)
+
+    np.testing.assert_allclose(along(by_search), along(closed), rtol=1e-7)
 
 
 # ---- several exponentials ------------------------------------------------------------------

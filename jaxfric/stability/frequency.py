@@ -1,7 +1,8 @@
 """Searches along the imaginary axis, for transfer functions that are not rational.
 
 Functions are evaluated on a logarithmic grid around the frequencies of the kernel and the plant.
-The search misses features between two neighbouring frequencies, about one per cent apart.
+For margins, neighbouring frequencies are about one per cent apart, and features between them are
+missed. For the theorem, the grid is refined where zeros are uncertain (`adaptive_grid`).
 """
 
 from collections.abc import Callable
@@ -13,7 +14,18 @@ from jaxtyping import Array, Bool, Complex, Float, Int
 from ..rig.friction.law import NEWTON_STEPS
 from .kernel import DelayKernel
 from .linear import LinearSlider
-from .thresholds import BEYOND, CROSSINGS, LEAST_SLOPE, MINIMA, POINTS, WORSE
+from .thresholds import (
+    BEYOND,
+    BISECTIONS,
+    CROSSINGS,
+    LEAST_SLOPE,
+    MET,
+    MINIMA,
+    POINTS,
+    REFINEMENTS,
+    TINY,
+    WORSE,
+)
 
 
 def axis(slider: LinearSlider) -> Float[Array, " points"]:
@@ -41,54 +53,135 @@ def axis(slider: LinearSlider) -> Float[Array, " points"]:
     return jax.lax.stop_gradient(grid)
 
 
+def adaptive_grid(
+    function: Callable[[Float[Array, ""]], Float[Array, ""]],
+    low: Float[Array, ""],
+    high: Float[Array, ""],
+    points: int,
+) -> tuple[Float[Array, " points"], Bool[Array, ""]]:
+    """Grid of frequencies from `low` to `high` that separates the zeros of a function.
+
+    Half of the points are evenly spaced in ln w. Every other point halves an interval. The function
+    first halves the intervals where cubic interpolation leaves the number of zeros most uncertain.
+    Between x_i and x_i + h a cubic departs from its chord by less than 4/27 times
+
+        |h f'_i - (f_i+1 - f_i)| + |h f'_i+1 - (f_i+1 - f_i)|
+
+    This number must be below the values at both ends, or below f_i - f_i+1 if the sign changes.
+    Returns the grid, and whether all intervals fulfil this condition.
+    """
+    rounds = REFINEMENTS
+    more = points // (2 * rounds)
+    first = points - rounds * more
+
+    def evaluate(x: Float[Array, ""]) -> Float[Array, " 2"]:
+        return jnp.stack(jax.jvp(lambda x: function(jnp.exp(x)), (x,), (jnp.ones_like(x),)))
+
+    def doubt(x: Float[Array, " n"], f: Float[Array, "n 2"]) -> Float[Array, " n-1"]:
+        h, (value, slope) = jnp.diff(x), f.T
+        rise = jnp.diff(value)
+        bend = jnp.abs(h * slope[:-1] - rise) + jnp.abs(h * slope[1:] - rise)
+        size = jnp.abs(value)
+        same = (value[:-1] > 0) == (value[1:] > 0)
+        least = jnp.where(same, jnp.minimum(size[:-1], size[1:]), jnp.abs(rise))
+        return jnp.where(h > 0, bend / jnp.where(least > 0, least, TINY), 0.0)
+
+    def refine(i: Array, state: tuple[Array, Array]) -> tuple[Array, Array]:
+        x, f = state
+        _, worst = jax.lax.top_k(doubt(x, f), more)
+        new = 0.5 * (x[worst] + x[worst + 1])
+        here = first + i * more
+        x = jax.lax.dynamic_update_slice_in_dim(x, new, here, 0)
+        f = jax.lax.dynamic_update_slice_in_dim(f, jax.vmap(evaluate)(new), here, 0)
+        order = jnp.argsort(x)
+        return x[order], f[order]
+
+    start = jnp.linspace(jnp.log(low), jnp.log(high), first)
+    values = jax.vmap(evaluate)(start)
+    pad = points - first
+    x = jnp.concatenate([start, jnp.full(pad, start[-1])])
+    f = jnp.concatenate([values, jnp.tile(values[-1:], (pad, 1))])
+    x, f = jax.lax.stop_gradient(jax.lax.fori_loop(0, rounds, refine, (x, f)))
+    return jnp.exp(x), jnp.all(doubt(x, f) < 1)
+
+
 def crossings(
     function: Callable[[Float[Array, ""]], Float[Array, ""]],
     grid: Float[Array, " points"],
     *,
     number: int = CROSSINGS,
     wrapped: bool = False,
-) -> tuple[Float[Array, " number"], Bool[Array, " number"]]:
-    """Find the lowest zeros of a `function` of frequency; return zeros and a mask of valid rows.
+) -> tuple[Float[Array, " number"], Bool[Array, " number"], Bool[Array, ""]]:
+    """Find the lowest zeros of a `function` of frequency between points of a grid.
 
-    If `wrapped`, the function is an angle, and angles of +-pi count as zeros too. First and second
-    derivatives of a zero follow the implicit function theorem; higher derivatives are wrong.
+    If `wrapped`, the function is an angle, and angles of +-pi count as zeros too. Derivatives of a
+    zero, of any order, follow the implicit function theorem.
+
+    Returns
+    -------
+    The zeros, a mask of valid rows, and whether every zero is found to rounding.
     """
     value = jax.lax.stop_gradient(jax.vmap(function)(grid))
-    target = jnp.zeros_like(value)
-    change = (value[:-1] > 0) != (value[1:] > 0)
-    if wrapped:
-        target = jnp.where(jnp.abs(value) > 0.5 * jnp.pi, jnp.sign(value) * jnp.pi, 0.0)
-    (place,) = jnp.nonzero(change, size=number, fill_value=grid.shape[0])
+    (place,) = jnp.nonzero(
+        (value[:-1] > 0) != (value[1:] > 0), size=number, fill_value=grid.shape[0]
+    )
     some = place < grid.shape[0]
     left = jnp.minimum(place, grid.shape[0] - 2)
-    low, high = jnp.log(grid[left]), jnp.log(grid[left + 1])
-    a, b = (value - target)[left], (value - target)[left + 1]
-    share = jnp.where(some, a / jnp.where(a == b, 1.0, a - b), 0.5)
-    start = low + jnp.clip(share, 0.0, 1.0) * (high - low)
+    right = jnp.where(some, left + 1, left)
+    logs = jnp.log(grid)
 
-    def refine(x: Float[Array, ""], low: Float[Array, ""], high: Float[Array, ""]):
-        def offset(x: Float[Array, ""]):
-            value = function(jnp.exp(x))
-            return jnp.sin(value) if wrapped else value
+    def offset(x: Float[Array, ""]):
+        value = function(jnp.exp(x))
+        return jnp.sin(value) if wrapped else value
 
-        def step(x: Float[Array, ""]):
-            """A Newton step, or 0 if the step would leave the grid interval."""
-            e, slope = jax.jvp(offset, (x,), (jnp.ones_like(x),))
-            slope = jax.lax.stop_gradient(slope)
-            change = e / jnp.where(slope == 0, 1.0, slope)
-            inside = (jnp.abs(slope) > LEAST_SLOPE) & (jnp.abs(change) <= high - low)
-            return jnp.where(inside, change, 0.0)
+    def refine(low: Float[Array, ""], high: Float[Array, ""]):
+        x = jax.lax.custom_root(offset, low, lambda f, _: _bracketed(f, low, high), _divided)
+        return x, jnp.abs(offset(jax.lax.stop_gradient(x)))
 
-        def newton(_: Array, x: Float[Array, ""]):
-            return jnp.clip(x - step(x), low, high)
+    x, rest = jax.vmap(refine)(logs[left], logs[right])
+    ends = jnp.sin(value) if wrapped else value
+    size = jnp.maximum(jnp.abs(ends[left]), jnp.abs(ends[right]))
+    met = jnp.all(~some | (jax.lax.stop_gradient(rest) <= MET * size))
+    return jnp.where(some, jnp.exp(x), 1.0), some, met
 
-        x = jax.lax.stop_gradient(jax.lax.fori_loop(0, NEWTON_STEPS, newton, x))
-        for _ in range(2):  # carry first and second derivatives
-            x = x - step(x)
-        return jnp.exp(x)
 
-    w = jax.vmap(refine)(start, low, high)
-    return jnp.where(some, w, 1.0), some
+def _divided(slope: Callable[[Array], Array], y: Float[Array, ""]) -> Float[Array, ""]:
+    """y over the slope of a linear function, 0 where the zero has no derivative."""
+    size = slope(jnp.ones_like(y))
+    usable = jnp.abs(size) > LEAST_SLOPE
+    return jnp.where(usable, y / jnp.where(usable, size, 1.0), 0.0)
+
+
+def _bracketed(
+    f: Callable[[Float[Array, ""]], Float[Array, ""]],
+    low: Float[Array, ""],
+    high: Float[Array, ""],
+) -> Float[Array, ""]:
+    """Find the zero of f between two ends of different sign, by Newton's method and bisection.
+
+    A Newton step that leaves the bracket, or is longer than half of the last step, is replaced by
+    bisection. If both ends are equal, the function returns them.
+    """
+    start = f(low) > 0
+    enough = jnp.sqrt(jnp.finfo(low.dtype).eps)
+
+    def step(state: tuple[Array, ...]) -> tuple[Array, ...]:
+        x, low, high, last, k = state
+        e, slope = jax.jvp(f, (x,), (jnp.ones_like(x),))
+        before = (e > 0) == start
+        low, high = jnp.where(before, x, low), jnp.where(before, high, x)
+        to = x - e / jnp.where(slope == 0, 1.0, slope)
+        newton = (slope != 0) & (to >= low) & (to <= high) & (jnp.abs(to - x) <= 0.5 * last)
+        to = jnp.where(newton, to, 0.5 * (low + high))
+        # quadratic convergence: after a short Newton step x is exact to rounding
+        last = jnp.where(newton & (jnp.abs(to - x) <= enough), 0.0, jnp.abs(to - x))
+        return to, low, high, last, k + 1
+
+    def unfinished(state: tuple[Array, ...]) -> Array:
+        return (state[3] > 0) & (state[4] < BISECTIONS)
+
+    first = 0.5 * (low + high), low, high, high - low, jnp.zeros((), int)
+    return jax.lax.while_loop(unfinished, step, first)[0]
 
 
 def smallest(

@@ -182,13 +182,17 @@ class Analysis:
 
 
 def stiffness(of: Analysis) -> Float[Array, ""]:
-    """(k_p + f_x)/k_cr, stiffness over its critical value; inf if damping suffices."""
+    """(k_p + f_x)/k_cr, stiffness over its critical value.
+
+    The margin is inf if damping suffices, and nan if not all solutions of (19) were found.
+    """
     k_cr = apply_theorem(of.slider).critical_stiffness
     k = of.slider.stiffness + of.slider.friction.trend
     some = (k_cr > 0) & jnp.isfinite(k_cr)
     ratio = k / jnp.where(some, k_cr, 1.0)
     by_damping = jnp.where(k > 0, jnp.inf, 0.0)
-    return jnp.where(some, ratio, jnp.where(k_cr == 0, by_damping, 0.0))
+    known = jnp.where(some, ratio, jnp.where(k_cr == 0, by_damping, 0.0))
+    return jnp.where(jnp.isnan(k_cr), jnp.nan, known)
 
 
 def decay(of: Analysis) -> Float[Array, ""]:
@@ -284,7 +288,7 @@ def _searched(
     slider: LinearSlider, function: Callable[[Array], Array], *, wrapped: bool
 ) -> Crossing:
     """Zeros of a function of L(i w), found on a grid of frequencies."""
-    w, some = crossings(lambda w: function(slider.loop(1j * w)), axis(slider), wrapped=wrapped)
+    w, some, _ = crossings(lambda w: function(slider.loop(1j * w)), axis(slider), wrapped=wrapped)
     L = jax.vmap(lambda w: slider.loop(1j * w))(w)
     return Crossing(w, L.real, L.imag, some)
 

@@ -21,10 +21,10 @@ from ..errors import InputError
 from ..quantity import refuse_batch
 from ..rig.friction import AbstractRateState, RateState
 from . import polynomial as poly
-from .frequency import crossings
+from .frequency import adaptive_grid, crossings
 from .kernel import AbstractKernel, DelayKernel, StateSpaceKernel, kernel_total
 from .linear import LinearSlider, linear_friction
-from .thresholds import BEYOND_KERNEL
+from .thresholds import BEYOND_KERNEL, CROSSINGS
 
 
 class Theorem(eqx.Module):
@@ -36,9 +36,10 @@ class Theorem(eqx.Module):
     """k(w_n) of (20), padded with -inf."""
     critical_stiffness: Float[Array, ""]
     """k_cr: max_n k(w_n); 0 if every positive stiffness is stable; inf if none is guaranteed to
-    be (f_v + k_v <= 0, or a hypothesis on g fails and damping does not suffice)."""
+    be (f_v + k_v <= 0, or a hypothesis on g fails and damping does not suffice); nan if not
+    `complete`."""
     critical_frequency: Float[Array, ""]
-    """w_cr; 0 if k_cr is 0, inf if k_cr is inf."""
+    """w_cr; 0 if k_cr is 0, inf if k_cr is inf, nan if k_cr is nan."""
     integrable: Bool[Array, ""]
     """g is integrable and piecewise continuous, so G is bounded for Re s >= 0 and vanishes
     at infinity."""
@@ -47,7 +48,8 @@ class Theorem(eqx.Module):
     underdamped: Bool[Array, ""]
     """Whether (18) holds: f_v + k_v < int g."""
     complete: Bool[Array, ""]
-    """Whether all w_n were found: exact for rational kernels, else within the searched range."""
+    """Whether all w_n were found. This is exact for rational kernels. For other kernels it is False
+    if a search by cubic interpolation leaves the number of w_n or a w_n uncertain."""
 
     @property
     def holds(self) -> Bool[Array, ""]:
@@ -60,8 +62,8 @@ def rice_ruina_criterion(
     damping: Float[Array, ""],
     mass: Float[Array, ""],
     *,
-    number: int = 4,
-    points: int = 512,
+    number: int = CROSSINGS,
+    points: int = 1024,
 ) -> Theorem:
     """Apply the theorem to a kernel, as a function that jit, vmap and derivatives accept.
 
@@ -71,8 +73,8 @@ def rice_ruina_criterion(
     damping : f_v + k_v [force s/m].
     mass : m [force s^2/m], 0 in the quasi-static limit.
     number : largest number of w_n for a kernel that is not rational.
-    points : number of frequencies at which (19) is evaluated for such a kernel; two w_n between
-        neighbouring points (a few per cent apart) are missed.
+    points : number of frequencies at which (19) is evaluated for such a kernel. Half of them are
+        placed where w_n are most uncertain. If `complete` is False, raise `points` or `number`.
     """
     damping, mass = jnp.asarray(damping), jnp.asarray(mass)
     largest = total = kernel_total(kernel)
@@ -95,7 +97,9 @@ def rice_ruina_criterion(
     some = applies & (k[best] > 0)
 
     def critical(values: Float[Array, " n"]):
-        return jnp.where(some, jnp.where(some, values[best], 1.0), jnp.where(applies, 0.0, jnp.inf))
+        known = jnp.where(some, values[best], 1.0)
+        known = jnp.where(some, known, jnp.where(applies, 0.0, jnp.inf))
+        return jnp.where(applies & ~complete, jnp.nan, known)
 
     w_cr, k_cr = critical(w), critical(k)
     return Theorem(w, k, k_cr, w_cr, integrable, damped, damping < total, complete)
@@ -114,8 +118,11 @@ def critical_stiffness(law: AbstractRateState) -> Float[Array, ""]:
     any evolution it is (B - A) w/V0, where the state forgets a step of velocity as exp(-w t) near
     V0, and -B is the slope of its steady value over ln V. For every other rate-and-state law the
     critical stiffness follows from (18)-(20) at the velocity V0. For several states the critical
-    stiffness does not depend on velocity. If the critical stiffness is zero or negative, every
-    positive stiffness is stable. Derivatives of any order are exact.
+    stiffness does not depend on velocity. Derivatives of any order are exact.
+
+    If the critical stiffness is zero or negative, every positive stiffness is stable. Such laws
+    have two conventions. For one state the formula holds for both signs: it is negative if A > B.
+    For every other law, the critical stiffness and its derivatives are 0 if (19) has no solution.
 
     Raises
     ------
@@ -171,22 +178,26 @@ def critical_points(
     """The `number` lowest w_n [rad/s] and k(w_n) [force/m] of (19)-(20); whether all are found.
 
     The arrays of w_n and k(w_n) are padded with inf and -inf. The function searches w_n on `points`
-    frequencies, then refines each w_n with the transform of the kernel. First and second
-    derivatives follow the implicit function theorem. A w_n at which the curve Re G(i w) only
-    touches f_v + k_v has no derivatives.
+    frequencies, then refines each w_n with the transform of the kernel. Derivatives of any order
+    follow the implicit function theorem. A w_n at which the curve Re G(i w) only touches f_v + k_v
+    has no derivatives.
     """
-    low, high = jax.lax.stop_gradient(kernel.frequencies())
-    grid = jnp.exp(
-        jnp.linspace(jnp.log(low / BEYOND_KERNEL), jnp.log(high * BEYOND_KERNEL), points)
-    )
     size = jnp.where(damping == 0, 1.0, jnp.abs(damping))
 
     def excess(w: Float[Array, ""]):
         return (kernel.transform(1j * w).real - damping) / size
 
-    w, some = crossings(excess, grid, number=number)
+    low, high = jax.lax.stop_gradient(kernel.frequencies())
+    low, high = low / BEYOND_KERNEL, high * BEYOND_KERNEL
+    # no w_n lies beyond this: |G(i w)| <= variation/w
+    most = 1.01 * jax.lax.stop_gradient(kernel.variation() / size)
+    high = jnp.where(damping == 0, high, jnp.clip(most, 2 * low, high))
+    grid, resolved = adaptive_grid(excess, low, high, points)
+    w, some, met = crossings(excess, grid, number=number)
     G = jax.vmap(lambda w: kernel.transform(1j * w))(w)
     k = mass * w**2 - w * G.imag
     above = jax.lax.stop_gradient(jax.vmap(excess)(grid)) > 0
-    complete = ~above[-1] & (jnp.sum(above[:-1] != above[1:]) <= number)
+    begins = above[0] == (kernel_total(kernel) > damping)
+    few = jnp.sum(above[:-1] != above[1:]) <= number
+    complete = begins & ~above[-1] & few & resolved & met
     return jnp.where(some, w, jnp.inf), jnp.where(some, k, -jnp.inf), complete

@@ -30,6 +30,11 @@ POINTS, BEYOND = 2048, 1e2
 factor by which they extend beyond those of kernel and plant."""
 CROSSINGS, MINIMA = 64, 4
 """Crossings that are kept, lowest frequency first, and minima that are refined."""
+REFINEMENTS = 16
+"""Rounds in which a grid of frequencies is refined."""
+BISECTIONS, MET = 100, 1e-6
+"""Largest number of steps to a zero, and the largest value there over that at the grid's points: at
+a jump the value stays as large."""
 LEAST_SLOPE = 1e-7
 """Least slope over ln w at which a crossing has a derivative; below it rounding dominates."""
 WORSE = 1e-12
@@ -46,6 +51,8 @@ SPREAD = 140.0
 must not overflow."""
 LARGEST = 1e40
 """Roots in w^2 above this are crossings at infinity."""
+TINY = 1e-300
+"""Replaces a divisor of 0."""
 INFINITE = 1e150
 """Represents infinity; its square does not overflow."""
 ROUNDINGS = 100
