@@ -404,9 +404,12 @@ def first_fitted(monkeypatch, record, velocities, rows):
 
 
 def test_a_base_fit_that_did_not_converge_is_refused():
-    base: Any = SimpleNamespace(converged=False, result="no luck", warnings=())
-    with pytest.raises(jf.InputError, match=r"did not converge \(no luck\)"):
-        refuse_failed(plain([UM, 10 * UM]), base)
+    for trend in (False, True):
+        model = SimpleNamespace(slip_trend=trend)
+        base: Any = SimpleNamespace(converged=False, result="no luck", warnings=(), model=model)
+        with pytest.raises(jf.InputError, match=r"did not converge \(no luck\)") as error:
+            refuse_failed(plain([UM, 10 * UM]), base)
+        assert ('include="slip_trend"' in str(error.value)) != trend
 
 
 @pytest.mark.long

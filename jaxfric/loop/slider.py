@@ -157,7 +157,9 @@ def refuse_failed(record: Record, base: Fit) -> None:
     if base.converged:
         return
     drifts = [text for text in repeated(base.warnings) if any(is_of(text, c) for c in _OF_DRIFTS)]
-    advice = drifts[0] if drifts else "Check stiffness and steps"
+    own = option("include", "slip_trend")
+    more = "" if base.model.slip_trend else f", or include a trend of friction with slip ({own})"
+    advice = drifts[0] if drifts else f"Check stiffness and steps{more}"
     raise InputError(
         f"{record.provenance.path}: the base fit did not converge ({base.result}); nothing can be"
         f" said of what it lacks. {advice}"
