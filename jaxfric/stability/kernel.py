@@ -37,12 +37,12 @@ class AbstractKernel(eqx.Module):
     def frequencies(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
         """Lowest and highest angular frequency between which G changes [rad/s]."""
 
+    @abc.abstractmethod
     def variation(self) -> Float[Array, ""]:
         """|g(0)| plus the total variation of g [force/m], or more: |G(i w)| <= variation/w.
 
         The variation is inf if the kernel does not know it.
         """
-        return jnp.asarray(jnp.inf)
 
 
 class StateSpaceKernel(AbstractKernel):
@@ -81,6 +81,9 @@ class StateSpaceKernel(AbstractKernel):
         size = jnp.abs(poly.roots(self.fraction()[1]))
         return jnp.min(size), jnp.max(size)
 
+    def variation(self):
+        return jnp.asarray(jnp.inf)  # no search: its w_n are roots
+
 
 class DelayKernel(AbstractKernel):
     """g(t) = k_f delta(t - alpha), G(s) = k_f exp(-alpha s).   (28)-(29)
@@ -97,6 +100,9 @@ class DelayKernel(AbstractKernel):
 
     def frequencies(self):
         return 1e-2 / self.delay, 1e2 / self.delay
+
+    def variation(self):
+        return jnp.asarray(jnp.inf)
 
 
 class FunctionKernel(AbstractKernel):
