@@ -1261,7 +1261,7 @@ def test_an_axis_whose_verdict_is_not_sure_still_has_its_friction() -> None:
 @pytest.mark.parametrize(
     ("alone", "note", "widened"),
     [
-        (0.0014, "(± 0.0014 by this model alone; rival models allow 0)", "32 times smaller"),
+        (0.0014, "(± 0.0014 by this model alone; rival models allow 0)", "32 times the error"),
         (0.0444, "(not different from 0)", ""),
         (None, "(not different from 0)", ""),
     ],
@@ -1280,6 +1280,7 @@ def test_errors_of_rival_models_are_told_from_those_of_one(alone, note, widened)
     assert f"viscous 0.08(4) N m s/rad {note}" in answer
     table = report_of(loop).tables[0]
     assert ("rival models" in table.note) == bool(widened) and widened in table.note
+    assert len(table.note) < 120
 
 
 def test_an_axis_says_first_why_something_is_missing() -> None:

@@ -46,11 +46,9 @@ def report(loop: Loop, *, file: str = "loop.json") -> Report:
     """
     parameters = moved(loop)
     if (times := _widened(loop)) > _WIDER:
-        note = (
-            "errors include the differences between rival models; those of this model alone, as in"
-            f" a feedforward, are up to {times:.0f} times smaller"
-        )
-        parameters = parameters._replace(note=f"{parameters.note}; {note}")
+        # one line, or a terminal leaves it out
+        note = f"± includes rival models: up to {times:.0f} times the error of this model alone"
+        parameters = parameters._replace(note=f"{note}; shift: after minus before, in these errors")
     tables = [
         parameters,
         significance(loop),
