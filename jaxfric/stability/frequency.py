@@ -58,24 +58,28 @@ def adaptive_grid(
     low: Float[Array, ""],
     high: Float[Array, ""],
     points: int,
-) -> tuple[Float[Array, " points"], Bool[Array, ""]]:
+) -> tuple[Float[Array, " points"], Float[Array, " points"], Bool[Array, ""]]:
     """Grid of frequencies from `low` to `high` that separates the zeros of a function.
 
-    Half of the points are evenly spaced in ln w. Every other point halves an interval. The function
-    first halves the intervals where cubic interpolation leaves the number of zeros most uncertain.
+    A quarter of the points are evenly spaced in ln w. Every other point halves an interval. The
+    intervals where cubic interpolation leaves the number of zeros most uncertain are halved first.
     Between x_i and x_i + h a cubic departs from its chord by less than 4/27 times
 
         |h f'_i - (f_i+1 - f_i)| + |h f'_i+1 - (f_i+1 - f_i)|
 
     This number must be below the values at both ends, or below f_i - f_i+1 if the sign changes.
-    Returns the grid, and whether all intervals fulfil this condition.
+    Returns the grid, the function there, and whether all intervals fulfil this condition. Then the
+    last points of the grid coincide, if fewer points suffice.
     """
-    rounds = REFINEMENTS
-    more = points // (2 * rounds)
-    first = points - rounds * more
+    more = 3 * points // (4 * REFINEMENTS)
+    first = points - REFINEMENTS * more
+
+    # the search has no derivatives: JAX cannot reverse its loop
+    fixed, numbers = jax.closure_convert(lambda x: function(jnp.exp(x)), jnp.log(low))
+    numbers = jax.lax.stop_gradient(numbers)
 
     def evaluate(x: Float[Array, ""]) -> Float[Array, " 2"]:
-        return jnp.stack(jax.jvp(lambda x: function(jnp.exp(x)), (x,), (jnp.ones_like(x),)))
+        return jnp.stack(jax.jvp(lambda x: fixed(x, *numbers), (x,), (jnp.ones_like(x),)))
 
     def doubt(x: Float[Array, " n"], f: Float[Array, "n 2"]) -> Float[Array, " n-1"]:
         h, (value, slope) = jnp.diff(x), f.T
@@ -86,23 +90,27 @@ def adaptive_grid(
         least = jnp.where(same, jnp.minimum(size[:-1], size[1:]), jnp.abs(rise))
         return jnp.where(h > 0, bend / jnp.where(least > 0, least, TINY), 0.0)
 
-    def refine(i: Array, state: tuple[Array, Array]) -> tuple[Array, Array]:
-        x, f = state
+    def refine(state: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+        x, f, i = state
         _, worst = jax.lax.top_k(doubt(x, f), more)
         new = 0.5 * (x[worst] + x[worst + 1])
         here = first + i * more
         x = jax.lax.dynamic_update_slice_in_dim(x, new, here, 0)
         f = jax.lax.dynamic_update_slice_in_dim(f, jax.vmap(evaluate)(new), here, 0)
         order = jnp.argsort(x)
-        return x[order], f[order]
+        return x[order], f[order], i + 1
+
+    def unfinished(state: tuple[Array, Array, Array]) -> Bool[Array, ""]:
+        x, f, i = state
+        return (i < REFINEMENTS) & ~jnp.all(doubt(x, f) < 1)
 
     start = jnp.linspace(jnp.log(low), jnp.log(high), first)
     values = jax.vmap(evaluate)(start)
     pad = points - first
     x = jnp.concatenate([start, jnp.full(pad, start[-1])])
     f = jnp.concatenate([values, jnp.tile(values[-1:], (pad, 1))])
-    x, f = jax.lax.stop_gradient(jax.lax.fori_loop(0, rounds, refine, (x, f)))
-    return jnp.exp(x), jnp.all(doubt(x, f) < 1)
+    x, f, _ = jax.lax.while_loop(unfinished, refine, (x, f, jnp.zeros((), int)))
+    return jnp.exp(x), f[:, 0], jnp.all(doubt(x, f) < 1)
 
 
 def crossings(
@@ -111,17 +119,19 @@ def crossings(
     *,
     number: int = CROSSINGS,
     wrapped: bool = False,
+    value: Float[Array, " points"] | None = None,
 ) -> tuple[Float[Array, " number"], Bool[Array, " number"], Bool[Array, ""]]:
     """Find the lowest zeros of a `function` of frequency between points of a grid.
 
     If `wrapped`, the function is an angle, and angles of +-pi count as zeros too. Derivatives of a
-    zero, of any order, follow the implicit function theorem.
+    zero, of any order, follow the implicit function theorem. `value` is the function on the grid,
+    if it is known.
 
     Returns
     -------
     The zeros, a mask of valid rows, and whether every zero is found to rounding.
     """
-    value = jax.lax.stop_gradient(jax.vmap(function)(grid))
+    value = jax.lax.stop_gradient(jax.vmap(function)(grid) if value is None else value)
     (place,) = jnp.nonzero(
         (value[:-1] > 0) != (value[1:] > 0), size=number, fill_value=grid.shape[0]
     )

@@ -24,7 +24,7 @@ from . import polynomial as poly
 from .frequency import adaptive_grid, crossings
 from .kernel import AbstractKernel, DelayKernel, StateSpaceKernel, kernel_total
 from .linear import LinearSlider, linear_friction
-from .thresholds import BEYOND_KERNEL, CROSSINGS
+from .thresholds import BEYOND_KERNEL
 
 
 class Theorem(eqx.Module):
@@ -62,7 +62,7 @@ def rice_ruina_criterion(
     damping: Float[Array, ""],
     mass: Float[Array, ""],
     *,
-    number: int = CROSSINGS,
+    number: int = 16,
     points: int = 1024,
 ) -> Theorem:
     """Apply the theorem to a kernel, as a function that jit, vmap and derivatives accept.
@@ -73,8 +73,9 @@ def rice_ruina_criterion(
     damping : f_v + k_v [force s/m].
     mass : m [force s^2/m], 0 in the quasi-static limit.
     number : largest number of w_n for a kernel that is not rational.
-    points : number of frequencies at which (19) is evaluated for such a kernel. Half of them are
-        placed where w_n are most uncertain. If `complete` is False, raise `points` or `number`.
+    points : number of frequencies at which (19) is evaluated for such a kernel. Three quarters
+        of them are placed where w_n are uncertain. If `complete` is False, raise `points` or
+        `number`.
     """
     damping, mass = jnp.asarray(damping), jnp.asarray(mass)
     largest = total = kernel_total(kernel)
@@ -192,11 +193,11 @@ def critical_points(
     # no w_n lies beyond this: |G(i w)| <= variation/w
     most = 1.01 * jax.lax.stop_gradient(kernel.variation() / size)
     high = jnp.where(damping == 0, high, jnp.clip(most, 2 * low, high))
-    grid, resolved = adaptive_grid(excess, low, high, points)
-    w, some, met = crossings(excess, grid, number=number)
+    grid, value, resolved = adaptive_grid(excess, low, high, points)
+    w, some, met = crossings(excess, grid, number=number, value=value)
     G = jax.vmap(lambda w: kernel.transform(1j * w))(w)
     k = mass * w**2 - w * G.imag
-    above = jax.lax.stop_gradient(jax.vmap(excess)(grid)) > 0
+    above = value > 0
     begins = above[0] == (kernel_total(kernel) > damping)
     few = jnp.sum(above[:-1] != above[1:]) <= number
     complete = begins & ~above[-1] & few & resolved & met
