@@ -477,6 +477,31 @@ def test_a_table_has_the_margins_of_its_exponential():
         np.testing.assert_allclose(two[:, j], one[:, NAMES.index(name)], rtol=1e-6, err_msg=name)
 
 
+@pytest.mark.parametrize("shape", ["memoryless", "one", "two"])
+def test_mass_zero_is_the_quasi_static_limit(shape):
+    sets = typical(shape, 60, 13)
+    sets[:, 2] = 0.0
+    zero, none = all_margins(shape, sets), all_margins(shape + ", massless", sets)
+    # with k_v + f_v < 0 the pole of a vanishing mass is infinitely fast, and unstable
+    slow = (sets[:, 1] + sets[:, 3] > 0)[:, None] | (np.array(NAMES) != "decay")
+    assert np.isfinite(none).sum() > 200 and np.all(zero[~slow] < none[~slow])
+    np.testing.assert_allclose(zero[slow], none[slow], rtol=1e-6)
+
+
+def test_delay_margin_at_the_critical_stiffness_is_zero_not_a_period():
+    def at_critical(p):
+        one = slider(p, "one")
+        k = apply_theorem(one).critical_stiffness
+        return stability_margin("delay", eqx.tree_at(lambda x: x.stiffness, one, k)), k
+
+    sets = typical("one", 200, 14)
+    sets[:, 4] = 0.0
+    delay, k = map(np.asarray, jax.jit(jax.vmap(at_critical))(jnp.asarray(sets)))
+    some = np.isfinite(k) & (k > 0)
+    assert some.sum() > 30
+    np.testing.assert_allclose(delay[some], 0.0, atol=1e-10)
+
+
 # ---- names, errors ------------------------------------------------------------------------------
 
 

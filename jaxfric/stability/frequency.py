@@ -244,10 +244,9 @@ def encirclements(slider: LinearSlider) -> Int[Array, ""]:
     grid = axis(slider)
     value = jax.vmap(lambda w: slider.characteristic(1j * w))(grid)
     damping = slider.damping + slider.friction.slope
-    if slider.mass is None:
-        order, end = 1, 1j * jnp.where(damping < 0, -1.0, 1.0)
-    else:
-        order, end = 2, -1.0 + 0j
+    heavy = slider.inertia() > 0
+    order = jnp.where(heavy, 2, 1)
+    end = jnp.where(heavy, -1.0, 1j * jnp.where(damping < 0, -1.0, 1.0))
     turned = jnp.sum(jnp.angle(value[1:] / value[:-1])) + jnp.angle(end / value[-1])
     turned = turned + jnp.angle(value[0] / jnp.where(value[0].real < 0, -1.0, 1.0))
     return jnp.round(0.5 * order - turned / jnp.pi).astype(int)

@@ -48,6 +48,7 @@ from .kernel import AbstractKernel, DelayKernel, StateSpaceKernel
 from .linear import LinearSlider
 from .margin_table import MARGINS, known_margin, meaningless, refuse_meaningless
 from .theorem import apply_theorem
+from .thresholds import AT_LIMIT
 
 
 class Crossing(NamedTuple):
@@ -276,12 +277,13 @@ def delay(of: Analysis) -> Float[Array, ""]:
     """Smallest delay in the loop that moves L to -1 [s]."""
     at = of.unit
     lag = _lag(at)
-    time = jnp.where(of.stable, lag, 2 * jnp.pi - lag) / at.frequency
+    # at the limit of stability L = -1 to rounding, on either side: not one period away
+    behind = jnp.where(lag > 2 * jnp.pi - AT_LIMIT, lag - 2 * jnp.pi, lag)
+    ahead = jnp.where(lag < AT_LIMIT, -lag, 2 * jnp.pi - lag)
+    time = jnp.where(of.stable, behind, ahead) / at.frequency
     found = _signed(of, _least(jnp.where(at.some, time, jnp.inf)))
-    if of.slider.mass is not None:
-        return found
     at_once = jnp.abs(of.slider.damping) > jnp.abs(of.slider.friction.slope)
-    return jnp.where(at_once, 0.0, found)
+    return jnp.where(at_once & ~(of.slider.inertia() > 0), 0.0, found)
 
 
 def _searched(
@@ -305,7 +307,8 @@ def _solved(equation: Array, controller: Array, load: Array) -> Crossing:
 def _ends(slider: LinearSlider) -> tuple[Float[Array, " 2"], Bool[Array, " 2"]]:
     """L at w = 0 and at infinity, where it is real, and whether it is finite."""
     friction, zero = slider.friction, jnp.zeros(())
-    last = (zero, zero + 1) if slider.mass is not None else (slider.damping, friction.slope)
+    heavy = slider.inertia() > 0
+    last = jnp.where(heavy, 0.0, slider.damping), jnp.where(heavy, 1.0, friction.slope)
     first = (
         (slider.stiffness, friction.trend) if not slider.integral is not None else (zero + 1, zero)
     )

@@ -35,6 +35,8 @@ REFINEMENTS = 16
 BISECTIONS, MET = 100, 1e-6
 """Largest number of steps to a zero, and the largest value there over that at the grid's points: at
 a jump the value stays as large."""
+AT_LIMIT = 1e-12
+"""Angle of L from -1 that is only rounding [rad]."""
 LEAST_SLOPE = 1e-7
 """Least slope over ln w at which a crossing has a derivative; below it rounding dominates."""
 WORSE = 1e-12
