@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import reference
 from command import STEPS, assert_refused, record_text, run, written
 from scipy.integrate import odeint
 
@@ -14,7 +15,7 @@ from jaxfric.cli.folder import Folder
 from jaxfric.errors import InputError
 from jaxfric.prediction.model import load_model
 from jaxfric.prediction.result import Comparison, Prediction, Shift
-from jaxfric.records import Drive, axis_from_arrays
+from jaxfric.records import Drive, VelocitySteps, axis_from_arrays, from_arrays
 from jaxfric.records.record import Provenance
 
 M, F_V, F_C, F_0 = 20.0, 150.0, 12.0, -2.0
@@ -261,6 +262,30 @@ def test_a_fit_at_another_normal_stress_keeps_the_machine_not_its_k() -> None:
     assert stated.rms == pytest.approx(found.rms) and len(stated.notes) == len(found.notes) - 1
     kept = jaxfric.predict("fit.json", record, stiffness="5e-3/um")
     assert kept.rms > 2 * found.rms
+
+
+def heavy(velocities: tuple[float, ...], f0: float, seed: int, mass: float = 300.0):
+    """A record of a slider with mass, which SciPy solves, and its steps; noise of 0.05 N."""
+    motion = reference.Motion((0.0, 3.0, 4.0), velocities)
+    law = reference.Law("slip", f0, 4.0, (6.0,), (20e-6,))
+    t = np.arange(0, 8, 0.01)
+    exact = reference.solve(law, motion, 2e6, t, mass=mass, rtol=1e-9)
+    noise = np.random.default_rng(seed).normal(0, 0.05, len(t))
+    record = from_arrays(t, exact.f + noise, load_point_displacement=exact.x_m, friction_unit="N")
+    return record, VelocitySteps(np.asarray(motion.starts), np.asarray(velocities))
+
+
+def test_a_slider_with_mass_is_predicted_with_its_mass() -> None:
+    record, steps = heavy((20e-6, 1e-3, 20e-6), 300.0, 1)
+    fit = jaxfric.fit(record, stiffness=2e6, mass=300.0, steps=steps)
+    own = jaxfric.predict(fit, record, steps=steps)
+    assert own.rms == pytest.approx(fit.rms, rel=1e-4) and own.verdict == "noise"
+    other, steps = heavy((50e-6, 5e-4, 50e-6), 310.0, 2)
+    found = jaxfric.predict(fit, other, steps=steps)
+    assert found.verdict == "noise" and found.rms == pytest.approx(0.05, rel=0.05)
+    at_20 = 310.0 + 2.0 * np.log(50 / 20)  # f0 is the friction at V0 of the fit, 20 um/s
+    assert found.refitted["f0"][1] == pytest.approx(at_20, abs=0.02)
+    assert all(abs(shift.in_sigma) < 3 for shift in found.shifts if shift.name != "f0")
 
 
 # ---- what is refused -------------------------------------------------------------------------

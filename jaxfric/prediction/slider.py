@@ -150,6 +150,7 @@ def _setting(
         model,
         stiffness=K,
         V0=values["V0"],
+        mass=values.get("m"),
         sign=sign,
         force_scale=abs(values["A"]),
     )
